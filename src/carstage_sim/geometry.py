@@ -1,0 +1,48 @@
+"""Poses in CARLA's frames: x forward, y right, z up (left-handed), metres and degrees."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+def rotation_matrix(rotation_deg: ArrayLike) -> FloatArray:
+    """Rotation matrices that map local coordinates to the parent's.
+
+    Args:
+        rotation_deg: ``(..., 3)`` pitch, yaw, roll in degrees, the order of ``carla.Rotation``.
+
+    Returns:
+        ``(..., 3, 3)`` float64; the columns are the forward, right and up vectors
+        (LibCarla ``Transform.h``: ``Rz(yaw) Ry(-pitch) Rx(-roll)``).
+    """
+    radians = np.radians(np.asarray(rotation_deg, dtype=np.float64))
+    cp, cy, cr = np.moveaxis(np.cos(radians), -1, 0)
+    sp, sy, sr = np.moveaxis(np.sin(radians), -1, 0)
+    rows = (
+        (cp * cy, cy * sp * sr - sy * cr, -cy * sp * cr - sy * sr),
+        (cp * sy, sy * sp * sr + cy * cr, -sy * sp * cr + cy * sr),
+        (sp, -cp * sr, cp * cr),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def rotation_deg(matrix: ArrayLike) -> FloatArray:
+    """Pitch, yaw, roll in degrees of ``(..., 3, 3)`` rotation matrices; ``|pitch| < 90``."""
+    m = np.asarray(matrix, dtype=np.float64)
+    pitch = np.arcsin(np.clip(m[..., 2, 0], -1.0, 1.0))
+    yaw = np.arctan2(m[..., 1, 0], m[..., 0, 0])
+    roll = np.arctan2(-m[..., 2, 1], m[..., 2, 2])
+    return np.degrees(np.stack([pitch, yaw, roll], axis=-1))
+
+
+def pose_matrix(location: ArrayLike, rotation: ArrayLike) -> FloatArray:
+    """``(..., 4, 4)`` homogeneous ``parent_from_local`` of locations (m) and rotations (deg)."""
+    rotations = rotation_matrix(rotation)
+    matrix = np.zeros((*rotations.shape[:-2], 4, 4))
+    matrix[..., :3, :3] = rotations
+    matrix[..., :3, 3] = np.asarray(location, dtype=np.float64)
+    matrix[..., 3, 3] = 1.0
+    return matrix

@@ -1,0 +1,76 @@
+"""What goes into and comes out of a capture: requests for sensors, frames of data.
+
+The wire encodes frames; nothing here knows bytes of the protocol.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class SensorRequest:
+    """One sensor that somebody listens to in this frame.
+
+    Attributes:
+        sensor_id: actor id of the sensor.
+        type_id: blueprint id, ``sensor.camera.rgb``.
+        attributes: all attributes as strings, as the client set them over the blueprint's defaults.
+        location, rotation_deg: the sensor's world pose in this frame (m; pitch, yaw, roll in deg).
+        owner_id: actor that it is attached to, 0 for none.
+    """
+
+    sensor_id: int
+    type_id: str
+    attributes: Mapping[str, str]
+    location: tuple[float, float, float]
+    rotation_deg: tuple[float, float, float]
+    owner_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class ImageFrame:
+    """A camera picture: ``pixels`` is ``(H, W, 4)`` uint8 in the order B, G, R, A."""
+
+    fov_deg: float
+    pixels: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class LidarFrame:
+    """One tick of a ray-cast LiDAR.
+
+    Attributes:
+        horizontal_angle_rad: angle of the head at the end of the tick, as CARLA's header has it.
+        channel_counts: ``(channels,)`` uint32 points per channel, top laser first.
+        points: ``(N, 4)`` float32 x, y, z (sensor frame, m), intensity; grouped by channel.
+    """
+
+    horizontal_angle_rad: float
+    channel_counts: NDArray[np.uint32]
+    points: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class ImuFrame:
+    """Accelerometer (m/s^2, sensor frame), gyroscope (rad/s), compass (rad, north = 0)."""
+
+    accelerometer: tuple[float, float, float]
+    gyroscope: tuple[float, float, float]
+    compass_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class GnssFrame:
+    """Latitude and longitude in degrees, altitude in metres."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+
+
+SensorFrame = ImageFrame | LidarFrame | ImuFrame | GnssFrame

@@ -1,0 +1,86 @@
+"""The frozen state of one frame: what the snapshot message and every sensor are made from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class ActorKind(IntEnum):
+    """What kind of actor a row of :class:`WorldState` is; it decides the row's extra fields."""
+
+    OTHER = 0
+    VEHICLE = 1
+    WALKER = 2
+    TRAFFIC_LIGHT = 3
+    TRAFFIC_SIGN = 4
+    SENSOR = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Weather:
+    """CARLA's weather parameters, in the order of ``carla.WeatherParameters`` (0.9.14 and later).
+
+    Percentages are 0-100, angles degrees, distances metres.
+    """
+
+    cloudiness: float = 0.0
+    precipitation: float = 0.0
+    precipitation_deposits: float = 0.0
+    wind_intensity: float = 0.0
+    sun_azimuth_angle: float = 0.0
+    sun_altitude_angle: float = 45.0
+    fog_density: float = 0.0
+    fog_distance: float = 0.0
+    fog_falloff: float = 0.2
+    wetness: float = 0.0
+    scattering_intensity: float = 1.0
+    mie_scattering_scale: float = 0.03
+    rayleigh_scattering_scale: float = 0.0331
+    dust_storm: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class WorldState:
+    """All live actors of one frame, one row each, ascending actor id.
+
+    Attributes:
+        frame: frame number, > 0 and strictly increasing.
+        timestamp_s: simulated seconds since the episode began.
+        delta_s: simulated seconds of this step.
+        weather: the weather of this frame.
+        actor_id: ``(N,)`` uint32.
+        kind: ``(N,)`` uint8, values of :class:`ActorKind`.
+        type_id: N blueprint ids such as ``vehicle.tesla.model3``.
+        location: ``(N, 3)`` float64 world metres.
+        rotation_deg: ``(N, 3)`` float64 pitch, yaw, roll.
+        velocity: ``(N, 3)`` float64 m/s, world.
+        angular_velocity_deg: ``(N, 3)`` float64 deg/s, world.
+        acceleration: ``(N, 3)`` float64 m/s^2, world.
+        light_state: ``(N,)`` uint32: vehicles: ``carla.VehicleLightState`` bits, with the brake
+            bit as set by clients; traffic lights: ``carla.TrafficLightState``; else 0.
+        control: ``(N, 3)`` float32: throttle, steer, brake of vehicles; speed of walkers in
+            column 0.
+        colour: ``(N, 3)`` uint8 paint colour (blueprint attribute ``color``), 0 for none.
+        wheel_angle_deg: ``(N,)`` float32 front wheel steering angle of vehicles.
+    """
+
+    frame: int
+    timestamp_s: float
+    delta_s: float
+    weather: Weather
+    actor_id: NDArray[np.uint32]
+    kind: NDArray[np.uint8]
+    type_id: tuple[str, ...]
+    location: NDArray[np.float64]
+    rotation_deg: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    angular_velocity_deg: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
+    light_state: NDArray[np.uint32]
+    control: NDArray[np.float32]
+    colour: NDArray[np.uint8]
+    wheel_angle_deg: NDArray[np.float32]

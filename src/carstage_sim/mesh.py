@@ -1,4 +1,4 @@
-"""Triangle meshes and the materials they are made of: what maps and content give to the renderer."""
+"""Triangle meshes and their materials: what maps and content give to the renderer."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def rotation_deg(matrix: ArrayLike) -> FloatArray:
 def pose_matrix(location: ArrayLike, rotation: ArrayLike) -> FloatArray:
     """``(..., 4, 4)`` homogeneous ``parent_from_local`` of locations (m) and rotations (deg)."""
     rotations = rotation_matrix(rotation)
-    matrix = np.zeros((*rotations.shape[:-2], 4, 4))
+    matrix: FloatArray = np.zeros((*rotations.shape[:-2], 4, 4), dtype=np.float64)
     matrix[..., :3, :3] = rotations
     matrix[..., :3, 3] = np.asarray(location, dtype=np.float64)
     matrix[..., 3, 3] = 1.0

@@ -1,0 +1,64 @@
+"""Every error that Car-STAGE raises on purpose: a base, typed subclasses, a way out in each."""
+
+from __future__ import annotations
+
+
+class CarStageError(Exception):
+    """Base of all errors that a user may meet.
+
+    Args:
+        message: one sentence: what happened and where (field path, episode, frame, sensor, file).
+        hint: one sentence: what to do next.
+    """
+
+    exit_code = 1
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+    def __str__(self) -> str:
+        return f"{self.message} {self.hint}".strip()
+
+
+class BadInputError(CarStageError, ValueError):
+    """The user asked for something that cannot be; nothing was started (exit code 2)."""
+
+    exit_code = 2
+
+
+class ConfigError(BadInputError):
+    """A configuration value is wrong; the message begins with the field's path."""
+
+
+class ServerError(CarStageError, RuntimeError):
+    """A CARLA server did not start, answer, or stay alive; carries the tail of its log."""
+
+
+class CollectorError(CarStageError, RuntimeError):
+    """Recording an episode failed."""
+
+
+class RawLogError(CarStageError, ValueError):
+    """A raw log is damaged or of an unknown version."""
+
+
+class AnnotationError(CarStageError, ValueError):
+    """Labels cannot be computed from what was recorded."""
+
+
+class ConversionError(CarStageError, RuntimeError):
+    """A raw segment could not be turned into files."""
+
+
+class StorageError(CarStageError, RuntimeError):
+    """The store refused, lost or would silently overwrite something."""
+
+
+class EpisodeExistsError(StorageError, FileExistsError):
+    """Somebody else committed this episode first; the attempt that lost is removed."""
+
+
+class DatasetError(CarStageError, ValueError):
+    """A dataset is not readable: missing, damaged, or of an unknown format version."""

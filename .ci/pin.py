@@ -29,7 +29,7 @@ def resolve() -> list[str]:
     finally:
         PYPROJECT.write_text(text)
     lines = (line.split("#")[0].strip() for line in exported.splitlines())
-    return sorted(PLATFORM.sub("", line).removesuffix(" ;") for line in lines if "==" in line)
+    return sorted(PLATFORM.sub("", line).strip(" ;") for line in lines if "==" in line)
 
 
 def write(pins: list[str]) -> None:

@@ -1,0 +1,52 @@
+"""The processes that convert: few threads each, deaf to Ctrl-C, gone when their parent is gone."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from concurrent.futures import Executor, ProcessPoolExecutor
+from multiprocessing.connection import wait
+
+_THREAD_LIMITS = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "ARROW_NUM_THREADS",
+)
+_NICENESS = 5
+
+
+def conversion_pool(workers: int | None = None) -> Executor:
+    """Processes for ``EpisodeConversion``; the caller shuts the executor down.
+
+    The workers are spawned, not forked (the caller may have threads); they ignore SIGINT, so that
+    the caller alone decides what Ctrl-C means, run at a lower priority than the simulator, and
+    end when the caller dies, however it does.
+
+    Args:
+        workers: number of processes; default: the number of usable CPU cores.
+    """
+    return ProcessPoolExecutor(
+        max_workers=workers or len(os.sched_getaffinity(0)),
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=_initialise_worker,
+    )
+
+
+def _initialise_worker() -> None:
+    """Run once in each worker, before the numerical libraries are loaded where that is possible."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ.update(dict.fromkeys(_THREAD_LIMITS, "1"))
+    os.nice(_NICENESS)
+    threading.Thread(target=_end_with_parent, name="parent-watch", daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """Leave when the parent is gone: a pool's worker would wait for work for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)

@@ -1,0 +1,10 @@
+"""Where episodes land: an attempt is written aside, one conditional create makes it exist.
+
+``Store`` is the seam, ``LocalStore`` the folder on a disk; ``open_store`` picks one for ``--out``.
+"""
+
+from carstage.storage.local import LocalStore
+from carstage.storage.marker import CommitMarker, FileEntry
+from carstage.storage.store import Store, open_store
+
+__all__ = ["CommitMarker", "FileEntry", "LocalStore", "Store", "open_store"]

@@ -1,0 +1,239 @@
+"""A dataset in a folder of a local (or locally mounted) disk."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import re
+import secrets
+import shutil
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+
+from carstage import __version__
+from carstage.errors import DatasetError, EpisodeExistsError, StorageError
+from carstage.storage.description import describe_dataset, read_description
+from carstage.storage.marker import CommitMarker, FileEntry
+from carstage.storage.store import Store
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+_HASH_THREADS = 4
+_CHUNK_BYTES = 1 << 20
+
+
+class LocalStore(Store):
+    """The folder layout of ``docs/formats/dataset.md`` on a file system.
+
+    Create-if-absent is ``os.link`` from a complete, flushed temporary file: the marker appears
+    whole or not at all, and a name that exists is never replaced.
+
+    Args:
+        root: folder of the dataset; need not exist before ``initialise``.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+
+    def initialise(self, name: str) -> None:
+        """Create the folders and ``dataset.json``; see ``Store.initialise``."""
+        try:
+            for folder in (self.root, self._commits, self.root / "episodes"):
+                folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StorageError(
+                f"The output folder {self.root} cannot be created: {error.strerror}.",
+                "Choose another folder or change its permissions.",
+            ) from error
+        self._probe()
+        description = self.root / "dataset.json"
+        with suppress(FileExistsError):
+            self._create_if_absent(description, describe_dataset(name))
+        read_description(description)
+
+    def committed(self) -> dict[str, CommitMarker]:
+        """Read all files of ``commits/``; see ``Store.committed``."""
+        if not self._commits.is_dir():
+            return {}
+        markers = {}
+        for path in sorted(self._commits.glob("*.json")):
+            marker = CommitMarker.from_bytes(path.read_bytes(), path.name)
+            if marker.episode_id != path.stem:
+                raise DatasetError(
+                    f"The commit marker {path.name} speaks of episode {marker.episode_id!r}.",
+                    "Give the file its own name back.",
+                )
+            markers[marker.episode_id] = marker
+        return markers
+
+    def attempt_folder(self, episode_id: str, attempt: str) -> Path:
+        """``episodes/<episode_id>/<attempt>`` below the root."""
+        folder = self._attempt(episode_id, attempt)
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
+
+    def commit(
+        self, episode_id: str, attempt: str, *, frames: int, versions: Mapping[str, str]
+    ) -> CommitMarker:
+        """Flush and hash every file, then link the marker; see ``Store.commit``."""
+        folder = self._attempt(episode_id, attempt)
+        marker_path = self._commits / f"{episode_id}.json"
+        if marker_path.exists():
+            self._lose(episode_id, attempt, marker_path)
+        paths = sorted(_files_below(folder)) if folder.is_dir() else []
+        if not paths:
+            raise StorageError(
+                f"Attempt {attempt} of episode {episode_id} has no files to commit.",
+                "Convert the episode again.",
+            )
+        for path in paths:
+            if path.name.startswith("."):
+                raise StorageError(
+                    f"Attempt {attempt} of episode {episode_id} is unfinished: {path.name} "
+                    "is a temporary file.",
+                    "Convert the episode again.",
+                )
+        with ThreadPoolExecutor(_HASH_THREADS) as threads:
+            hashes = list(threads.map(_flush_and_hash, paths))
+        files = tuple(
+            sorted(
+                (
+                    FileEntry(path.relative_to(folder).as_posix(), size, digest)
+                    for path, (size, digest) in zip(paths, hashes, strict=True)
+                ),
+                key=lambda entry: entry.path,
+            )
+        )
+        for directory in sorted({path.parent for path in paths} | {folder, folder.parent}):
+            _flush_folder(directory)
+        _flush_folder(self.root / "episodes")
+        marker = CommitMarker(
+            episode_id, attempt, frames, files, {"carstage": __version__, **versions}
+        )
+        try:
+            self._create_if_absent(marker_path, marker.to_bytes())
+        except FileExistsError:
+            self._lose(episode_id, attempt, marker_path)
+        return marker
+
+    def discard_attempt(self, episode_id: str, attempt: str) -> None:
+        """Delete the attempt's folder; see ``Store.discard_attempt``."""
+        marker_path = self._commits / f"{episode_id}.json"
+        if marker_path.exists():
+            marker = CommitMarker.from_bytes(marker_path.read_bytes(), marker_path.name)
+            if marker.attempt == attempt:
+                raise StorageError(
+                    f"Attempt {attempt} of episode {episode_id} is committed and stays.",
+                    "Remove its marker first if the episode shall go.",
+                )
+        self._remove_attempt(episode_id, attempt)
+
+    @property
+    def _commits(self) -> Path:
+        return self.root / "commits"
+
+    def _attempt(self, episode_id: str, attempt: str) -> Path:
+        for what, name in (("episode id", episode_id), ("attempt", attempt)):
+            if not _NAME.fullmatch(name):
+                raise StorageError(
+                    f"{name!r} cannot be the name of a folder ({what}).",
+                    "Use letters, digits, '_', '.' and '-'.",
+                )
+        return self.root / "episodes" / episode_id / attempt
+
+    def _lose(self, episode_id: str, attempt: str, marker_path: Path) -> None:
+        """Give way to the attempt that was committed first."""
+        winner = CommitMarker.from_bytes(marker_path.read_bytes(), marker_path.name)
+        if winner.attempt != attempt:
+            self._remove_attempt(episode_id, attempt)
+        raise EpisodeExistsError(
+            f"Episode {episode_id} is already in the dataset (attempt {winner.attempt}); "
+            f"attempt {attempt} was dropped.",
+            "Nothing is to be done: the episode is complete.",
+        )
+
+    def _remove_attempt(self, episode_id: str, attempt: str) -> None:
+        folder = self._attempt(episode_id, attempt)
+        with suppress(FileNotFoundError):
+            shutil.rmtree(folder)
+        with suppress(OSError):  # other attempts may stand beside it
+            folder.parent.rmdir()
+
+    def _create_if_absent(self, path: Path, content: bytes) -> None:
+        temporary = path.parent / f".{path.name}.{secrets.token_hex(8)}"
+        try:
+            with temporary.open("xb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            os.link(temporary, path)
+        except FileExistsError:
+            raise
+        except OSError as error:
+            raise StorageError(
+                f"Writing {path.name} in {path.parent} failed: {error.strerror}.",
+                "Check the free space and the permissions of the output folder.",
+            ) from error
+        finally:
+            temporary.unlink(missing_ok=True)
+        _flush_folder(path.parent)
+
+    def _probe(self) -> None:
+        """Find out whether a second create of one name is refused here, as ``commit`` needs."""
+        probe = self._commits / f".probe-{secrets.token_hex(8)}"
+        source = self._commits / f"{probe.name}.source"
+        try:
+            source.write_bytes(b"probe")
+            os.link(source, probe)
+            try:
+                os.link(source, probe)
+            except FileExistsError:
+                return
+            raise StorageError(
+                f"The file system of {self.root} silently replaces files that exist.",
+                "Choose a folder on another disk: an episode could overwrite another one here.",
+            )
+        except OSError as error:
+            if error.errno in (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS):
+                raise StorageError(
+                    f"The file system of {self.root} has no hard links, "
+                    "by which a commit is made atomic.",
+                    "Choose a folder on another disk (ext4, xfs, btrfs, NFS, …).",
+                ) from error
+            raise StorageError(
+                f"The output folder {self.root} is not writable: {error.strerror}.",
+                "Choose another folder or change its permissions.",
+            ) from error
+        finally:
+            with suppress(OSError):
+                probe.unlink(missing_ok=True)
+                source.unlink(missing_ok=True)
+
+
+def _files_below(folder: Path) -> Iterator[Path]:
+    for parent, _, names in os.walk(folder):
+        for name in names:
+            yield Path(parent) / name
+
+
+def _flush_and_hash(path: Path) -> tuple[int, str]:
+    """Size and SHA-256 of a file, which is on the disk when this returns."""
+    digest = hashlib.sha256()
+    size = 0
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+        while chunk := file.read(_CHUNK_BYTES):
+            digest.update(chunk)
+            size += len(chunk)
+    return size, digest.hexdigest()
+
+
+def _flush_folder(folder: Path) -> None:
+    """Make the names in a folder durable."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,97 @@
+"""The commit marker: the one JSON file whose existence puts an episode into a dataset."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from carstage.errors import DatasetError
+
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True, slots=True)
+class FileEntry:
+    """One file of a committed attempt.
+
+    Attributes:
+        path: POSIX path relative to the attempt's folder.
+        bytes: size of the file.
+        sha256: lower-case hex digest of its content.
+    """
+
+    path: str
+    bytes: int
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class CommitMarker:
+    """What ``commits/<episode_id>.json`` says.
+
+    Attributes:
+        episode_id: id of the episode, the marker's file name.
+        attempt: folder below ``episodes/<episode_id>/`` that holds the files.
+        frames: number of saved frames.
+        files: every file of the attempt, sorted by path.
+        versions: versions of ``carstage``, the client and the server that made it.
+    """
+
+    episode_id: str
+    attempt: str
+    frames: int
+    files: tuple[FileEntry, ...]
+    versions: Mapping[str, str]
+
+    def to_bytes(self) -> bytes:
+        """The marker's file content; the same marker always gives the same bytes."""
+        document = {
+            "format_version": FORMAT_VERSION,
+            "episode_id": self.episode_id,
+            "attempt": self.attempt,
+            "frames": self.frames,
+            "files": [
+                {"path": entry.path, "bytes": entry.bytes, "sha256": entry.sha256}
+                for entry in self.files
+            ],
+            "versions": dict(sorted(self.versions.items())),
+        }
+        return (json.dumps(document, indent=1) + "\n").encode()
+
+    @classmethod
+    def from_bytes(cls, content: bytes, source: str) -> CommitMarker:
+        """Read a marker.
+
+        Args:
+            content: bytes of the file.
+            source: its name, for messages.
+
+        Raises:
+            DatasetError: the content is no marker of a format version that we know.
+        """
+        try:
+            document: dict[str, Any] = json.loads(content)
+            version = document["format_version"]
+            if version == FORMAT_VERSION:
+                return cls(
+                    episode_id=str(document["episode_id"]),
+                    attempt=str(document["attempt"]),
+                    frames=int(document["frames"]),
+                    files=tuple(
+                        FileEntry(str(f["path"]), int(f["bytes"]), str(f["sha256"]))
+                        for f in document["files"]
+                    ),
+                    versions={str(k): str(v) for k, v in document["versions"].items()},
+                )
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise DatasetError(
+                f"The commit marker {source} is damaged ({error}).",
+                "Remove it to record that episode again.",
+            ) from error
+        raise DatasetError(
+            f"The commit marker {source} has format version {version!r}; "
+            f"this version of Car-STAGE reads {FORMAT_VERSION}.",
+            "Install a newer Car-STAGE.",
+        )

@@ -1,0 +1,100 @@
+"""The contract of a store, and the choice of one from what the user wrote after ``--out``."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+
+from carstage.errors import BadInputError
+from carstage.storage.marker import CommitMarker
+
+
+class Store(ABC):
+    """A place that holds one dataset.
+
+    The contract (``carstage.testing.store.StoreTests`` checks an implementation):
+
+    * An episode exists iff its marker does. ``commit`` is the only way to make a marker.
+    * Of several concurrent ``commit`` calls for one episode, exactly one succeeds; every other
+      removes its own attempt, leaves the winner's files alone and raises ``EpisodeExistsError``.
+    * A reader never sees half a marker, and every file that a marker lists is durable before it.
+    * Nothing that was committed is ever overwritten or removed.
+    """
+
+    @abstractmethod
+    def initialise(self, name: str) -> None:
+        """Make the place ready for episodes; safe to call again and from several processes.
+
+        Creates ``dataset.json`` unless it exists, checks its format version if it does (its name
+        then stays), and probes that the place can be written to and refuses to create a name twice.
+
+        Args:
+            name: name of the dataset, for a new one.
+
+        Raises:
+            StorageError: not writable, or creating a name twice silently overwrites.
+            DatasetError: another format version, or the folder holds something else.
+        """
+
+    @abstractmethod
+    def committed(self) -> dict[str, CommitMarker]:
+        """The markers of all episodes of the dataset by episode id, sorted by id.
+
+        Raises:
+            DatasetError: a marker is damaged or of another format version.
+        """
+
+    @abstractmethod
+    def attempt_folder(self, episode_id: str, attempt: str) -> Path:
+        """The local folder that an attempt writes its files below; created if it is missing."""
+
+    @abstractmethod
+    def commit(
+        self, episode_id: str, attempt: str, *, frames: int, versions: Mapping[str, str]
+    ) -> CommitMarker:
+        """Make the attempt's files, as they are now, the episode.
+
+        Args:
+            episode_id: id of the episode.
+            attempt: the attempt whose folder is complete.
+            frames: number of saved frames.
+            versions: versions of the client and the server; ``carstage`` is added.
+
+        Returns:
+            The marker that now exists.
+
+        Raises:
+            EpisodeExistsError: the episode exists already; the attempt was removed.
+            StorageError: the attempt has no or unfinished files, or writing failed.
+        """
+
+    @abstractmethod
+    def discard_attempt(self, episode_id: str, attempt: str) -> None:
+        """Remove an attempt's files; no error if there are none.
+
+        Raises:
+            StorageError: the attempt is the committed one.
+        """
+
+
+def open_store(out: str | Path) -> Store:
+    """The store that a path or URL names.
+
+    Args:
+        out: a folder, or a URL; ``file://`` URLs are folders.
+
+    Raises:
+        BadInputError: the URL's scheme is of no store that is built in.
+    """
+    from carstage.storage.local import LocalStore
+
+    text = str(out)
+    scheme, separator, rest = text.partition("://")
+    if not separator:
+        return LocalStore(Path(text).expanduser())
+    if scheme == "file":
+        return LocalStore(Path(rest))
+    raise BadInputError(
+        f"output: no store for {scheme}:// addresses.", "Give a folder on a local disk."
+    )

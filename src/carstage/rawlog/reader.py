@@ -1,0 +1,355 @@
+"""Reads raw logs: sealed segments mapped into memory, world snapshots as arrays."""
+
+from __future__ import annotations
+
+import json
+import mmap
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.errors import RawLogError
+from carstage.rawlog import format as raw
+
+ACTOR_DTYPE = np.dtype(
+    [
+        ("id", "<u4"),
+        ("reserved", "<u4"),
+        ("location", "<f4", 3),
+        ("rotation_deg", "<f4", 3),
+        ("velocity", "<f4", 3),
+        ("angular_velocity_deg", "<f4", 3),
+        ("acceleration", "<f4", 3),
+    ]
+)
+"""One actor of a world snapshot, 68 bytes: ``carstage.rawlog.format.ACTOR_RECORD``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One record of a segment.
+
+    Attributes:
+        kind: ``KIND_DATA``, ``KIND_TABLE`` or ``KIND_SEAL`` of ``carstage.rawlog.format``.
+        tick: index from the first tick after warm-up.
+        frame: the server's frame number.
+        timestamp_s: the server's simulated time, s.
+        sequence: number of the record in its segment.
+        meta: the record's JSON object.
+        payload: read-only bytes, mapped from the file; they stay valid as long as they are held.
+    """
+
+    kind: int
+    tick: int
+    frame: int
+    timestamp_s: float
+    sequence: int
+    meta: dict[str, Any]
+    payload: memoryview
+
+
+@dataclass(frozen=True, slots=True)
+class ActorInfo:
+    """What is static about an actor; the box is in the actor's frame, with half sizes.
+
+    Attributes:
+        id: actor id.
+        type_id: blueprint id, ``vehicle.tesla.model3``.
+        parent: id of the actor that it is attached to, 0 for none.
+        attributes: blueprint attributes as the server reports them.
+        semantic_tags: CARLA's tags, in the server's numbering.
+        box_location: ``(3,)`` float64 centre, m.
+        box_extent: ``(3,)`` float64 half sizes, m.
+        box_rotation_deg: ``(3,)`` float64 pitch, yaw, roll.
+    """
+
+    id: int
+    type_id: str
+    parent: int
+    attributes: Mapping[str, str]
+    semantic_tags: tuple[int, ...]
+    box_location: NDArray[np.float64]
+    box_extent: NDArray[np.float64]
+    box_rotation_deg: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class WorldFrame:
+    """All live actors of one tick, ascending id; everything in the left-handed world frame.
+
+    Attributes:
+        tick: index from the first tick after warm-up.
+        frame: the server's frame number.
+        timestamp_s: the server's simulated time, s.
+        actor_id: ``(N,)`` uint32.
+        location: ``(N, 3)`` float64 m.
+        rotation_deg: ``(N, 3)`` float64 pitch, yaw, roll.
+        velocity: ``(N, 3)`` float64 m/s.
+        angular_velocity_deg: ``(N, 3)`` float64 deg/s.
+        acceleration: ``(N, 3)`` float64 m/s^2.
+        meta: weather, ego control, light states; see docs/formats/raw-log.md.
+    """
+
+    tick: int
+    frame: int
+    timestamp_s: float
+    actor_id: NDArray[np.uint32]
+    location: NDArray[np.float64]
+    rotation_deg: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    angular_velocity_deg: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
+    meta: Mapping[str, Any]
+
+    def row(self, actor_id: int) -> int:
+        """Row of an actor.
+
+        Raises:
+            KeyError: when it is not alive in this frame.
+        """
+        index = int(np.searchsorted(self.actor_id, actor_id))
+        if index == len(self.actor_id) or int(self.actor_id[index]) != actor_id:
+            raise KeyError(actor_id)
+        return index
+
+
+@dataclass(frozen=True, slots=True)
+class Recovery:
+    """What a scan of an unsealed segment found.
+
+    Attributes:
+        stream: the stream's name, from the segment's header.
+        index: the segment's number.
+        records: every whole record, in order.
+        whole_bytes: bytes up to the end of the last whole record.
+        torn_bytes: bytes after it, reserved zeros included.
+    """
+
+    stream: str
+    index: int
+    records: list[Record]
+    whole_bytes: int
+    torn_bytes: int
+
+
+class EpisodeLog:
+    """The raw log of one attempt; safe to read while it is being written.
+
+    Args:
+        folder: the attempt's folder, with ``episode.json``.
+
+    Raises:
+        RawLogError: when ``episode.json`` is missing, damaged or of another format version.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = Path(folder)
+        path = self.folder / raw.EPISODE_FILE
+        try:
+            header = json.loads(path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise RawLogError(
+                f"{path} is missing: recording never came to its first tick.",
+                "Run the episode again.",
+            ) from None
+        except (OSError, ValueError) as error:
+            raise RawLogError(f"{path} cannot be read: {error}") from error
+        if not isinstance(header, dict) or header.get("format_version") != raw.FORMAT_VERSION:
+            raise RawLogError(
+                f"{path} is not a raw log of format version {raw.FORMAT_VERSION}.",
+                "Read it with the Car-STAGE version that wrote it.",
+            )
+        self.header: Mapping[str, Any] = header
+
+    @property
+    def streams(self) -> tuple[str, ...]:
+        """Names of the streams that have a folder, sorted."""
+        return tuple(sorted(entry.name for entry in self.folder.iterdir() if entry.is_dir()))
+
+    def sealed_segments(self, stream: str) -> tuple[int, ...]:
+        """Numbers of the stream's sealed segments, ascending."""
+        folder = self.folder / stream
+        if not folder.is_dir():
+            return ()
+        numbers = (raw.segment_index(entry.name) for entry in folder.iterdir())
+        return tuple(sorted(number for number in numbers if number is not None))
+
+    def read_segment(self, stream: str, index: int) -> list[Record]:
+        """Read the data and table records of a sealed segment; payloads are mapped, not copied.
+
+        Raises:
+            RawLogError: the segment is missing, damaged, of another stream or number, or its seal
+                does not fit; names the file and the offset.
+        """
+        path = self.folder / stream / f"{index:06d}{raw.SEALED_SUFFIX}"
+        data = _mapped(path)
+        found = _segment_header(path, data)
+        if found != (stream, index):
+            raise RawLogError(f"{path} holds segment {found.segment} of stream {found.stream!r}.")
+        return _sealed_records(path, data)
+
+    def world_frames(self, index: int) -> list[WorldFrame]:
+        """World snapshots of segment ``index``, one per tick, in order."""
+        return [
+            _world_frame(record)
+            for record in self.read_segment(raw.WORLD, index)
+            if record.kind == raw.KIND_DATA
+        ]
+
+    def actors(self, up_to_segment: int | None = None) -> dict[int, ActorInfo]:
+        """Everything known about actors, by id; ids of actors that have gone are kept.
+
+        Args:
+            up_to_segment: last segment to look into; all sealed ones when ``None``.
+        """
+        found: dict[int, ActorInfo] = {}
+        for index in self.sealed_segments(raw.WORLD):
+            if up_to_segment is not None and index > up_to_segment:
+                break
+            for record in self.read_segment(raw.WORLD, index):
+                if record.kind == raw.KIND_TABLE:
+                    found.update((row["id"], _actor_info(row)) for row in record.meta["actors"])
+        return found
+
+    def ledger(self) -> list[dict[str, Any]]:
+        """Ledger rows of all sealed segments, in order.
+
+        Each row holds ``tick``, ``frame``, ``timestamp_s`` and what the record's meta holds: ``k``,
+        ``sensors``, ``tick_s``.
+        """
+        return [
+            {
+                "tick": record.tick,
+                "frame": record.frame,
+                "timestamp_s": record.timestamp_s,
+                **record.meta,
+            }
+            for index in self.sealed_segments(raw.LEDGER)
+            for record in self.read_segment(raw.LEDGER, index)
+            if record.kind == raw.KIND_DATA
+        ]
+
+    def is_complete(self) -> bool:
+        """Whether every tick that ``episode.json`` promises is in sealed ledger segments."""
+        return len(self.ledger()) == int(self.header["ticks"])
+
+
+def recover(path: Path) -> Recovery:
+    """Scan a segment that was never sealed, its writer gone, and return its whole records.
+
+    A record is whole when the CRC of its header holds and all its bytes are there; what follows
+    the first one that is not is a torn tail.
+
+    Raises:
+        RawLogError: when not even the segment's header is whole.
+    """
+    data = _mapped(path)
+    header = _segment_header(path, data)
+    whole, end = raw.iter_whole_records(data)
+    records = []
+    for offset, record_header in whole:
+        try:
+            record = _record(path, data, offset, record_header)
+        except RawLogError:
+            end = offset
+            break
+        if record.kind != raw.KIND_SEAL:
+            records.append(record)
+    return Recovery(header.stream, header.segment, records, end, len(data) - end)
+
+
+def _mapped(path: Path) -> memoryview:
+    try:
+        with path.open("rb") as file:
+            return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+    except FileNotFoundError:
+        raise RawLogError(f"{path} is missing.") from None
+    except (OSError, ValueError) as error:  # mmap refuses an empty file with ValueError
+        raise RawLogError(f"{path} cannot be read: {error}") from error
+
+
+def _segment_header(path: Path, data: memoryview) -> raw.SegmentHeader:
+    try:
+        return raw.unpack_segment_header(data)
+    except (raw.FormatError, UnicodeDecodeError) as error:
+        raise RawLogError(f"{path}, offset 0: {error}.") from error
+
+
+def _sealed_records(path: Path, data: memoryview) -> list[Record]:
+    whole, end = raw.iter_whole_records(data)
+    if end != len(data):
+        raise RawLogError(f"{path}, offset {end}: a sealed segment is damaged or cut here.")
+    records = [_record(path, data, offset, header) for offset, header in whole]
+    for number, (record, (offset, _)) in enumerate(zip(records, whole, strict=True)):
+        if record.sequence != number:
+            raise RawLogError(f"{path}, offset {offset}: record {number} is missing.")
+    if not records or records[-1].kind != raw.KIND_SEAL:
+        raise RawLogError(f"{path}, offset {end}: the seal is missing.")
+    seal = records.pop()
+    if seal.meta.get("records") != len(records) or seal.meta.get("bytes") != whole[-1][0]:
+        raise RawLogError(f"{path}, offset {whole[-1][0]}: the seal does not fit the records.")
+    if any(record.kind == raw.KIND_SEAL for record in records):
+        raise RawLogError(f"{path}: a seal stands before the end.")
+    return records
+
+
+def _record(path: Path, data: memoryview, offset: int, header: raw.RecordHeader) -> Record:
+    meta_at = offset + raw.HEADER_BYTES
+    payload_at = meta_at + header.meta_bytes
+    payload = data[payload_at : payload_at + header.payload_bytes]
+    if header.flags & raw.FLAG_PAYLOAD_CRC and zlib.crc32(payload) != header.payload_crc:
+        raise RawLogError(f"{path}, offset {payload_at}: the payload's CRC does not hold.")
+    try:
+        meta = json.loads(bytes(data[meta_at:payload_at])) if header.meta_bytes else {}
+    except ValueError as error:
+        raise RawLogError(f"{path}, offset {meta_at}: the meta is not JSON: {error}.") from error
+    if not isinstance(meta, dict):
+        raise RawLogError(f"{path}, offset {meta_at}: the meta is not a JSON object.")
+    return Record(
+        kind=header.kind,
+        tick=header.tick,
+        frame=header.frame,
+        timestamp_s=header.timestamp_s,
+        sequence=header.sequence,
+        meta=meta,
+        payload=payload,
+    )
+
+
+def _world_frame(record: Record) -> WorldFrame:
+    rows = np.frombuffer(record.payload, dtype=ACTOR_DTYPE)
+
+    def vectors(name: str) -> NDArray[np.float64]:
+        return rows[name].astype(np.float64)
+
+    return WorldFrame(
+        tick=record.tick,
+        frame=record.frame,
+        timestamp_s=record.timestamp_s,
+        actor_id=rows["id"].copy(),
+        location=vectors("location"),
+        rotation_deg=vectors("rotation_deg"),
+        velocity=vectors("velocity"),
+        angular_velocity_deg=vectors("angular_velocity_deg"),
+        acceleration=vectors("acceleration"),
+        meta=record.meta,
+    )
+
+
+def _actor_info(row: Mapping[str, Any]) -> ActorInfo:
+    box = row["box"]
+    return ActorInfo(
+        id=row["id"],
+        type_id=row["type_id"],
+        parent=row["parent"],
+        attributes=row["attributes"],
+        semantic_tags=tuple(row["semantic_tags"]),
+        box_location=np.asarray(box["location"], np.float64),
+        box_extent=np.asarray(box["extent"], np.float64),
+        box_rotation_deg=np.asarray(box["rotation_deg"], np.float64),
+    )

@@ -1,0 +1,350 @@
+"""The columns of the label tables: name, type, unit and meaning, in file order.
+
+``python -m carstage.annotation.schema`` prints them as Markdown; the page
+``docs/formats/dataset.md`` holds that output.
+
+Types: ``bool str i32 i64 u8 u32 u64 f64`` scalars; ``f64[n]`` a fixed-size list; ``f64[8][2]`` a
+fixed-size list of fixed-size lists, where an inner list may be null; ``u8[]`` a list of any
+length; ``map[str,u32]`` a list of ``(key, value)`` pairs; ``json`` a string that holds a JSON
+object with sorted keys.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column of a label table.
+
+    Attributes:
+        name: the key in a row.
+        type: one of the type names of this module's docstring.
+        unit: unit of the value, or the set of allowed values; empty where neither applies.
+        description: what it means, with its frame of reference.
+        nullable: whether a row may hold ``None`` here.
+    """
+
+    name: str
+    type: str
+    unit: str
+    description: str
+    nullable: bool = False
+
+
+_K = Column("k", "i32", "", "index of the saved frame, from 0")
+_TIMESTAMP = Column("timestamp_s", "f64", "s", "simulated time since the first frame: tick / fps")
+_TRACK_ID = Column("track_id", "i64", "", "actor id; unique within an episode")
+
+_NO_3D = "null without a valid box, or when labels.boxes has no `3d`"
+_NO_2D = "null when labels.boxes has no `2d`"
+_NO_PIXELS = "null when labels.method is `stage_vo`"
+
+OBJECT_COLUMNS: tuple[Column, ...] = (
+    _K,
+    _TIMESTAMP,
+    _TRACK_ID,
+    Column("episode_id", "str", "", "the episode's id"),
+    Column("instance_uid", "str", "", "`episode_id:track_id`; unique in a dataset"),
+    Column(
+        "class",
+        "str",
+        "car, van, truck, bus, motorcycle, bicycle, walker_adult, walker_child, walker_wheelchair",
+        "Car-STAGE class, from the blueprint's attributes",
+    ),
+    Column("blueprint", "str", "", "CARLA type id, such as `vehicle.tesla.model3`"),
+    Column("base_type", "str", "", "blueprint attribute; empty where the server has none"),
+    Column("special_type", "str", "", "blueprint attribute, such as `emergency`, `taxi`"),
+    Column("role_name", "str", "", "blueprint attribute, such as `hero`, `autopilot`"),
+    Column("is_static", "bool", "", "part of the map, not an actor"),
+    Column("is_ego", "bool", "", "the vehicle that carries the sensors"),
+    Column("is_dormant", "bool", "", "asleep on a large map; null: not recorded", nullable=True),
+    Column("box_center", "f64[3]", "m", f"box centre, world; {_NO_3D}", nullable=True),
+    Column(
+        "box_rotation_deg",
+        "f64[3]",
+        "deg",
+        f"pitch, yaw, roll of the box, world (left-handed); {_NO_3D}",
+        nullable=True,
+    ),
+    Column(
+        "box_quaternion",
+        "f64[4]",
+        "",
+        f"w, x, y, z of the box's rotation in east-north-up (right-handed); {_NO_3D}",
+        nullable=True,
+    ),
+    Column("box_extent", "f64[3]", "m", f"half length, width, height; {_NO_3D}", nullable=True),
+    Column(
+        "box_source",
+        "str",
+        "actor, capsule, mesh, measured, invalid",
+        "where the box comes from; `invalid`: the server's box is unusable, no 3D label",
+    ),
+    Column("box_center_ego", "f64[3]", "m", f"box centre in the ego actor's frame; {_NO_3D}", True),
+    Column("box_yaw_ego", "f64", "rad", f"box yaw in the ego actor's frame; {_NO_3D}", True),
+    Column(
+        "box_rotation_ego_deg",
+        "f64[3]",
+        "deg",
+        f"pitch, yaw, roll of the box in the ego actor's frame; {_NO_3D}",
+        nullable=True,
+    ),
+    Column("distance_ego", "f64", "m", f"ego pivot to box centre; {_NO_3D}", nullable=True),
+    Column("actor_location", "f64[3]", "m", "actor pivot, world"),
+    Column("actor_rotation_deg", "f64[3]", "deg", "pitch, yaw, roll of the actor, world"),
+    Column("velocity", "f64[3]", "m/s", "world"),
+    Column(
+        "acceleration",
+        "f64[3]",
+        "m/s²",
+        "world; null in the first frame of an episode without warm-up",
+        nullable=True,
+    ),
+    Column("velocity_ego", "f64[3]", "m/s", "`velocity` along the ego actor's axes"),
+    Column(
+        "acceleration_ego",
+        "f64[3]",
+        "m/s²",
+        "`acceleration` along the ego actor's axes",
+        nullable=True,
+    ),
+    Column(
+        "angular_velocity",
+        "f64[3]",
+        "rad/s",
+        "world, left-handed components; null for walkers, whose servers report none to rely on",
+        nullable=True,
+    ),
+    Column(
+        "num_lidar_points",
+        "map[str,u32]",
+        "points",
+        "points of this tick's sweep inside the box, per LiDAR; empty without a valid box",
+    ),
+    Column(
+        "visibility",
+        "f64",
+        "ratio",
+        f"visible over amodal pixels, summed over the cameras; {_NO_PIXELS}",
+        nullable=True,
+    ),
+    Column(
+        "visibility_token",
+        "u8",
+        "1..4",
+        f"nuScenes bins of `visibility`: below 0.4, 0.6, 0.8, and the rest; {_NO_PIXELS}",
+        nullable=True,
+    ),
+    Column(
+        "light_state",
+        "u32",
+        "`carla.VehicleLightState` bits",
+        "null: not a vehicle, or not recorded",
+        nullable=True,
+    ),
+    Column("parent_track_id", "i64", "", "the actor it is attached to, or null", nullable=True),
+    Column("semantic_tags", "u8[]", "tags of dataset.json", "the actor's semantic tags"),
+)
+
+CAMERA_OBJECT_COLUMNS: tuple[Column, ...] = (
+    _K,
+    _TIMESTAMP,
+    _TRACK_ID,
+    Column("sensor_id", "str", "", "the labelled camera"),
+    Column("center_cam", "f64[3]", "m", f"box centre, optical frame; {_NO_3D}", nullable=True),
+    Column(
+        "location",
+        "f64[3]",
+        "m",
+        f"centre of the bottom face as KITTI defines it: centre + (0, h/2, 0), optical; {_NO_3D}",
+        nullable=True,
+    ),
+    Column("dimensions", "f64[3]", "m", f"height, width, length; {_NO_3D}", nullable=True),
+    Column(
+        "rotation_y",
+        "f64",
+        "rad",
+        f"heading about the optical y axis, [-pi, pi), 0 = along +x; {_NO_3D}",
+        nullable=True,
+    ),
+    Column("alpha", "f64", "rad", f"observation angle: rotation_y - atan2(X, Z); {_NO_3D}", True),
+    Column(
+        "rotation_cam",
+        "f64[4]",
+        "",
+        f"quaternion w, x, y, z: box (x forward, y left, z up) to optical; {_NO_3D}",
+        nullable=True,
+    ),
+    Column("distance", "f64", "m", "camera to box centre"),
+    Column("depth_center", "f64", "m", "optical z of the box centre"),
+    Column(
+        "corners_uv",
+        "f64[8][2]",
+        "px",
+        f"projected box corners in LibCarla's order, null where behind the camera; {_NO_3D}",
+        nullable=True,
+    ),
+    Column(
+        "bbox_amodal_unclipped",
+        "f64[4]",
+        "px",
+        f"x0, y0, x1, y1 around the box's silhouette; may exceed the image; {_NO_2D}",
+        nullable=True,
+    ),
+    Column(
+        "bbox_amodal",
+        "f64[4]",
+        "px",
+        f"x0, y0, x1, y1 around the silhouette's part inside the image; {_NO_2D}",
+        nullable=True,
+    ),
+    Column(
+        "bbox_modal",
+        "f64[4]",
+        "px",
+        f"x0, y0, x1, y1 around the visible pixels, half open; null without any; {_NO_2D}",
+        nullable=True,
+    ),
+    Column(
+        "mask_modal",
+        "str",
+        "COCO RLE",
+        "visible pixels, compressed COCO run lengths; size = [height, width] of the camera; "
+        f"null without any; {_NO_2D}",
+        nullable=True,
+    ),
+    Column("n_visible", "u8", "vertices", "STAGE-VO: in the image, nothing nearer"),
+    Column("n_occluded", "u8", "vertices", "STAGE-VO: in the image, something nearer"),
+    Column("n_outside", "u8", "vertices", "STAGE-VO: in front of the camera, not in the image"),
+    Column("n_behind", "u8", "vertices", "STAGE-VO: nearer than z_near or behind"),
+    Column(
+        "occluded",
+        "u8",
+        "0, 1, 2, 3",
+        "STAGE-VO level: 0 for 6 visible vertices or more, 1 for 4 or 5, 2 for fewer; "
+        "3 unknown: no vertex in the image",
+    ),
+    Column("truncation_paper", "f64", "ratio", "(8 - n_visible) / 8, as the paper defines it"),
+    Column(
+        "truncated",
+        "f64",
+        "ratio",
+        "share of the silhouette's area outside the image; independent of occlusion",
+    ),
+    Column("visible_px", "u32", "px", f"pixels of the object; {_NO_PIXELS}", nullable=True),
+    Column("front_px", "u32", "px", f"pixels of what stands in front; {_NO_PIXELS}", nullable=True),
+    Column("hull_px", "u32", "px", f"pixels of the silhouette; {_NO_PIXELS}", nullable=True),
+    Column(
+        "amodal_px",
+        "f64",
+        "px",
+        f"estimated pixels without occluders, inside the image; {_NO_PIXELS}",
+        nullable=True,
+    ),
+    Column("occlusion_ratio", "f64", "ratio", f"1 - visible_px / amodal_px; {_NO_PIXELS}", True),
+    Column(
+        "occluded_px",
+        "u8",
+        "0, 1, 2, 3",
+        "0 up to a ratio of 0.10, 1 up to 0.50, else 2; 3 not computed",
+    ),
+    Column("visibility_method", "str", "instance, depth, none", "how visible pixels were found"),
+    Column(
+        "amodal_method",
+        "str",
+        "hull_depth, hull_prior, none",
+        "how amodal_px was estimated: from pixels, or 0.8 of the silhouette when none is visible",
+    ),
+    Column(
+        "instance_ambiguous",
+        "bool",
+        "",
+        "another live actor shares the low 16 bits of the id",
+    ),
+    Column("visible_stage_vo", "bool", "", "at least one vertex is visible"),
+    Column(
+        "visible_pixel",
+        "bool",
+        "",
+        f"visible_px reaches labels.min_visible_px (10); {_NO_PIXELS}",
+        nullable=True,
+    ),
+    Column(
+        "visible",
+        "bool",
+        "",
+        "the verdict of labels.method (`both`: pixels), and enough LiDAR points if the rig has one",
+    ),
+    Column("crosses_near", "bool", "", "reaches behind the near plane; `truncated` is saturated"),
+    Column("pinhole", "bool", "", "the camera has no lens distortion, so that projection holds"),
+)
+
+EGO_COLUMNS: tuple[Column, ...] = (
+    _K,
+    _TIMESTAMP,
+    _TRACK_ID,
+    Column("episode_id", "str", "", "the episode's id"),
+    Column("location", "f64[3]", "m", "actor pivot, world"),
+    Column("rotation_deg", "f64[3]", "deg", "pitch, yaw, roll, world (left-handed)"),
+    Column("quaternion", "f64[4]", "", "w, x, y, z in east-north-up (right-handed)"),
+    Column("velocity", "f64[3]", "m/s", "world"),
+    Column("velocity_ego", "f64[3]", "m/s", "along the ego actor's axes"),
+    Column(
+        "acceleration",
+        "f64[3]",
+        "m/s²",
+        "world; null in the first frame of an episode without warm-up",
+        nullable=True,
+    ),
+    Column("acceleration_ego", "f64[3]", "m/s²", "along the ego actor's axes", nullable=True),
+    Column("angular_velocity", "f64[3]", "rad/s", "world, left-handed components"),
+    Column("angular_velocity_ego", "f64[3]", "rad/s", "along the ego actor's axes, left-handed"),
+    Column("speed", "f64", "m/s", "length of `velocity`"),
+    Column("yaw_rate", "f64", "rad/s", "about the world's up axis, clockwise positive"),
+    Column("yaw_rate_flu", "f64", "rad/s", "counter-clockwise positive: -yaw_rate"),
+    Column("throttle", "f64", "0..1", "applied control", nullable=True),
+    Column("steer", "f64", "-1..1", "applied control, positive to the right", nullable=True),
+    Column("brake", "f64", "0..1", "applied control", nullable=True),
+    Column("hand_brake", "bool", "", "applied control", nullable=True),
+    Column("reverse", "bool", "", "applied control", nullable=True),
+    Column("gear", "i32", "", "applied control", nullable=True),
+    Column("speed_limit_kmh", "f64", "km/h", "limit where the ego drives", nullable=True),
+    Column("traffic_light_state", "str", "", "of the light that affects the ego", nullable=True),
+    Column("weather_preset", "str", "", "preset of the episode, or null", nullable=True),
+    Column("weather", "json", "", "weather parameters of this frame"),
+    Column("map", "str", "", "the map's name as the server gives it"),
+    Column("latitude_deg", "f64", "deg", "of the pivot, from the map's geo reference"),
+    Column("longitude_deg", "f64", "deg", "of the pivot, from the map's geo reference"),
+    Column("altitude_m", "f64", "m", "of the pivot, from the map's geo reference"),
+)
+
+TABLES: dict[str, tuple[Column, ...]] = {
+    "objects.parquet": OBJECT_COLUMNS,
+    "camera_objects.parquet": CAMERA_OBJECT_COLUMNS,
+    "ego.parquet": EGO_COLUMNS,
+}
+
+
+def markdown() -> str:
+    """The three tables as Markdown, as they stand in ``docs/formats/dataset.md``."""
+    lines: list[str] = []
+    for file, columns in TABLES.items():
+        lines += [
+            f"### {file}",
+            "",
+            "| column | type | unit or values | meaning |",
+            "|---|---|---|---|",
+        ]
+        for column in columns:
+            type_ = f"`{column.type}`" + (" or null" if column.nullable else "")
+            unit = column.unit or "-"
+            lines.append(f"| `{column.name}` | {type_} | {unit} | {column.description} |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.stdout.write(markdown())

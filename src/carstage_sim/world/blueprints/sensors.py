@@ -1,0 +1,148 @@
+"""The sensors that the simulator produces, with CARLA's attributes and defaults.
+
+Defaults follow CARLA's sensor reference (0.9.16). Attributes of effects that the renderer does not
+model are accepted all the same, so that existing scripts run unchanged.
+"""
+
+from __future__ import annotations
+
+from carstage_sim.world.blueprints.model import Attribute, AttributeType, Blueprint
+from carstage_sim.world.state import ActorKind
+
+_F = AttributeType.FLOAT
+_I = AttributeType.INT
+_B = AttributeType.BOOL
+_S = AttributeType.STRING
+
+_Row = tuple[str, AttributeType, str]
+
+_ROLES = (
+    "front",
+    "back",
+    "left",
+    "right",
+    "front_left",
+    "front_right",
+    "back_left",
+    "back_right",
+)
+
+_CAMERA: tuple[_Row, ...] = (
+    ("sensor_tick", _F, "0.0"),
+    ("image_size_x", _I, "800"),
+    ("image_size_y", _I, "600"),
+    ("fov", _F, "90.0"),
+    ("lens_circle_falloff", _F, "5.0"),
+    ("lens_circle_multiplier", _F, "0.0"),
+    ("lens_k", _F, "-1.0"),
+    ("lens_kcube", _F, "0.0"),
+    ("lens_x_size", _F, "0.08"),
+    ("lens_y_size", _F, "0.08"),
+)
+
+_POST_PROCESS: tuple[_Row, ...] = (
+    ("enable_postprocess_effects", _B, "true"),
+    ("gamma", _F, "2.2"),
+    ("shutter_speed", _F, "200.0"),
+    ("iso", _F, "100.0"),
+    ("fstop", _F, "1.4"),
+    ("min_fstop", _F, "1.2"),
+    ("blade_count", _I, "5"),
+    ("exposure_compensation", _F, "0.0"),
+    ("exposure_min_bright", _F, "10.0"),
+    ("exposure_max_bright", _F, "12.0"),
+    ("exposure_speed_up", _F, "3.0"),
+    ("exposure_speed_down", _F, "1.0"),
+    ("calibration_constant", _F, "16.0"),
+    ("focal_distance", _F, "1000.0"),
+    ("blur_amount", _F, "1.0"),
+    ("blur_radius", _F, "0.0"),
+    ("motion_blur_intensity", _F, "0.45"),
+    ("motion_blur_max_distortion", _F, "0.35"),
+    ("motion_blur_min_object_screen_size", _F, "0.1"),
+    ("lens_flare_intensity", _F, "0.1"),
+    ("bloom_intensity", _F, "0.675"),
+    ("slope", _F, "0.88"),
+    ("toe", _F, "0.55"),
+    ("shoulder", _F, "0.26"),
+    ("black_clip", _F, "0.0"),
+    ("white_clip", _F, "0.04"),
+    ("temp", _F, "6500.0"),
+    ("tint", _F, "0.0"),
+    ("chromatic_aberration_intensity", _F, "0.0"),
+    ("chromatic_aberration_offset", _F, "0.0"),
+)
+
+_LIDAR: tuple[_Row, ...] = (
+    ("sensor_tick", _F, "0.0"),
+    ("channels", _I, "32"),
+    ("range", _F, "10.0"),
+    ("points_per_second", _I, "56000"),
+    ("rotation_frequency", _F, "10.0"),
+    ("upper_fov", _F, "10.0"),
+    ("lower_fov", _F, "-30.0"),
+    ("horizontal_fov", _F, "360.0"),
+    ("atmosphere_attenuation_rate", _F, "0.004"),
+    ("dropoff_general_rate", _F, "0.45"),
+    ("dropoff_intensity_limit", _F, "0.8"),
+    ("dropoff_zero_intensity", _F, "0.4"),
+    ("noise_seed", _I, "0"),
+    ("noise_stddev", _F, "0.0"),
+)
+
+_IMU: tuple[_Row, ...] = (
+    ("sensor_tick", _F, "0.0"),
+    ("noise_seed", _I, "0"),
+    *((f"noise_accel_stddev_{axis}", _F, "0.0") for axis in "xyz"),
+    *((f"noise_gyro_stddev_{axis}", _F, "0.0") for axis in "xyz"),
+    *((f"noise_gyro_bias_{axis}", _F, "0.0") for axis in "xyz"),
+)
+
+_GNSS: tuple[_Row, ...] = (
+    ("sensor_tick", _F, "0.0"),
+    ("noise_seed", _I, "0"),
+    *(
+        (f"noise_{axis}_{kind}", _F, "0.0")
+        for axis in ("lat", "lon", "alt")
+        for kind in ("stddev", "bias")
+    ),
+)
+
+_SENSORS: dict[str, tuple[_Row, ...]] = {
+    "sensor.camera.rgb": _CAMERA + _POST_PROCESS,
+    "sensor.camera.depth": _CAMERA,
+    "sensor.camera.semantic_segmentation": _CAMERA,
+    "sensor.camera.instance_segmentation": _CAMERA,
+    "sensor.lidar.ray_cast": _LIDAR,
+    "sensor.other.imu": _IMU,
+    "sensor.other.gnss": _GNSS,
+}
+
+
+def _attributes(sensor_id: str, rows: tuple[_Row, ...]) -> tuple[Attribute, ...]:
+    attributes = [
+        Attribute("role_name", _S, _ROLES[0], _ROLES),
+        *(Attribute(name, kind, value, (value,)) for name, kind, value in rows),
+        Attribute("ros_name", _S, sensor_id, (sensor_id,)),
+    ]
+    if sensor_id == "sensor.camera.rgb":
+        modes = ("histogram", "manual")
+        attributes.append(Attribute("exposure_mode", _S, modes[0], modes, restrict=True))
+    return tuple(attributes)
+
+
+def sensor_blueprints() -> list[Blueprint]:
+    """The sensors, not yet numbered."""
+    return [
+        Blueprint(
+            uid=0,
+            id=sensor_id,
+            tags=sensor_id.replace(".", ","),
+            attributes=_attributes(sensor_id, rows),
+            kind=ActorKind.SENSOR,
+            box_center=(0.0, 0.0, 0.0),
+            box_extent=(0.0, 0.0, 0.0),
+            semantic_tags=(),
+        )
+        for sensor_id, rows in _SENSORS.items()
+    ]

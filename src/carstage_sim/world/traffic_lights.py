@@ -1,0 +1,214 @@
+"""Signal control: the lights of a junction share one cycle of green, yellow and all red.
+
+As in CARLA, the lights of one junction form a group; one phase of it is green at a time, then
+yellow, then red for ``red_s`` seconds before the next phase starts. ``red_s`` is thus the clearing
+time, not how long a light stays red.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carstage_sim.geometry import rotation_matrix
+from carstage_sim.maps.town import TrafficLightSite
+
+GREEN_S = 10.0
+YELLOW_S = 3.0
+RED_S = 2.0
+
+
+class TrafficLightState(IntEnum):
+    """``carla.TrafficLightState``."""
+
+    RED = 0
+    YELLOW = 1
+    GREEN = 2
+    OFF = 3
+    UNKNOWN = 4
+
+
+_NEXT = {
+    TrafficLightState.GREEN: TrafficLightState.YELLOW,
+    TrafficLightState.YELLOW: TrafficLightState.RED,
+    TrafficLightState.RED: TrafficLightState.GREEN,
+}
+
+
+@dataclass(slots=True)
+class _Junction:
+    """The cycle of one junction: which phase is on, in which part, for how long."""
+
+    phases: list[list[int]]
+    active: int = 0
+    part: TrafficLightState = TrafficLightState.GREEN
+    elapsed_s: float = 0.0
+
+    @property
+    def lights(self) -> list[int]:
+        return [light for phase in self.phases for light in phase]
+
+
+class TrafficLightSystem:
+    """The state of every traffic light.
+
+    Args:
+        sites: the map's lights; the index of a site is the index of its light.
+
+    Attributes:
+        state: ``(L,)`` uint8, values of :class:`TrafficLightState`.
+        elapsed_s: ``(L,)`` float64 seconds since each light's state last changed.
+        green_s, yellow_s, red_s: ``(L,)`` float64 durations; equal within a phase.
+        frozen: ``(L,)`` bool.
+    """
+
+    def __init__(self, sites: Sequence[TrafficLightSite]) -> None:
+        count = len(sites)
+        self.state: NDArray[np.uint8] = np.full(count, TrafficLightState.RED, dtype=np.uint8)
+        self.elapsed_s: NDArray[np.float64] = np.zeros(count)
+        self.green_s: NDArray[np.float64] = np.full(count, GREEN_S)
+        self.yellow_s: NDArray[np.float64] = np.full(count, YELLOW_S)
+        self.red_s: NDArray[np.float64] = np.full(count, RED_S)
+        self.frozen: NDArray[np.bool_] = np.zeros(count, dtype=np.bool_)
+        self._junctions = _junctions_of(sites)
+        self._junction_of = {
+            light: junction for junction in self._junctions for light in junction.lights
+        }
+        self._box_light, self._box_center, self._box_axes, self._box_extent = _trigger_boxes(sites)
+        self.reset_all()
+
+    def __len__(self) -> int:
+        return len(self.state)
+
+    def step(self, delta_s: float) -> None:
+        """Advances the cycles of all junctions that are not frozen."""
+        self.elapsed_s = np.where(self.frozen, self.elapsed_s, self.elapsed_s + delta_s)
+        for junction in self._junctions:
+            if not self.frozen[junction.lights[0]]:
+                self._advance(junction, delta_s)
+
+    def _advance(self, junction: _Junction, delta_s: float) -> None:
+        junction.elapsed_s += delta_s
+        # Time is a sum of steps: without the tolerance 200 x 0.05 s would fall short of 10 s.
+        while junction.elapsed_s + 1e-6 >= self._duration_s(junction):
+            junction.elapsed_s = max(junction.elapsed_s - self._duration_s(junction), 0.0)
+            junction.part = _NEXT[junction.part]
+            if junction.part == TrafficLightState.GREEN:
+                junction.active = (junction.active + 1) % len(junction.phases)
+            self._show(junction.phases[junction.active], junction.part, junction.elapsed_s)
+
+    def _duration_s(self, junction: _Junction) -> float:
+        light = junction.phases[junction.active][0]
+        durations = {
+            TrafficLightState.GREEN: self.green_s,
+            TrafficLightState.YELLOW: self.yellow_s,
+            TrafficLightState.RED: self.red_s,
+        }
+        # A zero duration in every part must not spin for ever.
+        return max(float(durations[junction.part][light]), 1e-3)
+
+    def _show(self, lights: list[int], state: TrafficLightState, elapsed_s: float) -> None:
+        self.state[lights] = state
+        self.elapsed_s[lights] = elapsed_s
+
+    def set_state(self, index: int, state: int) -> None:
+        """Shows a state at one light until its junction's cycle next changes it."""
+        self._show([index], TrafficLightState(state), 0.0)
+
+    def set_times(
+        self,
+        index: int,
+        green: float | None = None,
+        yellow: float | None = None,
+        red: float | None = None,
+    ) -> None:
+        """Sets durations (s) for the whole phase that a light belongs to.
+
+        Raises:
+            ValueError: a negative duration.
+        """
+        lights = self._phase_of(index)
+        for column, value in ((self.green_s, green), (self.yellow_s, yellow), (self.red_s, red)):
+            if value is None:
+                continue
+            if not value >= 0.0:
+                raise ValueError(f"a traffic light cannot last {value} s")
+            column[lights] = value
+
+    def freeze(self, index: int, frozen: bool) -> None:
+        """Stops or restarts the cycle of the junction that a light belongs to."""
+        self.frozen[self.group(index)] = frozen
+
+    def freeze_all(self, frozen: bool) -> None:
+        """Stops or restarts every cycle."""
+        self.frozen[:] = frozen
+
+    def reset_group(self, index: int) -> None:
+        """Starts the cycle of a light's junction over, with its first phase green."""
+        self._reset(self._junction_of[index])
+
+    def reset_all(self) -> None:
+        """Starts every cycle over."""
+        for junction in self._junctions:
+            self._reset(junction)
+
+    def _reset(self, junction: _Junction) -> None:
+        junction.active, junction.part, junction.elapsed_s = 0, TrafficLightState.GREEN, 0.0
+        self._show(junction.lights, TrafficLightState.RED, 0.0)
+        self._show(junction.phases[0], TrafficLightState.GREEN, 0.0)
+
+    def group(self, index: int) -> list[int]:
+        """Indices of all lights of a light's junction, itself included, ascending."""
+        return sorted(self._junction_of[index].lights)
+
+    def _phase_of(self, index: int) -> list[int]:
+        for phase in self._junction_of[index].phases:
+            if index in phase:
+                return phase
+        raise KeyError(index)
+
+    def lights_at(self, locations: ArrayLike) -> NDArray[np.int32]:
+        """The light that governs each place.
+
+        Args:
+            locations: ``(N, 3)`` world metres.
+
+        Returns:
+            ``(N,)`` int32 index of the light whose trigger volume holds the point (the lowest if
+            volumes overlap), or -1.
+        """
+        points = np.asarray(locations, dtype=np.float64).reshape(-1, 3)
+        if len(self._box_light) == 0 or len(points) == 0:
+            return np.full(len(points), -1, dtype=np.int32)
+        offset = points[:, None, :] - self._box_center[None]
+        local = np.einsum("nbi,bij->nbj", offset, self._box_axes)
+        inside = (np.abs(local) <= self._box_extent[None]).all(axis=-1)
+        first = inside.argmax(axis=1)
+        return np.where(inside.any(axis=1), self._box_light[first], -1).astype(np.int32)
+
+
+def _junctions_of(sites: Sequence[TrafficLightSite]) -> list[_Junction]:
+    """Junctions and their phases, both in ascending order of their numbers."""
+    grouped: dict[int, dict[int, list[int]]] = {}
+    for index, site in enumerate(sites):
+        grouped.setdefault(site.junction_id, {}).setdefault(site.phase, []).append(index)
+    return [
+        _Junction([phases[phase] for phase in sorted(phases)])
+        for _, phases in sorted(grouped.items())
+    ]
+
+
+def _trigger_boxes(
+    sites: Sequence[TrafficLightSite],
+) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """All trigger volumes, flat: light ``(B,)``, centre ``(B, 3)``, axes ``(B, 3, 3)``, extent."""
+    boxes = [(index, box) for index, site in enumerate(sites) for box in site.trigger]
+    light = np.array([index for index, _ in boxes], dtype=np.int32)
+    center = np.array([box.center for _, box in boxes], dtype=np.float64).reshape(-1, 3)
+    extent = np.array([box.extent for _, box in boxes], dtype=np.float64).reshape(-1, 3)
+    rotation = np.array([box.rotation_deg for _, box in boxes], dtype=np.float64).reshape(-1, 3)
+    return light, center, rotation_matrix(rotation), extent

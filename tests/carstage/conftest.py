@@ -1,0 +1,23 @@
+"""What several tests of the framework need."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def python38() -> str:
+    """An interpreter of Python 3.8 for the ring that must run there, from PATH or pyenv."""
+    versions = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
+    candidates = [shutil.which("python3.8"), *sorted(versions.glob("3.8.*/bin/python3.8"))]
+    for candidate in filter(None, candidates):
+        # A pyenv shim is on PATH even where its version is not selected: only running it tells.
+        probe = subprocess.run([candidate, "-V"], capture_output=True, text=True, check=False)
+        if probe.returncode == 0 and probe.stdout.startswith("Python 3.8."):
+            return str(candidate)
+    pytest.skip("no Python 3.8 on PATH or under pyenv")

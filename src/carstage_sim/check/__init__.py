@@ -1,4 +1,5 @@
-"""Check commands, ``python -m carstage_sim.check NAME [--json]``: the real client against a server.
+"""Checks of a running simulator by the real client: traffic, determinism, pedestrians.
 
-Each runs in its own process, may import ``carla`` and prints figures beside their targets.
+``python -m carstage_sim.check NAME`` starts a server as a process, drives it with the unmodified
+``carla`` wheel, compares figures with their targets and exits 0 or 1.
 """

@@ -1,0 +1,98 @@
+"""Command line of the checks."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+
+from carstage_sim.check.client_process import TrialError
+from carstage_sim.check.determinism import check_determinism
+from carstage_sim.check.server_process import ServerError
+from carstage_sim.check.traffic import check_traffic
+from carstage_sim.check.verdict import Verdict
+from carstage_sim.check.walkers import check_walkers
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m carstage_sim.check",
+        description="Checks a server with the real carla client.",
+    )
+    checks = parser.add_subparsers(dest="check", required=True)
+
+    traffic = checks.add_parser("traffic", help="vehicles flow without a pile-up")
+    traffic.add_argument("--vehicles", type=int, default=50)
+    traffic.add_argument("--seconds", type=float, default=300.0, help="simulated")
+    traffic.add_argument(
+        "--base-types",
+        nargs="+",
+        default=["car"],
+        choices=["car", "van", "truck", "bus", "motorcycle", "bicycle"],
+    )
+
+    determinism = checks.add_parser("determinism", help="two tries give the same frames")
+    determinism.add_argument("--ticks", type=int, default=500)
+    determinism.add_argument("--vehicles", type=int, default=50)
+    determinism.add_argument("--walkers", type=int, default=10)
+    determinism.add_argument("--tries", type=int, default=2)
+
+    walkers = checks.add_parser("walkers", help="pedestrians keep to where they may walk")
+    walkers.add_argument("--walkers", type=int, default=20)
+    walkers.add_argument("--seconds", type=float, default=60.0, help="simulated")
+
+    for check in (traffic, determinism, walkers):
+        check.add_argument("--fps", type=int, default=20)
+        check.add_argument("--seed", type=int, default=7)
+        check.add_argument("--map", help="map that the server starts with")
+        check.add_argument("--json", action="store_true", help="last line is a JSON object")
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> Verdict:
+    server_arguments = ("--map", arguments.map) if arguments.map else ()
+    checks: dict[str, Callable[[], Verdict]] = {
+        "traffic": lambda: check_traffic(
+            vehicles=arguments.vehicles,
+            seconds=arguments.seconds,
+            fps=arguments.fps,
+            seed=arguments.seed,
+            base_types=tuple(arguments.base_types),
+            server_arguments=server_arguments,
+        ),
+        "determinism": lambda: check_determinism(
+            ticks=arguments.ticks,
+            vehicles=arguments.vehicles,
+            walkers=arguments.walkers,
+            tries=arguments.tries,
+            fps=arguments.fps,
+            seed=arguments.seed,
+            server_arguments=server_arguments,
+        ),
+        "walkers": lambda: check_walkers(
+            walkers=arguments.walkers,
+            seconds=arguments.seconds,
+            fps=arguments.fps,
+            seed=arguments.seed,
+            server_arguments=server_arguments,
+        ),
+    }
+    return checks[arguments.check]()
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs one check; 0 when all targets are met, else 1."""
+    arguments = _parser().parse_args(argv)
+    try:
+        verdict = _run(arguments)
+    except (ServerError, TrialError) as error:
+        print(error, file=sys.stderr)
+        verdict = Verdict(arguments.check, (), (str(error),), completed=False)
+    print(verdict.text(), file=sys.stderr)
+    if arguments.json:
+        print(verdict.json(), flush=True)
+    return 0 if verdict.ok else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -2,18 +2,58 @@
 
 from __future__ import annotations
 
+import shutil
+import threading
 from collections.abc import Mapping
-from concurrent.futures import Executor
+from concurrent.futures import CancelledError, Executor, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import pyarrow as pa
+
+from carstage.annotation.schema import TABLES
+from carstage.conversion.documents import (
+    calibration_document,
+    episode_document,
+    ledger_table,
+    to_json,
+)
+from carstage.conversion.segment import (
+    LABEL_PARTS,
+    encode_segment,
+    label_part,
+    label_schema,
+    label_segment,
+    write_whole,
+)
+from carstage.conversion.sensors import SensorPlan, plan_sensors
+from carstage.dataset.codecs import codec_for
+from carstage.dataset.tables import ROW_SENSORS, read_table, write_table
+from carstage.errors import ConversionError, DatasetError
+from carstage.rawlog.format import LEDGER
+from carstage.rawlog.reader import EpisodeLog
+
+_LABELS = ""
+"""Key of the label task among a segment's tasks; no stream has an empty name."""
 
 
 class EpisodeConversion:
     """Converts one attempt while or after it is recorded.
 
+    A segment's work is handed to the pool once the segment is sealed in every stream that the
+    work reads; segments may be announced in any order, more than once, from any thread. The files
+    depend on the raw log and ``codecs`` alone: the same log gives the same bytes.
+
+    Construct it when the raw log's ``episode.json`` is there or will be before the first segment
+    is announced. Until ``finish`` returns, the attempt's folder is incomplete.
+
     Args:
         raw_folder: folder of the attempt's raw log.
         attempt_folder: folder below ``episodes/`` that receives the files.
-        pool: where the work is done, see ``conversion_pool``.
+        pool: where the work is done, see ``conversion_pool``; the caller shuts it down.
         codecs: name of the codec by sensor id, where it is not the default of the sensor's kind.
     """
 
@@ -23,37 +63,223 @@ class EpisodeConversion:
         attempt_folder: Path,
         pool: Executor,
         *,
-        codecs: Mapping[str, str] = {},  # noqa: B006
+        codecs: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        self.raw_folder = raw_folder
-        self.attempt_folder = attempt_folder
+        self.raw_folder = Path(raw_folder)
+        self.attempt_folder = Path(attempt_folder)
+        self._pool = pool
+        self._codecs = codecs
+        self._lock = threading.Lock()
+        self._log: EpisodeLog | None = None
+        self._plan = SensorPlan((), frozenset())
+        self._tasks: dict[tuple[int, str], Future[Any]] = {}
+        self._sealed: set[tuple[str, int]] = set()
 
     @property
     def frames_total(self) -> int:
         """Number of saved frames of the episode; 0 until the raw log's header is read."""
-        raise NotImplementedError
+        with self._lock:
+            return 0 if self._log is None else self._frames_in(0, int(self._log.header["ticks"]))
 
     @property
     def frames_done(self) -> int:
-        """Number of saved frames whose files and labels are all written."""
-        raise NotImplementedError
+        """Number of saved frames that are converted, for progress bars.
+
+        A segment counts in proportion to its finished tasks.
+        """
+        with self._lock:
+            if self._log is None:
+                return 0
+            tasks_per_segment = len(self._plan.written) + 1
+            per_segment = int(self._log.header["ticks_per_segment"])
+            ticks = int(self._log.header["ticks"])
+            done: dict[int, int] = {}
+            for (segment, _), task in self._tasks.items():
+                done[segment] = done.get(segment, 0) + task.done()
+            return sum(
+                self._frames_in(segment * per_segment, min((segment + 1) * per_segment, ticks))
+                * count
+                // tasks_per_segment
+                for segment, count in done.items()
+            )
 
     def segment_sealed(self, stream: str, segment: int) -> None:
-        """Take note of a sealed segment; cheap."""
-        raise NotImplementedError
+        """Take note of a sealed segment and hand out the work that it completes; cheap.
+
+        Raises:
+            RawLogError: the raw log has no readable ``episode.json``.
+            BadInputError: ``codecs`` names a codec or a sensor that does not exist.
+        """
+        with self._lock:
+            self._load()
+            self._note(stream, segment)
 
     def scan(self) -> None:
-        """Pick up every segment that is sealed already."""
-        raise NotImplementedError
+        """Pick up every segment that is sealed already: deferred conversion, or a resumed one."""
+        with self._lock:
+            log = self._load()
+            streams = self._plan.label_streams | {s.id for s in self._plan.written}
+            for stream in sorted(streams):
+                for segment in log.sealed_segments(stream):
+                    self._note(stream, segment)
 
     def raise_if_failed(self) -> None:
-        """Raise the first error of the work done so far."""
-        raise NotImplementedError
+        """Raise the first error of the work done so far, as ``finish`` would."""
+        with self._lock:
+            tasks = [task for _, task in sorted(self._tasks.items()) if task.done()]
+        for task in tasks:
+            _raise_error_of(task)
 
     def finish(self) -> None:
-        """Wait for all work and write what belongs to the whole episode."""
-        raise NotImplementedError
+        """Wait for all work and write what belongs to the whole episode.
+
+        Raises:
+            ConversionError: the recording is incomplete, or work on it failed.
+            CarStageError: as the work raised it.
+        """
+        self.scan()
+        with self._lock:
+            log = self._load()
+            tasks = [task for _, task in sorted(self._tasks.items())]
+        ledger = log.ledger()
+        if len(ledger) != int(log.header["ticks"]):
+            raise ConversionError(
+                f"Episode {log.header['episode_id']}: only {len(ledger)} of "
+                f"{log.header['ticks']} ticks are recorded.",
+                "Record the episode again.",
+            )
+        self._require_all_segments(log)
+        try:
+            for task in tasks:
+                _raise_error_of(task)
+        except BaseException:
+            self._drop_tasks()
+            raise
+        frames = sum(entry["k"] is not None for entry in ledger)
+        self.attempt_folder.mkdir(parents=True, exist_ok=True)
+        self._write_row_sensors(self._segments(log))
+        self._merge_labels(self._segments(log))
+        ego = log.actors().get(int(log.header["ego_id"]))
+        if ego is None:
+            raise ConversionError(
+                f"Episode {log.header['episode_id']}: the world log never names the ego vehicle.",
+                "Record the episode again.",
+            )
+        documents = {
+            "episode.json": episode_document(log.header, self._plan, frames),
+            "calibration.json": calibration_document(log.header, self._plan, ego),
+        }
+        for name, document in documents.items():
+            write_whole(self.attempt_folder / name, to_json(document))
+        self._write_table(ledger_table(log.header, self._plan, ledger), "frames.parquet")
+        self._remove_strays()
+        shutil.rmtree(self.raw_folder / LABEL_PARTS)
 
     def cancel(self) -> None:
-        """Drop what is not done and remove the attempt's folder."""
-        raise NotImplementedError
+        """Drop what is not done and remove the attempt's folder; waits for running work."""
+        self._drop_tasks()
+        for folder in (self.attempt_folder, self.raw_folder / LABEL_PARTS):
+            with suppress(FileNotFoundError):
+                shutil.rmtree(folder)
+
+    def _load(self) -> EpisodeLog:
+        if self._log is None:
+            log = EpisodeLog(self.raw_folder)
+            self._plan = plan_sensors(log.header["spec"], self._codecs)
+            self._log = log
+        return self._log
+
+    def _note(self, stream: str, segment: int) -> None:
+        """Remember a seal; submit each task of the segment that it makes possible."""
+        if (stream, segment) in self._sealed:
+            return
+        self._sealed.add((stream, segment))
+        for sensor in self._plan.written:
+            if self._is_ready(segment, sensor.id, {sensor.id, LEDGER}):
+                self._tasks[segment, sensor.id] = self._pool.submit(
+                    encode_segment, self.raw_folder, self.attempt_folder, sensor, segment
+                )
+        if self._is_ready(segment, _LABELS, self._plan.label_streams):
+            self._tasks[segment, _LABELS] = self._pool.submit(
+                label_segment, self.raw_folder, segment
+            )
+
+    def _is_ready(self, segment: int, task: str, streams: frozenset[str] | set[str]) -> bool:
+        if (segment, task) in self._tasks:
+            return False
+        return all((stream, segment) in self._sealed for stream in streams)
+
+    def _frames_in(self, first_tick: int, end_tick: int) -> int:
+        assert self._log is not None
+        every = int(self._log.header["spec"]["save_every"])
+        return -(-end_tick // every) - -(-first_tick // every)
+
+    def _segments(self, log: EpisodeLog) -> range:
+        return range(-(-int(log.header["ticks"]) // int(log.header["ticks_per_segment"])))
+
+    def _require_all_segments(self, log: EpisodeLog) -> None:
+        for segment in self._segments(log):
+            for task in [*(sensor.id for sensor in self._plan.written), _LABELS]:
+                if (segment, task) not in self._tasks:
+                    raise ConversionError(
+                        f"Episode {log.header['episode_id']}: segment {segment} was never sealed "
+                        f"in every stream that {task or 'the labels'} needs.",
+                        "Record the episode again.",
+                    )
+
+    def _drop_tasks(self) -> None:
+        with self._lock:
+            tasks = list(self._tasks.values())
+        for task in tasks:
+            task.cancel()
+        wait(tasks)
+
+    def _write_table(self, table: pa.Table, name: str) -> None:
+        path = self.attempt_folder / name
+        temporary = path.with_name(f".{path.name}")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_table(table, temporary)
+        temporary.replace(path)
+
+    def _write_row_sensors(self, segments: range) -> None:
+        for sensor in self._plan.written:
+            if sensor.kind in ROW_SENSORS:
+                rows = [r for i in segments for r in self._tasks[i, sensor.id].result()]
+                table = pa.Table.from_pylist(rows, schema=ROW_SENSORS[sensor.kind].schema)
+                self._write_table(table, f"sensors/{sensor.id}.parquet")
+
+    def _merge_labels(self, segments: range) -> None:
+        for name, columns in TABLES.items():
+            schema = label_schema(columns)
+            try:
+                parts = [
+                    read_table(label_part(self.raw_folder, name, i)).cast(schema) for i in segments
+                ]
+            except DatasetError as error:
+                raise ConversionError(f"A label part is gone: {error}", "Try again.") from error
+            self._write_table(pa.concat_tables(parts), name)
+
+    def _remove_strays(self) -> None:
+        """Remove what an earlier, broken-off conversion into this folder left behind."""
+        endings: dict[str, tuple[str, ...]] = {
+            sensor.id: codec_for(sensor.kind, sensor.codec)[1].suffixes
+            for sensor in self._plan.written
+            if sensor.kind not in ROW_SENSORS
+        }
+        for path in (self.attempt_folder / "sensors").glob("*/*"):
+            suffix = path.name[path.name.index(".") :] if path.name[0] != "." else ""
+            if suffix not in endings.get(path.parent.name, ()):
+                path.unlink()
+
+
+def _raise_error_of(task: Future[Any]) -> None:
+    """Wait for a task; raise its error."""
+    try:
+        task.result()
+    except CancelledError as error:
+        raise ConversionError("The conversion was cancelled.") from error
+    except BrokenProcessPool as error:
+        raise ConversionError(
+            "A conversion process died, probably for lack of memory.",
+            "Use fewer conversion workers or free some memory, then run the command again.",
+        ) from error

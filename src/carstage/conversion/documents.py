@@ -1,0 +1,145 @@
+"""The small files of an episode: ``episode.json``, ``calibration.json``, ``frames.parquet``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pyarrow as pa
+
+from carstage.conversion.sensors import SensorPlan
+from carstage.errors import ConversionError
+from carstage.geometry import intrinsics, pose_matrix
+from carstage.rawlog.reader import ActorInfo
+
+FORMAT_VERSION = 1
+_EPISODE_KEYS = (
+    "episode_id",
+    "spec",
+    "client_version",
+    "server_version",
+    "map",
+    "geo_reference",
+    "ego_id",
+    "first_frame",
+    "requested",
+    "spawned",
+)
+# A server's clock is a sum of float steps: allow it a hundredth of a step.
+_CLOCK_TOLERANCE_STEPS = 0.01
+
+
+def episode_document(header: Mapping[str, Any], plan: SensorPlan, frames: int) -> dict[str, Any]:
+    """``episode.json`` of the dataset: the raw log's header without facts of a try or machine."""
+    document = {key: header[key] for key in _EPISODE_KEYS}
+    ids = header["sensor_actor_ids"]
+    return {
+        "format_version": FORMAT_VERSION,
+        **document,
+        "sensor_actor_ids": {s.id: ids[s.id] for s in plan.written if s.id in ids},
+        "frames": frames,
+    }
+
+
+def calibration_document(
+    header: Mapping[str, Any], plan: SensorPlan, ego: ActorInfo
+) -> dict[str, Any]:
+    """``calibration.json``: every requested sensor's pose, attributes and intrinsics."""
+    by_id = {sensor["id"]: sensor for sensor in header["spec"]["sensors"]}
+    shown = {sensor.id for sensor in plan.written}
+    sensors = {}
+    for written in plan.written:
+        sensor = by_id[written.id]
+        pose, attributes = sensor["pose"], sensor["attributes"]
+        ego_from_sensor = pose_matrix(
+            [pose["x_m"], pose["y_m"], pose["z_m"]],
+            [pose["pitch_deg"], pose["yaw_deg"], pose["roll_deg"]],
+        )
+        entry: dict[str, Any] = {
+            "kind": sensor["kind"],
+            "blueprint": sensor["blueprint"],
+            "attributes": dict(attributes),
+            "ego_from_sensor": ego_from_sensor.tolist(),
+        }
+        if sensor["blueprint"].startswith("sensor.camera."):
+            width = int(attributes.get("image_size_x", "800"))
+            height = int(attributes.get("image_size_y", "600"))
+            fov_deg = float(attributes.get("fov", "90.0"))
+            entry |= {
+                "width": width,
+                "height": height,
+                "fov_deg": fov_deg,
+                "K": intrinsics(width, height, fov_deg).tolist(),
+            }
+        twins = {key: sensor.get(key) for key in ("depth", "instance")}
+        sensors[written.id] = {
+            **entry,
+            "files": written.codec,
+            "labelled": bool(sensor.get("labelled", False)),
+            **{key: twin if twin in shown else None for key, twin in twins.items()},
+        }
+    box = {
+        "location": ego.box_location.tolist(),
+        "extent": ego.box_extent.tolist(),
+        "rotation_deg": ego.box_rotation_deg.tolist(),
+    }
+    return {"format_version": FORMAT_VERSION, "ego_box": box, "sensors": sensors}
+
+
+def ledger_table(
+    header: Mapping[str, Any], plan: SensorPlan, ledger: Sequence[Mapping[str, Any]]
+) -> pa.Table:
+    """``frames.parquet``: one row per tick.
+
+    Raises:
+        ConversionError: ticks are missing, or in synchronous mode the server's clock does not
+            advance by ``1 / fps`` per tick.
+    """
+    spec = header["spec"]
+    fps, synchronous = float(spec["fps"]), spec["timing"]["mode"] == "sync"
+    start_s = ledger[0]["timestamp_s"] if ledger else 0.0
+    rows = []
+    for index, entry in enumerate(ledger):
+        tick, elapsed_s = entry["tick"], entry["timestamp_s"] - start_s
+        if tick != index:
+            raise ConversionError(
+                f"Episode {header['episode_id']}: the ledger has no entry for tick {index}.",
+                "Record the episode again.",
+            )
+        if synchronous and abs(elapsed_s * fps - tick) > _CLOCK_TOLERANCE_STEPS * max(tick, 1):
+            raise ConversionError(
+                f"Episode {header['episode_id']}, tick {tick}: the server's clock shows "
+                f"{elapsed_s:.6f} s since the first tick, not {tick / fps:.6f} s.",
+                "Another client may have ticked or reconfigured the server: give it to one run.",
+            )
+        row = {
+            "tick": tick,
+            "k": entry["k"],
+            "server_frame": entry["frame"],
+            "timestamp_s": tick / fps if synchronous else elapsed_s,
+        }
+        for sensor in plan.written:
+            state = entry["sensors"].get(sensor.id, {"state": "off", "reason": None})
+            row[f"{sensor.id}.state"] = state["state"]
+            row[f"{sensor.id}.reason"] = state["reason"]
+        rows.append(row)
+    return pa.Table.from_pylist(rows, schema=_ledger_schema(plan))
+
+
+def _ledger_schema(plan: SensorPlan) -> pa.Schema:
+    fields: list[pa.Field[Any]] = [
+        pa.field("tick", pa.int32(), nullable=False),
+        pa.field("k", pa.int32()),
+        pa.field("server_frame", pa.uint64(), nullable=False),
+        pa.field("timestamp_s", pa.float64(), nullable=False),
+    ]
+    for sensor in plan.written:
+        fields.append(pa.field(f"{sensor.id}.state", pa.string(), nullable=False))
+        fields.append(pa.field(f"{sensor.id}.reason", pa.string()))
+    return pa.schema(fields)
+
+
+def to_json(document: Mapping[str, Any]) -> bytes:
+    """A document as the bytes of its file; floats as Python's ``repr``, NaN refused."""
+    return (json.dumps(document, indent=1, allow_nan=False) + "\n").encode()

@@ -1,0 +1,175 @@
+"""The work on one segment, as functions that run in the pool's processes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from carstage.annotation import CameraImages, EpisodeLabeller
+from carstage.annotation.decoding import decode_depth_bgra
+from carstage.annotation.schema import TABLES, Column
+from carstage.conversion.sensors import LIDAR_KIND, RecordedSensor
+from carstage.dataset.codecs import codec_for
+from carstage.dataset.codecs.codec import image_bgra
+from carstage.dataset.tables import ROW_SENSORS, arrow_type, write_table
+from carstage.errors import ConversionError
+from carstage.rawlog.format import KIND_DATA, LEDGER
+from carstage.rawlog.reader import EpisodeLog, Record
+
+LABEL_PARTS = ".labels"
+"""Folder of the label parts below the raw log; its name can be no stream's."""
+
+
+def saved_ticks(log: EpisodeLog, segment: int) -> dict[int, int]:
+    """Saved-frame index ``k`` by tick, for the ticks of a segment that are saved."""
+    return {
+        record.tick: int(record.meta["k"])
+        for record in log.read_segment(LEDGER, segment)
+        if record.kind == KIND_DATA and record.meta["k"] is not None
+    }
+
+
+def encode_segment(
+    raw_folder: Path, attempt_folder: Path, sensor: RecordedSensor, segment: int
+) -> list[dict[str, Any]]:
+    """Write the files of one sensor for the saved ticks of one segment.
+
+    Returns:
+        The rows of a sensor that becomes a table; an empty list for one that becomes files.
+
+    Raises:
+        ConversionError: a record is not what its meta says; names sensor and tick.
+        RawLogError: the segment is damaged.
+    """
+    log = EpisodeLog(raw_folder)
+    ticks = saved_ticks(log, segment)
+    records = [r for r in _data(log, sensor.id, segment) if r.tick in ticks]
+    if sensor.kind in ROW_SENSORS:
+        fps = float(log.header["spec"]["fps"])
+        return [_row(sensor, record, ticks[record.tick], fps) for record in records]
+    _, codec = codec_for(sensor.kind, sensor.codec)
+    folder = attempt_folder / "sensors" / sensor.id
+    folder.mkdir(parents=True, exist_ok=True)
+    for record in records:
+        try:
+            contents = codec.encode(record.meta, record.payload)
+        except (ValueError, KeyError) as error:
+            raise _bad_record(sensor, record, str(error)) from error
+        for suffix, content in zip(codec.suffixes, contents, strict=True):
+            write_whole(folder / f"{ticks[record.tick]:06d}{suffix}", content)
+    return []
+
+
+def label_segment(raw_folder: Path, segment: int) -> None:
+    """Label the saved ticks of one segment into part files below the raw log.
+
+    Raises:
+        ConversionError: a label row does not fit the schema.
+        AnnotationError, RawLogError: the recording cannot be labelled or read.
+    """
+    log = EpisodeLog(raw_folder)
+    ticks = saved_ticks(log, segment)
+    labeller = EpisodeLabeller(log.header, log.actors(up_to_segment=segment))
+    streams = {camera: labeller.inputs(camera) for camera in labeller.labelled_cameras}
+    image_streams = {s.depth for s in streams.values()} | {
+        s.instance for s in streams.values() if s.instance is not None
+    }
+    lidars = [s["id"] for s in log.header["spec"]["sensors"] if s["kind"] == LIDAR_KIND]
+    by_tick = {
+        stream: {record.tick: record for record in _data(log, stream, segment)}
+        for stream in [*sorted(image_streams), *lidars]
+    }
+    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in TABLES}
+    for world in log.world_frames(segment):
+        if world.tick not in ticks:
+            continue
+        images = {}
+        for camera, inputs in streams.items():
+            depth = by_tick[inputs.depth].get(world.tick)
+            if depth is None:
+                continue  # the ledger says why; the labeller then has no pixels of this camera
+            instance = by_tick[inputs.instance].get(world.tick) if inputs.instance else None
+            images[camera] = CameraImages(
+                decode_depth_bgra(image_bgra(depth.meta, depth.payload)),
+                None if instance is None else image_bgra(instance.meta, instance.payload),
+            )
+        clouds = {
+            lidar: np.frombuffer(record.payload, "<f4").reshape(-1, 4)
+            for lidar in lidars
+            if (record := by_tick[lidar].get(world.tick)) is not None
+        }
+        labels = labeller.label_frame(world, ticks[world.tick], images, clouds)
+        rows["objects.parquet"] += labels.objects
+        rows["camera_objects.parquet"] += labels.camera_objects
+        rows["ego.parquet"] += [labels.ego] if labels.ego else []
+    folder = raw_folder / LABEL_PARTS
+    folder.mkdir(exist_ok=True)
+    for name, columns in TABLES.items():
+        table = rows_to_table(rows[name], columns, name)
+        path = label_part(raw_folder, name, segment)
+        temporary = path.with_name(f".{path.name}")
+        write_table(table, temporary)
+        temporary.replace(path)
+
+
+def label_part(raw_folder: Path, table: str, segment: int) -> Path:
+    """The part file of a label table for one segment."""
+    return raw_folder / LABEL_PARTS / f"{segment:06d}.{table}"
+
+
+def rows_to_table(rows: Sequence[dict[str, Any]], columns: Sequence[Column], name: str) -> pa.Table:
+    """An Arrow table of label rows, exactly with the schema's columns.
+
+    Raises:
+        ConversionError: a row has other keys, or a value of another type, than the schema says.
+    """
+    expected = {column.name for column in columns}
+    for row in rows:
+        if row.keys() != expected:
+            odd = sorted(row.keys() ^ expected)
+            raise ConversionError(f"{name}: a row and the schema differ in {', '.join(odd)}.")
+    schema = label_schema(columns)
+    try:
+        table = pa.Table.from_pylist(list(rows), schema=schema)
+        table.validate(full=True)
+    except (pa.ArrowException, TypeError) as error:
+        raise ConversionError(f"{name}: a value does not fit its column: {error}") from error
+    for field, column in zip(schema, table.columns, strict=True):
+        if not field.nullable and column.null_count:
+            raise ConversionError(f"{name}: column {field.name} has a row without a value.")
+    return table
+
+
+def label_schema(columns: Sequence[Column]) -> pa.Schema:
+    """The Arrow schema of a label table."""
+    return pa.schema([pa.field(c.name, arrow_type(c.type), nullable=c.nullable) for c in columns])
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file that is never seen half written under its own name."""
+    temporary = path.with_name(f".{path.name}")
+    temporary.write_bytes(content)
+    temporary.replace(path)
+
+
+def _data(log: EpisodeLog, stream: str, segment: int) -> list[Record]:
+    return [r for r in log.read_segment(stream, segment) if r.kind == KIND_DATA]
+
+
+def _row(sensor: RecordedSensor, record: Record, k: int, fps: float) -> dict[str, Any]:
+    rows = ROW_SENSORS[sensor.kind]
+    values = np.frombuffer(record.payload, "<f8")
+    if len(values) != rows.width or not np.isfinite(values).all():
+        raise _bad_record(sensor, record, f"{rows.width} finite numbers are needed")
+    return rows.row(k, record.tick / fps, values.tolist())
+
+
+def _bad_record(sensor: RecordedSensor, record: Record, why: str) -> ConversionError:
+    return ConversionError(
+        f"Sensor {sensor.id}, tick {record.tick}: the recorded data is not usable: {why}.",
+        "Record the episode again.",
+    )

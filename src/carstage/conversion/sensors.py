@@ -1,0 +1,86 @@
+"""What the conversion knows of an episode's sensors, taken from the raw log's header."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from carstage.dataset.codecs import codec_for
+from carstage.dataset.tables import ROW_SENSORS
+from carstage.errors import BadInputError
+from carstage.rawlog.format import LEDGER, WORLD
+
+LIDAR_KIND = "lidar"
+ROWS_CODEC = "parquet"
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedSensor:
+    """A sensor that becomes files.
+
+    Attributes:
+        id: the user's name of it, also its stream.
+        kind: short name of the kind, such as ``rgb``.
+        codec: name of the codec of its files; ``parquet`` for sensors that become table rows.
+    """
+
+    id: str
+    kind: str
+    codec: str
+
+
+@dataclass(frozen=True, slots=True)
+class SensorPlan:
+    """Which streams of an episode become what.
+
+    Attributes:
+        written: the sensors of the dataset, in the order of the spec.
+        label_streams: every stream that labels are made from, ``world`` and ``ledger`` included.
+    """
+
+    written: tuple[RecordedSensor, ...]
+    label_streams: frozenset[str]
+
+
+def plan_sensors(spec: Mapping[str, Any], codecs: Mapping[str, str]) -> SensorPlan:
+    """Decide what each sensor of a spec becomes.
+
+    Args:
+        spec: the episode's spec, see ``docs/formats/run-folder.md``.
+        codecs: codec name by sensor id, where it is not the kind's default.
+
+    Raises:
+        BadInputError: a codec that does not exist, or one for a sensor that does not.
+    """
+    shown = [sensor for sensor in spec["sensors"] if not sensor["hidden"]]
+    unknown = set(codecs) - {sensor["id"] for sensor in shown}
+    if unknown:
+        raise BadInputError(
+            f"conversion.codecs: the rig has no sensor {sorted(unknown)[0]!r}.",
+            f"Sensors: {', '.join(sensor['id'] for sensor in shown)}.",
+        )
+    label_streams = {WORLD, LEDGER}
+    for sensor in spec["sensors"]:
+        if sensor.get("labelled"):
+            label_streams |= {name for key in ("depth", "instance") if (name := sensor.get(key))}
+        if sensor["kind"] == LIDAR_KIND:
+            label_streams.add(sensor["id"])
+    return SensorPlan(
+        tuple(_recorded(sensor, codecs.get(sensor["id"])) for sensor in shown),
+        frozenset(label_streams),
+    )
+
+
+def _recorded(sensor: Mapping[str, Any], codec: str | None) -> RecordedSensor:
+    kind = sensor["kind"]
+    if kind in ROW_SENSORS:
+        if codec not in (None, ROWS_CODEC):
+            raise BadInputError(
+                f"conversion.codecs.{sensor['id']}: no codec {codec!r} for sensors of kind "
+                f"{kind!r}.",
+                f"Codecs of that kind: {ROWS_CODEC}.",
+            )
+        return RecordedSensor(sensor["id"], kind, ROWS_CODEC)
+    name, _ = codec_for(kind, codec)
+    return RecordedSensor(sensor["id"], kind, name)

@@ -1,0 +1,137 @@
+"""The contract of a codec and the registry of codecs by sensor kind and name."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import entry_points
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.errors import BadInputError
+
+ENTRY_POINT_GROUP = "carstage.codecs"
+
+
+class Codec(ABC):
+    """Turns one frame of one sensor into file contents, and back.
+
+    The contract (``carstage.testing.codec.CodecTests`` checks an implementation):
+
+    * ``encode`` returns one content per entry of ``suffixes``; the same record always gives the
+      same bytes, whatever was encoded before.
+    * ``decode(encode(record))`` gives the same array as ``raw_array(record)``, exactly if
+      ``lossless``.
+    * ``decode`` raises ``ValueError`` (or a subclass) for damaged content, nothing else.
+
+    An instance belongs to one thread: it may keep buffers between calls.
+
+    Attributes:
+        suffixes: ends of the file names, such as ``(".png", ".tag.png")``.
+        lossless: whether nothing of the frame is lost.
+    """
+
+    suffixes: ClassVar[tuple[str, ...]]
+    lossless: ClassVar[bool] = True
+
+    @abstractmethod
+    def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[bytes, ...]:
+        """Content of the frame's files.
+
+        Args:
+            meta, payload: a data record of the raw log, see ``docs/formats/raw-log.md``.
+
+        Raises:
+            ValueError: the payload does not have the size that the meta says.
+        """
+
+    @abstractmethod
+    def decode(self, contents: Sequence[bytes]) -> NDArray[Any]:
+        """The frame's array from the contents of its files, in the order of ``suffixes``.
+
+        Raises:
+            ValueError: the content is damaged.
+        """
+
+    @abstractmethod
+    def raw_array(self, meta: Mapping[str, Any], payload: memoryview) -> NDArray[Any]:
+        """The array that ``decode`` shall give, straight from the raw record."""
+
+
+_Class = TypeVar("_Class", bound=type[Codec])
+_codecs: dict[tuple[str, str], type[Codec]] = {}
+_defaults: dict[str, str] = {}
+
+
+def register(kind: str, name: str, *, default: bool = False) -> Callable[[_Class], _Class]:
+    """Class decorator: this codec writes sensors of ``kind`` when ``name`` is asked for.
+
+    Args:
+        kind: sensor kind, such as ``rgb``.
+        name: what users write under ``conversion.codecs``.
+        default: use it when nothing is asked for.
+    """
+
+    def decorate(codec: _Class) -> _Class:
+        _codecs[kind, name] = codec
+        if default:
+            _defaults[kind] = name
+        return codec
+
+    return decorate
+
+
+def codec_names(kind: str) -> tuple[str, ...]:
+    """Names of the codecs for a sensor kind, the default first; empty for an unknown kind."""
+    _load_installed()
+    names = [name for known, name in _codecs if known == kind]
+    return tuple(sorted(names, key=lambda name: (name != _defaults.get(kind), name)))
+
+
+def codec_for(kind: str, name: str | None = None) -> tuple[str, Codec]:
+    """A codec for a sensor kind, with its name.
+
+    Args:
+        kind: sensor kind.
+        name: name of the codec, ``None`` for the kind's default.
+
+    Raises:
+        BadInputError: no such codec.
+    """
+    names = codec_names(kind)
+    chosen = name if name is not None else next(iter(names), None)
+    if chosen is None or chosen not in names:
+        known = ", ".join(names) or "none"
+        raise BadInputError(
+            f"conversion.codecs: no codec {name!r} for sensors of kind {kind!r}.",
+            f"Codecs of that kind: {known}.",
+        )
+    return chosen, _codecs[kind, chosen]()
+
+
+def _load_installed() -> None:
+    """Import the codecs that other distributions declare as entry points, once."""
+    for entry in entry_points(group=ENTRY_POINT_GROUP):
+        entry.load()
+
+
+def image_shape(meta: Mapping[str, Any], payload: memoryview) -> tuple[int, int]:
+    """Height and width of a camera record.
+
+    Raises:
+        ValueError: the payload is not ``height * width`` BGRA pixels.
+    """
+    height, width = int(meta["height"]), int(meta["width"])
+    if height < 1 or width < 1 or payload.nbytes != 4 * height * width:
+        raise ValueError(
+            f"a camera record of {payload.nbytes} bytes is no {width}x{height} BGRA image"
+        )
+    return height, width
+
+
+def image_bgra(meta: Mapping[str, Any], payload: memoryview) -> NDArray[np.uint8]:
+    """``(H, W, 4)`` uint8 view of a camera record, order B, G, R, A."""
+    height, width = image_shape(meta, payload)
+    return np.frombuffer(payload, np.uint8).reshape(height, width, 4)

@@ -1,0 +1,134 @@
+"""Parquet files whose bytes follow from their rows, and the tables of the row-wise sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from carstage.errors import DatasetError
+
+_COMPRESSION: Literal["zstd"] = "zstd"
+_COMPRESSION_LEVEL = 3
+_ROW_GROUP_ROWS = 65_536
+
+
+@dataclass(frozen=True, slots=True)
+class RowSensor:
+    """A sensor kind whose frames are rows of one table per episode.
+
+    Attributes:
+        columns: names of the values, with the number of float64 that each one takes.
+    """
+
+    columns: tuple[tuple[str, int], ...]
+
+    @property
+    def width(self) -> int:
+        """Number of float64 in a frame."""
+        return sum(count for _, count in self.columns)
+
+    @property
+    def schema(self) -> pa.Schema:
+        """``k``, ``timestamp_s`` and the columns; those of several values as fixed-size lists."""
+        fields: list[pa.Field[Any]] = [
+            pa.field("k", pa.int32(), nullable=False),
+            pa.field("timestamp_s", pa.float64(), nullable=False),
+        ]
+        for name, count in self.columns:
+            type_ = pa.float64() if count == 1 else vector(count)
+            fields.append(pa.field(name, type_, nullable=False))
+        return pa.schema(fields)
+
+    def row(self, k: int, timestamp_s: float, values: Sequence[float]) -> dict[str, Any]:
+        """One row of the table from a frame's values in file order."""
+        row: dict[str, Any] = {"k": k, "timestamp_s": timestamp_s}
+        start = 0
+        for name, count in self.columns:
+            part = values[start : start + count]
+            row[name] = part[0] if count == 1 else list(part)
+            start += count
+        return row
+
+
+ROW_SENSORS: dict[str, RowSensor] = {
+    "imu": RowSensor((("accelerometer", 3), ("gyroscope", 3), ("compass_rad", 1))),
+    "gnss": RowSensor((("latitude_deg", 1), ("longitude_deg", 1), ("altitude_m", 1))),
+}
+"""Sensor kinds that become one Parquet file per episode, ``sensors/<id>.parquet``."""
+
+
+def vector(length: int) -> pa.DataType:
+    """The type of a vector: a fixed-size list of float64."""
+    return pa.list_(pa.field("element", pa.float64(), nullable=False), length)
+
+
+_SCALARS: dict[str, Callable[[], pa.DataType]] = {
+    "bool": pa.bool_,
+    "str": pa.string,
+    "json": pa.string,
+    "i32": pa.int32,
+    "i64": pa.int64,
+    "u8": pa.uint8,
+    "u32": pa.uint32,
+    "u64": pa.uint64,
+    "f64": pa.float64,
+}
+
+
+def arrow_type(name: str) -> pa.DataType:
+    """The Arrow type for a type name of the label schema (``carstage.annotation.schema``).
+
+    Raises:
+        ValueError: a name that is none.
+    """
+    if name in _SCALARS:
+        scalar: pa.DataType = _SCALARS[name]()
+        return scalar
+    if name == "f64[8][2]":
+        return pa.list_(pa.field("element", vector(2), nullable=True), 8)
+    if name.startswith("f64[") and name.endswith("]") and name[4:-1].isdigit():
+        return vector(int(name[4:-1]))
+    if name == "u8[]":
+        return pa.list_(pa.field("element", pa.uint8(), nullable=False))
+    if name == "map[str,u32]":
+        return pa.map_(pa.string(), pa.uint32())
+    raise ValueError(f"no Arrow type for {name!r}")
+
+
+def write_table(table: pa.Table, path: Path) -> None:
+    """Write a Parquet file whose bytes depend on the table alone.
+
+    Compression, encodings and row groups are fixed; metadata of the table (pandas' index, times)
+    is dropped.
+    """
+    pq.write_table(
+        table.replace_schema_metadata(None).combine_chunks(),
+        path,
+        row_group_size=_ROW_GROUP_ROWS,
+        compression=_COMPRESSION,
+        compression_level=_COMPRESSION_LEVEL,
+        use_dictionary=True,
+        write_statistics=True,
+        version="2.6",
+        data_page_version="1.0",
+    )
+
+
+def read_table(path: Path) -> pa.Table:
+    """Read a Parquet file.
+
+    Raises:
+        DatasetError: missing or damaged.
+    """
+    try:
+        with path.open("rb") as file:
+            return pq.read_table(file, use_threads=False)
+    except FileNotFoundError as error:
+        raise DatasetError(f"{path.name} is missing in {path.parent}.") from error
+    except (OSError, pa.ArrowException) as error:
+        raise DatasetError(f"{path} is damaged: {error}") from error

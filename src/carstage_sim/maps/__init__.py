@@ -2,3 +2,9 @@
 
 ``load_town(name)`` is the way in; what comes out is a frozen ``Town``.
 """
+
+from carstage_sim.maps.baking import MapSamplingError
+from carstage_sim.maps.loading import UnknownTownError, available_towns, load_town
+from carstage_sim.maps.town import Town
+
+__all__ = ["MapSamplingError", "Town", "UnknownTownError", "available_towns", "load_town"]

@@ -1,0 +1,154 @@
+"""Baked towns on disk: one ``.npz`` per content, written atomically."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import importlib.metadata
+import json
+import os
+import tempfile
+import zipfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from platformdirs import user_cache_path
+
+import carstage_sim
+from carstage_sim.maps.town import LaneSamples, LevelObject, OrientedBox, Town, TrafficLightSite
+from carstage_sim.mesh import TriangleMesh
+
+_SOURCES = ("maps", "content", "mesh.py", "labels.py", "geometry.py")
+_PACKAGES = ("numpy", "shapely")
+
+
+def default_cache_folder() -> Path:
+    """Where towns are kept unless told otherwise."""
+    return user_cache_path("carstage") / "towns"
+
+
+def cached_town(name: str, opendrive: str, bake: Callable[[], Town], folder: Path) -> Town:
+    """The town from the cache, or baked now and put there.
+
+    Args:
+        name: for the file's name only.
+        opendrive: the map's text; with the code that bakes, it is the key.
+        bake: makes the town.
+        folder: created if missing.
+    """
+    digest = hashlib.sha256(f"{_code_digest()}\n{opendrive}".encode()).hexdigest()
+    path = folder / f"{name}-{digest[:32]}.npz"
+    try:
+        return load(path)
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile):
+        # Not there, or not whole: the bake replaces it.
+        town = bake()
+    folder.mkdir(parents=True, exist_ok=True)
+    save(town, path)
+    return town
+
+
+@cache
+def _code_digest() -> str:
+    """Hash of all code that a bake runs, and of the versions of its geometry packages."""
+    root = Path(carstage_sim.__file__).parent
+    digest = hashlib.sha256()
+    for package in _PACKAGES:
+        digest.update(f"{package} {importlib.metadata.version(package)}\n".encode())
+    for entry in _SOURCES:
+        path = root / entry
+        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            digest.update(file.relative_to(root).as_posix().encode())
+            digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def arrays_of(town: Town) -> dict[str, NDArray[Any]]:
+    """Everything in a town but its digest, as arrays."""
+    record = {
+        "name": town.name,
+        "opendrive": town.opendrive,
+        "geo_reference": town.geo_reference,
+        "traffic_lights": [dataclasses.asdict(site) for site in town.traffic_lights],
+        "level_objects": [dataclasses.asdict(entry) for entry in town.level_objects],
+    }
+    text = json.dumps(record, sort_keys=True).encode()
+    arrays: dict[str, NDArray[Any]] = {
+        "record": np.frombuffer(text, dtype=np.uint8),
+        "spawn_points": town.spawn_points,
+        "navigation": np.frombuffer(town.navigation, dtype=np.uint8),
+    }
+    for prefix, part in (("lanes", town.lanes), ("mesh", town.static_mesh)):
+        for field in dataclasses.fields(part):
+            arrays[f"{prefix}.{field.name}"] = getattr(part, field.name)
+    return arrays
+
+
+def digest_of(town: Town) -> str:
+    """sha256 (hex) of all that a town holds."""
+    digest = hashlib.sha256()
+    for key, array in sorted(arrays_of(town).items()):
+        digest.update(f"{key} {array.dtype.str} {array.shape}\n".encode())
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()
+
+
+def save(town: Town, path: Path) -> None:
+    """Writes a town so that a reader sees the whole file or none."""
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            np.savez(file, allow_pickle=False, digest=np.array(town.digest), **arrays_of(town))
+        Path(temporary).replace(path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def load(path: Path) -> Town:
+    """Reads what :func:`save` wrote.
+
+    Raises:
+        OSError: if the file is missing; KeyError, ValueError or BadZipFile if it is not whole.
+    """
+    with np.load(path) as arrays:
+        record = json.loads(arrays["record"].tobytes())
+        return Town(
+            name=record["name"],
+            opendrive=record["opendrive"],
+            geo_reference=(record["geo_reference"][0], record["geo_reference"][1]),
+            spawn_points=arrays["spawn_points"],
+            lanes=LaneSamples(
+                **{f.name: arrays[f"lanes.{f.name}"] for f in dataclasses.fields(LaneSamples)}
+            ),
+            traffic_lights=tuple(_light(site) for site in record["traffic_lights"]),
+            navigation=arrays["navigation"].tobytes(),
+            static_mesh=TriangleMesh(
+                **{f.name: arrays[f"mesh.{f.name}"] for f in dataclasses.fields(TriangleMesh)}
+            ),
+            level_objects=tuple(
+                LevelObject(**{**entry, "box": _box(entry["box"])})
+                for entry in record["level_objects"]
+            ),
+            digest=str(arrays["digest"]),
+        )
+
+
+def _box(entry: dict[str, list[float]]) -> OrientedBox:
+    return OrientedBox(**{key: (v[0], v[1], v[2]) for key, v in entry.items()})
+
+
+def _light(entry: dict[str, Any]) -> TrafficLightSite:
+    return TrafficLightSite(
+        sign_id=entry["sign_id"],
+        location=tuple(entry["location"]),
+        rotation_deg=tuple(entry["rotation_deg"]),
+        head=tuple(entry["head"]),
+        junction_id=entry["junction_id"],
+        phase=entry["phase"],
+        trigger=tuple(_box(box) for box in entry["trigger"]),
+    )

@@ -1,0 +1,52 @@
+"""The way in: which towns there are, and how one is loaded."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+from carstage_sim.maps.baking import bake
+from carstage_sim.maps.cache import cached_town, default_cache_folder
+from carstage_sim.maps.layout import build_network
+from carstage_sim.maps.opendrive_writer import write_opendrive
+from carstage_sim.maps.plan import PLANS
+from carstage_sim.maps.town import Town
+
+
+class UnknownTownError(LookupError):
+    """No built-in town has the name that was asked for.
+
+    Attributes:
+        name: what was asked for.
+        nearest: the built-in town whose name is most like it.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        ranked = difflib.get_close_matches(name, available_towns(), n=1, cutoff=0.0)
+        self.nearest = ranked[0]
+        super().__init__(f"there is no map {name!r}; did you mean {self.nearest!r}?")
+
+
+def available_towns() -> tuple[str, ...]:
+    """Short names of the built-in towns."""
+    return tuple(PLANS)
+
+
+def load_town(name: str, *, cache_folder: Path | None = None) -> Town:
+    """A built-in town, from the cache or baked now (some seconds).
+
+    Args:
+        name: one of :func:`available_towns`.
+        cache_folder: where baked towns are kept; by default in the user's cache folder.
+
+    Raises:
+        UnknownTownError: if there is no such town.
+        MapSamplingError: if the bake's child process fails.
+    """
+    if name not in PLANS:
+        raise UnknownTownError(name)
+    plan = PLANS[name]
+    opendrive = write_opendrive(build_network(plan))
+    folder = cache_folder or default_cache_folder()
+    return cached_town(name, opendrive, lambda: bake(plan), folder)

@@ -54,6 +54,7 @@ class VehicleParameters:
         front_axle_x_m, rear_axle_x_m: axle positions in the vehicle's frame; rear is negative.
         track_m: distance between the left and right wheels.
         mass_kg: kerb weight.
+        box_center_x_m, half_length_m, half_width_m: footprint for contacts, in the vehicle's frame.
         max_acceleration: m/s^2 at full throttle and low speed.
         power_per_mass: W/kg at the wheels; bounds the acceleration at speed v to ``power / v``.
         max_deceleration: m/s^2 at full brake.
@@ -67,6 +68,9 @@ class VehicleParameters:
     rear_axle_x_m: float
     track_m: float
     mass_kg: float
+    box_center_x_m: float
+    half_length_m: float
+    half_width_m: float
     max_acceleration: float = 4.5
     power_per_mass: float = 75.0
     max_deceleration: float = 9.0

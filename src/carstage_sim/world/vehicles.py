@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.world import vehicle_dynamics as dynamics
+from carstage_sim.world.contacts import find_contacts, resolve_contacts
 from carstage_sim.world.vehicle_parameters import VehicleParameters
 
 FloatArray = NDArray[np.float64]
@@ -63,6 +64,9 @@ class _Rows:
     max_lateral_acceleration: FloatArray
     max_reverse_speed: FloatArray
     drag_per_mass: FloatArray
+    inverse_mass: FloatArray
+    box_center_x: FloatArray
+    half_size: FloatArray
     steering_curve: FloatArray
 
 
@@ -84,6 +88,7 @@ def _empty_rows() -> _Rows:
         dtype = np.bool_ if field.name in flags else np.float64
         columns[field.name] = np.zeros(shape, dtype=dtype)
     columns["ids"] = np.zeros(0, dtype=np.uint32)
+    columns["half_size"] = np.zeros((0, 2))
     columns["control"] = np.zeros((0, 3), dtype=np.float32)
     columns["steering_curve"] = np.zeros((0, dynamics.CURVE_POINTS))
     return _Rows(**columns)  # type: ignore[arg-type]
@@ -103,6 +108,9 @@ def _parameter_values(parameters: VehicleParameters) -> dict[str, ArrayLike]:
         "drag_per_mass": parameters.drag_coefficient
         * dynamics.FRONTAL_AREA_TIMES_HALF_RHO
         / parameters.mass_kg,
+        "inverse_mass": 1.0 / parameters.mass_kg,
+        "box_center_x": parameters.box_center_x_m,
+        "half_size": (parameters.half_length_m, parameters.half_width_m),
         "steering_curve": dynamics.sample_steering_curve(parameters.steering_curve),
     }
 
@@ -321,6 +329,7 @@ class VehicleFleet:
             return
         for _ in range(substeps):
             self._substep(delta_s / substeps)
+        self._part()
         self._account(delta_s)
 
     def _substep(self, dt_s: float) -> None:
@@ -373,6 +382,17 @@ class VehicleFleet:
         yaw_deg = (np.degrees(yaw_rad) + 180.0) % 360.0 - 180.0
         rows.rotation_deg[:, 1] = np.where(moved, yaw_deg, rows.rotation_deg[:, 1])
         self._follow_ground(dt_s)
+
+    def _part(self) -> None:
+        """Keeps vehicles out of each other."""
+        rows = self._rows
+        yaw_rad = np.radians(rows.rotation_deg[:, 1])
+        center = rows.location.copy()
+        center[:, 0] += rows.box_center_x * np.cos(yaw_rad)
+        center[:, 1] += rows.box_center_x * np.sin(yaw_rad)
+        contacts = find_contacts(center, rows.half_size, yaw_rad)
+        inverse_mass = np.where(rows.simulated, rows.inverse_mass, 0.0)
+        resolve_contacts(contacts, rows.location, rows.speed, yaw_rad, inverse_mass)
 
     def _follow_ground(self, dt_s: float) -> None:
         """Height, pitch and roll from the ground under the wheels; free fall above it."""

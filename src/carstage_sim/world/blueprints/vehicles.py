@@ -170,6 +170,9 @@ def _parameters(row: _Row) -> VehicleParameters:
         rear_axle_x_m=rear,
         track_m=track_m,
         mass_kg=row.mass_kg,
+        box_center_x_m=row.center[0],
+        half_length_m=row.extent[0],
+        half_width_m=row.extent[1],
     )
     if row.base_type == _TRUCK and row.name != "tesla.cybertruck":
         return replace(base, max_acceleration=3.0, power_per_mass=30.0, max_deceleration=8.0)

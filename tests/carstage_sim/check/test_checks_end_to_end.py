@@ -1,0 +1,26 @@
+"""Short forms of the acceptance checks, with the real client and a real server each."""
+
+from __future__ import annotations
+
+import pytest
+
+from carstage_sim.check.determinism import check_determinism
+from carstage_sim.check.traffic import check_traffic
+from carstage_sim.check.walkers import check_walkers
+
+pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("embedded_server")]
+
+
+def test_twenty_vehicles_flow_for_twenty_seconds() -> None:
+    verdict = check_traffic(vehicles=20, seconds=20.0, seed=11)
+    assert verdict.ok, verdict.text()
+
+
+def test_a_second_try_gives_the_same_frames() -> None:
+    verdict = check_determinism(ticks=100, vehicles=20, walkers=5, seed=11)
+    assert verdict.ok, verdict.text()
+
+
+def test_pedestrians_keep_to_where_they_may_walk() -> None:
+    verdict = check_walkers(walkers=8, seconds=20.0, seed=11)
+    assert verdict.ok, verdict.text()

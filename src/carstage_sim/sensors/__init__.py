@@ -2,3 +2,8 @@
 
 Sensors that share a pose and intrinsics share one cast.
 """
+
+from carstage_sim.sensors.attributes import SensorAttributeError
+from carstage_sim.sensors.suite import SensorSuite
+
+__all__ = ["SensorAttributeError", "SensorSuite"]

@@ -1,0 +1,280 @@
+"""The ray caster: nearest hit and any hit in a two-level hierarchy, and the batch kernel."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.render.jit import device, kernel
+from carstage_sim.render.simd import LANES, box_hits, lowest_bit, triangle_hits
+
+STATIC = -1
+"""Instance row of hits on static geometry."""
+NOTHING = -2
+"""Instance row of rays that met nothing."""
+
+_STACK = 512
+
+
+class Geometry(NamedTuple):
+    """Hierarchies over triangles, one behind the other in shared arrays.
+
+    Attributes:
+        planes: ``(N, 6, 8)`` float32 child boxes.
+        children: ``(N, 8)`` int32: node, or ``-1 - block``.
+        corners: ``(B, 9, 8)`` float32 triangle corners of each leaf block.
+        numbers: ``(B, 8)`` int32 triangle numbers.
+    """
+
+    planes: NDArray[np.float32]
+    children: NDArray[np.int32]
+    corners: NDArray[np.float32]
+    numbers: NDArray[np.int32]
+
+
+class Scene(NamedTuple):
+    """All that a ray can meet in one frame.
+
+    Attributes:
+        static: the town, in world coordinates, root at node 0.
+        actors: the actors' meshes, each in its own frame.
+        top_planes: ``(K, 6, 8)`` float32 hierarchy over the instances' world boxes; K may be 0.
+        top_children: ``(K, 8)`` int32: node, or ``-1 - place``.
+        top_row: ``(I,)`` int32 instance row of each place.
+        rotation: ``(I, 3, 3)`` float32 world_from_actor of each row.
+        position: ``(I, 3)`` float32 world metres of each row.
+        root: ``(I,)`` int32 root node of each row's mesh in ``actors``.
+    """
+
+    static: Geometry
+    actors: Geometry
+    top_planes: NDArray[np.float32]
+    top_children: NDArray[np.int32]
+    top_row: NDArray[np.int32]
+    rotation: NDArray[np.float32]
+    position: NDArray[np.float32]
+    root: NDArray[np.int32]
+
+
+@device
+def _inverse(d):  # type: ignore[no-untyped-def]
+    """Reciprocal of a direction's component, finite: no ray is parallel to a plane."""
+    if abs(d) < np.float32(1e-12):
+        return np.float32(1e12) if d >= 0 else np.float32(-1e12)
+    return np.float32(1) / d
+
+
+@device
+def _walk(geometry, node, o, d, low, high, number, u, v, any_hit, stack, depth, entries, tests):  # type: ignore[no-untyped-def]
+    """Nearest triangle of one hierarchy in ``[low, high]``; of equals the lowest number.
+
+    ``number`` is the best hit's so far in this hierarchy, or -1: then a hit at ``high`` is refused
+    (an earlier hierarchy owns it) unless ``high`` is still open. ``stack[depth:]`` is free.
+    """
+    ix, iy, iz = _inverse(d[0]), _inverse(d[1]), _inverse(d[2])
+    near_x = 0 if ix >= 0 else 3
+    near_y = 0 if iy >= 0 else 3
+    near_z = 0 if iz >= 0 else 3
+    ax, ay, az = abs(d[0]), abs(d[1]), abs(d[2])
+    if ax >= ay and ax >= az:
+        kx, ky, kz = 1, 2, 0
+        dx, dy, dz, px, py, pz = d[1], d[2], d[0], o[1], o[2], o[0]
+    elif ay >= az:
+        kx, ky, kz = 2, 0, 1
+        dx, dy, dz, px, py, pz = d[2], d[0], d[1], o[2], o[0], o[1]
+    else:
+        kx, ky, kz = 0, 1, 2
+        dx, dy, dz, px, py, pz = d[0], d[1], d[2], o[0], o[1], o[2]
+    sz = np.float32(1) / dz
+    sx, sy = dx * sz, dy * sz
+    owned = high
+    base = depth
+    stack[depth] = node
+    entries[depth] = low
+    depth += 1
+    while depth > base:
+        depth -= 1
+        if entries[depth] > high:
+            continue
+        node = stack[depth]
+        if node < 0:
+            block = -1 - node
+            bits = triangle_hits(
+                geometry.corners, block, kx, ky, kz, px, py, pz, sx, sy, sz, low, high, tests
+            )
+            while bits:
+                lane = lowest_bit(bits)
+                bits &= bits - 1
+                t = tests[lane]
+                index = geometry.numbers[block, lane]
+                if t < high or (t == high and (index < number if number >= 0 else t < owned)):
+                    high, number = t, index
+                    u, v = tests[LANES + lane], tests[2 * LANES + lane]
+                    if any_hit:
+                        return high, number, u, v
+            continue
+        bits = box_hits(
+            geometry.planes, node, near_x, near_y, near_z,
+            o[0], o[1], o[2], ix, iy, iz, low, high, tests,
+        )  # fmt: skip
+        first = depth
+        while bits:
+            lane = lowest_bit(bits)
+            bits &= bits - 1
+            t = tests[lane]
+            child = geometry.children[node, lane]
+            # Nearest child on top of the stack.
+            place = depth
+            while place > first and entries[place - 1] < t:
+                entries[place] = entries[place - 1]
+                stack[place] = stack[place - 1]
+                place -= 1
+            entries[place] = t
+            stack[place] = child
+            depth += 1
+    return high, number, u, v
+
+
+@device
+def trace(scene, o, d, low, high, skip, any_hit, stack, entries, tests):  # type: ignore[no-untyped-def]
+    """What a ray meets first: parameter, instance row, triangle, weights of corners 0 and 1.
+
+    Args:
+        scene: what can be met.
+        o: origin, three float32.
+        d: direction, three float32, not all zero; the parameter counts in its length.
+        low, high: interval of the parameter.
+        skip: instance row that is not met, or a negative number.
+        any_hit: end at the first triangle found, whichever.
+        stack: ``(512,)`` int32 scratch.
+        entries: ``(512,)`` float32 scratch.
+        tests: ``(24,)`` float32 scratch.
+
+    Returns:
+        ``(t, row, triangle, u, v)``; row is ``STATIC`` or ``NOTHING`` where no instance was met.
+        Of hits at the same parameter the static one wins, then the lowest row, then the lowest
+        triangle number.
+    """
+    row, triangle = NOTHING, -1
+    u, v = np.float32(0), np.float32(0)
+    if scene.static.planes.shape[0]:
+        high, triangle, u, v = _walk(
+            scene.static, 0, o, d, low, high, -1, u, v, any_hit, stack, 0, entries, tests
+        )
+        if triangle >= 0:
+            row = STATIC
+            if any_hit:
+                return high, row, triangle, u, v
+    if not scene.top_planes.shape[0]:
+        return high, row, triangle, u, v
+    ix, iy, iz = _inverse(d[0]), _inverse(d[1]), _inverse(d[2])
+    near_x = 0 if ix >= 0 else 3
+    near_y = 0 if iy >= 0 else 3
+    near_z = 0 if iz >= 0 else 3
+    stack[0] = 0
+    entries[0] = low
+    depth = 1
+    while depth:
+        depth -= 1
+        if entries[depth] > high:
+            continue
+        node = stack[depth]
+        if node < 0:
+            other = scene.top_row[-1 - node]
+            if other == skip:
+                continue
+            r = scene.rotation[other]
+            x = o[0] - scene.position[other, 0]
+            y = o[1] - scene.position[other, 1]
+            z = o[2] - scene.position[other, 2]
+            local_o = (
+                r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
+                r[0, 1] * x + r[1, 1] * y + r[2, 1] * z,
+                r[0, 2] * x + r[1, 2] * y + r[2, 2] * z,
+            )
+            local_d = (
+                r[0, 0] * d[0] + r[1, 0] * d[1] + r[2, 0] * d[2],
+                r[0, 1] * d[0] + r[1, 1] * d[1] + r[2, 1] * d[2],
+                r[0, 2] * d[0] + r[1, 2] * d[1] + r[2, 2] * d[2],
+            )
+            t, index, a, b = _walk(
+                scene.actors, scene.root[other], local_o, local_d, low, high, -1, u, v, any_hit,
+                stack, depth, entries, tests,
+            )  # fmt: skip
+            if index >= 0:
+                high, row, triangle, u, v = t, other, index, a, b
+                if any_hit:
+                    return high, row, triangle, u, v
+            continue
+        bits = box_hits(
+            scene.top_planes, node, near_x, near_y, near_z,
+            o[0], o[1], o[2], ix, iy, iz, low, high, tests,
+        )  # fmt: skip
+        first = depth
+        while bits:
+            lane = lowest_bit(bits)
+            bits &= bits - 1
+            t = tests[lane]
+            child = scene.top_children[node, lane]
+            place = depth
+            while place > first and entries[place - 1] < t:
+                entries[place] = entries[place - 1]
+                stack[place] = stack[place - 1]
+                place -= 1
+            entries[place] = t
+            stack[place] = child
+            depth += 1
+    return high, row, triangle, u, v
+
+
+@kernel
+def cast_rays(scene, origin, directions, low, high, skip, first, last, t, row, triangle, weights):  # type: ignore[no-untyped-def]
+    """Nearest hits of the rays ``first`` to ``last`` from one origin; writes into the last four.
+
+    Args:
+        scene: a :class:`Scene`.
+        origin: ``(3,)`` float32.
+        directions: ``(N, 3)`` float32, any length.
+        low, high: float32 interval of the ray parameter.
+        skip: instance row that is not met, or a negative number.
+        first, last: half-open range of rays.
+        t: ``(N,)`` float32 parameter; ``high`` where nothing is met.
+        row: ``(N,)`` int32 instance row, ``STATIC`` or ``NOTHING``.
+        triangle: ``(N,)`` int32 triangle number, -1 where nothing is met.
+        weights: ``(N, 2)`` float32 barycentric weights of the first and second corner.
+    """
+    stack = np.empty(_STACK, np.int32)
+    entries = np.empty(_STACK, np.float32)
+    tests = np.empty(3 * LANES, np.float32)
+    o = (origin[0], origin[1], origin[2])
+    for i in range(first, last):
+        d = (directions[i, 0], directions[i, 1], directions[i, 2])
+        hit = trace(scene, o, d, low, high, skip, False, stack, entries, tests)
+        t[i], row[i], triangle[i] = hit[0], hit[1], hit[2]
+        weights[i, 0], weights[i, 1] = hit[3], hit[4]
+
+
+def empty_geometry() -> Geometry:
+    """A geometry without triangles."""
+    return Geometry(
+        np.empty((0, 6, LANES), np.float32),
+        np.empty((0, LANES), np.int32),
+        np.empty((0, 9, LANES), np.float32),
+        np.empty((0, LANES), np.int32),
+    )
+
+
+def scene_of(static: Geometry, **instances: Any) -> Scene:
+    """A scene of static geometry alone, or with the given fields of :class:`Scene`."""
+    fields: dict[str, Any] = {
+        "actors": empty_geometry(),
+        "top_planes": np.empty((0, 6, LANES), np.float32),
+        "top_children": np.empty((0, LANES), np.int32),
+        "top_row": np.empty(0, np.int32),
+        "rotation": np.empty((0, 3, 3), np.float32),
+        "position": np.empty((0, 3), np.float32),
+        "root": np.empty(0, np.int32),
+    }
+    return Scene(static=static, **(fields | instances))

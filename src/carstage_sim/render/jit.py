@@ -1,0 +1,61 @@
+"""How kernels are compiled, and where their machine code is kept between runs.
+
+Every kernel runs without the interpreter lock and without a threading layer of numba's own: the
+renderer hands bands of rays to its own few threads, so no kernel may be ``parallel=True``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding as llvm  # type: ignore[import-untyped]
+import numba
+from platformdirs import user_cache_path
+
+CACHE_VARIABLE = "CARSTAGE_CACHE_DIR"
+"""Environment variable that moves every cache of Car-STAGE to another folder."""
+
+
+def cache_folder() -> Path:
+    """Folder for what can be computed again: machine code, acceleration structures."""
+    override = os.environ.get(CACHE_VARIABLE)
+    return Path(override) if override else user_cache_path("carstage", appauthor=False)
+
+
+def kernel_cache_key() -> str:
+    """Hash over this package's sources, numba's version and the CPU.
+
+    numba looks only at the file of the outermost function when it decides whether cached code is
+    stale; an edited callee in another file would go unnoticed without this key.
+    """
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.name.encode())
+        digest.update(source.read_bytes())
+    cpu = f"{llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
+    digest.update(f"{numba.__version__} {cpu}".encode())
+    return digest.hexdigest()[:16]
+
+
+def use_kernel_cache() -> Path:
+    """Point numba's cache at a folder of this exact renderer; called before kernels are defined."""
+    folder = cache_folder() / "kernels" / kernel_cache_key()
+    os.environ["NUMBA_CACHE_DIR"] = str(folder)
+    numba.config.reload_config()  # type: ignore[no-untyped-call]
+    return folder
+
+
+use_kernel_cache()
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+kernel: Decorator = partial(numba.njit, nogil=True, error_model="numpy", cache=True)
+"""Decorator of kernels that Python calls."""
+
+device: Decorator = partial(numba.njit, nogil=True, error_model="numpy")
+"""Decorator of functions that only kernels call; compiled into each kernel that uses them."""

@@ -1,0 +1,89 @@
+"""Colour pictures from a camera's hits: shading, edges sampled again, 8-bit sRGB."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.render.bvh import build_tree
+from carstage_sim.render.caster import Hits, RayCaster
+from carstage_sim.render.materials import material_table
+from carstage_sim.render.scene import Frame, SceneStore
+from carstage_sim.render.shading import shade_rays
+from carstage_sim.render.sky import Lighting, SkyModel
+from carstage_sim.world.state import Weather
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A camera's hits and what is needed to send more rays through its pixels.
+
+    Attributes:
+        width, height: pixels.
+        fov_deg: horizontal field of view.
+        rotation: ``(3, 3)`` world_from_camera.
+        hits: of the pixel centres, row by row.
+        skip_row: instance row that rays pass through, -1 for none.
+        low, high: interval of depths.
+    """
+
+    width: int
+    height: int
+    fov_deg: float
+    rotation: NDArray[np.float64]
+    hits: Hits
+    skip_row: int
+    low: float
+    high: float
+
+
+def _srgb_codes() -> NDArray[np.uint8]:
+    """8-bit sRGB code of linear values in steps of 1/8191."""
+    linear = np.arange(8192) / 8191.0
+    curve = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return np.rint(curve * 255.0).astype(np.uint8)
+
+
+class PictureMaker:
+    """Paints pictures.
+
+    Args:
+        caster: runs the kernels.
+    """
+
+    def __init__(self, caster: RayCaster) -> None:
+        self._caster = caster
+        self._materials = material_table()
+        self._codes = _srgb_codes()
+        self.sky = SkyModel()
+
+    def warm_up(self, store: SceneStore) -> None:
+        """Compile, or load, the kernels of building, casting and shading."""
+        build_tree(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), 1)
+        frame = store.frame([])
+        rays = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], np.float32)
+        hits = self._caster.cast(frame.scene, np.zeros(3), rays, low=0.1, high=1000.0)
+        self._shade(frame, hits, -1, self.sky.lighting(Weather(), 0.0))
+
+    def _shade(
+        self, frame: Frame, hits: Hits, skip_row: int, light: Lighting
+    ) -> NDArray[np.float32]:
+        colours = np.empty((len(hits.t), 3), np.float32)
+
+        def work(first: int, last: int) -> None:
+            shade_rays(
+                frame.scene, frame.static, frame.actors, frame.colour, frame.light_state,
+                self._materials, light, hits.origin, hits.directions, skip_row, first, last,
+                hits.t, hits.row, hits.triangle, hits.weights, colours,
+            )  # fmt: skip
+
+        self._caster.in_bands(len(colours), work)
+        return colours
+
+    def paint(self, frame: Frame, picture: Picture, light: Lighting) -> NDArray[np.uint8]:
+        """``(H, W, 3)`` uint8 sRGB picture."""
+        colours = self._shade(frame, picture.hits, picture.skip_row, light)
+        codes = self._codes[(colours * np.float32(8191.0) + np.float32(0.5)).astype(np.int32)]
+        return codes.reshape(picture.height, picture.width, 3)

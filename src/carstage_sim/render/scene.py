@@ -1,0 +1,295 @@
+"""The scene store: the town's geometry, one geometry per actor model, instances of each frame."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import logging
+import os
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.mesh import TriangleMesh
+from carstage_sim.render.bvh import WideTree, build_tree, triangle_blocks
+from carstage_sim.render.cast import Geometry, Scene, empty_geometry
+from carstage_sim.render.jit import cache_folder
+from carstage_sim.render.simd import LANES
+
+_log = logging.getLogger(__name__)
+
+
+class Surfaces(NamedTuple):
+    """What triangles look like and mean; row = triangle number of a :class:`Geometry`.
+
+    Attributes:
+        normals: ``(T, 3, 3)`` float32 unit normals per corner.
+        material: ``(T,)`` uint8 values of :class:`carstage_sim.mesh.Material`.
+        tag: ``(T,)`` uint8 values of :class:`carstage_sim.labels.CityObjectLabel`.
+        object_id: ``(T,)`` uint32 level object + 1, 0 for none.
+    """
+
+    normals: NDArray[np.float32]
+    material: NDArray[np.uint8]
+    tag: NDArray[np.uint8]
+    object_id: NDArray[np.uint32]
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """One actor that can be seen in a frame.
+
+    Attributes:
+        actor_id: the actor's id.
+        model: key of its mesh.
+        location: world metres.
+        rotation: ``(3, 3)`` world_from_actor.
+        colour: sRGB paint colour, 0-255 each.
+        light_state: the actor's light bits as in ``WorldState``.
+    """
+
+    actor_id: int
+    model: str
+    location: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    colour: tuple[int, int, int] = (0, 0, 0)
+    light_state: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """The scene of one tick, with the look-up tables that belong to its hits.
+
+    Attributes:
+        scene: what rays meet.
+        static, actors: surfaces of the two geometries.
+        actor_id: ``(I,)`` uint32 per instance row.
+        colour: ``(I, 3)`` float32 linear paint colour per instance row.
+        light_state: ``(I,)`` uint32 per instance row.
+        bounds: ``(I, 2, 3)`` float32 box of each row's mesh in the actor's frame.
+    """
+
+    scene: Scene
+    static: Surfaces
+    actors: Surfaces
+    actor_id: NDArray[np.uint32]
+    colour: NDArray[np.float32]
+    light_state: NDArray[np.uint32]
+    bounds: NDArray[np.float32]
+
+    def row_around(self, actor_id: int, point: NDArray[np.float64]) -> int:
+        """Row of ``actor_id`` if the world ``point`` lies in its mesh's box, else -1.
+
+        A sensor inside the body that carries it must not see the body from within.
+        """
+        (rows,) = np.nonzero(self.actor_id == actor_id)
+        for row in rows:
+            offset = np.asarray(point, np.float32) - self.scene.position[row]
+            local = offset @ self.scene.rotation[row]
+            if np.all(local >= self.bounds[row, 0]) and np.all(local <= self.bounds[row, 1]):
+                return int(row)
+        return -1
+
+
+@dataclass(frozen=True, slots=True)
+class _Model:
+    geometry: Geometry
+    surfaces: Surfaces
+    bounds: NDArray[np.float32]
+
+
+def _corners(mesh: TriangleMesh) -> NDArray[np.float32]:
+    corners: NDArray[np.float32] = mesh.vertices[mesh.triangles]
+    return corners
+
+
+def _surfaces(mesh: TriangleMesh) -> Surfaces:
+    # Kernels are compiled for writable arrays; a mesh from a mapped file has none.
+    return Surfaces(
+        np.require(mesh.normals, np.float32, ["C", "W"]),
+        np.require(mesh.material, np.uint8, ["C", "W"]),
+        np.require(mesh.tag, np.uint8, ["C", "W"]),
+        np.require(mesh.object_id, np.uint32, ["C", "W"]),
+    )
+
+
+def _model(mesh: TriangleMesh, tree: WideTree | None = None) -> _Model:
+    corners = _corners(mesh)
+    if tree is None:
+        tree = build_tree(corners.min(axis=1), corners.max(axis=1), LANES)
+    blocks, numbers = triangle_blocks(tree, corners)
+    return _Model(
+        Geometry(tree.planes, tree.children, blocks, numbers),
+        _surfaces(mesh),
+        mesh.bounds,
+    )
+
+
+def cached_tree(mesh: TriangleMesh, folder: Path) -> WideTree:
+    """The hierarchy over a mesh's triangles, from ``folder`` when its content was seen before.
+
+    The file's name is a hash of the geometry; it is written under another name and renamed, so a
+    reader never meets half a file. A file that cannot be read is built again.
+    """
+    corners = np.ascontiguousarray(_corners(mesh))
+    source = Path(__file__).with_name("bvh.py").read_bytes()
+    digest = hashlib.sha256(corners.tobytes() + source).hexdigest()[:24]
+    path = folder / f"{digest}.npz"
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return WideTree(*(stored[name] for name in WideTree.__dataclass_fields__))
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        _log.warning("acceleration structure %s is unreadable, building it again: %s", path, error)
+    tree = build_tree(corners.min(axis=1), corners.max(axis=1), LANES)
+    arrays = {name: getattr(tree, name) for name in WideTree.__dataclass_fields__}
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    draft = path.with_name(f"{path.name}.{os.getpid()}")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        draft.write_bytes(buffer.getbuffer())
+        draft.replace(path)
+    except OSError as error:
+        _log.warning("acceleration structure not kept in %s: %s", folder, error)
+    return tree
+
+
+def _joined(models: Sequence[_Model]) -> tuple[Geometry, Surfaces, list[int]]:
+    """Models one behind the other in shared arrays, and the root node of each."""
+    planes, children, corners, numbers, roots = [], [], [], [], []
+    nodes = blocks = triangles = 0
+    for model in models:
+        g = model.geometry
+        roots.append(nodes)
+        planes.append(g.planes)
+        inner = g.children >= 0
+        children.append(np.where(inner, g.children + nodes, g.children - blocks).astype(np.int32))
+        corners.append(g.corners)
+        numbers.append(np.where(g.numbers >= 0, g.numbers + triangles, -1).astype(np.int32))
+        nodes += len(g.planes)
+        blocks += len(g.corners)
+        triangles += len(model.surfaces.material)
+    geometry = Geometry(
+        np.concatenate(planes),
+        np.concatenate(children),
+        np.concatenate(corners),
+        np.concatenate(numbers),
+    )
+    fields = zip(*(model.surfaces for model in models), strict=True)
+    return geometry, Surfaces(*(np.concatenate(parts) for parts in fields)), roots
+
+
+def _empty_surfaces() -> Surfaces:
+    return Surfaces(
+        np.empty((0, 3, 3), np.float32),
+        np.empty(0, np.uint8),
+        np.empty(0, np.uint8),
+        np.empty(0, np.uint32),
+    )
+
+
+def linear_colour(srgb: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Linear light of 8-bit sRGB values (IEC 61966-2-1), float32 in 0-1."""
+    value = srgb.astype(np.float64) / 255.0
+    linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    return linear.astype(np.float32)
+
+
+class SceneStore:
+    """Keeps geometries between frames and puts instances of them into a scene.
+
+    Args:
+        static: the town's mesh, or None for an empty world.
+        mesh_of: gives the mesh of a model key; called once per key.
+        cache: folder of stored hierarchies; default below the user's cache.
+    """
+
+    def __init__(
+        self,
+        static: TriangleMesh | None,
+        mesh_of: Callable[[str], TriangleMesh],
+        *,
+        cache: Path | None = None,
+    ) -> None:
+        self._mesh_of = mesh_of
+        self._models: list[_Model] = []
+        self._index: dict[str, int] = {}
+        self._roots: list[int] = []
+        self._actors: tuple[Geometry, Surfaces] = (empty_geometry(), _empty_surfaces())
+        if static is None or not len(static.triangles):
+            self._static, self._static_surfaces = empty_geometry(), _empty_surfaces()
+        else:
+            folder = cache if cache is not None else cache_folder() / "trees"
+            model = _model(static, cached_tree(static, folder))
+            self._static, self._static_surfaces = model.geometry, model.surfaces
+
+    def _prepare(self, keys: Sequence[str]) -> None:
+        missing = [key for key in dict.fromkeys(keys) if key not in self._index]
+        for key in missing:
+            self._index[key] = len(self._models)
+            self._models.append(_model(self._mesh_of(key)))
+        if missing:
+            geometry, surfaces, self._roots = _joined(self._models)
+            self._actors = (geometry, surfaces)
+
+    def frame(self, placements: Sequence[Placement]) -> Frame:
+        """The scene with ``placements`` in it; instance row = place in the sequence."""
+        self._prepare([p.model for p in placements])
+        count = len(placements)
+        index = [self._index[p.model] for p in placements]
+        rotation = np.empty((count, 3, 3), np.float32)
+        position = np.empty((count, 3), np.float32)
+        bounds = np.empty((count, 2, 3), np.float32)
+        for row, placement in enumerate(placements):
+            rotation[row] = placement.rotation
+            position[row] = placement.location
+            bounds[row] = self._models[index[row]].bounds
+        top = self._top(rotation, position, bounds)
+        colours = np.array([p.colour for p in placements], np.uint8).reshape(count, 3)
+        return Frame(
+            scene=Scene(
+                static=self._static,
+                actors=self._actors[0],
+                top_planes=top.planes,
+                top_children=top.children,
+                top_row=top.order,
+                rotation=rotation,
+                position=position,
+                root=np.array([self._roots[i] for i in index], np.int32),
+            ),
+            static=self._static_surfaces,
+            actors=self._actors[1],
+            actor_id=np.array([p.actor_id for p in placements], np.uint32),
+            colour=linear_colour(colours),
+            light_state=np.array([p.light_state & 0xFFFFFFFF for p in placements], np.uint32),
+            bounds=bounds,
+        )
+
+    @staticmethod
+    def _top(
+        rotation: NDArray[np.float32],
+        position: NDArray[np.float32],
+        bounds: NDArray[np.float32],
+    ) -> WideTree:
+        """Hierarchy over the instances' world boxes, a leaf for each."""
+        if not len(position):
+            return WideTree(
+                np.empty((0, 6, LANES), np.float32),
+                np.empty((0, LANES), np.int32),
+                np.empty(0, np.int32),
+                np.empty(0, np.int32),
+                np.empty(0, np.int32),
+            )
+        centre = (bounds[:, 0] + bounds[:, 1]) / 2
+        half = (bounds[:, 1] - bounds[:, 0]) / 2
+        middle = np.einsum("nij,nj->ni", rotation, centre) + position
+        # A millimetre covers the rounding of rays that are moved into the actor's frame.
+        reach = np.einsum("nij,nj->ni", np.abs(rotation), half) + np.float32(1e-3)
+        return build_tree(middle - reach, middle + reach, 1)

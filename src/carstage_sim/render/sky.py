@@ -1,0 +1,283 @@
+"""Sky, sun and air of a weather: a table of sky radiance and the light that it gives.
+
+Clear sky: single scattering by air (Rayleigh) and haze (Mie, Henyey-Greenstein) along each view
+ray of a spherical atmosphere, after Nishita et al. (SIGGRAPH 1993), with a constant share for
+light scattered more than once. The picture's only table: cameras, reflections and the ambient light
+all read it. Radiance is in units in which sunlight above the air has irradiance 20.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.world.state import Weather
+
+Array = NDArray[np.float64]
+
+ROWS, COLUMNS = 192, 1024
+"""Size of the sky table: rows from the horizon to the zenith, columns around, yaw 0 first."""
+
+_SUN_IRRADIANCE = 20.0
+_PLANET_M = 6_360_000.0
+_AIR_TOP_M = 60_000.0
+_RAYLEIGH_PER_M = np.array([5.8e-6, 13.5e-6, 33.1e-6])
+_MIE_PER_M = 12e-6
+_RAYLEIGH_SCALE_M, _MIE_SCALE_M = 8_000.0, 1_200.0
+_MIE_ASYMMETRY = 0.76
+_NIGHT_SKY = np.array([0.0035, 0.005, 0.009])
+
+
+class Lighting(NamedTuple):
+    """What shading needs to know of the weather, in world axes.
+
+    Attributes:
+        sun_direction: ``(3,)`` float32 unit vector towards the sun (at night: the moon).
+        sun: ``(3,)`` float32 irradiance of a surface that faces it.
+        sky: ``(ROWS, COLUMNS, 3)`` float32 radiance; row = ROWS * sqrt(elevation / 90 deg).
+        ambient: ``(3, 3)`` float32 irradiance of surfaces that face up, sideways and down.
+        fog: ``(3,)`` float32 radiance of the fog.
+        air: ``(8,)`` float32: fog extinction per metre, distance at which fog begins (m), its
+            decrease with height per metre, wetness 0-1, puddles 0-1, night 0-1 (lamps are on),
+            exposure, time in seconds.
+    """
+
+    sun_direction: NDArray[np.float32]
+    sun: NDArray[np.float32]
+    sky: NDArray[np.float32]
+    ambient: NDArray[np.float32]
+    fog: NDArray[np.float32]
+    air: NDArray[np.float32]
+
+
+def _path(cosine: Array, height: float | Array, top_m: float) -> Array:
+    """Length of a ray from ``height`` (m) to the top of the air at a zenith angle's cosine."""
+    radius = _PLANET_M + height
+    length: Array = -radius * cosine + np.sqrt(
+        radius**2 * (cosine**2 - 1.0) + (_PLANET_M + top_m) ** 2
+    )
+    return length
+
+
+def _sun_depth(height: Array, cosine: Array) -> tuple[Array, Array]:
+    """Optical lengths (m of sea-level air) towards the sun: Rayleigh, Mie; huge below ground."""
+    length = _path(cosine, height, _AIR_TOP_M)
+    radius = _PLANET_M + height
+    rayleigh = np.zeros_like(length)
+    mie = np.zeros_like(length)
+    lowest = np.full_like(length, np.inf)
+    steps = 12
+    for k in range(steps):
+        # Denser near the start, where the air is.
+        begin, end = (k / steps) ** 2, ((k + 1) / steps) ** 2
+        s = length * (begin + end) / 2
+        h = np.sqrt(radius**2 + s**2 + 2 * radius * s * cosine) - _PLANET_M
+        lowest = np.minimum(lowest, h)
+        rayleigh += np.exp(-np.maximum(h, 0) / _RAYLEIGH_SCALE_M) * length * (end - begin)
+        mie += np.exp(-np.maximum(h, 0) / _MIE_SCALE_M) * length * (end - begin)
+    blocked = np.where(lowest < -2000.0, 1e9, 0.0)
+    return rayleigh + blocked, mie + blocked
+
+
+def _sunlight(altitude_rad: float, haze: float) -> Array:
+    """Irradiance of a surface that faces the sun, at the ground."""
+    cosine = np.array([np.sin(altitude_rad)])
+    rayleigh, mie = _sun_depth(np.array([2.0]), cosine)
+    depth = _RAYLEIGH_PER_M * rayleigh + _MIE_PER_M * haze * mie
+    light: Array = _SUN_IRRADIANCE * np.exp(-depth)
+    return light
+
+
+def _clear_sky(altitude_rad: float, haze: float, rows: int, columns: int) -> Array:
+    """``(rows, columns, 3)`` radiance over elevation and azimuth 0..pi from the sun's."""
+    elevation = _elevations(rows)[:, None] + 1e-3
+    turn = np.linspace(0.0, np.pi, columns)[None, :]
+    up = np.sin(elevation) + 0 * turn
+    sun = np.array([np.cos(altitude_rad), 0.0, np.sin(altitude_rad)])
+    towards_sun = np.cos(elevation) * np.cos(turn) * sun[0] + up * sun[2]
+    length = _path(up, 2.0, _AIR_TOP_M)
+    radiance = np.zeros((rows, columns, 3))
+    rayleigh_depth = np.zeros((rows, columns))
+    mie_depth = np.zeros((rows, columns))
+    steps = 20
+    for k in range(steps):
+        begin, end = (k / steps) ** 2, ((k + 1) / steps) ** 2
+        s, ds = length * (begin + end) / 2, length * (end - begin)
+        radius = np.sqrt(_PLANET_M**2 + s**2 + 2 * _PLANET_M * s * up)
+        h = np.maximum(radius - _PLANET_M, 0.0)
+        rayleigh = np.exp(-h / _RAYLEIGH_SCALE_M) * ds
+        mie = np.exp(-h / _MIE_SCALE_M) * ds
+        cosine = (_PLANET_M * sun[2] + s * towards_sun) / radius
+        sun_rayleigh, sun_mie = _sun_depth(h, cosine)
+        depth = (
+            _RAYLEIGH_PER_M * (rayleigh_depth + rayleigh / 2 + sun_rayleigh)[..., None]
+            + 1.1 * _MIE_PER_M * haze * (mie_depth + mie / 2 + sun_mie)[..., None]
+        )
+        arriving = np.exp(-depth)
+        phase_rayleigh = 3 / (16 * np.pi) * (1 + towards_sun**2)
+        g = _MIE_ASYMMETRY
+        phase_mie = (1 - g * g) / (4 * np.pi * (1 + g * g - 2 * g * towards_sun) ** 1.5)
+        # A quarter of the isotropic share stands for light scattered more than once.
+        several = 0.35 / (4 * np.pi)
+        radiance += arriving * (
+            _RAYLEIGH_PER_M * (rayleigh * (phase_rayleigh + several))[..., None]
+            + _MIE_PER_M * haze * (mie * (phase_mie + several))[..., None]
+        )
+        rayleigh_depth += rayleigh
+        mie_depth += mie
+    return radiance * _SUN_IRRADIANCE
+
+
+def _elevations(rows: int) -> Array:
+    """Elevation (rad) of each row: dense at the horizon."""
+    return (np.arange(rows) / (rows - 1)) ** 2 * (np.pi / 2)
+
+
+def _value_noise(x: Array, y: Array, seed: int) -> Array:
+    """Smooth noise in 0-1 on a lattice of whole numbers."""
+
+    def corner(i: NDArray[np.int64], j: NDArray[np.int64]) -> Array:
+        h = (i * 374761393 + j * 668265263 + seed * 974711) & 0xFFFFFFFF
+        h = ((h ^ (h >> 13)) * 1274126177) & 0xFFFFFFFF
+        mixed: Array = ((h ^ (h >> 16)) & 0xFFFF) / 65535.0
+        return mixed
+
+    i, j = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    u, v = x - i, y - j
+    u, v = u * u * (3 - 2 * u), v * v * (3 - 2 * v)
+    low = corner(i, j) * (1 - u) + corner(i + 1, j) * u
+    high = corner(i, j + 1) * (1 - u) + corner(i + 1, j + 1) * u
+    noise: Array = low * (1 - v) + high * v
+    return noise
+
+
+def _cloud_noise() -> Array:
+    """``(ROWS, COLUMNS)`` fractal noise in about 0-1, as if on a layer high above."""
+    elevation = _elevations(ROWS)[:, None]
+    azimuth = np.arange(COLUMNS)[None, :] * (2 * np.pi / COLUMNS)
+    reach = np.cos(elevation) / (np.sin(elevation) + 0.12) * 1.6
+    x, y = reach * np.cos(azimuth) + 40.0, reach * np.sin(azimuth) + 40.0
+    total = np.zeros((ROWS, COLUMNS))
+    weight, scale = 0.5, 1.0
+    for octave in range(6):
+        total += weight * _value_noise(x * scale + 3.7 * octave, y * scale, octave)
+        weight, scale = weight / 2, scale * 2.03
+    return total
+
+
+class SkyModel:
+    """Makes lighting from weather; keeps the last one, since weather seldom changes."""
+
+    def __init__(self) -> None:
+        self._noise: Array | None = None
+        self._last: tuple[Weather, Lighting] | None = None
+
+    def lighting(self, weather: Weather, time_s: float) -> Lighting:
+        """Light of a weather; ``time_s`` lets blinkers blink."""
+        if self._last is None or self._last[0] != weather:
+            if self._noise is None:
+                self._noise = _cloud_noise()
+            self._last = (weather, _lighting(weather, self._noise))
+        kept = self._last[1]
+        air = kept.air.copy()
+        air[7] = time_s % 3600.0
+        return kept._replace(air=air)
+
+
+def _lighting(weather: Weather, noise: Array) -> Lighting:
+    altitude = np.radians(np.clip(weather.sun_altitude_angle, -90.0, 90.0))
+    azimuth = np.radians(weather.sun_azimuth_angle)
+    cloud = np.clip(weather.cloudiness / 100.0, 0.0, 1.0)
+    haze = 1.0 + 4.0 * np.clip(weather.fog_density / 100.0, 0.0, 1.0) + 1.5 * cloud
+    # CARLA: azimuth 0 puts the sun at -x ... the light travels along the sun's forward vector.
+    sun_direction = np.array(
+        [
+            np.cos(altitude) * np.cos(azimuth),
+            np.cos(altitude) * np.sin(azimuth),
+            np.sin(altitude),
+        ]
+    )
+    sun = _sunlight(altitude, haze) if altitude > np.radians(-1.5) else np.zeros(3)
+    half = _clear_sky(max(altitude, np.radians(-18.0)), haze, 48, 49)
+    sky = _spread(half, azimuth) + _NIGHT_SKY
+    clear_up = _irradiance(sky)[0]
+    night = float(np.clip((np.radians(4.0) - altitude) / np.radians(10.0), 0.0, 1.0))
+    # Clouds: lit by the sun through themselves and by the sky.
+    overcast = cloud**2
+    cover = np.clip((noise - (0.78 - 0.62 * cloud)) / 0.22, 0.0, 1.0) if cloud > 0 else 0 * noise
+    cover = cover * cover * (3 - 2 * cover)
+    cover = np.clip(cover + max(0.0, overcast * 2.4 - 1.4), 0.0, 1.0)
+    bright = (sun * max(np.sin(altitude), 0.03) * 0.75 + clear_up * 0.8) / np.pi
+    bright = bright * (1.0 - 0.55 * overcast)
+    shade = (1.12 - 0.75 * np.clip(noise - 0.3, 0.0, 1.0) * (0.5 + cloud))[..., None]
+    opacity = (cover * min(1.0, 0.35 + 0.9 * cloud))[..., None]
+    sky = sky * (1 - opacity) + opacity * bright * shade
+    dim = (1.0 - 0.97 * overcast * min(1.0, cloud + 0.1)) * (1.0 - 0.25 * cloud)
+    sun = sun * dim
+    if night > 0.5 and sun.max() < 0.02:
+        moon = np.array([0.4, -0.5, 0.75])
+        sun_direction = moon / np.linalg.norm(moon)
+        sun = np.array([0.030, 0.036, 0.048]) * (1.0 - 0.8 * cloud)
+    ambient = _irradiance(sky)
+    ground = (ambient[0] + sun * max(sun_direction[2], 0.0)) * 0.22
+    ambient[1] = ambient[1] * 0.5 + 0.5 * ground
+    ambient[2] = ground
+    density = np.clip(weather.fog_density / 100.0, 0.0, 1.0)
+    dust = np.clip(weather.dust_storm / 100.0, 0.0, 1.0)
+    rain = np.clip(weather.precipitation / 100.0, 0.0, 1.0)
+    fog_colour = sky[:24].mean(axis=(0, 1)) + 0.08 * sun * max(np.sin(altitude), 0.0) / np.pi
+    fog_colour = fog_colour * (1 - dust) + dust * fog_colour.mean() * np.array([1.2, 0.95, 0.6])
+    extinction = 0.00025 + 0.035 * density**1.5 + 0.004 * rain + 0.02 * dust
+    wet = np.clip(max(weather.wetness, weather.precipitation) / 100.0, 0.0, 1.0)
+    puddles = np.clip(weather.precipitation_deposits / 100.0, 0.0, 1.0)
+    # A camera adapts, but not fully: nights stay darker than days.
+    level = float((ambient[0] + sun * max(sun_direction[2], 0.15)).mean())
+    exposure = 0.62 * np.pi / (0.22 * (level + 0.004) ** 0.80 * 14.0**0.20)
+    return Lighting(
+        sun_direction.astype(np.float32),
+        sun.astype(np.float32),
+        sky.astype(np.float32),
+        ambient.astype(np.float32),
+        fog_colour.astype(np.float32),
+        np.array(
+            [
+                extinction,
+                max(weather.fog_distance, 0.0),
+                0.0,
+                wet,
+                puddles,
+                night,
+                exposure,
+                0.0,
+            ],
+            np.float32,
+        ),
+    )
+
+
+def _spread(half: Array, sun_azimuth: float) -> Array:
+    """The table of all directions from one over azimuths relative to the sun's."""
+    rows, columns, _ = half.shape
+    azimuth = np.arange(COLUMNS) * (2 * np.pi / COLUMNS) - sun_azimuth
+    folded = np.abs((azimuth + np.pi) % (2 * np.pi) - np.pi)
+    x = folded / np.pi * (columns - 1)
+    i = np.minimum(x.astype(np.int64), columns - 2)
+    fraction = (x - i)[None, :, None]
+    wide = half[:, i] * (1 - fraction) + half[:, i + 1] * fraction
+    y = np.arange(ROWS) / (ROWS - 1) * (rows - 1)
+    j = np.minimum(y.astype(np.int64), rows - 2)
+    fraction = (y - j)[:, None, None]
+    table: Array = wide[j] * (1 - fraction) + wide[j + 1] * fraction
+    return table
+
+
+def _irradiance(sky: Array) -> Array:
+    """``(3, 3)`` irradiance of surfaces that face up, sideways (mean over azimuth), and zero."""
+    elevation = _elevations(ROWS)
+    width = np.gradient(elevation)
+    ring = sky.mean(axis=1)
+    up = 2 * np.pi * (ring * (np.sin(elevation) * np.cos(elevation) * width)[:, None]).sum(axis=0)
+    side = 2 * (ring * (np.cos(elevation) ** 2 * width)[:, None]).sum(axis=0)
+    return np.stack([up, side, np.zeros(3)])

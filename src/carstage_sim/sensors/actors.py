@@ -1,0 +1,85 @@
+"""Which mesh stands for which actor: world state in, placements for the scene store out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from carstage_sim.geometry import rotation_matrix
+from carstage_sim.maps.town import Town
+from carstage_sim.mesh import TriangleMesh
+from carstage_sim.render.scene import Placement
+from carstage_sim.world.state import ActorKind, WorldState
+
+_WALK_PHASES = 8
+_STRIDE_M = 1.35
+"""Way of two steps; the legs swing with the distance walked."""
+_STANDING_M_S = 0.15
+
+
+class ActorModels:
+    """Gives every visible actor a model key, and every model key its mesh.
+
+    Args:
+        town: its n-th traffic light is the state's n-th row of that kind.
+        meshes: replaces the built-in meshes: called with a key.
+    """
+
+    def __init__(self, town: Town, meshes: Callable[[str], TriangleMesh] | None = None) -> None:
+        self._town = town
+        self.mesh = meshes if meshes is not None else self._built_in
+
+    def placements(self, state: WorldState) -> list[Placement]:
+        """The actors of a frame that have a shape, in the state's order."""
+        rotations = rotation_matrix(state.rotation_deg).reshape(-1, 3, 3)
+        found: list[Placement] = []
+        lights = 0
+        for row, kind in enumerate(state.kind.tolist()):
+            if kind == ActorKind.VEHICLE:
+                key = state.type_id[row]
+            elif kind == ActorKind.WALKER:
+                key = f"{state.type_id[row]}#{self._phase(state, row)}"
+            elif kind == ActorKind.TRAFFIC_LIGHT:
+                if lights >= len(self._town.traffic_lights):
+                    continue
+                key = f"traffic_light#{lights}"
+                lights += 1
+            else:
+                continue
+            red, green, blue = state.colour[row].tolist()
+            found.append(
+                Placement(
+                    actor_id=int(state.actor_id[row]),
+                    model=key,
+                    location=state.location[row],
+                    rotation=rotations[row],
+                    colour=(red, green, blue),
+                    light_state=int(state.light_state[row]),
+                )
+            )
+        return found
+
+    @staticmethod
+    def _phase(state: WorldState, row: int) -> int:
+        """Phase of the walk, 0 for standing, else 1 to 8; a function of this frame alone."""
+        speed = float(np.hypot(state.velocity[row, 0], state.velocity[row, 1]))
+        if speed < _STANDING_M_S:
+            return 0
+        turns = state.timestamp_s * speed / _STRIDE_M + int(state.actor_id[row]) * 0.37
+        return 1 + int(turns % 1.0 * _WALK_PHASES) % _WALK_PHASES
+
+    def _built_in(self, key: str) -> TriangleMesh:
+        from carstage_sim.content.pedestrians import pedestrian_mesh
+        from carstage_sim.content.vehicles import vehicle_mesh
+        from carstage_sim.world.blueprints import catalogue
+
+        name, _, number = key.partition("#")
+        if name == "traffic_light":
+            from carstage_sim.content.street_furniture import traffic_light_mesh
+
+            return traffic_light_mesh(self._town.traffic_lights[int(number)].head)
+        blueprint = catalogue()[name]
+        if blueprint.kind == ActorKind.WALKER:
+            return pedestrian_mesh(name, blueprint.box_extent, phase=int(number))
+        return vehicle_mesh(name, blueprint.box_extent, blueprint.box_center)

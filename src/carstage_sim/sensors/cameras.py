@@ -1,0 +1,114 @@
+"""Pinhole cameras: rgb, depth, semantic and instance segmentation, in CARLA's pixel formats."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.maps.town import Town
+from carstage_sim.sensors.attributes import number, require, whole
+from carstage_sim.sensors.frames import ImageFrame, SensorRequest
+from carstage_sim.sensors.sensor import Sensor, SensorRegistry
+from carstage_sim.sensors.view import FAR_M, Camera, View
+from carstage_sim.world.state import WorldState
+
+_DEPTH_STEPS = 2**24 - 1
+_LARGEST_SIDE_PX = 8192
+
+
+def encode_depth(depth_m: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """``(..., 4)`` BGRA bytes of depths in metres: 24 bits over 1000 m, low byte in R.
+
+    CARLA sensor reference, "Depth camera"; depths beyond 1000 m and NaN read as 1000 m.
+    """
+    metres = np.nan_to_num(np.asarray(depth_m, np.float64), nan=FAR_M, posinf=FAR_M)
+    code = np.rint(np.clip(metres / FAR_M, 0.0, 1.0) * _DEPTH_STEPS).astype(np.uint32)
+    pixels = np.empty((*code.shape, 4), np.uint8)
+    pixels[..., 2] = code & 0xFF
+    pixels[..., 1] = (code >> 8) & 0xFF
+    pixels[..., 0] = code >> 16
+    pixels[..., 3] = 255
+    return pixels
+
+
+def encode_tags(tags: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """``(..., 4)`` BGRA bytes of a semantic picture: the tag in R."""
+    pixels = np.zeros((*tags.shape, 4), np.uint8)
+    pixels[..., 2] = tags
+    pixels[..., 3] = 255
+    return pixels
+
+
+def encode_instances(tags: NDArray[np.uint8], ids: NDArray[np.uint16]) -> NDArray[np.uint8]:
+    """``(..., 4)`` BGRA bytes of an instance picture: tag in R, id low byte in G, high in B."""
+    pixels = encode_tags(tags)
+    pixels[..., 1] = ids & 0xFF
+    pixels[..., 0] = ids >> 8
+    return pixels
+
+
+class CameraSensor(Sensor):
+    """What all cameras share: size and field of view from the attributes."""
+
+    def __init__(self, request: SensorRequest, town: Town) -> None:
+        super().__init__(request, town)
+        self.width = whole(request.attributes, "image_size_x", 800)
+        self.height = whole(request.attributes, "image_size_y", 600)
+        self.fov_deg = number(request.attributes, "fov", 90.0)
+        for name, side in (("image_size_x", self.width), ("image_size_y", self.height)):
+            require(1 <= side <= _LARGEST_SIDE_PX, f"{name} is {side}, not 1 to {_LARGEST_SIDE_PX}")
+        require(0.0 < self.fov_deg < 180.0, f"fov is {self.fov_deg}, not between 0 and 180 degrees")
+
+    def camera(self, request: SensorRequest) -> Camera:
+        """The camera of this tick."""
+        return Camera(
+            self.width,
+            self.height,
+            self.fov_deg,
+            request.location,
+            request.rotation_deg,
+            request.owner_id,
+        )
+
+    def image(self, pixels: NDArray[np.uint8]) -> ImageFrame:
+        """A frame from ``(H * W, 4)`` or ``(H, W, 4)`` BGRA pixels."""
+        return ImageFrame(self.fov_deg, pixels.reshape(self.height, self.width, 4))
+
+
+@SensorRegistry.register("sensor.camera.rgb")
+class RgbCamera(CameraSensor):
+    """A colour picture."""
+
+    def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
+        """The picture, alpha 255."""
+        pixels = np.full((self.height, self.width, 4), 255, np.uint8)
+        pixels[..., :3] = view.colours(self.camera(request))[..., ::-1]
+        return self.image(pixels)
+
+
+@SensorRegistry.register("sensor.camera.depth")
+class DepthCamera(CameraSensor):
+    """Distance along the optical axis."""
+
+    def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
+        """The depth, 1000 m where nothing is."""
+        return self.image(encode_depth(view.camera(self.camera(request)).t))
+
+
+@SensorRegistry.register("sensor.camera.semantic_segmentation")
+class SemanticCamera(CameraSensor):
+    """Semantic tag of each pixel."""
+
+    def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
+        """The tags."""
+        return self.image(encode_tags(view.tags(view.camera(self.camera(request)))))
+
+
+@SensorRegistry.register("sensor.camera.instance_segmentation")
+class InstanceCamera(CameraSensor):
+    """Semantic tag and instance id of each pixel."""
+
+    def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
+        """Tags and ids."""
+        hits = view.camera(self.camera(request))
+        return self.image(encode_instances(view.tags(hits), view.instance_ids(hits)))

@@ -1,0 +1,167 @@
+"""The ray-cast LiDAR: CARLA's laser geometry, intensity, drop-off and noise."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.geometry import rotation_matrix
+from carstage_sim.maps.town import Town
+from carstage_sim.render.cast import NOTHING
+from carstage_sim.sensors.attributes import number, require, whole
+from carstage_sim.sensors.frames import LidarFrame, SensorRequest
+from carstage_sim.sensors.sensor import Sensor, SensorRegistry
+from carstage_sim.sensors.view import View
+from carstage_sim.world.state import WorldState
+
+
+def round_half_away(value: float) -> int:
+    """The nearest whole number of a value >= 0, halves upwards, as ``FMath::RoundHalfFromZero``."""
+    return math.floor(value + 0.5)
+
+
+class Sweep(NamedTuple):
+    """The rays of one tick.
+
+    Attributes:
+        per_channel: rays of each laser.
+        azimuth_rad: ``(per_channel,)`` float64, positive to the right.
+        end_angle_deg: angle of the head when the tick ends.
+    """
+
+    per_channel: int
+    azimuth_rad: NDArray[np.float64]
+    end_angle_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class LidarGeometry:
+    """The lasers of a LiDAR (attributes of ``sensor.lidar.ray_cast``)."""
+
+    channels: int
+    points_per_second: float
+    rotation_frequency_hz: float
+    upper_fov_deg: float
+    lower_fov_deg: float
+    horizontal_fov_deg: float
+
+    @property
+    def elevation_rad(self) -> NDArray[np.float64]:
+        """``(channels,)`` elevation of each laser, evenly spaced, top first."""
+        if self.channels == 1:
+            return np.radians([self.upper_fov_deg])
+        step = (self.upper_fov_deg - self.lower_fov_deg) / (self.channels - 1)
+        angles: NDArray[np.float64] = np.radians(
+            self.upper_fov_deg - np.arange(self.channels) * step
+        )
+        return angles
+
+    def sweep(self, start_angle_deg: float, delta_s: float) -> Sweep:
+        """Rays of a tick of ``delta_s`` seconds that begins at ``start_angle_deg``.
+
+        CARLA's ``RayCastLidar.cpp``: as many rays per laser as ``points_per_second`` allows,
+        azimuths in equal steps from the start angle, folded into the field of view.
+        """
+        per_channel = round_half_away(self.points_per_second * delta_s / self.channels)
+        advance = self.rotation_frequency_hz * self.horizontal_fov_deg * delta_s
+        step = advance / per_channel if per_channel else 0.0
+        angles = np.fmod(start_angle_deg + np.arange(per_channel) * step, self.horizontal_fov_deg)
+        return Sweep(
+            per_channel,
+            np.radians(angles - self.horizontal_fov_deg / 2.0),
+            math.fmod(start_angle_deg + advance, self.horizontal_fov_deg),
+        )
+
+
+def laser_directions(
+    elevation_rad: NDArray[np.float64], azimuth_rad: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """``(channels * rays, 3)`` unit directions in the sensor's frame, channel after channel."""
+    up = np.repeat(elevation_rad, len(azimuth_rad))
+    turn = np.tile(azimuth_rad, len(elevation_rad))
+    return np.stack([np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up)], axis=-1)
+
+
+@SensorRegistry.register("sensor.lidar.ray_cast")
+class RayCastLidar(Sensor):
+    """A rotating LiDAR; its head goes on turning between frames."""
+
+    def __init__(self, request: SensorRequest, town: Town) -> None:
+        super().__init__(request, town)
+        a = request.attributes
+        self.geometry = LidarGeometry(
+            channels=whole(a, "channels", 32),
+            points_per_second=number(a, "points_per_second", 56000),
+            rotation_frequency_hz=number(a, "rotation_frequency", 10.0),
+            upper_fov_deg=number(a, "upper_fov", 10.0),
+            lower_fov_deg=number(a, "lower_fov", -30.0),
+            horizontal_fov_deg=number(a, "horizontal_fov", 360.0),
+        )
+        self.range_m = number(a, "range", 10.0)
+        self.attenuation_per_m = number(a, "atmosphere_attenuation_rate", 0.004)
+        self.dropoff_rate = number(a, "dropoff_general_rate", 0.45)
+        self.dropoff_limit = number(a, "dropoff_intensity_limit", 0.8)
+        self.dropoff_at_zero = number(a, "dropoff_zero_intensity", 0.4)
+        self.noise_m = number(a, "noise_stddev", 0.0)
+        self.seed = whole(a, "noise_seed", 0)
+        require(self.geometry.channels >= 1, "channels must be at least 1")
+        require(self.geometry.points_per_second >= 0, "points_per_second must not be negative")
+        require(0 < self.geometry.horizontal_fov_deg <= 360, "horizontal_fov must be in (0, 360]")
+        require(self.range_m > 0, "range must be positive")
+        require(self.noise_m >= 0, "noise_stddev must not be negative")
+        self._angle_deg = 0.0
+        self._turned_s = 0.0
+
+    def observe(self, state: WorldState, request: SensorRequest) -> None:
+        """Let the time of a tick without a frame count for the next one."""
+        self._turned_s += state.delta_s
+
+    def measure(self, state: WorldState, request: SensorRequest, view: View) -> LidarFrame:
+        """The points of the time since the last frame, all of one frozen scene."""
+        sweep = self.geometry.sweep(self._angle_deg, state.delta_s + self._turned_s)
+        self._angle_deg = sweep.end_angle_deg
+        self._turned_s = 0.0
+        channels = self.geometry.channels
+        channel = np.repeat(np.arange(channels), sweep.per_channel)
+        local = laser_directions(self.geometry.elevation_rad, sweep.azimuth_rad)
+        # A new stream for each frame: a frame does not depend on how many came before it.
+        random = np.random.default_rng([self.seed or request.sensor_id, state.frame])
+        if self.dropoff_rate > 0:
+            fired = random.random(len(local)) >= self.dropoff_rate
+            local, channel = local[fired], channel[fired]
+        rotation = rotation_matrix(request.rotation_deg)
+        world = np.empty((len(local), 3), np.float32)
+        for axis in range(3):
+            world[:, axis] = (
+                local[:, 0] * rotation[axis, 0]
+                + local[:, 1] * rotation[axis, 1]
+                + local[:, 2] * rotation[axis, 2]
+            )
+        hits = view.rays(request.location, world, high_m=self.range_m, owner_id=request.owner_id)
+        met = hits.row != NOTHING
+        local, channel = local[met], channel[met]
+        distance = hits.t[met].astype(np.float64)
+        intensity = np.exp(-self.attenuation_per_m * distance)
+        if self.noise_m > 0:
+            distance = distance + random.normal(0.0, self.noise_m, len(distance))
+        kept = self._kept(intensity, random)
+        points = np.empty((int(kept.sum()), 4), np.float32)
+        points[:, :3] = (local * distance[:, None])[kept]
+        points[:, 3] = intensity[kept]
+        counts = np.bincount(channel[kept], minlength=channels).astype(np.uint32)
+        return LidarFrame(math.radians(sweep.end_angle_deg), counts, points)
+
+    def _kept(
+        self, intensity: NDArray[np.float64], random: np.random.Generator
+    ) -> NDArray[np.bool_]:
+        """Which returns are strong enough: all above the limit, others by chance."""
+        if self.dropoff_at_zero <= 0 or self.dropoff_limit <= 0:
+            return np.ones(len(intensity), np.bool_)
+        chance = self.dropoff_at_zero / self.dropoff_limit * intensity + 1.0 - self.dropoff_at_zero
+        drawn = random.random(len(intensity))
+        kept: NDArray[np.bool_] = (intensity > self.dropoff_limit) | (drawn < chance)
+        return kept

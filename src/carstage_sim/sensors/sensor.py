@@ -1,0 +1,84 @@
+"""What a sensor is: one object per listening sensor, made from the registry by blueprint id."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import ClassVar, TypeVar
+
+from carstage_sim.maps.town import Town
+from carstage_sim.sensors.attributes import number
+from carstage_sim.sensors.frames import SensorFrame, SensorRequest
+from carstage_sim.sensors.view import View
+from carstage_sim.world.state import WorldState
+
+_DUE_TOLERANCE_S = 1e-6
+
+
+class Sensor(ABC):
+    """One sensor of the world; it may remember earlier ticks.
+
+    Args:
+        request: the sensor's first request; its attributes hold for the sensor's life.
+        town: the map, for sensors that know where on Earth they are.
+    """
+
+    def __init__(self, request: SensorRequest, town: Town) -> None:
+        self.request = request
+        self.town = town
+        self._interval_s = number(request.attributes, "sensor_tick", 0.0)
+        self._due_s: float | None = None
+
+    @abstractmethod
+    def measure(self, state: WorldState, request: SensorRequest, view: View) -> SensorFrame:
+        """The frame of this tick; called once per tick at which the sensor is due."""
+
+    def observe(self, state: WorldState, request: SensorRequest) -> None:  # noqa: B027
+        """See a tick at which the sensor is not due; for sensors that integrate over ticks."""
+
+    def is_due(self, timestamp_s: float) -> bool:
+        """Whether ``sensor_tick`` seconds have passed since the last frame; counts the frame."""
+        if self._interval_s <= 0.0:
+            return True
+        if self._due_s is None:
+            self._due_s = timestamp_s
+        if timestamp_s < self._due_s - _DUE_TOLERANCE_S:
+            return False
+        while self._due_s <= timestamp_s + _DUE_TOLERANCE_S:
+            self._due_s += self._interval_s
+        return True
+
+
+_S = TypeVar("_S", bound=Sensor)
+
+
+class SensorRegistry:
+    """Sensor classes by blueprint id."""
+
+    _classes: ClassVar[dict[str, type[Sensor]]] = {}
+
+    @classmethod
+    def register(cls, type_id: str) -> Callable[[type[_S]], type[_S]]:
+        """Class decorator: sensors of ``type_id`` are made from this class."""
+
+        def add(sensor_class: type[_S]) -> type[_S]:
+            cls._classes[type_id] = sensor_class
+            return sensor_class
+
+        return add
+
+    @classmethod
+    def known(cls) -> tuple[str, ...]:
+        """Blueprint ids that can be made, sorted."""
+        return tuple(sorted(cls._classes))
+
+    @classmethod
+    def make(cls, request: SensorRequest, town: Town) -> Sensor:
+        """A new sensor.
+
+        Raises:
+            KeyError: no class is registered for the request's blueprint id.
+        """
+        if request.type_id not in cls._classes:
+            raise KeyError(f"{request.type_id} is none of {', '.join(cls.known())}")
+        return cls._classes[request.type_id](request, town)

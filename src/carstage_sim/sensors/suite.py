@@ -1,0 +1,107 @@
+"""All sensors of a world: one capture per tick, one cast per camera pose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+
+from carstage_sim.maps.town import Town
+from carstage_sim.mesh import TriangleMesh
+from carstage_sim.render.caster import RayCaster
+from carstage_sim.render.picture import PictureMaker
+from carstage_sim.render.scene import SceneStore
+from carstage_sim.sensors import cameras, lidar, navigation  # noqa: F401 - they register themselves
+from carstage_sim.sensors.actors import ActorModels
+from carstage_sim.sensors.frames import SensorFrame, SensorRequest
+from carstage_sim.sensors.sensor import Sensor, SensorRegistry
+from carstage_sim.sensors.view import View
+from carstage_sim.world.state import WorldState
+
+
+class SensorSuite:
+    """Captures what the listening sensors see of a town.
+
+    One thread at a time may call it. Sensors that remember earlier ticks (the LiDAR's angle, the
+    IMU's track) are kept by sensor id and forgotten when the frame number goes back.
+
+    Args:
+        town: the map.
+        threads: threads that cast rays; default: all CPUs of this process.
+        meshes: replaces the actors' meshes, for tests.
+        cache: folder of stored acceleration structures; default below the user's cache.
+    """
+
+    def __init__(
+        self,
+        town: Town,
+        *,
+        threads: int | None = None,
+        meshes: Callable[[str], TriangleMesh] | None = None,
+        cache: Path | None = None,
+    ) -> None:
+        self._town = town
+        self._caster = RayCaster(threads)
+        self._models = ActorModels(town, meshes)
+        self._store = SceneStore(town.static_mesh, self._models.mesh, cache=cache)
+        self._pictures = PictureMaker(self._caster)
+        self._sensors: dict[int, Sensor] = {}
+        self._last_frame = -1
+        self.last_cast_count = 0
+        """Ray casts of the last capture; sensors of one pose and one set of intrinsics share."""
+
+    def __enter__(self) -> SensorSuite:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the threads."""
+        self._caster.close()
+
+    def warm_up(self) -> None:
+        """Compile, or load, every kernel: afterwards no capture waits for the compiler."""
+        self._pictures.warm_up(self._store)
+
+    def capture(
+        self, state: WorldState, requests: Sequence[SensorRequest]
+    ) -> list[tuple[int, SensorFrame]]:
+        """Frames of the sensors that are due, in the order of ``requests``.
+
+        Raises:
+            KeyError: a request's blueprint id is not a known sensor.
+            SensorAttributeError: an attribute of a new sensor has an impossible value.
+        """
+        if state.frame <= self._last_frame:
+            self._sensors.clear()
+        self._last_frame = state.frame
+        frames: list[tuple[int, SensorFrame]] = []
+        view: View | None = None
+        for request in requests:
+            sensor = self._sensors.get(request.sensor_id)
+            if sensor is None or sensor.request.type_id != request.type_id:
+                sensor = SensorRegistry.make(request, self._town)
+                self._sensors[request.sensor_id] = sensor
+            if not sensor.is_due(state.timestamp_s):
+                sensor.observe(state, request)
+                continue
+            if view is None:
+                view = self._view(state)
+            frames.append((request.sensor_id, sensor.measure(state, request, view)))
+        self._forget_absent({request.sensor_id for request in requests})
+        self.last_cast_count = view.cast_count if view is not None else 0
+        return frames
+
+    def _view(self, state: WorldState) -> View:
+        frame = self._store.frame(self._models.placements(state))
+        return View(frame, self._caster, self._pictures, state.weather, state.timestamp_s)
+
+    def _forget_absent(self, present: set[int]) -> None:
+        for sensor_id in [known for known in self._sensors if known not in present]:
+            del self._sensors[sensor_id]

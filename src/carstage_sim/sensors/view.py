@@ -1,0 +1,182 @@
+"""One tick seen by rays: the frame's scene, and casts that several sensors share."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.geometry import rotation_matrix
+from carstage_sim.labels import CityObjectLabel
+from carstage_sim.render.cast import STATIC
+from carstage_sim.render.caster import Hits, RayCaster
+from carstage_sim.render.picture import Picture, PictureMaker
+from carstage_sim.render.scene import Frame
+from carstage_sim.world.state import Weather
+
+NEAR_M = 0.1
+"""Nearest distance along the optical axis that a camera sees (CARLA's near plane)."""
+FAR_M = 1000.0
+"""Largest depth; also what a depth image shows for the sky."""
+
+_ENVIRONMENT_ID = 0x8000
+"""First instance id of level objects: actor ids count up from 1 and do not come near."""
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A pinhole camera in the world; equal cameras share one cast.
+
+    Attributes:
+        width, height: pixels.
+        fov_deg: horizontal field of view.
+        location: world metres.
+        rotation_deg: pitch, yaw, roll.
+        owner_id: actor that carries it, 0 for none.
+    """
+
+    width: int
+    height: int
+    fov_deg: float
+    location: tuple[float, float, float]
+    rotation_deg: tuple[float, float, float]
+    owner_id: int
+
+
+@lru_cache(maxsize=16)
+def _pixel_slopes(width: int, height: int, fov_deg: float) -> tuple[NDArray[np.float64], ...]:
+    """Right and up slopes of the rays through the pixel centres, flat, row by row."""
+    focal = width / (2.0 * math.tan(math.radians(fov_deg) / 2.0))
+    right = (np.arange(width) + 0.5 - width / 2.0) / focal
+    up = -(np.arange(height) + 0.5 - height / 2.0) / focal
+    return np.tile(right, height), np.repeat(up, width)
+
+
+def pixel_rays(camera: Camera) -> NDArray[np.float32]:
+    """``(H * W, 3)`` float32 world directions through the pixel centres, row by row.
+
+    Their component along the optical axis is 1, so a ray's parameter is the depth.
+    """
+    right, up = _pixel_slopes(camera.width, camera.height, camera.fov_deg)
+    rotation = rotation_matrix(camera.rotation_deg)
+    rays = np.empty((len(right), 3), np.float32)
+    for axis in range(3):
+        rays[:, axis] = (
+            rotation[axis, 0] + rotation[axis, 1] * right + rotation[axis, 2] * up
+        ).astype(np.float32)
+    return rays
+
+
+class View:
+    """What can be seen in one tick.
+
+    Args:
+        frame: the scene.
+        caster: runs the rays.
+        pictures: makes colour pictures.
+        weather: the tick's weather.
+        time_s: simulated time.
+    """
+
+    def __init__(
+        self,
+        frame: Frame,
+        caster: RayCaster,
+        pictures: PictureMaker,
+        weather: Weather,
+        time_s: float,
+    ) -> None:
+        self.frame = frame
+        self._caster = caster
+        self._pictures = pictures
+        self._weather = weather
+        self._time_s = time_s
+        self._casts: dict[Camera, Hits] = {}
+        self._colours: dict[Camera, NDArray[np.uint8]] = {}
+        self.cast_count = 0
+
+    def skipped_row(self, owner_id: int, location: tuple[float, float, float]) -> int:
+        """Instance row of the carrier when the sensor is inside its box, else -1."""
+        if not owner_id:
+            return -1
+        return self.frame.row_around(owner_id, np.asarray(location))
+
+    def rays(
+        self,
+        location: tuple[float, float, float],
+        directions: NDArray[np.float32],
+        *,
+        high_m: float,
+        owner_id: int,
+    ) -> Hits:
+        """Nearest hits of unit directions from a point, up to ``high_m`` metres."""
+        self.cast_count += 1
+        return self._caster.cast(
+            self.frame.scene,
+            np.asarray(location),
+            directions,
+            low=1e-3,
+            high=high_m,
+            skip_row=self.skipped_row(owner_id, location),
+        )
+
+    def camera(self, camera: Camera) -> Hits:
+        """Hits of a camera's pixels, row by row; cast once per tick and camera."""
+        hits = self._casts.get(camera)
+        if hits is None:
+            self.cast_count += 1
+            hits = self._caster.cast(
+                self.frame.scene,
+                np.asarray(camera.location),
+                pixel_rays(camera),
+                low=NEAR_M,
+                high=FAR_M,
+                skip_row=self.skipped_row(camera.owner_id, camera.location),
+            )
+            self._casts[camera] = hits
+        return hits
+
+    def colours(self, camera: Camera) -> NDArray[np.uint8]:
+        """``(H, W, 3)`` uint8 sRGB picture of a camera, shaded once per tick and camera."""
+        colours = self._colours.get(camera)
+        if colours is None:
+            picture = Picture(
+                width=camera.width,
+                height=camera.height,
+                fov_deg=camera.fov_deg,
+                rotation=rotation_matrix(camera.rotation_deg),
+                hits=self.camera(camera),
+                skip_row=self.skipped_row(camera.owner_id, camera.location),
+                low=NEAR_M,
+                high=FAR_M,
+            )
+            light = self._pictures.sky.lighting(self._weather, self._time_s)
+            colours = self._pictures.paint(self.frame, picture, light)
+            self._colours[camera] = colours
+        return colours
+
+    def tags(self, hits: Hits) -> NDArray[np.uint8]:
+        """``(N,)`` uint8 semantic tag of each ray; the sky's for rays that met nothing."""
+        tags = np.full(len(hits.row), CityObjectLabel.SKY, np.uint8)
+        static, actors = hits.row == STATIC, hits.row >= 0
+        tags[static] = self.frame.static.tag[hits.triangle[static]]
+        tags[actors] = self.frame.actors.tag[hits.triangle[actors]]
+        return tags
+
+    def instance_ids(self, hits: Hits) -> NDArray[np.uint16]:
+        """``(N,)`` uint16 instance id of each ray.
+
+        An actor's is the low half of its id (CARLA 0.9.16); a level object's is 0x8000 + its
+        index; 0 stands for the sky and for ground that belongs to no object.
+        """
+        ids = np.zeros(len(hits.row), np.uint16)
+        static, actors = hits.row == STATIC, hits.row >= 0
+        objects = self.frame.static.object_id[hits.triangle[static]]
+        ids[static] = np.where(
+            objects > 0, _ENVIRONMENT_ID + (objects - 1) % _ENVIRONMENT_ID, 0
+        ).astype(np.uint16)
+        ids[actors] = (self.frame.actor_id[hits.row[actors]] & 0xFFFF).astype(np.uint16)
+        return ids

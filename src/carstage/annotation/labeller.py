@@ -4,13 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from carstage.rawlog.reader import ActorInfo, WorldFrame
+from carstage.annotation.boxes import MEASURED_TWO_WHEELERS, MeasuredBox, label_box
+from carstage.annotation.camera_rows import camera_rows
+from carstage.annotation.classes import WALKER_CLASSES, object_class
+from carstage.annotation.decoding import decode_instance_bgra
+from carstage.annotation.ego_row import EpisodeFacts, ego_row
+from carstage.annotation.lidar_counts import count_points
+from carstage.annotation.object_rows import VisiblePixels, object_rows
+from carstage.annotation.pixels import ImageEvidence
+from carstage.annotation.rig import LabelledCamera, Mount
+from carstage.annotation.scene import ActorFacts, Scene, build_scene
+from carstage.annotation.settings import LabelSettings
+from carstage.annotation.tags import server_release, vehicle_tags, walker_tags
+from carstage.errors import AnnotationError
+from carstage.geometry import invert_pose
+from carstage.rawlog.reader import ActorInfo, WorldFrame
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,15 +70,65 @@ class FrameLabels:
 
 
 class EpisodeLabeller:
-    """Labels the frames of one episode; frames may come in any order."""
+    """Labels the frames of one episode; each frame by itself, in any order.
 
-    def __init__(self, header: Mapping[str, Any], actors: Mapping[int, ActorInfo]) -> None:
-        """Args: ``header``: the raw log's ``episode.json``; ``actors``: static facts by id."""
-        self.labelled_cameras: tuple[str, ...] = ()
+    Args:
+        header: the raw log's ``episode.json``.
+        actors: static facts by actor id; may grow while the episode is labelled.
+        measured: boxes by blueprint that replace those of two-wheelers.
+
+    Raises:
+        AnnotationError: when the header lacks what labels need.
+    """
+
+    def __init__(
+        self,
+        header: Mapping[str, Any],
+        actors: Mapping[int, ActorInfo],
+        measured: Mapping[str, MeasuredBox] = MEASURED_TWO_WHEELERS,
+    ) -> None:
+        try:
+            spec: Mapping[str, Any] = header["spec"]
+            actor_ids: Mapping[str, int] = header["sensor_actor_ids"]
+            version: str = header["server_version"]
+            self._episode_id: str = header["episode_id"]
+            self._ego_id: int = header["ego_id"]
+            self._fps = float(spec["fps"])
+            self._episode = EpisodeFacts.from_header(header)
+            sensors: list[Mapping[str, Any]] = spec["sensors"]
+            self._cameras = {
+                sensor["id"]: LabelledCamera.from_spec(sensor, actor_ids)
+                for sensor in sensors
+                if sensor.get("labelled")
+            }
+            self._lidars = {
+                sensor["id"]: Mount.from_spec(sensor, actor_ids)
+                for sensor in sensors
+                if sensor.get("kind") == "lidar"
+            }
+        except KeyError as error:
+            raise AnnotationError(
+                f"The raw log's episode.json lacks {error}.", "Record the episode again."
+            ) from error
+        self._settings = LabelSettings.from_spec(spec)
+        self._first_tick_has_past = int(spec.get("warmup_ticks", 0)) > 0
+        # Before 0.9.16 the instance camera wrote ids of Unreal's objects, not of actors.
+        self._instance_is_actor = server_release(version) >= (0, 9, 16)
+        self._vehicle_tags = _lookup(vehicle_tags(version))
+        self._walker_tags = _lookup(walker_tags(version))
+        self._actors = actors
+        self._measured = measured
+        self._labelled: dict[int, ActorFacts | None] = {}
+
+    @property
+    def labelled_cameras(self) -> tuple[str, ...]:
+        """Ids of the cameras that objects are labelled for, in the order of the spec."""
+        return tuple(self._cameras)
 
     def inputs(self, camera_id: str) -> CameraInputs:
         """The streams that ``label_frame`` needs for a labelled camera."""
-        raise NotImplementedError
+        camera = self._cameras[camera_id]
+        return CameraInputs(camera.depth, camera.instance if self._settings.pixels else None)
 
     def label_frame(
         self,
@@ -74,5 +137,131 @@ class EpisodeLabeller:
         images: Mapping[str, CameraImages],
         lidar: Mapping[str, NDArray[np.float32]],
     ) -> FrameLabels:
-        """Labels of the saved frame ``k``."""
-        raise NotImplementedError
+        """Label one saved frame.
+
+        Args:
+            world: the snapshot of its tick.
+            k: index of the saved frame.
+            images: by labelled camera; one that is missing gets no rows in this frame.
+            lidar: by LiDAR, ``(N, 4)`` float32 points of this tick's sweep, sensor axes.
+
+        Raises:
+            AnnotationError: when the ego or an actor is unknown, or an image has the wrong size.
+        """
+        ego_row_index = self._ego_row(world)
+        scene = self._scene(world, ego_row_index)
+        keys = {"k": k, "timestamp_s": world.tick / self._fps, "episode_id": self._episode_id}
+        acceleration_valid = world.tick > 0 or self._first_tick_has_past
+        points = self._count_lidar_points(scene, lidar)
+        has_points = np.ones(len(scene.facts), dtype=np.bool_)
+        if lidar and self._settings.min_lidar_points > 0:
+            totals = [sum(n for _, n in points.get(f.info.id, [])) for f in scene.facts]
+            has_points = np.array(totals, dtype=np.int64) >= self._settings.min_lidar_points
+        camera_objects: list[dict[str, Any]] = []
+        pixels: dict[int, VisiblePixels] = {}
+        for camera_id, camera in self._cameras.items():
+            if camera_id not in images:
+                continue
+            evidence = self._evidence(camera, images[camera_id], world.tick)
+            for found in camera_rows(
+                scene, camera, evidence, keys, self._ego_id, self._settings, has_points
+            ):
+                camera_objects.append(found.row)
+                if found.pixels is not None:
+                    visible, amodal = pixels.get(found.actor_id, (0, 0.0))
+                    pixels[found.actor_id] = (
+                        visible + found.pixels.visible_px,
+                        amodal + found.pixels.amodal_px,
+                    )
+        objects = object_rows(
+            scene,
+            keys,
+            self._ego_id,
+            self._settings,
+            acceleration_valid=acceleration_valid,
+            lidar_points=points,
+            pixels=pixels,
+        )
+        ego: dict[str, Any] = {}
+        if self._settings.ego_motion:
+            ego = ego_row(
+                world, ego_row_index, keys, self._episode, acceleration_valid=acceleration_valid
+            )
+        return FrameLabels(objects, camera_objects, ego)
+
+    def _ego_row(self, world: WorldFrame) -> int:
+        try:
+            return world.row(self._ego_id)
+        except KeyError:
+            raise AnnotationError(
+                f"The ego (actor {self._ego_id}) is not in the snapshot of tick {world.tick}.",
+                "Record the episode again.",
+            ) from None
+
+    def _scene(self, world: WorldFrame, ego_row_index: int) -> Scene:
+        rows: list[int] = []
+        facts: list[ActorFacts] = []
+        for row, actor_id in enumerate(world.actor_id.tolist()):
+            if actor_id not in self._labelled:
+                self._labelled[actor_id] = self._facts_of(actor_id, world.tick)
+            fact = self._labelled[actor_id]
+            if fact is not None:
+                rows.append(row)
+                facts.append(fact)
+        return build_scene(world, rows, facts, ego_row_index)
+
+    def _facts_of(self, actor_id: int, tick: int) -> ActorFacts | None:
+        """Facts of an actor that is to be labelled, else None."""
+        info = self._actors.get(actor_id)
+        if info is None:
+            raise AnnotationError(
+                f"Actor {actor_id} is in the snapshot of tick {tick} but in no actor table.",
+                "The raw log is incomplete: record the episode again.",
+            )
+        kind = object_class(info)
+        if kind is None:
+            return None
+        walker = kind in WALKER_CLASSES
+        if not (self._settings.pedestrians if walker else self._settings.vehicles):
+            return None
+        tags = self._walker_tags if walker else self._vehicle_tags
+        return ActorFacts(info, kind, label_box(info, kind, self._measured), tags)
+
+    def _count_lidar_points(
+        self, scene: Scene, lidar: Mapping[str, NDArray[np.float32]]
+    ) -> dict[int, list[tuple[str, int]]]:
+        """Points per LiDAR, by the ids of the actors with a valid box."""
+        chosen = np.flatnonzero(scene.valid)
+        counts: dict[int, list[tuple[str, int]]] = {
+            scene.facts[i].info.id: [] for i in chosen.tolist()
+        }
+        for sensor_id, mount in self._lidars.items():
+            if sensor_id not in lidar:
+                continue
+            pose = mount.world_from_sensor(scene.world, scene.world_from_ego)
+            sensor_from_boxes = invert_pose(pose) @ scene.world_from_box[chosen]
+            found = count_points(lidar[sensor_id], sensor_from_boxes, scene.extent[chosen])
+            for pairs, count in zip(counts.values(), found.tolist(), strict=True):
+                pairs.append((sensor_id, count))
+        return counts
+
+    def _evidence(self, camera: LabelledCamera, images: CameraImages, tick: int) -> ImageEvidence:
+        shape = (camera.height, camera.width)
+        instance_id, tag = None, images.semantic_tag
+        if images.instance_bgra is not None and self._settings.pixels:
+            ids, instance_tag = decode_instance_bgra(images.instance_bgra)
+            instance_id = ids if self._instance_is_actor else None
+            tag = instance_tag if tag is None else tag
+        for name, image in (("depth", images.depth_m), ("id", instance_id), ("tag", tag)):
+            if image is not None and image.shape != shape:
+                raise AnnotationError(
+                    f"The {name} image of {camera.mount.sensor_id} in tick {tick} has shape "
+                    f"{image.shape}; the spec says {shape}."
+                )
+        return ImageEvidence(images.depth_m, instance_id, tag)
+
+
+def _lookup(tags: frozenset[int]) -> NDArray[np.bool_]:
+    table = np.zeros(256, dtype=np.bool_)
+    table[sorted(tags)] = True
+    return table

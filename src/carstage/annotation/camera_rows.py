@@ -1,0 +1,252 @@
+"""Rows of ``camera_objects.parquet``: one per object whose silhouette a camera's image holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.annotation.pixels import (
+    BOX_MARGIN_M,
+    BoxView,
+    ImageEvidence,
+    PixelVisibility,
+    low_id_is_shared,
+    measure,
+    occlusion_bin,
+)
+from carstage.annotation.rig import LabelledCamera
+from carstage.annotation.scene import Scene
+from carstage.annotation.settings import LabelSettings
+from carstage.annotation.silhouette import Silhouette, may_be_in_image, silhouette
+from carstage.annotation.stage_vo import (
+    LEVEL_UNKNOWN,
+    count_vertices,
+    occlusion_level,
+    truncation_paper,
+    within_distance,
+)
+from carstage.geometry import (
+    CORNER_SIGNS,
+    FloatArray,
+    observation_angle,
+    optical_from_world,
+    project,
+    proper_box_rotation,
+    quaternion_from_matrix,
+    rotation_y,
+    transform_points,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraRow:
+    """One object in one camera: the finished row, and what object rows sum up.
+
+    Attributes:
+        actor_id: the object.
+        row: as ``CAMERA_OBJECT_COLUMNS`` lists it.
+        pixels: None when pixels are not counted.
+    """
+
+    actor_id: int
+    row: dict[str, Any]
+    pixels: PixelVisibility | None
+
+
+def camera_rows(
+    scene: Scene,
+    camera: LabelledCamera,
+    evidence: ImageEvidence,
+    keys: Mapping[str, Any],
+    ego_id: int,
+    settings: LabelSettings,
+    has_points: NDArray[np.bool_],
+) -> list[CameraRow]:
+    """Label the objects of a scene for one camera.
+
+    Args:
+        scene: the frame's actors.
+        camera: with its intrinsics.
+        evidence: what it saw.
+        keys: ``k`` and ``timestamp_s``.
+        ego_id: actor id of the ego, which is never labelled for a camera.
+        settings: what the spec asks for.
+        has_points: ``(N,)`` whether enough LiDAR points lie in each box.
+    """
+    if not camera.pinhole:
+        return []
+    world_from_sensor = camera.mount.world_from_sensor(scene.world, scene.world_from_ego)
+    optical = optical_from_world(world_from_sensor)
+    origin = (world_from_sensor if settings.distance_origin == "sensor" else scene.world_from_ego)[
+        :3, 3
+    ]
+    keep = scene.valid & within_distance(
+        scene.world_from_box[:, :3, 3], origin, settings.max_distance_m
+    )
+    keep &= np.array([fact.info.id != ego_id for fact in scene.facts], dtype=np.bool_)
+    chosen = np.flatnonzero(keep)
+    corners = _to_optical(optical, scene.corners[chosen])
+    outlines: list[Silhouette] = []
+    seen: list[int] = []
+    near = may_be_in_image(corners, camera.k, camera.width, camera.height)
+    for candidate in np.flatnonzero(near).tolist():
+        outline = silhouette(corners[candidate], camera.k, camera.width, camera.height)
+        if outline is not None:
+            seen.append(candidate)
+            outlines.append(outline)
+    if not seen:
+        return []
+    columns = _columns(scene, chosen[seen], corners[seen], optical, evidence, camera, settings)
+    rows = []
+    for i, (actor, outline) in enumerate(zip(chosen[seen].tolist(), outlines, strict=True)):
+        pixels = (
+            _pixels(scene, actor, optical, camera, evidence, world_from_sensor)
+            if settings.pixels
+            else None
+        )
+        info = scene.facts[actor].info
+        row: dict[str, Any] = {
+            "k": keys["k"],
+            "timestamp_s": keys["timestamp_s"],
+            "track_id": info.id,
+            "sensor_id": camera.mount.sensor_id,
+            **{name: values[i] for name, values in columns.items()},
+            **_rectangles(outline, pixels, camera, settings),
+            "truncated": outline.truncated,
+            "crosses_near": outline.crosses_near,
+            "pinhole": camera.pinhole,
+            "instance_ambiguous": low_id_is_shared(info.id, scene.world.actor_id),
+            **_pixel_columns(pixels, settings),
+        }
+        verdict = row["visible_pixel"] if settings.pixels else row["visible_stage_vo"]
+        row["visible"] = bool(verdict and has_points[actor])
+        rows.append(CameraRow(info.id, row, pixels))
+    return rows
+
+
+def _to_optical(optical: FloatArray, corners_world: FloatArray) -> FloatArray:
+    flat = transform_points(optical, corners_world.reshape(-1, 3))
+    return flat.reshape(corners_world.shape)
+
+
+def _columns(
+    scene: Scene,
+    chosen: NDArray[np.int64],
+    corners: FloatArray,
+    optical: FloatArray,
+    evidence: ImageEvidence,
+    camera: LabelledCamera,
+    settings: LabelSettings,
+) -> dict[str, Sequence[Any]]:
+    """The columns that are computed for all objects at once, as lists."""
+    center = transform_points(optical, scene.world_from_box[chosen, :3, 3])
+    optical_from_box = optical[:3, :3] @ scene.world_from_box[chosen, :3, :3]
+    extent = scene.extent[chosen]
+    heading = rotation_y(optical_from_box)
+    uv = project(corners, camera.k)
+    counts = count_vertices(
+        uv,
+        corners[..., 2],
+        evidence.depth_m,
+        tolerance_m=settings.stage_vo_tolerance_m,
+        vote=settings.stage_vo_vote,
+    )
+    half_height = np.zeros_like(center)
+    half_height[:, 1] = extent[:, 2]
+    three_d = {
+        "center_cam": center.tolist(),
+        "location": (center + half_height).tolist(),
+        "dimensions": (2.0 * extent[:, ::-1]).tolist(),
+        "rotation_y": heading.tolist(),
+        "alpha": observation_angle(heading, center).tolist(),
+        "rotation_cam": quaternion_from_matrix(proper_box_rotation(optical_from_box)).tolist(),
+        "corners_uv": [
+            [None if math.isnan(point[0]) else point for point in box] for box in uv.tolist()
+        ],
+    }
+    if not settings.boxes_3d:
+        three_d = {name: [None] * len(chosen) for name in three_d}
+    return {
+        **three_d,
+        "distance": np.linalg.norm(center, axis=-1).tolist(),
+        "depth_center": center[:, 2].tolist(),
+        "n_visible": counts.visible.tolist(),
+        "n_occluded": counts.occluded.tolist(),
+        "n_outside": counts.outside.tolist(),
+        "n_behind": counts.behind.tolist(),
+        "occluded": occlusion_level(counts, strict=settings.stage_vo_strict).tolist(),
+        "truncation_paper": truncation_paper(counts.visible).tolist(),
+        "visible_stage_vo": (counts.visible >= 1).tolist(),
+    }
+
+
+def _pixels(
+    scene: Scene,
+    actor: int,
+    optical: FloatArray,
+    camera: LabelledCamera,
+    evidence: ImageEvidence,
+    world_from_sensor: FloatArray,
+) -> PixelVisibility | None:
+    pose, extent = scene.world_from_box[actor], scene.extent[actor]
+    inflated = (CORNER_SIGNS * (extent + BOX_MARGIN_M)) @ pose[:3, :3].T + pose[:3, 3]
+    outline = silhouette(transform_points(optical, inflated), camera.k, camera.width, camera.height)
+    if outline is None:
+        return None
+    x0, y0, x1, y1 = outline.bbox
+    view = BoxView(
+        origin_box=pose[:3, :3].T @ (world_from_sensor[:3, 3] - pose[:3, 3]),
+        box_from_optical=pose[:3, :3].T @ optical[:3, :3].T,
+        extent_m=extent,
+        region=(math.floor(x0), math.floor(y0), math.ceil(x1), math.ceil(y1)),
+    )
+    fact = scene.facts[actor]
+    return measure(view, camera.k, evidence, fact.info.id, fact.tags)
+
+
+def _rectangles(
+    outline: Silhouette,
+    pixels: PixelVisibility | None,
+    camera: LabelledCamera,
+    settings: LabelSettings,
+) -> dict[str, Any]:
+    mask = pixels.mask if pixels is not None and settings.boxes_2d else None
+    return {
+        "bbox_amodal_unclipped": list(outline.bbox_unclipped) if settings.boxes_2d else None,
+        "bbox_amodal": list(outline.bbox) if settings.boxes_2d else None,
+        "bbox_modal": list(mask.bounds()) if mask is not None else None,
+        "mask_modal": mask.rle(camera.width, camera.height) if mask is not None else None,
+    }
+
+
+def _pixel_columns(pixels: PixelVisibility | None, settings: LabelSettings) -> dict[str, Any]:
+    if pixels is None:
+        return {
+            "visible_px": None,
+            "front_px": None,
+            "hull_px": None,
+            "amodal_px": None,
+            "occlusion_ratio": None,
+            "occluded_px": LEVEL_UNKNOWN,
+            "visibility_method": "none",
+            "amodal_method": "none",
+            "visible_pixel": None,
+        }
+    # A silhouette between the pixel centres holds no evidence.
+    known = pixels.hull_px > 0
+    return {
+        "visible_px": pixels.visible_px,
+        "front_px": pixels.front_px,
+        "hull_px": pixels.hull_px,
+        "amodal_px": pixels.amodal_px,
+        "occlusion_ratio": pixels.occlusion_ratio if known else None,
+        "occluded_px": occlusion_bin(pixels.occlusion_ratio) if known else LEVEL_UNKNOWN,
+        "visibility_method": pixels.method,
+        "amodal_method": pixels.amodal_method,
+        "visible_pixel": pixels.visible_px >= settings.min_visible_px,
+    }

@@ -1,0 +1,105 @@
+"""The row of ``ego.parquet``: how the ego moves, what it is told, where on the earth it is."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from carstage.geometry import (
+    GeoPoint,
+    flu_rotation,
+    geo_point,
+    quaternion_from_matrix,
+    rotation_matrix,
+)
+from carstage.rawlog.reader import WorldFrame
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeFacts:
+    """What stays the same for a whole episode and stands in each ego row.
+
+    Attributes:
+        map_name: as the server gives it.
+        weather_preset: of the spec, or None.
+        reference: geographic position of the map's origin.
+    """
+
+    map_name: str
+    weather_preset: str | None
+    reference: GeoPoint
+
+    @classmethod
+    def from_header(cls, header: Mapping[str, Any]) -> EpisodeFacts:
+        """Read them from the raw log's ``episode.json``."""
+        reference: Mapping[str, float] = header["geo_reference"]
+        return cls(
+            map_name=header["map"],
+            weather_preset=header["spec"].get("weather", {}).get("preset"),
+            reference=GeoPoint(
+                latitude_deg=float(reference["latitude_deg"]),
+                longitude_deg=float(reference["longitude_deg"]),
+                altitude_m=float(reference.get("altitude_m", 0.0)),
+            ),
+        )
+
+
+def ego_row(
+    world: WorldFrame,
+    row: int,
+    keys: Mapping[str, Any],
+    facts: EpisodeFacts,
+    *,
+    acceleration_valid: bool,
+) -> dict[str, Any]:
+    """Build the ego's row.
+
+    Args:
+        world: the snapshot.
+        row: the ego's row in it.
+        keys: ``k``, ``timestamp_s`` and ``episode_id``.
+        facts: of the episode.
+        acceleration_valid: false in an episode's very first frame.
+    """
+    rotation = rotation_matrix(world.rotation_deg[row])
+    velocity, acceleration = world.velocity[row], world.acceleration[row]
+    angular_velocity = np.radians(world.angular_velocity_deg[row])
+    control: Mapping[str, Any] = world.meta.get("ego", {})
+    light = control.get("traffic_light_state")
+    place = geo_point(facts.reference, world.location[row])
+    return {
+        "k": keys["k"],
+        "timestamp_s": keys["timestamp_s"],
+        "track_id": int(world.actor_id[row]),
+        "episode_id": keys["episode_id"],
+        "location": world.location[row].tolist(),
+        "rotation_deg": world.rotation_deg[row].tolist(),
+        "quaternion": quaternion_from_matrix(flu_rotation(rotation)).tolist(),
+        "velocity": velocity.tolist(),
+        "velocity_ego": (rotation.T @ velocity).tolist(),
+        "acceleration": acceleration.tolist() if acceleration_valid else None,
+        "acceleration_ego": (rotation.T @ acceleration).tolist() if acceleration_valid else None,
+        "angular_velocity": angular_velocity.tolist(),
+        "angular_velocity_ego": (rotation.T @ angular_velocity).tolist(),
+        "speed": float(np.linalg.norm(velocity)),
+        "yaw_rate": float(angular_velocity[2]),
+        "yaw_rate_flu": -float(angular_velocity[2]),
+        "throttle": control.get("throttle"),
+        "steer": control.get("steer"),
+        "brake": control.get("brake"),
+        "hand_brake": control.get("hand_brake"),
+        "reverse": control.get("reverse"),
+        "gear": control.get("gear"),
+        "speed_limit_kmh": control.get("speed_limit_kmh"),
+        "traffic_light_state": None if light is None else str(light),
+        "weather_preset": facts.weather_preset,
+        "weather": json.dumps(world.meta.get("weather", {}), sort_keys=True, separators=(",", ":")),
+        "map": facts.map_name,
+        "latitude_deg": place.latitude_deg,
+        "longitude_deg": place.longitude_deg,
+        "altitude_m": place.altitude_m,
+    }

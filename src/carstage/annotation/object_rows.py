@@ -1,0 +1,112 @@
+"""Rows of ``objects.parquet``: one per object of a frame, independent of cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from carstage.annotation.pixels import visibility_token
+from carstage.annotation.scene import Scene
+from carstage.annotation.settings import LabelSettings
+from carstage.geometry import flu_rotation, quaternion_from_matrix, rotation_deg, transform_points
+
+VisiblePixels = tuple[int, float]
+"""Visible and amodal pixels of an object, summed over the cameras."""
+
+
+def object_rows(
+    scene: Scene,
+    keys: Mapping[str, Any],
+    ego_id: int,
+    settings: LabelSettings,
+    *,
+    acceleration_valid: bool,
+    lidar_points: Mapping[int, list[tuple[str, int]]],
+    pixels: Mapping[int, VisiblePixels],
+) -> list[dict[str, Any]]:
+    """Build the rows.
+
+    Args:
+        scene: the frame's actors.
+        keys: ``k``, ``timestamp_s`` and ``episode_id``.
+        ego_id: actor id of the ego.
+        settings: what the spec asks for.
+        acceleration_valid: false in an episode's very first frame.
+        lidar_points: by actor id, points per LiDAR.
+        pixels: by actor id; actors that no camera can see are left out.
+    """
+    world, index = scene.world, scene.rows
+    to_ego = scene.ego_from_world[:3, :3]
+    box_rotation = scene.world_from_box[:, :3, :3]
+    box_center = scene.world_from_box[:, :3, 3]
+    center_ego = transform_points(scene.ego_from_world, box_center)
+    rotation_ego = rotation_deg(to_ego @ box_rotation)
+    distance = np.linalg.norm(box_center - scene.world_from_ego[:3, 3], axis=-1)
+    columns = {
+        "box_center": box_center,
+        "box_rotation_deg": rotation_deg(box_rotation),
+        "box_quaternion": quaternion_from_matrix(flu_rotation(box_rotation)),
+        "box_extent": scene.extent,
+        "box_center_ego": center_ego,
+        "box_yaw_ego": np.radians(rotation_ego[:, 1]),
+        "box_rotation_ego_deg": rotation_ego,
+        "distance_ego": distance,
+    }
+    box = {name: values.tolist() for name, values in columns.items()}
+    location = world.location[index].tolist()
+    rotation = world.rotation_deg[index].tolist()
+    velocity = world.velocity[index].tolist()
+    velocity_ego = (world.velocity[index] @ to_ego.T).tolist()
+    acceleration = world.acceleration[index].tolist()
+    acceleration_ego = (world.acceleration[index] @ to_ego.T).tolist()
+    angular_velocity = np.radians(world.angular_velocity_deg[index]).tolist()
+    lights: Mapping[str, int] = world.meta.get("vehicle_lights", {})
+
+    rows = []
+    for i, fact in enumerate(scene.facts):
+        info = fact.info
+        has_box = settings.boxes_3d and bool(scene.valid[i])
+        visibility = _visibility(pixels.get(info.id)) if settings.pixels else None
+        rows.append(
+            {
+                "k": keys["k"],
+                "timestamp_s": keys["timestamp_s"],
+                "track_id": info.id,
+                "episode_id": keys["episode_id"],
+                "instance_uid": f"{keys['episode_id']}:{info.id}",
+                "class": fact.object_class,
+                "blueprint": info.type_id,
+                "base_type": info.attributes.get("base_type", ""),
+                "special_type": info.attributes.get("special_type", ""),
+                "role_name": info.attributes.get("role_name", ""),
+                "is_static": False,
+                "is_ego": info.id == ego_id,
+                "is_dormant": None,
+                **{name: values[i] if has_box else None for name, values in box.items()},
+                "box_source": fact.box.source,
+                "actor_location": location[i],
+                "actor_rotation_deg": rotation[i],
+                "velocity": velocity[i],
+                "acceleration": acceleration[i] if acceleration_valid else None,
+                "velocity_ego": velocity_ego[i],
+                "acceleration_ego": acceleration_ego[i] if acceleration_valid else None,
+                # The server does not keep walkers' angular velocity.
+                "angular_velocity": None if fact.is_walker else angular_velocity[i],
+                "num_lidar_points": lidar_points.get(info.id, []),
+                "visibility": visibility,
+                "visibility_token": None if visibility is None else visibility_token(visibility),
+                "light_state": None if fact.is_walker else lights.get(str(info.id)),
+                "parent_track_id": info.parent or None,
+                "semantic_tags": list(info.semantic_tags),
+            }
+        )
+    return rows
+
+
+def _visibility(pixels: VisiblePixels | None) -> float:
+    """Visible over amodal pixels; 0 for what no camera sees."""
+    if pixels is None or pixels[1] <= 0.0:
+        return 0.0
+    return pixels[0] / pixels[1]

@@ -1,0 +1,59 @@
+"""Binary masks as COCO's compressed run lengths.
+
+The format of ``pycocotools``' ``maskApi.c``: run lengths of the column-major image, beginning
+with zeros; from the fourth on the difference to the one two before; each as little-endian groups
+of five bits plus a continuation bit, offset by 48 into printable ASCII.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def run_lengths(crop: NDArray[np.bool_], x0: int, y0: int, width: int, height: int) -> list[int]:
+    """Column-major run lengths of a whole mask of which only a crop is set.
+
+    Args:
+        crop: ``(h, w)`` mask; its first pixel is (x0, y0) of the image.
+        x0: column of the crop in the image.
+        y0: row of the crop in the image.
+        width: of the image (px).
+        height: of the image (px).
+
+    Returns:
+        Counts of zeros, ones, zeros, ...; the first may be 0; they sum to ``width * height``.
+    """
+    column, row = np.nonzero(crop.T)
+    index = (column + x0) * height + (row + y0)
+    if not len(index):
+        return [width * height]
+    breaks = np.flatnonzero(np.diff(index) != 1)
+    starts = np.concatenate([index[:1], index[breaks + 1]])
+    ends = np.concatenate([index[breaks], index[-1:]]) + 1
+    edges = np.stack([starts, ends], axis=1).ravel()
+    counts: list[int] = np.diff(edges, prepend=0).tolist()
+    tail = width * height - int(ends[-1])
+    return [*counts, tail] if tail else counts
+
+
+def compress(counts: list[int]) -> str:
+    """COCO's ``counts`` string of run lengths."""
+    value = np.array(counts, dtype=np.int64)
+    value[3:] -= np.array(counts[1:-2], dtype=np.int64)
+    characters = np.zeros((len(value), 7), dtype=np.uint8)
+    written = np.zeros((len(value), 7), dtype=np.bool_)
+    active = np.ones(len(value), dtype=np.bool_)
+    for group in range(7):
+        bits = value & 0x1F
+        value >>= 5
+        more = np.where(bits & 0x10, value != -1, value != 0)
+        characters[:, group] = bits + 48 + np.where(more, 0x20, 0)
+        written[:, group] = active
+        active &= more
+    return characters[written].tobytes().decode("ascii")
+
+
+def encode_mask(crop: NDArray[np.bool_], x0: int, y0: int, width: int, height: int) -> str:
+    """COCO's ``counts`` string of a mask; arguments as in ``run_lengths``."""
+    return compress(run_lengths(crop, x0, y0, width, height))

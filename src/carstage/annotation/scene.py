@@ -1,0 +1,97 @@
+"""The labelled actors of one frame as arrays, with their boxes in the world."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.annotation.boxes import LabelBox
+from carstage.geometry import FloatArray, box_corners, invert_pose, pose_matrix
+from carstage.rawlog.reader import ActorInfo, WorldFrame
+
+
+@dataclass(frozen=True, slots=True)
+class ActorFacts:
+    """What is static about a labelled actor.
+
+    Attributes:
+        info: from the raw log.
+        object_class: Car-STAGE class.
+        box: the box to label it with.
+        tags: ``(256,)`` which semantic tags its pixels may carry.
+    """
+
+    info: ActorInfo
+    object_class: str
+    box: LabelBox
+    tags: NDArray[np.bool_]
+
+    @property
+    def is_walker(self) -> bool:
+        """Whether it is a pedestrian."""
+        return self.object_class.startswith("walker")
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """``N`` labelled actors of one frame, ascending id; world frame, metres.
+
+    Attributes:
+        world: the snapshot.
+        facts: ``N`` static facts.
+        rows: ``(N,)`` their rows in the snapshot.
+        valid: ``(N,)`` whether the box may be used.
+        world_from_box: ``(N, 4, 4)``; of no meaning where not valid.
+        extent: ``(N, 3)`` half sizes; ones where not valid.
+        corners: ``(N, 8, 3)``.
+        world_from_ego: ``(4, 4)``.
+        ego_from_world: ``(4, 4)``.
+    """
+
+    world: WorldFrame
+    facts: Sequence[ActorFacts]
+    rows: NDArray[np.int64]
+    valid: NDArray[np.bool_]
+    world_from_box: FloatArray
+    extent: FloatArray
+    corners: FloatArray
+    world_from_ego: FloatArray
+    ego_from_world: FloatArray
+
+
+def build_scene(
+    world: WorldFrame, rows: Sequence[int], facts: Sequence[ActorFacts], ego_row: int
+) -> Scene:
+    """Place the boxes of labelled actors in the world.
+
+    Args:
+        world: the snapshot.
+        rows: the actors' rows in it.
+        facts: the same actors' static facts.
+        ego_row: the ego's row.
+    """
+    index = np.array(rows, dtype=np.int64)
+    count = len(index)
+    valid = np.array([fact.box.valid for fact in facts], dtype=np.bool_)
+    location, rotation, extent = np.zeros((count, 3)), np.zeros((count, 3)), np.ones((count, 3))
+    for i, fact in enumerate(facts):
+        if valid[i]:
+            location[i], rotation[i] = fact.box.location, fact.box.rotation_deg
+            extent[i] = fact.box.extent
+    actor = pose_matrix(world.location[index], world.rotation_deg[index])
+    world_from_box = np.asarray(actor @ pose_matrix(location, rotation), dtype=np.float64)
+    world_from_ego = pose_matrix(world.location[ego_row], world.rotation_deg[ego_row])
+    return Scene(
+        world=world,
+        facts=facts,
+        rows=index,
+        valid=valid,
+        world_from_box=world_from_box,
+        extent=extent,
+        corners=box_corners(world_from_box, extent),
+        world_from_ego=world_from_ego,
+        ego_from_world=invert_pose(world_from_ego),
+    )

@@ -1,0 +1,95 @@
+"""The outline of a box in an image: 2D boxes and geometric truncation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.geometry import (
+    Z_NEAR_M,
+    FloatArray,
+    Rectangle,
+    bounds,
+    clip_polygon_to_image,
+    clip_to_near_plane,
+    convex_hull,
+    polygon_area,
+    project,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Silhouette:
+    """The convex outline of a box's part in front of the camera.
+
+    Attributes:
+        bbox_unclipped: bounds of the outline, may exceed the image (px).
+        bbox: bounds of the outline's part inside the image; not the clipped bounds (px).
+        truncated: share of the outline's area outside the image.
+        crosses_near: the box reaches behind the near plane, so the outline is huge.
+    """
+
+    bbox_unclipped: Rectangle
+    bbox: Rectangle
+    truncated: float
+    crosses_near: bool
+
+
+def silhouette(
+    corners_optical: FloatArray,
+    k: FloatArray,
+    width: int,
+    height: int,
+    z_near_m: float = Z_NEAR_M,
+) -> Silhouette | None:
+    """Outline of a box; None when no part of it falls into the image.
+
+    Args:
+        corners_optical: ``(8, 3)`` corners in optical axes, in LibCarla's order (m).
+        k: ``(3, 3)`` intrinsics.
+        width: of the image (px).
+        height: of the image (px).
+        z_near_m: the near plane.
+    """
+    front = clip_to_near_plane(corners_optical, z_near_m)
+    if len(front) < 3:
+        return None
+    outline = convex_hull(project(front, k, z_near_m))
+    inside = clip_polygon_to_image(outline, width, height)
+    area_inside = polygon_area(inside)
+    if area_inside <= 0.0:
+        return None
+    return Silhouette(
+        bbox_unclipped=bounds(outline),
+        bbox=bounds(inside),
+        truncated=min(1.0, max(0.0, 1.0 - area_inside / polygon_area(outline))),
+        crosses_near=bool((corners_optical[:, 2] < z_near_m).any()),
+    )
+
+
+def may_be_in_image(
+    corners_optical: FloatArray,
+    k: FloatArray,
+    width: int,
+    height: int,
+    z_near_m: float = Z_NEAR_M,
+) -> NDArray[np.bool_]:
+    """Which of ``N`` boxes no side of the view frustum excludes.
+
+    A cheap test before the exact one: false only if all eight corners lie beyond one side.
+
+    Args:
+        corners_optical: ``(N, 8, 3)``.
+        k: ``(3, 3)`` intrinsics.
+        width: of the image (px).
+        height: of the image (px).
+        z_near_m: the near plane.
+    """
+    x, y, z = np.moveaxis(corners_optical, -1, 0)
+    u = k[0, 0] * x + k[0, 2] * z
+    v = k[1, 1] * y + k[1, 2] * z
+    beyond = (z < z_near_m, u < 0.0, u > width * z, v < 0.0, v > height * z)
+    excluded = np.stack([side.all(axis=-1) for side in beyond])
+    return np.asarray(~excluded.any(axis=0), dtype=np.bool_)

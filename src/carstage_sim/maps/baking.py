@@ -15,12 +15,14 @@ from carstage_sim.maps.cache import digest_of
 from carstage_sim.maps.ground_mesh import ground_mesh
 from carstage_sim.maps.layout import build_network
 from carstage_sim.maps.lights import light_sites
+from carstage_sim.maps.navmesh import navigation_file
 from carstage_sim.maps.opendrive_writer import write_opendrive
 from carstage_sim.maps.plan import TownPlan
 from carstage_sim.maps.spawning import spawn_points
 from carstage_sim.maps.strips import Samples, crosswalks, driving_lanes, strips
 from carstage_sim.maps.surfaces import ground_layers, surfaces
 from carstage_sim.maps.town import Town
+from carstage_sim.maps.walkways import walkways
 
 _SAMPLING_LIMIT_S = 120.0
 
@@ -50,7 +52,7 @@ def bake(plan: TownPlan) -> Town:
         spawn_points=spawn_points(lanes, spawn_rng),
         lanes=driving_lanes(samples),
         traffic_lights=light_sites(network),
-        navigation=b"",
+        navigation=navigation_file(walkways(ground)),
         static_mesh=mesh,
         level_objects=(),
         digest="",

@@ -21,7 +21,7 @@ from carstage_sim.mesh import Material
 
 KERB_HEIGHT_M = 0.15
 _KERB_WIDTH_M = 0.15
-_RAMP_LENGTH_M = 1.2
+RAMP_LENGTH_M = 1.2
 _SEAM_M = 0.02
 """Strips of neighbouring roads meet within this; they are grown and shrunk by it to fuse."""
 _JUNCTION_HOLE_M2 = 600.0
@@ -46,7 +46,7 @@ class Ramp:
     def height(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Height in metres at ``(N, 2)`` points."""
         run = (points - np.array(self.foot)) @ np.array(self.direction)
-        heights: NDArray[np.float64] = np.clip(run / _RAMP_LENGTH_M, 0.0, 1.0) * KERB_HEIGHT_M
+        heights: NDArray[np.float64] = np.clip(run / RAMP_LENGTH_M, 0.0, 1.0) * KERB_HEIGHT_M
         return heights
 
 
@@ -179,7 +179,7 @@ def _ramps(crosswalk: shapely.Polygon, sidewalk: BaseGeometry) -> list[Ramp]:
         uphill = np.array([along[1], -along[0]])
         if uphill @ ((a + b) / 2 - middle) < 0:
             uphill = -uphill
-        rise = uphill * _RAMP_LENGTH_M
+        rise = uphill * RAMP_LENGTH_M
         area = shapely.Polygon(np.stack([a, b, b + rise, a + rise]))
         if area.intersection(sidewalk).area > 0.95 * area.area:
             foot, direction = (float(a[0]), float(a[1])), (float(uphill[0]), float(uphill[1]))

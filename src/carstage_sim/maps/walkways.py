@@ -1,0 +1,134 @@
+"""Where pedestrians walk: sidewalks, ramps and crosswalks as convex polygons that join edge to edge.
+
+The strip of a sidewalk next to the kerb is left to trees, lamps and poles; walkers keep to the rest
+and cross it at the ramps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from carstage_sim.maps.partition import Partition, partition
+from carstage_sim.maps.surfaces import KERB_HEIGHT_M, RAMP_LENGTH_M, Ramp, Surfaces
+
+FURNITURE_ZONE_M = 1.5
+"""Width of the strip along the kerb that belongs to trees and poles."""
+_WALL_CLEARANCE_M = 0.3
+_CROSSWALK_CLEARANCE_M = 0.3
+_TILE_M = 25.0
+_MOST_CORNERS = 6
+"""What a Detour polygon can hold."""
+
+
+@dataclass(frozen=True, slots=True)
+class Walkways:
+    """Convex polygons of the walkable surface.
+
+    Attributes:
+        points: ``(P, 3)`` m.
+        polygons: corner indices of each, clockwise in CARLA's x, y, at most six; neighbours share
+            whole edges.
+        is_crosswalk: per polygon.
+    """
+
+    points: NDArray[np.float64]
+    polygons: tuple[tuple[int, ...], ...]
+    is_crosswalk: tuple[bool, ...]
+
+
+def walkways(ground: Surfaces) -> Walkways:
+    """The walkable polygons of a town, at the heights of its ground mesh."""
+    ramps = [_narrowed(ramp) for ramp in ground.ramps]
+    crossings = [
+        _shrunk_along_travel(walk, [r for r in ground.ramps if r.area.distance(walk) < 0.01])
+        for walk in ground.crosswalks
+    ]
+    paths = _paths(ground)
+    areas: list[BaseGeometry] = [
+        shapely.union_all(crossings),
+        *(lower for lower, _ in ramps),
+        shapely.union_all([paths, *(upper for _, upper in ramps)]),
+    ]
+    plan = partition(areas, _TILE_M)
+    heights: NDArray[np.float64] = np.full(len(plan.points), KERB_HEIGHT_M)
+    for index, ramp in enumerate(ground.ramps, start=1):
+        corners = np.unique(plan.triangles[plan.area == index])
+        heights[corners] = ramp.height(plan.points[corners])
+    heights[np.unique(plan.triangles[plan.area == 0])] = 0.0
+    polygons, area = _convex_polygons(plan)
+    return Walkways(
+        points=np.concatenate([plan.points, heights[:, None]], axis=1),
+        polygons=tuple(polygons),
+        is_crosswalk=tuple(index == 0 for index in area),
+    )
+
+
+def _paths(ground: Surfaces) -> BaseGeometry:
+    """Sidewalks without the strip at the kerb and the margin at the walls."""
+    inner = ground.road.union(ground.sidewalk).buffer(-_WALL_CLEARANCE_M, join_style="mitre")
+    clear = inner.intersection(ground.sidewalk).difference(ground.road.buffer(FURNITURE_ZONE_M))
+    simple: BaseGeometry = shapely.set_precision(clear.simplify(0.05), 0.001)
+    return simple
+
+
+def _narrowed(ramp: Ramp) -> tuple[shapely.Polygon, shapely.Polygon]:
+    """The walkable part of a ramp and of the flat piece between it and the path behind."""
+    foot, up = np.array(ramp.foot), np.array(ramp.direction)
+    across = np.array([-up[1], up[0]])
+    reach = (np.array(ramp.area.exterior.coords) - foot) @ across
+    left, right = reach.min() + _CROSSWALK_CLEARANCE_M, reach.max() - _CROSSWALK_CLEARANCE_M
+
+    def rectangle(low_m: float, high_m: float) -> shapely.Polygon:
+        corners = ((low_m, left), (high_m, left), (high_m, right), (low_m, right))
+        return shapely.Polygon([tuple(foot + u * up + v * across) for u, v in corners])
+
+    # The flat piece overlaps the path a little, so that the two fuse.
+    return rectangle(0.0, RAMP_LENGTH_M), rectangle(RAMP_LENGTH_M, FURNITURE_ZONE_M + 0.2)
+
+
+def _shrunk_along_travel(walk: shapely.Polygon, ramps: list[Ramp]) -> shapely.Polygon:
+    """The crosswalk between its ramps' walkable parts."""
+    lower = [_narrowed(ramp)[0] for ramp in ramps]
+    return shapely.union_all(lower).convex_hull.intersection(walk) if lower else walk
+
+
+def _convex_polygons(plan: Partition) -> tuple[list[tuple[int, ...]], list[int]]:
+    """Fuses triangles of one area, longest shared edge first, while they stay convex."""
+    polygons: dict[int, list[int]] = {
+        i: [int(v) for v in triangle[::-1]] for i, triangle in enumerate(plan.triangles)
+    }
+    sides = {(polygon[k - 1], polygon[k]): i for i, polygon in polygons.items() for k in range(3)}
+    shared = [(a, b) for a, b in sides if a < b and (b, a) in sides]
+    lengths = [float(np.linalg.norm(plan.points[a] - plan.points[b])) for a, b in shared]
+    for _, (a, b) in sorted(zip(lengths, shared, strict=True), key=lambda e: (-e[0], e[1])):
+        one, two = sides[a, b], sides[b, a]
+        if one == two or plan.area[one] != plan.area[two]:
+            continue
+        fused = _fused(polygons[one], polygons[two], a, b)
+        if len(fused) > _MOST_CORNERS or not _is_convex(plan.points[fused]):
+            continue
+        for k in range(len(polygons[two])):
+            sides[polygons[two][k - 1], polygons[two][k]] = one
+        polygons[one] = fused
+        del polygons[two]
+    return [tuple(p) for p in polygons.values()], [int(plan.area[i]) for i in polygons]
+
+
+def _fused(one: list[int], two: list[int], a: int, b: int) -> list[int]:
+    """``one`` has the edge a→b, ``two`` has b→a: the outline of both together."""
+    i, j = one.index(a), two.index(b)
+    return [*one[i + 1 :], *one[: i + 1], *(two[j + 1 :] + two[:j])[1:]]
+
+
+def _is_convex(corners: NDArray[np.float64]) -> bool:
+    if len(np.unique(corners, axis=0)) < len(corners):
+        return False
+    before = corners - np.roll(corners, 1, axis=0)
+    after = np.roll(corners, -1, axis=0) - corners
+    turns = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    return bool((turns <= 1e-9).all())

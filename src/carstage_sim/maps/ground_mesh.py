@@ -23,8 +23,8 @@ def ground_mesh(layers: list[Layer]) -> TriangleMesh:
     plan = partition([layer.area for layer in layers], _TILE_M)
     corners = plan.points[plan.triangles]
     heights = np.zeros(corners.shape[:2])
-    for index, layer in enumerate(layers):
-        rows = plan.area == index
+    for number, layer in enumerate(layers):
+        rows = plan.area == number
         if layer.ramp is None:
             heights[rows] = layer.height_m
         else:

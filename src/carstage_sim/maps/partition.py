@@ -51,7 +51,8 @@ def partition(areas: Sequence[BaseGeometry], tile_m: float) -> Partition:
     keep = np.abs(turn) > 1e-9
     keys = np.rint(corners[keep] / GRID_M).astype(np.int64)
     points, index = np.unique(keys.reshape(-1, 2), axis=0, return_inverse=True)
-    return Partition(points * GRID_M, index.reshape(-1, 3), owner[face[keep]])
+    places = (points * GRID_M).astype(np.float64)
+    return Partition(places, index.reshape(-1, 3), owner[face[keep]])
 
 
 def _faces(areas: Sequence[BaseGeometry], tile_m: float) -> NDArray[np.object_]:

@@ -1,7 +1,7 @@
-"""Where pedestrians walk: sidewalks, ramps and crosswalks as convex polygons that join edge to edge.
+"""Where pedestrians walk, as convex polygons that join edge to edge.
 
-The strip of a sidewalk next to the kerb is left to trees, lamps and poles; walkers keep to the rest
-and cross it at the ramps.
+Walkways are sidewalks, ramps and crosswalks. The strip of a sidewalk next to the kerb is left to
+trees, lamps and poles; walkers keep to the rest and cross the strip at the ramps.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def _narrowed(ramp: Ramp) -> tuple[shapely.Polygon, shapely.Polygon]:
     """The walkable part of a ramp and of the flat piece between it and the path behind."""
     foot, up = np.array(ramp.foot), np.array(ramp.direction)
     across = np.array([-up[1], up[0]])
-    reach = (np.array(ramp.area.exterior.coords) - foot) @ across
+    reach = (shapely.get_coordinates(ramp.area) - foot) @ across
     left, right = reach.min() + _CROSSWALK_CLEARANCE_M, reach.max() - _CROSSWALK_CLEARANCE_M
 
     def rectangle(low_m: float, high_m: float) -> shapely.Polygon:
@@ -91,7 +91,7 @@ def _narrowed(ramp: Ramp) -> tuple[shapely.Polygon, shapely.Polygon]:
     return rectangle(0.0, RAMP_LENGTH_M), rectangle(RAMP_LENGTH_M, FURNITURE_ZONE_M + 0.2)
 
 
-def _shrunk_along_travel(walk: shapely.Polygon, ramps: list[Ramp]) -> shapely.Polygon:
+def _shrunk_along_travel(walk: BaseGeometry, ramps: list[Ramp]) -> BaseGeometry:
     """The crosswalk between its ramps' walkable parts."""
     lower = [_narrowed(ramp)[0] for ramp in ramps]
     return shapely.union_all(lower).convex_hull.intersection(walk) if lower else walk

@@ -1,0 +1,78 @@
+"""``python -m carstage_sim``: starts the server and says on stdout when it is ready."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+
+from carstage_sim.cli import Options, parse_options
+from carstage_sim.description import describe
+from carstage_sim.maps import UnknownTownError
+from carstage_sim.server import Server
+from carstage_sim.simulation import Simulation
+from carstage_sim.wire.dialect import dialect
+from carstage_sim.wire.errors import BadAddressError, PortInUseError
+from carstage_sim.wire.socket_loop import bind
+
+_BAD_INPUT = 2
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the server until SIGTERM or SIGINT; the exit status of the process."""
+    options = parse_options(argv)
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    logging.getLogger("carstage_sim").setLevel(options.log_level.upper())
+    if options.describe:
+        print(json.dumps(describe(options.protocol)), flush=True)
+        return 0
+    try:
+        _serve(options)
+    except (BadAddressError, PortInUseError, UnknownTownError) as error:
+        print(f"carstage_sim: {error}", file=sys.stderr)
+        return _BAD_INPUT
+    except KeyboardInterrupt:  # before the server was ready
+        return 0
+    return 0
+
+
+def _serve(options: Options) -> None:
+    parent_pid = os.getppid() if options.exit_with_parent else None
+    streaming_port = options.streaming_port
+    if streaming_port is None:
+        streaming_port = options.port + 1 if options.port else 0
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with ExitStack() as resources:
+        # Reserved at once, so that a taken port is refused before the work of warming up; clients
+        # are accepted only when everything is warm.
+        rpc_socket = resources.enter_context(bind(options.host, options.port))
+        streaming_socket = resources.enter_context(bind(options.host, streaming_port))
+        simulation = resources.enter_context(Simulation(options.map_name, threads=options.threads))
+        simulation.warm_up()
+        server = resources.enter_context(
+            Server(
+                simulation,
+                dialect(options.protocol),
+                rpc_socket=rpc_socket,
+                streaming_socket=streaming_socket,
+                frames_per_s=options.frames_per_s,
+                parent_pid=parent_pid,
+            )
+        )
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda _number, _frame: server.stop())
+        print(
+            f"carstage_sim ready rpc={options.host}:{server.rpc_port} "
+            f"streaming={server.streaming_port} map={options.map_name} "
+            f"protocol={options.protocol} pid={os.getpid()}",
+            flush=True,
+        )
+        server.run()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,167 @@
+"""Options of the server, in our spelling and in that of CARLA's start script."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from carstage_sim.wire.dialect import DIALECTS
+
+_WITHOUT_EFFECT = (
+    "-RenderOffScreen",
+    "-nosound",
+    "-carla-server",
+    "-benchmark",
+    "-windowed",
+    "-opengl",
+    "-vulkan",
+    "-nullrhi",
+    "-prefernvidia",
+    "-unattended",
+    "-log",
+    "-stdout",
+    "-FullStdOutLogOutput",
+)
+_WITHOUT_EFFECT_VALUED = ("-quality-level", "-ResX", "-ResY", "-carla-secondary-port")
+_MOST_FRAMES_PER_S = 1000.0
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the server is started with.
+
+    Attributes:
+        port: RPC port, 0 for a free one.
+        streaming_port: None for the port above :attr:`port`, or a free one if that is 0.
+        threads: threads of the numeric kernels, None for all cores.
+        frames_per_s: pace of the free run in asynchronous mode.
+        exit_with_parent: end when the process that started this one is gone.
+        describe: print what there is, as JSON, and end.
+    """
+
+    host: str
+    port: int
+    streaming_port: int | None
+    map_name: str
+    seed: int
+    threads: int | None
+    protocol: str
+    frames_per_s: float
+    exit_with_parent: bool
+    describe: bool
+    log_level: str
+
+
+class _Parser(argparse.ArgumentParser):
+    """An argument parser that names the nearest option for one that it does not know."""
+
+    def refuse_unknown(self, unknown: Sequence[str]) -> None:
+        known = [option for action in self._actions for option in action.option_strings]
+        text = f"unknown option {unknown[0]}"
+        by_folded = {option.lower(): option for option in known}
+        nearest = difflib.get_close_matches(unknown[0].split("=")[0].lower(), by_folded, 1, 0.0)
+        self.error(f"{text}; did you mean {by_folded[nearest[0]]}?" if nearest else text)
+
+
+def _parser() -> _Parser:
+    parser = _Parser(
+        prog="python -m carstage_sim",
+        description="The embedded simulator: a headless server that the carla client drives.",
+        epilog="Options of CARLA's start script are understood; those about windows, sound and "
+        "quality have no effect.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on")
+    parser.add_argument(
+        "--port",
+        "-carla-rpc-port",
+        "-carla-port",
+        "-world-port",
+        type=_port,
+        default=2000,
+        help="RPC port; 0 takes a free one (default: 2000)",
+    )
+    parser.add_argument(
+        "--streaming-port",
+        "-carla-streaming-port",
+        type=_port,
+        help="streaming port (default: the one above --port)",
+    )
+    parser.add_argument("--map", dest="map_name", default="Stage01", help="map to begin with")
+    parser.add_argument("--seed", type=int, default=0, help="seed of everything that is random")
+    parser.add_argument("--threads", type=_count, help="threads that compute (default: all cores)")
+    parser.add_argument("--protocol", default="0.9.16", choices=tuple(DIALECTS))
+    parser.add_argument(
+        "--fps",
+        "-fps",
+        dest="frames_per_s",
+        type=_rate,
+        default=30.0,
+        help="frames per second in asynchronous mode (default: 30)",
+    )
+    parser.add_argument(
+        "--exit-with-parent",
+        action="store_true",
+        help="end when the process that started the server is gone",
+    )
+    parser.add_argument(
+        "--describe", action="store_true", help="print maps and blueprints as JSON and end"
+    )
+    parser.add_argument(
+        "--log-level", default="warning", choices=("debug", "info", "warning", "error")
+    )
+    for option in _WITHOUT_EFFECT:
+        parser.add_argument(
+            option, dest="_", action="store_true", default=False, help=argparse.SUPPRESS
+        )
+    for option in _WITHOUT_EFFECT_VALUED:
+        parser.add_argument(option, dest="_", default=None, help=argparse.SUPPRESS)
+    return parser
+
+
+def parse_options(argv: Sequence[str] | None) -> Options:
+    """Options of a command line; None takes the process's own.
+
+    Raises:
+        SystemExit: with status 2 and a sentence on stderr when something is wrong.
+    """
+    parser = _parser()
+    namespace, unknown = parser.parse_known_args(argv)
+    if unknown:
+        parser.refuse_unknown(unknown)
+    return Options(
+        host=namespace.host,
+        port=namespace.port,
+        streaming_port=namespace.streaming_port,
+        map_name=namespace.map_name.rsplit("/", 1)[-1],
+        seed=namespace.seed,
+        threads=namespace.threads,
+        protocol=namespace.protocol,
+        frames_per_s=namespace.frames_per_s,
+        exit_with_parent=namespace.exit_with_parent,
+        describe=namespace.describe,
+        log_level=namespace.log_level,
+    )
+
+
+def _port(text: str) -> int:
+    value = int(text)
+    if not 0 <= value <= 65535:
+        raise argparse.ArgumentTypeError(f"{value} is no port: 0 to 65535")
+    return value
+
+
+def _count(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{value} is too few: at least 1")
+    return value
+
+
+def _rate(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value <= _MOST_FRAMES_PER_S:
+        raise argparse.ArgumentTypeError(f"{text} is no rate: above 0, at most 1000")
+    return value

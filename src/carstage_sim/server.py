@@ -1,0 +1,184 @@
+"""The server: sockets on one side, the simulation on the other, one thread in between.
+
+:meth:`Server.run` is the simulation thread. It alone touches the world; the socket threads move
+bytes. In synchronous mode it serves calls until one of them is a tick; otherwise it ticks by the
+wall clock and serves calls in between.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import logging
+import os
+import socket
+import threading
+import time
+from contextlib import ExitStack
+from types import TracebackType
+
+from carstage_sim.simulation import Simulation
+from carstage_sim.wire.dialect import Dialect
+from carstage_sim.wire.handlers import Call, Session, serve
+from carstage_sim.wire.payloads import encode_frame, sensor_header
+from carstage_sim.wire.rpc import Disconnected, Event, RpcServer
+from carstage_sim.wire.snapshot import encode_snapshot
+from carstage_sim.wire.socket_loop import SocketLoop
+from carstage_sim.wire.streaming import StreamingServer
+from carstage_sim.wire.traffic_managers import TrafficManagers
+from carstage_sim.world.snapshot import Snapshot
+
+logger = logging.getLogger(__name__)
+
+_POLL_S = 0.1
+_SERVED_BETWEEN_TICKS = 256
+
+
+class Server:
+    """Serves one simulation to any number of clients; a context manager that owns its sockets.
+
+    Args:
+        simulation: what is served; its kernels should be warm.
+        dialect: protocol version.
+        rpc_socket, streaming_socket: bound sockets to accept clients on; the server owns them.
+        frames_per_s: pace of the free run.
+        parent_pid: end when this process is no longer the parent, None to run on.
+
+    Raises:
+        PortInUseError: a port is taken.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        dialect: Dialect,
+        *,
+        rpc_socket: socket.socket,
+        streaming_socket: socket.socket,
+        frames_per_s: float,
+        parent_pid: int | None = None,
+    ) -> None:
+        self._simulation = simulation
+        self._dialect = dialect
+        self._period_s = 1.0 / frames_per_s
+        self._parent_pid = parent_pid
+        self._stop = threading.Event()
+        self._next_tick_s = 0.0
+        self._waiting_for_tick: list[Call] = []
+        self._later: list[tuple[float, int, Call]] = []
+        self._order = itertools.count()
+        with ExitStack() as resources:
+            rpc_loop = resources.enter_context(SocketLoop("rpc sockets"))
+            stream_loop = resources.enter_context(SocketLoop("stream sockets"))
+            self._rpc = RpcServer(rpc_loop, rpc_socket)
+            self._streams = StreamingServer(stream_loop, streaming_socket)
+            resources.callback(self._rpc.close)
+            resources.callback(self._streams.close)
+            self._resources = resources.pop_all()
+        self.rpc_port = self._rpc.port
+        self.streaming_port = self._streams.port
+        self._session = Session(
+            simulation=simulation,
+            dialect=dialect,
+            streaming_port=self.streaming_port,
+            traffic_managers=TrafficManagers(),
+            tick=self._tick,
+            tick_later=self._waiting_for_tick.append,
+            episode_began=self._episode_began,
+            answer_after=self._answer_after,
+        )
+
+    def __enter__(self) -> Server:
+        return self
+
+    def __exit__(
+        self,
+        _type: type[BaseException] | None,
+        _value: BaseException | None,
+        _traceback: TracebackType | None,
+    ) -> None:
+        self._resources.close()
+
+    def stop(self) -> None:
+        """Let :meth:`run` return soon; safe from signal handlers and other threads."""
+        self._stop.set()
+
+    def run(self) -> None:
+        """Serve until :meth:`stop`. The calling thread becomes the simulation thread."""
+        self._episode_began()
+        while not self._stop.is_set():
+            if self._simulation.settings.synchronous_mode:
+                self._serve_one(_POLL_S)
+            else:
+                self._run_freely()
+            self._answer_due()
+            if self._parent_pid is not None and os.getppid() != self._parent_pid:
+                logger.info("parent process is gone: ending")
+                return
+
+    def _run_freely(self) -> None:
+        wait_s = self._next_tick_s - time.monotonic()
+        if wait_s > 0.0:
+            self._serve_one(min(wait_s, _POLL_S))
+            return
+        # A tick that is always due must not starve the calls.
+        for _ in range(_SERVED_BETWEEN_TICKS):
+            if not self._serve_one(0.0):
+                break
+        if not self._simulation.settings.synchronous_mode:
+            self._next_tick_s = max(self._next_tick_s + self._period_s, time.monotonic())
+            self._tick()
+
+    def _serve_one(self, timeout_s: float) -> bool:
+        event = self._rpc.next_event(timeout_s)
+        if event is None:
+            return False
+        self._serve(event)
+        return True
+
+    def _serve(self, event: Event) -> None:
+        if isinstance(event, Disconnected):
+            self._session.traffic_managers.drop_owner(event.connection)
+        else:
+            serve(self._session, event)
+
+    def _tick(self) -> int:
+        """One frame: step, publish the snapshot, then the sensors that look at it."""
+        snapshot = self._simulation.tick()
+        self._publish(snapshot)
+        frame = snapshot.state.frame
+        for call in self._waiting_for_tick:
+            call.answer(frame)
+        self._waiting_for_tick.clear()
+        return frame
+
+    def _publish(self, snapshot: Snapshot) -> None:
+        wait = self._simulation.settings.synchronous_mode
+        state = snapshot.state
+        payload = encode_snapshot(snapshot, self._dialect, time.time())
+        # A client that misses the change of map would keep the old one.
+        self._streams.publish_world(payload, wait=wait or snapshot.map_changed)
+        captured = self._simulation.capture(
+            snapshot, lambda stream_id: self._streams.listeners(stream_id) > 0
+        )
+        for item in captured:
+            header = sensor_header(
+                self._dialect.sensors.index(item.sensor.type_id),
+                state.frame,
+                state.timestamp_s,
+                item.pose,
+            )
+            parts = [header, *encode_frame(item.frame)]
+            self._streams.publish(item.sensor.stream_id, parts, wait=wait)
+
+    def _episode_began(self) -> None:
+        self._next_tick_s = time.monotonic() + self._period_s
+        self._publish(self._simulation.first_frame())
+
+    def _answer_after(self, call: Call, delay_s: float) -> None:
+        heapq.heappush(self._later, (time.monotonic() + delay_s, next(self._order), call))
+
+    def _answer_due(self) -> None:
+        while self._later and self._later[0][0] <= time.monotonic():
+            _, _, call = heapq.heappop(self._later)
+            call.answer(None)

@@ -1,0 +1,166 @@
+"""The simulation: the current episode, its settings, and the sensors that look at it.
+
+One thread owns it and everything below it; nothing here knows sockets or bytes.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+
+from carstage_sim.maps import available_towns, load_town
+from carstage_sim.sensors import SensorAttributeError, SensorSuite
+from carstage_sim.sensors.frames import SensorFrame, SensorRequest
+from carstage_sim.sensors.sensor import SensorRegistry
+from carstage_sim.world.actors import Actor
+from carstage_sim.world.controls import EpisodeSettings
+from carstage_sim.world.errors import SpawnError
+from carstage_sim.world.pose import ZERO, Pose
+from carstage_sim.world.snapshot import Snapshot
+from carstage_sim.world.state import ActorKind
+from carstage_sim.world.world import World
+
+logger = logging.getLogger(__name__)
+
+_SHORTEST_STEP_S = 0.001
+_LONGEST_STEP_S = 0.1
+_STANDARD_GRAVITY = 9.81
+
+
+@dataclass(frozen=True, slots=True)
+class CapturedFrame:
+    """What one sensor saw: the actor, its pose in the world, and the data."""
+
+    sensor: Actor
+    pose: Pose
+    frame: SensorFrame
+
+
+class Simulation:
+    """Runs one episode after another.
+
+    Args:
+        town_name: the map to begin with.
+        threads: threads of the numeric kernels, None for all cores.
+
+    Attributes:
+        world: the current episode.
+        settings: episode settings; they outlive an episode unless it is loaded with a reset.
+        imu_gravity: m/s^2, what clients set for IMU sensors.
+
+    Raises:
+        UnknownTownError: there is no map of that name.
+    """
+
+    def __init__(self, town_name: str, *, threads: int | None = None) -> None:
+        self.settings = EpisodeSettings()
+        self.imu_gravity = _STANDARD_GRAVITY
+        self.town_names: tuple[str, ...] = tuple(available_towns())
+        self._threads = threads
+        self._watched_before = False
+        self._stepped_at_s = time.monotonic()
+        self._town = load_town(town_name)
+        self.world = self._new_world(1, None)
+        self._sensors = SensorSuite(self._town, threads=threads)
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(
+        self,
+        _type: type[BaseException] | None,
+        _value: BaseException | None,
+        _traceback: TracebackType | None,
+    ) -> None:
+        self._sensors.close()
+
+    def warm_up(self) -> None:
+        """Compile and run every kernel once, so that no client waits for a compiler."""
+        self._sensors.warm_up()
+
+    def load(self, town_name: str, *, reset_settings: bool) -> None:
+        """Replace the episode by a new one on a map, which may be the same."""
+        before = self.world
+        if town_name != self._town.name:
+            self._town = load_town(town_name)
+            self._sensors.close()
+            self._sensors = SensorSuite(self._town, threads=self._threads)
+            self._sensors.warm_up()
+        self.world = self._new_world(before.episode_id + 1, before)
+        if reset_settings:
+            self.settings = EpisodeSettings()
+        logger.info("episode %d on %s", self.world.episode_id, self._town.name)
+
+    def _new_world(self, episode_id: int, before: World | None) -> World:
+        return World(self._town, episode_id, previous=before, check_sensor=self._check_sensor)
+
+    def apply_settings(self, settings: EpisodeSettings) -> None:
+        """Use other settings from the next tick on."""
+        self.settings = settings
+        self._stepped_at_s = time.monotonic()
+
+    def tick(self) -> Snapshot:
+        """One step: of the fixed duration, or of the wall time since the last step."""
+        now_s = time.monotonic()
+        delta_s = self.settings.fixed_delta_seconds
+        if not delta_s:
+            elapsed_s = now_s - self._stepped_at_s
+            delta_s = min(max(elapsed_s, _SHORTEST_STEP_S), _LONGEST_STEP_S)
+        self._stepped_at_s = now_s
+        return self.world.tick(delta_s, self.settings.substeps(delta_s))
+
+    def first_frame(self) -> Snapshot:
+        """The frame that an episode begins with."""
+        return self.world.freeze(self.settings.fixed_delta_seconds or 0.0)
+
+    def capture(
+        self, snapshot: Snapshot, is_watched: Callable[[int], bool]
+    ) -> Sequence[CapturedFrame]:
+        """Data of every sensor that somebody listens to and whose turn it is.
+
+        Args:
+            snapshot: the frame to look at.
+            is_watched: tells by stream number whether anybody listens.
+        """
+        without_cameras = self.settings.no_rendering_mode
+        requests: list[SensorRequest] = []
+        watched: dict[int, tuple[Actor, Pose]] = {}
+        for sensor in self.world.actors.of_kind(ActorKind.SENSOR):
+            if not is_watched(sensor.stream_id):
+                continue
+            if without_cameras and sensor.type_id.startswith("sensor.camera."):
+                continue
+            pose = self.world.actors.pose(sensor.actor_id)
+            watched[sensor.actor_id] = (sensor, pose)
+            requests.append(_request(sensor, pose))
+        if not requests and not self._watched_before:
+            return []
+        self._watched_before = bool(requests)  # one capture of nothing lets the suite forget
+        frames = self._sensors.capture(snapshot.state, requests)
+        return [CapturedFrame(*watched[sensor_id], frame) for sensor_id, frame in frames]
+
+    def _check_sensor(self, type_id: str, attributes: Mapping[str, str]) -> None:
+        """Refuse a sensor that could not be captured, before it is in the world.
+
+        Raises:
+            SpawnError: an attribute has an impossible value.
+        """
+        request = SensorRequest(0, type_id, attributes, ZERO, ZERO, 0)
+        try:
+            SensorRegistry.make(request, self._town)
+        except SensorAttributeError as error:
+            raise SpawnError(f"{type_id}: {error}") from error
+
+
+def _request(sensor: Actor, pose: Pose) -> SensorRequest:
+    return SensorRequest(
+        sensor_id=sensor.actor_id,
+        type_id=sensor.type_id,
+        attributes=sensor.attributes,
+        location=pose.location,
+        rotation_deg=pose.rotation_deg,
+        owner_id=sensor.parent_id,
+    )

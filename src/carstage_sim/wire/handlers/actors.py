@@ -1,0 +1,153 @@
+"""Definitions, spawning and destroying, and what holds for every actor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from carstage_sim.wire import values
+from carstage_sim.wire.handlers.registry import Call, handles, handles_void
+from carstage_sim.world.actors import Actor, Attachment
+from carstage_sim.world.blueprints import catalogue
+from carstage_sim.world.errors import ActorNotFoundError
+
+
+def encode_actor(call: Call, actor: Actor) -> list[Any]:
+    """An actor as this call's client wants it."""
+    return values.encode_actor(actor, call.session.dialect, call.session.streaming_port)
+
+
+@handles("get_actor_definitions")
+def _get_actor_definitions(call: Call) -> list[Any]:
+    dialect = call.session.dialect
+    return [values.encode_definition(blueprint, dialect) for blueprint in catalogue().values()]
+
+
+@handles("get_spectator")
+def _get_spectator(call: Call) -> list[Any]:
+    return encode_actor(call, call.world.spectator)
+
+
+@handles("get_actors_by_id")
+def _get_actors_by_id(call: Call, actor_ids: list[int]) -> list[Any]:
+    actors = (call.world.actors.get(actor_id) for actor_id in actor_ids)
+    return [encode_actor(call, actor) for actor in actors if actor is not None]
+
+
+@handles("spawn_actor")
+def _spawn_actor(call: Call, description: list[Any], transform: list[Any]) -> list[Any]:
+    type_id, attributes = values.description(description)
+    return encode_actor(call, call.world.spawn(type_id, attributes, values.pose(transform)))
+
+
+@handles("spawn_actor_with_parent")
+def _spawn_actor_with_parent(
+    call: Call,
+    description: list[Any],
+    transform: list[Any],
+    parent_id: int,
+    attachment: int,
+    _socket_name: str = "",
+) -> list[Any]:
+    type_id, attributes = values.description(description)
+    actor = call.world.spawn(
+        type_id,
+        attributes,
+        values.pose(transform),
+        parent_id=parent_id,
+        attachment=Attachment(attachment),
+    )
+    return encode_actor(call, actor)
+
+
+@handles("destroy_actor")
+def _destroy_actor(call: Call, actor_id: int) -> bool:
+    return call.world.destroy(actor_id)
+
+
+@handles("get_actor_bounding_box")
+def _get_actor_bounding_box(call: Call, actor_id: int) -> list[Any]:
+    return values.encode_actor_box(call.world.live_or_dead(actor_id))
+
+
+@handles_void("set_actor_location")
+def _set_actor_location(call: Call, actor_id: int, location: list[float]) -> None:
+    call.world.set_location(actor_id, values.vector(location))
+
+
+@handles_void("set_actor_transform")
+def _set_actor_transform(call: Call, actor_id: int, transform: list[Any]) -> None:
+    call.world.set_pose(actor_id, values.pose(transform))
+
+
+@handles_void("set_actor_simulate_physics")
+def _set_actor_simulate_physics(call: Call, actor_id: int, enabled: bool) -> None:
+    if call.live(actor_id) is not None:
+        call.world.set_simulate_physics(actor_id, enabled)
+
+
+@handles_void("set_actor_enable_gravity")
+def _set_actor_enable_gravity(call: Call, actor_id: int, enabled: bool) -> None:
+    call.world.live_or_dead(actor_id).gravity = enabled
+
+
+@handles_void("set_actor_collisions")
+def _set_actor_collisions(call: Call, actor_id: int, enabled: bool) -> None:
+    call.world.live_or_dead(actor_id).collides = enabled
+
+
+@handles_void("set_actor_dead")
+def _set_actor_dead(call: Call, actor_id: int) -> None:
+    actor = call.live(actor_id)
+    if actor is None:
+        raise ActorNotFoundError(actor_id)
+    call.world.set_simulate_physics(actor_id, False)
+
+
+@handles_void("set_actor_target_velocity")
+def _set_actor_target_velocity(call: Call, actor_id: int, velocity: list[float]) -> None:
+    call.world.set_target_velocity(actor_id, values.vector(velocity))
+
+
+@handles_void("set_actor_target_angular_velocity")
+def _set_actor_target_angular_velocity(call: Call, actor_id: int, velocity: list[float]) -> None:
+    call.world.set_target_angular_velocity(actor_id, values.vector(velocity))
+
+
+@handles_void("enable_actor_constant_velocity")
+def _enable_actor_constant_velocity(call: Call, actor_id: int, velocity: list[float]) -> None:
+    call.world.set_constant_velocity(actor_id, values.vector(velocity))
+
+
+@handles_void("disable_actor_constant_velocity")
+def _disable_actor_constant_velocity(call: Call, actor_id: int) -> None:
+    call.world.set_constant_velocity(actor_id, None)
+
+
+@handles_void("add_actor_impulse")
+def _add_actor_impulse(call: Call, actor_id: int, impulse: list[float]) -> None:
+    call.world.add_impulse(actor_id, values.vector(impulse))
+
+
+@handles_void("add_actor_force")
+def _add_actor_force(call: Call, actor_id: int, force: list[float]) -> None:
+    call.world.add_force(actor_id, values.vector(force))
+
+
+@handles_void("add_actor_impulse_at_location")
+def _add_actor_impulse_at_location(
+    call: Call, actor_id: int, impulse: list[float], _location: list[float]
+) -> None:
+    call.world.add_impulse(actor_id, values.vector(impulse))
+
+
+@handles_void("add_actor_force_at_location")
+def _add_actor_force_at_location(
+    call: Call, actor_id: int, force: list[float], _location: list[float]
+) -> None:
+    call.world.add_force(actor_id, values.vector(force))
+
+
+@handles_void("add_actor_torque", "add_actor_angular_impulse")
+def _add_actor_torque(call: Call, actor_id: int, _torque: list[float]) -> None:
+    """Vehicles keep to the road plane; a torque on them has no effect."""
+    call.world.live_or_dead(actor_id)

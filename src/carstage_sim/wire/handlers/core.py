@@ -1,0 +1,135 @@
+"""Episode, settings, maps, files and the tick."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+from carstage_sim.wire import values
+from carstage_sim.wire.errors import CallError
+from carstage_sim.wire.handlers.registry import LATER, Call, handles, handles_void
+from carstage_sim.wire.token import WORLD_OBSERVER_STREAM, stream_token
+from carstage_sim.world.errors import WorldError
+from carstage_sim.world.pose import Pose
+
+_MAP_FOLDER = "Carla/Maps"
+_LOAD_ANSWER_DELAY_S = 0.1
+_HELD_WHILE_REOPENING = frozenset(
+    {"get_episode_settings", "get_weather_parameters", "get_vehicle_light_states"}
+)
+
+
+@handles("version")
+def _version(call: Call) -> str:
+    return call.session.dialect.version
+
+
+@handles("get_episode_info")
+def _get_episode_info(call: Call) -> list[Any]:
+    token = stream_token(WORLD_OBSERVER_STREAM, call.session.streaming_port)
+    return [call.world.episode_id, [token]]
+
+
+@handles("get_sensor_token")
+def _get_sensor_token(call: Call, stream_id: int) -> list[bytes]:
+    if stream_id == WORLD_OBSERVER_STREAM:
+        call.connection.release()
+    return [stream_token(stream_id, call.session.streaming_port)]
+
+
+@handles("get_episode_settings")
+def _get_episode_settings(call: Call) -> list[Any]:
+    return values.encode_settings(call.simulation.settings)
+
+
+@handles("set_episode_settings")
+def _set_episode_settings(call: Call, settings: list[Any]) -> int:
+    call.simulation.apply_settings(values.settings(settings))
+    return call.world.frame
+
+
+@handles("get_map_info")
+def _get_map_info(call: Call) -> list[Any]:
+    town = call.world.town
+    spawn_points = [
+        values.encode_pose(Pose((x, y, z), (pitch, yaw, roll)))
+        for x, y, z, pitch, yaw, roll in town.spawn_points.tolist()
+    ]
+    return [f"{_MAP_FOLDER}/{town.name}", spawn_points]
+
+
+@handles("get_map_data")
+def _get_map_data(call: Call) -> str:
+    return call.world.town.opendrive
+
+
+@handles("get_navigation_mesh")
+def _get_navigation_mesh(call: Call) -> bytes:
+    return call.world.town.navigation
+
+
+def _navigation_path(call: Call) -> str:
+    # Clients keep this file for ever under its path: a changed mesh needs another one.
+    town = call.world.town
+    digest = hashlib.sha256(town.navigation).hexdigest()[:16]
+    return f"{_MAP_FOLDER}/Nav/{town.name}-{digest}.bin"
+
+
+@handles("get_required_files")
+def _get_required_files(call: Call, folder: str) -> list[str]:
+    return [_navigation_path(call)] if folder == "Nav" and call.world.town.navigation else []
+
+
+@handles("request_file")
+def _request_file(call: Call, path: str) -> bytes:
+    if path != _navigation_path(call):
+        raise CallError(f"no file {path!r} on this server")
+    return call.world.town.navigation
+
+
+@handles("get_available_maps")
+def _get_available_maps(call: Call) -> list[str]:
+    return [f"/Game/{_MAP_FOLDER}/{name}" for name in call.simulation.town_names]
+
+
+@handles_void("load_new_episode")
+def _load_new_episode(call: Call, map_name: str, reset_settings: bool, _layers: int = 0) -> Any:
+    name = map_name.rsplit("/", 1)[-1] or call.world.town.name
+    if name not in call.simulation.town_names:
+        raise CallError("map not found")
+    call.simulation.load(name, reset_settings=reset_settings)
+    call.session.episode_began()
+    if not (
+        call.session.dialect.reopens_episode
+        and call.session.traffic_managers.owned_by(call.connection)
+    ):
+        return None
+    # This client drops its episode now and opens another. Its Traffic Manager's thread crashes on
+    # the gap between the two; without answers it mostly waits until the gap is over.
+    call.connection.held_calls = _HELD_WHILE_REOPENING
+    call.session.answer_after(call, _LOAD_ANSWER_DELAY_S)
+    return LATER
+
+
+@handles_void("load_map_layer", "unload_map_layer")
+def _map_layers(_call: Call, _layers: int) -> None:
+    """Towns have no layers: everything stays loaded."""
+
+
+@handles_void("copy_opendrive_to_file")
+def _copy_opendrive_to_file(_call: Call, _opendrive: str, _parameters: list[Any]) -> None:
+    raise CallError("this server cannot build a world from OpenDRIVE; load one of its own maps")
+
+
+@handles("tick_cue")
+def _tick_cue(call: Call) -> Any:
+    """Answered after the frame's snapshot is out, so that the client need not spin for it."""
+    if call.simulation.settings.synchronous_mode:
+        return call.session.tick()
+    call.session.tick_later(call)
+    return LATER
+
+
+@handles("console_command")
+def _console_command(_call: Call, command: str) -> bool:
+    raise WorldError(f"this server has no console: {command!r} was not run")

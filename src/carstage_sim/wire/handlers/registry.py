@@ -1,0 +1,165 @@
+"""How a call finds its handler, and how a handler's value becomes a reply.
+
+A handler is a function ``(call, *arguments) -> value`` registered under the call's name. It returns
+the bare value; the wrapping that the client expects is decided at registration.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Final, TypeVar
+
+from carstage_sim.simulation import Simulation
+from carstage_sim.wire.dialect import Dialect
+from carstage_sim.wire.errors import CallError
+from carstage_sim.wire.rpc import Connection, Request
+from carstage_sim.wire.traffic_managers import TrafficManagers
+from carstage_sim.world.actors import Actor
+from carstage_sim.world.errors import WorldError
+from carstage_sim.world.world import World
+
+logger = logging.getLogger(__name__)
+
+Handler = Callable[..., Any]
+_H = TypeVar("_H", bound=Handler)
+
+
+class _Later(Enum):
+    LATER = "the handler answers by itself"
+
+
+LATER: Final = _Later.LATER
+"""Returned by a handler that keeps its call and answers it with :meth:`Call.answer`."""
+
+
+class Wrapping(Enum):
+    """How a result is wrapped on the wire."""
+
+    VALUE = "Response<T>"
+    VOID = "Response<void>"
+    BARE = "as it is"
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """What handlers may use of the server that runs them."""
+
+    simulation: Simulation
+    dialect: Dialect
+    streaming_port: int
+    traffic_managers: TrafficManagers
+    tick: Callable[[], int]
+    tick_later: Callable[[Call], None]
+    episode_began: Callable[[], None]
+    answer_after: Callable[[Call, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """One request in the hands of its handler."""
+
+    session: Session
+    request: Request
+
+    @property
+    def world(self) -> World:
+        """The current episode's world."""
+        return self.session.simulation.world
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation that owns the world."""
+        return self.session.simulation
+
+    @property
+    def connection(self) -> Connection:
+        """Who asks."""
+        return self.request.connection
+
+    def live(self, actor_id: int) -> Actor | None:
+        """The live actor of that id, None if it was destroyed a while ago.
+
+        Raises:
+            ActorNotFoundError: there never was one.
+        """
+        actor = self.world.live_or_dead(actor_id)
+        return actor if actor.actor_id in self.world.actors else None
+
+    def answer(self, value: Any) -> None:
+        """Send a value as this call's reply."""
+        self.connection.reply(self.request, _wrapped(_HANDLERS[self.request.name][1], value))
+
+    def fail(self, text: str) -> None:
+        """Send a refusal that the client raises as ``RuntimeError``."""
+        wrapping = _HANDLERS[self.request.name][1]
+        flag = wrapping is Wrapping.VOID
+        self.connection.reply(self.request, [[flag if flag else 0, [text]]])
+
+
+_HANDLERS: dict[str, tuple[Handler, Wrapping]] = {}
+
+
+def handles(name: str, wrapping: Wrapping = Wrapping.VALUE) -> Callable[[_H], _H]:
+    """Register a handler for the call ``name``."""
+
+    def register(handler: _H) -> _H:
+        if name in _HANDLERS:
+            raise ValueError(f"two handlers for {name}")
+        _HANDLERS[name] = (handler, wrapping)
+        return handler
+
+    return register
+
+
+def handles_void(*names: str) -> Callable[[_H], _H]:
+    """Register a handler for calls without a result."""
+
+    def register(handler: _H) -> _H:
+        for name in names:
+            handles(name, Wrapping.VOID)(handler)
+        return handler
+
+    return register
+
+
+def known_calls() -> frozenset[str]:
+    """Names of all calls that are answered."""
+    return frozenset(_HANDLERS)
+
+
+def serve(session: Session, request: Request) -> None:
+    """Run the handler of a request and answer it.
+
+    Every failure becomes a reply: an error of the envelope would end a client's background thread
+    and with it the client's process, so only calls that do not exist get one, in rpclib's words.
+    """
+    if request.name not in _HANDLERS:
+        logger.warning("unknown call %s with %d arguments", request.name, len(request.arguments))
+        count = len(request.arguments) + 1  # rpclib counts the metadata too
+        request.connection.refuse(
+            request,
+            f"rpclib: server could not find function '{request.name}' with argument count {count}.",
+        )
+        return
+    call = Call(session, request)
+    handler, _ = _HANDLERS[request.name]
+    try:
+        value = handler(call, *request.arguments)
+    except (CallError, WorldError) as error:
+        logger.debug("%s refused: %s", request.name, error)
+        call.fail(str(error))
+    except Exception as error:  # noqa: BLE001 - whatever a client sends must not end the server
+        logger.exception("%s%s failed", request.name, str(request.arguments)[:200])
+        call.fail(f"{request.name} failed in the simulator: {type(error).__name__}: {error}")
+    else:
+        if value is not LATER:
+            call.answer(value)
+
+
+def _wrapped(wrapping: Wrapping, value: Any) -> Any:
+    if wrapping is Wrapping.VOID:
+        return [[False]]
+    return [[1, value]] if wrapping is Wrapping.VALUE else value

@@ -1,0 +1,25 @@
+"""Walkers: control and poses of bones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from carstage_sim.wire import values
+from carstage_sim.wire.handlers.registry import Call, handles, handles_void
+
+
+@handles_void("apply_control_to_walker")
+def _apply_control_to_walker(call: Call, actor_id: int, control: list[Any]) -> None:
+    call.world.control_walker(actor_id, values.walker_control(control))
+
+
+@handles("get_bones_transform")
+def _get_bones_transform(call: Call, actor_id: int) -> list[Any]:
+    """Walkers have no skeleton that clients can pose."""
+    call.world.live_or_dead(actor_id)
+    return [[]]
+
+
+@handles_void("set_bones_transform", "blend_pose", "get_pose_from_animation")
+def _pose_bones(call: Call, actor_id: int, *_arguments: Any) -> None:
+    call.world.live_or_dead(actor_id)

@@ -1,0 +1,121 @@
+"""The streaming side: one connection per subscribed stream, frames pushed without copies.
+
+A client opens a connection, sends the stream's number and then only reads. The server never closes
+a stream: a client that is still subscribed would reconnect thousands of times a second. Streams
+that nobody publishes to, and numbers that never existed, stay open and silent.
+"""
+
+from __future__ import annotations
+
+import logging
+import socket
+import struct
+import threading
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from carstage_sim.wire.socket_loop import Channel, SocketLoop
+from carstage_sim.wire.token import WORLD_OBSERVER_STREAM
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer
+
+logger = logging.getLogger(__name__)
+
+_HANDSHAKE_BYTES = 4
+_POLL_S = 0.5
+
+
+class StreamingServer:
+    """Accepts subscribers and publishes messages to them.
+
+    Args:
+        loop: the socket loop that finishes writes.
+        sock: what to accept clients on, from :func:`carstage_sim.wire.socket_loop.bind`.
+
+    Raises:
+        PortInUseError: something else listens there.
+    """
+
+    def __init__(self, loop: SocketLoop, sock: socket.socket) -> None:
+        self._lock = threading.Lock()
+        self._subscribers: dict[int, list[Channel]] = {}
+        self._latest_world: list[bytes] | None = None
+        self._ended = threading.Event()
+        self.port = int(sock.getsockname()[1])
+        loop.listen(sock, self._accept)
+
+    def close(self) -> None:
+        """Let go of a publisher that waits for a slow subscriber."""
+        self._ended.set()
+
+    def listeners(self, stream_id: int) -> int:
+        """How many connections are subscribed to a stream."""
+        with self._lock:
+            return len(self._subscribers.get(stream_id, ()))
+
+    def publish(self, stream_id: int, parts: Sequence[Buffer], *, wait: bool) -> None:
+        """Send one message to every subscriber of a stream.
+
+        Args:
+            stream_id: the stream.
+            parts: the message's payload in pieces; they must not change afterwards.
+            wait: what to do while a subscriber's previous message is not written: wait for it
+                (synchronous mode) or leave this message out for that subscriber.
+        """
+        message = _framed(parts)
+        with self._lock:
+            channels = list(self._subscribers.get(stream_id, ()))
+        for channel in channels:
+            if channel.unwritten_bytes:
+                if not wait:
+                    continue
+                self._wait_written(channel)
+            channel.send(message)
+
+    def publish_world(self, payload: bytes, *, wait: bool) -> None:
+        """Send a world-observer message and keep it for subscribers that come before the next.
+
+        A client that opens the world while the server waits for a tick so sees its actors.
+        """
+        with self._lock:
+            self._latest_world = [bytes(part) for part in _framed([payload])]
+        self.publish(WORLD_OBSERVER_STREAM, [payload], wait=wait)
+
+    def _wait_written(self, channel: Channel) -> None:
+        while not self._ended.is_set():
+            if channel.wait_written(_POLL_S):
+                return
+
+    def _accept(self, channel: Channel) -> None:
+        received = bytearray()
+
+        def handshake(data: bytes) -> None:
+            received.extend(data)
+            if len(received) >= _HANDSHAKE_BYTES:
+                (stream_id,) = struct.unpack_from("<I", received)
+                channel.on_data = lambda _data: None
+                self._subscribe(stream_id, channel)
+
+        channel.on_data = handshake
+
+    def _subscribe(self, stream_id: int, channel: Channel) -> None:
+        logger.debug("stream %d: subscribed by %s", stream_id, channel.peer)
+        channel.on_close = lambda: self._unsubscribe(stream_id, channel)
+        with self._lock:
+            if stream_id == WORLD_OBSERVER_STREAM and self._latest_world is not None:
+                channel.send(self._latest_world)
+            self._subscribers.setdefault(stream_id, []).append(channel)
+
+    def _unsubscribe(self, stream_id: int, channel: Channel) -> None:
+        logger.debug("stream %d: unsubscribed by %s", stream_id, channel.peer)
+        with self._lock:
+            channels = self._subscribers[stream_id]
+            channels.remove(channel)
+            if not channels:
+                del self._subscribers[stream_id]
+
+
+def _framed(parts: Sequence[Buffer]) -> list[Buffer]:
+    size = sum(memoryview(part).nbytes for part in parts)
+    return [struct.pack("<I", size), *parts]

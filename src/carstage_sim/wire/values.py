@@ -1,0 +1,157 @@
+"""Structs of the protocol as msgpack values: arrays of fields in declaration order.
+
+Decoders take what clients send; encoders give the longest form of all versions, because clients
+ignore fields that they do not know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
+
+from carstage_sim.maps.town import OrientedBox
+from carstage_sim.wire.dialect import Dialect
+from carstage_sim.wire.token import stream_token
+from carstage_sim.world.actors import Actor
+from carstage_sim.world.blueprints import AttributeType, Blueprint
+from carstage_sim.world.controls import (
+    AckermannControl,
+    EpisodeSettings,
+    VehicleControl,
+    WalkerControl,
+)
+from carstage_sim.world.pose import Pose, Vector3
+from carstage_sim.world.state import Weather
+
+Value = list[Any]
+
+
+def vector(value: Sequence[float]) -> Vector3:
+    """A ``Vector3D`` or ``Location``."""
+    x, y, z = value
+    return (float(x), float(y), float(z))
+
+
+def pose(value: Sequence[Sequence[float]]) -> Pose:
+    """A ``Transform``."""
+    location, rotation = value
+    return Pose(vector(location), vector(rotation))
+
+
+def encode_pose(value: Pose) -> Value:
+    """A ``Transform``."""
+    return [list(value.location), list(value.rotation_deg)]
+
+
+def bounding_box(center: Vector3, extent: Vector3, rotation_deg: Vector3, actor_id: int) -> Value:
+    """A ``BoundingBox``; clients before 0.9.16 ignore the id."""
+    return [list(center), list(extent), list(rotation_deg), actor_id]
+
+
+def encode_box(box: OrientedBox, actor_id: int = 0) -> Value:
+    """A ``BoundingBox`` of a box in the world."""
+    return bounding_box(box.center, box.extent, box.rotation_deg, actor_id)
+
+
+def encode_actor_box(actor: Actor) -> Value:
+    """A ``BoundingBox`` in the actor's frame."""
+    return bounding_box(actor.box_center, actor.box_extent, (0.0, 0.0, 0.0), actor.actor_id)
+
+
+def encode_definition(blueprint: Blueprint, dialect: Dialect) -> Value:
+    """An ``ActorDefinition``."""
+    attributes = [
+        [
+            attribute.id,
+            attribute.type + dialect.attribute_type_base,
+            attribute.value,
+            list(attribute.recommended),
+            attribute.modifiable,
+            attribute.restrict,
+        ]
+        for attribute in blueprint.attributes
+    ]
+    return [blueprint.uid, blueprint.id, blueprint.tags, attributes]
+
+
+def encode_actor(actor: Actor, dialect: Dialect, streaming_port: int) -> Value:
+    """An ``Actor``: description, box, tags and, for sensors, the token of its stream."""
+    types = (
+        {attribute.id: attribute.type for attribute in actor.blueprint.attributes}
+        if actor.blueprint is not None
+        else {}
+    )
+    attributes = [
+        [key, types.get(key, AttributeType.STRING) + dialect.attribute_type_base, value]
+        for key, value in actor.attributes.items()
+    ]
+    uid = actor.blueprint.uid if actor.blueprint is not None else 0
+    tags = bytes(dialect.labels.get(tag, tag) for tag in actor.semantic_tags)
+    token = stream_token(actor.stream_id, streaming_port) if actor.stream_id else b""
+    return [
+        actor.actor_id,
+        actor.parent_id,
+        [uid, actor.type_id, attributes],
+        encode_actor_box(actor),
+        tags,
+        token,
+    ]
+
+
+def description(value: Sequence[Any]) -> tuple[str, dict[str, str]]:
+    """Type id and attribute values of an ``ActorDescription``."""
+    _uid, type_id, attributes = value
+    return str(type_id), {str(name): str(text) for name, _type, text in attributes}
+
+
+def vehicle_control(value: Sequence[Any]) -> VehicleControl:
+    """A ``VehicleControl``."""
+    throttle, steer, brake, hand_brake, reverse, manual, gear = value
+    return VehicleControl(throttle, steer, brake, hand_brake, reverse, manual, gear)
+
+
+def ackermann_control(value: Sequence[float]) -> AckermannControl:
+    """A ``VehicleAckermannControl``."""
+    steer, steer_speed, speed, acceleration, jerk = value
+    return AckermannControl(steer, steer_speed, speed, acceleration, jerk)
+
+
+def walker_control(value: Sequence[Any]) -> WalkerControl:
+    """A ``WalkerControl``."""
+    direction, speed, jump = value
+    return WalkerControl(vector(direction), float(speed), bool(jump))
+
+
+def weather(value: Sequence[float]) -> Weather:
+    """``WeatherParameters``, of any version's length."""
+    return Weather(*(float(number) for number in value[: len(fields(Weather))]))
+
+
+def encode_weather(value: Weather) -> Value:
+    """``WeatherParameters``."""
+    return [getattr(value, field.name) for field in fields(Weather)]
+
+
+def settings(value: Sequence[Any]) -> EpisodeSettings:
+    """``EpisodeSettings``, of any version's length."""
+    known = list(value[: len(fields(EpisodeSettings))])
+    known[2] = optional(known[2])
+    return EpisodeSettings(*known)
+
+
+def encode_settings(value: EpisodeSettings) -> Value:
+    """``EpisodeSettings``."""
+    encoded = [getattr(value, field.name) for field in fields(EpisodeSettings)]
+    encoded[2] = encode_optional(value.fixed_delta_seconds)
+    return encoded
+
+
+def optional(value: Sequence[Any]) -> Any:
+    """The content of an ``optional`` or None."""
+    return value[1] if value[0] else None
+
+
+def encode_optional(value: Any) -> Value:
+    """An ``optional``."""
+    return [False] if value is None else [True, value]

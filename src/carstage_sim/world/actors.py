@@ -1,0 +1,195 @@
+"""Actors and the table of their motion: one row per live actor, ascending ids."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.world.blueprints import Blueprint
+from carstage_sim.world.controls import (
+    STANDING,
+    AckermannControl,
+    AckermannSettings,
+    VehicleControl,
+    WalkerControl,
+)
+from carstage_sim.world.pose import ZERO, Pose, Vector3
+from carstage_sim.world.state import ActorKind
+from carstage_sim.world.vehicle_parameters import VehicleParameters
+
+
+class Attachment(IntEnum):
+    """``carla.AttachmentType``.
+
+    Spring arms are treated as rigid: there is no camera lag, so that the pose is a function of the
+    parent's pose alone.
+    """
+
+    RIGID = 0
+    SPRING_ARM = 1
+    SPRING_ARM_GHOST = 2
+
+
+@dataclass(slots=True, eq=False)
+class VehicleStatus:
+    """What clients commanded a vehicle beside its motion.
+
+    Attributes:
+        control: pedals and wheel as last set, also by the Ackermann controller.
+        ackermann: target that the controller follows, None while it is off.
+        light_state: ``carla.VehicleLightState`` bits.
+        parameters: physics control that a client applied, None for the blueprint's.
+    """
+
+    control: VehicleControl = field(default_factory=VehicleControl)
+    ackermann: AckermannControl | None = None
+    ackermann_settings: AckermannSettings = field(default_factory=AckermannSettings)
+    light_state: int = 0
+    parameters: VehicleParameters | None = None
+
+
+@dataclass(slots=True, eq=False)
+class Actor:
+    """A live or lately destroyed actor.
+
+    Attributes:
+        actor_id: > 0, ascending in the order of spawning.
+        type_id: blueprint id; clients choose the actor's class by it.
+        attributes: all attributes of the blueprint with the values that the client set.
+        box_center, box_extent: bounding box in the actor's frame, half sizes, metres.
+        blueprint: None for what only the map brings (lights, the spectator).
+        parent_id: actor that it is attached to, 0 for none.
+        relative: pose in the parent's frame, used while the parent lives.
+        stream_id: stream of its data, 0 for what is no sensor.
+        simulate_physics: whether the dynamics move it.
+        collides: whether spawning onto it is refused.
+    """
+
+    actor_id: int
+    type_id: str
+    kind: ActorKind
+    attributes: Mapping[str, str]
+    box_center: Vector3
+    box_extent: Vector3
+    semantic_tags: tuple[int, ...]
+    blueprint: Blueprint | None = None
+    parent_id: int = 0
+    relative: Pose = field(default_factory=Pose)
+    stream_id: int = 0
+    simulate_physics: bool = True
+    gravity: bool = True
+    collides: bool = True
+    vehicle: VehicleStatus | None = None
+    walker: WalkerControl = STANDING
+
+    @property
+    def colour(self) -> tuple[int, int, int]:
+        """Paint colour, black for none."""
+        parts = self.attributes.get("color", "").split(",")
+        if len(parts) != 3 or not all(part.strip().isdigit() for part in parts):
+            return (0, 0, 0)
+        red, green, blue = (min(int(part), 255) for part in parts)
+        return (red, green, blue)
+
+
+class ActorTable:
+    """Live actors and the arrays of their motion, kept in the same order.
+
+    Attributes:
+        location, rotation_deg, velocity, angular_velocity_deg, acceleration: ``(N, 3)`` float64 in
+            the world, one row per actor. Commands and dynamics write them in place.
+    """
+
+    def __init__(self) -> None:
+        self._actors: dict[int, Actor] = {}
+        self._rows: dict[int, int] = {}
+        self._groups: dict[ActorKind, list[int]] = {}
+        self.location: NDArray[np.float64] = np.zeros((0, 3))
+        self.rotation_deg: NDArray[np.float64] = np.zeros((0, 3))
+        self.velocity: NDArray[np.float64] = np.zeros((0, 3))
+        self.angular_velocity_deg: NDArray[np.float64] = np.zeros((0, 3))
+        self.acceleration: NDArray[np.float64] = np.zeros((0, 3))
+        self.actor_id: NDArray[np.uint32] = np.zeros(0, np.uint32)
+        self.kind: NDArray[np.uint8] = np.zeros(0, np.uint8)
+        self.colour: NDArray[np.uint8] = np.zeros((0, 3), np.uint8)
+        self.type_id: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self._actors)
+
+    def __contains__(self, actor_id: int) -> bool:
+        return actor_id in self._actors
+
+    def __iter__(self) -> Iterator[Actor]:
+        return iter(self._actors.values())
+
+    def get(self, actor_id: int) -> Actor | None:
+        """The live actor of that id."""
+        return self._actors.get(actor_id)
+
+    def row(self, actor_id: int) -> int:
+        """Row of a live actor.
+
+        Raises:
+            KeyError: it does not live.
+        """
+        return self._rows[actor_id]
+
+    def rows(self, actor_ids: Iterable[int]) -> NDArray[np.intp]:
+        """Rows of live actors."""
+        return np.fromiter((self._rows[actor_id] for actor_id in actor_ids), np.intp)
+
+    def of_kind(self, kind: ActorKind) -> list[Actor]:
+        """The actors of a kind, ascending ids."""
+        return [self._actors[actor_id] for actor_id in self._groups.get(kind, ())]
+
+    def pose(self, actor_id: int) -> Pose:
+        """Pose of a live actor in the world."""
+        row = self._rows[actor_id]
+        x, y, z = self.location[row].tolist()
+        pitch, yaw, roll = self.rotation_deg[row].tolist()
+        return Pose((x, y, z), (pitch, yaw, roll))
+
+    def set_pose(self, actor_id: int, pose: Pose) -> None:
+        """Write an actor's row."""
+        row = self._rows[actor_id]
+        self.location[row] = pose.location
+        self.rotation_deg[row] = pose.rotation_deg
+
+    def add(self, actor: Actor, pose: Pose) -> None:
+        """Append an actor; its id is above all others."""
+        self._actors[actor.actor_id] = actor
+        for name in ("velocity", "angular_velocity_deg", "acceleration"):
+            setattr(self, name, np.vstack([getattr(self, name), ZERO]))
+        self.location = np.vstack([self.location, pose.location])
+        self.rotation_deg = np.vstack([self.rotation_deg, pose.rotation_deg])
+        self._reindex()
+
+    def remove(self, actor_id: int) -> Actor:
+        """Take an actor out; its children stay where they are.
+
+        Raises:
+            KeyError: it does not live.
+        """
+        row = self._rows[actor_id]
+        actor = self._actors.pop(actor_id)
+        for name in ("location", "rotation_deg", "velocity", "angular_velocity_deg"):
+            setattr(self, name, np.delete(getattr(self, name), row, axis=0))
+        self.acceleration = np.delete(self.acceleration, row, axis=0)
+        self._reindex()
+        return actor
+
+    def _reindex(self) -> None:
+        actors = list(self._actors.values())
+        self._rows = {actor.actor_id: row for row, actor in enumerate(actors)}
+        self._groups = {}
+        for actor in actors:
+            self._groups.setdefault(actor.kind, []).append(actor.actor_id)
+        self.actor_id = np.fromiter(self._rows, np.uint32, len(actors))
+        self.kind = np.fromiter((actor.kind for actor in actors), np.uint8, len(actors))
+        self.colour = np.array([a.colour for a in actors], np.uint8).reshape(-1, 3)
+        self.type_id = tuple(actor.type_id for actor in actors)

@@ -1,0 +1,28 @@
+"""Locations and poses as plain values: what commands carry before they reach the arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from carstage_sim.geometry import pose_matrix, rotation_deg
+
+Vector3 = tuple[float, float, float]
+ZERO: Vector3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A location in metres and pitch, yaw, roll in degrees, in CARLA's frame."""
+
+    location: Vector3 = ZERO
+    rotation_deg: Vector3 = ZERO
+
+
+def compose(world_from_parent: Pose, parent_from_child: Pose) -> Pose:
+    """The child's pose in the world."""
+    matrix = pose_matrix(world_from_parent.location, world_from_parent.rotation_deg) @ pose_matrix(
+        parent_from_child.location, parent_from_child.rotation_deg
+    )
+    x, y, z = matrix[:3, 3].tolist()
+    pitch, yaw, roll = rotation_deg(matrix[:3, :3]).tolist()
+    return Pose((x, y, z), (pitch, yaw, roll))

@@ -1,0 +1,64 @@
+"""Traffic lights as actors: pose, trigger volume and head boxes of a site."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from carstage_sim.geometry import pose_matrix, rotation_deg
+from carstage_sim.labels import CityObjectLabel
+from carstage_sim.maps.town import OrientedBox, TrafficLightSite
+from carstage_sim.world.actors import Actor
+from carstage_sim.world.pose import Pose
+from carstage_sim.world.state import ActorKind
+
+_HEAD_EXTENT_M = (0.2, 0.2, 0.5)
+
+
+def traffic_light_actor(actor_id: int, site: TrafficLightSite) -> tuple[Actor, Pose]:
+    """The actor of a site. Its box is the trigger volume, as ``carla.TrafficLight`` has it."""
+    center, extent = _trigger_in_actor_frame(site)
+    actor = Actor(
+        actor_id=actor_id,
+        type_id="traffic.traffic_light",
+        kind=ActorKind.TRAFFIC_LIGHT,
+        attributes={},
+        box_center=center,
+        box_extent=extent,
+        semantic_tags=(CityObjectLabel.TRAFFIC_LIGHT,),
+        collides=False,
+    )
+    return actor, Pose(site.location, site.rotation_deg)
+
+
+def head_box(site: TrafficLightSite) -> OrientedBox:
+    """The box around the light head, in the world."""
+    x, y, z, yaw_deg = site.head
+    world_from_head = pose_matrix(site.location, site.rotation_deg) @ pose_matrix(
+        (x, y, z), (0.0, yaw_deg, 0.0)
+    )
+    cx, cy, cz = world_from_head[:3, 3].tolist()
+    pitch, yaw, roll = rotation_deg(world_from_head[:3, :3]).tolist()
+    return OrientedBox((cx, cy, cz), _HEAD_EXTENT_M, (pitch, yaw, roll))
+
+
+def _trigger_in_actor_frame(
+    site: TrafficLightSite,
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Centre and half sizes of the smallest box, in the actor's axes, around all its volumes."""
+    actor_from_world = np.linalg.inv(pose_matrix(site.location, site.rotation_deg))
+    signs = np.array([[x, y, z, 1.0] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    corners = [
+        (
+            actor_from_world
+            @ pose_matrix(box.center, box.rotation_deg)
+            @ (signs * [*box.extent, 1.0]).T
+        ).T[:, :3]
+        for box in site.trigger
+    ]
+    if not corners:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    points = np.concatenate(corners)
+    low, high = points.min(axis=0), points.max(axis=0)
+    cx, cy, cz = ((low + high) / 2.0).tolist()
+    ex, ey, ez = ((high - low) / 2.0).tolist()
+    return (cx, cy, cz), (ex, ey, ez)

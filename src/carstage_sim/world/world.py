@@ -1,0 +1,539 @@
+"""The world of one episode: actors, their motion, lights, weather, and the tick.
+
+Actor ids, frame numbers and simulated time start anew with every episode, so that the same commands
+give the same frames. One thread owns a world.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from carstage_sim.geometry import rotation_matrix
+from carstage_sim.maps.town import Town
+from carstage_sim.world.actors import Actor, ActorTable, Attachment, VehicleStatus
+from carstage_sim.world.attachments import Attachments
+from carstage_sim.world.blueprints import Blueprint, catalogue
+from carstage_sim.world.controls import AckermannControl, VehicleControl, WalkerControl
+from carstage_sim.world.errors import ActorNotFoundError, SpawnError, WorldError
+from carstage_sim.world.lane_index import LaneIndex
+from carstage_sim.world.motion import VehicleMotion
+from carstage_sim.world.overlap import overlaps
+from carstage_sim.world.pose import Pose, Vector3, compose
+from carstage_sim.world.segment import segment_hits
+from carstage_sim.world.snapshot import (
+    Snapshot,
+    TrafficLightColumns,
+    VehicleColumns,
+    WalkerColumns,
+)
+from carstage_sim.world.state import ActorKind, Weather, WorldState
+from carstage_sim.world.traffic_light_actors import traffic_light_actor
+from carstage_sim.world.traffic_lights import TrafficLightState, TrafficLightSystem
+from carstage_sim.world.vehicle_parameters import VehicleParameters
+from carstage_sim.world.vehicles import VehicleFleet
+from carstage_sim.world.walkers import WalkerMotion
+
+_REMEMBERED_DEAD = 4096
+_FIRST_STREAM = 2
+_SPECTATOR_HEIGHT_M = 20.0
+COLLISION_TEXT = "Spawn failed because of collision at spawn position"
+
+
+class World:
+    """One episode on one town.
+
+    Args:
+        town: the map.
+        episode_id: differs from the ids of all other episodes of this server.
+        previous: the world that this one replaces; its actors are remembered as destroyed ones, so
+            that a client that still asks for them gets an answer.
+        check_sensor: called with blueprint id and attributes of a sensor before it is spawned; it
+            raises :class:`SpawnError` to refuse it.
+
+    Attributes:
+        frame: number of the last frame; an episode starts with frame 1, before any tick.
+        elapsed_s: simulated seconds since the episode began.
+        weather: current weather.
+        actors: the live actors.
+        fleet: dynamics of the vehicles.
+        lights: signal control.
+    """
+
+    def __init__(
+        self,
+        town: Town,
+        episode_id: int,
+        *,
+        previous: World | None = None,
+        check_sensor: Callable[[str, Mapping[str, str]], None] | None = None,
+    ) -> None:
+        self.town = town
+        self.episode_id = episode_id
+        self.frame = 1
+        self.elapsed_s = 0.0
+        self.weather = Weather()
+        self.actors = ActorTable()
+        self.fleet = VehicleFleet()
+        self.lights = TrafficLightSystem(town.traffic_lights)
+        # Numbers of streams are never used again: a client may still listen to an old one.
+        self.next_stream_id = _FIRST_STREAM if previous is None else previous.next_stream_id
+        self._check_sensor = check_sensor
+        self.light_ids: tuple[int, ...] = ()
+        self._lanes = LaneIndex(town.lanes)
+        self._walkers = WalkerMotion(None)
+        self._attachments: Attachments | None = None
+        self._dead: OrderedDict[int, Actor] = OrderedDict()
+        self._next_actor_id = 1
+        self._last_delta_s = 0.0
+        if previous is not None:
+            for actor in [*previous._dead.values(), *previous.actors]:
+                self._remember(actor)
+        self._populate()
+
+    def _populate(self) -> None:
+        for site in self.town.traffic_lights:
+            self._add(*traffic_light_actor(self._new_id(), site))
+        self.light_ids = tuple(actor.actor_id for actor in self.actors)
+        x, y, z, *_ = self.town.spawn_points[0].tolist()
+        spectator = Actor(
+            actor_id=self._new_id(),
+            type_id="spectator",
+            kind=ActorKind.OTHER,
+            attributes={"role_name": "spectator"},
+            box_center=(0.0, 0.0, 0.0),
+            box_extent=(0.0, 0.0, 0.0),
+            semantic_tags=(),
+            collides=False,
+        )
+        self.spectator = spectator
+        self._add(spectator, Pose((x, y, z + _SPECTATOR_HEIGHT_M), (-45.0, 0.0, 0.0)))
+
+    def _new_id(self) -> int:
+        self._next_actor_id += 1
+        return self._next_actor_id - 1
+
+    def _add(self, actor: Actor, pose: Pose) -> None:
+        self.actors.add(actor, pose)
+        self._dead.pop(actor.actor_id, None)
+        self._attachments = None
+
+    def _remember(self, actor: Actor) -> None:
+        self._dead[actor.actor_id] = actor
+        while len(self._dead) > _REMEMBERED_DEAD:
+            self._dead.popitem(last=False)
+
+    # Looking up ----------------------------------------------------------------------------------
+
+    def live(self, actor_id: int) -> Actor:
+        """The live actor of that id.
+
+        Raises:
+            ActorNotFoundError: it does not live.
+        """
+        actor = self.actors.get(actor_id)
+        if actor is None:
+            raise ActorNotFoundError(actor_id)
+        return actor
+
+    def live_or_dead(self, actor_id: int) -> Actor:
+        """The actor of that id, also when it was destroyed a while ago.
+
+        Clients' background threads ask for actors that were just destroyed, and an error would end
+        the client's process.
+
+        Raises:
+            ActorNotFoundError: there never was one, or too many died since.
+        """
+        actor = self.actors.get(actor_id) or self._dead.get(actor_id)
+        if actor is None:
+            raise ActorNotFoundError(actor_id)
+        return actor
+
+    # Spawning and destroying ---------------------------------------------------------------------
+
+    def spawn(
+        self,
+        type_id: str,
+        attributes: Mapping[str, str],
+        pose: Pose,
+        *,
+        parent_id: int = 0,
+        attachment: Attachment = Attachment.RIGID,
+    ) -> Actor:
+        """Bring an actor into the world; it appears in the next frame.
+
+        Args:
+            type_id: blueprint id.
+            attributes: values that override the blueprint's; ones that it does not have are
+                ignored, and so are values of attributes that cannot be modified.
+            pose: in the world, or in the parent's frame when there is a parent.
+            parent_id: actor to attach it to, 0 for none.
+            attachment: how; see :class:`Attachment`.
+
+        Raises:
+            SpawnError: no such blueprint or parent, or something is in the way.
+        """
+        blueprint = catalogue().get(type_id)
+        if blueprint is None:
+            raise SpawnError(f"unknown blueprint {type_id!r}")
+        if parent_id and parent_id not in self.actors:
+            raise SpawnError(f"unable to attach actor: parent actor {parent_id} not found")
+        placed = compose(self.actors.pose(parent_id), pose) if parent_id else pose
+        solid = blueprint.kind in (ActorKind.VEHICLE, ActorKind.WALKER)
+        if solid and not parent_id and self._blocked(blueprint, placed):
+            raise SpawnError(COLLISION_TEXT)
+        merged = _merged(blueprint, attributes)
+        if blueprint.kind is ActorKind.SENSOR and self._check_sensor is not None:
+            self._check_sensor(type_id, merged)
+        actor = Actor(
+            actor_id=self._new_id(),
+            type_id=type_id,
+            kind=blueprint.kind,
+            attributes=merged,
+            box_center=blueprint.box_center,
+            box_extent=blueprint.box_extent,
+            semantic_tags=blueprint.semantic_tags,
+            blueprint=blueprint,
+            parent_id=parent_id,
+            relative=pose if parent_id else Pose(),
+            collides=solid or type_id.startswith("static."),
+        )
+        if blueprint.kind is ActorKind.SENSOR:
+            actor.stream_id = self.take_stream_id()
+        self._add(actor, placed)
+        if blueprint.vehicle is not None:
+            actor.vehicle = VehicleStatus()
+            self.fleet.add(actor.actor_id, blueprint.vehicle, placed.location, placed.rotation_deg)
+            if parent_id:
+                self.set_simulate_physics(actor.actor_id, False)
+        return actor
+
+    def _blocked(self, blueprint: Blueprint, pose: Pose) -> bool:
+        others = [actor for actor in self.actors if actor.collides]
+        if not others:
+            return False
+        rows = self.actors.rows(actor.actor_id for actor in others)
+        rotations = self.actors.rotation_deg[rows]
+        offsets = np.array([actor.box_center for actor in others])
+        centers = self.actors.location[rows] + np.einsum(
+            "nij,nj->ni", rotation_matrix(rotations), offsets
+        )
+        center = np.asarray(pose.location) + rotation_matrix(pose.rotation_deg) @ np.asarray(
+            blueprint.box_center
+        )
+        hit = overlaps(
+            center,
+            np.asarray(blueprint.box_extent),
+            pose.rotation_deg[1],
+            centers,
+            np.array([actor.box_extent for actor in others]),
+            rotations[:, 1],
+        )
+        return bool(hit.any())
+
+    def destroy(self, actor_id: int) -> bool:
+        """Take an actor out of the world; whether it lived. What rode on it stays in place."""
+        actor = self.actors.get(actor_id)
+        if actor is None or actor is self.spectator or actor.kind is ActorKind.TRAFFIC_LIGHT:
+            return False
+        self.actors.remove(actor_id)
+        if actor.vehicle is not None:
+            self.fleet.remove(actor_id)
+        self._walkers.forget(actor_id)
+        self._remember(actor)
+        self._attachments = None
+        return True
+
+    # Commands ------------------------------------------------------------------------------------
+
+    def set_pose(self, actor_id: int, pose: Pose) -> None:
+        """Teleport an actor; of an attached one, move it within its parent's frame."""
+        actor = self.live(actor_id)
+        if actor.parent_id in self.actors:
+            actor.relative = pose
+            self._attachments = None
+            return
+        self.actors.set_pose(actor_id, pose)
+        if actor.vehicle is not None:
+            self.fleet.set_transform(actor_id, pose.location, pose.rotation_deg)
+
+    def set_location(self, actor_id: int, location: Vector3) -> None:
+        """Teleport an actor without turning it."""
+        self.set_pose(
+            actor_id, replace(self.actors.pose(self.live(actor_id).actor_id), location=location)
+        )
+
+    def control_vehicle(self, actor_id: int, control: VehicleControl) -> None:
+        """Set a vehicle's pedals and wheel; other actors ignore it."""
+        vehicle = self.live(actor_id).vehicle
+        if vehicle is not None:
+            vehicle.control, vehicle.ackermann = control, None
+            self._drive(actor_id, control)
+
+    def control_ackermann(self, actor_id: int, control: AckermannControl) -> None:
+        """Let the vehicle's own controller follow a steering angle and a speed."""
+        vehicle = self.live(actor_id).vehicle
+        if vehicle is not None:
+            vehicle.ackermann = control
+
+    def _drive(self, actor_id: int, control: VehicleControl) -> None:
+        self.fleet.set_control(
+            actor_id,
+            control.throttle,
+            control.steer,
+            control.brake,
+            control.hand_brake,
+            control.reverse,
+            control.gear if control.manual_gear_shift else int(not control.reverse),
+        )
+
+    def control_walker(self, actor_id: int, control: WalkerControl) -> None:
+        """Set where a walker goes and how fast."""
+        self.live(actor_id).walker = control
+
+    def place_walker(self, actor_id: int, pose: Pose, speed: float) -> None:
+        """Put a walker where the client's navigation says; its speed drives the animation."""
+        walker = self.live(actor_id)
+        self.actors.set_pose(actor_id, pose)
+        x, y, _ = rotation_matrix(pose.rotation_deg)[:, 0].tolist()
+        walker.walker = WalkerControl((x, y, 0.0), speed)
+
+    def set_simulate_physics(self, actor_id: int, enabled: bool) -> None:
+        """Whether the dynamics move an actor."""
+        actor = self.live(actor_id)
+        actor.simulate_physics = enabled
+        if actor.vehicle is not None:
+            self.fleet.set_simulate_physics(actor_id, enabled)
+
+    def set_target_velocity(self, actor_id: int, velocity: Vector3) -> None:
+        """Give a vehicle a velocity (m/s, world) at once; other actors ignore it."""
+        if self.live(actor_id).vehicle is not None:
+            self.fleet.set_target_velocity(actor_id, velocity)
+
+    def set_target_angular_velocity(self, actor_id: int, velocity_deg: Vector3) -> None:
+        """Give a vehicle a spin (deg/s, world) at once; other actors ignore it."""
+        if self.live(actor_id).vehicle is not None:
+            self.fleet.set_target_angular_velocity(actor_id, velocity_deg)
+
+    def set_constant_velocity(self, actor_id: int, velocity: Vector3 | None) -> None:
+        """Hold a vehicle at a velocity (m/s, its own frame) whatever its pedals say."""
+        if self.live(actor_id).vehicle is not None:
+            self.fleet.set_constant_velocity(actor_id, velocity)
+
+    def add_impulse(self, actor_id: int, impulse: Vector3) -> None:
+        """Push a vehicle (N s, world)."""
+        actor = self.live(actor_id)
+        if actor.vehicle is not None:
+            mass_kg = self.parameters(actor).mass_kg
+            velocity = self.fleet.velocity[self.fleet.row(actor_id)]
+            self.fleet.set_target_velocity(actor_id, velocity + np.asarray(impulse) / mass_kg)
+
+    def add_force(self, actor_id: int, force: Vector3) -> None:
+        """Push a vehicle with a force (N, world) during the next tick, as long as the last one."""
+        x, y, z = (component * self._last_delta_s for component in force)
+        self.add_impulse(actor_id, (x, y, z))
+
+    def set_parameters(self, actor_id: int, parameters: VehicleParameters) -> None:
+        """Replace a vehicle's physics."""
+        vehicle = self.live(actor_id).vehicle
+        if vehicle is not None:
+            vehicle.parameters = parameters
+            self.fleet.set_parameters(actor_id, parameters)
+
+    # Asking --------------------------------------------------------------------------------------
+
+    def parameters(self, actor: Actor) -> VehicleParameters:
+        """Physics of a vehicle, live or not.
+
+        Raises:
+            WorldError: it is no vehicle.
+        """
+        if actor.vehicle is not None and actor.vehicle.parameters is not None:
+            return actor.vehicle.parameters
+        if actor.blueprint is None or actor.blueprint.vehicle is None:
+            raise WorldError(f"actor {actor.actor_id} is not a vehicle")
+        return actor.blueprint.vehicle
+
+    def last_pose(self, actor: Actor) -> Pose:
+        """Pose in the world; the origin for an actor that is gone."""
+        return self.actors.pose(actor.actor_id) if actor.actor_id in self.actors else Pose()
+
+    def motion(self, actor: Actor) -> VehicleMotion:
+        """Motion of a vehicle in the last frame; at rest for one that is gone."""
+        if actor.actor_id not in self.actors or actor.vehicle is None:
+            return VehicleMotion()
+        row = self.fleet.row(actor.actor_id)
+        forward, right, _ = rotation_matrix(self.fleet.rotation_deg[row]).T
+        throttle, steer, brake = self.fleet.control[row].tolist()
+        return VehicleMotion(
+            speed=float(self.fleet.velocity[row] @ forward),
+            forward_acceleration=float(self.fleet.acceleration[row] @ forward),
+            lateral_acceleration=float(self.fleet.acceleration[row] @ right),
+            throttle=throttle,
+            steer=steer,
+            brake=brake,
+            wheel_angle_deg=float(self.fleet.wheel_angle_deg[row]),
+            gear=int(self.fleet.gear[row]),
+        )
+
+    def light_index(self, actor_id: int) -> int:
+        """Index of a traffic light in :attr:`lights`.
+
+        Raises:
+            WorldError: the actor is no traffic light.
+        """
+        try:
+            return self.light_ids.index(actor_id)
+        except ValueError:
+            raise WorldError(f"actor {actor_id} is not a traffic light") from None
+
+    def take_stream_id(self) -> int:
+        """A stream number that no other stream of this server has or had."""
+        self.next_stream_id += 1
+        return self.next_stream_id - 1
+
+    def cast_ray(self, start: Vector3, end: Vector3) -> list[tuple[Vector3, int]]:
+        """Where a segment meets the scenery, nearest first: location and semantic label."""
+        return segment_hits(self.town.static_mesh, start, end)
+
+    # The tick ------------------------------------------------------------------------------------
+
+    def tick(self, delta_s: float, substeps: int = 1) -> Snapshot:
+        """Advance the world by ``delta_s`` seconds and freeze the new frame."""
+        self.frame += 1
+        self.elapsed_s += delta_s
+        self._last_delta_s = delta_s
+        table = self.actors
+        self.fleet.step(delta_s, substeps)
+        rows = np.searchsorted(table.actor_id, self.fleet.ids)
+        table.location[rows] = self.fleet.location
+        table.rotation_deg[rows] = self.fleet.rotation_deg
+        table.velocity[rows] = self.fleet.velocity
+        table.angular_velocity_deg[rows] = self.fleet.angular_velocity_deg
+        table.acceleration[rows] = self.fleet.acceleration
+        self._walkers.step(table, table.of_kind(ActorKind.WALKER), delta_s)
+        self._follow()
+        self.lights.step(delta_s)
+        return self.freeze(delta_s)
+
+    def _follow(self) -> None:
+        if self._attachments is None:
+            self._attachments = Attachments(self.actors)
+        self._attachments.follow(self.actors)
+        for vehicle in self.actors.of_kind(ActorKind.VEHICLE):
+            if vehicle.parent_id in self.actors:
+                pose = self.actors.pose(vehicle.actor_id)
+                self.fleet.set_transform(vehicle.actor_id, pose.location, pose.rotation_deg)
+
+    def freeze(self, delta_s: float) -> Snapshot:
+        """The current frame as an immutable snapshot."""
+        table = self.actors
+        count = len(table)
+        vehicles = self._vehicle_columns()
+        walkers = self._walker_columns()
+        light_rows = table.rows(self.light_ids)
+        fleet_rows = np.searchsorted(table.actor_id, self.fleet.ids)
+
+        control = np.zeros((count, 3), np.float32)
+        control[vehicles.rows] = vehicles.control
+        control[walkers.rows, 0] = walkers.speed
+        light_state = np.zeros(count, np.uint32)
+        light_state[light_rows] = self.lights.state
+        light_state[vehicles.rows] = [
+            actor.vehicle.light_state
+            for actor in table.of_kind(ActorKind.VEHICLE)
+            if actor.vehicle is not None
+        ]
+        wheel_angle_deg = np.zeros(count, np.float32)
+        wheel_angle_deg[fleet_rows] = self.fleet.wheel_angle_deg
+        state = WorldState(
+            frame=self.frame,
+            timestamp_s=self.elapsed_s,
+            delta_s=delta_s,
+            weather=self.weather,
+            actor_id=table.actor_id,
+            kind=table.kind,
+            type_id=table.type_id,
+            location=table.location.copy(),
+            rotation_deg=table.rotation_deg.copy(),
+            velocity=table.velocity.copy(),
+            angular_velocity_deg=table.angular_velocity_deg.copy(),
+            acceleration=table.acceleration.copy(),
+            light_state=light_state,
+            control=control,
+            colour=table.colour,
+            wheel_angle_deg=wheel_angle_deg,
+        )
+        return Snapshot(
+            episode_id=self.episode_id,
+            map_changed=self.frame == 1,
+            state=state,
+            vehicles=vehicles,
+            walkers=walkers,
+            traffic_lights=self._light_columns(light_rows),
+        )
+
+    def _vehicle_columns(self) -> VehicleColumns:
+        table = self.actors
+        vehicles = table.of_kind(ActorKind.VEHICLE)
+        rows = table.rows(actor.actor_id for actor in vehicles)
+        controls = [actor.vehicle.control for actor in vehicles if actor.vehicle is not None]
+        location = table.location[rows]
+        light = self.lights.lights_at(location)
+        ids = np.array([*self.light_ids, 0], np.uint32)  # index -1 finds the last: no light
+        states = np.array([*self.lights.state, TrafficLightState.GREEN], np.uint8)
+        # The fleet's rows are in the order of spawning, which is the table's order too.
+        gears = np.where(
+            [c.manual_gear_shift for c in controls], [c.gear for c in controls], self.fleet.gear
+        )
+        return VehicleColumns(
+            rows=rows,
+            control=self.fleet.control.copy(),
+            hand_brake=np.array([c.hand_brake for c in controls], np.bool_),
+            reverse=np.array([c.reverse for c in controls], np.bool_),
+            manual_gear_shift=np.array([c.manual_gear_shift for c in controls], np.bool_),
+            gear=gears.astype(np.int32),
+            speed_limit_kmh=self._lanes.speed_limit_kmh(location),
+            light_id=ids[light],
+            light_state=states[light],
+        )
+
+    def _walker_columns(self) -> WalkerColumns:
+        walkers = self.actors.of_kind(ActorKind.WALKER)
+        controls = [actor.walker for actor in walkers]
+        return WalkerColumns(
+            rows=self.actors.rows(actor.actor_id for actor in walkers),
+            direction=np.array([c.direction for c in controls], np.float32).reshape(-1, 3),
+            speed=np.array([c.speed for c in controls], np.float32),
+            jump=np.array([c.jump for c in controls], np.bool_),
+        )
+
+    def _light_columns(
+        self, rows: np.ndarray[tuple[int, ...], np.dtype[np.intp]]
+    ) -> TrafficLightColumns:
+        lights = self.lights
+        groups = {index: lights.group(index) for index in range(len(lights))}
+        return TrafficLightColumns(
+            rows=rows,
+            sign_id=tuple(site.sign_id for site in self.town.traffic_lights),
+            green_s=lights.green_s.astype(np.float32),
+            yellow_s=lights.yellow_s.astype(np.float32),
+            red_s=lights.red_s.astype(np.float32),
+            elapsed_s=lights.elapsed_s.astype(np.float32),
+            pole_index=np.array([groups[i].index(i) for i in groups], np.uint32),
+            frozen=lights.frozen.copy(),
+            state=lights.state.copy(),
+        )
+
+
+def _merged(blueprint: Blueprint, attributes: Mapping[str, str]) -> dict[str, str]:
+    return {
+        attribute.id: attributes.get(attribute.id, attribute.value)
+        if attribute.modifiable
+        else attribute.value
+        for attribute in blueprint.attributes
+    }

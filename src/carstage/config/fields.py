@@ -1,0 +1,107 @@
+"""How a setting is declared: a default, a title, a sentence, a unit, a group.
+
+The same declaration drives the YAML file, its check, the reference page and, later, the form.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import Annotated, Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
+from pydantic_core import PydanticCustomError
+
+#: A list of names, kept as a tuple.
+Names = Annotated[tuple[str, ...], Strict(strict=False)]
+
+
+def setting(
+    default: Any = ...,
+    *,
+    title: str,
+    description: str,
+    unit: str | None = None,
+    group: str | None = None,
+    carla: str | None = None,
+    **constraints: Any,
+) -> Any:
+    """A pydantic field with what a form and a reference page need.
+
+    Args:
+        default: the value, or a callable that makes it; left out when the user must give one.
+        title: the name that a form shows, without the unit.
+        description: one sentence on what it does.
+        unit: unit of the number, such as ``m`` or ``Hz``.
+        group: the section of the form.
+        carla: name of CARLA's sensor attribute that it becomes; accepted as the key, too.
+        constraints: pydantic's own: ``ge``, ``le``, ``min_length``, …
+    """
+    extra = {"unit": unit, "group": group, "carla": carla}
+    keywords: dict[str, Any] = {
+        "title": f"{title} ({unit})" if unit else title,
+        "description": description,
+        "json_schema_extra": {key: value for key, value in extra.items() if value is not None},
+        **constraints,
+    }
+    if callable(default):
+        return Field(default_factory=default, **keywords)
+    return Field(default, **keywords)
+
+
+def nearest(name: object, known: Iterable[str]) -> str | None:
+    """The known name that looks most like ``name``, or None when nothing does."""
+    lowered = {candidate.lower(): candidate for candidate in known}
+    found = difflib.get_close_matches(str(name).lower(), lowered, n=1, cutoff=0.5)
+    return lowered[found[0]] if found else None
+
+
+def problem(message: str, hint: str, *path: str | int) -> PydanticCustomError:
+    """An error for a validator to raise; ``path`` leads from the model to the value at fault."""
+    return PydanticCustomError(
+        "carstage", "{sentence}", {"sentence": message, "hint": hint, "path": path}
+    )
+
+
+def unknown(what: str, name: object, known: Iterable[str]) -> tuple[str, str]:
+    """Message and hint for a name that is not known.
+
+    Args:
+        what: the kind of name, such as ``key`` or ``map``.
+        name: what the user wrote.
+        known: all that would have been right.
+    """
+    names = sorted(known)
+    match = nearest(name, names)
+    if match is not None:
+        hint = f"Did you mean {match!r}?"
+    else:
+        shown = ", ".join(names[:12]) + (", …" if len(names) > 12 else "")
+        hint = f"Known: {shown}."
+    return f"unknown {what} {name!r}.", hint
+
+
+class Section(BaseModel):
+    """A part of the configuration: immutable, nothing unknown, nothing coerced."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        strict=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=False,
+    )
+    #: keys of other spellings, accepted by the model's own validators.
+    other_keys: ClassVar[frozenset[str]] = frozenset()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_unknown_keys(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        known = set(cls.model_fields) | cls.other_keys
+        for key in data:
+            if key not in known:
+                message, hint = unknown("key", key, cls.model_fields)
+                raise problem(message, hint, str(key))
+        return data

@@ -1,0 +1,227 @@
+"""The configuration as a whole: everything that a user can ask for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import model_validator
+
+from carstage.config.attributes import ImageSize, LidarAttributes
+from carstage.config.fields import Section, problem, setting, unknown
+from carstage.config.recording import (
+    Conversion,
+    EmbeddedServerConfig,
+    GroundTruth,
+    Labels,
+    Output,
+    ServerConfig,
+    Timing,
+    check_substepping,
+)
+from carstage.config.rig import Rig, Sensor, default_rig
+from carstage.config.scene import DEFAULT_MAP, Ego, MapConfig, Pedestrians, Scenario, Vehicles
+from carstage.config.weather import DEFAULT_PRESET, WeatherConfig
+
+_SLACK = 1e-9
+
+
+class Config(Section):
+    """A run: which episodes, with which sensors and labels, recorded on which server."""
+
+    name: str = setting(
+        "quickstart",
+        title="Name",
+        description="Name of the dataset.",
+        group="scene",
+        min_length=1,
+        max_length=100,
+    )
+    seed: int = setting(
+        7,
+        title="Seed",
+        description="All random choices follow from it.",
+        group="scene",
+        ge=0,
+        le=2**63 - 1,
+    )
+    episodes: int = setting(
+        1,
+        title="Episodes",
+        description="Number of episodes.",
+        group="scene",
+        ge=1,
+        le=100_000,
+    )
+    duration_s: float = setting(
+        5.0,
+        title="Duration",
+        description="Simulated time of an episode after warm-up.",
+        unit="s",
+        group="scene",
+        gt=0,
+        le=86_400,
+    )
+    fps: float = setting(
+        10.0,
+        title="Frame rate",
+        description="Steps of the world per simulated second.",
+        unit="Hz",
+        group="scene",
+        ge=1,
+        le=240,
+    )
+    save_every: int = setting(
+        1,
+        title="Save every",
+        description="1 saves every step; n saves every n-th, physics runs on.",
+        unit="steps",
+        group="scene",
+        ge=1,
+        le=100_000,
+    )
+    map: MapConfig = setting(
+        lambda: MapConfig(choice=DEFAULT_MAP), title="Map", description="The town.", group="scene"
+    )
+    weather: WeatherConfig = setting(
+        lambda: WeatherConfig(choice=DEFAULT_PRESET),
+        title="Weather",
+        description="Sky, rain, fog and sun.",
+        group="scene",
+    )
+    vehicles: Vehicles = setting(
+        Vehicles, title="Vehicles", description="Other vehicles.", group="traffic"
+    )
+    pedestrians: Pedestrians = setting(
+        Pedestrians, title="Pedestrians", description="Pedestrians.", group="traffic"
+    )
+    ego: Ego = setting(
+        Ego, title="Ego", description="The vehicle that carries the sensors.", group="ego"
+    )
+    scenario: Scenario = setting(
+        Scenario, title="Scenario", description="What the ego does.", group="ego"
+    )
+    timing: Timing = setting(
+        Timing, title="Timing", description="Synchronisation and physics time.", group="timing"
+    )
+    image_size: ImageSize = setting(
+        (640, 360),
+        title="Image size",
+        description="Width and height of cameras that do not say otherwise.",
+        unit="px",
+        group="rig",
+    )
+    max_distance_m: float = setting(
+        80.0,
+        title="Maximum distance",
+        description="Objects farther from the sensor are not labelled.",
+        unit="m",
+        group="labels",
+        gt=0,
+        le=10_000,
+    )
+    min_lidar_points: int = setting(
+        5,
+        title="Minimum LiDAR points",
+        description="Fewer points on an object make it not visible; 0 switches the rule off.",
+        group="labels",
+        ge=0,
+        le=1_000_000,
+    )
+    ground_truth: GroundTruth = setting(
+        GroundTruth,
+        title="Ground truth",
+        description="What the label tables hold.",
+        group="labels",
+    )
+    labels: Labels = setting(
+        Labels, title="Labels", description="Visibility method and boxes.", group="labels"
+    )
+    rig: Rig = setting(default_rig, title="Rig", description="The sensors of the ego.", group="rig")
+    server: ServerConfig = setting(
+        EmbeddedServerConfig,
+        title="Server",
+        description="Where the world is simulated.",
+        group="server",
+    )
+    conversion: Conversion = setting(
+        Conversion, title="Conversion", description="From raw logs to files.", group="conversion"
+    )
+    output: Output = setting(
+        Output, title="Output", description="What stays on disk.", group="output"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_server_is_embedded(cls, data: Any) -> Any:
+        if isinstance(data, dict):
+            server = data.get("server")
+            if isinstance(server, dict) and "kind" not in server:
+                return {**data, "server": {"kind": "embedded", **server}}
+        return data
+
+    @model_validator(mode="after")
+    def _check_together(self) -> Config:
+        check_substepping(self.timing, self.fps)
+        if self.steps < 1:
+            raise problem(
+                f"{self.duration_s:g} s at {self.fps:g} Hz are no step.",
+                f"Record at least {1.0 / self.fps:g} s.",
+                "duration_s",
+            )
+        for path, sensor in self.located_sensors():
+            attributes = sensor.attributes
+            if isinstance(attributes, LidarAttributes):
+                turns = attributes.rotation_hz(self.fps) / self.fps
+                if turns > 1.0 + _SLACK:
+                    raise problem(
+                        f"{attributes.rotation_hz(self.fps):g} Hz make {turns:g} turns in a step, "
+                        "so a sweep would overwrite itself.",
+                        f"Use `auto` or at most {self.fps:g} Hz, the frame rate.",
+                        *path,
+                        "attributes",
+                        "rotation_frequency_hz",
+                    )
+        ids = {sensor.id for sensor in self.sensors}
+        cameras = {sensor.id for sensor in self.sensors if sensor.is_camera}
+        for position, name in enumerate(
+            () if self.labels.cameras == "all" else self.labels.cameras
+        ):
+            if name not in cameras:
+                message, hint = unknown("camera", name, cameras)
+                raise problem(message, hint, "labels", "cameras", position)
+        for name in self.conversion.codecs:
+            if name not in ids:
+                message, hint = unknown("sensor", name, ids)
+                raise problem(message, hint, "conversion", "codecs", name)
+        return self
+
+    @property
+    def steps(self) -> int:
+        """Steps of an episode after warm-up."""
+        return round(self.duration_s * self.fps)
+
+    @property
+    def saved_frames(self) -> int:
+        """Saved frames of an episode: steps 0, n, 2n, …."""
+        return -(-self.steps // self.save_every)
+
+    @property
+    def sensors(self) -> tuple[Sensor, ...]:
+        """All requested sensors."""
+        return self.rig.all_sensors
+
+    def located_sensors(self) -> list[tuple[tuple[str | int, ...], Sensor]]:
+        """All requested sensors, each with the path of its place in the configuration."""
+        listed: list[tuple[tuple[str | int, ...], Sensor]] = [
+            (("rig", "sensors", position), sensor)
+            for position, sensor in enumerate(self.rig.sensors)
+        ]
+        preset = self.sensors[: len(self.sensors) - len(listed)]
+        return [(("rig", "preset"), sensor) for sensor in preset] + listed
+
+    @property
+    def labelled_cameras(self) -> tuple[str, ...]:
+        """Ids of the cameras that get labels, in the rig's order."""
+        if self.labels.cameras == "all":
+            return tuple(sensor.id for sensor in self.sensors if sensor.kind == "rgb")
+        return tuple(sensor.id for sensor in self.sensors if sensor.id in self.labels.cameras)

@@ -1,0 +1,216 @@
+"""The schema as people read it: commented YAML, the reference page, the JSON schema."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import yaml
+from pydantic import BaseModel
+
+from carstage.config.model import Config
+from carstage.config.rig import SENSOR_KINDS
+from carstage.config.weather import WEATHER_PRESETS
+
+Schema = Mapping[str, Any]
+_LINE = 100
+
+
+def config_schema() -> dict[str, Any]:
+    """The JSON schema of the configuration; units and form groups are among its keywords."""
+    return Config.model_json_schema()
+
+
+def config_template() -> str:
+    """The default configuration as YAML with a comment for each key; it parses to the defaults."""
+    lines = [
+        "# Car-STAGE configuration. Every key may be left out; these are the defaults.",
+        "# All keys, sensors and attributes: `carstage config schema` and docs/configuration.md.",
+    ]
+    lines += _template(Config(), config_schema(), 0)
+    return "\n".join(lines) + "\n"
+
+
+def config_reference() -> str:
+    """The reference page, docs/configuration.md."""
+    schema = config_schema()
+    parts = [
+        "# Configuration",
+        "",
+        "<!-- Generated from the schema by `carstage.config.config_reference`; do not edit. -->",
+        "",
+        "One YAML file says what to record. `carstage config init` prints it with its defaults, "
+        "`carstage config check FILE` checks it, `--set key=value` overrides single keys "
+        "(`--set fps=20`, `--set rig.sensors[CAM_FRONT].attributes.fov_deg=60`). "
+        "Every key may be left out. An unknown key is refused.",
+        "",
+        *_table(schema, schema, ""),
+    ]
+    for key, node in schema["properties"].items():
+        if key == "rig":
+            parts += _rig_reference(schema)
+            continue
+        for title, section in _sections(key, node, schema):
+            parts += ["", f"## {title}", "", _text(section), "", *_table(section, schema, "")]
+            if key == "weather" and title == "weather":
+                parts += ["", f"Presets: {', '.join(f'`{name}`' for name in WEATHER_PRESETS)}."]
+    return "\n".join(parts) + "\n"
+
+
+def _rig_reference(schema: Schema) -> Iterator[str]:
+    definitions = schema["$defs"]
+    rig = definitions["Rig"]
+    yield from ("", "## rig", "", _text(rig), "", *_table(rig, schema, ""))
+    yield from ("", "### rig.sensors[].pose", "", _text(definitions["Pose"]), "")
+    yield from _table(definitions["Pose"], schema, "")
+    yield from ("", "### Sensor kinds", "", "| kind | CARLA | what |", "|---|---|---|")
+    users: dict[str, list[str]] = {}
+    for kind, cls in SENSOR_KINDS.items():
+        yield f"| `{kind}` | `{cls.blueprint}` | {(cls.__doc__ or '').strip()} |"
+        attributes = cls.model_fields["attributes"].annotation
+        users.setdefault(getattr(attributes, "__name__", ""), []).append(kind)
+    yield from ("", "CARLA's own names of attributes are accepted as keys, too.")
+    for name, kinds in users.items():
+        section = definitions[name]
+        yield from ("", f"### Attributes of {', '.join(f'`{kind}`' for kind in kinds)}", "")
+        yield from (_text(section), "")
+        yield from _table(section, schema, "", carla=True)
+
+
+def _sections(path: str, node: Schema, root: Schema) -> Iterator[tuple[str, Schema]]:
+    """The mappings at and below a key, each with its title."""
+    if "oneOf" in node:
+        for tag, reference in node["discriminator"]["mapping"].items():
+            section = root["$defs"][reference.rsplit("/", 1)[1]]
+            yield f"{path}: kind {tag}", section
+        return
+    for alternative in node.get("anyOf", [node]):
+        section = _resolve(alternative, root)
+        if section.get("type") == "object" and "properties" in section:
+            yield path, section
+            for key, below in section["properties"].items():
+                yield from _sections(f"{path}.{key}", below, root)
+
+
+def _table(section: Schema, root: Schema, prefix: str, *, carla: bool = False) -> list[str]:
+    head = "| key | value | default | meaning |"
+    lines = [head, "|---|---|---|---|"]
+    if carla:
+        lines = ["| key | CARLA | value | default | meaning |", "|---|---|---|---|---|"]
+    for key, node in section["properties"].items():
+        unit = node.get("unit")
+        cells = [f"`{prefix}{key}`"]
+        if carla:
+            cells.append(f"`{node['carla']}`" if "carla" in node else "")
+        value = _value(node, root)
+        cells.append(f"{value}, {unit}" if unit and unit != "1" else value)
+        cells.append(_default(node, key in section.get("required", ())))
+        cells.append(_text(node, root))
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return lines
+
+
+def _default(node: Schema, required: bool) -> str:
+    if required:
+        return "required"
+    if "default" not in node or node["default"] is None:
+        return ""
+    if isinstance(node["default"], dict):
+        return "see below" if node["default"] else "`{}`"
+    return f"`{_flow(node['default'])}`"
+
+
+def _text(node: Schema, root: Schema | None = None) -> str:
+    if "description" not in node and root is not None:
+        node = _resolve(node, root)  # pydantic leaves out a text that equals its class's
+    return " ".join(str(node.get("description", "")).split())
+
+
+def _resolve(node: Schema, root: Schema) -> Schema:
+    if "$ref" in node:
+        found: Schema = root["$defs"][node["$ref"].rsplit("/", 1)[1]]
+        return found
+    return node
+
+
+def _value(node: Schema, root: Schema) -> str:
+    """What may stand for a value, in words."""
+    if "oneOf" in node:
+        return "section"
+    if "anyOf" in node:
+        words = [_value(part, root) for part in node["anyOf"]]
+        return " or ".join(dict.fromkeys(word for word in words if word != "null"))
+    node = {**_resolve(node, root), **{k: v for k, v in node.items() if k != "$ref"}}
+    if "const" in node:
+        return f"`{node['const']}`"
+    if "enum" in node:
+        return " or ".join(f"`{word}`" for word in node["enum"])
+    kind = node.get("type", "")
+    if kind == "array":
+        if "prefixItems" in node:
+            return "[" + ", ".join(_value(part, root) for part in node["prefixItems"]) + "]"
+        return f"list of {_value(node.get('items', {}), root)}"
+    words_by_type = {
+        "integer": "whole number",
+        "number": "number",
+        "string": "text",
+        "boolean": "`true` or `false`",
+        "object": "section" if "properties" in node else "mapping",
+        "null": "null",
+    }
+    return words_by_type.get(str(kind), "value") + _range(node)
+
+
+def _range(node: Schema) -> str:
+    low = node.get("minimum", node.get("exclusiveMinimum"))
+    high = node.get("maximum", node.get("exclusiveMaximum"))
+    if isinstance(high, int) and high > 10**9:
+        high = None
+    if low is None and high is None:
+        return ""
+    low_text = None if low is None else f"{'>' if 'exclusiveMinimum' in node else '≥'} {low:.12g}"
+    high_text = (
+        None if high is None else f"{'<' if 'exclusiveMaximum' in node else '≤'} {high:.12g}"
+    )
+    if low_text and high_text and low_text[0] + high_text[0] == "≥≤":
+        return f" {low:.12g} to {high:.12g}"
+    return " " + " and ".join(text for text in (low_text, high_text) if text)
+
+
+def _flow(value: Any) -> str:
+    text = yaml.safe_dump(value, default_flow_style=True, width=10_000, sort_keys=False).strip()
+    return text.removesuffix("\n...").strip()
+
+
+def _template(section: BaseModel, root: Schema, depth: int) -> Iterator[str]:
+    indent = "  " * depth
+    properties = root["$defs"].get(type(section).__name__, root)["properties"]
+    for key, value in section:
+        node = properties[key]
+        yield f"{indent}# {_comment(node, root)}"
+        if isinstance(value, BaseModel):
+            if value.model_dump(exclude_none=True):
+                yield f"{indent}{key}:"
+                yield from _template(value, root, depth + 1)
+            else:
+                yield f"{indent}{key}: {{}}"
+        elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
+            yield f"{indent}{key}:"
+            for item in value:
+                dumped = item.model_dump(mode="json", exclude_none=True, exclude_unset=False)
+                yield f"{indent}  - {_flow(dumped)}"
+        else:
+            plain = list(value) if isinstance(value, tuple) else value
+            yield f"{indent}{key}: {_flow(plain)}"
+
+
+def _comment(node: Schema, root: Schema) -> str:
+    unit = node.get("unit")
+    value = _value(node, root).replace("`", "")
+    detail = ", ".join(
+        part for part in (value, unit) if part and "section" not in part and part != "1"
+    )
+    text = _text(node, root)
+    if "oneOf" in node:
+        detail = "kind: " + ", ".join(node["discriminator"]["mapping"])
+    return f"{text} [{detail}]" if detail else text

@@ -1,0 +1,18 @@
+"""From a configuration to episodes: every random choice drawn, every sensor listed, ids fixed.
+
+``plan_episodes`` makes ``EpisodeSpec`` objects; ``estimate_run`` says what they will cost.
+"""
+
+from carstage.plan.estimate import RunEstimate, estimate_run
+from carstage.plan.planning import ServerFacts, plan_episodes
+from carstage.plan.spec import EpisodeSpec, PoseSpec, SensorSpec
+
+__all__ = [
+    "EpisodeSpec",
+    "PoseSpec",
+    "RunEstimate",
+    "SensorSpec",
+    "ServerFacts",
+    "estimate_run",
+    "plan_episodes",
+]

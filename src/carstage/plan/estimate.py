@@ -1,0 +1,114 @@
+"""What a run will need: bytes on disk and, roughly, time.
+
+Sizes are meant to be on the safe side: images compress better than the densities below, which come
+from measured 1280x720 images (noisy photographs for RGB, procedural labels and depth).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from carstage.config import Config
+from carstage.plan.rig import geometry
+from carstage.plan.spec import EpisodeSpec, SensorSpec
+
+#: Bytes per pixel in the dataset by kind of camera.
+_FILE_BYTES_PER_PIXEL = {"rgb": 1.8, "depth": 0.8, "semantic": 0.05, "instance": 0.08}
+_RAW_BYTES_PER_PIXEL = 4
+_BYTES_PER_POINT = 16
+_BYTES_PER_ACTOR = 68
+_BYTES_PER_RECORD = 512  # header, padding, JSON
+_LABEL_BYTES = 400  # one row of the label tables after compression, generously
+_SMALL_SENSOR_BYTES = 64
+
+# Seconds on a machine with 2 cores of 2.5 GHz: the embedded simulator with all kernels cached.
+_START_S = 12.0
+_TICK_S = 0.05
+_CAMERA_PIXEL_S = 3.0e-7
+_LIDAR_RAY_S = 4.0e-7
+
+
+@dataclass(frozen=True, slots=True)
+class RunEstimate:
+    """Upper estimate of a run.
+
+    Attributes:
+        dataset_bytes: all episodes in the dataset.
+        raw_bytes: the raw logs of all episodes.
+        peak_bytes: the most that is on disk at once.
+        duration_s: wall time on a 2-core machine with the embedded simulator.
+    """
+
+    dataset_bytes: int
+    raw_bytes: int
+    peak_bytes: int
+    duration_s: float
+
+
+def estimate_run(config: Config, episodes: Sequence[EpisodeSpec]) -> RunEstimate:
+    """Estimate the episodes that are still to be recorded."""
+    raw = [_raw_bytes(spec) for spec in episodes]
+    dataset_bytes = sum(_dataset_bytes(spec) for spec in episodes)
+    kept_at_once = len(raw) if config.output.keep_raw or config.conversion.mode == "deferred" else 2
+    return RunEstimate(
+        dataset_bytes=dataset_bytes,
+        raw_bytes=sum(raw),
+        peak_bytes=dataset_bytes + sum(sorted(raw)[-kept_at_once:]),
+        duration_s=_START_S + sum(_duration_s(spec) for spec in episodes),
+    )
+
+
+def _pixels(sensor: SensorSpec) -> int:
+    attributes = sensor.attributes
+    return int(attributes["image_size_x"]) * int(attributes["image_size_y"])
+
+
+def _rays(sensor: SensorSpec, fps: float) -> int:
+    return round(int(sensor.attributes["points_per_second"]) / fps)
+
+
+def _raw_bytes(spec: EpisodeSpec) -> int:
+    actors: int = spec.vehicles["count"] + spec.pedestrians["count"] * 2 + len(spec.sensors) + 60
+    per_frame = 0
+    for sensor in spec.sensors:
+        per_frame += _BYTES_PER_RECORD
+        if "image_size_x" in sensor.attributes:
+            per_frame += _RAW_BYTES_PER_PIXEL * _pixels(sensor)
+        elif "points_per_second" in sensor.attributes:
+            per_frame += _BYTES_PER_POINT * _rays(sensor, spec.fps)
+    per_tick = _BYTES_PER_ACTOR * actors + 4 * _BYTES_PER_RECORD
+    return spec.saved_frames * per_frame + spec.steps * per_tick
+
+
+def _dataset_bytes(spec: EpisodeSpec) -> int:
+    objects: int = spec.vehicles["count"] + spec.pedestrians["count"] + 1
+    per_frame = 0.0
+    for sensor in spec.sensors:
+        if sensor.labelled:
+            per_frame += _LABEL_BYTES * objects
+        if sensor.hidden:
+            continue
+        if "image_size_x" in sensor.attributes:
+            per_frame += _FILE_BYTES_PER_PIXEL[sensor.kind] * _pixels(sensor)
+        elif "points_per_second" in sensor.attributes:
+            per_frame += _BYTES_PER_POINT * _rays(sensor, spec.fps)
+        else:
+            per_frame += _SMALL_SENSOR_BYTES
+    return round(spec.saved_frames * (per_frame + _LABEL_BYTES * objects))
+
+
+def _duration_s(spec: EpisodeSpec) -> float:
+    """Cameras of one pose and one set of intrinsics share one cast, so they count once."""
+    casts = {
+        (sensor.pose, tuple(sorted(geometry(sensor.attributes).items()))): _pixels(sensor)
+        for sensor in spec.sensors
+        if "image_size_x" in sensor.attributes
+    }
+    rays = sum(
+        _rays(sensor, spec.fps)
+        for sensor in spec.sensors
+        if "points_per_second" in sensor.attributes
+    )
+    drawing_s = sum(casts.values()) * _CAMERA_PIXEL_S + rays * _LIDAR_RAY_S
+    return (spec.steps + spec.warmup_ticks) * _TICK_S + spec.saved_frames * drawing_s

@@ -1,0 +1,185 @@
+"""Drawing the episodes of a configuration, and refusing what the server does not have."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from carstage.config import Config
+from carstage.config.explain import path_text
+from carstage.config.fields import unknown
+from carstage.errors import ConfigError
+from carstage.plan.rig import plan_sensors
+from carstage.plan.spec import EpisodeSpec
+
+DIALECT = "0.9.16"
+#: Who gets a seed. The position is part of the derivation: new ones are appended.
+SEED_CONSUMERS = ("traffic_manager", "walkers", "spawn", "ego", "sensor_noise")
+_CHOICES_STREAM = 1000
+_LARGEST_SEED = 0x7FFF_FFFF  # CARLA keeps noise seeds in signed 32-bit integers
+
+
+@dataclass(frozen=True, slots=True)
+class ServerFacts:
+    """What a server offers, as far as planning needs it.
+
+    Attributes:
+        maps: number of spawn points by map name, without folders.
+        blueprints: names of the attributes by blueprint id.
+        dialect: version of the wire protocol.
+    """
+
+    maps: Mapping[str, int]
+    blueprints: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    dialect: str = DIALECT
+
+
+def plan_episodes(config: Config, facts: ServerFacts) -> tuple[EpisodeSpec, ...]:
+    """The episodes of a configuration.
+
+    The same configuration and facts always give the same episodes: an episode's draws depend on the
+    seed and its index only, so that more episodes do not change the first ones.
+
+    Args:
+        config: what the user asks for.
+        facts: what the server offers.
+
+    Raises:
+        ConfigError: the server lacks a map, a blueprint, an attribute or a spawn point.
+    """
+    _check_blueprints(config, facts)
+    maps = _maps(config, facts)
+    sensors = plan_sensors(config)
+    substeps = config.timing.substeps(config.fps)
+    episodes = []
+    for index in range(config.episodes):
+        draw = np.random.default_rng(_sequence(config.seed, index, _CHOICES_STREAM))
+        # Each choice is drawn whether it is free or not, so that fixing one moves no other.
+        map_draw, weather_draw, spawn_draw = draw.random(3)
+        map_name = _pick(maps, map_draw)
+        presets = config.weather.presets
+        episodes.append(
+            EpisodeSpec(
+                dialect=facts.dialect,
+                index=index,
+                map=map_name,
+                weather={
+                    "preset": _pick(presets, weather_draw) if presets else None,
+                    "parameters": config.weather.parameters.given(),
+                    "lights": config.weather.lights,
+                },
+                steps=config.steps,
+                fps=config.fps,
+                save_every=config.save_every,
+                warmup_ticks=config.timing.warmup_ticks,
+                timing={
+                    "mode": config.timing.mode,
+                    "sensor_sync": config.timing.sensor_sync,
+                    "max_substep_delta_time_s": substeps.max_substep_delta_time_s,
+                    "max_substeps": substeps.max_substeps,
+                    "on_incomplete": config.timing.on_incomplete,
+                },
+                vehicles=config.vehicles.model_dump(),
+                pedestrians=config.pedestrians.model_dump(),
+                ego={
+                    "blueprint": config.ego.blueprint,
+                    "spawn_index": _spawn_index(config, facts, map_name, spawn_draw),
+                },
+                scenario=config.scenario.model_dump(),
+                sensors=sensors,
+                labels={"method": config.labels.method, "boxes": sorted(set(config.labels.boxes))},
+                ground_truth=config.ground_truth.model_dump(),
+                max_distance_m=config.max_distance_m,
+                min_lidar_points=config.min_lidar_points,
+                seeds={
+                    consumer: _seed(config.seed, index, position)
+                    for position, consumer in enumerate(SEED_CONSUMERS)
+                },
+            )
+        )
+    return tuple(episodes)
+
+
+def _sequence(seed: int, index: int, stream: int) -> np.random.SeedSequence:
+    return np.random.SeedSequence(seed, spawn_key=(index, stream))
+
+
+def _seed(seed: int, index: int, stream: int) -> int:
+    return int(_sequence(seed, index, stream).generate_state(1)[0]) & _LARGEST_SEED
+
+
+def _pick(names: Iterable[str], draw: float) -> str:
+    options = tuple(names)
+    return options[int(draw * len(options))]
+
+
+def _maps(config: Config, facts: ServerFacts) -> tuple[str, ...]:
+    """The maps that an episode may get.
+
+    Raises:
+        ConfigError: the server does not have one of them.
+    """
+    if config.map.choice is not None:
+        wanted: tuple[tuple[str, str], ...] = (("map.choice", config.map.choice),)
+    elif "all" in (config.map.random_from or ()):
+        return tuple(sorted(facts.maps))
+    else:
+        names = config.map.random_from or ()
+        wanted = tuple((f"map.random_from[{i}]", name) for i, name in enumerate(names))
+    found = []
+    for path, name in wanted:
+        short = name.rsplit("/", 1)[-1]
+        if short not in facts.maps:
+            message, hint = unknown("map", name, facts.maps)
+            raise ConfigError(f"{path}: {message}", hint)
+        found.append(short)
+    return tuple(found)
+
+
+def _spawn_index(config: Config, facts: ServerFacts, map_name: str, draw: float) -> int:
+    count = facts.maps[map_name]
+    if config.ego.spawn == "random":
+        return int(draw * count)
+    if config.ego.spawn >= count:
+        raise ConfigError(
+            f"ego.spawn: {map_name} has no spawn point {config.ego.spawn}.",
+            f"It has {count}, counted from 0; or use `random`.",
+        )
+    return config.ego.spawn
+
+
+def _check_blueprints(config: Config, facts: ServerFacts) -> None:
+    """Refuse blueprints and attributes that the server does not have."""
+    known = facts.blueprints
+    if not known:
+        return
+    vehicles = [name for name in known if name.startswith("vehicle.")]
+    if config.ego.blueprint not in vehicles:
+        message, hint = unknown("blueprint", config.ego.blueprint, vehicles)
+        raise ConfigError(f"ego.blueprint: {message}", hint)
+    for path, count, pattern in (
+        ("vehicles.filter", config.vehicles.count, config.vehicles.filter),
+        ("pedestrians.filter", config.pedestrians.count, config.pedestrians.filter),
+    ):
+        if count and not any(fnmatchcase(name, pattern) for name in known):
+            message, hint = unknown("blueprint", pattern, (_family(name) for name in known))
+            raise ConfigError(f"{path}: {message}", hint)
+    for place, sensor in config.located_sensors():
+        if sensor.blueprint not in known:
+            raise ConfigError(
+                f"{path_text((*place, 'kind'))}: this server has no {sensor.blueprint}.",
+                "Leave the sensor out or use another server.",
+            )
+        strings = sensor.attributes.carla(fps=config.fps, image_size=config.image_size)
+        for name in strings:
+            if name not in known[sensor.blueprint]:
+                message, hint = unknown("attribute", name, known[sensor.blueprint])
+                raise ConfigError(f"{path_text((*place, 'attributes', name))}: {message}", hint)
+
+
+def _family(blueprint: str) -> str:
+    return re.sub(r"\.[^.]*$", ".*", blueprint)

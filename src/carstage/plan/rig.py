@@ -1,0 +1,85 @@
+"""The sensors of an episode: the requested ones, and hidden twins of labelled cameras.
+
+A label needs the depth (and, for pixels, the instances) that its camera sees. A requested sensor of
+the same pose and intrinsics serves; where there is none, a hidden twin is added.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from carstage.config import SENSOR_KINDS, Config, Sensor
+from carstage.config.rig import DEPTH_SUFFIX, INSTANCE_SUFFIX, Pose
+from carstage.plan.spec import PoseSpec, SensorSpec
+
+_GEOMETRY = ("image_size_", "fov", "lens_")
+_TWINS = {"depth": DEPTH_SUFFIX, "instance": INSTANCE_SUFFIX}
+
+
+def plan_sensors(config: Config) -> tuple[SensorSpec, ...]:
+    """Requested sensors in the rig's order, then the hidden twins."""
+    labelled = set(config.labelled_cameras)
+    sensors = [_sensor(sensor, config, sensor.id in labelled) for sensor in config.sensors]
+    needed = ("depth",) if config.labels.method == "stage_vo" else ("depth", "instance")
+    for position, camera in enumerate(list(sensors)):
+        if camera.labelled:
+            names = {kind: _serving(camera, kind, sensors) for kind in needed}
+            sensors[position] = replace(
+                camera, depth=names.get("depth"), instance=names.get("instance")
+            )
+    return tuple(sensors)
+
+
+def geometry(attributes: Mapping[str, str]) -> dict[str, str]:
+    """The attributes that decide which ray a pixel stands for."""
+    return {name: text for name, text in attributes.items() if name.startswith(_GEOMETRY)}
+
+
+def _sensor(sensor: Sensor, config: Config, labelled: bool) -> SensorSpec:
+    return SensorSpec(
+        id=sensor.id,
+        kind=sensor.kind,
+        blueprint=sensor.blueprint,
+        hidden=False,
+        labelled=labelled,
+        pose=_pose(sensor.pose),
+        attributes=sensor.attributes.carla(fps=config.fps, image_size=config.image_size),
+    )
+
+
+def _pose(pose: Pose) -> PoseSpec:
+    # Adding 0.0 turns -0.0 into 0.0: one pose must not have two ids.
+    return PoseSpec(
+        x_m=pose.x + 0.0,
+        y_m=pose.y + 0.0,
+        z_m=pose.z + 0.0,
+        roll_deg=pose.roll_deg + 0.0,
+        pitch_deg=pose.pitch_deg + 0.0,
+        yaw_deg=pose.yaw_deg + 0.0,
+    )
+
+
+def _serving(camera: SensorSpec, kind: str, sensors: list[SensorSpec]) -> str:
+    """Id of the sensor of ``kind`` that sees what ``camera`` sees; appended if there is none."""
+    wanted = geometry(camera.attributes)
+    if camera.kind == kind:
+        return camera.id
+    for other in sensors:
+        if (
+            other.kind == kind
+            and other.pose == camera.pose
+            and geometry(other.attributes) == wanted
+        ):
+            return other.id
+    twin = SensorSpec(
+        id=camera.id + _TWINS[kind],
+        kind=kind,
+        blueprint=SENSOR_KINDS[kind].blueprint,
+        hidden=True,
+        labelled=False,
+        pose=camera.pose,
+        attributes=wanted,
+    )
+    sensors.append(twin)
+    return twin.id

@@ -1,0 +1,302 @@
+"""The schema refuses what cannot be, names the field first, and says what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import isclose
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from carstage.config import (
+    SENSOR_KINDS,
+    WEATHER_PRESETS,
+    Config,
+    check_config,
+    config_schema,
+    config_template,
+    dump_config,
+    load_config,
+    load_demo,
+    parse_config,
+)
+from carstage.config.attributes import LidarAttributes, RgbAttributes
+from carstage.config.recording import MAX_SUBSTEPS, Timing
+from carstage.errors import ConfigError
+
+ONE = "rig: {sensors: [{id: A, kind: rgb}, {id: B, kind: %s}]}"
+
+
+def test_template_parses_to_the_defaults() -> None:
+    assert parse_config(config_template()) == Config()
+
+
+def test_empty_document_is_the_defaults() -> None:
+    assert parse_config("") == Config()
+
+
+def test_defaults_are_those_of_the_contract() -> None:
+    config = Config()
+    assert (config.name, config.seed, config.episodes) == ("quickstart", 7, 1)
+    assert (config.duration_s, config.fps, config.save_every) == (5.0, 10, 1)
+    assert (config.vehicles.count, config.pedestrians.count) == (20, 10)
+    assert (config.max_distance_m, config.min_lidar_points) == (80.0, 5)
+    assert config.image_size == (640, 360)
+    assert config.rig.sensors[0].pose.x == 1.5
+
+
+def test_demo_has_the_rig_that_is_promised() -> None:
+    config = load_demo()
+    kinds = [sensor.kind for sensor in config.sensors]
+    assert kinds == ["rgb", "rgb", "depth", "semantic", "instance", "lidar", "imu", "gnss"]
+    assert (config.saved_frames, config.image_size) == (50, (640, 360))
+    poses = {sensor.pose for sensor in config.sensors if sensor.is_camera}
+    assert len(poses) == 2
+
+
+@pytest.mark.parametrize("config", [Config(), load_demo()], ids=["default", "demo"])
+def test_dumped_configuration_loads_to_the_same(config: Config) -> None:
+    assert check_config(dump_config(config)) == config
+
+
+REFUSED = {
+    "unknown key": ("fsp: 5", "fsp: ", "Did you mean 'fps'?"),
+    "unknown key below": ("timing: {mod: sync}", "timing.mod: ", "Did you mean 'mode'?"),
+    "negative fps": ("fps: -5", "fps: -5", "at least 1"),
+    "fraction of an episode": ("episodes: 1.5", "episodes: ", "whole number"),
+    "number as text": ("seed: '7'", "seed: ", "whole number"),
+    "not a number": ("duration_s: .nan", "duration_s: ", "finite"),
+    "no step": ("duration_s: 0.01", "duration_s: ", "at least 0.1 s"),
+    "number for a section": ("vehicles: 20", "vehicles: ", "key: value"),
+    "weather preset": ("weather: ClearMoon", "weather.choice: ", "'ClearNoon'"),
+    "one weather preset": (
+        "weather: {random_from: [ClearNoon, Sunny]}",
+        "weather.random_from[1]: ",
+        "Known: ",
+    ),
+    "two weathers": (
+        "weather: {choice: ClearNoon, random_from: [WetNoon]}",
+        "weather.random_from: ",
+        "Keep one",
+    ),
+    "weather by few parameters": (
+        "weather: {choice: null, parameters: {cloudiness: 3}}",
+        "weather.parameters: ",
+        "missing parameters",
+    ),
+    "cloudiness": (
+        "weather: {parameters: {cloudiness: 101}}",
+        "weather.parameters.cloudiness: ",
+        "at most 100",
+    ),
+    "two maps": ("map: {choice: A, random_from: [B]}", "map.choice: ", "Keep one"),
+    "sub-stepping": (
+        "timing: {substepping: {max_substep_delta_time_s: 0.01, max_substeps: 9}}",
+        "timing.substepping: ",
+        "at least 10",
+    ),
+    "too many sub-steps": (
+        "timing: {substepping: {max_substeps: 17}}",
+        "timing.substepping.max_substeps: ",
+        "at most 16",
+    ),
+    "spawn": ("ego: {spawn: somewhere}", "ego.spawn: ", "or 'random'"),
+    "no sensor": ("rig: {}", "rig.sensors: ", "at least one"),
+    "two of one name": (
+        "rig: {sensors: [{id: A, kind: rgb}, {id: a, kind: imu}]}",
+        "rig.sensors[1].id: ",
+        "own id",
+    ),
+    "preset and one of its names": (
+        "rig: {preset: demo, sensors: [{id: IMU, kind: imu}]}",
+        "rig.sensors[0].id: ",
+        "own id",
+    ),
+    "kind": (ONE % "deth", "rig.sensors[1].kind: ", "'depth'"),
+    "no kind": ("rig: {sensors: [{id: A}]}", "rig.sensors[0].kind: ", "rgb, depth"),
+    "no id": ("rig: {sensors: [{kind: rgb}]}", "rig.sensors[0].id: ", "Add it"),
+    "reserved id": ("rig: {sensors: [{id: world, kind: imu}]}", "rig.sensors[0].id: ", "world_"),
+    "id with a slash": ("rig: {sensors: [{id: a/b, kind: imu}]}", "rig.sensors[0].id: ", "letters"),
+    "long id": (
+        f"rig: {{sensors: [{{id: {'x' * 23}, kind: imu}}]}}",
+        "rig.sensors[0].id: ",
+        "at most 22",
+    ),
+    "id of a twin": ("rig: {sensors: [{id: A.depth, kind: rgb}]}", "rig.sensors[0].id: ", "'_'"),
+    "attribute": (
+        ONE % "rgb, attributes: {fov_dg: 90}",
+        "rig.sensors[1].attributes.fov_dg: ",
+        "'fov_deg'",
+    ),
+    "attribute's value": (
+        ONE % "rgb, attributes: {fov_deg: 180}",
+        "rig.sensors[1].attributes.fov_deg: ",
+        "less than 180",
+    ),
+    "attribute of the run": (
+        ONE % "rgb, attributes: {sensor_tick: 0.1}",
+        "rig.sensors[1].attributes.sensor_tick: ",
+        "save_every",
+    ),
+    "half an image size": (
+        ONE % "rgb, attributes: {image_size_x: 10}",
+        "rig.sensors[1].attributes.image_size_x: ",
+        "[width, height]",
+    ),
+    "lidar that overtakes itself": (
+        ONE % "lidar, attributes: {rotation_frequency: 20}",
+        "rig.sensors[1].attributes.rotation_frequency_hz: ",
+        "at most 10 Hz",
+    ),
+    "lidar upside down": (
+        ONE % "lidar, attributes: {upper_fov_deg: -31}",
+        "rig.sensors[1].attributes.lower_fov_deg: ",
+        "Exchange",
+    ),
+    "camera to label": ("labels: {cameras: [CAM_FRNT]}", "labels.cameras[0]: ", "'CAM_FRONT'"),
+    "codec of nobody": (
+        "conversion: {codecs: {CAM_FRNT: png}}",
+        "conversion.codecs.CAM_FRNT: ",
+        "'CAM_FRONT'",
+    ),
+    "server kind": ("server: {kind: crla}", "server.kind: ", "'carla'"),
+    "carla without a path": ("server: {kind: carla}", "server.path: ", "Add it"),
+    "key twice": ("fps: 10\nfps: 20", "config, line 2", "'fps' stands twice"),
+    "not YAML": ("a: [", "config, line 1", "Correct"),
+    "not a mapping": ("- 1", "config: ", "mapping"),
+}
+
+
+@pytest.mark.parametrize(("text", "path", "help_"), REFUSED.values(), ids=REFUSED.keys())
+def test_refusal_begins_with_the_field_and_says_what_to_do(
+    text: str, path: str, help_: str
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse_config(text)
+    assert caught.value.message.startswith(path)
+    assert help_ in str(caught.value)
+    assert caught.value.hint
+    assert "\n" not in str(caught.value)
+
+
+def test_all_problems_are_told_at_once() -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse_config("fps: 0\nepisodes: 0\nrig: {sensors: [{id: A, kind: rbg}]}")
+    assert [line.split(":")[0] for line in str(caught.value).splitlines()] == [
+        "episodes",
+        "fps",
+        "rig.sensors[0].kind",
+    ]
+
+
+def test_missing_file_is_a_sentence() -> None:
+    with pytest.raises(ConfigError, match=r"nowhere\.yaml cannot be read: No such file"):
+        load_config("nowhere.yaml")
+
+
+@pytest.mark.parametrize(
+    ("override", "value"),
+    [
+        ("fps=20", lambda c: c.fps == 20.0),
+        ("weather=WetNoon", lambda c: c.weather.choice == "WetNoon"),
+        ("weather.lights=on", lambda c: c.weather.lights == "on"),
+        ("rig.sensors[0].attributes.fov_deg=60", lambda c: c.sensors[0].attributes.fov_deg == 60),
+        ("rig.sensors.1.pose.z=2", lambda c: c.sensors[1].pose.z == 2.0),
+        ("rig.sensors[LIDAR_TOP].attributes.range_m=50", lambda c: c.sensors[5].attributes.range_m),
+        ("map.choice=Town01", lambda c: c.map.choice == "Town01"),
+        ("duration_s=1e1", lambda c: c.duration_s == 10.0),
+        ("timing.substepping={max_substeps: 16}", lambda c: c.timing.substepping.max_substeps),
+    ],
+)
+def test_override_sets_one_value(override: str, value: Callable[[Any], Any]) -> None:
+    assert value(load_demo([override]))
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("fps", "not key=value"),
+        ("=3", "not key=value"),
+        ("rig.sensors[9].id=X", "no entry 9"),
+        ("rig.sensors[LIDAR].id=X", "LIDAR_TOP"),
+        ("fps=-1", "fps: -1"),
+        ("fpx=1", "'fps'"),
+    ],
+)
+def test_bad_override_is_refused(override: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message.replace("[", r"\[")):
+        load_demo([override])
+
+
+def test_words_that_yaml_once_took_for_booleans_stay_words() -> None:
+    assert parse_config("weather: {lights: off}").weather.lights == "off"
+    assert parse_config("name: yes").name == "yes"
+
+
+@given(fps=st.floats(1, 240))
+def test_automatic_substepping_reaches_the_step(fps: float) -> None:
+    longest_s, count = Timing().substeps(fps)
+    assert 1 <= count <= MAX_SUBSTEPS
+    assert 1.0 / fps <= longest_s * count + 1e-9
+
+
+def test_automatic_substepping_is_ten_milliseconds_where_that_suffices() -> None:
+    assert Timing().substeps(10) == (0.01, 10)
+    assert Timing().substeps(20) == (0.01, 10)
+    assert Timing().substeps(8) == (0.01, 13)
+
+
+@given(fps=st.floats(1, 240))
+def test_lidar_makes_one_full_sweep_per_step(fps: float) -> None:
+    strings = LidarAttributes().carla(fps=fps, image_size=(1, 1))
+    assert isclose(float(strings["rotation_frequency"]) / fps, 1.0, rel_tol=1e-12)
+    rays_per_laser = round(int(strings["points_per_second"]) / fps / 64)
+    assert rays_per_laser == 1024
+
+
+def test_lidar_loses_no_points_by_default() -> None:
+    strings = LidarAttributes().carla(fps=10, image_size=(1, 1))
+    assert strings["range"] == "100.0"
+    assert {strings[f"dropoff_{end}"] for end in ("general_rate", "zero_intensity")} == {"0.0"}
+
+
+def test_camera_takes_the_size_of_the_run_unless_it_has_its_own() -> None:
+    own = RgbAttributes(image_size=(100, 50)).carla(fps=10, image_size=(640, 360))
+    run = RgbAttributes().carla(fps=10, image_size=(640, 360))
+    assert (own["image_size_x"], own["image_size_y"]) == ("100", "50")
+    assert (run["image_size_x"], run["image_size_y"]) == ("640", "360")
+
+
+def test_carla_names_are_the_same_attributes() -> None:
+    friendly = parse_config(ONE % "rgb, attributes: {image_size: [8, 4], fov_deg: 60, iso: 200}")
+    native = parse_config(
+        ONE % "rgb, attributes: {image_size_x: 8, image_size_y: 4, fov: 60, iso: 200}"
+    )
+    assert friendly == native
+
+
+def test_every_form_field_has_title_and_description() -> None:
+    schema = config_schema()
+    nodes = [schema, *schema["$defs"].values()]
+    for node in nodes:
+        for name, field in node.get("properties", {}).items():
+            reference = field.get("$ref", "").rsplit("/", 1)[-1]
+            described = field.get("description") or schema["$defs"].get(reference, {})
+            assert described, name
+            assert field.get("title") or reference, name
+
+
+def test_presets_are_those_of_the_client() -> None:
+    carla = pytest.importorskip("carla")
+    client = {
+        name
+        for name in dir(carla.WeatherParameters)
+        if isinstance(getattr(carla.WeatherParameters, name), carla.WeatherParameters)
+    }
+    assert set(WEATHER_PRESETS) == client - {"Default"}
+
+
+def test_kinds_have_distinct_blueprints() -> None:
+    assert len({cls.blueprint for cls in SENSOR_KINDS.values()}) == len(SENSOR_KINDS)

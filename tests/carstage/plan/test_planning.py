@@ -1,0 +1,202 @@
+"""Planning: the same configuration gives the same episodes; labelled cameras get their twins."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import replace
+
+import pytest
+
+from carstage.config import Config, load_demo, parse_config
+from carstage.errors import ConfigError
+from carstage.plan import EpisodeSpec, ServerFacts, estimate_run, plan_episodes
+from carstage.plan.planning import SEED_CONSUMERS
+
+CAMERA = {"role_name", "image_size_x", "image_size_y", "fov", "iso"}
+FACTS = ServerFacts(
+    maps={"Stage01": 100, "Town02": 7},
+    blueprints={
+        "vehicle.tesla.model3": frozenset({"color"}),
+        "walker.pedestrian.0001": frozenset(),
+        "sensor.camera.rgb": frozenset(CAMERA),
+        "sensor.other.imu": frozenset(),
+    },
+)
+MAPS_ONLY = ServerFacts(maps=FACTS.maps)
+
+
+def plan(text: str = "", facts: ServerFacts = MAPS_ONLY) -> tuple[EpisodeSpec, ...]:
+    return plan_episodes(parse_config(text), facts)
+
+
+def sensors(text: str) -> dict[str, object]:
+    return {sensor.id: sensor for sensor in plan(text)[0].sensors}
+
+
+def test_same_configuration_gives_the_same_episodes() -> None:
+    assert plan("episodes: 3") == plan("episodes: 3")
+
+
+def test_more_episodes_do_not_change_the_first_ones() -> None:
+    assert plan("episodes: 5")[:2] == plan("episodes: 2")
+
+
+def test_episodes_differ_from_each_other_and_from_another_seed() -> None:
+    ids = [spec.episode_id for spec in plan("episodes: 20") + plan("{episodes: 20, seed: 8}")]
+    assert len(set(ids)) == 40
+
+
+def test_id_is_the_hash_of_the_canonical_json() -> None:
+    spec = plan()[0]
+    document = json.loads(spec.canonical_json())
+    assert document == spec.to_json()
+    text = json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    assert spec.episode_id == hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def test_demo_id_is_fixed_by_the_format() -> None:
+    spec = plan_episodes(load_demo(), ServerFacts(maps={"Stage01": 100}))[0]
+    assert spec.episode_id == "035a32d066ddbbfd", "this breaks the resuming of older datasets"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "name: other",
+        "conversion: {mode: deferred, workers: 1}",
+        "output: {keep_raw: true}",
+        "server: {kind: embedded, port: 4000, threads: 1}",
+        "rig: {sensors: [{id: CAM_FRONT, kind: rgb, pose: {x: 1.5, y: -0.0, z: 1.6}}]}",
+    ],
+)
+def test_what_changes_no_truth_changes_no_id(text: str) -> None:
+    assert plan(text)[0].episode_id == plan()[0].episode_id
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "fps: 20",
+        "duration_s: 4",
+        "save_every: 2",
+        "weather: WetNoon",
+        "vehicles: {count: 21}",
+        "labels: {method: stage_vo}",
+        "min_lidar_points: 0",
+        "ground_truth: {ego_motion: false}",
+        "rig: {sensors: [{id: CAM_FRONT, kind: rgb, pose: {x: 1.5, z: 1.7}}]}",
+    ],
+)
+def test_what_changes_truth_or_labels_changes_the_id(text: str) -> None:
+    assert plan(text)[0].episode_id != plan()[0].episode_id
+
+
+def test_every_consumer_has_its_own_seed() -> None:
+    seeds = [spec.seeds for spec in plan("episodes: 10")]
+    assert all(tuple(seed) == SEED_CONSUMERS for seed in seeds)
+    assert len({value for seed in seeds for value in seed.values()}) == 10 * len(SEED_CONSUMERS)
+
+
+def test_random_choices_are_drawn_per_episode_from_what_is_allowed() -> None:
+    specs = plan("{episodes: 40, map: {random_from: [all]}, weather: {random_from: [all]}}")
+    assert {spec.map for spec in specs} == {"Stage01", "Town02"}
+    assert len({spec.weather["preset"] for spec in specs}) > 10
+    assert all(spec.ego["spawn_index"] < FACTS.maps[spec.map] for spec in specs)
+
+
+def test_fixing_one_choice_moves_no_other() -> None:
+    free = plan("{map: {random_from: [Stage01]}, weather: {random_from: [all]}}")[0]
+    fixed = plan("{map: Stage01, weather: {random_from: [all]}}")[0]
+    assert free == fixed
+
+
+def test_explicit_weather_has_no_preset() -> None:
+    names = "cloudiness precipitation precipitation_deposits wind_intensity sun_azimuth_angle "
+    names += "sun_altitude_angle fog_density fog_distance fog_falloff wetness "
+    names += "scattering_intensity mie_scattering_scale rayleigh_scattering_scale dust_storm"
+    values = ", ".join(f"{name}: 1" for name in names.split())
+    weather = plan(f"weather: {{parameters: {{{values}}}}}")[0].weather
+    assert weather["preset"] is None
+    assert weather["parameters"] == dict.fromkeys(names.split(), 1.0)
+
+
+def test_labelled_camera_gets_hidden_twins_of_its_pose_and_intrinsics() -> None:
+    planned = sensors("rig: {sensors: [{id: C, kind: rgb, pose: {y: 1}, attributes: {iso: 50}}]}")
+    assert list(planned) == ["C", "C.depth", "C.instance"]
+    camera, depth = planned["C"], planned["C.depth"]
+    assert (camera.depth, camera.instance) == ("C.depth", "C.instance")
+    assert depth.hidden
+    assert depth.pose == camera.pose
+    assert depth.attributes == {"image_size_x": "640", "image_size_y": "360", "fov": "90.0"}
+
+
+def test_requested_sensor_of_the_same_view_serves_instead_of_a_twin() -> None:
+    planned = sensors(
+        "rig: {sensors: [{id: D, kind: depth}, {id: C, kind: rgb}, "
+        "{id: I, kind: instance, attributes: {fov_deg: 60}}]}"
+    )
+    assert list(planned) == ["D", "C", "I", "C.instance"]
+    assert (planned["C"].depth, planned["C"].instance) == ("D", "C.instance")
+
+
+def test_cameras_of_one_view_share_the_twins() -> None:
+    planned = sensors("rig: {sensors: [{id: A, kind: rgb}, {id: B, kind: rgb}]}")
+    assert list(planned) == ["A", "B", "A.depth", "A.instance"]
+    assert planned["B"].depth == "A.depth"
+
+
+def test_stage_vo_needs_depth_only() -> None:
+    assert list(sensors("labels: {method: stage_vo}")) == ["CAM_FRONT", "CAM_FRONT.depth"]
+
+
+def test_cameras_without_labels_get_no_twins() -> None:
+    assert list(sensors("labels: {cameras: []}")) == ["CAM_FRONT"]
+
+
+@pytest.mark.parametrize(
+    ("text", "start", "hint"),
+    [
+        ("map: Stage1", "map.choice: unknown map 'Stage1'", "'Stage01'"),
+        ("map: {random_from: [Town02, Town3]}", "map.random_from[1]: ", "'Town02'"),
+        ("ego: {spawn: 100}", "ego.spawn: ", "counted from 0"),
+        ("ego: {blueprint: vehicle.tesla.model_3}", "ego.blueprint: ", "'vehicle.tesla.model3'"),
+        ("vehicles: {filter: vehicle.audi.*}", "vehicles.filter: ", "vehicle"),
+        ("rig: {sensors: [{id: L, kind: lidar}]}", "rig.sensors[0].kind: ", "another server"),
+        (
+            "rig: {sensors: [{id: L, kind: rgb, attributes: {gamma: 2}}]}",
+            "rig.sensors[0].attributes.gamma: ",
+            "Known",
+        ),
+    ],
+)
+def test_what_the_server_does_not_have_is_refused(text: str, start: str, hint: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        plan(text, FACTS)
+    assert caught.value.message.startswith(start)
+    assert hint in caught.value.hint
+
+
+def test_map_may_be_named_with_its_folders() -> None:
+    assert plan("map: Carla/Maps/Town02")[0].map == "Town02"
+
+
+def test_raw_logs_count_in_full_only_while_they_are_kept() -> None:
+    def estimate(text: str) -> tuple[int, int, int]:
+        config = parse_config(text)
+        result = estimate_run(config, plan_episodes(config, MAPS_ONLY))
+        return result.dataset_bytes, result.raw_bytes, result.peak_bytes
+
+    streamed = estimate("episodes: 10")
+    kept = estimate("{episodes: 10, output: {keep_raw: true}}")
+    assert streamed[:2] == kept[:2]
+    assert kept[2] == kept[0] + kept[1]
+    assert streamed[2] == pytest.approx(streamed[0] + streamed[1] / 5)
+
+
+def test_estimate_grows_with_pixels_and_saved_frames() -> None:
+    small, large = (
+        estimate_run(Config(), [replace(plan(text)[0])])
+        for text in ("save_every: 10", "image_size: [1280, 720]")
+    )
+    assert large.dataset_bytes > 20 * small.dataset_bytes

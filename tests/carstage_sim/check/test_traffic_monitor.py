@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carstage_sim.check.traffic import TrafficFigures, TrafficMonitor, judge, overlap_depth
+from carstage_sim.check.traffic import TrafficFigures, TrafficMonitor, gap_m, judge
 
 EXTENT = np.array([2.4, 1.0, 0.75])
 
@@ -27,21 +27,24 @@ def sample(
     watched.sample(seconds, location, np.zeros(len(x)), np.array(speed), np.array(held))
 
 
-def test_boxes_overlap_by_the_least_way_out() -> None:
+def test_gap_is_the_separation_or_minus_the_least_way_out() -> None:
     origin = np.zeros(3)
-    assert overlap_depth(origin, EXTENT, 0.0, np.array([4.5, 0.5, 0.0]), EXTENT, 0.0) == (
-        pytest.approx(0.3)
+    assert gap_m(origin, EXTENT, 0.0, np.array([4.5, 0.5, 0.0]), EXTENT, 0.0) == (
+        pytest.approx(-0.3)
     )
-    assert overlap_depth(origin, EXTENT, 0.0, np.array([4.9, 0.0, 0.0]), EXTENT, 0.0) == 0.0
+    assert gap_m(origin, EXTENT, 0.0, np.array([4.9, 0.0, 0.0]), EXTENT, 0.0) == (
+        pytest.approx(0.1)
+    )
     # Corner to corner, close in distance, but separated along the turned box's axis.
-    assert overlap_depth(origin, EXTENT, 0.0, np.array([4.2, 2.7, 0.0]), EXTENT, 45.0) == 0.0
+    assert gap_m(origin, EXTENT, 0.0, np.array([4.2, 2.7, 0.0]), EXTENT, 45.0) > 0.0
 
 
-def test_overlaps_are_kept_per_pair_with_their_depth() -> None:
+def test_touching_pairs_are_kept_with_their_narrowest_gap() -> None:
     watched = monitor(3)
-    sample(watched, [0.0, 4.5, 20.0], [5.0, 5.0, 5.0], [False] * 3)
-    sample(watched, [0.0, 4.6, 20.0], [5.0, 5.0, 5.0], [False] * 3)
-    assert watched.overlapping == {(0, 1): pytest.approx(0.3)}
+    for x in (5.5, 4.81, 4.83):
+        sample(watched, [0.0, x, 20.0], [5.0, 5.0, 5.0], [False] * 3)
+    assert watched.touching == {(0, 1): pytest.approx(0.01)}
+    assert watched.narrowest_gap_m == pytest.approx(0.01)
 
 
 def test_a_vehicle_that_stands_alone_is_stuck() -> None:
@@ -70,7 +73,7 @@ def test_a_vehicle_that_is_gone_does_not_poison_the_rest() -> None:
     sample(watched, [0.0, 30.0], [5.0, 5.0], [False, False])
     sample(watched, [10.0, np.nan], [5.0, np.nan], [False, False])
     assert watched.distance_m.tolist() == [10.0, 0.0]
-    assert watched.overlapping == {}
+    assert watched.touching == {}
 
 
 def good_figures() -> TrafficFigures:
@@ -93,8 +96,8 @@ def test_good_figures_pass() -> None:
         ("destroyed", 1),
         ("stuck", 1),
         ("longest_stand_s", 91.0),
-        ("overlaps", 1),
-        ("deepest_overlap_m", 0.2),
+        ("touching", 1),
+        ("narrowest_gap_m", 0.0),
         ("mean_speed_kmh", 2.0),
         ("mean_distance_m", 100.0),
         ("moved_in_last_minute", 0.5),

@@ -1,0 +1,132 @@
+"""``python -m carstage.collector PLAN.json``: the composition root of the collector's process."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import platform
+import sys
+from typing import List, Optional
+
+from carstage.collector.errors import CollectorError, InterruptedByRequestError
+from carstage.collector.events import EventStream
+from carstage.collector.plan import Plan, read_plan
+from carstage.collector.stopping import StopRequest
+
+EXIT_OK = 0
+EXIT_FAILED = 1
+EXIT_INTERRUPTED = 130
+
+_log = logging.getLogger("carstage.collector")
+
+
+def main(arguments: Optional[List[str]] = None) -> int:
+    """Record every episode of a plan; return the exit code.
+
+    0 all recorded; 1 one failed; 2 bad plan; 130 ended by a signal after finishing the frame.
+    """
+    options = _options(arguments)
+    logging.basicConfig(
+        stream=sys.stderr, level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s"
+    )
+    stop = StopRequest()
+    stop.on_signals()
+    events = EventStream(_private_stdout(), stop)
+    if options.exit_with_input:
+        stop.on_closed_input(sys.stdin.fileno())
+    code = _run(options.plan, events, stop)
+    events.emit("collector_finished", exit_code=code)
+    return code
+
+
+def _options(arguments: Optional[List[str]]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m carstage.collector", description=main.__doc__)
+    parser.add_argument("plan", help="the plan, JSON; see docs/formats/run-folder.md")
+    parser.add_argument(
+        "--exit-with-input",
+        action="store_true",
+        help="end cleanly when standard input closes: whoever started this is gone",
+    )
+    return parser.parse_args(arguments)
+
+
+def _private_stdout() -> int:
+    """A descriptor of standard output for events alone; the client prints there too."""
+    sys.stdout.flush()
+    private = os.dup(1)
+    os.dup2(2, 1)
+    return private
+
+
+def _run(plan_path: str, events: EventStream, stop: StopRequest) -> int:
+    try:
+        plan = read_plan(plan_path)
+        return _record(plan, events, stop)
+    except CollectorError as error:
+        _report(error, events)
+        return error.exit_code
+    except RuntimeError as error:
+        _log.exception("the client failed")
+        events.emit("error", kind="client", message=str(error), hint="See the server's log.")
+        return EXIT_FAILED
+
+
+def _record(plan: Plan, events: EventStream, stop: StopRequest) -> int:
+    # Only now: a bad plan is refused even where no carla wheel is installed.
+    try:
+        from carstage.collector.client import check_versions, connect
+        from carstage.collector.episode import EpisodeRecorder, Versions
+    except ImportError as error:
+        raise CollectorError(
+            "This Python (%s) has no carla wheel: %s." % (sys.executable, error),
+            "Install the wheel of the server's version into it, or use another interpreter.",
+        ) from error
+    client = connect(plan.server, stop)
+    versions = Versions(
+        *check_versions(client, [episode.spec.dialect for episode in plan.episodes])
+    )
+    events.emit(
+        "collector_started",
+        pid=os.getpid(),
+        client_version=versions.client,
+        python=platform.python_version(),
+    )
+    events.emit("connected", server_version=versions.server, map=client.get_world().get_map().name)
+    recorder = EpisodeRecorder(client, versions, plan, events, stop)
+    code = EXIT_OK
+    for episode in plan.episodes:
+        try:
+            recorded = recorder.record(episode)
+        except (CollectorError, RuntimeError, OSError) as error:
+            events.emit(
+                "episode_aborted",
+                episode_id=episode.episode_id,
+                attempt=episode.attempt,
+                reason=str(error),
+            )
+            if isinstance(error, InterruptedByRequestError):
+                raise
+            _log.exception("episode %s, attempt %s", episode.episode_id, episode.attempt)
+            _report(error, events)
+            code = EXIT_FAILED
+        else:
+            events.emit(
+                "episode_recorded",
+                episode_id=episode.episode_id,
+                attempt=episode.attempt,
+                ticks=recorded.ticks,
+                incomplete=recorded.incomplete,
+            )
+    return code
+
+
+def _report(error: BaseException, events: EventStream) -> None:
+    if isinstance(error, CollectorError):
+        events.emit("error", kind=error.kind, message=error.message, hint=error.hint)
+    else:
+        events.emit("error", kind="client", message=str(error), hint="See the server's log.")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

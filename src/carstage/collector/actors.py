@@ -1,0 +1,153 @@
+"""The other road users: vehicles at shuffled spawn points, walkers on the navigation mesh."""
+
+from __future__ import annotations
+
+import difflib
+import logging
+import random
+from typing import Any, List, NamedTuple
+
+import carla
+
+from carstage.collector.errors import SceneError
+from carstage.collector.maps import spawn_points
+from carstage.collector.plan import EpisodeSpec
+from carstage.collector.world import WorldSession
+
+PLACES_PER_WALKER = 10
+"""So many random places are tried for each walker before fewer are accepted."""
+
+_log = logging.getLogger(__name__)
+
+
+class Walker(NamedTuple):
+    """A pedestrian and the AI controller that moves it."""
+
+    actor: Any
+    controller: Any
+
+
+def find_blueprint(library: Any, name: str, path: str) -> Any:
+    """The blueprint of that very id.
+
+    Raises:
+        SceneError: the server has none; names the nearest.
+    """
+    known = sorted(blueprint.id for blueprint in library)
+    if name not in known:
+        near = difflib.get_close_matches(name, known, n=1)
+        raise SceneError(
+            "%s: the server has no blueprint %r." % (path, name),
+            "Did you mean %s?" % near[0] if near else "See its blueprint library.",
+        )
+    return library.find(name)
+
+
+def dress(blueprint: Any, rng: random.Random) -> None:
+    """Choose among the recommended looks (colour, driver)."""
+    for name in ("color", "driver_id"):
+        if blueprint.has_attribute(name):
+            values = list(blueprint.get_attribute(name).recommended_values)
+            if values:
+                blueprint.set_attribute(name, rng.choice(values))
+
+
+def spawn_vehicles(session: WorldSession, spec: EpisodeSpec) -> List[Any]:
+    """Spawn the planned vehicles, as many as find a free spawn point.
+
+    The same seed makes the same choice: spawn points are shuffled, blueprints drawn from the
+    filter's matches in the order of their ids.
+
+    Raises:
+        SceneError: vehicles are wanted and the filter matches no blueprint.
+    """
+    rng = random.Random(spec.seeds["spawn"])
+    points = spawn_points(session.map)
+    free = [point for index, point in enumerate(points) if index != spec.ego_spawn_index]
+    rng.shuffle(free)
+    blueprints = _matching(session.world, spec.vehicles.filter, spec.vehicles.count, "vehicles")
+    vehicles: List[Any] = []
+    for point in free:
+        if len(vehicles) == spec.vehicles.count:
+            break
+        blueprint = rng.choice(blueprints)
+        dress(blueprint, rng)
+        blueprint.set_attribute("role_name", "autopilot")
+        vehicle = session.world.try_spawn_actor(blueprint, point)
+        if vehicle is not None:
+            vehicles.append(vehicle)
+            session.on_exit("vehicle %d" % vehicle.id, vehicle.destroy)
+    _report_shortfall("vehicles", spec.vehicles.count, len(vehicles))
+    return vehicles
+
+
+def spawn_walkers(session: WorldSession, spec: EpisodeSpec) -> List[Walker]:
+    """Spawn the planned walkers, each with its AI controller; nobody walks yet.
+
+    Raises:
+        SceneError: walkers are wanted and the filter matches no blueprint.
+    """
+    world = session.world
+    count = spec.pedestrians.count
+    rng = random.Random(spec.seeds["walkers"])
+    world.set_pedestrians_seed(spec.seeds["walkers"])
+    blueprints = _matching(world, spec.pedestrians.filter, count, "pedestrians")
+    controller_blueprint = world.get_blueprint_library().find("controller.ai.walker")
+    walkers: List[Walker] = []
+    for _ in range(PLACES_PER_WALKER * count):
+        if len(walkers) == count:
+            break
+        place = world.get_random_location_from_navigation()
+        if place is None:
+            _log.warning("map %s has no navigation mesh: no pedestrians", spec.map)
+            break
+        blueprint = rng.choice(blueprints)
+        if blueprint.has_attribute("is_invincible"):
+            blueprint.set_attribute("is_invincible", "false")
+        place.z += 1.0
+        actor = world.try_spawn_actor(blueprint, carla.Transform(place))
+        if actor is None:
+            continue
+        session.on_exit("walker %d" % actor.id, actor.destroy)
+        controller = world.spawn_actor(controller_blueprint, carla.Transform(), actor)
+        session.on_exit("controller %d" % controller.id, controller.destroy)
+        walkers.append(Walker(actor, controller))
+    _report_shortfall("pedestrians", count, len(walkers))
+    return walkers
+
+
+def start_walkers(session: WorldSession, walkers: List[Walker], spec: EpisodeSpec) -> None:
+    """Send the walkers on their ways; they must have been in a tick before."""
+    rng = random.Random(spec.seeds["walkers"])
+    for walker in walkers:
+        walker.controller.start()
+        session.on_exit("controller %d" % walker.controller.id, walker.controller.stop)
+        target = session.world.get_random_location_from_navigation()
+        if target is not None:
+            walker.controller.go_to_location(target)
+        walker.controller.set_max_speed(_walking_speed(walker.actor, rng))
+
+
+def _walking_speed(actor: Any, rng: random.Random) -> float:
+    """A speed of its own for each walker, m/s, around the one that its blueprint recommends."""
+    try:
+        recommended = float(actor.attributes.get("speed", ""))
+    except ValueError:
+        recommended = 1.4
+    return recommended * rng.uniform(0.8, 1.2)
+
+
+def _matching(world: Any, pattern: str, count: int, path: str) -> List[Any]:
+    library = world.get_blueprint_library().filter(pattern)
+    blueprints = sorted(library, key=lambda blueprint: str(blueprint.id))
+    if count and not blueprints:
+        raise SceneError(
+            "%s.filter: no blueprint of the server matches %r." % (path, pattern),
+            "Use a pattern such as vehicle.* or walker.pedestrian.*.",
+        )
+    return blueprints
+
+
+def _report_shortfall(what: str, wanted: int, got: int) -> None:
+    if got < wanted:
+        _log.warning("only %d of %d %s found a free place", got, wanted, what)

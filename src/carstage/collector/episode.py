@@ -1,0 +1,269 @@
+"""One episode from a loaded map to sealed segments."""
+
+from __future__ import annotations
+
+import logging
+from contextlib import ExitStack
+from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Tuple
+
+from carstage.collector.actors import spawn_vehicles, spawn_walkers, start_walkers
+from carstage.collector.ego import spawn_ego
+from carstage.collector.errors import InterruptedByRequestError
+from carstage.collector.events import EventStream
+from carstage.collector.maps import geo_reference
+from carstage.collector.matching import ExpectedFrame, FrameMatcher
+from carstage.collector.paths import prepare_folder
+from carstage.collector.plan import EpisodePlan, EpisodeSpec, Plan
+from carstage.collector.processing import POLL_S, ByteBudget, Pipeline
+from carstage.collector.scenario import make_scenario
+from carstage.collector.sensors import SENSOR_KINDS
+from carstage.collector.sensors.rig import Rig
+from carstage.collector.snapshots import WorldMoment, WorldObserver
+from carstage.collector.stopping import StopRequest
+from carstage.collector.timing import (
+    CLOCKS,
+    Clock,
+    Tick,
+    patience_s,
+    saved_index,
+    ticks_per_segment,
+)
+from carstage.collector.world import WorldSession
+from carstage.collector.writing import LogWriters, expected_segments, writer_threads
+from carstage.rawlog.format import (
+    ACTOR_RECORD,
+    FORMAT_VERSION,
+    WORLD,
+    SealedSegment,
+    write_episode_file,
+)
+
+EXPECTED_ACTORS = 200
+WARMUP_WAIT_S = 2.0
+"""How long the sensors' first data are waited for in each tick of the warm-up."""
+
+_log = logging.getLogger(__name__)
+
+
+class Versions(NamedTuple):
+    """CARLA versions of both ends of the connection."""
+
+    client: str
+    server: str
+
+
+class Recorded(NamedTuple):
+    """A recorded episode; ``incomplete`` counts ticks with a sensor that is neither ok nor off."""
+
+    ticks: int
+    incomplete: int
+
+
+class EpisodeRecorder:
+    """Records episodes over one connection.
+
+    Args:
+        client: ``carla.Client``, connected.
+        versions: of both ends.
+        plan: the whole plan.
+        events: told what happens.
+        stop: asked between ticks.
+    """
+
+    def __init__(
+        self, client: Any, versions: Versions, plan: Plan, events: EventStream, stop: StopRequest
+    ) -> None:
+        self._client = client
+        self._versions = versions
+        self._plan = plan
+        self._events = events
+        self._stop = stop
+
+    def record(self, episode: EpisodePlan) -> Recorded:
+        """Record one episode; whatever happens, the server gets everything back.
+
+        Raises:
+            CollectorError: what went wrong; the attempt's log stays as far as it came.
+            RuntimeError: the server stopped answering.
+        """
+        self._stop.check()
+        folder = prepare_folder(episode.folder)
+        self._events.emit(
+            "episode_started",
+            episode_id=episode.episode_id,
+            attempt=episode.attempt,
+            ticks=episode.spec.steps,
+        )
+        timeout_s = self._plan.server.timeout_s
+        with ExitStack() as stack:
+            session = stack.enter_context(WorldSession(self._client, episode.spec, timeout_s))
+            scene = self._build_scene(session, episode)
+            return self._record_scene(stack, session, scene, episode, folder)
+
+    def _build_scene(self, session: WorldSession, episode: EpisodePlan) -> _Scene:
+        """Spawn everybody and everything, in an order that depends on the plan alone."""
+        spec = episode.spec
+        self._stop.check()
+        ego = spawn_ego(session, spec)
+        vehicles = spawn_vehicles(session, spec)
+        self._stop.check()
+        walkers = spawn_walkers(session, spec)
+        clock = CLOCKS[spec.timing.synchronous](session.world, self._plan.server.timeout_s)
+        clock.step()  # so that the client knows what was spawned
+        start_walkers(session, walkers, spec)
+        scenario = make_scenario(
+            self._client, session, spec, self._plan.server.traffic_manager_port
+        )
+        scenario.start(ego, vehicles)
+        rig = Rig(session, spec, ego)
+        requested = {"vehicles": spec.vehicles.count, "pedestrians": spec.pedestrians.count}
+        spawned = {"vehicles": len(vehicles), "pedestrians": len(walkers)}
+        self._events.emit(
+            "actors_spawned", episode_id=episode.episode_id, requested=requested, spawned=spawned
+        )
+        return _Scene(ego, clock, rig, requested, spawned)
+
+    def _record_scene(
+        self,
+        stack: ExitStack,
+        session: WorldSession,
+        scene: _Scene,
+        episode: EpisodePlan,
+        folder: str,
+    ) -> Recorded:
+        spec = episode.spec
+        bytes_per_tick = dict(scene.rig.expected_bytes)
+        bytes_per_tick[WORLD] = ACTOR_RECORD.size * EXPECTED_ACTORS
+        segment_ticks = ticks_per_segment(spec.fps, bytes_per_tick.values())
+        budget = ByteBudget(self._plan.queue_bytes)
+        failures: List[BaseException] = []
+        writers = stack.enter_context(
+            LogWriters(
+                folder,
+                expected_segments(bytes_per_tick, segment_ticks, spec.save_every),
+                segment_ticks,
+                writer_threads(list(bytes_per_tick.values())),
+                budget.give_back,
+                lambda sealed: self._announce(episode, sealed),
+                failures.append,
+            )
+        )
+        pipeline = stack.enter_context(
+            Pipeline(
+                {sensor.id: SENSOR_KINDS[sensor.kind] for sensor in spec.sensors},
+                writers,
+                FrameMatcher(
+                    [sensor.id for sensor in spec.sensors],
+                    patience_s(spec.timing, self._plan.server.timeout_s),
+                    spec.timing.skip_incomplete,
+                ),
+                budget,
+                spec.steps,
+                segment_ticks,
+                strict=not spec.timing.skip_incomplete,
+                failures=failures,
+            )
+        )
+        stack.callback(scene.rig.stop)
+        self._warm_up(scene, pipeline, spec)
+        observer = WorldObserver(session.world, scene.ego, session.weather)
+        for tick, step in self._ticks(scene.clock, pipeline, spec.steps):
+            if tick == 0:
+                header = self._header(episode, session, scene, segment_ticks, step)
+                write_episode_file(folder, header)
+            k = saved_index(tick, spec.save_every)
+            moment: WorldMoment = observer.observe(step.snapshot)
+            pipeline.expect(
+                ExpectedFrame(tick, step.frame, step.timestamp_s, k, step.tick_s, moment)
+            )
+            self._events.tick(episode.episode_id, tick, k, step.frame, tick == spec.steps - 1)
+        self._finish(pipeline, writers, spec)
+        return Recorded(spec.steps, pipeline.incomplete_ticks)
+
+    def _warm_up(self, scene: _Scene, pipeline: Pipeline, spec: EpisodeSpec) -> None:
+        """Let traffic get going and exposure settle; the last ticks with all sensors listening.
+
+        The number of ticks never depends on what arrives when, so that every attempt begins at
+        the same frame. A sensor's stream may come up a moment after ``listen``: the first data are
+        waited for here, before they count.
+        """
+        ticks = spec.warmup_ticks
+        listening = self._plan.sensor_warmup_ticks
+        begin_listening = 0 if listening is None else max(0, ticks - listening)
+        frame = 0
+        for number in range(ticks + 1):
+            self._stop.check()
+            pipeline.check()
+            if number == begin_listening:
+                scene.rig.listen(
+                    {sensor.id: pipeline.callback(sensor.id) for sensor in spec.sensors}
+                )
+            if number == ticks:
+                break
+            frame = scene.clock.step().frame
+            if number >= begin_listening:
+                lacking = pipeline.wait_delivered(frame, WARMUP_WAIT_S)
+                if lacking:
+                    _log.info("warm-up frame %d: nothing yet from %s", frame, ", ".join(lacking))
+        pipeline.begin(frame)
+
+    def _ticks(self, clock: Clock, pipeline: Pipeline, steps: int) -> Iterator[Tuple[int, Tick]]:
+        """The ticks to record; a request to end is obeyed after the frame at hand is booked."""
+        for tick in range(steps):
+            try:
+                self._stop.check()
+                pipeline.wait_for_room(self._stop)
+            except InterruptedByRequestError:
+                pipeline.wait_booked(tick, 2.0 * self._plan.server.timeout_s)
+                raise
+            yield tick, clock.step()
+
+    def _finish(self, pipeline: Pipeline, writers: LogWriters, spec: EpisodeSpec) -> None:
+        """Wait until every tick is booked and every segment sealed."""
+        while not pipeline.wait_booked(spec.steps, POLL_S):
+            self._stop.check()
+        while not writers.wait_sealed(spec.steps - 1, POLL_S):
+            pipeline.check()
+
+    def _announce(self, episode: EpisodePlan, sealed: SealedSegment) -> None:
+        self._events.emit("segment_sealed", episode_id=episode.episode_id, **sealed._asdict())
+
+    def _header(
+        self,
+        episode: EpisodePlan,
+        session: WorldSession,
+        scene: _Scene,
+        segment_ticks: int,
+        first: Tick,
+    ) -> Mapping[str, Any]:
+        return {
+            "format_version": FORMAT_VERSION,
+            "episode_id": episode.episode_id,
+            "attempt": episode.attempt,
+            "spec": episode.spec.raw,
+            "ticks_per_segment": segment_ticks,
+            "ticks": episode.spec.steps,
+            "client_version": self._versions.client,
+            "server_version": self._versions.server,
+            "map": session.map.name,
+            "geo_reference": geo_reference(session.map),
+            "ego_id": scene.ego.id,
+            "sensor_actor_ids": {name: actor.id for name, actor in scene.rig.actors.items()},
+            "sensor_attributes": {
+                name: dict(actor.attributes) for name, actor in scene.rig.actors.items()
+            },
+            "first_frame": first.frame,
+            "first_timestamp_s": first.timestamp_s,
+            "requested": scene.requested,
+            "spawned": scene.spawned,
+        }
+
+
+class _Scene(NamedTuple):
+    """What stands in the world, ready to be recorded."""
+
+    ego: Any
+    clock: Clock
+    rig: Rig
+    requested: Dict[str, int]
+    spawned: Dict[str, int]

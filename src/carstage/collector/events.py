@@ -1,0 +1,62 @@
+"""What the collector tells whoever started it: one JSON object per line on standard output."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+import time
+from typing import Any, Callable, Optional
+
+from carstage.collector.stopping import StopRequest
+
+TICK_INTERVAL_S = 0.1
+
+
+class EventStream:
+    """Prints events, from any thread; a reader that has gone is a request to end.
+
+    Args:
+        fd: where the lines go.
+        stop: told when nobody reads any more.
+        wall_clock_s: Unix time for the events' ``time``.
+        clock_s: monotonic time, for throttling.
+    """
+
+    def __init__(
+        self,
+        fd: int,
+        stop: StopRequest,
+        wall_clock_s: Callable[[], float] = time.time,
+        clock_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._fd = fd
+        self._stop = stop
+        self._wall_clock_s = wall_clock_s
+        self._clock_s = clock_s
+        self._lock = threading.Lock()
+        self._last_tick_s: Optional[float] = None
+        self._reader_gone = False
+
+    def emit(self, event: str, **fields: Any) -> None:
+        """Print one event; see docs/formats/run-folder.md for names and fields."""
+        line = json.dumps(
+            dict({"time": self._wall_clock_s(), "event": event}, **fields), ensure_ascii=False
+        )
+        data = line.encode("utf-8") + b"\n"
+        with self._lock:
+            if self._reader_gone:
+                return
+            try:
+                while data:
+                    data = data[os.write(self._fd, data) :]
+            except BrokenPipeError:
+                self._reader_gone = True
+                self._stop.request("nobody reads its events any more")
+
+    def tick(self, episode_id: str, tick: int, k: Optional[int], frame: int, last: bool) -> None:
+        """Print a ``tick`` event unless one was printed a moment ago; the last one always."""
+        now_s = self._clock_s()
+        if last or self._last_tick_s is None or now_s - self._last_tick_s >= TICK_INTERVAL_S:
+            self._last_tick_s = now_s
+            self.emit("tick", episode_id=episode_id, tick=tick, k=k, frame=frame)

@@ -1,0 +1,43 @@
+"""The map: its name on the server, its spawn points, its place on earth."""
+
+from __future__ import annotations
+
+import difflib
+from typing import Any, Dict, List
+
+import carla
+
+from carstage.collector.errors import SceneError
+
+
+def find_map(client: Any, name: str) -> str:
+    """The server's full name of a map: ``Stage01`` is ``/Game/Carla/Maps/Stage01``.
+
+    Raises:
+        SceneError: the server does not have it.
+    """
+    available = sorted(client.get_available_maps())
+    for candidate in available:
+        if candidate == name or candidate.rsplit("/", 1)[-1] == name:
+            return str(candidate)
+    short = [candidate.rsplit("/", 1)[-1] for candidate in available]
+    near = difflib.get_close_matches(name, short, n=1)
+    raise SceneError(
+        "map: the server has no map %r." % name,
+        "Did you mean %s?" % near[0] if near else "It has: %s." % ", ".join(short),
+    )
+
+
+def spawn_points(world_map: Any) -> List[Any]:
+    """The map's spawn points for vehicles, in the server's order (``carla.Transform``)."""
+    return list(world_map.get_spawn_points())
+
+
+def geo_reference(world_map: Any) -> Dict[str, float]:
+    """Latitude and longitude (deg), altitude (m) of the map's origin."""
+    origin = world_map.transform_to_geolocation(carla.Location(0.0, 0.0, 0.0))
+    return {
+        "latitude_deg": origin.latitude,
+        "longitude_deg": origin.longitude,
+        "altitude_m": origin.altitude,
+    }

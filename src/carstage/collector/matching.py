@@ -1,0 +1,217 @@
+"""Joins sensor data by frame number into frames and says what became of each sensor.
+
+Pure logic: the clock is an argument, nothing waits here. The thread around it is in ``processing``.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any, Deque, Dict, List, NamedTuple, Optional, Sequence
+
+OK = "ok"
+MISSING = "missing"
+LATE = "late"
+MISMATCHED = "mismatched"
+OFF = "off"
+
+
+class ExpectedFrame(NamedTuple):
+    """A tick that was made: every sensor should deliver data of its frame.
+
+    ``k`` is the saved-frame index, ``None`` when this tick is not saved; ``context`` is carried
+    along untouched (the world snapshot).
+    """
+
+    tick: int
+    frame: int
+    timestamp_s: float
+    k: Optional[int]
+    tick_s: float
+    context: Any
+
+
+class SensorOutcome(NamedTuple):
+    """What became of one sensor in one tick; ``wait_s`` counts from the end of the tick."""
+
+    state: str
+    reason: Optional[str]
+    wait_s: float
+
+
+class JoinedFrame(NamedTuple):
+    """A frame that is closed: whatever came for it in time, by sensor."""
+
+    expected: ExpectedFrame
+    data: Dict[str, Any]
+
+
+class LedgerRow(NamedTuple):
+    """A tick whose outcome does not change any more."""
+
+    expected: ExpectedFrame
+    sensors: Dict[str, SensorOutcome]
+
+
+class _PendingFrame:
+    """A frame on its way from tick to ledger."""
+
+    def __init__(self, expected: ExpectedFrame, now_s: float) -> None:
+        self.expected = expected
+        self.since_s = now_s
+        self.data: Dict[str, Any] = {}
+        self.outcomes: Dict[str, SensorOutcome] = {}
+
+    def lacking(self, sensors: Sequence[str]) -> List[str]:
+        return [sensor for sensor in sensors if sensor not in self.outcomes]
+
+
+class FrameMatcher:
+    """Joins data of many sensors by frame; frames are closed and booked in the order of ticks.
+
+    A frame is closed when every sensor delivered, or ``patience_s`` after its tick. A sensor that
+    delivered nothing until then is ``missing``, or ``mismatched`` when it delivered a later frame
+    instead. Its row is booked after another ``patience_s``, so that data that still come are told
+    apart as ``late``; they are not recorded.
+
+    Args:
+        sensors: names of the sensors, in the order of the ledger.
+        patience_s: how long a frame is waited for.
+        skip: do not wait for a frame that a sensor has passed over already (the paper's way).
+    """
+
+    def __init__(self, sensors: Sequence[str], patience_s: float, skip: bool = False) -> None:
+        self._sensors = tuple(sensors)
+        self._patience_s = patience_s
+        self._skip = skip
+        self._after_frame: Optional[int] = None
+        self._early: Dict[int, Dict[str, Any]] = {}
+        self._waiting: Deque[_PendingFrame] = deque()
+        self._closed: Deque[_PendingFrame] = deque()
+        self._joined: List[JoinedFrame] = []
+        self._rows: List[LedgerRow] = []
+        self._dropped: List[Any] = []
+        self.newest: Dict[str, int] = dict.fromkeys(self._sensors, -1)
+        self.misses: Dict[str, int] = dict.fromkeys(self._sensors, 0)
+
+    def begin(self, after_frame: int) -> None:
+        """Begin to join: data up to and including ``after_frame`` belong to the warm-up."""
+        self._after_frame = after_frame
+
+    def expect(self, expected: ExpectedFrame, now_s: float) -> None:
+        """Announce a tick; ticks come in order."""
+        frame = _PendingFrame(expected, now_s)
+        self._waiting.append(frame)
+        for sensor, data in self._early.pop(expected.frame, {}).items():
+            self._accept(frame, sensor, data, now_s)
+        # Frames that no tick of ours made (somebody else ticked the server).
+        for stray in [number for number in self._early if number < expected.frame]:
+            self._dropped.extend(self._early.pop(stray).values())
+
+    def offer(self, sensor: str, frame: int, data: Any, now_s: float) -> None:
+        """Hand in what a sensor delivered."""
+        self.newest[sensor] = max(self.newest[sensor], frame)
+        if self._after_frame is None or frame <= self._after_frame:
+            self._dropped.append(data)
+            return
+        for pending in self._waiting:
+            if pending.expected.frame == frame:
+                if sensor in pending.outcomes:
+                    self._dropped.append(data)
+                else:
+                    self._accept(pending, sensor, data, now_s)
+                return
+        for pending in self._closed:
+            if pending.expected.frame == frame:
+                self._book_late(pending, sensor, now_s)
+                self._dropped.append(data)
+                return
+        newest_tick = self._waiting[-1] if self._waiting else None
+        if newest_tick is not None and frame < newest_tick.expected.frame:
+            self._dropped.append(data)
+            return
+        # Data may overtake the news of their tick.
+        if self._early.setdefault(frame, {}).setdefault(sensor, data) is not data:
+            self._dropped.append(data)
+
+    def advance(self, now_s: float) -> None:
+        """Close and book every frame that is due."""
+        while self._waiting and self._due(self._waiting[0], now_s):
+            self._close(self._waiting.popleft(), now_s)
+        while self._closed and self._settled(self._closed[0], now_s):
+            pending = self._closed.popleft()
+            self._rows.append(
+                LedgerRow(
+                    pending.expected, {name: pending.outcomes[name] for name in self._sensors}
+                )
+            )
+
+    def next_deadline_s(self) -> Optional[float]:
+        """When :meth:`advance` has something to do even if nothing is offered; else ``None``."""
+        deadlines = []
+        if self._waiting:
+            deadlines.append(self._waiting[0].since_s + self._patience_s)
+        if self._closed:
+            deadlines.append(self._closed[0].since_s + 2 * self._patience_s)
+        return min(deadlines) if deadlines else None
+
+    @property
+    def idle(self) -> bool:
+        """Whether every announced tick is booked."""
+        return not self._waiting and not self._closed
+
+    def take_joined(self) -> List[JoinedFrame]:
+        """Frames closed since the last call, in the order of ticks."""
+        joined, self._joined = self._joined, []
+        return joined
+
+    def take_rows(self) -> List[LedgerRow]:
+        """Rows booked since the last call, in the order of ticks."""
+        rows, self._rows = self._rows, []
+        return rows
+
+    def take_dropped(self) -> List[Any]:
+        """Data given up since the last call: warm-up, late, stray or doubled."""
+        dropped, self._dropped = self._dropped, []
+        return dropped
+
+    def _accept(self, pending: _PendingFrame, sensor: str, data: Any, now_s: float) -> None:
+        pending.data[sensor] = data
+        pending.outcomes[sensor] = SensorOutcome(OK, None, max(0.0, now_s - pending.since_s))
+        self.misses[sensor] = 0
+
+    def _due(self, pending: _PendingFrame, now_s: float) -> bool:
+        lacking = pending.lacking(self._sensors)
+        if not lacking or now_s >= pending.since_s + self._patience_s:
+            return True
+        frame = pending.expected.frame
+        return self._skip and all(self.newest[sensor] > frame for sensor in lacking)
+
+    def _close(self, pending: _PendingFrame, now_s: float) -> None:
+        expected = pending.expected
+        waited_s = max(0.0, now_s - pending.since_s)
+        for sensor in pending.lacking(self._sensors):
+            newest = self.newest[sensor]
+            if newest > expected.frame:
+                pending.outcomes[sensor] = SensorOutcome(
+                    MISMATCHED, "delivered frame %d and not this one" % newest, waited_s
+                )
+            else:
+                pending.outcomes[sensor] = SensorOutcome(
+                    MISSING, "delivered nothing for %.3g s" % waited_s, waited_s
+                )
+                self.misses[sensor] += 1
+        self._joined.append(JoinedFrame(expected, pending.data))
+        self._closed.append(pending)
+
+    def _settled(self, pending: _PendingFrame, now_s: float) -> bool:
+        return now_s >= pending.since_s + 2 * self._patience_s or all(
+            outcome.state in (OK, LATE) for outcome in pending.outcomes.values()
+        )
+
+    def _book_late(self, pending: _PendingFrame, sensor: str, now_s: float) -> None:
+        if pending.outcomes[sensor].state == OK:
+            return  # delivered twice; the first is recorded
+        late_s = now_s - pending.since_s
+        pending.outcomes[sensor] = SensorOutcome(
+            LATE, "came %.3g s after its tick, later than is waited for" % late_s, late_s
+        )

@@ -1,0 +1,29 @@
+"""Where an attempt's files go."""
+
+from __future__ import annotations
+
+import os
+
+from carstage.collector.errors import RecordingError
+
+
+def prepare_folder(folder: str) -> str:
+    """Make the folder of a new attempt; return its absolute path.
+
+    Raises:
+        RecordingError: it holds something already, or cannot be made.
+    """
+    folder = os.path.abspath(folder)
+    try:
+        os.makedirs(folder, exist_ok=True)
+        if os.listdir(folder):
+            raise RecordingError(
+                "The attempt's folder %s is not empty." % folder,
+                "Give every attempt a folder of its own; nothing is recorded over.",
+            )
+    except OSError as error:
+        raise RecordingError(
+            "The attempt's folder %s cannot be made: %s." % (folder, error.strerror),
+            "Check the path, the rights and the space of the output folder.",
+        ) from error
+    return folder

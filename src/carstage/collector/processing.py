@@ -1,0 +1,285 @@
+"""From sensor callbacks to the log: the byte budget, the matcher's thread, the ledger.
+
+Callbacks only put a reference into the inbox (the ``carla`` object keeps its buffer alive). One
+thread joins what comes by frame and hands it to the writers.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from queue import Empty, SimpleQueue
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple, Type
+
+from carstage.collector.errors import RecordingError
+from carstage.collector.matching import OFF, OK, ExpectedFrame, FrameMatcher, JoinedFrame, LedgerRow
+from carstage.collector.sensors.base import Sensor
+from carstage.collector.snapshots import WorldMoment
+from carstage.collector.stopping import StopRequest
+from carstage.collector.writing import LogWriters, Write
+from carstage.rawlog.format import KIND_DATA, KIND_TABLE, LEDGER, WORLD
+
+POLL_S = 0.1
+MAX_CONSECUTIVE_MISSES = 5
+"""A sensor that misses that many frames in a row is dead; waiting for more of them is pointless."""
+
+
+class ByteBudget:
+    """Counts the bytes of sensor data that are in memory; the tick waits when there are too many.
+
+    Args:
+        limit_bytes: what may wait for the disk. The frame that comes next may go over it.
+    """
+
+    def __init__(self, limit_bytes: int) -> None:
+        self._limit_bytes = limit_bytes
+        self._held_bytes = 0
+        self._changed = threading.Condition()
+
+    @property
+    def held_bytes(self) -> int:
+        """Bytes in memory now."""
+        return self._held_bytes
+
+    def take(self, size_bytes: int) -> None:
+        """Count data that came."""
+        with self._changed:
+            self._held_bytes += size_bytes
+
+    def give_back(self, size_bytes: int) -> None:
+        """Count data that were written or dropped."""
+        with self._changed:
+            self._held_bytes -= size_bytes
+            self._changed.notify_all()
+
+    def wait_for_room(self, timeout_s: float) -> bool:
+        """Wait until there is room, at most ``timeout_s``; return whether there is."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self._held_bytes <= self._limit_bytes, timeout_s)
+
+
+class _Datum(NamedTuple):
+    sensor: str
+    frame: int
+    data: Any
+    size_bytes: int
+
+
+class Pipeline:
+    """Takes sensor data and ticks, writes the log; a context manager.
+
+    Args:
+        sensors: sensor id to its kind's class, in the order of the ledger.
+        writers: the log's writers, already running.
+        matcher: joins data by frame.
+        budget: counts what waits.
+        steps: ticks that will be recorded.
+        ticks_per_segment: ticks per segment.
+        strict: an incomplete frame is a fault; a sensor that dies ends the episode.
+        failures: errors of all threads, the writers' too; the main thread raises the first.
+        clock_s: monotonic time.
+    """
+
+    def __init__(
+        self,
+        sensors: Mapping[str, Type[Sensor]],
+        writers: LogWriters,
+        matcher: FrameMatcher,
+        budget: ByteBudget,
+        steps: int,
+        ticks_per_segment: int,
+        strict: bool = True,
+        failures: Optional[List[BaseException]] = None,
+        clock_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._sensors = sensors
+        self._writers = writers
+        self._matcher = matcher
+        self._budget = budget
+        self._steps = steps
+        self._ticks_per_segment = ticks_per_segment
+        self._strict = strict
+        self._clock_s = clock_s
+        self._inbox: SimpleQueue[Any] = SimpleQueue()
+        self._state = threading.Condition()
+        self._newest: Dict[str, int] = dict.fromkeys(sensors, -1)
+        self._booked_ticks = 0
+        self._incomplete_ticks = 0
+        self._failures = [] if failures is None else failures
+        self._thread = threading.Thread(target=self._run, name="matcher")
+
+    @property
+    def incomplete_ticks(self) -> int:
+        """Ticks booked so far with a sensor that is neither ok nor off."""
+        return self._incomplete_ticks
+
+    def __enter__(self) -> Pipeline:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._inbox.put(None)
+        self._thread.join()
+
+    def check(self) -> None:
+        """Raise what went wrong in another thread.
+
+        Raises:
+            RecordingError: with the cause.
+        """
+        error = self._failures[0] if self._failures else None
+        if isinstance(error, RecordingError):
+            raise error
+        if error is not None:
+            raise RecordingError(
+                "Writing the raw log failed: %s." % error,
+                "Check the space and the rights of the output folder.",
+            ) from error
+
+    def callback(self, sensor: str) -> Callable[[Any], None]:
+        """The function to give to ``listen``: it counts the data and queues the reference."""
+        size_bytes = self._sensors[sensor].size_bytes
+        take, put = self._budget.take, self._inbox.put
+
+        def deliver(data: Any) -> None:
+            size = size_bytes(data)
+            take(size)
+            put(_Datum(sensor, data.frame, data, size))
+
+        return deliver
+
+    def begin(self, after_frame: int) -> None:
+        """Begin to record: data up to and including ``after_frame`` belong to the warm-up."""
+        self._inbox.put(after_frame)
+
+    def expect(self, expected: ExpectedFrame) -> None:
+        """Announce a tick; ``expected.context`` is its :class:`WorldMoment`."""
+        self._inbox.put(expected)
+
+    def wait_for_room(self, stop: StopRequest) -> None:
+        """Wait until the budget lets in another tick.
+
+        Raises:
+            RecordingError: something broke in another thread.
+            InterruptedByRequestError: somebody asked to end.
+        """
+        while not self._budget.wait_for_room(POLL_S):
+            self.check()
+            stop.check()
+        self.check()
+
+    def wait_delivered(self, frame: int, timeout_s: float) -> Tuple[str, ...]:
+        """Wait until every sensor delivered ``frame`` or a later one; return those that did not."""
+
+        def lacking() -> Tuple[str, ...]:
+            return tuple(name for name, newest in self._newest.items() if newest < frame)
+
+        with self._state:
+            self._state.wait_for(lambda: bool(not lacking() or self._failures), timeout_s)
+            return lacking()
+
+    def wait_booked(self, ticks: int, timeout_s: float) -> bool:
+        """Wait until that many ticks are in the ledger's queue; return whether they are."""
+        with self._state:
+            self._state.wait_for(
+                lambda: bool(self._booked_ticks >= ticks or self._failures), timeout_s
+            )
+        self.check()
+        return self._booked_ticks >= ticks
+
+    def _run(self) -> None:
+        try:
+            while self._step():
+                pass
+        except BaseException as error:  # noqa: BLE001 - handed to the main thread, which raises it
+            with self._state:
+                self._failures.append(error)
+                self._state.notify_all()
+            for item in iter(self._inbox.get, None):
+                if isinstance(item, _Datum):
+                    self._budget.give_back(item.size_bytes)
+
+    def _step(self) -> bool:
+        matcher = self._matcher
+        deadline_s = matcher.next_deadline_s()
+        try:
+            item = self._inbox.get(
+                timeout=None if deadline_s is None else max(0.0, deadline_s - self._clock_s())
+            )
+        except Empty:
+            item = ()
+        now_s = self._clock_s()
+        if item is None:
+            return False
+        if isinstance(item, _Datum):
+            matcher.offer(item.sensor, item.frame, item, now_s)
+            with self._state:
+                self._newest[item.sensor] = max(self._newest[item.sensor], item.frame)
+                self._state.notify_all()
+        elif isinstance(item, ExpectedFrame):
+            matcher.expect(item, now_s)
+        elif isinstance(item, int):
+            matcher.begin(item)
+        matcher.advance(now_s)
+        for frame in matcher.take_joined():
+            self._write_frame(frame)
+        for row in matcher.take_rows():
+            self._write_row(row)
+        for datum in matcher.take_dropped():
+            self._budget.give_back(datum.size_bytes)
+        return True
+
+    def _ends_segment(self, tick: int) -> bool:
+        return (tick + 1) % self._ticks_per_segment == 0 or tick + 1 == self._steps
+
+    def _write_frame(self, frame: JoinedFrame) -> None:
+        expected = frame.expected
+        moment: WorldMoment = expected.context
+        at = (expected.tick, expected.frame, expected.timestamp_s)
+        if moment.new_actors:
+            table = {"actors": moment.new_actors}
+            self._writers.write(Write(WORLD, KIND_TABLE, *at, lambda: (table, b""), 0))
+        self._writers.write(Write(WORLD, KIND_DATA, *at, moment.encode, 0))
+        for sensor, datum in frame.data.items():
+            if expected.k is None:
+                self._budget.give_back(datum.size_bytes)
+                continue
+            encode = self._sensors[sensor].encode
+            self._writers.write(
+                Write(sensor, KIND_DATA, *at, _content(encode, datum.data), datum.size_bytes)
+            )
+        if self._ends_segment(expected.tick):
+            self._writers.seal([*self._sensors, WORLD], expected.tick)
+        self._give_up_on_dead_sensors(expected)
+
+    def _give_up_on_dead_sensors(self, expected: ExpectedFrame) -> None:
+        if not self._strict:
+            return
+        for sensor, misses in self._matcher.misses.items():
+            if misses >= MAX_CONSECUTIVE_MISSES:
+                raise RecordingError(
+                    "Sensor %s delivered nothing for %d ticks in a row, up to frame %d."
+                    % (sensor, misses, expected.frame),
+                    "Look into the server's log; a retry starts the episode anew.",
+                )
+
+    def _write_row(self, row: LedgerRow) -> None:
+        expected = row.expected
+        if any(outcome.state not in (OK, OFF) for outcome in row.sensors.values()):
+            self._incomplete_ticks += 1
+        meta = {
+            "k": expected.k,
+            "tick_s": expected.tick_s,
+            "sensors": {sensor: outcome._asdict() for sensor, outcome in row.sensors.items()},
+        }
+        at = (expected.tick, expected.frame, expected.timestamp_s)
+        self._writers.write(Write(LEDGER, KIND_DATA, *at, lambda: (meta, b""), 0))
+        if self._ends_segment(expected.tick):
+            self._writers.seal([LEDGER], expected.tick)
+        with self._state:
+            self._booked_ticks += 1
+            self._state.notify_all()
+
+
+def _content(encode: Callable[[Any], Any], data: Any) -> Callable[[], Any]:
+    return lambda: encode(data)

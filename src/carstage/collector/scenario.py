@@ -1,0 +1,88 @@
+"""What the road users do: kinds of scenarios, registered by name."""
+
+from __future__ import annotations
+
+from typing import Any, Callable, Dict, List, Type, TypeVar
+
+from carstage.collector.errors import SceneError
+from carstage.collector.plan import EpisodeSpec
+from carstage.collector.world import WorldSession
+
+
+class Scenario:
+    """Drives the road users of one episode.
+
+    Args:
+        client: ``carla.Client``.
+        session: the episode's world.
+        spec: the episode.
+        traffic_manager_port: where the client's Traffic Manager listens.
+    """
+
+    def __init__(
+        self, client: Any, session: WorldSession, spec: EpisodeSpec, traffic_manager_port: int
+    ) -> None:
+        self._client = client
+        self._session = session
+        self._spec = spec
+        self._traffic_manager_port = traffic_manager_port
+
+    def start(self, ego: Any, vehicles: List[Any]) -> None:
+        """Set everybody going; called once, before the warm-up."""
+        raise NotImplementedError
+
+
+SCENARIOS: Dict[str, Type[Scenario]] = {}
+"""Kind to class, filled by :func:`scenario`."""
+
+ScenarioClass = TypeVar("ScenarioClass", bound=Type[Scenario])
+
+
+def scenario(kind: str) -> Callable[[ScenarioClass], ScenarioClass]:
+    """Class decorator that adds a kind of scenario."""
+
+    def add(cls: ScenarioClass) -> ScenarioClass:
+        SCENARIOS[kind] = cls
+        return cls
+
+    return add
+
+
+def make_scenario(
+    client: Any, session: WorldSession, spec: EpisodeSpec, traffic_manager_port: int
+) -> Scenario:
+    """The planned scenario.
+
+    Raises:
+        SceneError: unknown kind.
+    """
+    kind = spec.scenario["kind"]
+    if kind not in SCENARIOS:
+        raise SceneError(
+            "scenario.kind: %r is not known." % kind, "Known are: %s." % ", ".join(SCENARIOS)
+        )
+    return SCENARIOS[kind](client, session, spec, traffic_manager_port)
+
+
+@scenario("autopilot")
+class Autopilot(Scenario):
+    """Everybody, the ego too, drives by the client's Traffic Manager and keeps the law."""
+
+    def start(self, ego: Any, vehicles: List[Any]) -> None:
+        """Hand all vehicles to a seeded Traffic Manager that steps with the world."""
+        manager = self._client.get_trafficmanager(self._traffic_manager_port)
+        manager.set_synchronous_mode(self._spec.timing.synchronous)
+        manager.set_random_device_seed(self._spec.seeds["traffic_manager"])
+        manager.set_hybrid_physics_mode(False)
+        self._session.on_exit("traffic manager", manager.shut_down)
+        automatic_lights = self._spec.weather.lights == "auto"
+        for vehicle in [ego, *vehicles]:
+            vehicle.set_autopilot(True, self._traffic_manager_port)
+            for ignore in (
+                manager.ignore_lights_percentage,
+                manager.ignore_signs_percentage,
+                manager.ignore_vehicles_percentage,
+                manager.ignore_walkers_percentage,
+            ):
+                ignore(vehicle, 0.0)
+            manager.update_vehicle_lights(vehicle, automatic_lights)

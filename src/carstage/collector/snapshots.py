@@ -1,0 +1,168 @@
+"""The world's state of one tick as a record: actors, weather, ego, lights."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, List, Mapping, Sequence, Set, Tuple
+
+from carstage.rawlog.format import ACTOR_RECORD
+
+WEATHER_PARAMETERS = (
+    "cloudiness",
+    "precipitation",
+    "precipitation_deposits",
+    "wind_intensity",
+    "sun_azimuth_angle",
+    "sun_altitude_angle",
+    "fog_density",
+    "fog_distance",
+    "fog_falloff",
+    "wetness",
+    "scattering_intensity",
+    "mie_scattering_scale",
+    "rayleigh_scattering_scale",
+    "dust_storm",
+)
+
+_WITH_BOX = ("vehicle.", "walker.", "traffic.", "static.")
+
+
+class WorldMoment:
+    """One tick's truth, taken in the main thread and encoded in a writer's.
+
+    The snapshot is the client's own frozen state of that frame: reading it later gives the same.
+
+    Args:
+        snapshot: ``carla.WorldSnapshot``.
+        meta: the record's meta; see docs/formats/raw-log.md.
+        new_actors: table rows of actors that no earlier tick showed.
+    """
+
+    def __init__(
+        self, snapshot: Any, meta: Mapping[str, Any], new_actors: Sequence[Mapping[str, Any]]
+    ) -> None:
+        self.snapshot = snapshot
+        self.meta = meta
+        self.new_actors = new_actors
+
+    def encode(self) -> Tuple[Mapping[str, Any], bytes]:
+        """Meta and payload of the world record."""
+        return self.meta, pack_actors(self.snapshot)
+
+
+def pack_actors(snapshot: Any) -> bytes:
+    """Pack every actor of a ``carla.WorldSnapshot``, ascending id."""
+    packed = {}
+    for actor in snapshot:
+        transform = actor.get_transform()
+        location, rotation = transform.location, transform.rotation
+        velocity = actor.get_velocity()
+        angular = actor.get_angular_velocity()
+        acceleration = actor.get_acceleration()
+        packed[actor.id] = ACTOR_RECORD.pack(
+            actor.id,
+            0,
+            location.x,
+            location.y,
+            location.z,
+            rotation.pitch,
+            rotation.yaw,
+            rotation.roll,
+            velocity.x,
+            velocity.y,
+            velocity.z,
+            angular.x,
+            angular.y,
+            angular.z,
+            acceleration.x,
+            acceleration.y,
+            acceleration.z,
+        )
+    return b"".join(packed[actor_id] for actor_id in sorted(packed))
+
+
+class WorldObserver:
+    """Reads the world after each tick, in the main thread.
+
+    Args:
+        world: ``carla.World``.
+        ego: the ego's ``carla.Vehicle``.
+        weather: the weather's values; the collector sets it once per episode.
+    """
+
+    def __init__(self, world: Any, ego: Any, weather: Mapping[str, float]) -> None:
+        self._world = world
+        self._ego = ego
+        self._weather = weather
+        self._known: Set[int] = set()
+        self._traffic_lights: List[Any] = []
+
+    def observe(self, snapshot: Any) -> WorldMoment:
+        """Take the truth of the tick that ``snapshot`` belongs to, before the next one."""
+        new_actors = self._new_actors(snapshot)
+        control = self._ego.get_control()
+        meta = {
+            "delta_s": snapshot.timestamp.delta_seconds,
+            "weather": self._weather,
+            "ego": {
+                "id": self._ego.id,
+                "throttle": control.throttle,
+                "steer": control.steer,
+                "brake": control.brake,
+                "hand_brake": control.hand_brake,
+                "reverse": control.reverse,
+                "gear": control.gear,
+                "speed_limit_kmh": self._ego.get_speed_limit(),
+                "traffic_light_state": str(self._ego.get_traffic_light_state()),
+            },
+            "vehicle_lights": {
+                str(actor_id): int(state)
+                for actor_id, state in self._world.get_vehicles_light_states().items()
+            },
+            "traffic_lights": {
+                str(light.id): str(light.get_state()) for light in self._traffic_lights
+            },
+        }
+        return WorldMoment(snapshot, meta, new_actors)
+
+    def _new_actors(self, snapshot: Any) -> List[Dict[str, Any]]:
+        new = sorted(actor.id for actor in snapshot if actor.id not in self._known)
+        if not new:
+            return []
+        self._known.update(new)
+        actors = sorted(self._world.get_actors(new), key=lambda actor: int(actor.id))
+        self._traffic_lights += [
+            actor for actor in actors if actor.type_id == "traffic.traffic_light"
+        ]
+        return [actor_row(actor) for actor in actors]
+
+
+def actor_row(actor: Any) -> Dict[str, Any]:
+    """What is static about a ``carla.Actor``: one row of a world table."""
+    return {
+        "id": actor.id,
+        "type_id": actor.type_id,
+        "parent": actor.parent.id if actor.parent is not None else 0,
+        "attributes": dict(actor.attributes),
+        "semantic_tags": [int(tag) for tag in actor.semantic_tags],
+        "box": _box(actor),
+    }
+
+
+def weather_values(weather: Any) -> Dict[str, float]:
+    """The values of a ``carla.WeatherParameters``; older clients know 13 of the 14."""
+    return {
+        name: float(getattr(weather, name)) for name in WEATHER_PARAMETERS if hasattr(weather, name)
+    }
+
+
+def _box(actor: Any) -> Dict[str, List[float]]:
+    # Asking for the box of a sensor or a controller is a call to the server that may fail there.
+    if not actor.type_id.startswith(_WITH_BOX):
+        return {"location": [0.0] * 3, "extent": [0.0] * 3, "rotation_deg": [0.0] * 3}
+    box = actor.bounding_box
+    rotation = box.rotation
+    return {
+        "location": [box.location.x, box.location.y, box.location.z],
+        "extent": [box.extent.x, box.extent.y, box.extent.z],
+        "rotation_deg": [rotation.pitch, rotation.yaw, rotation.roll],
+    }

@@ -1,0 +1,112 @@
+"""Time: synchronous stepping with sub-steps, asynchronous following, what is saved and sealed."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from typing import Any, Dict, Iterable, NamedTuple, Optional, Type
+
+from carstage.collector.errors import RecordingError
+from carstage.collector.plan import TimingPlan
+
+MAX_SEGMENT_BYTES = 256 * 1024 * 1024
+SKIP_PATIENCE_S = 1.0
+
+
+class Tick(NamedTuple):
+    """One step of the world: ``tick_s`` is the wall time that it took."""
+
+    frame: int
+    timestamp_s: float
+    tick_s: float
+    snapshot: Any
+
+
+def saved_index(tick: int, save_every: int) -> Optional[int]:
+    """Saved-frame index ``k`` of a tick; ``None`` when the tick is not saved."""
+    return tick // save_every if tick % save_every == 0 else None
+
+
+def ticks_per_segment(fps: float, bytes_per_tick: Iterable[int]) -> int:
+    """One simulated second, at least one tick, at most 256 MiB of the largest stream."""
+    largest = max(bytes_per_tick, default=1)
+    return max(1, min(round(fps), MAX_SEGMENT_BYTES // max(1, largest)))
+
+
+def patience_s(timing: TimingPlan, timeout_s: float) -> float:
+    """How long an incomplete frame is waited for."""
+    return min(SKIP_PATIENCE_S, timeout_s) if timing.skip_incomplete else timeout_s
+
+
+def apply_timing(world: Any, timing: TimingPlan) -> None:
+    """Make the server run as planned."""
+    settings = world.get_settings()
+    settings.synchronous_mode = timing.synchronous
+    settings.no_rendering_mode = False
+    settings.fixed_delta_seconds = timing.step_s
+    settings.substepping = True
+    settings.max_substep_delta_time = timing.max_substep_delta_time_s
+    settings.max_substeps = timing.max_substeps
+    world.apply_settings(settings)
+
+
+def release_timing(world: Any, original: Any) -> None:
+    """Give the server's clock back: asynchronous, its other settings as they were found."""
+    original.synchronous_mode = False
+    original.fixed_delta_seconds = None
+    world.apply_settings(original)
+
+
+class Clock(ABC):
+    """Brings the world from one tick to the next.
+
+    Args:
+        world: ``carla.World``.
+        timeout_s: how long one step may take.
+    """
+
+    def __init__(self, world: Any, timeout_s: float) -> None:
+        self._world = world
+        self._timeout_s = timeout_s
+
+    @abstractmethod
+    def step(self) -> Tick:
+        """Make or await the next tick.
+
+        Raises:
+            RecordingError: the server's state is not the one of that tick.
+            RuntimeError: the server did not answer in time.
+        """
+
+
+class SynchronousClock(Clock):
+    """We tick; the state that is read next is the state of that tick."""
+
+    def step(self) -> Tick:
+        """Tick once; the snapshot must carry the frame that the tick returned."""
+        begin_s = time.perf_counter()
+        frame = self._world.tick(self._timeout_s)
+        tick_s = time.perf_counter() - begin_s
+        snapshot = self._world.get_snapshot()
+        if snapshot.frame != frame:
+            raise RecordingError(
+                "The server ticked to frame %d, but its state is of frame %d."
+                % (frame, snapshot.frame),
+                "Make sure that nobody else ticks this server.",
+            )
+        return Tick(frame, snapshot.timestamp.elapsed_seconds, tick_s, snapshot)
+
+
+class AsynchronousClock(Clock):
+    """The server runs on its own; we take each state that reaches us, gaps included."""
+
+    def step(self) -> Tick:
+        """Wait for the next state."""
+        begin_s = time.perf_counter()
+        snapshot = self._world.wait_for_tick(self._timeout_s)
+        tick_s = time.perf_counter() - begin_s
+        return Tick(snapshot.frame, snapshot.timestamp.elapsed_seconds, tick_s, snapshot)
+
+
+CLOCKS: Dict[bool, Type[Clock]] = {True: SynchronousClock, False: AsynchronousClock}
+"""Synchronous or not, to the clock."""

@@ -1,0 +1,72 @@
+"""The episode's world: loaded anew, timed as planned, and given back on every way out."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any, Callable, List, Tuple
+
+from carstage.collector.maps import find_map
+from carstage.collector.plan import EpisodeSpec
+from carstage.collector.timing import apply_timing, release_timing
+from carstage.collector.weather import set_weather
+
+GIVE_BACK_TIMEOUT_S = 5.0
+
+_log = logging.getLogger(__name__)
+
+
+class WorldSession:
+    """A freshly loaded world under our clock; a context manager.
+
+    The map is loaded even when it is loaded already: only a fresh episode starts with the same
+    actor ids, frame numbers and random states, so that every attempt records the same.
+
+    Args:
+        client: ``carla.Client``.
+        spec: the episode.
+        timeout_s: the client's timeout, restored after giving back.
+    """
+
+    def __init__(self, client: Any, spec: EpisodeSpec, timeout_s: float) -> None:
+        self._client = client
+        self._spec = spec
+        self._timeout_s = timeout_s
+        self._give_backs: List[Tuple[str, Callable[[], object]]] = []
+        self.world: Any = None
+        self.map: Any = None
+        self.weather: Any = None
+
+    def __enter__(self) -> WorldSession:
+        self.world = self._client.load_world(find_map(self._client, self._spec.map))
+        original = self.world.get_settings()
+        # One step after the clock is given back, so that the server carries out what was destroyed.
+        self.on_exit("one more step", lambda: self.world.wait_for_tick(GIVE_BACK_TIMEOUT_S))
+        self.on_exit("settings", lambda: release_timing(self.world, original))
+        try:
+            self.weather = set_weather(self.world, self._spec.weather)
+            apply_timing(self.world, self._spec.timing)
+            self.map = self.world.get_map()
+        except BaseException:
+            self._give_back()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._give_back()
+
+    def on_exit(self, what: str, give_back: Callable[[], object]) -> None:
+        """Have something given back at the end; the last one taken is given back first."""
+        self._give_backs.append((what, give_back))
+
+    def _give_back(self) -> None:
+        """Give everything back, whatever fails: a server that died must not hide why."""
+        self._client.set_timeout(min(GIVE_BACK_TIMEOUT_S, self._timeout_s))
+        try:
+            while self._give_backs:
+                what, give_back = self._give_backs.pop()
+                try:
+                    give_back()
+                except RuntimeError as error:
+                    _log.warning("giving back failed (%s): %s", what, error)
+        finally:
+            self._client.set_timeout(self._timeout_s)

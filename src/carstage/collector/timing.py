@@ -39,7 +39,8 @@ def patience_s(timing: TimingPlan, timeout_s: float) -> float:
 
 
 def apply_timing(world: Any, timing: TimingPlan) -> None:
-    """Make the server run as planned."""
+    """Make the server run as planned; a server that does already is left alone."""
+    before = world.get_settings()
     settings = world.get_settings()
     settings.synchronous_mode = timing.synchronous
     settings.no_rendering_mode = False
@@ -47,7 +48,8 @@ def apply_timing(world: Any, timing: TimingPlan) -> None:
     settings.substepping = True
     settings.max_substep_delta_time = timing.max_substep_delta_time_s
     settings.max_substeps = timing.max_substeps
-    world.apply_settings(settings)
+    if settings != before:
+        world.apply_settings(settings)
 
 
 def release_timing(world: Any, original: Any) -> None:

@@ -37,14 +37,19 @@ class WorldSession:
         self.weather: Any = None
 
     def __enter__(self) -> WorldSession:
-        self.world = self._client.load_world(find_map(self._client, self._spec.map))
+        name = find_map(self._client, self._spec.map)
+        self.world = self._client.get_world()
         original = self.world.get_settings()
         # One step after the clock is given back, so that the server carries out what was destroyed.
         self.on_exit("one more step", lambda: self.world.wait_for_tick(GIVE_BACK_TIMEOUT_S))
         self.on_exit("settings", lambda: release_timing(self.world, original))
         try:
-            self.weather = set_weather(self.world, self._spec.weather)
+            # The clock first: a world that is loaded while the server runs freely has taken a
+            # number of steps, of lengths that nobody planned, before it is under our clock.
             apply_timing(self.world, self._spec.timing)
+            self.world = self._client.load_world(name, reset_settings=False)
+            apply_timing(self.world, self._spec.timing)
+            self.weather = set_weather(self.world, self._spec.weather)
             self.map = self.world.get_map()
         except BaseException:
             self._give_back()

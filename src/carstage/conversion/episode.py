@@ -252,11 +252,13 @@ class EpisodeConversion:
         for name, columns in TABLES.items():
             schema = label_schema(columns)
             try:
-                parts = [
-                    read_table(label_part(self.raw_folder, name, i)).cast(schema) for i in segments
-                ]
+                parts = [read_table(label_part(self.raw_folder, name, i)) for i in segments]
             except DatasetError as error:
                 raise ConversionError(f"A label part is gone: {error}", "Try again.") from error
+            if not all(part.schema.equals(schema) for part in parts):
+                raise ConversionError(
+                    f"Label parts of {name} are of another version of Car-STAGE.", "Try again."
+                )
             self._write_table(pa.concat_tables(parts), name)
 
     def _remove_strays(self) -> None:

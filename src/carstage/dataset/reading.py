@@ -2,11 +2,239 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from carstage.dataset.codecs import codec_for
+from carstage.dataset.tables import ROW_SENSORS, read_table
+from carstage.errors import BadInputError, DatasetError
+from carstage.storage.description import read_description
+from carstage.storage.local import LocalStore
+from carstage.storage.marker import CommitMarker
+
+EPISODE_FORMAT = 1
+CALIBRATION_FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class SensorCalibration:
+    """One sensor of a rig.
+
+    Attributes:
+        id: the user's name of it.
+        kind: short name of the kind, such as ``rgb``.
+        blueprint: CARLA's blueprint id.
+        attributes: the blueprint's attributes as they were set.
+        ego_from_sensor: ``(4, 4)`` pose on the ego vehicle, CARLA's left-handed axes (m).
+        codec: name of the codec of its files.
+        labelled: whether ``camera_objects.parquet`` has rows of it.
+        depth: the depth sensor of the dataset with the same pose and intrinsics, if there is one.
+        instance: the instance sensor likewise.
+        width, height: size of the image (px); 0 for what is no camera.
+        fov_deg: horizontal field of view; 0 for what is no camera.
+        k: ``(3, 3)`` intrinsics; zeros for what is no camera.
+    """
+
+    id: str
+    kind: str
+    blueprint: str
+    attributes: Mapping[str, str]
+    ego_from_sensor: NDArray[np.float64]
+    codec: str
+    labelled: bool
+    depth: str | None
+    instance: str | None
+    width: int
+    height: int
+    fov_deg: float
+    k: NDArray[np.float64]
+
+    @property
+    def is_camera(self) -> bool:
+        """Whether it takes images."""
+        return self.width > 0
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """The rig of an episode.
+
+    Attributes:
+        ego_box: ``location``, ``extent`` (half sizes, m), ``rotation_deg`` of the ego's box.
+        sensors: by id, in the order of the spec.
+    """
+
+    ego_box: Mapping[str, tuple[float, float, float]]
+    sensors: Mapping[str, SensorCalibration]
+
+
+class Sensor:
+    """The data of one sensor of one episode."""
+
+    def __init__(self, folder: Path, calibration: SensorCalibration) -> None:
+        self.calibration = calibration
+        self._folder = folder
+        rows = calibration.kind in ROW_SENSORS
+        self._codec = None if rows else codec_for(calibration.kind, calibration.codec)[1]
+
+    @property
+    def id(self) -> str:
+        """The user's name of it."""
+        return self.calibration.id
+
+    @property
+    def kind(self) -> str:
+        """Short name of its kind, such as ``rgb``."""
+        return self.calibration.kind
+
+    def paths(self, k: int) -> tuple[Path, ...]:
+        """The files of frame ``k``; of a row-wise sensor the table that holds it."""
+        sensors = self._folder / "sensors"
+        if self._codec is None:
+            return (sensors / f"{self.id}.parquet",)
+        return tuple(sensors / self.id / f"{k:06d}{suffix}" for suffix in self._codec.suffixes)
+
+    def read(self, k: int) -> NDArray[Any]:
+        """The data of frame ``k``.
+
+        Returns:
+            ``rgb`` ``(H, W, 3)`` uint8; ``depth`` ``(H, W)`` float32, metres along the optical
+            axis; ``semantic`` ``(H, W)`` uint8 tags; ``instance`` ``(H, W, 2)`` uint16 id, tag;
+            ``lidar`` ``(N, 4)`` float32 x, y, z, intensity; ``imu`` ``(7,)`` and ``gnss`` ``(3,)``
+            float64 in the order of their columns.
+
+        Raises:
+            DatasetError: the frame is missing or damaged.
+        """
+        if self._codec is None:
+            return self._row(k)
+        try:
+            return self.decode([path.read_bytes() for path in self.paths(k)])
+        except FileNotFoundError as error:
+            raise DatasetError(f"Sensor {self.id} has no frame {k}: {error.filename}.") from error
+        except ValueError as error:
+            raise DatasetError(f"Sensor {self.id}, frame {k} is damaged: {error}.") from error
+
+    def decode(self, contents: list[bytes]) -> NDArray[Any]:
+        """The array of the contents of ``paths(k)``.
+
+        Raises:
+            ValueError: damaged content, or the sensor has no files of its own per frame.
+        """
+        if self._codec is None:
+            raise ValueError(f"sensor {self.id} has no files per frame")
+        return self._codec.decode(contents)
+
+    @cached_property
+    def table(self) -> pa.Table:
+        """All frames of a row-wise sensor (``imu``, ``gnss``).
+
+        Raises:
+            DatasetError: the sensor has no table, or it is damaged.
+        """
+        if self._codec is not None:
+            raise DatasetError(f"Sensor {self.id} of kind {self.kind} has files, not a table.")
+        return read_table(self.paths(0)[0])
+
+    def _row(self, k: int) -> NDArray[np.float64]:
+        table = self.table
+        rows = np.flatnonzero(table["k"].to_numpy() == k)
+        if len(rows) != 1:
+            raise DatasetError(f"Sensor {self.id} has {len(rows)} rows for frame {k}.")
+        values = [table[name][int(rows[0])].as_py() for name, _ in ROW_SENSORS[self.kind].columns]
+        return np.hstack(values).astype(np.float64)
 
 
 class Episode:
-    """One committed episode."""
+    """One committed episode; nothing is read before it is asked for."""
+
+    def __init__(self, folder: Path, marker: CommitMarker) -> None:
+        self.folder = folder
+        self.marker = marker
+        self._sensors: dict[str, Sensor] = {}
+
+    @property
+    def id(self) -> str:
+        """Hash of its spec, see ``docs/formats/run-folder.md``."""
+        return self.marker.episode_id
+
+    @property
+    def frames(self) -> int:
+        """Number of saved frames; their index ``k`` counts from 0."""
+        return self.marker.frames
+
+    @cached_property
+    def document(self) -> Mapping[str, Any]:
+        """The content of ``episode.json``."""
+        return _read_document(self.folder / "episode.json", EPISODE_FORMAT)
+
+    @property
+    def spec(self) -> Mapping[str, Any]:
+        """What was asked for."""
+        spec: Mapping[str, Any] = self.document["spec"]
+        return spec
+
+    @cached_property
+    def calibration(self) -> Calibration:
+        """The rig: poses, intrinsics, attributes.
+
+        Raises:
+            DatasetError: ``calibration.json`` is missing or damaged.
+        """
+        path = self.folder / "calibration.json"
+        document = _read_document(path, CALIBRATION_FORMAT)
+        try:
+            return Calibration(
+                {key: tuple(value) for key, value in document["ego_box"].items()},
+                {name: _calibration(name, entry) for name, entry in document["sensors"].items()},
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise DatasetError(f"{path} is damaged: {error!r}.") from error
+
+    @property
+    def sensors(self) -> tuple[Sensor, ...]:
+        """All sensors in the order of the spec."""
+        return tuple(self.sensor(name) for name in self.calibration.sensors)
+
+    def sensor(self, sensor_id: str) -> Sensor:
+        """One sensor.
+
+        Raises:
+            BadInputError: the rig has none of that id.
+        """
+        if sensor_id not in self._sensors:
+            known = self.calibration.sensors
+            if sensor_id not in known:
+                raise BadInputError(
+                    f"Episode {self.id} has no sensor {sensor_id!r}.",
+                    f"Sensors: {', '.join(known)}.",
+                )
+            self._sensors[sensor_id] = Sensor(self.folder, known[sensor_id])
+        return self._sensors[sensor_id]
+
+    def objects(self) -> pa.Table:
+        """``objects.parquet``: one row per frame and object."""
+        return read_table(self.folder / "objects.parquet")
+
+    def camera_objects(self) -> pa.Table:
+        """``camera_objects.parquet``: one row per frame, labelled camera and object in view."""
+        return read_table(self.folder / "camera_objects.parquet")
+
+    def ego(self) -> pa.Table:
+        """``ego.parquet``: one row per frame; none when ego motion was not asked for."""
+        return read_table(self.folder / "ego.parquet")
+
+    def ledger(self) -> pa.Table:
+        """``frames.parquet``: one row per tick."""
+        return read_table(self.folder / "frames.parquet")
 
 
 class Dataset:
@@ -14,12 +242,64 @@ class Dataset:
 
     Args:
         path: the folder that was given as ``--out``.
+
+    Raises:
+        DatasetError: the folder is no dataset, or of another format version.
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
+        self.path = Path(path).expanduser()
+        self.description = read_description(self.path / "dataset.json")
 
     @property
+    def name(self) -> str:
+        """The name that it was created with."""
+        return str(self.description["name"])
+
+    @cached_property
     def episodes(self) -> tuple[Episode, ...]:
-        """The committed episodes, sorted by id."""
-        raise NotImplementedError
+        """The committed episodes, sorted by id.
+
+        Raises:
+            DatasetError: a commit marker is damaged.
+        """
+        store = LocalStore(self.path)
+        return tuple(
+            Episode(self.path / "episodes" / marker.episode_id / marker.attempt, marker)
+            for marker in store.committed().values()
+        )
+
+
+def _read_document(path: Path, version: int) -> dict[str, Any]:
+    try:
+        document = json.loads(path.read_bytes())
+        found = document["format_version"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise DatasetError(f"{path} cannot be read: {error!r}.") from error
+    if found != version:
+        raise DatasetError(
+            f"{path} has format version {found!r}; this Car-STAGE knows {version}.",
+            "Install the version of Car-STAGE that wrote it.",
+        )
+    return dict(document)
+
+
+def _calibration(name: str, entry: Mapping[str, Any]) -> SensorCalibration:
+    pose = np.array(entry["ego_from_sensor"], np.float64)
+    if pose.shape != (4, 4):
+        raise ValueError(f"ego_from_sensor of {name} has shape {pose.shape}")
+    return SensorCalibration(
+        id=name,
+        kind=entry["kind"],
+        blueprint=entry["blueprint"],
+        attributes=entry["attributes"],
+        ego_from_sensor=pose,
+        codec=entry["files"],
+        labelled=entry["labelled"],
+        depth=entry["depth"],
+        instance=entry["instance"],
+        width=entry.get("width", 0),
+        height=entry.get("height", 0),
+        fov_deg=entry.get("fov_deg", 0.0),
+        k=np.array(entry.get("K", np.zeros((3, 3))), np.float64),
+    )

@@ -1,0 +1,1 @@
+"""The checks of ``carstage validate``: each recomputes one thing from the files alone."""

@@ -1,0 +1,365 @@
+"""A raw log without a simulator: a plane and boxes, ray-traced exactly, so that all data agree.
+
+Every object fills its box, so that depth, ids, points and labels follow from one another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.rawlog import format as raw
+
+DEPTH_CODES = 2**24 - 1
+ROAD, BUILDING, SKY, WALKER, CAR, TRUCK = 1, 3, 11, 12, 14, 15
+RGB = {ROAD: (90, 90, 95), BUILDING: (150, 120, 100), SKY: (150, 190, 230)}
+RGB |= {WALKER: (200, 60, 60), CAR: (40, 70, 160), TRUCK: (60, 120, 80)}
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A box that moves along its heading; ``actor_id`` 0 is part of the map."""
+
+    actor_id: int
+    type_id: str
+    tag: int
+    center: tuple[float, float, float]
+    yaw_deg: float
+    extent: tuple[float, float, float]
+    speed: float = 0.0
+    attributes: dict[str, str] = field(default_factory=dict)
+
+    def pose(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Rotation (world from box) and centre at a time."""
+        yaw = np.radians(self.yaw_deg)
+        c, s = np.cos(yaw), np.sin(yaw)
+        rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return rotation, np.array(self.center) + self.speed * time_s * rotation[:, 0]
+
+
+EGO = Solid(
+    41,
+    "vehicle.tesla.model3",
+    CAR,
+    (0.0, 0.0, 0.75),
+    8.0,
+    (2.3, 0.95, 0.75),
+    5.0,
+    {"base_type": "car", "role_name": "hero"},
+)
+SOLIDS = (
+    Solid(
+        50,
+        "vehicle.audi.a2",
+        CAR,
+        (14.0, 1.0, 0.8),
+        20.0,
+        (1.9, 0.9, 0.8),
+        4.0,
+        {"base_type": "car", "role_name": "autopilot"},
+    ),
+    Solid(
+        51,
+        "vehicle.carlamotors.firetruck",
+        TRUCK,
+        (24.0, 8.0, 1.9),
+        -70.0,
+        (4.2, 1.4, 1.9),
+        2.0,
+        {"base_type": "truck", "special_type": "emergency"},
+    ),
+    Solid(
+        60,
+        "walker.pedestrian.0001",
+        WALKER,
+        (9.0, -3.0, 0.95),
+        90.0,
+        (0.4, 0.4, 0.95),
+        1.2,
+        {"age": "adult"},
+    ),
+    Solid(0, "building", BUILDING, (40.0, -12.0, 5.0), 0.0, (8.0, 5.0, 5.0)),
+)
+_POSE = {"x_m": 1.5, "y_m": 0.0, "z_m": 1.6, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0}
+_LEFT = {"x_m": 0.5, "y_m": -0.8, "z_m": 1.7, "roll_deg": 0.0, "pitch_deg": -5.0, "yaw_deg": -55.0}
+_TOP = {"x_m": 0.0, "y_m": 0.0, "z_m": 2.0, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0}
+
+
+def _camera(
+    name: str, kind: str, pose: dict[str, float], size: tuple[int, int], **more: Any
+) -> dict[str, Any]:
+    blueprints = {"semantic": "semantic_segmentation", "instance": "instance_segmentation"}
+    return {
+        "id": name,
+        "kind": kind,
+        "blueprint": f"sensor.camera.{blueprints.get(kind, kind)}",
+        "hidden": False,
+        "labelled": False,
+        "pose": pose,
+        "attributes": {
+            "image_size_x": str(size[0]),
+            "image_size_y": str(size[1]),
+            "fov": "90.0",
+        },
+        "depth": None,
+        "instance": None,
+        **more,
+    }
+
+
+def spec(
+    *, steps: int = 6, save_every: int = 1, size: tuple[int, int] = (96, 64)
+) -> dict[str, Any]:
+    """The spec of the episode: two labelled cameras, one with hidden twins, and the other kinds."""
+
+    def other(name: str, kind: str, pose: dict[str, float]) -> dict[str, Any]:
+        blueprint = {"lidar": "sensor.lidar.ray_cast"}.get(kind, f"sensor.other.{kind}")
+        return {
+            "id": name,
+            "kind": kind,
+            "blueprint": blueprint,
+            "hidden": False,
+            "labelled": False,
+            "pose": pose,
+            "attributes": {},
+            "depth": None,
+            "instance": None,
+        }
+
+    twins = {"labelled": True, "depth": "DEPTH_FRONT", "instance": "INST_FRONT"}
+    hidden = {"labelled": True, "depth": "CAM_LEFT.depth", "instance": "CAM_LEFT.instance"}
+    return {
+        "spec_version": 1, "dialect": "0.9.16", "index": 0, "map": "Analytic01",
+        "weather": {"preset": "ClearNoon", "parameters": {}, "lights": "auto"},
+        "steps": steps, "fps": 10.0, "save_every": save_every, "warmup_ticks": 5,
+        "timing": {"mode": "sync", "sensor_sync": True, "max_substep_delta_time_s": 0.01,
+                   "max_substeps": 10, "on_incomplete": "wait"},
+        "vehicles": {"count": 2, "filter": "vehicle.*"},
+        "pedestrians": {"count": 1, "filter": "walker.pedestrian.*"},
+        "ego": {"blueprint": EGO.type_id, "spawn_index": 0},
+        "scenario": {"kind": "autopilot"},
+        "sensors": [
+            _camera("CAM_FRONT", "rgb", _POSE, size, **twins),
+            _camera("CAM_LEFT", "rgb", _LEFT, size, **hidden),
+            _camera("DEPTH_FRONT", "depth", _POSE, size),
+            _camera("SEM_FRONT", "semantic", _POSE, size),
+            _camera("INST_FRONT", "instance", _POSE, size),
+            _camera("CAM_LEFT.depth", "depth", _LEFT, size, hidden=True),
+            _camera("CAM_LEFT.instance", "instance", _LEFT, size, hidden=True),
+            other("LIDAR_TOP", "lidar", _TOP),
+            other("IMU", "imu", _TOP),
+            other("GNSS", "gnss", _TOP),
+        ],
+        "labels": {"method": "both", "boxes": ["2d", "3d"]},
+        "ground_truth": {"vehicles": True, "pedestrians": True, "ego_motion": True},
+        "max_distance_m": 80.0, "min_lidar_points": 5,
+        "seeds": {"traffic_manager": 1, "walkers": 2, "spawn": 3, "ego": 4, "sensor_noise": 5},
+    }  # fmt: skip
+
+
+def header(episode_spec: dict[str, Any], *, attempt: str, ticks_per_segment: int) -> dict[str, Any]:
+    """The raw log's ``episode.json``."""
+    return {
+        "format_version": 1, "episode_id": "0123456789abcdef", "attempt": attempt,
+        "spec": episode_spec, "ticks_per_segment": ticks_per_segment,
+        "ticks": episode_spec["steps"], "client_version": "0.9.16", "server_version": "0.9.16",
+        "map": "Carla/Maps/Analytic01",
+        "geo_reference": {"latitude_deg": 0.0, "longitude_deg": 0.0},
+        "ego_id": EGO.actor_id,
+        "sensor_actor_ids": {s["id"]: 100 + i for i, s in enumerate(episode_spec["sensors"])},
+        "first_frame": 12, "first_timestamp_s": 1.1,
+        "requested": {"vehicles": 2, "pedestrians": 1},
+        "spawned": {"vehicles": 2, "pedestrians": 1},
+    }  # fmt: skip
+
+
+def cast(
+    origin: NDArray[np.float64], directions: NDArray[np.float64], time_s: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Ray parameters of the nearest hits (inf: none) and indices into SOLIDS, -1 for the road."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        nearest = np.where(directions[..., 2] < 0.0, -origin[2] / directions[..., 2], np.inf)
+        hit = np.full(nearest.shape, -1)
+        for index, solid in enumerate(SOLIDS):
+            rotation, center = solid.pose(time_s)
+            start, along = rotation.T @ (origin - center), directions @ rotation
+            bounds = np.stack([(sign * np.array(solid.extent) - start) / along for sign in (-1, 1)])
+            enter = np.nanmax(bounds.min(axis=0), axis=-1)
+            leave = np.nanmin(bounds.max(axis=0), axis=-1)
+            found = (enter < leave) & (enter > 0.0) & (enter < nearest)
+            nearest, hit = np.where(found, enter, nearest), np.where(found, index, hit)
+    return nearest, hit
+
+
+def world_from_sensor(
+    pose: dict[str, float], time_s: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rotation and origin of a sensor on the ego (pitch and yaw only)."""
+    pitch, yaw = np.radians(pose["pitch_deg"]), np.radians(pose["yaw_deg"])
+    cp, sp, cy, sy = np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
+    local = np.array([[cp * cy, -sy, -cy * sp], [cp * sy, cy, -sy * sp], [sp, 0.0, cp]])
+    rotation, center = EGO.pose(time_s)
+    pivot = center - np.array([0.0, 0.0, EGO.extent[2]])
+    return rotation @ local, pivot + rotation @ [pose["x_m"], pose["y_m"], pose["z_m"]]
+
+
+def image(kind: str, sensor: dict[str, Any], time_s: float) -> NDArray[np.uint8]:
+    """A camera's BGRA picture."""
+    width = int(sensor["attributes"]["image_size_x"])
+    height = int(sensor["attributes"]["image_size_y"])
+    focal = width / 2.0 / np.tan(np.radians(float(sensor["attributes"]["fov"])) / 2.0)
+    u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    right, down = (u - width / 2) / focal, (v - height / 2) / focal
+    rays = np.stack([np.ones_like(u), right, -down], axis=-1)  # x = 1: the parameter is depth
+    rotation, origin = world_from_sensor(sensor["pose"], time_s)
+    depth, hit = cast(origin, rays @ rotation.T, time_s)
+    tags = np.array([*(s.tag for s in SOLIDS), ROAD])[hit]
+    tags[np.isinf(depth)] = SKY
+    pixels = np.zeros((height, width, 4), np.uint8)
+    pixels[..., 3] = 255
+    if kind == "depth":
+        code = np.round(np.minimum(depth, 1000.0) / 1000.0 * DEPTH_CODES).astype(np.uint32)
+        for channel, shift in ((2, 0), (1, 8), (0, 16)):
+            pixels[..., channel] = code >> shift & 255
+    elif kind in ("semantic", "instance"):
+        pixels[..., 2] = tags
+        if kind == "instance":
+            ids = np.array([*(s.actor_id for s in SOLIDS), 0])[hit]
+            pixels[..., 1], pixels[..., 0] = ids & 255, ids >> 8
+    else:
+        colours = np.zeros((256, 3), np.float64)
+        for tag, rgb in RGB.items():
+            colours[tag] = rgb
+        shade = np.where(np.isinf(depth), 1.0, np.exp(-np.minimum(depth, 1000.0) / 80.0))
+        pixels[..., 2::-1] = (colours[tags] * shade[..., None]).astype(np.uint8)
+    return pixels
+
+
+def sweep(pose: dict[str, float], time_s: float) -> tuple[NDArray[np.float32], list[int]]:
+    """One LiDAR turn: points and counts per channel."""
+    azimuth = np.radians(np.arange(-180.0, 180.0, 2.0))
+    rotation, origin = world_from_sensor(pose, time_s)
+    channels = []
+    for elevation in np.radians(np.linspace(8.0, -24.0, 16)):
+        level = np.cos(elevation)
+        rays = np.stack(
+            [
+                level * np.cos(azimuth),
+                level * np.sin(azimuth),
+                np.full_like(azimuth, np.sin(elevation)),
+            ],
+            axis=-1,
+        )
+        distance, _ = cast(origin, rays @ rotation.T, time_s)
+        kept = distance < 60.0
+        points = rays[kept] * distance[kept, None]
+        channels.append(np.column_stack([points, np.exp(-0.004 * distance[kept])]))
+    return np.concatenate(channels).astype("<f4"), [len(channel) for channel in channels]
+
+
+def _actor_row(solid: Solid) -> dict[str, Any]:
+    walker = solid.type_id.startswith("walker")
+    return {
+        "id": solid.actor_id, "type_id": solid.type_id, "parent": 0,
+        "attributes": solid.attributes, "semantic_tags": [solid.tag],
+        "box": {
+            "location": [0.0, 0.0, 0.0 if walker else solid.extent[2]],
+            "extent": list(solid.extent), "rotation_deg": [0.0, 0.0, 0.0],
+        },
+    }  # fmt: skip
+
+
+def _actor_bytes(solid: Solid, time_s: float) -> bytes:
+    rotation, center = solid.pose(time_s)
+    walker = solid.type_id.startswith("walker")
+    pivot = center - np.array([0.0, 0.0, 0.0 if walker else solid.extent[2]])
+    velocity = solid.speed * rotation[:, 0]
+    return raw.ACTOR_RECORD.pack(
+        solid.actor_id, 0, *pivot, 0.0, solid.yaw_deg, 0.0, *velocity, *[0.0] * 6
+    )
+
+
+def write_raw_log(
+    folder: Path,
+    *,
+    steps: int = 6,
+    save_every: int = 1,
+    ticks_per_segment: int = 3,
+    size: tuple[int, int] = (96, 64),
+    attempt: str = "a1",
+    segments: int | None = None,
+) -> dict[str, Any]:
+    """Write a raw log as the collector would.
+
+    Args:
+        folder: the attempt's folder.
+        segments: stop after so many segments, as if the recording had been killed.
+
+    Returns:
+        The header.
+    """
+    document = header(
+        spec(steps=steps, save_every=save_every, size=size),
+        attempt=attempt,
+        ticks_per_segment=ticks_per_segment,
+    )
+    sensors = document["spec"]["sensors"]
+    folder.mkdir(parents=True)
+    raw.write_episode_file(str(folder), document)
+    names = [*(sensor["id"] for sensor in sensors), raw.WORLD, raw.LEDGER]
+    streams = {name: raw.StreamWriter(str(folder), name, ticks_per_segment) for name in names}
+    cast_solids = sorted([EGO, *(s for s in SOLIDS if s.actor_id)], key=lambda s: s.actor_id)
+    for tick in range(steps):
+        if segments is not None and tick >= segments * ticks_per_segment:
+            break
+        time_s, frame = tick / 10.0, 12 + tick
+        stamp = (tick, frame, 1.1 + time_s)
+        if tick == 0:
+            rows = [_actor_row(solid) for solid in cast_solids]
+            streams[raw.WORLD].append(raw.KIND_TABLE, *stamp, {"actors": rows})
+        streams[raw.WORLD].append(
+            raw.KIND_DATA, *stamp, _world_meta(),
+            b"".join(_actor_bytes(solid, time_s) for solid in cast_solids),
+        )  # fmt: skip
+        for sensor in sensors:
+            meta, payload = _sensor_data(sensor, time_s)
+            streams[sensor["id"]].append(raw.KIND_DATA, *stamp, meta, payload)
+        state = {"state": "ok", "reason": None, "wait_s": 0.01 * tick}
+        k = tick // save_every if tick % save_every == 0 else None
+        streams[raw.LEDGER].append(
+            raw.KIND_DATA, *stamp,
+            {"k": k, "sensors": {s["id"]: state for s in sensors}, "tick_s": 0.05},
+        )  # fmt: skip
+        if (tick + 1) % ticks_per_segment == 0 or tick == steps - 1:
+            for stream in streams.values():
+                stream.seal(tick)
+    for stream in streams.values():
+        stream.close()
+    return document
+
+
+def _world_meta() -> dict[str, Any]:
+    return {
+        "delta_s": 0.1, "weather": {"cloudiness": 10.0, "sun_altitude_angle": 60.0},
+        "ego": {"id": EGO.actor_id, "throttle": 0.4, "steer": 0.0, "brake": 0.0,
+                "hand_brake": False, "reverse": False, "gear": 2, "speed_limit_kmh": 50.0,
+                "traffic_light_state": "Green"},
+        "vehicle_lights": {"41": 0, "50": 0, "51": 0}, "traffic_lights": {},
+    }  # fmt: skip
+
+
+def _sensor_data(sensor: dict[str, Any], time_s: float) -> tuple[dict[str, Any], bytes]:
+    if sensor["blueprint"].startswith("sensor.camera."):
+        pixels = image(sensor["kind"], sensor, time_s)
+        height, width = pixels.shape[:2]
+        return {"width": width, "height": height, "fov_deg": 90.0}, pixels.tobytes()
+    if sensor["kind"] == "lidar":
+        points, counts = sweep(sensor["pose"], time_s)
+        return {"horizontal_angle_rad": 0.0, "counts": counts}, points.tobytes()
+    if sensor["kind"] == "imu":
+        return {}, raw.IMU_PAYLOAD.pack(0.0, 0.0, 9.81, 0.0, 0.0, 0.0, 1.7)
+    return {}, raw.GNSS_PAYLOAD.pack(1e-5 * time_s, 2e-5, 0.5)

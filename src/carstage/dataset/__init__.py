@@ -1,14 +1,26 @@
 """Reading, checking and showing a dataset; needs nothing but its files."""
 
-from carstage.dataset.reading import Dataset, Episode
+from carstage.dataset.checks.findings import Problem
+from carstage.dataset.masks import decode_mask
+from carstage.dataset.reading import (
+    Calibration,
+    Dataset,
+    Episode,
+    Sensor,
+    SensorCalibration,
+)
 from carstage.dataset.report import write_report
-from carstage.dataset.validation import Problem, ValidationReport, validate_dataset
+from carstage.dataset.validation import ValidationReport, validate_dataset
 
 __all__ = [
+    "Calibration",
     "Dataset",
     "Episode",
     "Problem",
+    "Sensor",
+    "SensorCalibration",
     "ValidationReport",
+    "decode_mask",
     "validate_dataset",
     "write_report",
 ]

@@ -28,6 +28,13 @@ def recorded_frames(episode: Episode, ledger: pa.Table) -> dict[str, list[int]]:
     }
 
 
+def saved_times_s(ledger: pa.Table) -> dict[int, float]:
+    """The time of each saved frame."""
+    ks: list[Any] = ledger["k"].to_pylist()
+    times: list[Any] = ledger["timestamp_s"].to_pylist()
+    return {k: time_s for k, time_s in zip(ks, times, strict=True) if k is not None}
+
+
 def check_ledger(episode: Episode, ledger: pa.Table, findings: Findings) -> None:
     """Check ``frames.parquet`` against the spec.
 
@@ -104,13 +111,7 @@ def check_row_sensors(
     Raises:
         DatasetError: a table is missing or damaged.
     """
-    times = {
-        k: time_s
-        for k, time_s in zip(
-            ledger["k"].to_pylist(), ledger["timestamp_s"].to_pylist(), strict=True
-        )
-        if k is not None
-    }
+    times = saved_times_s(ledger)
     for sensor in episode.sensors:
         if sensor.kind not in ROW_SENSORS:
             continue
@@ -118,7 +119,7 @@ def check_row_sensors(
         if not table.schema.equals(ROW_SENSORS[sensor.kind].schema):
             findings.add("schema", f"{sensor.id}.parquet has other columns", sensor=sensor.id)
             continue
-        ks = table["k"].to_pylist()
+        ks: list[Any] = table["k"].to_pylist()
         if ks != recorded[sensor.id]:
             findings.add(
                 "frames_missing",

@@ -1,0 +1,226 @@
+"""Golden tests V1-V6: own, front and background pixels; the slab test; tokens."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from annotation_scenes import CAR_EXTENT, CAR_TAG, ROAD_TAG, Stage
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from carstage.annotation.decoding import decode_instance_bgra
+from carstage.annotation.pixels import (
+    BOX_MARGIN_M,
+    BoxView,
+    ImageEvidence,
+    PixelVisibility,
+    box_interval,
+    measure,
+    occlusion_bin,
+    visibility_token,
+)
+from carstage.geometry import (
+    OPTICAL_FROM_SENSOR,
+    back_project,
+    box_corners,
+    clip_to_near_plane,
+    convex_hull,
+    intrinsics,
+    optical_from_world,
+    pose_matrix,
+    project,
+    rotation_matrix,
+    transform_points,
+)
+
+WIDTH, HEIGHT = 640, 360
+K = intrinsics(WIDTH, HEIGHT, 90.0)
+CENTER = (20.0, 0.0, 0.0)
+CAR_ID = 300
+TAGS = np.isin(np.arange(256), [13, 14, 15, 16, 17, 18, 19])
+
+
+def view(
+    center: Sequence[float],
+    rotation_deg: Sequence[float] = (0.0, 0.0, 0.0),
+    extent: Sequence[float] = CAR_EXTENT,
+    size: tuple[int, int] = (WIDTH, HEIGHT),
+) -> BoxView:
+    """The box from a camera at the origin, with the whole image as region."""
+    rotation = rotation_matrix(rotation_deg)
+    return BoxView(
+        origin_box=rotation.T @ -np.asarray(center, dtype=np.float64),
+        box_from_optical=rotation.T @ OPTICAL_FROM_SENSOR.T,
+        extent_m=np.asarray(extent, dtype=np.float64),
+        region=(0, 0, *size),
+    )
+
+
+def seen(stage: Stage, *, method: str = "instance", with_tags: bool = True) -> PixelVisibility:
+    ids, tags = decode_instance_bgra(stage.bgra)
+    evidence = ImageEvidence(
+        stage.depth.astype(np.float32),
+        ids if method == "instance" else None,
+        tags if with_tags else None,
+    )
+    found = measure(view(CENTER), K, evidence, CAR_ID, TAGS)
+    assert found.method == method
+    return found
+
+
+@pytest.mark.parametrize("method", ["instance", "depth"])
+def test_a_lone_solid_box_is_not_occluded(method: str) -> None:
+    stage = Stage()
+    stage.paint_box(CENTER, CAR_EXTENT, CAR_ID)
+    found = seen(stage, method=method)
+    assert found.visible_px > 300
+    assert found.occlusion_ratio == 0.0
+    assert found.amodal_px == found.visible_px
+    # The inflated silhouette is a little larger than the box.
+    assert 0.8 < found.visible_px / found.hull_px < 1.0
+
+
+@pytest.mark.parametrize("method", ["instance", "depth"])
+def test_a_lone_cylinder_in_the_box_is_not_occluded_though_it_fills_only_a_part(
+    method: str,
+) -> None:
+    stage = Stage()
+    stage.paint_cylinder(CENTER, 0.6, 0.75, CAR_ID, CAR_TAG)
+    found = seen(stage, method=method)
+    assert found.visible_px / found.hull_px < 0.7
+    assert found.occlusion_ratio == 0.0
+
+
+@pytest.mark.parametrize("method", ["instance", "depth"])
+def test_a_wall_before_the_left_half_hides_half(method: str) -> None:
+    stage = Stage()
+    stage.paint_box(CENTER, CAR_EXTENT, CAR_ID)
+    left = np.zeros((HEIGHT, WIDTH), dtype=np.bool_)
+    left[:, : WIDTH // 2] = True
+    stage.paint(left, 5.0, 0, ROAD_TAG)
+    found = seen(stage, method=method)
+    assert found.mask is not None
+    x0, _, x1, _ = found.mask.bounds()
+    assert x0 == WIDTH / 2
+    assert found.occlusion_ratio == pytest.approx(0.5, abs=1.0 / (2 * (x1 - x0)))
+
+
+def test_a_hidden_object_is_fully_occluded_and_has_no_mask() -> None:
+    stage = Stage()
+    stage.paint_box(CENTER, CAR_EXTENT, CAR_ID)
+    stage.paint(np.ones((HEIGHT, WIDTH), dtype=np.bool_), 5.0, 0, ROAD_TAG)
+    found = seen(stage)
+    assert found.visible_px == 0
+    assert found.occlusion_ratio == 1.0
+    assert found.mask is None
+    assert found.amodal_method == "hull_prior"
+    assert found.amodal_px == 0.8 * found.hull_px
+
+
+def test_the_occlusion_ratio_is_front_over_hull() -> None:
+    rng = np.random.default_rng(8)
+    checked = 0
+    for _ in range(30):
+        depth = rng.uniform(10.0, 30.0, (HEIGHT, WIDTH)).astype(np.float32)
+        ids = rng.integers(CAR_ID - 1, CAR_ID + 1, (HEIGHT, WIDTH)).astype(np.uint16)
+        tags = rng.integers(12, 16, (HEIGHT, WIDTH)).astype(np.uint8)
+        found = measure(view(CENTER), K, ImageEvidence(depth, ids, tags), CAR_ID, TAGS)
+        if found.visible_px:
+            checked += 1
+            assert found.front_px / found.hull_px == pytest.approx(
+                1.0 - found.visible_px / found.amodal_px, abs=1e-12
+            )
+    assert checked > 20
+
+
+def test_own_pixels_by_depth_are_the_points_in_the_inflated_box() -> None:
+    rng = np.random.default_rng(9)
+    rotation = (5.0, 35.0, -4.0)
+    depth = rng.uniform(14.0, 26.0, (HEIGHT, WIDTH)).astype(np.float32)
+    tags = np.full((HEIGHT, WIDTH), CAR_TAG, dtype=np.uint8)
+    found = measure(view(CENTER, rotation), K, ImageEvidence(depth, None, tags), CAR_ID, TAGS)
+    u, v = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
+    optical = back_project(np.stack([u, v], axis=-1), depth, K).reshape(-1, 3)
+    box_from_world = np.linalg.inv(pose_matrix(CENTER, rotation))
+    local = transform_points(box_from_world, optical @ OPTICAL_FROM_SENSOR)
+    inside = (np.abs(local) <= np.array(CAR_EXTENT) + BOX_MARGIN_M).all(axis=-1)
+    assert found.mask is not None
+    assert found.visible_px > 100
+    np.testing.assert_array_equal(found.mask.crop.ravel(), inside)
+
+
+@given(
+    center=st.tuples(st.floats(-3, 25), st.floats(-12, 12), st.floats(-5, 5)),
+    rotation=st.tuples(st.floats(-30, 30), st.floats(-180, 180), st.floats(-30, 30)),
+)
+@settings(max_examples=40, deadline=None)
+def test_rays_meet_the_box_exactly_inside_its_silhouette(
+    center: tuple[float, float, float], rotation: tuple[float, float, float]
+) -> None:
+    size = (160, 90)
+    k = intrinsics(*size, 90.0)
+    enter, leave = box_interval(view(center, rotation, size=size), k)
+    inflated = np.array(CAR_EXTENT) + BOX_MARGIN_M
+    optical = transform_points(
+        optical_from_world(np.eye(4)), box_corners(pose_matrix(center, rotation), inflated)
+    )
+    front = clip_to_near_plane(optical, 0.1)
+    hull = convex_hull(project(front, k)) if len(front) >= 3 else []
+    distance = inside_distance(hull, size)
+    clear = np.abs(distance) > 1e-6
+    np.testing.assert_array_equal((enter <= leave)[clear], (distance > 0.0)[clear])
+
+
+def inside_distance(hull: list[tuple[float, float]], size: tuple[int, int]) -> NDArray[np.float64]:
+    """Signed distance (px) of pixel centres to the nearest line of a counter-clockwise hull."""
+    u, v = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
+    distance = np.full_like(u, np.inf if len(hull) >= 3 else -np.inf)
+    for (ax, ay), (bx, by) in zip(hull, [*hull[1:], *hull[:1]], strict=True):
+        cross = (bx - ax) * (v - ay) - (by - ay) * (u - ax)
+        distance = np.minimum(distance, cross / np.hypot(bx - ax, by - ay))
+    return distance
+
+
+def test_an_untagged_occluder_with_the_objects_id_is_not_the_object() -> None:
+    """The instance camera looks through untagged geometry; the depth camera does not."""
+    stage = Stage()
+    stage.paint_box(CENTER, CAR_EXTENT, CAR_ID)
+    stage.depth[:, : WIDTH // 2] = 8.0
+    found = seen(stage)
+    assert found.mask is not None
+    assert found.mask.bounds()[0] == WIDTH / 2
+    assert found.front_px > 0
+
+
+def test_pixels_of_another_class_are_not_own() -> None:
+    stage = Stage()
+    stage.paint_box(CENTER, CAR_EXTENT, CAR_ID, tag=ROAD_TAG)
+    assert seen(stage).visible_px == 0
+    assert seen(stage, method="depth").visible_px == 0
+
+
+def test_without_tags_the_road_under_the_car_is_not_the_car() -> None:
+    stage = Stage()
+    down = stage.rays[..., 2] < 0.0
+    with np.errstate(divide="ignore"):
+        road = np.where(down, -0.76 / stage.rays[..., 2], 1e9)
+    stage.paint(down, road, 0, ROAD_TAG)
+    assert seen(stage, method="depth", with_tags=False).visible_px == 0
+    stage.paint_box(CENTER, CAR_EXTENT, CAR_ID)
+    assert seen(stage, method="depth", with_tags=False).visible_px > 300
+
+
+@pytest.mark.parametrize(
+    ("visibility", "token"),
+    [(0.0, 1), (0.39, 1), (0.4, 2), (0.6, 3), (0.8, 4), (1.0, 4)],
+)
+def test_visibility_tokens_are_nuscenes_bins(visibility: float, token: int) -> None:
+    assert visibility_token(visibility) == token
+
+
+@pytest.mark.parametrize(("ratio", "level"), [(0.10, 0), (0.11, 1), (0.50, 1), (0.51, 2)])
+def test_occlusion_bins(ratio: float, level: int) -> None:
+    assert occlusion_bin(ratio) == level

@@ -6,6 +6,7 @@ So the points are sorted into the cells of a ground grid once; each box tests it
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -25,25 +26,20 @@ class PointGrid:
     """
 
     def __init__(self, points: NDArray[np.float32]) -> None:
-        xyz = points[:, :3]
-        if len(xyz):
-            self._low = xyz[:, :2].min(axis=0)
-            span = float((xyz[:, :2].max(axis=0) - self._low).max())
-        else:
-            self._low = np.zeros(2, dtype=np.float32)
-            span = 0.0
-        self._per_m = _CELLS / max(span, 1e-3)
-        cell = self._cells(xyz[:, :2])
-        key = (cell[:, 0] * _CELLS + cell[:, 1]).astype(np.uint16)
+        x, y = points[:, 0], points[:, 1]
+        self._low = (float(x.min()), float(y.min())) if len(points) else (0.0, 0.0)
+        span = max(float(np.ptp(x)), float(np.ptp(y)), 1e-3) if len(points) else 1.0
+        # Slightly too coarse, so that the farthest point falls into the last cell.
+        self._per_m = _CELLS / span * (1.0 - 1e-6)
+        column, row = ((v - low) * self._per_m for v, low in zip((x, y), self._low, strict=True))
+        key = column.astype(np.uint16) * np.uint16(_CELLS) + row.astype(np.uint16)
         # A stable sort of 16-bit keys is a radix sort.
-        order = np.argsort(key, kind="stable")
-        self._points = xyz[order]
+        self._points = np.take(points, np.argsort(key, kind="stable"), axis=0)
         self._start = np.zeros(_CELLS * _CELLS + 1, dtype=np.int64)
         np.cumsum(np.bincount(key, minlength=_CELLS * _CELLS), out=self._start[1:])
 
-    def _cells(self, xy: NDArray[np.float32] | FloatArray) -> NDArray[np.int32]:
-        cell = np.clip(np.floor((xy - self._low) * self._per_m), 0, _CELLS - 1)
-        return np.asarray(cell, dtype=np.int32)
+    def _cell(self, value: float, low: float) -> int:
+        return min(max(math.floor((value - low) * self._per_m), 0), _CELLS - 1)
 
     def count(self, sensor_from_box: FloatArray, extent_m: FloatArray) -> int:
         """Points within a box: ``|p_box| <= extent + 1e-6 m`` componentwise.
@@ -52,16 +48,16 @@ class PointGrid:
             sensor_from_box: ``(4, 4)``.
             extent_m: ``(3,)`` half sizes.
         """
+        # Wider than the box by more than float32 can be wrong about a point's cell.
         reach = np.abs(sensor_from_box[:2, :3]) @ extent_m + 1e-3
         center = sensor_from_box[:2, 3]
-        (x0, y0), (x1, y1) = self._cells(np.stack([center - reach, center + reach])).tolist()
+        x0, y0 = map(self._cell, (center - reach).tolist(), self._low)
+        x1, y1 = map(self._cell, (center + reach).tolist(), self._low)
         rows = [
             self._points[self._start[x * _CELLS + y0] : self._start[x * _CELLS + y1 + 1]]
             for x in range(x0, x1 + 1)
         ]
-        near = np.concatenate(rows).astype(np.float64)
-        if not len(near):
-            return 0
+        near = np.concatenate(rows)[:, :3].astype(np.float64)
         box_from_sensor = invert_pose(sensor_from_box)
         local = near @ box_from_sensor[:3, :3].T + box_from_sensor[:3, 3]
         return int((np.abs(local) <= extent_m + _TOLERANCE_M).all(axis=1).sum())

@@ -64,7 +64,7 @@ class Server:
         self._parent_pid = parent_pid
         self._stop = threading.Event()
         self._next_tick_s = 0.0
-        self._waiting_for_tick: list[Call] = []
+        self._tick_requests: list[Call | None] = []
         self._later: list[tuple[float, int, Call]] = []
         self._order = itertools.count()
         with ExitStack() as resources:
@@ -82,8 +82,7 @@ class Server:
             dialect=dialect,
             streaming_port=self.streaming_port,
             traffic_managers=TrafficManagers(),
-            tick=self._tick,
-            tick_later=self._waiting_for_tick.append,
+            request_tick=self._tick_requests.append,
             episode_began=self._episode_began,
             answer_after=self._answer_after,
         )
@@ -109,6 +108,8 @@ class Server:
         while not self._stop.is_set():
             if self._simulation.settings.synchronous_mode:
                 self._serve_one(_POLL_S)
+                if self._tick_requests:
+                    self._tick()
             else:
                 self._run_freely()
             self._answer_due()
@@ -142,22 +143,28 @@ class Server:
         else:
             serve(self._session, event)
 
-    def _tick(self) -> int:
-        """One frame: step, publish the snapshot, then the sensors that look at it."""
-        snapshot = self._simulation.tick()
-        self._publish(snapshot)
-        frame = snapshot.state.frame
-        for call in self._waiting_for_tick:
-            call.answer(frame)
-        self._waiting_for_tick.clear()
-        return frame
+    def _tick(self) -> None:
+        """One frame: step, publish the snapshot, answer, then the sensors that look at it.
 
-    def _publish(self, snapshot: Snapshot) -> None:
-        wait = self._simulation.settings.synchronous_mode
-        state = snapshot.state
+        The answer must not wait for the sensors: a client that calls while it holds Python's lock
+        cannot take their data before it has its answer.
+        """
+        requests, self._tick_requests[:] = self._tick_requests[:], []
+        snapshot = self._simulation.tick()
+        self._publish_snapshot(snapshot)
+        for call in requests:
+            if call is not None:
+                call.answer(snapshot.state.frame)
+        self._publish_sensors(snapshot)
+
+    def _publish_snapshot(self, snapshot: Snapshot) -> None:
         payload = encode_snapshot(snapshot, self._dialect, time.time())
         # A client that misses the change of map would keep the old one.
-        self._streams.publish_world(payload, wait=wait or snapshot.map_changed)
+        wait = self._simulation.settings.synchronous_mode or snapshot.map_changed
+        self._streams.publish_world(payload, wait=wait)
+
+    def _publish_sensors(self, snapshot: Snapshot) -> None:
+        state = snapshot.state
         captured = self._simulation.capture(
             snapshot, lambda stream_id: self._streams.listeners(stream_id) > 0
         )
@@ -168,12 +175,15 @@ class Server:
                 state.timestamp_s,
                 item.pose,
             )
-            parts = [header, *encode_frame(item.frame)]
-            self._streams.publish(item.sensor.stream_id, parts, wait=wait)
+            self._streams.publish(
+                item.sensor.stream_id,
+                [header, *encode_frame(item.frame)],
+                wait=self._simulation.settings.synchronous_mode,
+            )
 
     def _episode_began(self) -> None:
         self._next_tick_s = time.monotonic() + self._period_s
-        self._publish(self._simulation.first_frame())
+        self._publish_snapshot(self._simulation.first_frame())
 
     def _answer_after(self, call: Call, delay_s: float) -> None:
         heapq.heappush(self._later, (time.monotonic() + delay_s, next(self._order), call))

@@ -9,10 +9,10 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.world.ackermann import AckermannController
 from carstage_sim.world.blueprints import Blueprint
 from carstage_sim.world.controls import (
     STANDING,
-    AckermannControl,
     AckermannSettings,
     VehicleControl,
     WalkerControl,
@@ -40,13 +40,14 @@ class VehicleStatus:
 
     Attributes:
         control: pedals and wheel as last set, also by the Ackermann controller.
-        ackermann: target that the controller follows, None while it is off.
+        ackermann: the controller that drives, None while pedals are set directly.
+        ackermann_settings: its gains.
         light_state: ``carla.VehicleLightState`` bits.
         parameters: physics control that a client applied, None for the blueprint's.
     """
 
     control: VehicleControl = field(default_factory=VehicleControl)
-    ackermann: AckermannControl | None = None
+    ackermann: AckermannController | None = None
     ackermann_settings: AckermannSettings = field(default_factory=AckermannSettings)
     light_state: int = 0
     parameters: VehicleParameters | None = None

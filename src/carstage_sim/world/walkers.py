@@ -5,12 +5,13 @@ A walker's origin is at mid height, as the client's navigation assumes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.world.actors import Actor, ActorTable
+from carstage_sim.world.ground import Ground
 
 _MAX_PLAUSIBLE_SPEED = 15.0
 _STILL = 1e-3
@@ -20,14 +21,11 @@ class WalkerMotion:
     """Moves walkers and derives their velocity from where they were a tick ago.
 
     Args:
-        ground_height: height of the walkable surface, ``(M,)`` metres, under points ``(M, 3)``;
-            None leaves heights as they are.
+        ground: what they stand on.
     """
 
-    def __init__(
-        self, ground_height: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None
-    ) -> None:
-        self._ground_height = ground_height
+    def __init__(self, ground: Ground) -> None:
+        self._ground = ground
         self._before: dict[int, NDArray[np.float64]] = {}
 
     def forget(self, actor_id: int) -> None:
@@ -64,8 +62,8 @@ class WalkerMotion:
         flat = moving & (np.hypot(unit[:, 0], unit[:, 1]) > _STILL)
         yaw = np.degrees(np.arctan2(unit[:, 1], unit[:, 0]))
         table.rotation_deg[rows, 1] = np.where(flat, yaw, table.rotation_deg[rows, 1])
-        if self._ground_height is not None:
-            half_height = np.array([walker.box_extent[2] for walker in walkers])
-            falls = np.array([walker.gravity for walker in walkers], np.bool_)
-            standing = self._ground_height(table.location[rows]) + half_height
-            table.location[rows, 2] = np.where(falls, standing, table.location[rows, 2])
+        half_height = np.array([walker.box_extent[2] for walker in walkers])
+        falls = np.array([walker.gravity for walker in walkers], np.bool_)
+        standing = self._ground.height(table.location[rows]) + half_height
+        lands = falls & np.isfinite(standing)
+        table.location[rows, 2] = np.where(lands, standing, table.location[rows, 2])

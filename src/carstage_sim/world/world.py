@@ -14,11 +14,18 @@ import numpy as np
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.town import Town
+from carstage_sim.world.ackermann import AckermannController
 from carstage_sim.world.actors import Actor, ActorTable, Attachment, VehicleStatus
 from carstage_sim.world.attachments import Attachments
 from carstage_sim.world.blueprints import Blueprint, catalogue
-from carstage_sim.world.controls import AckermannControl, VehicleControl, WalkerControl
+from carstage_sim.world.controls import (
+    AckermannControl,
+    AckermannSettings,
+    VehicleControl,
+    WalkerControl,
+)
 from carstage_sim.world.errors import ActorNotFoundError, SpawnError, WorldError
+from carstage_sim.world.ground import Ground
 from carstage_sim.world.lane_index import LaneIndex
 from carstage_sim.world.motion import VehicleMotion
 from carstage_sim.world.overlap import overlaps
@@ -83,8 +90,11 @@ class World:
         self.next_stream_id = _FIRST_STREAM if previous is None else previous.next_stream_id
         self._check_sensor = check_sensor
         self.light_ids: tuple[int, ...] = ()
-        self._lanes = LaneIndex(town.lanes)
-        self._walkers = WalkerMotion(None)
+        if previous is not None and previous.town is town:
+            self._lanes, self._ground = previous._lanes, previous._ground
+        else:
+            self._lanes, self._ground = LaneIndex(town.lanes), Ground(town.static_mesh)
+        self._walkers = WalkerMotion(self._ground)
         self._attachments: Attachments | None = None
         self._dead: OrderedDict[int, Actor] = OrderedDict()
         self._next_actor_id = 1
@@ -277,8 +287,19 @@ class World:
     def control_ackermann(self, actor_id: int, control: AckermannControl) -> None:
         """Let the vehicle's own controller follow a steering angle and a speed."""
         vehicle = self.live(actor_id).vehicle
+        if vehicle is None:
+            return
+        if vehicle.ackermann is None:
+            vehicle.ackermann = AckermannController(control, vehicle.ackermann_settings)
+        vehicle.ackermann.target = control
+
+    def set_ackermann_settings(self, actor_id: int, settings: AckermannSettings) -> None:
+        """Set the gains of a vehicle's own controller."""
+        vehicle = self.live(actor_id).vehicle
         if vehicle is not None:
-            vehicle.ackermann = control
+            vehicle.ackermann_settings = settings
+            if vehicle.ackermann is not None:
+                vehicle.ackermann.gains = settings
 
     def _drive(self, actor_id: int, control: VehicleControl) -> None:
         self.fleet.set_control(
@@ -296,9 +317,14 @@ class World:
         self.live(actor_id).walker = control
 
     def place_walker(self, actor_id: int, pose: Pose, speed: float) -> None:
-        """Put a walker where the client's navigation says; its speed drives the animation."""
+        """Put a walker where the client's navigation says; its speed drives the animation.
+
+        Navigation gives the place of the feet, an actor's origin is at mid height.
+        """
         walker = self.live(actor_id)
-        self.actors.set_pose(actor_id, pose)
+        x, y, z = pose.location
+        middle = (x, y, z + walker.box_extent[2])
+        self.actors.set_pose(actor_id, replace(pose, location=middle))
         x, y, _ = rotation_matrix(pose.rotation_deg)[:, 0].tolist()
         walker.walker = WalkerControl((x, y, 0.0), speed)
 
@@ -408,6 +434,9 @@ class World:
         self.elapsed_s += delta_s
         self._last_delta_s = delta_s
         table = self.actors
+        for actor in table.of_kind(ActorKind.VEHICLE):
+            if actor.vehicle is not None and actor.vehicle.ackermann is not None:
+                self._steer_by_itself(actor, actor.vehicle, actor.vehicle.ackermann)
         self.fleet.step(delta_s, substeps)
         rows = np.searchsorted(table.actor_id, self.fleet.ids)
         table.location[rows] = self.fleet.location
@@ -419,6 +448,13 @@ class World:
         self._follow()
         self.lights.step(delta_s)
         return self.freeze(delta_s)
+
+    def _steer_by_itself(
+        self, actor: Actor, vehicle: VehicleStatus, controller: AckermannController
+    ) -> None:
+        motion, parameters = self.motion(actor), self.parameters(actor)
+        vehicle.control = controller.step(motion, parameters, self._last_delta_s)
+        self._drive(actor.actor_id, vehicle.control)
 
     def _follow(self) -> None:
         if self._attachments is None:

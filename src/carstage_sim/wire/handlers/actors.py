@@ -6,7 +6,7 @@ from typing import Any
 
 from carstage_sim.wire import values
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
-from carstage_sim.world.actors import Actor, Attachment
+from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints import catalogue
 from carstage_sim.world.errors import ActorNotFoundError
 
@@ -54,7 +54,7 @@ def _spawn_actor_with_parent(
         attributes,
         values.pose(transform),
         parent_id=parent_id,
-        attachment=Attachment(attachment),
+        attachment=values.attachment(attachment),
     )
     return encode_actor(call, actor)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from typing import Any
 
@@ -9,9 +10,10 @@ from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.registry import Call, Wrapping, handles
 from carstage_sim.wire.handlers.vehicles import apply_physics
-from carstage_sim.world.actors import Attachment
 from carstage_sim.world.errors import ActorNotFoundError, WorldError
 from carstage_sim.world.state import ActorKind
+
+logger = logging.getLogger(__name__)
 
 _FUTURE_ACTOR = 0
 
@@ -30,17 +32,21 @@ def _command(name: str) -> Callable[[_Command], _Command]:
 @handles("apply_batch", Wrapping.BARE)
 def _apply_batch(call: Call, commands: list[Any], do_tick: bool = False) -> list[Any]:
     results = [_respond(call, command) for command in commands]
-    if do_tick and call.simulation.settings.synchronous_mode:
-        call.session.tick()
+    if do_tick:
+        call.session.request_tick(None)
     return results
 
 
 def _respond(call: Call, command: list[Any]) -> list[Any]:
-    ((index, body),) = command
     try:
+        ((index, body),) = command
         return [[1, _execute(call, index, body)]]
     except (CallError, WorldError) as error:
         return [[0, [str(error)]]]
+    except Exception as error:
+        # As for whole calls: the others of the batch are still due their answers.
+        logger.exception("command %s failed", str(command)[:200])
+        return [[0, [f"{type(error).__name__}: {error}"]]]
 
 
 def _execute(call: Call, index: int, body: list[Any]) -> int:
@@ -59,15 +65,12 @@ def _spawn(call: Call, body: list[Any]) -> int:
     # Versions differ in what stands between the parent and the list of commands that follow.
     description, transform, parent, *attachment, do_after = body
     type_id, attributes = values.description(description)
-    parent_id = values.optional(parent) or 0
-    # Without a parent the client sends whatever its memory held as the kind of attachment.
-    rigid = not (parent_id and attachment)
     actor = call.world.spawn(
         type_id,
         attributes,
         values.pose(transform),
-        parent_id=parent_id,
-        attachment=Attachment.RIGID if rigid else Attachment(attachment[0]),
+        parent_id=values.optional(parent) or 0,
+        attachment=values.attachment(attachment[0] if attachment else 0),
     )
     for command in do_after:
         ((index, following),) = command

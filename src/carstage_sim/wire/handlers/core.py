@@ -124,9 +124,7 @@ def _copy_opendrive_to_file(_call: Call, _opendrive: str, _parameters: list[Any]
 @handles("tick_cue")
 def _tick_cue(call: Call) -> Any:
     """Answered after the frame's snapshot is out, so that the client need not spin for it."""
-    if call.simulation.settings.synchronous_mode:
-        return call.session.tick()
-    call.session.tick_later(call)
+    call.session.request_tick(call)
     return LATER
 
 

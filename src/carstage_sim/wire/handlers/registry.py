@@ -45,14 +45,20 @@ class Wrapping(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """What handlers may use of the server that runs them."""
+    """What handlers may use of the server that runs them.
+
+    Attributes:
+        request_tick: asks for a frame, at once in synchronous mode, and answers the call with its
+            number; None for no answer.
+        episode_began: publishes the first frame of a new episode.
+        answer_after: answers a call without a result after some seconds.
+    """
 
     simulation: Simulation
     dialect: Dialect
     streaming_port: int
     traffic_managers: TrafficManagers
-    tick: Callable[[], int]
-    tick_later: Callable[[Call], None]
+    request_tick: Callable[[Call | None], None]
     episode_began: Callable[[], None]
     answer_after: Callable[[Call, float], None]
 
@@ -94,9 +100,8 @@ class Call:
 
     def fail(self, text: str) -> None:
         """Send a refusal that the client raises as ``RuntimeError``."""
-        wrapping = _HANDLERS[self.request.name][1]
-        flag = wrapping is Wrapping.VOID
-        self.connection.reply(self.request, [[flag if flag else 0, [text]]])
+        failed = True if _HANDLERS[self.request.name][1] is Wrapping.VOID else 0
+        self.connection.reply(self.request, [[failed, [text]]])
 
 
 _HANDLERS: dict[str, tuple[Handler, Wrapping]] = {}
@@ -151,7 +156,7 @@ def serve(session: Session, request: Request) -> None:
     except (CallError, WorldError) as error:
         logger.debug("%s refused: %s", request.name, error)
         call.fail(str(error))
-    except Exception as error:  # noqa: BLE001 - whatever a client sends must not end the server
+    except Exception as error:
         logger.exception("%s%s failed", request.name, str(request.arguments)[:200])
         call.fail(f"{request.name} failed in the simulator: {type(error).__name__}: {error}")
     else:

@@ -51,9 +51,7 @@ def _get_ackermann_controller_settings(call: Call, actor_id: int) -> list[float]
 
 @handles_void("apply_ackermann_controller_settings")
 def _apply_ackermann_controller_settings(call: Call, actor_id: int, gains: list[float]) -> None:
-    status = _vehicle(call, actor_id).vehicle
-    if status is not None:
-        status.ackermann_settings = AckermannSettings(*gains)
+    call.world.set_ackermann_settings(actor_id, AckermannSettings(*gains))
 
 
 @handles("get_physics_control")

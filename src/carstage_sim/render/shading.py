@@ -68,12 +68,8 @@ def _glow(kind, lamps, light):  # type: ignore[no-untyped-def]
 
 @device
 def _tone(value):  # type: ignore[no-untyped-def]
-    """Filmic curve (fit by K. Narkowicz, 2015, of the ACES reference), 0-1."""
-    x = max(value, _ZERO) * np.float32(0.6)
-    y = (x * (np.float32(2.51) * x + np.float32(0.03))) / (
-        x * (np.float32(2.43) * x + np.float32(0.59)) + np.float32(0.14)
-    )
-    return min(y, _ONE)
+    """Exposed light as display light, 0-1: linear in the dark, saturating like film."""
+    return _ONE - math.exp(-max(value, _ZERO))
 
 
 @kernel

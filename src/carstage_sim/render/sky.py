@@ -24,9 +24,13 @@ _SUN_IRRADIANCE = 20.0
 _PLANET_M = 6_360_000.0
 _AIR_TOP_M = 60_000.0
 _RAYLEIGH_PER_M = np.array([5.8e-6, 13.5e-6, 33.1e-6])
+_OZONE_PER_M = np.array([0.8e-6, 2.3e-6, 0.1e-6])
+"""Ozone as if mixed into the air: takes the green out of long paths."""
 _MIE_PER_M = 12e-6
 _RAYLEIGH_SCALE_M, _MIE_SCALE_M = 8_000.0, 1_200.0
 _MIE_ASYMMETRY = 0.76
+_EXPOSURE, _ADAPTATION = 2.4, 0.68
+"""A white wall at noon comes out at 1.7 times the curve's unit, by night at about 0.25."""
 _NIGHT_SKY = np.array([0.0035, 0.005, 0.009])
 
 
@@ -85,7 +89,7 @@ def _sunlight(altitude_rad: float, haze: float) -> Array:
     """Irradiance of a surface that faces the sun, at the ground."""
     cosine = np.array([np.sin(altitude_rad)])
     rayleigh, mie = _sun_depth(np.array([2.0]), cosine)
-    depth = _RAYLEIGH_PER_M * rayleigh + _MIE_PER_M * haze * mie
+    depth = (_RAYLEIGH_PER_M + _OZONE_PER_M) * rayleigh + _MIE_PER_M * haze * mie
     light: Array = _SUN_IRRADIANCE * np.exp(-depth)
     return light
 
@@ -111,16 +115,15 @@ def _clear_sky(altitude_rad: float, haze: float, rows: int, columns: int) -> Arr
         mie = np.exp(-h / _MIE_SCALE_M) * ds
         cosine = (_PLANET_M * sun[2] + s * towards_sun) / radius
         sun_rayleigh, sun_mie = _sun_depth(h, cosine)
-        depth = (
-            _RAYLEIGH_PER_M * (rayleigh_depth + rayleigh / 2 + sun_rayleigh)[..., None]
-            + 1.1 * _MIE_PER_M * haze * (mie_depth + mie / 2 + sun_mie)[..., None]
-        )
+        depth = (_RAYLEIGH_PER_M + _OZONE_PER_M) * (rayleigh_depth + rayleigh / 2 + sun_rayleigh)[
+            ..., None
+        ] + 1.1 * _MIE_PER_M * haze * (mie_depth + mie / 2 + sun_mie)[..., None]
         arriving = np.exp(-depth)
         phase_rayleigh = 3 / (16 * np.pi) * (1 + towards_sun**2)
         g = _MIE_ASYMMETRY
         phase_mie = (1 - g * g) / (4 * np.pi * (1 + g * g - 2 * g * towards_sun) ** 1.5)
-        # A quarter of the isotropic share stands for light scattered more than once.
-        several = 0.35 / (4 * np.pi)
+        # An isotropic share stands for light that was scattered more than once.
+        several = 0.7 / (4 * np.pi)
         radiance += arriving * (
             _RAYLEIGH_PER_M * (rayleigh * (phase_rayleigh + several))[..., None]
             + _MIE_PER_M * haze * (mie * (phase_mie + several))[..., None]
@@ -190,7 +193,7 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
     altitude = np.radians(np.clip(weather.sun_altitude_angle, -90.0, 90.0))
     azimuth = np.radians(weather.sun_azimuth_angle)
     cloud = np.clip(weather.cloudiness / 100.0, 0.0, 1.0)
-    haze = 1.0 + 4.0 * np.clip(weather.fog_density / 100.0, 0.0, 1.0) + 1.5 * cloud
+    haze = 0.7 + 4.0 * np.clip(weather.fog_density / 100.0, 0.0, 1.0) + 1.5 * cloud
     # CARLA: azimuth 0 puts the sun at -x ... the light travels along the sun's forward vector.
     sun_direction = np.array(
         [
@@ -221,6 +224,8 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
         sun_direction = moon / np.linalg.norm(moon)
         sun = np.array([0.030, 0.036, 0.048]) * (1.0 - 0.8 * cloud)
     ambient = _irradiance(sky)
+    # Light that houses and street throw back fills shadows and takes some of the sky's blue.
+    ambient = 1.6 * (0.65 * ambient + 0.35 * ambient.mean(axis=1, keepdims=True))
     ground = (ambient[0] + sun * max(sun_direction[2], 0.0)) * 0.22
     ambient[1] = ambient[1] * 0.5 + 0.5 * ground
     ambient[2] = ground
@@ -234,7 +239,7 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
     puddles = np.clip(weather.precipitation_deposits / 100.0, 0.0, 1.0)
     # A camera adapts, but not fully: nights stay darker than days.
     level = float((ambient[0] + sun * max(sun_direction[2], 0.15)).mean())
-    exposure = 0.62 * np.pi / (0.22 * (level + 0.004) ** 0.80 * 14.0**0.20)
+    exposure = _EXPOSURE / (level + 0.002) ** _ADAPTATION
     return Lighting(
         sun_direction.astype(np.float32),
         sun.astype(np.float32),

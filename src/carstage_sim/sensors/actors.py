@@ -6,13 +6,16 @@ from collections.abc import Callable
 
 import numpy as np
 
+from carstage_sim.content.pedestrians import PHASES, pedestrian_mesh
+from carstage_sim.content.street_furniture import traffic_light_mesh
+from carstage_sim.content.vehicles import vehicle_mesh
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.town import Town
 from carstage_sim.mesh import TriangleMesh
 from carstage_sim.render.scene import Placement
+from carstage_sim.world.blueprints import catalogue
 from carstage_sim.world.state import ActorKind, WorldState
 
-_WALK_PHASES = 8
 _STRIDE_M = 1.35
 """Way of two steps; the legs swing with the distance walked."""
 _STANDING_M_S = 0.15
@@ -67,19 +70,22 @@ class ActorModels:
         if speed < _STANDING_M_S:
             return 0
         turns = state.timestamp_s * speed / _STRIDE_M + int(state.actor_id[row]) * 0.37
-        return 1 + int(turns % 1.0 * _WALK_PHASES) % _WALK_PHASES
+        return 1 + int(turns % 1.0 * PHASES) % PHASES
 
     def _built_in(self, key: str) -> TriangleMesh:
-        from carstage_sim.content.pedestrians import pedestrian_mesh
-        from carstage_sim.content.vehicles import vehicle_mesh
-        from carstage_sim.world.blueprints import catalogue
-
         name, _, number = key.partition("#")
         if name == "traffic_light":
-            from carstage_sim.content.street_furniture import traffic_light_mesh
-
             return traffic_light_mesh(self._town.traffic_lights[int(number)].head)
         blueprint = catalogue()[name]
         if blueprint.kind == ActorKind.WALKER:
             return pedestrian_mesh(name, blueprint.box_extent, phase=int(number))
-        return vehicle_mesh(name, blueprint.box_extent, blueprint.box_center)
+        parameters = blueprint.vehicle
+        if parameters is None:
+            return vehicle_mesh(name, blueprint.box_extent, blueprint.box_center)
+        return vehicle_mesh(
+            name,
+            blueprint.box_extent,
+            blueprint.box_center,
+            axles_m=(parameters.front_axle_x_m, parameters.rear_axle_x_m),
+            wheel_radius_m=parameters.wheels[0].radius_m,
+        )

@@ -1,0 +1,364 @@
+"""A closed vehicle body by lofting: sections along the length, materials by where a face lies.
+
+A shape is data: curves over the length and a few distances, all relative to the body's box, so that
+one function makes sedans, vans and buses. Lengths run from -1 (rear) to 1 (front) along x, heights
+from 0 (ground) to 1 (roof).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.content.lofting import Array, Curve, ShapeBuilder, uniform
+from carstage_sim.mesh import Material
+
+_Points = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class BodyShape:
+    """Outline of a body, relative to its length and height.
+
+    Attributes:
+        top: ``(x, z)`` of the middle line: tail, rear window, roof, windscreen, bonnet, nose.
+        belt: ``(x, z)`` of the line under the side windows.
+        width: ``(x, share)`` of the half width at the belt's height.
+        rear_window: x of its lower and upper edge.
+        windscreen: x of its upper and lower edge.
+        side_glass: x of the side windows' rear and front end.
+        pillars: x of the pillars that divide the side windows.
+        clearance: height of the floor.
+        tumblehome: how far the roof's edge stands in from the belt, as a share of the half width.
+        nose_round, tail_round: how far the corners stand back from the middle, in metres.
+        nose_lean, tail_lean: how far the top of the face stands back from the bumper, in metres.
+        head_lamp: y from, y to (shares of the half width), z from, z to.
+        tail_lamp: the same at the rear.
+        grille: z from, z to, and half width as a share.
+        cladding: height up to which the sills are bare plastic.
+        mirrors: whether outside mirrors reach out to the box's sides.
+        rear_glass: z from, z to and half width as a share of a window in an upright rear face.
+    """
+
+    top: _Points
+    belt: _Points
+    width: _Points
+    rear_window: tuple[float, float]
+    windscreen: tuple[float, float]
+    side_glass: tuple[float, float]
+    pillars: tuple[float, ...]
+    clearance: float = 0.12
+    tumblehome: float = 0.22
+    nose_round: float = 0.22
+    tail_round: float = 0.16
+    nose_lean: float = 0.10
+    tail_lean: float = 0.06
+    head_lamp: tuple[float, float, float, float] = (0.52, 0.96, 0.40, 0.50)
+    tail_lamp: tuple[float, float, float, float] = (0.50, 0.97, 0.48, 0.60)
+    grille: tuple[float, float, float] = (0.20, 0.33, 0.55)
+    cladding: float = 0.0
+    mirrors: bool = True
+    rear_glass: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class BodyFrame:
+    """Where a body stands in the vehicle's frame (metres).
+
+    Attributes:
+        center_x: middle of its length.
+        half_length: half its length.
+        half_width: half its width without mirrors.
+        reach: half its width with mirrors.
+        height: of the roof above the ground.
+        axles: x of the axles that need an arch.
+        wheel_radius: metres; 0 for a body without arches.
+        tyre_width: metres.
+    """
+
+    center_x: float
+    half_length: float
+    half_width: float
+    reach: float
+    height: float
+    axles: tuple[float, ...]
+    wheel_radius: float
+    tyre_width: float
+
+
+class CarBody:
+    """A lofted body.
+
+    Args:
+        shape: the outline.
+        frame: where and how large.
+    """
+
+    # Columns of a half section, from the middle of the floor over the side to the roof's middle.
+    _ARCH, _LIP, _SILL, _BELT, _GLASS, _RAIL, _ROOF, _MIDDLE = 2, 3, 4, 8, 9, 10, 11, 13
+
+    def __init__(self, shape: BodyShape, frame: BodyFrame) -> None:
+        self.shape, self.frame = shape, frame
+        self._top, self._belt = Curve(shape.top), Curve(shape.belt)
+        self._width = Curve(shape.width)
+
+    def _stations(self) -> Array:
+        """Relative x of the sections: even ones, feature edges, and arches in fine steps."""
+        s, f = self.shape, self.frame
+        edges = [*s.rear_window, *s.windscreen, *s.side_glass, -1.0, 1.0]
+        half_pillar = 0.04 / f.half_length
+        for pillar in s.pillars:
+            edges += [pillar - half_pillar, pillar + half_pillar]
+        for axle in f.axles:
+            middle = (axle - f.center_x) / f.half_length
+            edges += [
+                middle + np.cos(a) * self._arch_radius / f.half_length
+                for a in np.linspace(0.0, np.pi, 11)
+            ]
+            # The floor meets the arch in a step.
+            past = (self._arch_radius + 0.004) / f.half_length
+            edges += [middle - past, middle + past]
+        edges += [-0.985, -0.96, -0.93, 0.90, 0.93, 0.96, 0.985]
+        edges = [x for x in edges if -1.0 <= x <= 1.0]
+        even = [x for x in np.linspace(-1, 1, 23) if min(abs(x - e) for e in edges) > 0.03]
+        stations: Array = np.unique(np.round([*edges, *even], 4))
+        return stations
+
+    @property
+    def _arch_radius(self) -> float:
+        return self.frame.wheel_radius * 1.13
+
+    def _section(self, x: float) -> Array:
+        """``(14, 2)`` y, z of the half section at relative ``x``, metres."""
+        s, f = self.shape, self.frame
+        height = f.height
+        top, belt = float(self._top(x)) * height, float(self._belt(x)) * height
+        w = float(self._width(x)) * f.half_width
+        floor = s.clearance * height + 0.07 * np.clip((abs(x) - 0.82) / 0.18, 0.0, 1.0) ** 2
+        arch = floor
+        for axle in f.axles:
+            away = f.center_x + x * f.half_length - axle
+            if abs(away) < self._arch_radius:
+                arch = max(arch, f.wheel_radius + np.sqrt(self._arch_radius**2 - away**2))
+        arch = min(arch, belt - 0.12)
+        inner = max(f.half_width - f.tyre_width - 0.06, 0.3 * w)
+        rise = max(top - belt, 0.01)
+        house = np.clip((rise / height - 0.09) / 0.14, 0.0, 1.0)
+        house = house * house * (3 - 2 * house)
+        roof = w - s.tumblehome * f.half_width * min(rise / (0.36 * height), 1.15)
+        side = [
+            (min(inner, w * 0.9), floor),
+            (min(inner, w * 0.9), arch),
+            (w * 0.955, arch),
+            (w * 0.985, arch + 0.02),
+            (w * 1.0, arch + 0.45 * (belt - arch)),
+            (w * 0.995, arch + 0.62 * (belt - arch)),
+            (w * 0.985, arch + 0.86 * (belt - arch)),
+            (w * 0.955, belt),
+        ]
+        # Over the bonnet the section is a flat vault, in the cabin windows and a roof.
+        vault = [(0.90, 0.20), (0.72, 0.62), (0.62, 0.74), (0.34, 0.93), (0.0, 1.0)]
+        cabin = [
+            (w * 0.925, belt + 0.012),
+            (roof + 0.10 * (w - roof), belt + 0.88 * rise),
+            (roof - 0.035, belt + 0.965 * rise),
+            (roof * 0.5, belt + 0.995 * rise),
+            (0.0, top),
+        ]
+        upper = [
+            (
+                (1 - house) * w * share + house * y,
+                (1 - house) * (belt + rise * lift) + house * z,
+            )
+            for (share, lift), (y, z) in zip(vault, cabin, strict=True)
+        ]
+        return np.array([(0.0, floor), *side, *upper])
+
+    def _place(self, x: Array, y: Array, z: Array) -> Array:
+        """Points of the vehicle's frame from relative x and metric y, z: rounds both ends."""
+        s, f = self.shape, self.frame
+        across = np.clip(np.abs(y) / f.half_width, 0.0, 1.0)
+        front = np.clip((x - 0.60) / 0.40, 0.0, 1.0) ** 2
+        rear = np.clip((-x - 0.66) / 0.34, 0.0, 1.0) ** 2
+        lift = z / f.height - 0.34
+        back = front * (
+            s.nose_round * across**2.6 + s.nose_lean * np.clip(lift / 0.25, -0.5, 3.0) ** 2
+        ) - rear * (s.tail_round * across**2.8 + s.tail_lean * np.clip(lift / 0.25, -0.5, 3.0) ** 2)
+        return np.stack([f.center_x + x * (f.half_length - 0.025) - back, y, z], axis=-1)
+
+    def add_to(self, builder: ShapeBuilder) -> None:
+        """Add the body, its windows, lamps, plates and mirrors."""
+        x = self._stations()
+        half = np.stack([self._section(station) for station in x])
+        full = np.concatenate([half[:, ::-1] * [-1.0, 1.0], half[:, 1:]], axis=1)
+        points = self._place(
+            np.repeat(x[:, None], full.shape[1], axis=1), full[..., 0], full[..., 1]
+        )
+        builder.grid(points, self._materials(x, half), closed=False)
+        self._add_face(builder, half[-1], 1.0)
+        self._add_face(builder, half[0], -1.0)
+        self._add_lamps(builder)
+        self._add_doors(builder)
+        if self.shape.mirrors:
+            self._add_mirrors(builder)
+
+    def _materials(self, x: Array, half: Array) -> NDArray[np.uint8]:
+        """Material of each quad between stations and columns."""
+        s, f = self.shape, self.frame
+        middle = (x[:-1] + x[1:]) / 2
+        quads = uniform(Material.PAINT, len(middle), half.shape[1] - 1)
+        quads[:, : self._LIP] = Material.PLASTIC_DARK
+        lip = (half[:-1, self._SILL, 1] + half[1:, self._SILL, 1]) / 2
+        ends = (np.abs(middle) > 0.8) & (lip < (s.clearance + 0.12) * f.height)
+        raised = (lip > (s.clearance + 0.04) * f.height) & ~ends
+        quads[raised, self._LIP] = Material.PLASTIC_DARK
+        for column in range(self._LIP, self._BELT):
+            low = (half[:-1, column + 1, 1] + half[1:, column + 1, 1]) / 2
+            quads[low < s.cladding * f.height, column] = Material.PLASTIC_DARK
+        rise = (half[:-1, self._MIDDLE, 1] + half[1:, self._MIDDLE, 1]) / 2 - (
+            half[:-1, self._BELT, 1] + half[1:, self._BELT, 1]
+        ) / 2
+        cabin = rise > 0.10 * f.height
+        glazed = cabin & (middle > s.side_glass[0]) & (middle < s.side_glass[1])
+        quads[glazed, self._GLASS] = Material.GLASS
+        for pillar in s.pillars:
+            at = glazed & (np.abs(middle - pillar) < 0.04 / f.half_length)
+            quads[at, self._GLASS] = Material.PLASTIC_DARK
+        screen = (middle > s.windscreen[0]) & (middle < s.windscreen[1])
+        back = (middle > s.rear_window[0]) & (middle < s.rear_window[1])
+        quads[screen | back, self._ROOF :] = Material.GLASS
+        return np.concatenate([quads[:, ::-1], quads], axis=1)
+
+    def _add_face(self, builder: ShapeBuilder, half: Array, end: float) -> None:
+        """Close an end: rows between the section's left and right side."""
+        share = np.linspace(-1.0, 1.0, 11)
+        y = half[1:, :1] * share
+        z = np.repeat(half[1:, 1:], len(share), axis=1)
+        # The middle of the roof is one point: the last row shrinks to it.
+        points = self._place(np.full_like(y, end), y, z)
+        rows = uniform(Material.PAINT, len(points) - 1, len(share) - 1)
+        rows[:2] = Material.PLASTIC_DARK
+        builder.grid(points if end < 0 else points[:, ::-1], rows)
+
+    def patch(
+        self,
+        builder: ShapeBuilder,
+        end: float,
+        y: tuple[float, float],
+        z: tuple[float, float],
+        material: int,
+        *,
+        raised: float = 0.008,
+        columns: int = 5,
+        sweep: float = 0.0,
+    ) -> None:
+        """Add a plate on the front (``end`` 1) or rear (-1) face.
+
+        Args:
+            builder: receives it.
+            end: which face.
+            y: from and to, in shares of the face's half width.
+            z: from and to, in shares of the height.
+            material: of the plate.
+            raised: metres before the face.
+            columns: points across.
+            sweep: how much higher, in shares of the height, its outer edge stands than y = 0.
+        """
+        f = self.frame
+        wide = float(self._width(end)) * f.half_width * 0.985
+        share = np.linspace(y[0], y[1], columns)
+        yy, zz = np.meshgrid(share * wide, np.linspace(z[0], z[1], 3) * f.height)
+        zz += sweep * np.abs(share) * f.height
+        points = self._place(np.full_like(yy, end), yy, zz)
+        points[..., 0] += end * raised
+        builder.grid(points if end < 0 else points[:, ::-1], material)
+
+    def _add_lamps(self, builder: ShapeBuilder) -> None:
+        s = self.shape
+        low, high, wide = s.grille
+        self.patch(builder, 1.0, (-wide, wide), (low, high), Material.PLASTIC_DARK, columns=7)
+        plate = (0.11 / self.frame.height) / 2
+        front = low + (high - low) * 0.35
+        self.patch(
+            builder, 1.0, (-0.28, 0.28), (front - plate, front + plate),
+            Material.LICENCE_PLATE, raised=0.016,
+        )  # fmt: skip
+        if s.rear_glass is not None:
+            sill, lintel, wide = s.rear_glass
+            self.patch(builder, -1.0, (-wide, wide), (sill, lintel), Material.GLASS, columns=7)
+        y0, y1, z0, z1 = s.tail_lamp
+        rear = max(z0 - 0.10, s.clearance + 0.14)
+        self.patch(
+            builder, -1.0, (-0.28, 0.28), (rear - plate, rear + plate),
+            Material.LICENCE_PLATE, raised=0.012,
+        )  # fmt: skip
+        self.patch(
+            builder, -1.0, (-0.8, 0.8), (s.clearance, s.clearance + 0.08), Material.PLASTIC_DARK,
+            columns=9,
+        )  # fmt: skip
+        for sign, blinker in ((-1.0, Material.BLINKER_LEFT), (1.0, Material.BLINKER_RIGHT)):
+            inner, outer = sign * y0, sign * y1
+            turn = sign * (y1 - 0.22 * (y1 - y0))
+            span = (min(inner, turn), max(inner, turn))
+            edge = (min(turn, outer), max(turn, outer))
+            self.patch(builder, -1.0, span, (z0, z1), Material.TAIL_LAMP)
+            self.patch(builder, -1.0, edge, (z0, z1), blinker)
+            third = sign * (y0 + 0.08)
+            self.patch(
+                builder, -1.0, (min(inner, third), max(inner, third)), (z0, z0 + 0.4 * (z1 - z0)),
+                Material.REVERSE_LAMP, raised=0.012,
+            )  # fmt: skip
+            h0, h1, v0, v1 = s.head_lamp
+            inner, outer = sign * h0, sign * h1
+            turn = sign * (h1 - 0.2 * (h1 - h0))
+            self.patch(
+                builder, 1.0, (min(inner, turn), max(inner, turn)), (v0, v1), Material.HEAD_LAMP
+            )
+            self.patch(builder, 1.0, (min(turn, outer), max(turn, outer)), (v0, v1), blinker)
+
+    def _add_doors(self, builder: ShapeBuilder) -> None:
+        """Seams below the pillars and at the windows' ends, and a handle before each seam."""
+        s, f = self.shape, self.frame
+        seams = [s.side_glass[1] - 0.03, *s.pillars]
+        for number, seam in enumerate(sorted(seams)):
+            half = self._section(seam)[self._SILL : self._BELT + 1]
+            if half[0, 1] > (s.clearance + 0.08) * f.height:
+                continue
+            for sign in (-1.0, 1.0):
+                y = sign * (half[:, 0] + 0.002)
+                line = [
+                    self._place(np.full(len(y), seam + shift / f.half_length), y, half[:, 1])
+                    for shift in (-0.005, 0.005)
+                ]
+                builder.grid(np.stack(line), Material.PLASTIC_DARK)
+                if number == len(seams) - 1:
+                    continue
+                grip = float(self._belt(seam)) * f.height - 0.09
+                side = sorted((sign * (half[-2, 0] - 0.02), sign * (half[-2, 0] + 0.012)))
+                x = f.center_x + seam * f.half_length + 0.06
+                builder.box(
+                    (x, side[0], grip - 0.012), (x + 0.17, side[1], grip + 0.012), Material.PAINT
+                )
+
+    def _add_mirrors(self, builder: ShapeBuilder) -> None:
+        """Two mirrors at the front end of the side windows, out to the box's sides."""
+        s, f = self.shape, self.frame
+        x = f.center_x + (s.side_glass[1] - 0.05) * f.half_length
+        z = float(self._belt(s.side_glass[1])) * f.height + 0.07
+        body = float(self._width(s.side_glass[1])) * f.half_width * 0.93
+        out = max(f.reach - 0.005, body + 0.08)
+        wide = min(0.24, out - body)
+        for sign in (-1.0, 1.0):
+            builder.limb(
+                [
+                    (x, sign * (out - wide), z),
+                    (x, sign * (out - wide * 0.8), z + 0.01),
+                    (x, sign * (out - wide * 0.25), z + 0.012),
+                    (x, sign * out, z + 0.005),
+                ],
+                [0.03, 0.085, 0.085, 0.04],
+                Material.PAINT,
+                squash=0.75,
+            )

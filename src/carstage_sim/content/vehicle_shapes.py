@@ -1,0 +1,205 @@
+"""Outlines of the vehicles' bodies, by build, and which blueprint has which build."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from enum import Enum
+
+from carstage_sim.content.car_body import BodyShape
+
+
+class Build(Enum):
+    """Kind of body."""
+
+    SEDAN = "sedan"
+    HATCH = "hatch"
+    COUPE = "coupe"
+    SUV = "suv"
+    OFFROAD = "offroad"
+    BUBBLE = "bubble"
+    VAN = "van"
+    CAMPER = "camper"
+    AMBULANCE = "ambulance"
+    PICKUP = "pickup"
+    LORRY = "lorry"
+    FIRE_ENGINE = "fire engine"
+    DELIVERY = "delivery"
+    BUS = "bus"
+    MOTORCYCLE = "motorcycle"
+    SCOOTER = "scooter"
+    BICYCLE = "bicycle"
+
+
+# fmt: off
+_ROUND = (
+    (-1.0, 0.84), (-0.97, 0.91), (-0.90, 0.95), (-0.72, 0.985), (-0.3, 1.0), (0.4, 1.0),
+    (0.72, 0.98), (0.88, 0.945), (0.96, 0.89), (1.0, 0.80),
+)
+_SQUARE = ((-1.0, 0.93), (-0.96, 0.985), (-0.8, 1.0), (0.8, 1.0), (0.95, 0.97), (1.0, 0.90))
+
+_SEDAN = BodyShape(
+    top=(
+        (-1.0, 0.67), (-0.93, 0.705), (-0.76, 0.735), (-0.70, 0.75), (-0.34, 0.955),
+        (-0.05, 1.0), (0.12, 0.985), (0.22, 0.95), (0.50, 0.72), (0.56, 0.695),
+        (0.78, 0.63), (0.93, 0.55), (1.0, 0.46),
+    ),
+    belt=((-1.0, 0.61), (-0.7, 0.665), (0.2, 0.625), (0.5, 0.60), (0.8, 0.53), (1.0, 0.42)),
+    width=_ROUND, rear_window=(-0.69, -0.34), windscreen=(0.20, 0.50),
+    side_glass=(-0.52, 0.41), pillars=(-0.06,),
+    head_lamp=(0.50, 0.97, 0.36, 0.43), tail_lamp=(0.46, 0.97, 0.49, 0.58),
+    grille=(0.17, 0.30, 0.62),
+)
+_HATCH = BodyShape(
+    top=(
+        (-1.0, 0.72), (-0.95, 0.78), (-0.88, 0.84), (-0.62, 0.965), (-0.2, 1.0), (0.10, 0.985),
+        (0.20, 0.955), (0.52, 0.70), (0.60, 0.665), (0.80, 0.60), (0.94, 0.53), (1.0, 0.44),
+    ),
+    belt=((-1.0, 0.62), (-0.7, 0.63), (0.2, 0.60), (0.5, 0.575), (0.8, 0.51), (1.0, 0.41)),
+    width=_ROUND, rear_window=(-0.97, -0.64), windscreen=(0.18, 0.52),
+    side_glass=(-0.74, 0.43), pillars=(-0.40, 0.0),
+    head_lamp=(0.50, 0.97, 0.37, 0.45), tail_lamp=(0.62, 0.98, 0.44, 0.60),
+    grille=(0.17, 0.30, 0.6), tail_lean=0.04,
+)
+_SUV = BodyShape(
+    top=(
+        (-1.0, 0.74), (-0.965, 0.82), (-0.90, 0.91), (-0.78, 0.975), (-0.3, 1.0), (0.12, 0.99),
+        (0.22, 0.955), (0.46, 0.72), (0.54, 0.685), (0.78, 0.645), (0.94, 0.58), (1.0, 0.48),
+    ),
+    belt=((-1.0, 0.61), (-0.5, 0.62), (0.3, 0.60), (0.5, 0.59), (0.8, 0.56), (1.0, 0.45)),
+    width=_ROUND, rear_window=(-0.97, -0.80), windscreen=(0.20, 0.47),
+    side_glass=(-0.84, 0.39), pillars=(-0.48, -0.04),
+    clearance=0.135, tumblehome=0.18, cladding=0.24, nose_lean=0.06, tail_lean=0.03,
+    head_lamp=(0.52, 0.97, 0.41, 0.48), tail_lamp=(0.64, 0.98, 0.42, 0.60),
+    grille=(0.22, 0.40, 0.48),
+)
+
+SHAPES: dict[Build, BodyShape] = {
+    Build.SEDAN: _SEDAN,
+    Build.HATCH: _HATCH,
+    Build.COUPE: BodyShape(
+        top=(
+            (-1.0, 0.68), (-0.93, 0.72), (-0.84, 0.745), (-0.40, 0.935), (-0.12, 1.0),
+            (0.04, 0.985), (0.12, 0.955), (0.40, 0.735), (0.47, 0.71), (0.78, 0.645),
+            (0.93, 0.565), (1.0, 0.47),
+        ),
+        belt=((-1.0, 0.62), (-0.7, 0.68), (0.1, 0.645), (0.4, 0.62), (0.8, 0.55), (1.0, 0.43)),
+        width=_ROUND, rear_window=(-0.78, -0.40), windscreen=(0.11, 0.40),
+        side_glass=(-0.40, 0.31), pillars=(-0.22,),
+        head_lamp=(0.52, 0.96, 0.38, 0.45), tail_lamp=(0.40, 0.95, 0.51, 0.59),
+        grille=(0.18, 0.32, 0.6), clearance=0.10,
+    ),
+    Build.SUV: _SUV,
+    Build.OFFROAD: replace(
+        _SUV,
+        top=(
+            (-1.0, 0.90), (-0.985, 0.95), (-0.95, 0.985), (-0.5, 1.0), (0.10, 0.99),
+            (0.17, 0.965), (0.30, 0.72), (0.36, 0.69), (0.80, 0.665), (0.97, 0.63), (1.0, 0.56),
+        ),
+        belt=((-1.0, 0.63), (0.3, 0.63), (0.6, 0.62), (0.95, 0.59), (1.0, 0.53)),
+        width=_SQUARE, rear_window=(-1.2, -1.1), windscreen=(0.14, 0.31), side_glass=(-0.93, 0.26),
+        pillars=(-0.45, -0.08), tumblehome=0.09, nose_round=0.08, tail_round=0.06, nose_lean=0.02,
+        tail_lean=0.01, cladding=0.26, head_lamp=(0.55, 0.85, 0.42, 0.52),
+        tail_lamp=(0.78, 0.97, 0.44, 0.58), grille=(0.36, 0.52, 0.45),
+        rear_glass=(0.66, 0.90, 0.78),
+    ),
+    Build.BUBBLE: replace(
+        _HATCH,
+        top=(
+            (-1.0, 0.66), (-0.9, 0.80), (-0.6, 0.95), (-0.1, 1.0), (0.25, 0.965), (0.38, 0.92),
+            (0.82, 0.58), (0.90, 0.52), (1.0, 0.40),
+        ),
+        belt=((-1.0, 0.55), (-0.4, 0.58), (0.5, 0.54), (0.85, 0.46), (1.0, 0.36)),
+        rear_window=(-0.93, -0.66), windscreen=(0.34, 0.84), side_glass=(-0.66, 0.62),
+        pillars=(-0.2,), head_lamp=(0.55, 0.95, 0.34, 0.42),
+    ),
+    Build.VAN: BodyShape(
+        top=(
+            (-1.0, 0.93), (-0.985, 0.965), (-0.94, 0.985), (-0.3, 1.0), (0.40, 0.99),
+            (0.50, 0.965), (0.545, 0.94), (0.80, 0.56), (0.85, 0.53), (0.95, 0.46), (1.0, 0.36),
+        ),
+        belt=((-1.0, 0.50), (0.4, 0.50), (0.8, 0.48), (0.9, 0.44), (1.0, 0.33)),
+        width=_SQUARE, rear_window=(-1.2, -1.1), windscreen=(0.53, 0.81),
+        side_glass=(0.20, 0.74), pillars=(), clearance=0.09, tumblehome=0.12, nose_round=0.20,
+        tail_round=0.05, nose_lean=0.05, tail_lean=0.01, head_lamp=(0.55, 0.96, 0.30, 0.38),
+        tail_lamp=(0.84, 0.98, 0.26, 0.50), grille=(0.15, 0.27, 0.55), cladding=0.16,
+        rear_glass=(0.56, 0.82, 0.74),
+    ),
+    Build.CAMPER: BodyShape(
+        top=(
+            (-1.0, 0.78), (-0.985, 0.85), (-0.94, 0.93), (-0.80, 0.985), (-0.2, 1.0), (0.60, 0.99),
+            (0.74, 0.965), (0.80, 0.93), (0.955, 0.62), (0.97, 0.57), (0.99, 0.49), (1.0, 0.40),
+        ),
+        belt=((-1.0, 0.56), (0.7, 0.56), (0.9, 0.55), (0.97, 0.50), (1.0, 0.36)),
+        width=_SQUARE, rear_window=(-0.99, -0.86), windscreen=(0.79, 0.957),
+        side_glass=(-0.86, 0.86), pillars=(-0.42, 0.05, 0.46), clearance=0.13, tumblehome=0.12,
+        nose_round=0.20, tail_round=0.14, nose_lean=0.03, tail_lean=0.03,
+        head_lamp=(0.58, 0.88, 0.32, 0.42), tail_lamp=(0.74, 0.95, 0.36, 0.48),
+        grille=(0.18, 0.24, 0.5),
+    ),
+    Build.PICKUP: BodyShape(
+        top=(
+            (-1.0, 0.66), (-0.97, 0.67), (-0.60, 0.76), (-0.1, 0.965), (0.02, 1.0), (0.06, 0.985),
+            (0.48, 0.76), (0.56, 0.715), (0.80, 0.60), (0.94, 0.535), (1.0, 0.49),
+        ),
+        belt=((-1.0, 0.60), (-0.2, 0.655), (0.1, 0.66), (0.6, 0.60), (0.9, 0.50), (1.0, 0.45)),
+        width=_SQUARE, rear_window=(-0.42, -0.10), windscreen=(0.06, 0.56),
+        side_glass=(-0.24, 0.44), pillars=(0.0,), clearance=0.17, tumblehome=0.26,
+        nose_round=0.12, tail_round=0.04, nose_lean=0.02, tail_lean=0.01, cladding=0.30,
+        head_lamp=(0.0, 0.97, 0.44, 0.465), tail_lamp=(0.0, 0.97, 0.55, 0.575),
+        grille=(0.24, 0.32, 0.75), mirrors=False,
+    ),
+    Build.BUS: BodyShape(
+        top=(
+            (-1.0, 0.92), (-0.99, 0.955), (-0.96, 0.985), (-0.3, 1.0), (0.80, 1.0), (0.90, 0.985),
+            (0.94, 0.96), (0.985, 0.60), (0.99, 0.52), (1.0, 0.36),
+        ),
+        belt=((-1.0, 0.46), (0.9, 0.46), (0.985, 0.44), (1.0, 0.30)),
+        width=_SQUARE, rear_window=(-1.2, -1.1), windscreen=(0.935, 0.987),
+        side_glass=(-0.94, 0.93), pillars=(-0.62, -0.30, 0.02, 0.34, 0.66), clearance=0.10,
+        tumblehome=0.05, nose_round=0.28, tail_round=0.12, nose_lean=0.02, tail_lean=0.02,
+        head_lamp=(0.62, 0.95, 0.21, 0.27), tail_lamp=(0.80, 0.97, 0.22, 0.34),
+        grille=(0.13, 0.18, 0.7), mirrors=False, rear_glass=(0.50, 0.82, 0.76),
+    ),
+}
+# fmt: on
+SHAPES[Build.AMBULANCE] = SHAPES[Build.VAN]
+
+_BUILDS: dict[str, Build] = {
+    "audi.a2": Build.HATCH,
+    "audi.etron": Build.SUV,
+    "audi.tt": Build.COUPE,
+    "bmw.grandtourer": Build.HATCH,
+    "citroen.c3": Build.HATCH,
+    "ford.mustang": Build.COUPE,
+    "jeep.wrangler_rubicon": Build.OFFROAD,
+    "mercedes.coupe": Build.COUPE,
+    "mercedes.coupe_2020": Build.COUPE,
+    "micro.microlino": Build.BUBBLE,
+    "mini.cooper_s": Build.HATCH,
+    "mini.cooper_s_2021": Build.HATCH,
+    "nissan.micra": Build.HATCH,
+    "nissan.patrol": Build.SUV,
+    "nissan.patrol_2021": Build.SUV,
+    "seat.leon": Build.HATCH,
+    "ford.ambulance": Build.AMBULANCE,
+    "mercedes.sprinter": Build.VAN,
+    "volkswagen.t2": Build.CAMPER,
+    "volkswagen.t2_2021": Build.CAMPER,
+    "carlamotors.carlacola": Build.DELIVERY,
+    "carlamotors.european_hgv": Build.LORRY,
+    "carlamotors.firetruck": Build.FIRE_ENGINE,
+    "tesla.cybertruck": Build.PICKUP,
+    "mitsubishi.fusorosa": Build.BUS,
+    "harley-davidson.low_rider": Build.MOTORCYCLE,
+    "kawasaki.ninja": Build.MOTORCYCLE,
+    "vespa.zx125": Build.SCOOTER,
+    "yamaha.yzf": Build.MOTORCYCLE,
+    "bh.crossbike": Build.BICYCLE,
+    "diamondback.century": Build.BICYCLE,
+    "gazelle.omafiets": Build.BICYCLE,
+}
+
+
+def build_of(type_id: str) -> Build:
+    """The build of a blueprint; sedan unless known otherwise."""
+    return _BUILDS.get(type_id.removeprefix("vehicle."), Build.SEDAN)

@@ -38,9 +38,9 @@ _K = Column("k", "i32", "", "index of the saved frame, from 0")
 _TIMESTAMP = Column("timestamp_s", "f64", "s", "simulated time since the first frame: tick / fps")
 _TRACK_ID = Column("track_id", "i64", "", "actor id; unique within an episode")
 
-_NO_3D = "null without a valid box, or when labels.boxes has no `3d`"
-_NO_2D = "null when labels.boxes has no `2d`"
-_NO_PIXELS = "null when labels.method is `stage_vo`"
+_NO_3D = "null: no valid box, or no `3d` in `labels.boxes`"
+_NO_2D = "null: no `2d` in `labels.boxes`"
+_NO_PIXELS = "null: `labels.method` is `stage_vo`"
 
 OBJECT_COLUMNS: tuple[Column, ...] = (
     _K,

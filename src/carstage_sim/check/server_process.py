@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from queue import Empty, Queue
 from time import monotonic
 
-_PORT = re.compile(r"port\"?\s*[=: ]\s*(\d+)")
+_READY = re.compile(r"ready rpc=\S*:(\d+)")
 _STOP_TIMEOUT_S = 10.0
 _LOG_LINES = 40
 
@@ -34,9 +34,13 @@ def running_server(
     Raises:
         ServerError: no ready line within the time.
     """
-    command = [sys.executable, "-m", "carstage_sim", "--port", "0", *arguments]
+    command = [sys.executable, "-m", "carstage_sim", "--port", "0", "--exit-with-parent"]
     process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+        [*command, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
     )
     lines: Queue[str | None] = Queue(maxsize=10_000)
     tail: deque[str] = deque(maxlen=_LOG_LINES)
@@ -62,7 +66,7 @@ def _read(process: subprocess.Popen[str], lines: Queue[str | None], tail: deque[
         tail.append(line.rstrip())
         if waiting:
             lines.put(line)
-            waiting = _PORT.search(line) is None
+            waiting = _READY.search(line) is None
     process.stdout.close()
     lines.put(None)
 
@@ -77,6 +81,6 @@ def _await_port(lines: Queue[str | None], tail: deque[str], deadline: float) -> 
             ) from None
         if line is None:
             raise ServerError("the server ended before it was ready:\n" + "\n".join(tail))
-        found = _PORT.search(line)
+        found = _READY.search(line)
         if found is not None:
             return int(found.group(1))

@@ -1,0 +1,33 @@
+"""CARLA servers: the embedded one, a CARLA release on this machine, one that runs already.
+
+All three give an :class:`Endpoint` and are context managers; what started a process ends it by its
+own process group.
+"""
+
+from carstage.server.base import Endpoint, Server
+from carstage.server.description import (
+    BlueprintDescription,
+    SimulatorDescription,
+    describe_embedded,
+)
+from carstage.server.embedded import EmbeddedServer
+from carstage.server.ports import PortBlock, allot_ports, check_ports_free, free_port
+from carstage.server.probe import probe_version
+from carstage.server.release import CarlaServer
+from carstage.server.remote import RemoteServer
+
+__all__ = [
+    "BlueprintDescription",
+    "CarlaServer",
+    "EmbeddedServer",
+    "Endpoint",
+    "PortBlock",
+    "RemoteServer",
+    "Server",
+    "SimulatorDescription",
+    "allot_ports",
+    "check_ports_free",
+    "describe_embedded",
+    "free_port",
+    "probe_version",
+]

@@ -1,0 +1,135 @@
+"""What the embedded simulator offers, known without starting it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+from carstage import __version__
+from carstage.errors import ServerError
+from carstage.server.embedded import MODULE
+
+DESCRIBE_S = 120.0
+
+
+@dataclass(frozen=True, slots=True)
+class BlueprintDescription:
+    """One blueprint: its id, tags and attributes with their default values as texts."""
+
+    id: str
+    tags: tuple[str, ...]
+    attributes: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatorDescription:
+    """What a server offers.
+
+    Attributes:
+        protocol: the CARLA version that it speaks.
+        maps: map name, without folders, to the number of its spawn points.
+        blueprints: by id.
+    """
+
+    protocol: str
+    maps: Mapping[str, int]
+    blueprints: Mapping[str, BlueprintDescription]
+
+
+@lru_cache(maxsize=4)
+def describe_embedded(cache_folder: Path | None = None) -> SimulatorDescription:
+    """Maps and blueprints of the embedded simulator.
+
+    The answer is kept in memory and on disk, there by a fingerprint of the simulator's code.
+
+    Args:
+        cache_folder: where it is kept; None uses the user's cache folder.
+
+    Raises:
+        ServerError: the simulator could not describe itself.
+    """
+    folder = cache_folder or Path(platformdirs.user_cache_path("carstage"))
+    path = folder / f"simulator-{_fingerprint()}.json"
+    try:
+        return _parse(json.loads(path.read_text("utf-8")))
+    except (OSError, ValueError, KeyError, TypeError):
+        pass  # not there yet, or not whole: ask, and write it anew
+    text = _ask()
+    try:
+        description = _parse(json.loads(text))
+    except (ValueError, KeyError, TypeError) as error:
+        raise ServerError(
+            f"The embedded simulator's description cannot be read: {error!r}.",
+            f"Compare with the output of `python -m {MODULE} --describe`.",
+        ) from error
+    _keep(path, text)
+    return description
+
+
+def _ask() -> str:
+    command = [sys.executable, "-m", MODULE, "--describe"]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=DESCRIBE_S, check=False
+        )
+    except subprocess.TimeoutExpired as error:
+        raise ServerError(f"The embedded simulator said nothing for {DESCRIBE_S:g} s.") from error
+    if done.returncode != 0:
+        raise ServerError(
+            f"The embedded simulator cannot describe itself (exit status {done.returncode}):\n"
+            f"{done.stderr[-2000:]}",
+            f"Run `python -m {MODULE} --describe`.",
+        )
+    return done.stdout
+
+
+def _parse(document: Mapping[str, Any]) -> SimulatorDescription:
+    return SimulatorDescription(
+        protocol=document["protocol"],
+        maps={entry["name"]: int(entry["spawn_points"]) for entry in document["maps"]},
+        blueprints={
+            entry["id"]: BlueprintDescription(
+                id=entry["id"],
+                tags=tuple(entry["tags"]),
+                attributes={
+                    attribute["id"]: str(attribute["default"]) for attribute in entry["attributes"]
+                },
+            )
+            for entry in document["blueprints"]
+        },
+    )
+
+
+def _fingerprint() -> str:
+    """Changes with every edit of the simulator's code, without importing it."""
+    digest = hashlib.sha256(f"{__version__} {sys.version}".encode())
+    spec = find_spec(MODULE)
+    for location in (spec.submodule_search_locations or ()) if spec is not None else ():
+        for file in sorted(Path(location).rglob("*.py")):
+            status = file.stat()
+            digest.update(f"{file} {status.st_size} {status.st_mtime_ns}\n".encode())
+    return digest.hexdigest()[:16]
+
+
+def _keep(path: Path, text: str) -> None:
+    """Write atomically; a cache that cannot be written is no fault."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, partial = tempfile.mkstemp(dir=path.parent, prefix=path.name)
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        Path(partial).replace(path)
+    except OSError:
+        return

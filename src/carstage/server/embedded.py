@@ -1,0 +1,132 @@
+"""The embedded simulator, started as a process like any other server."""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import ClassVar
+
+from carstage.errors import ServerError
+from carstage.server.base import TAIL_LINES, Endpoint, Server
+from carstage.server.ports import check_ports_free, free_port
+from carstage.server.process import ServerProcess
+
+MODULE = "carstage_sim"
+START_S = 180.0
+"""The first start on a machine compiles the kernels."""
+
+_READY = re.compile(
+    rf"{MODULE} ready rpc=(?P<host>\S+):(?P<port>\d+) .*\bprotocol=(?P<version>\S+)"
+)
+
+
+class EmbeddedServer(Server):
+    """``python -m carstage_sim``; ends by itself when this process is gone.
+
+    Args:
+        map_name: the map that it begins with; None leaves the choice to it.
+        port: RPC port, the streaming port follows; None lets the system choose both.
+        threads: threads that it computes with; None uses all cores.
+        host: the address to listen on.
+        log_path: file that its output is appended to; None uses a temporary one.
+        timeout_s: how long it may take until it is ready.
+        environment: added to its environment.
+    """
+
+    kind: ClassVar[str] = "embedded"
+
+    def __init__(
+        self,
+        *,
+        map_name: str | None = None,
+        port: int | None = None,
+        threads: int | None = None,
+        host: str = "127.0.0.1",
+        log_path: Path | None = None,
+        timeout_s: float = START_S,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        super().__init__()
+        self._map_name = map_name
+        self._port = port
+        self._threads = threads
+        self._host = host
+        self._log_path = log_path
+        self._timeout_s = timeout_s
+        self._environment = environment
+        self._process: ServerProcess | None = None
+
+    def start(self) -> Endpoint:
+        """Start it and wait for its ready line."""
+        if self._port is not None:
+            check_ports_free([self._port, self._port + 1], self._host)
+        begin_s = time.monotonic()
+        self._process = ServerProcess(
+            self._command(),
+            log_path=self._log_path,
+            environment=self._environment,
+            marker=f"{MODULE} ready",
+        )
+        try:
+            ready = _READY.match(self._process.wait_line(self._timeout_s))
+            if ready is None:
+                raise self._not_ready(self._process, time.monotonic() - begin_s)
+            self._endpoint = Endpoint(
+                host=ready["host"],
+                port=int(ready["port"]),
+                traffic_manager_port=free_port(),
+                version=ready["version"],
+                pid=self._process.pid,
+            )
+        except BaseException:
+            self.stop()
+            raise
+        return self._endpoint
+
+    def stop(self) -> None:
+        """End its process group."""
+        if self._process is not None:
+            self._process.stop()
+        self._endpoint = None
+
+    def alive(self) -> bool:
+        """Whether its process runs."""
+        return self._process is not None and self._process.exit_code is None
+
+    def log_tail(self, lines: int = TAIL_LINES) -> str:
+        """The last lines of its log."""
+        return self._process.tail(lines) if self._process is not None else ""
+
+    @property
+    def exit_code(self) -> int | None:
+        """Exit status of its process once it ended."""
+        return self._process.exit_code if self._process is not None else None
+
+    def _command(self) -> list[str]:
+        command = [sys.executable, "-m", MODULE, "--exit-with-parent", "--host", self._host]
+        if self._port is None:
+            command += ["--port", "0", "--streaming-port", "0"]
+        else:
+            command += ["--port", str(self._port), "--streaming-port", str(self._port + 1)]
+        if self._map_name is not None:
+            command += ["--map", self._map_name]
+        if self._threads is not None:
+            command += ["--threads", str(self._threads)]
+        return command
+
+    def _not_ready(self, process: ServerProcess, after_s: float) -> ServerError:
+        where = f"{self._host}:{self._port or 'auto'}"
+        ended = process.wait_end(1.0) if after_s < self._timeout_s else False
+        what = (
+            f"ended with exit status {process.exit_code}"
+            if ended
+            else f"was not ready after {after_s:.0f} s"
+        )
+        tail = process.tail(TAIL_LINES)
+        return ServerError(
+            f"The embedded simulator at {where} {what}. Its last words:\n{tail}",
+            "Try `carstage sim` to see it start by itself.",
+        )

@@ -1,0 +1,110 @@
+"""Free ports: a block of three for a server, one for the client's Traffic Manager."""
+
+from __future__ import annotations
+
+import random
+import socket
+from collections.abc import Iterable
+from contextlib import ExitStack
+from dataclasses import dataclass
+
+from carstage.errors import BadInputError, ServerError
+
+FIRST_PORT = 20_000
+LAST_PORT = 31_999
+"""Below the range from which Linux serves outgoing connections: a client that opens one between
+our look and the server's bind cannot take the port away."""
+
+_TRIES = 200
+_ANY_ADDRESS = "0.0.0.0"
+
+
+@dataclass(frozen=True, slots=True)
+class PortBlock:
+    """The ports of one server: RPC, streaming and secondary follow one another."""
+
+    rpc: int
+    traffic_manager: int
+
+    @property
+    def streaming(self) -> int:
+        """The port of the sensor streams."""
+        return self.rpc + 1
+
+    @property
+    def secondary(self) -> int:
+        """The port for secondary servers; clients never use it."""
+        return self.rpc + 2
+
+
+def allot_ports(rpc: int | None = None, host: str = "127.0.0.1") -> PortBlock:
+    """Find the ports of a server: ``rpc`` and the two after it, and one for the Traffic Manager.
+
+    Args:
+        rpc: the wanted RPC port; None finds a free block.
+        host: the address that the server will listen on.
+
+    Raises:
+        BadInputError: ``rpc`` or one of the two after it is taken; names ``server.port``.
+        ServerError: no free block was found.
+    """
+    if rpc is not None:
+        check_ports_free(range(rpc, rpc + 3), host)
+        return PortBlock(rpc, free_port(exclude=range(rpc, rpc + 3)))
+    chance = random.SystemRandom()
+    for _ in range(_TRIES):
+        first = chance.randrange(FIRST_PORT, LAST_PORT - 2)
+        block = range(first, first + 3)
+        if _taken(block, host) is None and _taken(block, _ANY_ADDRESS) is None:
+            return PortBlock(first, free_port(exclude=block))
+    raise ServerError(
+        f"No three free ports in a row between {FIRST_PORT} and {LAST_PORT}.",
+        "End some of the servers on this machine.",
+    )
+
+
+def free_port(exclude: Iterable[int] = ()) -> int:
+    """A port that nobody on this machine listens on.
+
+    Raises:
+        ServerError: none was found.
+    """
+    chance = random.SystemRandom()
+    excluded = set(exclude)
+    for _ in range(_TRIES):
+        port = chance.randint(FIRST_PORT, LAST_PORT)
+        if port not in excluded and _taken([port], _ANY_ADDRESS) is None:
+            return port
+    raise ServerError(
+        f"No free port between {FIRST_PORT} and {LAST_PORT}.",
+        "End some of the servers on this machine.",
+    )
+
+
+def check_ports_free(ports: Iterable[int], host: str = "127.0.0.1") -> None:
+    """Refuse ports that somebody listens on already.
+
+    Raises:
+        BadInputError: one is taken; names ``server.port``.
+    """
+    taken = _taken(ports, host)
+    if taken is not None:
+        raise BadInputError(
+            f"server.port: port {taken} of {host} is in use.",
+            "Stop what listens there, choose another port, or leave it to `auto`.",
+        )
+
+
+def _taken(ports: Iterable[int], host: str) -> int | None:
+    """The first port that cannot be listened on; all are held together while looking."""
+    with ExitStack() as held:
+        for port in ports:
+            listener = held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
+            # A port whose last connections are still closing is free for a server.
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                listener.bind((host, port))
+                listener.listen(1)
+            except (OSError, OverflowError):
+                return port
+    return None

@@ -1,0 +1,127 @@
+"""A CARLA release on this machine, started through its own script."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import ClassVar
+
+from carstage.errors import BadInputError, ServerError
+from carstage.server.base import TAIL_LINES, Endpoint, Server
+from carstage.server.ports import allot_ports
+from carstage.server.probe import wait_for_version
+from carstage.server.process import ServerProcess
+
+SCRIPT = "CarlaUE4.sh"
+START_S = 180.0
+
+
+def find_script(path: Path) -> Path:
+    """The start script of a CARLA release: ``path`` itself, or in the folder ``path``.
+
+    Raises:
+        BadInputError: there is none; names ``server.path``.
+    """
+    script = path / SCRIPT if path.is_dir() else path
+    if script.name != SCRIPT or not script.is_file():
+        raise BadInputError(
+            f"server.path: there is no CARLA server in {path}: {SCRIPT} is missing.",
+            f"Give the folder of a CARLA release, the one with {SCRIPT}, or use server.kind: "
+            "embedded.",
+        )
+    return script
+
+
+class CarlaServer(Server):
+    """``CarlaUE4.sh`` without a window, in a process group of its own.
+
+    Args:
+        path: folder of the release, or its start script.
+        port: RPC port, the two after it are its too; None finds a free block.
+        arguments: more arguments of the start script.
+        graphics_adapter: index of the GPU; None leaves the choice to it.
+        log_path: file that its output is appended to; None uses a temporary one.
+        timeout_s: how long it may take until it answers.
+        environment: added to its environment.
+
+    Raises:
+        BadInputError: there is no CARLA server at ``path``.
+    """
+
+    kind: ClassVar[str] = "carla"
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        port: int | None = None,
+        arguments: Sequence[str] = ("-RenderOffScreen",),
+        graphics_adapter: int | None = None,
+        log_path: Path | None = None,
+        timeout_s: float = START_S,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        super().__init__()
+        self._script = find_script(path)
+        self._port = port
+        self._arguments = tuple(arguments)
+        self._graphics_adapter = graphics_adapter
+        self._log_path = log_path
+        self._timeout_s = timeout_s
+        self._environment = environment
+        self._process: ServerProcess | None = None
+
+    def start(self) -> Endpoint:
+        """Start it and ask for its version until it answers."""
+        host = "127.0.0.1"
+        ports = allot_ports(self._port, host)
+        command = [
+            *(sys.executable, "-m", "carstage.server.leash"),
+            str(self._script.resolve()),
+            *self._arguments,
+            "-nosound",
+            f"-carla-rpc-port={ports.rpc}",
+            f"-carla-streaming-port={ports.streaming}",
+            f"-carla-secondary-port={ports.secondary}",
+        ]
+        if self._graphics_adapter is not None:
+            command.append(f"-graphicsadapter={self._graphics_adapter}")
+        process = ServerProcess(command, log_path=self._log_path, environment=self._environment)
+        self._process = process
+        try:
+            version = wait_for_version(host, ports.rpc, self._timeout_s, process.wait_end)
+        except ServerError as error:
+            ended = process.exit_code
+            status = "" if ended is None else f" Its exit status is {ended}."
+            failure = ServerError(
+                f"{error.message}{status} Its last words:\n{process.tail(TAIL_LINES)}",
+                f"Run {self._script} by itself: it may lack a driver, Vulkan, or a user that is "
+                "not root.",
+            )
+            self.stop()
+            raise failure from error
+        except BaseException:
+            self.stop()
+            raise
+        self._endpoint = Endpoint(host, ports.rpc, ports.traffic_manager, version, process.pid)
+        return self._endpoint
+
+    def stop(self) -> None:
+        """End its process group."""
+        if self._process is not None:
+            self._process.stop()
+        self._endpoint = None
+
+    def alive(self) -> bool:
+        """Whether its process runs."""
+        return self._process is not None and self._process.exit_code is None
+
+    def log_tail(self, lines: int = TAIL_LINES) -> str:
+        """The last lines of its log."""
+        return self._process.tail(lines) if self._process is not None else ""
+
+    @property
+    def exit_code(self) -> int | None:
+        """Exit status of its process once it ended."""
+        return self._process.exit_code if self._process is not None else None

@@ -1,7 +1,9 @@
 """A client's session with a server: synchronous mode, one Traffic Manager, seeded spawning.
 
-The order of calls here is the one that makes a run repeatable: settings, Traffic Manager with its
-seed, all vehicles in one batch, and only then the first tick.
+The order of calls here is the one that makes a run repeatable. A server that nobody has claimed yet
+runs free, so that its frame number and its lights depend on when the client came: synchronous mode
+first, then a new episode in which frames, time, actor ids and lights start over, then the Traffic
+Manager with its seed, then all vehicles in one batch, and only then the first tick.
 """
 
 from __future__ import annotations
@@ -52,6 +54,7 @@ def synchronous_session(port: int, *, delta_s: float, seed: int) -> Iterator[Ses
     settings.synchronous_mode = True
     settings.fixed_delta_seconds = delta_s
     world.apply_settings(settings)
+    world = client.reload_world(False)
     traffic_manager = client.get_trafficmanager(free_port())
     traffic_manager.set_synchronous_mode(True)
     traffic_manager.set_random_device_seed(seed)

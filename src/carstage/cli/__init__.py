@@ -1,0 +1,47 @@
+"""The ``carstage`` command. ``main`` checks the platform first, then loads the command line."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+
+_OLDEST, _TOO_NEW = (3, 10), (3, 13)
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+
+def unsupported(system: str, machine: str, version: tuple[int, int]) -> str | None:
+    """Why this machine cannot run Car-STAGE, or None when it can.
+
+    The bound is the ``carla`` client wheel 0.9.16: Linux x86-64, Python 3.10 to 3.12.
+    """
+    if system != "Linux" or machine not in ("x86_64", "AMD64"):
+        return (
+            f"Car-STAGE needs Linux on x86-64, this is {system} on {machine}: the carla client "
+            "wheel exists for nothing else. Use a Linux machine or container."
+        )
+    if not _OLDEST <= version < _TOO_NEW:
+        return (
+            f"Car-STAGE needs Python 3.10, 3.11 or 3.12, this is {version[0]}.{version[1]}: the "
+            "carla client wheel exists for nothing else. Install one of them, for example with "
+            "`uv python install 3.12`."
+        )
+    return None
+
+
+def main() -> None:
+    """Run the command line and end the process."""
+    problem = unsupported(platform.system(), platform.machine(), sys.version_info[:2])
+    if problem is not None:
+        sys.stderr.write(problem + "\n")
+        raise SystemExit(BAD_INPUT)
+    arguments = sys.argv[1:]
+    if arguments[:1] == ["sim"]:
+        os.execv(sys.executable, [sys.executable, "-m", "carstage_sim", *arguments[1:]])
+    try:
+        from carstage.cli.app import app
+
+        app()
+    except KeyboardInterrupt:
+        raise SystemExit(INTERRUPTED) from None

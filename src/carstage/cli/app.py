@@ -1,0 +1,244 @@
+"""The commands. Heavy modules are imported inside them, so that ``--help`` is quick."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from carstage.cli.output import command, enable_debug, note, result, result_json
+
+if TYPE_CHECKING:
+    from carstage.config import Config
+
+app = typer.Typer(
+    name="carstage",
+    help="Labelled, verified, multi-sensor driving datasets from the CARLA simulator.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+config_app = typer.Typer(help="Write, check and describe configurations.", no_args_is_help=True)
+app.add_typer(config_app, name="config")
+
+DEMO_FOLDER = Path("datasets/demo")
+
+Out = Annotated[Path, typer.Option("--out", help="Folder of the dataset; created if missing.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Override one value, e.g. --set fps=20. Repeatable."
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object as the last line.")]
+Retries = Annotated[
+    int, typer.Option("--retries", min=0, max=100, help="Further attempts of a failed episode.")
+]
+Debug = Annotated[
+    bool,
+    typer.Option("--debug", help="Show tracebacks.", callback=lambda on: on and enable_debug()),
+]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from carstage import __version__
+
+        result(f"carstage {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+    ] = False,
+    debug: Debug = False,
+) -> None:
+    del version, debug
+
+
+@app.command()
+@command
+def demo(
+    out: Out = DEMO_FOLDER,
+    settings: Settings = None,
+    json: Json = False,
+    retries: Retries = 2,
+    debug: Debug = False,
+) -> int:
+    """Record the demonstration: five seconds in town with eight sensors, labelled."""
+    del debug
+    from carstage.config import load_demo
+
+    return _record(load_demo(settings or ()), out, json=json, retries=retries, report=True)
+
+
+@app.command()
+@command
+def run(
+    config: Annotated[Path, typer.Argument(help="The configuration, YAML.", metavar="CONFIG")],
+    out: Out,
+    settings: Settings = None,
+    json: Json = False,
+    retries: Retries = 2,
+    debug: Debug = False,
+) -> int:
+    """Record a configuration into a dataset; the same command again continues where it ended."""
+    del debug
+    from carstage.config import load_config
+
+    return _record(
+        load_config(config, settings or ()), out, json=json, retries=retries, report=False
+    )
+
+
+def _record(config: Config, out: Path, *, json: bool, retries: int, report: bool) -> int:
+    from carstage.cli.progress import watch_run
+    from carstage.runs import run as record
+
+    with watch_run() as observer:
+        ended = record(config, out, retries=retries, observer=observer)
+    report_path = None
+    if report and ended.exit_code == 0:
+        from carstage.dataset import write_report
+
+        note("Writing the report.")
+        report_path = write_report(ended.dataset)
+    if ended.state == "interrupted":
+        note(
+            f"Interrupted: {ended.committed + ended.skipped} of {ended.total} episodes are in the "
+            "dataset. The same command again continues with the rest."
+        )
+    for episode_id, reason in ended.failures.items():
+        note(f"Episode {episode_id} failed: {reason}")
+    if not json:
+        result(f"Dataset: {ended.dataset}")
+        if report_path is not None:
+            result(f"Report:  {report_path}")
+    else:
+        document = ended.to_json()
+        if report_path is not None:
+            document["report"] = str(report_path)
+        result_json(document)
+    return ended.exit_code
+
+
+@config_app.command("init")
+@command
+def config_init(
+    file: Annotated[Path | None, typer.Argument(help="Where to; left out: stdout.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file.")] = False,
+    debug: Debug = False,
+) -> None:
+    """Print the default configuration with a comment for each key."""
+    del debug
+    from carstage.config import config_template
+    from carstage.errors import BadInputError
+
+    if file is None:
+        result(config_template().rstrip("\n"))
+        return
+    if file.exists() and not force:
+        raise BadInputError(f"{file} exists already.", "Name another file or add --force.")
+    try:
+        file.write_text(config_template(), "utf-8")
+    except OSError as error:
+        raise BadInputError(
+            f"{file} cannot be written: {error.strerror}.", "Name another file."
+        ) from error
+    note(f"Wrote {file}. Record it with: carstage run {file} --out DIR")
+
+
+@config_app.command("check")
+@command
+def config_check(
+    file: Annotated[Path, typer.Argument(help="The configuration, YAML.")],
+    settings: Settings = None,
+    json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Check a configuration and say what it would record."""
+    del debug
+    from carstage.cli.describe import describe_config
+    from carstage.config import load_config
+
+    summary, text = describe_config(load_config(file, settings or ()))
+    if json:
+        result_json(summary)
+    else:
+        result(text)
+
+
+@config_app.command("schema")
+@command
+def config_schema_(debug: Debug = False) -> None:
+    """Print the JSON schema of configurations."""
+    del debug
+    import json
+
+    from carstage.config import config_schema
+
+    result(json.dumps(config_schema(), indent=1, ensure_ascii=False))
+
+
+Dataset = Annotated[Path, typer.Argument(help="Folder of the dataset.", metavar="DIR")]
+
+
+@app.command()
+@command
+def validate(dataset: Dataset, json: Json = False, debug: Debug = False) -> int:
+    """Recompute from the files whether a dataset is what it says it is."""
+    del debug
+    from carstage.cli.describe import describe_problem, describe_validation
+    from carstage.cli.progress import watch_frames
+    from carstage.dataset import validate_dataset
+
+    with watch_frames("Checking") as progress:
+        report = validate_dataset(dataset, progress=progress)
+    for problem in report.problems:
+        note(describe_problem(problem))
+    result(report.to_json() if json else describe_validation(dataset, report))
+    return 0 if report.ok else 1
+
+
+@app.command()
+@command
+def report(dataset: Dataset, debug: Debug = False) -> None:
+    """Write report.html: pictures with boxes, LiDAR from above, statistics, ledger."""
+    del debug
+    from carstage.dataset import write_report
+
+    result(str(write_report(dataset)))
+
+
+@app.command(
+    context_settings={"ignore_unknown_options": True, "allow_extra_args": True},
+    add_help_option=False,
+)
+def sim() -> None:
+    """Start the embedded simulator; everything after ``sim`` goes to it (see ``sim --help``)."""
+    raise AssertionError("main() hands this command to the simulator's own process")
+
+
+@app.command()
+@command
+def doctor(
+    out: Out = Path(),
+    json: Json = False,
+    debug: Debug = False,
+) -> int:
+    """Check this machine: Python, client wheel, simulator, disk, ports, what dead runs left."""
+    del debug
+    from carstage.cli.doctor import examine
+
+    findings = examine(out)
+    if json:
+        result_json({"ok": all(f.ok for f in findings), "checks": [f.to_json() for f in findings]})
+    else:
+        for finding in findings:
+            result(finding.line())
+    return 0 if all(finding.ok for finding in findings) else 1

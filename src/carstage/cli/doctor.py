@@ -1,0 +1,217 @@
+"""``carstage doctor``: is everything here that a run needs?"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import platform
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+from carstage import __version__
+from carstage.cli import unsupported
+from carstage.errors import CarStageError
+from carstage.runs import dead_runs, size_text
+
+_MODULES_TIMEOUT_S = 60.0
+_PROBE_TIMEOUT_S = 10.0
+_WANTED_FREE_BYTES = 1_000_000_000
+_WANTED_MEMORY_BYTES = 2_000_000_000
+_CARLA_PORTS = (2000, 2001, 2002, 8000)
+_INTERPRETERS = ("python3.8", "python3.9", "python3.10", "python3.11", "python3.12")
+_WHEEL_PROBE = "from importlib.metadata import version; print(version('carla'))"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One check.
+
+    Attributes:
+        ok: False when a run would fail.
+        hint: what to do, when something is to be done.
+    """
+
+    name: str
+    ok: bool
+    text: str
+    hint: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """For ``--json``."""
+        return asdict(self)
+
+    def line(self) -> str:
+        """For people."""
+        mark = "ok  " if self.ok else "FAIL"
+        return f"{mark} {self.name}: {self.text}" + (f" {self.hint}" if self.hint else "")
+
+
+def examine(out: Path) -> list[Finding]:
+    """All checks; ``out`` is where a dataset would be written."""
+    checks: list[Callable[[], Iterator[Finding]]] = [
+        _platform,
+        _memory,
+        _client,
+        _simulator,
+        _caches,
+        lambda: _disk(out),
+        _ports,
+        _interpreters,
+        lambda: _leftovers(out),
+    ]
+    return [finding for check in checks for finding in check()]
+
+
+def _platform() -> Iterator[Finding]:
+    problem = unsupported(platform.system(), platform.machine(), sys.version_info[:2])
+    text = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
+    yield Finding("platform", problem is None, text, problem or "")
+    yield Finding("carstage", True, __version__)
+
+
+def _memory() -> Iterator[Finding]:
+    import psutil
+
+    memory = psutil.virtual_memory()
+    cores = len(os.sched_getaffinity(0))
+    text = f"{cores} cores, {size_text(memory.available)} of {size_text(memory.total)} memory free"
+    enough = memory.available >= _WANTED_MEMORY_BYTES
+    hint = "" if enough else "A run of the demo needs about 2 GB: close other programs."
+    yield Finding("machine", True, text, hint)
+
+
+def _client() -> Iterator[Finding]:
+    try:
+        version = importlib.metadata.version("carla")
+    except importlib.metadata.PackageNotFoundError:
+        yield Finding(
+            "carla client", False, "not installed.", "Install it: pip install carla==0.9.16"
+        )
+        return
+    # In a process and a home of its own: the module writes a cache folder when it is imported.
+    with tempfile.TemporaryDirectory() as home:
+        ended = subprocess.run(
+            [sys.executable, "-c", "import carla"],
+            capture_output=True,
+            text=True,
+            timeout=_MODULES_TIMEOUT_S,
+            env={**os.environ, "HOME": home},
+            check=False,
+        )
+    if ended.returncode == 0:
+        yield Finding("carla client", True, version)
+    else:
+        last = (ended.stderr.strip().splitlines() or ["no message"])[-1]
+        yield Finding(
+            "carla client", False, f"{version} cannot be imported: {last}", "Reinstall it."
+        )
+
+
+def _simulator() -> Iterator[Finding]:
+    from carstage.server import describe_embedded
+
+    try:
+        description = describe_embedded()
+    except CarStageError as error:
+        yield Finding("embedded simulator", False, error.message, error.hint)
+        return
+    maps = ", ".join(f"{name} ({count} spawn points)" for name, count in description.maps.items())
+    text = f"{maps}; {len(description.blueprints)} blueprints"
+    yield Finding("embedded simulator", True, text)
+
+
+def _caches() -> Iterator[Finding]:
+    folder = platformdirs.user_cache_path("carstage", appauthor=False)
+    override = os.environ.get("CARSTAGE_CACHE_DIR")
+    folder = Path(override) if override else folder
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        yield Finding(
+            "cache",
+            False,
+            f"{folder} is not writable ({error.strerror}).",
+            "Compiled kernels could not be kept; change its permissions.",
+        )
+        return
+    used = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    yield Finding("cache", True, f"{folder}, {size_text(used)} used")
+
+
+def _disk(out: Path) -> Iterator[Finding]:
+    from carstage.runs.preflight import check_output
+
+    try:
+        check_output(out)
+    except CarStageError as error:
+        yield Finding("disk", False, error.message, error.hint)
+        return
+    existing = out.expanduser().absolute()
+    while not existing.exists():
+        existing = existing.parent
+    free = shutil.disk_usage(existing).free
+    enough = free >= _WANTED_FREE_BYTES
+    hint = "" if enough else "The demo needs about 0.5 GB; `carstage config check` says for others."
+    yield Finding("disk", enough, f"{size_text(free)} free at {existing}", hint)
+
+
+def _ports() -> Iterator[Finding]:
+    taken = []
+    for port in _CARLA_PORTS:
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                taken.append(str(port))
+    if taken:
+        hint = "No matter: the embedded simulator takes free ports."
+        yield Finding("ports", True, f"{', '.join(taken)} in use (by a CARLA server?).", hint)
+    else:
+        yield Finding("ports", True, "CARLA's usual ports are free")
+
+
+def _interpreters() -> Iterator[Finding]:
+    found = []
+    for executable in _candidates():
+        ended = subprocess.run(
+            [executable, "-I", "-c", _WHEEL_PROBE],
+            capture_output=True,
+            text=True,
+            timeout=_PROBE_TIMEOUT_S,
+            check=False,
+        )
+        if ended.returncode == 0:
+            found.append(f"{executable} (carla {ended.stdout.strip()})")
+    text = "; ".join(found) if found else "none besides this one"
+    yield Finding("interpreters with a client wheel", True, text)
+
+
+def _candidates() -> list[str]:
+    pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
+    paths = [shutil.which(name) for name in _INTERPRETERS]
+    paths += [str(path) for path in sorted(pyenv.glob("3.*/bin/python"))]
+    own = Path(sys.executable).resolve()
+    unique = {str(Path(path).resolve()): path for path in paths if path is not None}
+    return [path for resolved, path in unique.items() if Path(resolved) != own]
+
+
+def _leftovers(out: Path) -> Iterator[Finding]:
+    for run in dead_runs(out):
+        yield Finding(
+            "dead run",
+            True,
+            f"{run.folder} was killed and left {len(run.attempts)} unfinished attempts.",
+            "The next run into this dataset removes them.",
+        )

@@ -1,0 +1,78 @@
+"""How commands speak: results on stdout, everything else on stderr, errors as a sentence."""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any, ParamSpec
+
+import typer
+
+from carstage.errors import CarStageError
+
+INTERRUPTED = 130
+_DEBUG = "CARSTAGE_DEBUG"
+
+Parameters = ParamSpec("Parameters")
+
+
+def enable_debug() -> None:
+    """Show tracebacks, here and in processes that are started from here."""
+    os.environ[_DEBUG] = "1"
+
+
+def result(text: str) -> None:
+    """A result, on stdout."""
+    typer.echo(text)
+
+
+def result_json(document: Mapping[str, Any]) -> None:
+    """One JSON object as the last line of stdout."""
+    typer.echo(json.dumps(document, ensure_ascii=False))
+
+
+def note(text: str) -> None:
+    """Something for the user, on stderr."""
+    typer.echo(text, err=True)
+
+
+def command(function: Callable[Parameters, int | None]) -> Callable[Parameters, None]:
+    """Make a command of a function that returns its exit code, None for 0.
+
+    Our errors become a sentence and a hint; a traceback is shown with ``--debug`` only. An error
+    that is not ours is a bug and says so.
+    """
+
+    @functools.wraps(function)
+    def wrapped(*args: Parameters.args, **kwargs: Parameters.kwargs) -> None:
+        try:
+            code = function(*args, **kwargs) or 0
+        except CarStageError as error:
+            _refuse_if_not_debugging(error)
+            note(f"Error: {error.message}")
+            if error.hint:
+                note(error.hint)
+            code = error.exit_code
+        except KeyboardInterrupt:
+            note("Interrupted.")
+            code = INTERRUPTED
+        except BrokenPipeError:
+            # The reader of stdout has gone, as `| head` does; nothing more can be said there.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            code = 1
+        except Exception as error:  # noqa: BLE001 - the last resort of the process
+            _refuse_if_not_debugging(error)
+            note(f"Error: this is a bug in Car-STAGE: {type(error).__name__}: {error}")
+            note("Run the same command with --debug and report what it prints.")
+            code = 1
+        raise typer.Exit(code)
+
+    return wrapped
+
+
+def _refuse_if_not_debugging(error: BaseException) -> None:
+    if os.environ.get(_DEBUG):
+        raise error

@@ -1,0 +1,173 @@
+"""The collector as a child process: started on a plan, heard through a pipe, ended by its id."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from carstage.errors import CollectorError
+
+_READ_BYTES = 1 << 16
+_LONGEST_LINE_BYTES = 1 << 20
+_STOP_S = 20.0
+_TAIL_BYTES = 4000
+
+
+class CollectorProcess:
+    """One run of ``python -m carstage.collector``, in a process group of its own.
+
+    A context manager: leaving it asks the collector to end (it finishes the frame and gives
+    everything back) and kills its group when it does not within some seconds. Closing its standard
+    input has the same effect, so it also ends when this process is killed.
+
+    Args:
+        plan: the collector's plan (docs/formats/run-folder.md).
+        plan_path: where the plan is written.
+        log_path: file that its standard error is appended to.
+        python: interpreter with the ``carla`` wheel that fits the server.
+    """
+
+    def __init__(
+        self,
+        plan: Mapping[str, Any],
+        *,
+        plan_path: Path,
+        log_path: Path,
+        python: str = sys.executable,
+    ) -> None:
+        self._plan = plan
+        self._plan_path = plan_path
+        self._log_path = log_path
+        self._python = python
+        self._process: subprocess.Popen[bytes] | None = None
+        self._buffer = b""
+        self._log_start = 0
+        self.ended = False
+        """Whether its standard output is closed."""
+
+    def __enter__(self) -> CollectorProcess:
+        self._plan_path.write_text(json.dumps(self._plan), "utf-8")
+        with self._log_path.open("ab") as log:
+            self._log_start = log.tell()
+            self._process = subprocess.Popen(
+                [
+                    self._python,
+                    "-m",
+                    "carstage.collector",
+                    str(self._plan_path),
+                    "--exit-with-input",
+                ],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                start_new_session=True,
+            )
+        os.set_blocking(self.fileno(), False)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        process = self._started
+        try:
+            if process.poll() is None:
+                self.stop()
+                self.wait(_STOP_S)
+        finally:
+            self.kill()
+            process.wait()
+            for stream in (process.stdin, process.stdout):
+                if stream is not None:
+                    with suppress(BrokenPipeError):
+                        stream.close()
+
+    @property
+    def _started(self) -> subprocess.Popen[bytes]:
+        if self._process is None:
+            raise CollectorError("The collector is not started.", "Use it as a context manager.")
+        return self._process
+
+    @property
+    def pid(self) -> int:
+        """Its process id, which is its process group's, too."""
+        return self._started.pid
+
+    @property
+    def exit_code(self) -> int | None:
+        """Its exit status, negative when a signal ended it; None while it runs."""
+        return self._started.poll()
+
+    def fileno(self) -> int:
+        """The descriptor of its events, for ``selectors``; readable when there are some."""
+        stream = self._started.stdout
+        assert stream is not None
+        return stream.fileno()
+
+    def read_events(self) -> list[dict[str, Any]]:
+        """The events that have come, without waiting; sets ``ended`` at the end of the stream.
+
+        Raises:
+            CollectorError: a line is not an event.
+        """
+        try:
+            data = os.read(self.fileno(), _READ_BYTES)
+        except BlockingIOError:
+            return []
+        if not data:
+            self.ended = True
+        *lines, self._buffer = (self._buffer + data).split(b"\n")
+        if len(self._buffer) > _LONGEST_LINE_BYTES:
+            raise CollectorError(
+                "The collector wrote a line that does not end.", f"See {self._log_path}."
+            )
+        return [self._parse(line) for line in lines if line.strip()]
+
+    def stop(self) -> None:
+        """Ask it to end after the frame that it is at."""
+        self._started.terminate()
+
+    def kill(self) -> None:
+        """End it and everything that it started, at once."""
+        with suppress(ProcessLookupError):
+            os.killpg(self.pid, signal.SIGKILL)
+
+    def wait(self, timeout_s: float) -> int | None:
+        """Wait for its end, reading and dropping what it still says; its exit code, or None."""
+        process = self._started
+        os.set_blocking(self.fileno(), True)
+        try:
+            process.communicate(timeout=timeout_s)  # closes its standard input, too
+        except subprocess.TimeoutExpired:
+            return None
+        return process.returncode
+
+    def log_tail(self) -> str:
+        """The last lines that it wrote to its log, empty when it wrote none."""
+        with suppress(OSError), self._log_path.open("rb") as log:
+            size = log.seek(0, os.SEEK_END)
+            log.seek(max(self._log_start, size - _TAIL_BYTES))
+            return log.read().decode("utf-8", "replace").strip()
+        return ""
+
+    def _parse(self, line: bytes) -> dict[str, Any]:
+        try:
+            event = json.loads(line)
+        except ValueError:
+            event = None
+        if not isinstance(event, dict) or not isinstance(event.get("event"), str):
+            raise CollectorError(
+                f"The collector wrote a line that is no event: {line[:80]!r}.",
+                f"See {self._log_path}.",
+            )
+        return event

@@ -1,0 +1,19 @@
+"""One run of a configuration: its folder, its processes, its way to committed episodes."""
+
+from carstage.runs.attempts import DeadRun, dead_runs
+from carstage.runs.folder import CurrentEpisode, EpisodeCounts, RunStatus
+from carstage.runs.preflight import size_text
+from carstage.runs.session import DEFAULT_RETRIES, RunObserver, RunResult, run
+
+__all__ = [
+    "DEFAULT_RETRIES",
+    "CurrentEpisode",
+    "DeadRun",
+    "EpisodeCounts",
+    "RunObserver",
+    "RunResult",
+    "RunStatus",
+    "dead_runs",
+    "run",
+    "size_text",
+]

@@ -1,0 +1,73 @@
+"""What a running CARLA server offers, asked over its own protocol, without the client wheel.
+
+msgpack-rpc: request ``[0, id, name, [[false]]]`` (the first argument says that the caller waits),
+reply ``[1, id, error, [1, value]]``.
+"""
+
+from __future__ import annotations
+
+import socket
+from typing import Any
+
+import msgpack
+
+from carstage.errors import ServerError
+from carstage.plan import ServerFacts
+
+#: The server tells the spawn points of its current map only; on others the first ones are drawn
+#: from, which every town of CARLA has.
+SURELY_THERE = 50
+_READ_BYTES = 1 << 16
+_LONGEST_REPLY_BYTES = 64 << 20
+
+
+def ask_server(host: str, port: int, version: str, timeout_s: float = 20.0) -> ServerFacts:
+    """Maps and blueprints of a server.
+
+    Args:
+        host: its address.
+        port: its RPC port.
+        version: the CARLA version that it reports.
+        timeout_s: for each answer.
+
+    Raises:
+        ServerError: it does not answer as a CARLA server does.
+    """
+    try:
+        with socket.create_connection((host, port), timeout=timeout_s) as connection:
+            names = [str(name) for name in _call(connection, 1, "get_available_maps")]
+            current, spawn_points = _call(connection, 2, "get_map_info")[:2]
+            definitions = _call(connection, 3, "get_actor_definitions")
+            maps = {_short(name): SURELY_THERE for name in names}
+            maps[_short(str(current))] = len(spawn_points)
+            blueprints = {
+                str(blueprint): frozenset(str(attribute[0]) for attribute in attributes)
+                for _, blueprint, _, attributes in definitions
+            }
+    except (OSError, ValueError, TypeError, IndexError, msgpack.UnpackException) as error:
+        raise ServerError(
+            f"The server at {host}:{port} did not say what it offers: {error}.",
+            "Is it CARLA 0.9.13 or later, and has it finished starting?",
+        ) from error
+    return ServerFacts(maps=maps, blueprints=blueprints, dialect=version)
+
+
+def _short(name: str) -> str:
+    return name.rsplit("/", 1)[-1]
+
+
+def _call(connection: socket.socket, call_id: int, method: str) -> Any:
+    connection.sendall(msgpack.packb([0, call_id, method, [[False]]]))
+    unpacker = msgpack.Unpacker(max_buffer_size=_LONGEST_REPLY_BYTES, raw=False)
+    while True:
+        data = connection.recv(_READ_BYTES)
+        if not data:
+            raise ConnectionResetError(f"the connection was closed at {method}")
+        unpacker.feed(data)
+        for reply in unpacker:
+            match reply:
+                case [1, int(answered), None, [[1, value]]] if answered == call_id:
+                    return value
+                case [1, int(answered), None, [1, value]] if answered == call_id:
+                    return value
+            raise ValueError(f"{method} was answered with {reply!r:.80}")

@@ -1,0 +1,161 @@
+"""The folder of a run: plan, status, events, logs, raw recordings (docs/formats/run-folder.md)."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Literal
+
+import psutil
+
+from carstage.config import Config, dump_config
+from carstage.plan import EpisodeSpec
+
+FORMAT_VERSION = 1
+State = Literal["planning", "starting", "recording", "converting", "done", "failed", "interrupted"]
+FINAL_STATES = ("done", "failed", "interrupted")
+
+
+@dataclass(slots=True)
+class EpisodeCounts:
+    """How many episodes are in which state."""
+
+    total: int = 0
+    committed: int = 0
+    failed: int = 0
+    skipped: int = 0
+
+
+@dataclass(slots=True)
+class CurrentEpisode:
+    """The episode that is being recorded or converted."""
+
+    episode_id: str
+    index: int
+    attempt: str
+    ticks_done: int = 0
+    ticks_total: int = 0
+    frames_converted: int = 0
+    frames_total: int = 0
+
+
+@dataclass(slots=True)
+class RunStatus:
+    """What ``status.json`` says.
+
+    Attributes:
+        pid_started: Unix time at which the process of the run began: a pid alone may be another's.
+        heartbeat: Unix time of the last write.
+    """
+
+    run_id: str
+    state: State
+    pid: int
+    pid_started: float
+    heartbeat: float
+    episodes: EpisodeCounts
+    current: CurrentEpisode | None = None
+    message: str | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of the file."""
+        return {"format_version": FORMAT_VERSION, **asdict(self)}
+
+
+class RunFolder:
+    """A new folder below ``OUT/runs``; a context manager that closes the event log.
+
+    Args:
+        out: folder of the dataset.
+    """
+
+    def __init__(self, out: Path) -> None:
+        stamp = time.strftime("%Y%m%d-%H%M%S", time.gmtime())
+        self.run_id = f"{stamp}-{secrets.token_hex(3)}"
+        self.path = out / "runs" / self.run_id
+        self.logs.mkdir(parents=True)
+        self.raw.mkdir()
+        self._events: IO[str] = (self.path / "events.jsonl").open("a", encoding="utf-8")
+
+    def __enter__(self) -> RunFolder:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._events.close()
+        with suppress(OSError):  # kept when recordings are kept
+            self.raw.rmdir()
+
+    @property
+    def logs(self) -> Path:
+        """Folder of the logs of server and collector."""
+        return self.path / "logs"
+
+    @property
+    def raw(self) -> Path:
+        """Folder of the raw recordings."""
+        return self.path / "raw"
+
+    def raw_attempt(self, episode_id: str, attempt: str) -> Path:
+        """Folder of one attempt's raw recording."""
+        return self.raw / episode_id / attempt
+
+    def write_plan(self, config: Config, episodes: Sequence[EpisodeSpec]) -> None:
+        """Write ``plan.json``."""
+        document = {
+            "format_version": FORMAT_VERSION,
+            "run_id": self.run_id,
+            "config": dump_config(config),
+            "episodes": [
+                {"episode_id": spec.episode_id, "spec": spec.to_json()} for spec in episodes
+            ],
+        }
+        _replace(self.path / "plan.json", document)
+
+    def write_status(self, status: RunStatus) -> None:
+        """Replace ``status.json`` atomically."""
+        status.heartbeat = time.time()
+        _replace(self.path / "status.json", status.to_json())
+
+    def write_event(self, event: str, fields: Mapping[str, Any]) -> dict[str, Any]:
+        """Append one event, with its time unless it brings one; returns the line's content."""
+        line = {"time": fields.get("time", time.time()), "event": event}
+        line.update({key: value for key, value in fields.items() if key not in line})
+        self._events.write(json.dumps(line, ensure_ascii=False) + "\n")
+        self._events.flush()
+        return line
+
+
+def process_start_time(pid: int) -> float:
+    """Unix time at which a process began.
+
+    Raises:
+        psutil.Error: there is no such process.
+    """
+    return float(psutil.Process(pid).create_time())
+
+
+def is_alive(status: Mapping[str, Any]) -> bool:
+    """Whether the process of a run, by its ``status.json``, still exists."""
+    try:
+        started = process_start_time(int(status["pid"]))
+    except (psutil.Error, KeyError, TypeError, ValueError):
+        return False
+    return abs(started - float(status.get("pid_started", started))) < 1.0
+
+
+def _replace(path: Path, document: Mapping[str, Any]) -> None:
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", "utf-8")
+    temporary.replace(path)

@@ -1,0 +1,129 @@
+"""From a recorded attempt to a committed episode."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from carstage.conversion import EpisodeConversion
+from carstage.errors import ConversionError, StorageError
+from carstage.plan import EpisodeSpec
+from carstage.storage import Store
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """An episode to record.
+
+    Attributes:
+        tries: attempts of it that have failed.
+        first_attempt: lowest number that the next attempt may have.
+    """
+
+    spec: EpisodeSpec
+    episode_id: str
+    tries: int = 0
+    first_attempt: int = 1
+
+
+class Landing:
+    """One attempt on its way into the dataset.
+
+    Args:
+        job: the episode.
+        attempt: name of the attempt; its folder exists.
+        raw_folder: folder of its raw recording.
+        store: where it lands.
+        pool: processes that convert.
+        codecs: codec by sensor id, where it is not the kind's own.
+    """
+
+    def __init__(
+        self,
+        job: Job,
+        attempt: str,
+        raw_folder: Path,
+        store: Store,
+        pool: Executor,
+        codecs: Mapping[str, str],
+    ) -> None:
+        self.job = job
+        self.attempt = attempt
+        self.raw_folder = raw_folder
+        self._store = store
+        self._conversion = EpisodeConversion(
+            raw_folder,
+            store.attempt_folder(job.episode_id, attempt),
+            pool,
+            codecs=codecs,
+        )
+
+    @property
+    def frames_done(self) -> int:
+        """Saved frames that are converted."""
+        return self._conversion.frames_done
+
+    def segment_sealed(self, stream: str, segment: int) -> None:
+        """Hand a sealed segment to the conversion.
+
+        Raises:
+            ConversionError: the converters take no work any more.
+        """
+        try:
+            self._conversion.segment_sealed(stream, segment)
+        except BrokenProcessPool as error:
+            raise ConversionError(
+                f"A process that converts episode {self.job.episode_id} died.",
+                "Was it killed, or is memory short? Try `conversion.workers: 1`.",
+            ) from error
+
+    def convert_all(self) -> None:
+        """Hand everything that is recorded to the conversion."""
+        self._conversion.scan()
+
+    def is_ready(self) -> bool:
+        """Whether all frames are converted.
+
+        Raises:
+            CarStageError: converting one failed.
+        """
+        self._conversion.raise_if_failed()
+        return self._conversion.frames_done >= self.job.spec.saved_frames
+
+    def commit(self) -> None:
+        """Write what belongs to the whole episode and make it part of the dataset.
+
+        Raises:
+            EpisodeExistsError: another run was faster; the attempt is removed.
+            CarStageError: converting or committing failed.
+        """
+        self._conversion.finish()
+        header = json.loads((self.raw_folder / "episode.json").read_bytes())
+        self._store.commit(
+            self.job.episode_id,
+            self.attempt,
+            frames=self.job.spec.saved_frames,
+            versions={
+                "client": str(header["client_version"]),
+                "server": str(header["server_version"]),
+            },
+        )
+
+    def remove_raw(self) -> None:
+        """Remove the raw recording."""
+        shutil.rmtree(self.raw_folder, ignore_errors=True)
+        with suppress(OSError):  # other attempts may stand beside it
+            self.raw_folder.parent.rmdir()
+
+    def give_up(self) -> None:
+        """Remove all that the attempt has written; a committed one stays."""
+        self._conversion.cancel()
+        with suppress(StorageError):
+            self._store.discard_attempt(self.job.episode_id, self.attempt)
+        self.remove_raw()

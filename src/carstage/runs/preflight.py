@@ -1,0 +1,139 @@
+"""What is checked on this machine before anything is started."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import tempfile
+from pathlib import Path
+
+from carstage.config import Config
+from carstage.config.fields import unknown
+from carstage.config.recording import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
+from carstage.errors import BadInputError, ConfigError
+from carstage.plan import RunEstimate
+
+PORTS_PER_SERVER = 3
+_HOST = "127.0.0.1"
+_RESERVE = 1.1
+_UNITS = ("B", "kB", "MB", "GB", "TB", "PB")
+
+
+def size_text(size_bytes: float) -> str:
+    """A size with a decimal unit, such as ``482 MB``."""
+    size = float(size_bytes)
+    for unit in _UNITS:
+        if size < 1000 or unit == _UNITS[-1]:
+            return f"{size:.0f} {unit}" if size >= 10 or unit == "B" else f"{size:.1f} {unit}"
+        size /= 1000
+    raise AssertionError
+
+
+def check_output(out: Path) -> None:
+    """Refuse an output folder that cannot be written to; nothing is created.
+
+    Raises:
+        BadInputError: it is a file, or it (or the folder that it would be made in) is not writable.
+    """
+    existing = _existing(out)
+    if not existing.is_dir():
+        raise BadInputError(f"output: {existing} is not a folder.", "Choose another --out.")
+    try:
+        with tempfile.TemporaryFile(dir=existing):
+            pass
+    except OSError as error:
+        raise BadInputError(
+            f"output: {existing} is not writable: {error.strerror}.",
+            "Choose another --out or change the folder's permissions.",
+        ) from error
+
+
+def check_disk(out: Path, estimate: RunEstimate) -> None:
+    """Refuse a run that will not fit on the disk.
+
+    Raises:
+        BadInputError: the estimate is above the free space.
+    """
+    free_bytes = shutil.disk_usage(_existing(out)).free
+    if estimate.peak_bytes * _RESERVE > free_bytes:
+        raise BadInputError(
+            f"output: the run needs about {size_text(estimate.peak_bytes)} "
+            f"({size_text(estimate.dataset_bytes)} of them for the dataset), but only "
+            f"{size_text(free_bytes)} are free at {out}.",
+            "Record fewer or shorter episodes or smaller images, or choose another --out.",
+        )
+
+
+def check_server(config: Config) -> None:
+    """Refuse ports that are taken and a CARLA folder without a server.
+
+    Raises:
+        ConfigError: with the field's path.
+    """
+    server = config.server
+    if isinstance(server, CarlaServerConfig):
+        _check_carla_folder(Path(server.path).expanduser())
+    if isinstance(server, EmbeddedServerConfig | CarlaServerConfig) and server.port != "auto":
+        for port in range(server.port, server.port + PORTS_PER_SERVER):
+            if not _is_free(port):
+                raise ConfigError(
+                    f"server.port: port {port} on {_HOST} is in use.",
+                    f"A server needs {PORTS_PER_SERVER} ports in a row; choose another or `auto`.",
+                )
+    if isinstance(server, RemoteServerConfig):
+        _check_remote(server)
+
+
+def check_codecs(config: Config) -> None:
+    """Refuse codecs that do not exist for their sensor's kind.
+
+    Raises:
+        ConfigError: with the field's path.
+    """
+    from carstage.dataset.codecs import codec_names
+
+    kinds = {sensor.id: sensor.kind for sensor in config.sensors}
+    for sensor_id, codec in config.conversion.codecs.items():
+        known = codec_names(kinds[sensor_id])
+        if codec not in known:
+            message, hint = unknown("codec", codec, known)
+            raise ConfigError(f"conversion.codecs.{sensor_id}: {message}", hint)
+
+
+def _existing(path: Path) -> Path:
+    """The path, or its nearest parent that exists."""
+    path = path.expanduser().absolute()
+    while not path.exists() and path != path.parent:
+        path = path.parent
+    return path
+
+
+def _check_carla_folder(folder: Path) -> None:
+    scripts = ("CarlaUE4.sh", "CarlaUnreal.sh")
+    if not any(os.access(folder / script, os.X_OK) for script in scripts):
+        what = "is not a folder" if not folder.is_dir() else f"has no {scripts[0]} that can be run"
+        raise ConfigError(
+            f"server.path: {folder} {what}.",
+            "Give the folder of an unpacked CARLA release, or use `server: {kind: embedded}`.",
+        )
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((_HOST, port))
+        except OSError:
+            return False
+    return True
+
+
+def _check_remote(server: RemoteServerConfig) -> None:
+    try:
+        socket.create_connection((server.host, server.port), timeout=5.0).close()
+    except OSError as error:
+        raise ConfigError(
+            f"server.host: nothing answers at {server.host}:{server.port} ({error}).",
+            "Start CARLA there, or correct host and port.",
+        ) from error

@@ -1,0 +1,113 @@
+"""Which server a configuration means, what it offers, and starting it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from carstage.config import Config
+from carstage.config.recording import CarlaServerConfig, EmbeddedServerConfig
+from carstage.plan import ServerFacts
+from carstage.runs.asking import ask_server
+from carstage.server import (
+    CarlaServer,
+    EmbeddedServer,
+    Endpoint,
+    RemoteServer,
+    Server,
+    describe_embedded,
+)
+
+#: Steps before the first saved one from which sensors are listened to. The embedded simulator's
+#: cameras have no exposure that must settle, so drawing through the whole warm-up would be waste.
+_EMBEDDED_SENSOR_WARMUP_TICKS = 2
+
+
+def make_server(config: Config, log_path: Path | None) -> Server:
+    """The server of a configuration, not started."""
+    server = config.server
+    if isinstance(server, EmbeddedServerConfig):
+        return EmbeddedServer(
+            port=None if server.port == "auto" else server.port,
+            threads=None if server.threads == "auto" else server.threads,
+            log_path=log_path,
+        )
+    if isinstance(server, CarlaServerConfig):
+        return CarlaServer(
+            Path(server.path).expanduser(),
+            port=None if server.port == "auto" else server.port,
+            arguments=server.arguments,
+            log_path=log_path,
+        )
+    return RemoteServer(server.host, server.port)
+
+
+class ServerSetup:
+    """A configuration's server: what it offers before the run, and starting it in the run.
+
+    Args:
+        config: the configuration.
+        make: makes a server that is not started, given the path of its log.
+    """
+
+    def __init__(
+        self, config: Config, make: Callable[[Config, Path | None], Server] = make_server
+    ) -> None:
+        self._config = config
+        self._make = make
+        self._warm: Server | None = None
+
+    @property
+    def sensor_warmup_ticks(self) -> int | None:
+        """For the collector's plan: steps before the first saved one with sensors on; None: all."""
+        embedded = isinstance(self._config.server, EmbeddedServerConfig)
+        return _EMBEDDED_SENSOR_WARMUP_TICKS if embedded else None
+
+    @contextmanager
+    def facts(self) -> Iterator[ServerFacts]:
+        """What the server offers.
+
+        The embedded simulator describes itself without being started. Another server is started (or
+        connected to) for it, and handed to the first ``start``; unused, it is stopped at the end.
+
+        Raises:
+            ServerError: the server does not start or answer.
+        """
+        if isinstance(self._config.server, EmbeddedServerConfig):
+            described = describe_embedded()
+            yield ServerFacts(
+                maps=described.maps,
+                blueprints={
+                    name: frozenset(blueprint.attributes)
+                    for name, blueprint in described.blueprints.items()
+                },
+                dialect=described.protocol,
+            )
+            return
+        self._warm = self._make(self._config, None)
+        try:
+            endpoint = self._warm.start()
+            yield ask_server(endpoint.host, endpoint.port, endpoint.version)
+        finally:
+            if self._warm is not None:
+                self._warm.stop()
+
+    def start(self, log_path: Path) -> tuple[Server, Endpoint]:
+        """A started server; the caller stops it.
+
+        Raises:
+            BadInputError: the address, the path or the port cannot be.
+            ServerError: it ended or did not answer in time.
+        """
+        server, self._warm = self._warm, None
+        if server is not None and server.alive():
+            return server, server.endpoint
+        if server is not None:
+            server.stop()
+        server = self._make(self._config, log_path)
+        try:
+            return server, server.start()
+        except BaseException:
+            server.stop()
+            raise

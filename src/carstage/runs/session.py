@@ -1,0 +1,429 @@
+"""One run: plan, server, collector, conversion, commit, from start to every way out."""
+
+from __future__ import annotations
+
+import os
+import selectors
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor as Pool
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from carstage.config import Config
+from carstage.conversion import conversion_pool
+from carstage.errors import BadInputError, CarStageError, EpisodeExistsError
+from carstage.execution import Executor, InlineExecutor
+from carstage.plan import EpisodeSpec, RunEstimate, estimate_run, plan_episodes
+from carstage.runs.attempts import dead_runs, remove_leftovers, reserve_attempt
+from carstage.runs.folder import (
+    CurrentEpisode,
+    EpisodeCounts,
+    RunFolder,
+    RunStatus,
+    State,
+    process_start_time,
+)
+from carstage.runs.interruption import Interruption
+from carstage.runs.landing import Job, Landing
+from carstage.runs.lane import POLL_S, ServerLane
+from carstage.runs.preflight import check_codecs, check_disk, check_output, check_server
+from carstage.runs.servers import ServerSetup
+from carstage.storage import Store, open_store
+
+_HEARTBEAT_S = 1.0
+_MOST_LANDINGS = 2
+DEFAULT_RETRIES = 2
+
+
+class RunObserver(Protocol):
+    """Who watches a run, such as the command line's progress bars."""
+
+    def planned(self, estimate: RunEstimate, todo: int, skipped: int) -> None:
+        """The run is planned and fits on the disk."""
+
+    def status(self, status: RunStatus) -> None:
+        """The status, several times a second."""
+
+    def event(self, event: Mapping[str, Any]) -> None:
+        """An event, as it is written to ``events.jsonl``."""
+
+    def say(self, sentence: str) -> None:
+        """Something that the user should read."""
+
+
+class _Nobody:
+    def planned(self, estimate: RunEstimate, todo: int, skipped: int) -> None: ...
+    def status(self, status: RunStatus) -> None: ...
+    def event(self, event: Mapping[str, Any]) -> None: ...
+    def say(self, sentence: str) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """How a run ended.
+
+    Attributes:
+        state: ``done``, ``failed`` or ``interrupted``.
+        committed: episodes that this run has added to the dataset.
+        skipped: episodes that were there already.
+        failures: what went wrong, by episode id.
+    """
+
+    run_id: str
+    dataset: Path
+    folder: Path
+    state: State
+    total: int
+    committed: int
+    skipped: int
+    frames: int
+    failures: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def exit_code(self) -> int:
+        """0 all there, 1 none of the new ones, 3 some of them, 130 interrupted."""
+        if self.state == "interrupted":
+            return 130
+        if not self.failures:
+            return 0
+        return 3 if self.committed or self.skipped else 1
+
+    def to_json(self) -> dict[str, Any]:
+        """For ``--json``."""
+        return {
+            "run_id": self.run_id,
+            "dataset": str(self.dataset),
+            "run_folder": str(self.folder),
+            "state": self.state,
+            "episodes": {
+                "total": self.total,
+                "committed": self.committed,
+                "skipped": self.skipped,
+                "failed": len(self.failures),
+            },
+            "frames": self.frames,
+            "failures": dict(self.failures),
+        }
+
+
+def run(
+    config: Config,
+    out: Path | str,
+    *,
+    retries: int = DEFAULT_RETRIES,
+    observer: RunObserver | None = None,
+    executor: Executor | None = None,
+) -> RunResult:
+    """Record a configuration's episodes into a dataset; those that it has already are skipped.
+
+    Ends only when server, collector and converters are gone, whatever happens. SIGINT and SIGTERM
+    end the run well; a second one ends it at once.
+
+    Args:
+        config: what to record.
+        out: folder of the dataset.
+        retries: further attempts of an episode that fails.
+        observer: who watches.
+        executor: where episodes are recorded; default: one lane on this machine.
+
+    Raises:
+        BadInputError: something cannot be; nothing was started.
+        ServerError: the server cannot be started.
+    """
+    watcher: RunObserver = observer or _Nobody()
+    out = Path(out).expanduser().absolute()
+    with Interruption(watcher.say) as interruption:
+        check_output(out)
+        check_codecs(config)
+        check_server(config)
+        setup = ServerSetup(config)
+        with setup.facts() as facts:
+            episodes = plan_episodes(config, facts)
+            store = open_store(out)
+            present = store.committed() if (out / "dataset.json").exists() else {}
+            todo = [spec for spec in episodes if spec.episode_id not in present]
+            estimate = estimate_run(config, todo)
+            check_disk(out, estimate)
+            store.initialise(config.name)
+            watcher.planned(estimate, len(todo), len(episodes) - len(todo))
+            for dead in dead_runs(out):
+                remove_leftovers(dead, store)
+                watcher.say(f"Removed what the dead run {dead.folder.name} had left.")
+            with RunFolder(out) as folder:
+                folder.write_plan(config, episodes)
+                session = _Session(
+                    config, setup, store, folder, out, interruption, watcher, retries
+                )
+                return session.run(episodes, todo, executor or InlineExecutor())
+
+
+class _Session:
+    """The state of a run between its plan and its end; the host of its lanes."""
+
+    def __init__(
+        self,
+        config: Config,
+        setup: ServerSetup,
+        store: Store,
+        folder: RunFolder,
+        out: Path,
+        interruption: Interruption,
+        observer: RunObserver,
+        retries: int,
+        clock_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._config = config
+        self._setup = setup
+        self._store = store
+        self._folder = folder
+        self._out = out
+        self._interruption = interruption
+        self._observer = observer
+        self._retries = retries
+        self._clock_s = clock_s
+        self._next_heartbeat_s = 0.0
+        self._pool: Pool | None = None
+        self._retired_pools: list[Pool] = []
+        self._jobs: deque[Job] = deque()
+        self._recording: Landing | None = None
+        self._recorded: deque[Landing] = deque()
+        self._landings: list[Landing] = []
+        self._failures: dict[str, str] = {}
+        self._frames = 0
+        self._status = RunStatus(
+            run_id=folder.run_id,
+            state="planning",
+            pid=os.getpid(),
+            pid_started=process_start_time(os.getpid()),
+            heartbeat=0.0,
+            episodes=EpisodeCounts(),
+        )
+
+    def run(
+        self, episodes: tuple[EpisodeSpec, ...], todo: list[EpisodeSpec], executor: Executor
+    ) -> RunResult:
+        """Record ``todo``; the other episodes are in the dataset already."""
+        missing = {spec.episode_id for spec in todo}
+        self._status.episodes.total = len(episodes)
+        self._status.episodes.skipped = len(episodes) - len(todo)
+        self._jobs.extend(Job(spec, spec.episode_id) for spec in todo)
+        self._event("run_started", run_id=self._folder.run_id)
+        for spec in episodes:
+            if spec.episode_id not in missing:
+                reason = "it is in the dataset already"
+                self._event("episode_skipped", episode_id=spec.episode_id, reason=reason)
+        state: State = "failed"
+        try:
+            self._enter("starting")
+            executor.execute(self._take, self._open_lane)
+            state = "done" if not self._failures else "failed"
+        except KeyboardInterrupt:
+            state = "interrupted"
+            self._status.message = "Interrupted; the same command again continues."
+        except CarStageError as error:
+            self._status.message = str(error)
+            raise
+        finally:
+            with self._interruption.held():
+                self._give_back()
+                self._status.current = None
+                self._enter(state)
+                counts = self._status.episodes
+                self._event(
+                    "run_finished", state=state, committed=counts.committed, failed=counts.failed
+                )
+        return RunResult(
+            run_id=self._folder.run_id,
+            dataset=self._out,
+            folder=self._folder.path,
+            state=state,
+            total=len(episodes),
+            committed=self._status.episodes.committed,
+            skipped=self._status.episodes.skipped,
+            frames=self._frames,
+            failures=self._failures,
+        )
+
+    # What the lanes call.
+
+    def begin(self, job: Job) -> Landing:
+        """Reserve an attempt of the job."""
+        attempt = reserve_attempt(self._out, job.episode_id, job.first_attempt)
+        self._event("attempt_reserved", episode_id=job.episode_id, attempt=attempt)
+        raw_folder = self._folder.raw_attempt(job.episode_id, attempt)
+        raw_folder.parent.mkdir(parents=True, exist_ok=True)
+        landing = Landing(
+            job, attempt, raw_folder, self._store, self._workers(), self._config.conversion.codecs
+        )
+        self._recording = landing
+        self._status.current = CurrentEpisode(
+            episode_id=job.episode_id,
+            index=job.spec.index,
+            attempt=attempt,
+            ticks_total=job.spec.steps,
+            frames_total=job.spec.saved_frames,
+        )
+        self._enter("recording")
+        return landing
+
+    def heard(self, event: Mapping[str, Any]) -> None:
+        """Copy an event into the run's; follow the ticks."""
+        if event["event"] == "tick" and self._status.current is not None:
+            self._status.current.ticks_done = int(event["tick"]) + 1
+        fields = {key: value for key, value in event.items() if key != "event"}
+        self._event(str(event["event"]), **fields)
+
+    def poll(self) -> None:
+        """Commit what is converted; keep the status fresh."""
+        current, shown = self._status.current, self._recording
+        if shown is None and self._landings:
+            shown = self._landings[0]
+        if current is not None and shown is not None and current.attempt == shown.attempt:
+            current.frames_converted = shown.frames_done
+        if self._config.conversion.mode == "streaming" or self._recording is None:
+            for landing in list(self._landings):
+                self._land(landing)
+        now_s = self._clock_s()
+        if now_s >= self._next_heartbeat_s:
+            self._next_heartbeat_s = now_s + _HEARTBEAT_S
+            self._folder.write_status(self._status)
+        self._observer.status(self._status)
+
+    def recorded(self, landing: Landing) -> None:
+        """Let a complete recording land: at once, or after all others."""
+        self._recording = None
+        if self._config.conversion.mode == "deferred":
+            self._recorded.append(landing)
+        else:
+            self._landings.append(landing)
+
+    def attempt_failed(self, landing: Landing, error: CarStageError, *, final: bool) -> None:
+        """Try the episode again, unless that is pointless or it was tried often enough."""
+        self._recording = None
+        job = landing.job
+        reason = str(error)
+        if not final and job.tries < self._retries:
+            number = int(landing.attempt[1:])
+            self._jobs.appendleft(Job(job.spec, job.episode_id, job.tries + 1, number + 1))
+            self._event(
+                "episode_retried", episode_id=job.episode_id, attempt=landing.attempt, reason=reason
+            )
+            self._observer.say(f"{error.message} The episode is recorded again.")
+            return
+        self._failures[job.episode_id] = reason
+        self._status.episodes.failed += 1
+        self._event(
+            "episode_failed", episode_id=job.episode_id, attempt=landing.attempt, reason=reason
+        )
+
+    # What the executor calls.
+
+    def _open_lane(self) -> ServerLane:
+        return ServerLane(self._setup, self, self._folder, self._interruption)
+
+    def _take(self) -> Job | None:
+        """The next episode; waits while conversions lag behind or may have to be repeated."""
+        while True:
+            with self._interruption.held():
+                self.poll()
+            self._interruption.check()
+            if self._jobs and len(self._landings) < _MOST_LANDINGS:
+                return self._jobs.popleft()
+            if not self._jobs and not self._landings:
+                if not self._recorded:
+                    return None
+                landing = self._recorded.popleft()
+                with self._interruption.held():
+                    landing.convert_all()
+                self._landings.append(landing)
+            if not self._jobs:
+                self._show_conversion()
+            self._wait(POLL_S)
+
+    def _show_conversion(self) -> None:
+        landing = self._landings[0]
+        if self._status.state != "converting":
+            self._enter("converting")
+        steps, frames = landing.job.spec.steps, landing.job.spec.saved_frames
+        self._status.current = CurrentEpisode(
+            episode_id=landing.job.episode_id,
+            index=landing.job.spec.index,
+            attempt=landing.attempt,
+            ticks_done=steps,
+            ticks_total=steps,
+            frames_converted=landing.frames_done,
+            frames_total=frames,
+        )
+
+    def _wait(self, timeout_s: float) -> None:
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._interruption, selectors.EVENT_READ)
+            selector.select(timeout_s)
+
+    # Landing.
+
+    def _land(self, landing: Landing) -> None:
+        """Commit the landing if its frames are converted."""
+        job = landing.job
+        try:
+            if not landing.is_ready():
+                return
+            landing.commit()
+        except EpisodeExistsError as error:
+            self._landings.remove(landing)
+            self._status.episodes.skipped += 1
+            landing.remove_raw()
+            self._event(
+                "episode_skipped",
+                episode_id=job.episode_id,
+                attempt=landing.attempt,
+                reason=error.message,
+            )
+        except CarStageError as error:
+            self._landings.remove(landing)
+            landing.give_up()
+            self._retire_pool()
+            self.attempt_failed(landing, error, final=isinstance(error, BadInputError))
+        else:
+            self._landings.remove(landing)
+            self._status.episodes.committed += 1
+            self._frames += job.spec.saved_frames
+            if not self._config.output.keep_raw:
+                landing.remove_raw()
+            self._event("frames_converted", episode_id=job.episode_id, frames=landing.frames_done)
+            self._event("episode_committed", episode_id=job.episode_id, attempt=landing.attempt)
+
+    def _workers(self) -> Pool:
+        if self._pool is None:
+            chosen = self._config.conversion.workers
+            cores = len(os.sched_getaffinity(0))
+            self._pool = conversion_pool(max(1, cores // 2) if chosen == "auto" else chosen)
+        return self._pool
+
+    def _retire_pool(self) -> None:
+        """Use another pool from the next attempt on: a broken one takes no work any more."""
+        if self._pool is not None:
+            self._retired_pools.append(self._pool)
+            self._pool = None
+
+    def _give_back(self) -> None:
+        """Remove attempts that did not land and end the converters."""
+        recording = [] if self._recording is None else [self._recording]
+        for landing in [*recording, *self._landings, *self._recorded]:
+            landing.give_up()
+        self._retire_pool()
+        for pool in self._retired_pools:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+    def _enter(self, state: State) -> None:
+        self._status.state = state
+        with self._interruption.held():
+            self._folder.write_status(self._status)
+        self._observer.status(self._status)
+
+    def _event(self, event: str, **fields: Any) -> None:
+        with self._interruption.held():  # no torn lines
+            self._observer.event(self._folder.write_event(event, fields))

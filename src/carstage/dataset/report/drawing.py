@@ -1,0 +1,215 @@
+"""Pictures of data and labels: boxes on camera images, depth and ids in colours, bird's eye."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from carstage.dataset.checks.labels import LabelledBox
+from carstage.dataset.reading import SensorCalibration
+from carstage.geometry import (
+    EDGES,
+    OPTICAL_FROM_SENSOR,
+    Z_NEAR_M,
+    box_corners,
+    invert_pose,
+    project,
+    transform_points,
+)
+
+RgbColour = tuple[int, int, int]
+
+CLASS_COLOURS: dict[str, RgbColour] = {
+    "car": (58, 150, 255),
+    "van": (26, 188, 180),
+    "truck": (255, 159, 28),
+    "bus": (178, 124, 255),
+    "motorcycle": (255, 105, 180),
+    "bicycle": (96, 204, 72),
+    "walker_adult": (255, 82, 82),
+    "walker_child": (255, 196, 61),
+    "walker_wheelchair": (236, 112, 99),
+}
+OTHER_COLOUR: RgbColour = (200, 200, 200)
+_FORWARD_FACE = (4, 5, 7, 6)  # corners with positive x, around the face
+_VIEW_PX = 640
+_VIEW_RANGE_M = 50.0
+_RING_STEP_M = 10.0
+_FAR_M = 120.0
+_NEAR_M = 1.5
+
+
+def class_colour(name: str) -> RgbColour:
+    """The colour of a class in every picture and chart."""
+    return CLASS_COLOURS.get(name, OTHER_COLOUR)
+
+
+def draw_boxes_3d(
+    rgb: NDArray[np.uint8],
+    camera: SensorCalibration,
+    boxes: Sequence[tuple[LabelledBox, RgbColour]],
+) -> Image.Image:
+    """A camera image with the edges of boxes; the face in driving direction is crossed."""
+    picture = Image.fromarray(rgb)
+    draw = ImageDraw.Draw(picture)
+    line = max(1, round(camera.width / 400))
+    for box, colour in boxes:
+        corners = transform_points(
+            invert_pose(camera.ego_from_sensor), box_corners(box.ego_from_box, box.extent)
+        )
+        optical = corners @ OPTICAL_FROM_SENSOR.T
+        a, b, c, d = _FORWARD_FACE
+        for start, end in (*EDGES, (a, c), (b, d)):
+            ends = _before_camera(optical[start], optical[end])
+            if ends is not None:
+                uv = project(ends, camera.k, 0.0)
+                # Far outside points overflow Pillow's integers.
+                uv = np.clip(uv, -4 * camera.width, 5 * camera.width)
+                draw.line([tuple(point) for point in uv.tolist()], fill=colour, width=line)
+    return picture
+
+
+def _before_camera(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """The part of a segment in front of the near plane."""
+    if max(a[2], b[2]) < Z_NEAR_M:
+        return None
+    ends = [a, b]
+    for i, j in ((0, 1), (1, 0)):
+        if ends[i][2] < Z_NEAR_M:
+            share = (Z_NEAR_M - ends[i][2]) / (ends[j][2] - ends[i][2])
+            ends[i] = ends[i] + share * (ends[j] - ends[i])
+    return np.stack(ends)
+
+
+def draw_boxes_2d(
+    rgb: NDArray[np.uint8], rows: Sequence[tuple[Mapping[str, Any], RgbColour]]
+) -> Image.Image:
+    """A camera image with 2D boxes: modal solid, amodal dashed."""
+    picture = Image.fromarray(rgb)
+    draw = ImageDraw.Draw(picture)
+    line = max(1, round(picture.width / 400))
+    for row, colour in rows:
+        if row["bbox_amodal"] is not None:
+            _dashed(draw, row["bbox_amodal"], colour, line)
+        if row["bbox_modal"] is not None:
+            x0, y0, x1, y1 = row["bbox_modal"]
+            draw.rectangle((x0, y0, max(x0, x1 - 1), max(y0, y1 - 1)), outline=colour, width=line)
+    return picture
+
+
+def _dashed(draw: ImageDraw.ImageDraw, box: Sequence[float], colour: RgbColour, line: int) -> None:
+    x0, y0, x1, y1 = box
+    dash = 4.0 * line
+    for start, end in (((x0, y0), (x1, y0)), ((x1, y0), (x1, y1)),
+                       ((x1, y1), (x0, y1)), ((x0, y1), (x0, y0))):  # fmt: skip
+        length = float(np.hypot(end[0] - start[0], end[1] - start[1]))
+        for offset in np.arange(0.0, length, 2.0 * dash):
+            stop = min(offset + dash, length)
+            points = [
+                (start[0] + (end[0] - start[0]) * t / length,
+                 start[1] + (end[1] - start[1]) * t / length)
+                for t in (offset, stop)
+            ]  # fmt: skip
+            draw.line(points, fill=colour, width=line)
+
+
+def depth_view(depth_m: NDArray[np.float32]) -> Image.Image:
+    """Depth as colours, logarithmic from 1.5 m (warm) to 120 m (cold); sky dark."""
+    near, far = np.log(_NEAR_M), np.log(_FAR_M)
+    share = (far - np.log(np.clip(depth_m, _NEAR_M, _FAR_M))) / (far - near)
+    colours = spectrum(share)
+    colours[depth_m >= 999.9] = (24, 26, 32)
+    return Image.fromarray(colours)
+
+
+def spectrum(share: NDArray[Any]) -> NDArray[np.uint8]:
+    """Colours from violet over green to yellow for values from 0 to 1; ``(..., 3)`` uint8."""
+    stops = np.array(
+        [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]], np.float64
+    )
+    place = np.clip(share, 0.0, 1.0) * (len(stops) - 1)
+    low = np.minimum(place.astype(np.intp), len(stops) - 2)
+    rest = (place - low)[..., None]
+    colours: NDArray[np.uint8] = (stops[low] * (1 - rest) + stops[low + 1] * rest).astype(np.uint8)
+    return colours
+
+
+def semantic_view(tags: NDArray[np.uint8], palette: Mapping[int, RgbColour]) -> Image.Image:
+    """Tags in the colours of ``dataset.json``."""
+    table = np.zeros((256, 3), np.uint8)
+    for value, colour in palette.items():
+        table[value] = colour
+    return Image.fromarray(table[tags])
+
+
+def instance_view(instance: NDArray[np.uint16]) -> Image.Image:
+    """A colour of its own for each id of a thing that moves; everything else in greys by tag."""
+    ids, tags = instance[..., 0].astype(np.uint32), instance[..., 1]
+    moves = (tags >= 12) & (tags <= 19)
+    mixed = (ids * np.uint32(2654435761)) >> np.uint32(8)  # Knuth's multiplicative hash
+    colours = np.stack([(mixed >> np.uint32(s)) & np.uint32(255) for s in (0, 8, 16)], axis=-1)
+    grey = (30 + (tags.astype(np.uint32) * 37) % 60)[..., None].repeat(3, axis=-1)
+    return Image.fromarray(np.where(moves[..., None], 80 + colours * 2 // 3, grey).astype(np.uint8))
+
+
+def birds_eye_view(
+    points_ego: NDArray[np.float64], boxes: Sequence[tuple[LabelledBox, RgbColour]]
+) -> Image.Image:
+    """LiDAR points and boxes from above, ego in the middle, forward up; rings every 10 m.
+
+    Args:
+        points_ego: ``(N, 3)`` in the ego actor's frame (m), coloured by height.
+        boxes: with their colours.
+    """
+    scale = _VIEW_PX / (2 * _VIEW_RANGE_M)
+
+    def pixels(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.stack([_VIEW_PX / 2 + xy[:, 1] * scale, _VIEW_PX / 2 - xy[:, 0] * scale], axis=1)
+
+    canvas = np.full((_VIEW_PX, _VIEW_PX, 3), (16, 18, 24), np.uint8)
+    order = np.argsort(points_ego[:, 2])  # the highest points last, on top
+    ordered = points_ego[order]
+    uv = np.floor(pixels(ordered[:, :2])).astype(np.intp)
+    inside = ((uv >= 0) & (uv < _VIEW_PX)).all(axis=1)
+    colours = spectrum((ordered[:, 2] + 0.3) / 4.0) // 2 + 60
+    canvas[uv[inside, 1], uv[inside, 0]] = colours[inside]
+    picture = Image.fromarray(canvas)
+    draw = ImageDraw.Draw(picture)
+    for radius_m in np.arange(_RING_STEP_M, _VIEW_RANGE_M, _RING_STEP_M):
+        r = radius_m * scale
+        middle = _VIEW_PX / 2
+        draw.ellipse((middle - r, middle - r, middle + r, middle + r), outline=(44, 48, 60))
+        draw.text((middle + 3, middle - r - 11), f"{radius_m:.0f} m", fill=(110, 116, 132))
+    for box, colour in boxes:
+        corners = box_corners(box.ego_from_box, box.extent)
+        outline = [tuple(p) for p in pixels(corners[[0, 4, 6, 2, 0], :2]).tolist()]
+        draw.line(outline, fill=colour, width=2)
+        axis = np.array([box.ego_from_box[:3, 3], corners[[4, 6]].mean(axis=0)])
+        draw.line([tuple(p) for p in pixels(axis[:, :2]).tolist()], fill=colour, width=2)
+    return picture
+
+
+def data_uri(picture: Image.Image, width: int, *, lossless: bool = False) -> str:
+    """A picture as a ``data:`` address, scaled down to a width.
+
+    Args:
+        picture: RGB.
+        width: the most pixels that it shall be wide.
+        lossless: PNG instead of JPEG.
+    """
+    if picture.width > width:
+        height = max(1, round(picture.height * width / picture.width))
+        picture = picture.resize((width, height), Image.Resampling.LANCZOS)
+    stream = io.BytesIO()
+    if lossless:
+        picture.save(stream, format="PNG", optimize=True)
+    else:
+        picture.save(stream, format="JPEG", quality=82, subsampling=0)
+    kind = "png" if lossless else "jpeg"
+    return f"data:image/{kind};base64,{base64.b64encode(stream.getvalue()).decode()}"

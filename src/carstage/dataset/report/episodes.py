@@ -1,0 +1,233 @@
+"""The report's section on one episode: contact sheet, views, bird's eye, rig, ledger."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Mapping
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from carstage.dataset.checks.findings import Findings
+from carstage.dataset.checks.labels import LabelledBox, LabelTables, labelled_boxes
+from carstage.dataset.reading import Episode, Sensor
+from carstage.dataset.report import html
+from carstage.dataset.report.drawing import (
+    RgbColour,
+    birds_eye_view,
+    class_colour,
+    data_uri,
+    depth_view,
+    draw_boxes_2d,
+    draw_boxes_3d,
+    instance_view,
+    semantic_view,
+)
+from carstage.dataset.tables import ROW_SENSORS
+from carstage.errors import DatasetError
+from carstage.geometry import transform_points
+
+CONTACT_FRAMES = 6
+VIEW_FRAMES = 2
+_CONTACT_PX = 560
+_BIRDS_EYE_PX = 640
+
+
+def frames_per_second(episode: Episode) -> float:
+    """Rate of the saved frames."""
+    return float(episode.spec["fps"]) / int(episode.spec["save_every"])
+
+
+def episode_section(episode: Episode, description: Mapping[str, Any]) -> str:
+    """The section, as markup.
+
+    Args:
+        episode: the episode.
+        description: ``dataset.json``, for the colours of the tags.
+    """
+    pictures = _Pictures(episode, description)
+    frames = _spread(episode.frames, CONTACT_FRAMES)
+    parts = [
+        f"<h2>Episode <code>{escape(episode.id)}</code></h2>",
+        f"<p>{escape(_summary(episode))}</p>",
+        html.legend((name, class_colour(name)) for name in pictures.classes()),
+    ]
+    for sensor in episode.sensors:
+        if sensor.calibration.labelled and sensor.kind == "rgb":
+            parts.append(
+                f"<h3>{escape(sensor.id)}: visible objects</h3>"
+                '<p class="soft">3D boxes (the crossed face is the front) and below them 2D boxes: '
+                "solid around the visible pixels, dashed around the whole object.</p>"
+                f'<div class="grid">{pictures.boxes_3d(sensor, frames)}</div>'
+                f'<div class="grid below">{pictures.boxes_2d(sensor, frames)}</div>'
+            )
+    middle = _spread(episode.frames, VIEW_FRAMES + 2)[1:-1] or frames
+    views = pictures.views(middle)
+    if views:
+        parts.append(f'<h3>Depth, semantics, instances</h3><div class="grid">{views}</div>')
+    birds_eye = pictures.birds_eye(middle)
+    if birds_eye:
+        parts.append(
+            "<h3>LiDAR from above</h3>"
+            '<p class="soft">Forward is up; points are coloured by height; boxes are all labelled '
+            f'objects.</p><div class="grid wide">{birds_eye}</div>'
+        )
+    parts += [_rig(episode), _ledger(episode)]
+    return "\n".join(parts)
+
+
+def _spread(count: int, wanted: int) -> list[int]:
+    """Up to ``wanted`` indices, evenly over ``count`` frames."""
+    return (
+        sorted({round(x) for x in np.linspace(0, count - 1, min(wanted, count))}) if count else []
+    )
+
+
+def _summary(episode: Episode) -> str:
+    spec, document = episode.spec, episode.document
+    spawned = document["spawned"]
+    weather = spec["weather"]["preset"] or "given parameters"
+    return (
+        f"{spec['map']}, {weather}; {episode.frames} frames at {frames_per_second(episode):g} Hz; "
+        f"ego {spec['ego']['blueprint']}, scenario {spec['scenario']['kind']}; "
+        f"{spawned['vehicles']} of {spec['vehicles']['count']} vehicles and "
+        f"{spawned['pedestrians']} of {spec['pedestrians']['count']} pedestrians; "
+        f"CARLA client {document['client_version']}, server {document['server_version']}."
+    )
+
+
+class _Pictures:
+    """Draws what one episode needs; reads its labels once."""
+
+    def __init__(self, episode: Episode, description: Mapping[str, Any]) -> None:
+        self._episode = episode
+        self._palette: dict[int, RgbColour] = {
+            tag["value"]: tuple(tag["rgb"]) for tag in description["tags"]
+        }
+        tables = LabelTables.load(episode)
+        self._boxes = labelled_boxes(tables, Findings(episode.id))
+        columns = ["track_id", "class"]
+        self._classes = {
+            row["track_id"]: row["class"] for row in tables.objects.select(columns).to_pylist()
+        }
+        self._rows: dict[tuple[int, str], list[dict[str, Any]]] = defaultdict(list)
+        columns = ["k", "sensor_id", "track_id", "bbox_amodal", "bbox_modal", "visible"]
+        for row in tables.camera_objects.select(columns).to_pylist():
+            if row["visible"]:
+                self._rows[row["k"], row["sensor_id"]].append(row)
+
+    def classes(self) -> list[str]:
+        """Classes that occur, the most frequent first."""
+        return [name for name, _ in Counter(self._classes.values()).most_common()]
+
+    def boxes_3d(self, sensor: Sensor, frames: list[int]) -> str:
+        camera, figures = sensor.calibration, []
+        for k in frames:
+            visible = {row["track_id"] for row in self._rows[k, sensor.id]}
+            boxes = [(b, self._colour(b)) for b in self._boxes.get(k, []) if b.track_id in visible]
+            picture = draw_boxes_3d(sensor.read(k), camera, boxes)
+            figures.append(
+                html.figure(data_uri(picture, _CONTACT_PX), self._caption(k, len(boxes)))
+            )
+        return "".join(figures)
+
+    def boxes_2d(self, sensor: Sensor, frames: list[int]) -> str:
+        figures = []
+        for k in frames:
+            rows = [
+                (row, class_colour(self._classes.get(row["track_id"], "")))
+                for row in self._rows[k, sensor.id]
+            ]
+            picture = draw_boxes_2d(sensor.read(k), rows)
+            caption = self._caption(k, len(rows))
+            figures.append(html.figure(data_uri(picture, _CONTACT_PX), caption))
+        return "".join(figures)
+
+    def views(self, frames: list[int]) -> str:
+        figures = []
+        for k in frames:
+            for sensor in self._episode.sensors:
+                if sensor.kind == "depth":
+                    picture = depth_view(sensor.read(k))
+                elif sensor.kind == "semantic":
+                    picture = semantic_view(sensor.read(k), self._palette)
+                elif sensor.kind == "instance":
+                    picture = instance_view(sensor.read(k))
+                else:
+                    continue
+                caption = f"{sensor.id}, frame {k}"
+                figures.append(html.figure(data_uri(picture, _CONTACT_PX), caption))
+        return "".join(figures)
+
+    def birds_eye(self, frames: list[int]) -> str:
+        figures = []
+        lidars = [sensor for sensor in self._episode.sensors if sensor.kind == "lidar"]
+        for k in frames:
+            clouds = [
+                transform_points(lidar.calibration.ego_from_sensor, lidar.read(k)[:, :3])
+                for lidar in lidars
+            ]
+            if clouds:
+                boxes = [(box, self._colour(box)) for box in self._boxes.get(k, [])]
+                picture = birds_eye_view(np.concatenate(clouds), boxes)
+                caption = f"frame {k}: {sum(map(len, clouds)):,} points"
+                figures.append(
+                    html.figure(data_uri(picture, _BIRDS_EYE_PX, lossless=True), caption)
+                )
+        return "".join(figures)
+
+    def _colour(self, box: LabelledBox) -> RgbColour:
+        return (255, 255, 255) if box.is_ego else class_colour(self._classes[box.track_id])
+
+    def _caption(self, k: int, objects: int) -> str:
+        time_s = k / frames_per_second(self._episode)
+        return f"frame {k}, {time_s:.1f} s: {objects} visible"
+
+
+def _rig(episode: Episode) -> str:
+    sizes: Counter[str] = Counter()
+    for entry in episode.marker.files:
+        parts = entry.path.split("/")
+        if parts[0] == "sensors":
+            sizes[parts[1].removesuffix(".parquet")] += entry.bytes
+    rows = []
+    for sensor in episode.sensors:
+        c = sensor.calibration
+        x, y, z = c.ego_from_sensor[:3, 3]
+        image = f"{c.width}×{c.height}, {c.fov_deg:g}°" if c.is_camera else ""
+        rows.append(
+            (sensor.id, sensor.kind, f"{x:.2f}, {y:.2f}, {z:.2f}", image, c.codec,
+             f"{sizes[sensor.id] / 1e6:.2f}")
+        )  # fmt: skip
+    head = ("Sensor", "Kind", "Position x, y, z (m)", "Image, field of view", "Files", "MB")
+    return "<h3>Rig</h3>" + html.table(head, rows)
+
+
+def _ledger(episode: Episode) -> str:
+    ledger = episode.ledger()
+    rows = []
+    for sensor in episode.sensors:
+        states = Counter(ledger[f"{sensor.id}.state"].to_pylist())
+        on_disk = _frames_on_disk(episode, sensor)
+        rows.append((sensor.id, *(states.get(s, 0) for s in _STATES), on_disk))
+    frames = ledger["server_frame"].to_pylist()
+    span = f"server frames {frames[0]} to {frames[-1]}" if frames else "no frames"
+    saved = ledger.num_rows - ledger["k"].null_count
+    return (
+        "<h3>Ledger</h3>"
+        f'<p class="soft">{ledger.num_rows} ticks ({escape(span)}), {saved} of them saved.</p>'
+        + html.table(("Sensor", *_STATES, "frames on disk"), rows)
+    )
+
+
+_STATES = ("ok", "missing", "late", "mismatched", "off")
+
+
+def _frames_on_disk(episode: Episode, sensor: Sensor) -> int:
+    if sensor.kind in ROW_SENSORS:
+        try:
+            return int(sensor.table.num_rows)
+        except DatasetError:
+            return 0
+    return sum(sensor.paths(k)[0].is_file() for k in range(episode.frames))

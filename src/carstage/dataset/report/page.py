@@ -1,0 +1,188 @@
+"""Composes the report: the dataset as a whole, then its episodes."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+
+from carstage import __version__
+from carstage.dataset.reading import Dataset
+from carstage.dataset.report import html
+from carstage.dataset.report.drawing import class_colour
+from carstage.dataset.report.episodes import episode_section, frames_per_second
+from carstage.dataset.report.statistics import (
+    DISTANCE_EDGES_M,
+    LIDAR_EDGES,
+    OCCLUSION_NAMES,
+    LabelStatistics,
+    bin_names,
+    count_labels,
+)
+from carstage.dataset.validation import ValidationReport, validate_dataset
+
+MOST_EPISODES_WITH_PICTURES = 6
+_MOST_PROBLEMS = 50
+
+
+def write_report(
+    path: str | Path, out: Path | None = None, *, validation: ValidationReport | None = None
+) -> Path:
+    """Write one self-contained HTML page about a dataset.
+
+    Args:
+        path: folder of the dataset.
+        out: the file to write; default: ``report.html`` in the dataset's folder.
+        validation: the verdict to show; without one the dataset is validated first.
+
+    Returns:
+        The file written.
+
+    Raises:
+        DatasetError: the folder is no dataset, or its tables cannot be read.
+    """
+    dataset = Dataset(path)
+    verdict = validation or validate_dataset(path)
+    episodes = dataset.episodes
+    statistics = count_labels(episodes)
+    shown = episodes[:MOST_EPISODES_WITH_PICTURES]
+    sections = [
+        _head(dataset, verdict),
+        _overview(dataset, statistics),
+        *(episode_section(episode, dataset.description) for episode in shown),
+        _statistics(statistics),
+        _validation(verdict),
+        _episode_list(dataset) if len(episodes) > 1 else "",
+        f"<footer>Written by Car-STAGE {escape(__version__)}. "
+        "Pictures are scaled down; the dataset holds the originals.</footer>",
+    ]
+    target = out if out is not None else dataset.path / "report.html"
+    target.write_text(html.page(f"{dataset.name}: Car-STAGE dataset", "\n".join(sections)), "utf-8")
+    return target
+
+
+def _head(dataset: Dataset, verdict: ValidationReport) -> str:
+    warnings = sum(problem.severity == "warning" for problem in verdict.problems)
+    if not verdict.ok:
+        badge = '<span class="badge bad">✗ problems found</span>'
+    elif warnings:
+        badge = f'<span class="badge warn">✓ valid, {warnings} warnings</span>'
+    else:
+        badge = '<span class="badge good">✓ valid</span>'
+    return (
+        f'<div class="head"><h1>{escape(dataset.name)}</h1>{badge}</div>'
+        '<p class="soft">A labelled multi-sensor driving dataset, recorded from CARLA by '
+        "Car-STAGE.</p>"
+    )
+
+
+def _overview(dataset: Dataset, statistics: LabelStatistics) -> str:
+    episodes = dataset.episodes
+    size = sum(entry.bytes for episode in episodes for entry in episode.marker.files)
+    seconds = sum(episode.frames / frames_per_second(episode) for episode in episodes)
+    sensors = {sensor.id for episode in episodes for sensor in episode.sensors}
+    return html.tiles(
+        [
+            ("episodes", f"{len(episodes)}"),
+            ("frames", f"{sum(episode.frames for episode in episodes):,}"),
+            ("simulated time", f"{seconds:.1f} s"),
+            ("sensors", f"{len(sensors)}"),
+            ("objects tracked", f"{statistics.tracks:,}"),
+            ("3D boxes", f"{statistics.records:,}"),
+            ("visible 2D boxes", f"{statistics.visible:,}"),
+            ("size on disk", _size(size)),
+        ]
+    )
+
+
+def _size(count: float) -> str:
+    for unit in ("B", "kB", "MB", "GB"):
+        if count < 1000:
+            return f"{count:.3g} {unit}"
+        count /= 1000
+    return f"{count:.3g} TB"
+
+
+def _statistics(statistics: LabelStatistics) -> str:
+    classes = [
+        (name, count, html.css_colour(class_colour(name)))
+        for name, count in statistics.by_class.most_common()
+    ]
+
+    def binned(title: str, names: list[str], counts: list[int]) -> str:
+        return html.bars(title, [(n, c, None) for n, c in zip(names, counts, strict=True)])
+
+    levels = list(OCCLUSION_NAMES)
+    return (
+        "<h2>Labels</h2>"
+        '<p class="soft">Objects are counted once per episode; the other charts count labels: '
+        "one per frame and object, or per frame, camera and object. The ego is left out.</p>"
+        '<div class="grid">'
+        + html.bars("Objects by class", classes)
+        + binned(
+            "Visible objects by distance from the camera",
+            bin_names(DISTANCE_EDGES_M, " m"),
+            statistics.distances,
+        )
+        + binned("Occlusion of visible objects, STAGE-VO level", levels, statistics.occluded)
+        + binned("Occlusion of visible objects, by pixels", levels, statistics.occluded_px)
+        + binned(
+            "Labels by LiDAR points in the box", bin_names(LIDAR_EDGES, ""), statistics.lidar_points
+        )
+        + "</div>"
+    )
+
+
+def _validation(verdict: ValidationReport) -> str:
+    figures = verdict.figures
+    hull = figures["hull"]
+    rows: list[tuple[str, str]] = [
+        ("Files read, hashed and decoded", f"{figures['files']:,} ({_size(figures['bytes'])})"),
+        (
+            "Pixels of objects outside the projection of their box, grown by 2 px",
+            f"{hull['pixels_outside']:,} of {hull['pixels']:,} "
+            f"(farthest {hull['farthest_px']:.2f} px)",
+        ),
+    ]
+    for pair, found in figures["lidar_depth"].items():
+        share = found["share"]
+        rows.append(
+            (
+                f"LiDAR points that agree with depth to 0.1 m + 1 % ({pair})",
+                "none in view" if share is None
+                else f"{share:.2%} of {found['points_comparable']:,}",
+            )
+        )  # fmt: skip
+    rows.append(("LiDAR points in boxes, recounted", f"{figures['lidar_points_in_boxes']:,}"))
+    text = "<h2>Validation</h2>" + html.table(("Check, from the files alone", "Result"), rows)
+    if not verdict.problems:
+        return text + '<p class="good">No problem was found.</p>'
+    listed = [
+        (p.severity, p.check, p.episode or "", "" if p.frame is None else p.frame, p.sensor or "",
+         p.message)
+        for p in verdict.problems[:_MOST_PROBLEMS]
+    ]  # fmt: skip
+    more = len(verdict.problems) - len(listed)
+    rest = f'<p class="soft">and {more} more; see <code>carstage validate</code>.</p>'
+    return (
+        text
+        + "<h3>Problems</h3>"
+        + html.table(("Severity", "Check", "Episode", "Frame", "Sensor", "What"), listed)
+        + (rest if more else "")
+    )
+
+
+def _episode_list(dataset: Dataset) -> str:
+    rows = [
+        (
+            episode.id,
+            episode.spec["map"],
+            episode.spec["weather"]["preset"] or "parameters",
+            episode.frames,
+            f"{frames_per_second(episode):g} Hz",
+            episode.spec["ego"]["blueprint"],
+        )
+        for episode in dataset.episodes
+    ]
+    return "<h2>All episodes</h2>" + html.table(
+        ("Episode", "Map", "Weather", "Frames", "Rate", "Ego"), rows
+    )

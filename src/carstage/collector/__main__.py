@@ -75,22 +75,22 @@ def _run(plan_path: str, events: EventStream, stop: StopRequest) -> int:
 def _record(plan: Plan, events: EventStream, stop: StopRequest) -> int:
     # Only now: a bad plan is refused even where no carla wheel is installed.
     try:
-        from carstage.collector.client import check_versions, connect
+        from carstage.collector.client import answers, check_versions, client_version, connect
         from carstage.collector.episode import EpisodeRecorder, Versions
     except ImportError as error:
         raise CollectorError(
             "This Python (%s) has no carla wheel: %s." % (sys.executable, error),
             "Install the wheel of the server's version into it, or use another interpreter.",
         ) from error
-    client = connect(plan.server, stop)
-    versions = Versions(
-        *check_versions(client, [episode.spec.dialect for episode in plan.episodes])
-    )
     events.emit(
         "collector_started",
         pid=os.getpid(),
-        client_version=versions.client,
+        client_version=client_version(),
         python=platform.python_version(),
+    )
+    client = connect(plan.server, stop)
+    versions = Versions(
+        *check_versions(client, [episode.spec.dialect for episode in plan.episodes])
     )
     events.emit("connected", server_version=versions.server, map=client.get_world().get_map().name)
     recorder = EpisodeRecorder(client, versions, plan, events, stop)
@@ -110,6 +110,9 @@ def _record(plan: Plan, events: EventStream, stop: StopRequest) -> int:
             _log.exception("episode %s, attempt %s", episode.episode_id, episode.attempt)
             _report(error, events)
             code = EXIT_FAILED
+            if not answers(client, plan.server.timeout_s):
+                _log.error("the server does not answer any more; no further episode is tried")
+                break
         else:
             events.emit(
                 "episode_recorded",

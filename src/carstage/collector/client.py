@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import re
 import time
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Iterable, Tuple
 
 import carla
@@ -49,19 +50,39 @@ def connect(server: ServerPlan, stop: StopRequest) -> Any:
             return client
 
 
+def client_version() -> str:
+    """The version of the ``carla`` wheel of this Python."""
+    try:
+        return version("carla")
+    except PackageNotFoundError:
+        return "unknown"  # an egg on the path, as old releases have it
+
+
+def answers(client: Any, timeout_s: float) -> bool:
+    """Whether the server answers now; ``timeout_s`` is the client's timeout afterwards."""
+    client.set_timeout(PROBE_TIMEOUT_S)
+    try:
+        client.get_server_version()
+    except RuntimeError:
+        return False
+    finally:
+        client.set_timeout(timeout_s)
+    return True
+
+
 def check_versions(client: Any, dialects: Iterable[str]) -> Tuple[str, str]:
     """Compare client, server and the planned dialects; return client's and server's version.
 
     Raises:
         VersionMismatchError: they differ in their numbers.
     """
-    client_version = client.get_client_version()
+    ours = client.get_client_version()
     server_version = client.get_server_version()
-    numbers = release_numbers(client_version)
+    numbers = release_numbers(ours)
     if release_numbers(server_version) != numbers:
         raise VersionMismatchError(
             "The server is CARLA %s, the carla wheel of this Python is %s."
-            % (server_version, client_version),
+            % (server_version, ours),
             "Run the collector under a Python that has the wheel of the server's version.",
         )
     for dialect in dialects:
@@ -71,10 +92,10 @@ def check_versions(client: Any, dialects: Iterable[str]) -> Tuple[str, str]:
                 % (dialect, server_version),
                 "Plan the run anew for this server.",
             )
-    return client_version, server_version
+    return ours, server_version
 
 
-def release_numbers(version: str) -> Tuple[int, ...]:
+def release_numbers(text: str) -> Tuple[int, ...]:
     """The release's numbers of a version text: ``0.9.15-dirty`` is ``(0, 9, 15)``."""
-    match = _NUMBERS.search(version)
+    match = _NUMBERS.search(text)
     return tuple(int(number) for number in match.groups()) if match else ()

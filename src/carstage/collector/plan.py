@@ -59,10 +59,15 @@ class SensorPlan:
 
 @dataclass(frozen=True)
 class TimingPlan:
-    """How time runs: step, sub-steps, and what an incomplete frame means."""
+    """How time runs: step, sub-steps, and what an incomplete frame means.
+
+    Attributes:
+        synchronous: we tick; else the server runs on its own and we follow.
+        skip_incomplete: an incomplete frame is not waited for: as asked for, and always where
+            frames may be incomplete by nature, without synchronous mode or sensor synchronisation.
+    """
 
     synchronous: bool
-    sensor_sync: bool
     step_s: float
     max_substep_delta_time_s: float
     max_substeps: int
@@ -320,13 +325,14 @@ def _timing(fields: _Fields, step_s: float) -> TimingPlan:
             % (fields.path("max_substeps"), substeps, substep_s, step_s),
             "Raise max_substeps or max_substep_delta_time_s.",
         )
+    synchronous = fields.text("mode", ("sync", "async")) == "sync"
+    waited_for = fields.text("on_incomplete", ("wait", "skip")) == "wait"
     return TimingPlan(
-        synchronous=fields.text("mode", ("sync", "async")) == "sync",
-        sensor_sync=fields.flag("sensor_sync"),
+        synchronous=synchronous,
         step_s=step_s,
         max_substep_delta_time_s=substep_s,
         max_substeps=substeps,
-        skip_incomplete=fields.text("on_incomplete", ("wait", "skip")) == "skip",
+        skip_incomplete=not (synchronous and fields.flag("sensor_sync") and waited_for),
     )
 
 

@@ -67,15 +67,18 @@ def header(
     labels: Mapping[str, Any] | None = None,
     lidar: bool = False,
     cameras: Sequence[str] = ("CAM",),
+    mount: Mapping[str, float] | None = None,
+    sensor_actor_ids: Mapping[str, int] | None = None,
     **spec: Any,
 ) -> dict[str, Any]:
-    """A raw log's ``episode.json``; cameras stand at the world's origin through the snapshot."""
+    """A raw log's ``episode.json``; by default the sensors stand at the world's origin."""
+    pose = {"x_m": 50.0} if mount is None else mount
     sensors: list[dict[str, Any]] = [
         {
             "id": name,
             "kind": "rgb",
             "labelled": True,
-            "pose": {"x_m": 50.0},
+            "pose": pose,
             "attributes": {
                 "image_size_x": str(width),
                 "image_size_y": str(height),
@@ -87,14 +90,14 @@ def header(
         for name in cameras
     ]
     if lidar:
-        sensors.append({"id": "TOP", "kind": "lidar", "pose": {"x_m": 50.0}, "attributes": {}})
+        sensors.append({"id": "TOP", "kind": "lidar", "pose": pose, "attributes": {}})
     return {
         "episode_id": "abc",
         "server_version": "0.9.16",
         "map": "Carla/Maps/Stage01",
         "geo_reference": {"latitude_deg": 0.0, "longitude_deg": 0.0},
         "ego_id": EGO_ID,
-        "sensor_actor_ids": {},
+        "sensor_actor_ids": sensor_actor_ids or {},
         "spec": {
             "fps": 10.0,
             "warmup_ticks": 5,

@@ -19,6 +19,7 @@ from annotation_scenes import (
 )
 
 from carstage.annotation import CameraImages, EpisodeLabeller, FrameLabels
+from carstage.annotation.pixels import BoxView, box_interval
 from carstage.annotation.schema import (
     CAMERA_OBJECT_COLUMNS,
     EGO_COLUMNS,
@@ -26,9 +27,11 @@ from carstage.annotation.schema import (
     Column,
 )
 from carstage.errors import AnnotationError
+from carstage.geometry import OPTICAL_FROM_SENSOR, intrinsics, rotation_matrix
 
 CAR_ID, WALKER_ID = 300, 301
 LEVEL = (0.0, 0.0, 0.0)
+AHEAD_LEFT = ((30.0, -10.0, 0.0), LEVEL)
 AHEAD = {CAR_ID: ((20.0, 0.0, 0.0), LEVEL)}
 SCALARS = {"bool": bool, "str": str, "json": str, "f64": float, "i32": int, "i64": int}
 SCALARS |= {"u8": int, "u32": int, "u64": int}
@@ -149,10 +152,10 @@ def test_the_distance_limit_may_count_from_the_ego() -> None:
 
 
 def test_the_ego_is_an_object_but_never_a_camera_row() -> None:
-    world = {EGO_ID: ((-1.0, 0.0, 0.0), LEVEL), **AHEAD}
-    found = label(world)
+    """Here the camera looks back at its own car from 20 m behind."""
+    found = label({EGO_ID: ((20.0, 0.0, 0.0), LEVEL), CAR_ID: AHEAD_LEFT}, mount={"x_m": -20.0})
     assert [row["is_ego"] for row in found.objects] == [True, False]
-    assert EGO_ID not in [row["track_id"] for row in found.camera_objects]
+    assert [row["track_id"] for row in found.camera_objects] == [CAR_ID]
 
 
 def test_rider_pixels_belong_to_the_two_wheeler() -> None:
@@ -316,6 +319,77 @@ def test_the_first_acceleration_is_null_without_warm_up() -> None:
     assert first.ego["acceleration"] is None
     assert first.objects[0]["acceleration_ego"] is None
     assert later.ego["acceleration"] == [0.5, 0.0, 0.0]
+
+
+def test_the_ego_row_turns_vectors_and_places_the_pivot_on_the_earth() -> None:
+    subject = labeller(actor(CAR_ID))
+    world = snapshot({EGO_ID: ((100.0, -100.0, 2.0), (90.0, 0.0, 0.0))})
+    ego = subject.label_frame(world, 0, {}, {}).ego
+    # Nose up: forward is the world's up, up is the world's backwards.
+    np.testing.assert_allclose(ego["acceleration_ego"], [0.0, 0.0, -0.5], atol=1e-12)
+    np.testing.assert_allclose(ego["angular_velocity_ego"], [1.0, 0.0, 0.0], atol=1e-7)
+    assert ego["speed"] == pytest.approx(np.sqrt(5.0))
+    assert ego["latitude_deg"] == pytest.approx(0.000898315284, abs=1e-11)
+    assert ego["longitude_deg"] == pytest.approx(0.000898315284, abs=1e-11)
+    assert ego["altitude_m"] == 2.0
+
+
+def test_the_box_stands_where_the_actor_carries_it() -> None:
+    offset = actor(CAR_ID, location=(0.5, 0.0, 0.75))
+    found = label({CAR_ID: ((20.0, 0.0, 0.0), (0.0, 90.0, 0.0))}, actors=(offset,))
+    np.testing.assert_allclose(found.objects[1]["box_center"], [20.0, 0.5, 0.75], atol=1e-12)
+    np.testing.assert_allclose(one(found)["center_cam"], [0.5, -0.75, 20.0], atol=1e-12)
+    assert found.objects[1]["actor_location"] == [20.0, 0.0, 0.0]
+
+
+def test_sensor_poses_come_from_the_snapshot_of_the_frame() -> None:
+    camera = 400
+    rig = actor(camera, "sensor.camera.rgb")
+    poses = {**AHEAD, camera: ((20.0, -10.0, 1.0), (0.0, 90.0, 0.0))}
+    row = one(label(poses, actors=(actor(CAR_ID), rig), sensor_actor_ids={"CAM": camera}))
+    np.testing.assert_allclose(row["center_cam"], [0.0, 1.0, 10.0], atol=1e-9)
+
+
+def test_a_sensor_missing_from_the_snapshot_stands_on_its_mount() -> None:
+    """A camera that looks 10 degrees down sees what is ahead above its centre."""
+    mount = {"x_m": 50.0, "z_m": 2.0, "pitch_deg": -10.0}
+    row = one(label(mount=mount, sensor_actor_ids={"CAM": 400}))
+    c, s = np.cos(np.radians(10.0)), np.sin(np.radians(10.0))
+    np.testing.assert_allclose(row["center_cam"], [0.0, 2 * c - 20 * s, 20 * c + 2 * s], atol=1e-9)
+
+
+def test_visibility_sums_the_pixels_of_all_cameras() -> None:
+    hidden_stage = painted()
+    hidden_stage.paint(np.ones((360, 640), dtype=np.bool_), 5.0, 0, ROAD_TAG)
+    subject = labeller(actor(CAR_ID), cameras=("A", "B", "C"))
+    images = {"A": painted().images(), "B": hidden_stage.images(), "C": painted().images()}
+    found = subject.label_frame(snapshot(AHEAD), 0, images, {})
+    free, hidden, _ = found.camera_objects
+    expected = 2 * free["visible_px"] / (2 * free["amodal_px"] + hidden["amodal_px"])
+    assert found.objects[1]["visibility"] == pytest.approx(expected)
+    assert found.objects[1]["visibility_token"] == 3
+
+
+def test_ids_above_16_bits_are_found_by_their_low_bits() -> None:
+    high = CAR_ID + 65536
+    row = one(label({high: ((20.0, 0.0, 0.0), LEVEL)}, actors=(actor(high),)))
+    assert row["track_id"] == high
+    assert row["visible_px"] == one(label())["visible_px"]
+
+
+def test_the_silhouette_is_counted_to_its_last_pixel() -> None:
+    """Counting in the bounding rectangle must find what counting everywhere finds."""
+    tilted = (3.0, 33.0, -4.0)
+    row = one(label({CAR_ID: ((9.0, 1.0, 0.3), tilted)}))
+    rotation = rotation_matrix(tilted)
+    everywhere = BoxView(
+        origin_box=rotation.T @ -np.array([9.0, 1.0, 0.3]),
+        box_from_optical=rotation.T @ OPTICAL_FROM_SENSOR.T,
+        extent_m=np.array(CAR_EXTENT),
+        region=(0, 0, 640, 360),
+    )
+    enter, leave = box_interval(everywhere, intrinsics(640, 360, 90.0))
+    assert row["hull_px"] == np.count_nonzero(enter <= leave)
 
 
 def test_meta_of_the_snapshot_reaches_the_rows() -> None:

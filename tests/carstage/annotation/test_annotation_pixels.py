@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 from annotation_scenes import CAR_EXTENT, CAR_TAG, ROAD_TAG, Stage
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -156,6 +156,8 @@ def test_own_pixels_by_depth_are_the_points_in_the_inflated_box() -> None:
     center=st.tuples(st.floats(-3, 25), st.floats(-12, 12), st.floats(-5, 5)),
     rotation=st.tuples(st.floats(-30, 30), st.floats(-180, 180), st.floats(-30, 30)),
 )
+@example(center=(-4.0, 1.0, 0.2), rotation=(0.0, 20.0, 0.0))
+@example(center=(0.5, 0.2, 0.1), rotation=(3.0, 20.0, 0.0))
 @settings(max_examples=40, deadline=None)
 def test_rays_meet_the_box_exactly_inside_its_silhouette(
     center: tuple[float, float, float], rotation: tuple[float, float, float]

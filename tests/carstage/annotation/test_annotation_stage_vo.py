@@ -103,8 +103,9 @@ def test_vertices_behind_the_near_plane_read_no_pixel() -> None:
     assert classes(counts)[3] == 4
 
 
-def test_negative_pixels_do_not_wrap_around() -> None:
-    uv = np.full((1, 8, 2), -0.5)
+@pytest.mark.parametrize("pixel", [(-0.5, 5.0), (5.0, -0.5), (WIDTH, 5.0), (5.0, HEIGHT)])
+def test_pixels_beyond_an_edge_do_not_wrap_around(pixel: tuple[float, float]) -> None:
+    uv = np.tile(pixel, (1, 8, 1))
     counts = count_vertices(uv, np.full((1, 8), 10.0), np.zeros_like(empty()))
     assert classes(counts) == (0, 0, 8, 0)
 

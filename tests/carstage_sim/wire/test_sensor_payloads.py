@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+import struct
+
+import msgpack
+import numpy as np
+
+from carstage_sim.sensors.frames import GnssFrame, ImageFrame, ImuFrame, LidarFrame
+from carstage_sim.wire.payloads import encode_frame, sensor_header
+from carstage_sim.world.pose import Pose
+
+
+def joined(frame: ImageFrame | LidarFrame | ImuFrame | GnssFrame) -> bytes:
+    return b"".join(bytes(memoryview(part)) for part in encode_frame(frame))
+
+
+def test_header_is_48_bytes_in_the_order_of_the_protocol() -> None:
+    header = sensor_header(13, 7, 0.35, Pose((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)))
+    assert struct.unpack("<QQd6f", header) == (13, 7, 0.35, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+
+
+def test_image_is_its_size_its_field_of_view_and_its_pixels() -> None:
+    pixels = np.arange(2 * 3 * 4, dtype=np.uint8).reshape(2, 3, 4)
+    payload = joined(ImageFrame(90.0, pixels))
+    assert struct.unpack_from("<IIf", payload) == (3, 2, 90.0)
+    assert payload[12:] == pixels.tobytes()
+
+
+def test_image_is_sent_without_a_copy() -> None:
+    pixels = np.zeros((4, 4, 4), np.uint8)
+    _, sent = encode_frame(ImageFrame(90.0, pixels))
+    pixels[1, 2, 3] = 200
+    assert bytes(memoryview(sent)) == pixels.tobytes()
+
+
+def test_lidar_is_angle_counts_and_points() -> None:
+    points = np.arange(12, dtype=np.float32).reshape(3, 4)
+    payload = joined(LidarFrame(1.5, np.array([1, 2], np.uint32), points))
+    assert struct.unpack_from("<fI2I", payload) == (1.5, 2, 1, 2)
+    assert payload[16:] == points.tobytes()
+
+
+def test_lidar_without_points_is_still_a_message() -> None:
+    frame = LidarFrame(0.0, np.zeros(2, np.uint32), np.zeros((0, 4), np.float32))
+    assert len(joined(frame)) == 16
+
+
+def test_imu_and_gnss_are_msgpack() -> None:
+    imu = ImuFrame((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), 0.5)
+    assert msgpack.unpackb(joined(imu)) == [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], 0.5]
+    assert msgpack.unpackb(joined(GnssFrame(49.0, 8.4, 1.8))) == [49.0, 8.4, 1.8]

@@ -14,6 +14,7 @@ from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, TriangleMesh, merge_meshes
 
 _LIGHT, _POLE = CityObjectLabel.TRAFFIC_LIGHT, CityObjectLabel.POLES
+_SIGN, _STATIC = CityObjectLabel.TRAFFIC_SIGNS, CityObjectLabel.STATIC
 _LENSES = (Material.LIGHT_RED, Material.LIGHT_YELLOW, Material.LIGHT_GREEN)
 _LENS_RADIUS_M = 0.12
 _LENS_SPACING_M = 0.32
@@ -88,3 +89,107 @@ def _head(middle: np.ndarray, yaw_deg: float) -> TriangleMesh:
         hood = np.stack([near[:-1], near[1:], far[1:], far[:-1]], axis=1)
         parts.append(quad_mesh(hood, dark, _LIGHT))
     return merge_meshes(parts)
+
+
+def street_lamp_mesh(height_m: float = 7.5, reach_m: float = 1.6) -> TriangleMesh:
+    """A lamp whose arm reaches along +x, over the road."""
+    path = [(0, 0, 0.3), (0, 0, height_m - 0.5), (0.2, 0, height_m), (reach_m, 0, height_m + 0.15)]
+    return merge_meshes(
+        [
+            tube([(0, 0, 0), (0, 0, 0.3)], 0.15, Material.METAL, _POLE),
+            tube(path, [0.085, 0.06, 0.05, 0.04], Material.METAL, _POLE),
+            box((reach_m, 0, height_m + 0.17), (0.38, 0.14, 0.06), Material.METAL, _POLE),
+            box((reach_m, 0, height_m + 0.095), (0.3, 0.1, 0.015), Material.STREET_LAMP, _POLE),
+        ]
+    )
+
+
+def speed_sign_mesh(limit_kmh: int) -> TriangleMesh:
+    """A round sign with a red rim and the limit in figures; it looks along +x."""
+    middle, face = np.array([0.05, 0.0, 2.35]), np.array([1.0, 0.0, 0.0])
+    parts = [
+        tube([(0, 0, 0), (0, 0, 2.7)], 0.035, Material.METAL, _POLE, sides=6),
+        disc(middle, -face, 0.33, Material.METAL, _SIGN, sides=20),
+        disc(middle + face * 0.004, face, 0.33, Material.SIGN_RED, _SIGN, sides=20),
+        disc(middle + face * 0.012, face, 0.25, Material.SIGN_WHITE, _SIGN, sides=20),
+    ]
+    figures = str(limit_kmh)
+    for place, figure in enumerate(figures):
+        # Seen from the front, +y is to the left.
+        left = 0.08 * (len(figures) - 1) - 0.16 * place
+        parts.append(_figure(figure, middle + np.array([0.02, left, 0.0])))
+    return merge_meshes(parts)
+
+
+_SEGMENTS = {
+    "0": "abcdef", "1": "bc", "2": "abged", "3": "abgcd", "4": "fgbc", "5": "afgcd", "6": "afgedc",
+    "7": "abc", "8": "abcdefg", "9": "abcfgd",
+}  # fmt: skip
+_SEGMENT_BOX = {
+    "a": (0.0, 1.0, True), "b": (-1.0, 0.5, False), "c": (-1.0, -0.5, False),
+    "d": (0.0, -1.0, True), "e": (1.0, -0.5, False), "f": (1.0, 0.5, False), "g": (0.0, 0.0, True),
+}  # fmt: skip
+"""Place (to the left, up) in half widths and half heights of a figure, and whether it lies."""
+
+
+def _figure(figure: str, middle: np.ndarray) -> TriangleMesh:
+    half_width, half_height, stroke = 0.045, 0.1, 0.014
+    quads = []
+    for name in _SEGMENTS[figure]:
+        left, up, lies = _SEGMENT_BOX[name]
+        y, z = left * half_width, up * half_height
+        dy = half_width + stroke if lies else stroke
+        dz = stroke if lies else half_height / 2 + stroke
+        quads.append([(0, y - dy, z - dz), (0, y + dy, z - dz), (0, y + dy, z + dz),
+                      (0, y - dy, z + dz)])  # fmt: skip
+    return quad_mesh(np.array(quads) + middle, Material.PLASTIC_DARK, _SIGN)
+
+
+def bench_mesh() -> TriangleMesh:
+    """A bench that looks along +x."""
+    wood, metal = Material.WOOD, Material.METAL
+    slats = [box((x, 0, 0.45), (0.05, 0.85, 0.02), wood, _STATIC) for x in (-0.16, -0.03, 0.1)]
+    back = [box((-0.25, 0, z), (0.02, 0.85, 0.05), wood, _STATIC) for z in (0.62, 0.78)]
+    legs = [box((-0.05, y, 0.22), (0.2, 0.03, 0.22), metal, _STATIC) for y in (-0.6, 0.6)]
+    posts = [box((-0.27, y, 0.6), (0.02, 0.03, 0.25), metal, _STATIC) for y in (-0.6, 0.6)]
+    return merge_meshes([*slats, *back, *legs, *posts])
+
+
+def bin_mesh() -> TriangleMesh:
+    """A litter bin."""
+    return merge_meshes(
+        [
+            tube([(0, 0, 0.08), (0, 0, 0.9)], [0.22, 0.26], Material.PLASTIC_DARK, _STATIC),
+            tube([(0, 0, 0.9), (0, 0, 1.0)], [0.28, 0.2], Material.METAL, _STATIC),
+        ]
+    )
+
+
+def hydrant_mesh() -> TriangleMesh:
+    """A fire hydrant."""
+    red = Material.SIGN_RED
+    return merge_meshes(
+        [
+            tube([(0, 0, 0), (0, 0, 0.55), (0, 0, 0.7)], [0.12, 0.11, 0.03], red, _STATIC),
+            tube([(0, -0.2, 0.45), (0, 0.2, 0.45)], 0.055, red, _STATIC, sides=6),
+        ]
+    )
+
+
+def bus_shelter_mesh() -> TriangleMesh:
+    """A glazed waiting shelter, open along +x."""
+    metal, glass = Material.METAL, Material.GLASS
+    posts = [
+        tube([(x, y, 0), (x, y, 2.4)], 0.04, metal, _STATIC, sides=6)
+        for x, y in ((-0.6, -1.8), (-0.6, 1.8), (0.5, -1.8), (0.5, 1.8))
+    ]
+    return merge_meshes(
+        [
+            *posts,
+            box((-0.05, 0, 2.46), (0.85, 2.1, 0.06), metal, _STATIC),
+            box((-0.6, 0, 1.25), (0.012, 1.75, 0.95), glass, _STATIC),
+            box((-0.05, 1.8, 1.25), (0.5, 0.012, 0.95), Material.SIGN_WHITE, _STATIC),
+            box((-0.35, 0, 0.45), (0.18, 1.4, 0.03), Material.WOOD, _STATIC),
+            box((-0.35, 0, 0.21), (0.05, 1.2, 0.21), metal, _STATIC),
+        ]
+    )

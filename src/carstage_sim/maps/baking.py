@@ -18,11 +18,13 @@ from carstage_sim.maps.lights import light_sites
 from carstage_sim.maps.navmesh import navigation_file
 from carstage_sim.maps.opendrive_writer import write_opendrive
 from carstage_sim.maps.plan import TownPlan
+from carstage_sim.maps.scenery import scenery
 from carstage_sim.maps.spawning import spawn_points
 from carstage_sim.maps.strips import Samples, crosswalks, driving_lanes, strips
 from carstage_sim.maps.surfaces import ground_layers, surfaces
 from carstage_sim.maps.town import Town
 from carstage_sim.maps.walkways import walkways
+from carstage_sim.mesh import merge_meshes
 
 _SAMPLING_LIMIT_S = 120.0
 
@@ -42,9 +44,10 @@ def bake(plan: TownPlan) -> Town:
     samples = sample_in_child(opendrive, plan.name)
     lanes = strips(samples)
     seed = int.from_bytes(hashlib.sha256(plan.name.encode()).digest()[:8], "big")
-    spawn_rng, _scenery_rng = np.random.default_rng(seed).spawn(2)
+    spawn_rng, scenery_rng = np.random.default_rng(seed).spawn(2)
     ground = surfaces(lanes, crosswalks(samples))
-    mesh = ground_mesh(ground_layers(ground, lanes, network, []))
+    stage = scenery(ground, lanes, network, scenery_rng)
+    mesh = ground_mesh(ground_layers(ground, lanes, network, stage.pits))
     town = Town(
         name=plan.name,
         opendrive=opendrive,
@@ -53,8 +56,8 @@ def bake(plan: TownPlan) -> Town:
         lanes=driving_lanes(samples),
         traffic_lights=light_sites(network),
         navigation=navigation_file(walkways(ground)),
-        static_mesh=mesh,
-        level_objects=(),
+        static_mesh=merge_meshes([mesh, *stage.meshes]),
+        level_objects=tuple(stage.objects),
         digest="",
     )
     return dataclasses.replace(town, digest=digest_of(town))

@@ -23,6 +23,7 @@ from carstage_sim.maps.network import (
     RoadLink,
     RoadMark,
     RoadNetwork,
+    SpeedSign,
 )
 from carstage_sim.maps.plan import Point, Street, StreetProfile, TownPlan
 
@@ -33,7 +34,11 @@ CROSSWALK_FAR_M = 4.3
 STOP_LINE_M = 5.6
 """Near edge of the stop line, before the mouth."""
 POLE_FROM_KERB_M = 0.9
+SPEED_SIGN_M = 11.0
+"""Speed limit signs stand this far behind a junction."""
+SIGN_FROM_KERB_M = 0.5
 _FIRST_JUNCTION_ID = 1000
+_FIRST_SIGN_ID = 20000
 _FIRST_CONNECTING_ROAD_ID = 100
 
 
@@ -67,8 +72,29 @@ def build_network(plan: TownPlan) -> RoadNetwork:
         )
         connections = tuple(connection for _, connection in paths)
         junctions.append(Junction(junction_ids[center], center, arms, connections, lights))
+    by_id = {road.road_id: road for road in roads}
+    signs = tuple(
+        _speed_sign(number, arm, by_id[arm.road_id])
+        for number, arm in enumerate(arm for junction in junctions for arm in junction.arms)
+    )
     return RoadNetwork(
-        plan.name, plan.latitude_deg, plan.longitude_deg, tuple(roads), tuple(junctions)
+        plan.name, plan.latitude_deg, plan.longitude_deg, tuple(roads), tuple(junctions), signs
+    )
+
+
+def _speed_sign(number: int, arm: Arm, road: Road) -> SpeedSign:
+    """The limit, posted for the traffic that leaves a junction into an arm."""
+    lanes = sorted(arm.lane_id(i, inbound=False) for i in (1, arm.lanes))
+    side_m = arm.kerb_m + SIGN_FROM_KERB_M
+    post = arm.mouth.moved(-SPEED_SIGN_M, side_m)
+    return SpeedSign(
+        signal_id=str(_FIRST_SIGN_ID + number),
+        road_id=road.road_id,
+        s_m=length_m(road.alignment) - SPEED_SIGN_M if arm.contact == "end" else SPEED_SIGN_M,
+        t_m=math.copysign(side_m, lanes[0]),
+        lanes=(lanes[0], lanes[-1]),
+        limit_kmh=road.speed_limit_kmh,
+        post=post,
     )
 
 

@@ -142,6 +142,27 @@ class Junction:
 
 
 @dataclass(frozen=True, slots=True)
+class SpeedSign:
+    """A posted limit beside a road, for the traffic of some of its lanes.
+
+    Attributes:
+        signal_id: OpenDRIVE id.
+        road_id, s_m, t_m: where.
+        lanes: lowest and highest lane id that it holds for.
+        limit_kmh: what it says.
+        post: foot of the post; the heading is the way that the plate looks.
+    """
+
+    signal_id: str
+    road_id: int
+    s_m: float
+    t_m: float
+    lanes: tuple[int, int]
+    limit_kmh: int
+    post: Pose2
+
+
+@dataclass(frozen=True, slots=True)
 class RoadNetwork:
     """Everything that the OpenDRIVE file of a planned town says."""
 
@@ -150,3 +171,4 @@ class RoadNetwork:
     longitude_deg: float
     roads: tuple[Road, ...]
     junctions: tuple[Junction, ...]
+    speed_signs: tuple[SpeedSign, ...]

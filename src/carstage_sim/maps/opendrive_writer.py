@@ -14,9 +14,19 @@ from lxml import etree
 
 from carstage_sim.maps.alignment import length_m
 from carstage_sim.maps.layout import CROSSWALK_FAR_M, CROSSWALK_NEAR_M, STOP_LINE_M
-from carstage_sim.maps.network import Arm, Junction, Lane, LaneKind, Light, Road, RoadNetwork
+from carstage_sim.maps.network import (
+    Arm,
+    Junction,
+    Lane,
+    LaneKind,
+    Light,
+    Road,
+    RoadNetwork,
+    SpeedSign,
+)
 
 _LIGHT_TYPE = "1000001"
+_SPEED_LIMIT_TYPE = "274"
 _KERB_HEIGHT_M = 0.15
 
 
@@ -95,7 +105,10 @@ def _add_road(
     _add(element, "lateralProfile")
     _add_lanes(element, road)
     _add_crosswalks(element, road, length, arms)
-    _add_signals(element, road, length, lights)
+    signals = _add_signals(element, road, length, lights)
+    for sign in network.speed_signs:
+        if sign.road_id == road.road_id:
+            _add_speed_sign(signals, sign)
 
 
 def _add_lanes(element: etree._Element, road: Road) -> None:
@@ -163,7 +176,9 @@ def _add_crosswalks(element: etree._Element, road: Road, length: float, arms: li
             _add(outline, "cornerLocal", u=u * half_m, v=v * arm.kerb_m, z=0.0)
 
 
-def _add_signals(element: etree._Element, road: Road, length: float, lights: list[Light]) -> None:
+def _add_signals(
+    element: etree._Element, road: Road, length: float, lights: list[Light]
+) -> etree._Element:
     signals = _add(element, "signals")
     for light in lights:
         if light.host_road == road.road_id:
@@ -186,6 +201,19 @@ def _add_signals(element: etree._Element, road: Road, length: float, lights: lis
                 orientation="+" if lanes[0] < 0 else "-",
             )  # fmt: skip
             _add(node, "validity", fromLane=lanes[0], toLane=lanes[-1])
+    return signals
+
+
+def _add_speed_sign(signals: etree._Element, sign: SpeedSign) -> None:
+    forward = sign.lanes[0] < 0
+    node = _add(
+        signals, "signal", id=sign.signal_id, name=f"Speed limit {sign.limit_kmh}", s=sign.s_m,
+        t=sign.t_m, zOffset=_KERB_HEIGHT_M, hOffset=math.pi if forward else 0.0, roll=0.0,
+        pitch=0.0, orientation="+" if forward else "-", dynamic="no", country="OpenDRIVE",
+        type=_SPEED_LIMIT_TYPE, subtype=sign.limit_kmh, value=sign.limit_kmh, unit="km/h",
+        text=sign.limit_kmh, height=0.66, width=0.66,
+    )  # fmt: skip
+    _add(node, "validity", fromLane=sign.lanes[0], toLane=sign.lanes[1])
 
 
 def _add_junction(root: etree._Element, junction: Junction) -> None:

@@ -27,6 +27,8 @@ _SEAM_M = 0.02
 _JUNCTION_HOLE_M2 = 600.0
 """Smaller holes in the road surface are gaps between turning lanes, larger ones are blocks."""
 _TERRAIN_MARGIN_M = 300.0
+_YARD_WIDTH_M = 17.0
+_PARK_WALK_M = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +63,9 @@ class Surfaces:
     ramps: tuple[Ramp, ...]
     blocks: tuple[shapely.Polygon, ...]
     """Land enclosed by sidewalks."""
+    parks: tuple[shapely.Polygon, ...]
+    """Blocks that stay green."""
+    park_paths: tuple[BaseGeometry, ...]
     terrain: shapely.Polygon
     """Everything, out to the edge of the world."""
 
@@ -102,6 +107,10 @@ def surfaces(lanes: list[Strip], crosswalks: list[shapely.Polygon]) -> Surfaces:
         for hole in part.interiors
         if _area(hole) >= _JUNCTION_HOLE_M2
     )
+    # The smallest block is the park.
+    parks = (
+        tuple(sorted(blocks, key=lambda block: float(block.area))[:1]) if len(blocks) > 1 else ()
+    )
     x0, y0, x1, y1 = both.bounds
     m = _TERRAIN_MARGIN_M
     return Surfaces(
@@ -111,6 +120,8 @@ def surfaces(lanes: list[Strip], crosswalks: list[shapely.Polygon]) -> Surfaces:
         crosswalks=tuple(crosswalks),
         ramps=tuple(ramp for crosswalk in crosswalks for ramp in _ramps(crosswalk, sidewalk)),
         blocks=blocks,
+        parks=parks,
+        park_paths=tuple(_on_grid(_paths(park)) for park in parks),
         terrain=shapely.box(x0 - m, y0 - m, x1 + m, y1 + m),
     )
 
@@ -143,15 +154,32 @@ def ground_layers(
         Layer(kerb.intersection(near_sidewalk), Material.KERB, label.SIDEWALKS),
         Layer(shapely.union_all(pits), Material.SOIL, label.TERRAIN),
         Layer(ground.sidewalk, Material.SIDEWALK, label.SIDEWALKS),
-        Layer(
-            shapely.union_all(ground.blocks).difference(
-                shapely.union_all([block.buffer(-14.0) for block in ground.blocks])
-            ),
-            Material.CONCRETE,
-            label.GROUND,
-        ),
+        Layer(shapely.union_all(ground.park_paths), Material.SIDEWALK, label.GROUND),
+        Layer(_on_grid(_yards(ground)), Material.CONCRETE, label.GROUND),
         Layer(ground.terrain, Material.GRASS, label.TERRAIN),
     ]
+
+
+def _yards(ground: Surfaces) -> BaseGeometry:
+    """The paved rim of built-up blocks, on which the houses stand."""
+    built = [block for block in ground.blocks if block not in ground.parks]
+    inner = [block.buffer(-_YARD_WIDTH_M, join_style="mitre") for block in built]
+    return shapely.union_all(built).difference(shapely.union_all(inner))
+
+
+def _paths(park: shapely.Polygon) -> BaseGeometry:
+    """A round walk with four spokes, and entrances from the sidewalks."""
+    x0, y0, x1, y1 = park.bounds
+    x, y = (x0 + x1) / 2, (y0 + y1) / 2
+    lines = [
+        park.buffer(-_PARK_WALK_M).exterior,
+        shapely.Point(x, y).buffer(7.0).exterior,
+        shapely.LineString([(x0, y), (x - 7.0, y)]),
+        shapely.LineString([(x + 7.0, y), (x1, y)]),
+        shapely.LineString([(x, y0), (x, y - 7.0)]),
+        shapely.LineString([(x, y + 7.0), (x, y1)]),
+    ]
+    return shapely.union_all([line.buffer(1.25) for line in lines]).intersection(park)
 
 
 def _fused(lanes: list[Strip]) -> BaseGeometry:

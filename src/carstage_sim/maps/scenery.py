@@ -1,0 +1,212 @@
+"""Everything that stands on the ground of a town: buildings, trees, lamps, signs, benches."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+
+from carstage_sim.content.buildings import building_mesh
+from carstage_sim.content.solids import placed
+from carstage_sim.content.street_furniture import (
+    bench_mesh,
+    bin_mesh,
+    bus_shelter_mesh,
+    hydrant_mesh,
+    speed_sign_mesh,
+    street_lamp_mesh,
+)
+from carstage_sim.content.trees import TREE_KINDS, TreeKind, tree_mesh
+from carstage_sim.labels import CityObjectLabel
+from carstage_sim.maps.frontage import Frontage, frontages
+from carstage_sim.maps.lots import Lot, skyline_lots, street_lots
+from carstage_sim.maps.network import RoadNetwork
+from carstage_sim.maps.strips import Strip
+from carstage_sim.maps.surfaces import KERB_HEIGHT_M, Surfaces
+from carstage_sim.maps.town import LevelObject, OrientedBox
+from carstage_sim.mesh import TriangleMesh
+
+_MOUTH_CLEARANCE_M = 13.0
+"""No trees this near a junction: they would hide lights and walkers from drivers."""
+_STEP_M = 8.0
+_FROM_KERB_M = 0.8
+_PIT_HALF_M = 0.6
+_STREET_TREES = [kind for kind in TREE_KINDS if not kind.cone]
+_GARDEN_TREES = 40
+_PARK_TREES = 28
+_GARDEN_REACH_M = 90.0
+
+
+@dataclass(frozen=True, slots=True)
+class Scenery:
+    """What stands on the ground.
+
+    Attributes:
+        meshes: in world coordinates, with object ids.
+        objects: what the ids mean.
+        pits: squares of open soil in the sidewalks.
+    """
+
+    meshes: list[TriangleMesh]
+    objects: list[LevelObject]
+    pits: list[shapely.Polygon]
+
+
+@dataclass(slots=True)
+class _Stage:
+    """Collects placed things and numbers them."""
+
+    meshes: list[TriangleMesh] = field(default_factory=list)
+    objects: list[LevelObject] = field(default_factory=list)
+
+    def put(
+        self,
+        name: str,
+        label: CityObjectLabel,
+        mesh: TriangleMesh,
+        place: tuple[float, float, float],
+    ) -> None:
+        x, y, yaw = place
+        low, high = mesh.bounds.astype(np.float64)
+        middle, half = (low + high) / 2, (high - low) / 2
+        c, s = math.cos(math.radians(yaw)), math.sin(math.radians(yaw))
+        center = (
+            x + c * middle[0] - s * middle[1],
+            y + s * middle[0] + c * middle[1],
+            KERB_HEIGHT_M + middle[2],
+        )
+        number = len(self.objects) + 1
+        box = OrientedBox(
+            tuple(round(float(v), 4) for v in center),  # type: ignore[arg-type]
+            tuple(round(float(v), 4) for v in half),  # type: ignore[arg-type]
+            (0.0, round(yaw, 6), 0.0),
+        )
+        self.objects.append(LevelObject(number, f"{name}_{number}", int(label), box))
+        self.meshes.append(placed(mesh, (x, y, KERB_HEIGHT_M), yaw_deg=yaw, object_id=number))
+
+
+def scenery(
+    ground: Surfaces, lanes: list[Strip], network: RoadNetwork, rng: np.random.Generator
+) -> Scenery:
+    """All that stands on the ground, drawn from ``rng``."""
+    lot_rng, house_rng, street_rng, green_rng = rng.spawn(4)
+    stage = _Stage()
+    streets = frontages(lanes)
+    lots = street_lots(streets, ground, list(ground.parks), lot_rng)
+    lots += skyline_lots(ground, lots, lot_rng)
+    for lot in lots:
+        mesh = building_mesh(
+            lot.kind,
+            lot.width_m,
+            lot.depth_m,
+            lot.floors,
+            house_rng,
+            detached=lot.detached,
+            distant=lot.distant,
+        )
+        label = CityObjectLabel.BUILDINGS
+        stage.put(f"Building_{lot.kind.name}", label, mesh, (lot.x, lot.y, lot.yaw_deg))
+    pits: list[shapely.Polygon] = []
+    for street in streets:
+        pits += _furnish(stage, street, street_rng)
+    for sign in network.speed_signs:
+        place = (sign.post.x, -sign.post.y, -math.degrees(sign.post.heading_rad))
+        mesh = speed_sign_mesh(sign.limit_kmh)
+        stage.put(f"SpeedLimit{sign.limit_kmh}", CityObjectLabel.TRAFFIC_SIGNS, mesh, place)
+    _plant_gardens(stage, ground, lots, green_rng)
+    _plant_parks(stage, ground, green_rng)
+    return Scenery(stage.meshes, stage.objects, pits)
+
+
+def _furnish(stage: _Stage, street: Frontage, rng: np.random.Generator) -> list[shapely.Polygon]:
+    """Trees, lamps, benches, bins and hydrants along one sidewalk; returns the tree pits."""
+    # Both sides of a street have the same trees.
+    species = _STREET_TREES[street.road_id % len(_STREET_TREES)]
+    pits = []
+    stations = np.arange(_MOUTH_CLEARANCE_M, street.length_m - _MOUTH_CLEARANCE_M, _STEP_M)
+    shelter = len(stations) // 2 if len(stations) > 6 and rng.random() < 0.35 else -1
+    for number, station in enumerate(stations):
+        place = street.from_kerb(float(station), _FROM_KERB_M)
+        if number % 4 == 0:
+            stage.put("StreetLamp", CityObjectLabel.POLES, street_lamp_mesh(), place)
+        elif number % 2 == 1:
+            if number in (shelter, shelter - 1):
+                continue
+            _plant(stage, species, place, rng)
+            x, y, _ = place
+            pits.append(
+                shapely.box(x - _PIT_HALF_M, y - _PIT_HALF_M, x + _PIT_HALF_M, y + _PIT_HALF_M)
+            )
+        elif number in (shelter, shelter - 1):
+            stage.put("BusShelter", CityObjectLabel.STATIC, bus_shelter_mesh(), place)
+        else:
+            kind = int(rng.integers(4))
+            if kind == 0:
+                stage.put("Bench", CityObjectLabel.STATIC, bench_mesh(), _turned(place))
+            elif kind == 1:
+                stage.put("Bin", CityObjectLabel.STATIC, bin_mesh(), place)
+            elif kind == 2:
+                stage.put("Hydrant", CityObjectLabel.STATIC, hydrant_mesh(), place)
+    return pits
+
+
+def _turned(place: tuple[float, float, float]) -> tuple[float, float, float]:
+    x, y, yaw = place
+    return x, y, (yaw + 360.0) % 360.0 - 180.0
+
+
+def _plant(
+    stage: _Stage, kind: TreeKind, place: tuple[float, float, float], rng: np.random.Generator
+) -> None:
+    height = float(rng.uniform(*kind.height_m))
+    x, y, _ = place
+    turn = round(float(rng.uniform(-180.0, 180.0)), 1)
+    mesh = tree_mesh(kind, height, rng)
+    stage.put(f"Tree_{kind.name}", CityObjectLabel.VEGETATION, mesh, (x, y, turn))
+
+
+def _plant_gardens(
+    stage: _Stage, ground: Surfaces, lots: list[Lot], rng: np.random.Generator
+) -> None:
+    """Trees behind the houses and around the town."""
+    paved = shapely.union_all([ground.road, ground.sidewalk]).buffer(4.0)
+    taken = shapely.union_all([paved, *ground.parks, *(lot.footprint.buffer(3.5) for lot in lots)])
+    shapely.prepare(taken)
+    _scatter(stage, ground.road.convex_hull.buffer(_GARDEN_REACH_M), taken, _GARDEN_TREES, rng)
+
+
+def _plant_parks(stage: _Stage, ground: Surfaces, rng: np.random.Generator) -> None:
+    for park in ground.parks:
+        paths = shapely.union_all([path.buffer(1.5) for path in ground.park_paths])
+        _scatter(stage, park.buffer(-3.0), paths, _PARK_TREES, rng)
+        ring = park.buffer(-7.6).exterior
+        for part in np.linspace(0.05, 0.95, 12):
+            at, ahead = ring.interpolate(part, True), ring.interpolate(part + 0.005, True)
+            yaw = math.degrees(math.atan2(ahead.y - at.y, ahead.x - at.x)) + 90.0
+            mesh = bench_mesh()
+            stage.put("Bench", CityObjectLabel.STATIC, mesh, (at.x, at.y, round(yaw, 1)))
+
+
+def _scatter(
+    stage: _Stage,
+    area: shapely.Polygon,
+    taken: shapely.Geometry,
+    count: int,
+    rng: np.random.Generator,
+) -> None:
+    """Trees at random places with room around them."""
+    x0, y0, x1, y1 = area.bounds
+    shapely.prepare(area)
+    planted: list[tuple[float, float]] = []
+    for _ in range(count * 30):
+        if len(planted) == count:
+            return
+        x, y = round(float(rng.uniform(x0, x1)), 2), round(float(rng.uniform(y0, y1)), 2)
+        if not shapely.contains_xy(area, x, y) or shapely.contains_xy(taken, x, y):
+            continue
+        if any(math.dist((x, y), other) < 6.0 for other in planted):
+            continue
+        planted.append((x, y))
+        _plant(stage, TREE_KINDS[int(rng.integers(len(TREE_KINDS)))], (x, y, 0.0), rng)

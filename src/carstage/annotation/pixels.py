@@ -24,7 +24,7 @@ FILL_PRIOR: Final = 0.8
 """Share of its silhouette that an object fills when none of it is visible."""
 
 GROUND_STRIP_M: Final = 0.05
-"""Without tags, points this close to the box's bottom are taken for the road."""
+"""Points this close to the box's bottom are taken for the road, unless a tag says otherwise."""
 
 _TINY: Final = 1e-300
 
@@ -185,9 +185,12 @@ def measure(
     else:
         own &= (depth >= enter) & (depth <= leave)
         if evidence.tag is None:
-            own &= _above_ground(view, k, depth)
+            _remove_road(own, view, k, depth)
         method = "depth"
     front = hull & ~own & (depth < enter)
+    # The inflated box reaches into the road: a descending ray that meets the road before it could
+    # have met no more of the object than that strip.
+    _remove_road(front, view, k, depth)
     visible_px = int(np.count_nonzero(own))
     return PixelVisibility(
         visible_px=visible_px,
@@ -198,14 +201,17 @@ def measure(
     )
 
 
-def _above_ground(view: BoxView, k: FloatArray, depth: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Which pixels' points lie above the strip at the bottom of the box."""
-    x0, y0, x1, y1 = view.region
-    x = (np.arange(x0, x1) + 0.5 - k[0, 2]) / k[0, 0]
-    y = (np.arange(y0, y1) + 0.5 - k[1, 2]) / k[1, 1]
+def _remove_road(
+    mask: NDArray[np.bool_], view: BoxView, k: FloatArray, depth: NDArray[np.float32]
+) -> None:
+    """Unset pixels whose descending ray ends below the strip at the bottom of the box."""
+    row, column = np.nonzero(mask)
+    x = (column + view.region[0] + 0.5 - k[0, 2]) / k[0, 0]
+    y = (row + view.region[1] + 0.5 - k[1, 2]) / k[1, 1]
     a, b, c = view.box_from_optical[2]
-    height = view.origin_box[2] + depth * ((a * x)[None, :] + (b * y + c)[:, None])
-    return np.asarray(height >= -view.extent_m[2] + GROUND_STRIP_M)
+    slope = a * x + b * y + c
+    height = view.origin_box[2] + depth[row, column] * slope
+    mask[row, column] = (slope >= 0.0) | (height >= GROUND_STRIP_M - view.extent_m[2])
 
 
 def occlusion_bin(ratio: float) -> int:

@@ -206,13 +206,45 @@ def test_pixels_of_another_class_are_not_own() -> None:
 
 def test_without_tags_the_road_under_the_car_is_not_the_car() -> None:
     stage = Stage()
-    down = stage.rays[..., 2] < 0.0
-    with np.errstate(divide="ignore"):
-        road = np.where(down, -0.76 / stage.rays[..., 2], 1e9)
-    stage.paint(down, road, 0, ROAD_TAG)
+    paint_road(stage, -0.76)
     assert seen(stage, method="depth", with_tags=False).visible_px == 0
     stage.paint_box(CENTER, CAR_EXTENT, CAR_ID)
     assert seen(stage, method="depth", with_tags=False).visible_px > 300
+
+
+def paint_road(stage: Stage, height_m: float) -> None:
+    down = stage.rays[..., 2] < 0.0
+    with np.errstate(divide="ignore"):
+        road = np.where(down, height_m / stage.rays[..., 2], 1e9)
+    stage.paint(down, road, 0, ROAD_TAG)
+
+
+@pytest.mark.parametrize("method", ["instance", "depth"])
+def test_the_road_before_a_car_does_not_occlude_it(method: str) -> None:
+    """The inflated box reaches 5 cm into the road, where its rays never get."""
+    stage = Stage()
+    stage.paint_box((20.0, 0.0, -1.0), CAR_EXTENT, CAR_ID)
+    paint_road(stage, -1.75)
+    ids, tags = decode_instance_bgra(stage.bgra)
+    evidence = ImageEvidence(
+        stage.depth.astype(np.float32), ids if method == "instance" else None, tags
+    )
+    found = measure(view((20.0, 0.0, -1.0)), K, evidence, CAR_ID, TAGS)
+    assert found.occlusion_ratio == 0.0
+    assert found.visible_px > 300
+
+
+def test_a_crest_before_a_car_does_occlude_it() -> None:
+    stage = Stage()
+    stage.paint_box((20.0, 0.0, -1.0), CAR_EXTENT, CAR_ID)
+    paint_road(stage, -1.75)
+    below_the_roof = np.zeros((HEIGHT, WIDTH), dtype=np.bool_)
+    below_the_roof[194:] = True
+    stage.paint(below_the_roof, 9.0, 0, ROAD_TAG)
+    ids, tags = decode_instance_bgra(stage.bgra)
+    evidence = ImageEvidence(stage.depth.astype(np.float32), ids, tags)
+    found = measure(view((20.0, 0.0, -1.0)), K, evidence, CAR_ID, TAGS)
+    assert found.occlusion_ratio > 0.3
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,191 @@
+"""Frames are joined by number; every sensor of every tick gets a state and a reason."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from carstage.collector.matching import ExpectedFrame, FrameMatcher, LedgerRow
+
+PATIENCE_S = 10.0
+
+
+def matcher(*sensors: str, skip: bool = False) -> FrameMatcher:
+    made = FrameMatcher(sensors or ("a", "b"), PATIENCE_S, skip)
+    made.begin(99)
+    return made
+
+
+def tick(number: int) -> ExpectedFrame:
+    return ExpectedFrame(number, 100 + number, number / 10, number, 0.01, None)
+
+
+def states(row: LedgerRow) -> dict[str, str]:
+    return {sensor: outcome.state for sensor, outcome in row.sensors.items()}
+
+
+def test_a_frame_is_closed_when_every_sensor_delivered() -> None:
+    frames = matcher()
+    frames.expect(tick(0), 0.0)
+    frames.offer("b", 100, "b0", 0.5)
+    frames.advance(0.5)
+    assert frames.take_joined() == []
+    frames.offer("a", 100, "a0", 1.5)
+    frames.advance(1.5)
+    (joined,) = frames.take_joined()
+    assert joined.data == {"a": "a0", "b": "b0"}
+    (row,) = frames.take_rows()
+    assert list(row.sensors) == ["a", "b"]
+    assert states(row) == {"a": "ok", "b": "ok"}
+    assert row.sensors["a"].wait_s == 1.5
+    assert frames.idle
+
+
+def test_data_may_overtake_the_news_of_their_tick() -> None:
+    frames = matcher()
+    frames.offer("a", 100, "a0", 0.0)
+    frames.expect(tick(0), 0.1)
+    frames.offer("b", 100, "b0", 0.1)
+    frames.advance(0.1)
+    assert states(frames.take_rows()[0]) == {"a": "ok", "b": "ok"}
+
+
+def test_data_of_the_warm_up_are_dropped() -> None:
+    frames = FrameMatcher(["a"], PATIENCE_S)
+    frames.offer("a", 98, "before begin", 0.0)
+    frames.begin(99)
+    frames.offer("a", 99, "the last one", 0.0)
+    frames.expect(tick(0), 0.0)
+    frames.offer("a", 100, "a0", 0.0)
+    frames.advance(0.0)
+    assert frames.take_dropped() == ["before begin", "the last one"]
+    assert frames.take_joined()[0].data == {"a": "a0"}
+
+
+def test_a_silent_sensor_is_recorded_as_missing_with_the_reason() -> None:
+    frames = matcher()
+    frames.expect(tick(0), 0.0)
+    frames.offer("a", 100, "a0", 0.0)
+    frames.advance(PATIENCE_S - 0.1)
+    assert frames.take_joined() == []
+    frames.advance(PATIENCE_S)
+    assert frames.take_joined()[0].data == {"a": "a0"}
+    frames.advance(2 * PATIENCE_S)
+    (row,) = frames.take_rows()
+    assert states(row) == {"a": "ok", "b": "missing"}
+    assert "delivered nothing for 10 s" in str(row.sensors["b"].reason)
+    assert frames.misses == {"a": 0, "b": 1}
+
+
+def test_data_after_the_deadline_are_recorded_as_late_and_not_kept() -> None:
+    frames = matcher()
+    frames.expect(tick(0), 0.0)
+    frames.offer("a", 100, "a0", 0.0)
+    frames.advance(PATIENCE_S)
+    frames.offer("b", 100, "too late", PATIENCE_S + 1)
+    frames.advance(PATIENCE_S + 1)
+    (row,) = frames.take_rows()
+    assert states(row) == {"a": "ok", "b": "late"}
+    assert row.sensors["b"].wait_s == PATIENCE_S + 1
+    assert frames.take_joined()[0].data == {"a": "a0"}
+    assert frames.take_dropped() == ["too late"]
+
+
+def test_a_sensor_that_passed_a_frame_over_is_recorded_as_mismatched() -> None:
+    frames = matcher()
+    for number in range(2):
+        frames.expect(tick(number), 0.0)
+        frames.offer("a", 100 + number, f"a{number}", 0.0)
+    frames.offer("b", 101, "b1", 0.0)
+    frames.advance(0.0)
+    assert frames.take_joined() == []
+    frames.advance(2 * PATIENCE_S)
+    first, second = frames.take_rows()
+    assert states(first) == {"a": "ok", "b": "mismatched"}
+    assert "delivered frame 101" in str(first.sensors["b"].reason)
+    assert states(second) == {"a": "ok", "b": "ok"}
+
+
+def test_skipping_does_not_wait_for_a_frame_that_was_passed_over() -> None:
+    frames = matcher(skip=True)
+    for number in range(2):
+        frames.expect(tick(number), 0.0)
+        frames.offer("a", 100 + number, f"a{number}", 0.0)
+    frames.offer("b", 101, "b1", 0.0)
+    frames.advance(0.0)
+    assert [frame.expected.tick for frame in frames.take_joined()] == [0, 1]
+
+
+def test_a_complete_frame_waits_for_the_incomplete_one_before_it() -> None:
+    frames = matcher("a")
+    frames.expect(tick(0), 0.0)
+    frames.expect(tick(1), 0.0)
+    frames.offer("a", 101, "a1", 0.0)
+    frames.advance(1.0)
+    assert frames.take_joined() == []
+    frames.offer("a", 100, "a0", 2.0)
+    frames.advance(2.0)
+    assert [frame.expected.tick for frame in frames.take_joined()] == [0, 1]
+
+
+def test_what_is_delivered_twice_or_for_no_tick_of_ours_is_dropped() -> None:
+    frames = matcher("a")
+    frames.expect(ExpectedFrame(0, 105, 0.0, 0, 0.0, None), 0.0)
+    frames.offer("a", 103, "stray", 0.0)
+    frames.offer("a", 105, "first", 0.0)
+    frames.offer("a", 105, "second", 0.0)
+    frames.offer("a", 107, "early stray", 0.0)
+    frames.offer("a", 107, "early again", 0.0)
+    frames.expect(ExpectedFrame(1, 110, 0.1, 1, 0.0, None), 0.0)
+    frames.advance(0.0)
+    assert frames.take_joined()[0].data == {"a": "first"}
+    assert frames.take_dropped() == ["stray", "second", "early again", "early stray"]
+
+
+def test_the_next_deadline_is_that_of_the_oldest_frame() -> None:
+    frames = matcher("a")
+    assert frames.next_deadline_s() is None
+    frames.expect(tick(0), 3.0)
+    frames.expect(tick(1), 4.0)
+    assert frames.next_deadline_s() == 3.0 + PATIENCE_S
+
+
+@settings(deadline=None, max_examples=60)
+@given(data=st.data())
+def test_any_order_of_arrival_gives_one_whole_row_per_tick(data: st.DataObject) -> None:
+    sensors = ("a", "b", "c")
+    ticks = data.draw(st.integers(1, 6))
+    arrivals = [("tick", 100 + number) for number in range(ticks)]
+    per_sensor = [[(sensor, 100 + number) for number in range(ticks)] for sensor in sensors]
+    lanes = [arrivals, *per_sensor]
+    frames = matcher(*sensors)
+    joined = []
+    rows = []
+    while any(lanes):
+        lane = data.draw(st.sampled_from([lane for lane in lanes if lane]))
+        name, frame = lane.pop(0)
+        if name == "tick":
+            frames.expect(tick(frame - 100), 0.0)
+        else:
+            frames.offer(name, frame, f"{name}{frame}", 0.0)
+        frames.advance(0.0)
+        joined += frames.take_joined()
+        rows += frames.take_rows()
+    assert [frame.expected.tick for frame in joined] == list(range(ticks))
+    assert [row.expected.tick for row in rows] == list(range(ticks))
+    for frame in joined:
+        assert frame.data == {name: f"{name}{frame.expected.frame}" for name in sensors}
+    assert all(set(states(row).values()) == {"ok"} for row in rows)
+    assert frames.take_dropped() == []
+    assert frames.idle
+
+
+@pytest.mark.parametrize("skip", [False, True])
+def test_nothing_is_waited_for_without_end(skip: bool) -> None:
+    frames = matcher("a", "b", skip=skip)
+    for number in range(3):
+        frames.expect(tick(number), 0.0)
+    frames.advance(2 * PATIENCE_S)
+    assert len(frames.take_rows()) == 3
+    assert frames.idle

@@ -1,0 +1,281 @@
+"""The pipeline from callbacks to sealed segments, on plain data objects."""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from carstage.collector import plan as collector_plan
+from carstage.collector.errors import InterruptedByRequestError, RecordingError
+from carstage.collector.matching import ExpectedFrame, FrameMatcher
+from carstage.collector.processing import MAX_CONSECUTIVE_MISSES, ByteBudget, Pipeline
+from carstage.collector.sensors import SENSOR_KINDS
+from carstage.collector.snapshots import WorldMoment
+from carstage.collector.stopping import StopRequest
+from carstage.collector.timing import saved_index
+from carstage.collector.writing import LogWriters
+from carstage.rawlog.format import WORLD, SealedSegment, write_episode_file
+from carstage.rawlog.reader import EpisodeLog
+
+FIRST_FRAME = 50
+
+
+def picture(frame: int, width: int = 4, height: int = 3) -> Any:
+    pixels = struct.pack("<I", frame) * (width * height)
+    return SimpleNamespace(frame=frame, width=width, height=height, fov=90.0, raw_data=pixels)
+
+
+def position(frame: int) -> Any:
+    return SimpleNamespace(frame=frame, latitude=frame / 2, longitude=1.5, altitude=2.5)
+
+
+class Recording:
+    """A pipeline with one camera and one GNSS, and what it said."""
+
+    def __init__(
+        self,
+        folder: Path,
+        stack: ExitStack,
+        *,
+        steps: int,
+        save_every: int = 1,
+        patience_s: float = 30.0,
+        limit_bytes: int = 1 << 20,
+        strict: bool = True,
+        ticks_per_segment: int = 2,
+    ) -> None:
+        self.steps = steps
+        self.save_every = save_every
+        self.sealed: list[SealedSegment] = []
+        self.failures: list[BaseException] = []
+        self.budget = ByteBudget(limit_bytes)
+        self.stop = StopRequest()
+        header = {"format_version": 1, "ticks": steps}
+        write_episode_file(str(folder), header)
+        self.writers = stack.enter_context(
+            LogWriters(
+                str(folder),
+                {"CAM": 1000, "GNSS": 24, WORLD: 68},
+                ticks_per_segment,
+                2,
+                self.budget.give_back,
+                self.sealed.append,
+                self.failures.append,
+            )
+        )
+        self.pipeline = stack.enter_context(
+            Pipeline(
+                {"CAM": SENSOR_KINDS["rgb"], "GNSS": SENSOR_KINDS["gnss"]},
+                self.writers,
+                FrameMatcher(["CAM", "GNSS"], patience_s),
+                self.budget,
+                steps,
+                ticks_per_segment,
+                strict=strict,
+                failures=self.failures,
+            )
+        )
+        self.camera = self.pipeline.callback("CAM")
+        self.gnss = self.pipeline.callback("GNSS")
+        self.pipeline.begin(FIRST_FRAME - 1)
+
+    def tick(self, number: int, new_actors: Any = ()) -> None:
+        frame = FIRST_FRAME + number
+        k = saved_index(number, self.save_every)
+        moment = WorldMoment([], {"delta_s": 0.1}, new_actors)
+        self.pipeline.expect(ExpectedFrame(number, frame, number / 10, k, 0.01, moment))
+
+    def finish(self) -> None:
+        assert self.pipeline.wait_booked(self.steps, 20.0)
+        assert self.writers.wait_sealed(self.steps - 1, 20.0)
+
+
+def while_recording(running: Recording) -> None:
+    """What the main thread does between ticks, until something is wrong."""
+    while not running.pipeline.wait_booked(running.steps, 0.05):
+        running.pipeline.wait_for_room(running.stop)
+
+
+@contextmanager
+def recording(folder: Path, **options: Any) -> Iterator[Recording]:
+    with ExitStack() as stack:
+        yield Recording(folder, stack, **options)
+
+
+def test_every_tick_comes_back_from_the_log(tmp_path: Path) -> None:
+    with recording(tmp_path, steps=5) as running:
+        for number in range(5):
+            running.camera(picture(FIRST_FRAME + number))
+            running.tick(number, [{"id": 1}] if number == 0 else [])
+            running.gnss(position(FIRST_FRAME + number))
+        running.finish()
+    log = EpisodeLog(tmp_path)
+    assert log.is_complete()
+    for stream in ("CAM", "GNSS", WORLD, "ledger"):
+        assert log.sealed_segments(stream) == (0, 1, 2)
+    pictures = [record for index in range(3) for record in log.read_segment("CAM", index)]
+    assert [record.tick for record in pictures] == [0, 1, 2, 3, 4]
+    assert [record.frame for record in pictures] == [50, 51, 52, 53, 54]
+    assert pictures[3].payload == picture(53).raw_data
+    assert pictures[3].meta == {"width": 4, "height": 3, "fov_deg": 90.0}
+    (first, *_), *_ = (log.read_segment("GNSS", index) for index in range(3))
+    assert struct.unpack("<3d", first.payload) == (25.0, 1.5, 2.5)
+    assert [record.kind for record in log.read_segment(WORLD, 0)] == [3, 1, 1]
+    rows = log.ledger()
+    assert [row["k"] for row in rows] == [0, 1, 2, 3, 4]
+    assert all(row["sensors"]["CAM"]["state"] == "ok" for row in rows)
+    assert running.budget.held_bytes == 0
+
+
+def test_the_ledger_is_sealed_after_every_other_stream(tmp_path: Path) -> None:
+    with recording(tmp_path, steps=6) as running:
+        for number in range(6):
+            running.tick(number)
+            running.camera(picture(FIRST_FRAME + number))
+            running.gnss(position(FIRST_FRAME + number))
+        running.finish()
+    for segment in range(3):
+        streams = [sealed.stream for sealed in running.sealed if sealed.segment == segment]
+        assert sorted(streams) == ["CAM", "GNSS", "ledger", "world"]
+        assert streams[-1] == "ledger"
+
+
+def test_ticks_that_are_not_saved_are_in_the_ledger_only(tmp_path: Path) -> None:
+    with recording(tmp_path, steps=5, save_every=3, ticks_per_segment=1) as running:
+        for number in range(5):
+            running.tick(number)
+            running.camera(picture(FIRST_FRAME + number))
+            running.gnss(position(FIRST_FRAME + number))
+        running.finish()
+    log = EpisodeLog(tmp_path)
+    assert [row["k"] for row in log.ledger()] == [0, None, None, 1, None]
+    assert [len(log.read_segment("CAM", index)) for index in range(5)] == [1, 0, 0, 1, 0]
+    assert [len(log.read_segment(WORLD, index)) for index in range(5)] == [1] * 5
+    assert running.budget.held_bytes == 0
+
+
+def test_a_missing_frame_is_recorded_and_the_others_are_kept(tmp_path: Path) -> None:
+    with recording(tmp_path, steps=3, patience_s=0.05, strict=False) as running:
+        for number in range(3):
+            running.tick(number)
+            running.gnss(position(FIRST_FRAME + number))
+        running.finish()
+        assert running.pipeline.incomplete_ticks == 3
+    log = EpisodeLog(tmp_path)
+    assert log.is_complete()
+    assert {row["sensors"]["CAM"]["state"] for row in log.ledger()} == {"missing"}
+    assert [record.tick for record in log.read_segment("GNSS", 0)] == [0, 1]
+
+
+def test_a_dead_sensor_ends_the_recording(tmp_path: Path) -> None:
+    with recording(tmp_path, steps=20, patience_s=0.05) as running:
+        for number in range(MAX_CONSECUTIVE_MISSES):
+            running.tick(number)
+            running.gnss(position(FIRST_FRAME + number))
+        with pytest.raises(RecordingError, match="CAM delivered nothing for 5 ticks in a row"):
+            running.pipeline.wait_booked(20, 20.0)
+
+
+def test_the_tick_waits_while_too_many_bytes_wait_for_the_disk(tmp_path: Path) -> None:
+    with recording(tmp_path, steps=2, limit_bytes=60) as running:
+        running.camera(picture(FIRST_FRAME))
+        running.pipeline.wait_for_room(running.stop)
+        running.camera(picture(FIRST_FRAME + 1))
+        room = threading.Event()
+
+        def wait() -> None:
+            running.pipeline.wait_for_room(running.stop)
+            room.set()
+
+        waiting = threading.Thread(target=wait)
+        waiting.start()
+        assert not room.wait(0.3)
+        running.tick(0)
+        running.gnss(position(FIRST_FRAME))
+        assert room.wait(20.0)
+        waiting.join()
+        running.tick(1)
+        running.gnss(position(FIRST_FRAME + 1))
+        running.finish()
+
+
+def test_waiting_for_room_ends_when_somebody_asks_to_end(tmp_path: Path) -> None:
+    with recording(tmp_path, steps=2, limit_bytes=0) as running:
+        running.camera(picture(FIRST_FRAME))
+        running.stop.request("test")
+        with pytest.raises(InterruptedByRequestError):
+            running.pipeline.wait_for_room(running.stop)
+
+
+def test_a_disk_that_refuses_ends_the_recording(tmp_path: Path) -> None:
+    with recording(tmp_path, steps=4) as running:
+        (tmp_path / "CAM" / "000000.seg.open").touch()  # where the first segment should go
+        running.tick(0)
+        running.camera(picture(FIRST_FRAME))
+        running.gnss(position(FIRST_FRAME))
+        with pytest.raises(RecordingError, match=r"Writing the raw log failed: .*File exists"):
+            while_recording(running)
+
+
+def test_an_abandoned_recording_leaves_whole_records_unsealed(tmp_path: Path) -> None:
+    with recording(tmp_path, steps=4) as running:
+        running.tick(0)
+        running.camera(picture(FIRST_FRAME))
+        running.gnss(position(FIRST_FRAME))
+        assert running.pipeline.wait_booked(1, 20.0)
+    log = EpisodeLog(tmp_path)
+    assert log.sealed_segments("CAM") == ()
+    assert not log.is_complete()
+    assert (tmp_path / "CAM" / "000000.seg.open").stat().st_size > 0
+
+
+def test_the_warm_up_sees_what_was_delivered(tmp_path: Path) -> None:
+    with recording(tmp_path, steps=1) as running:
+        running.camera(picture(FIRST_FRAME - 1))
+        assert running.pipeline.wait_delivered(FIRST_FRAME - 1, 0.2) == ("GNSS",)
+        running.gnss(position(FIRST_FRAME - 1))
+        assert running.pipeline.wait_delivered(FIRST_FRAME - 1, 20.0) == ()
+
+
+@pytest.mark.py38
+def test_the_pipeline_runs_under_python_3_8(tmp_path: Path, python38: str) -> None:
+    code = """
+import sys
+from types import SimpleNamespace
+sys.path.insert(0, sys.argv[2])
+from carstage.collector import events, paths, timing
+from carstage.collector.matching import ExpectedFrame, FrameMatcher
+from carstage.collector.plan import parse_plan
+from carstage.collector.processing import ByteBudget, Pipeline
+from carstage.collector.sensors import SENSOR_KINDS
+from carstage.collector.snapshots import WorldMoment
+from carstage.collector.writing import LogWriters
+from carstage.rawlog.format import write_episode_file
+folder = paths.prepare_folder(sys.argv[1])
+write_episode_file(folder, {"format_version": 1, "ticks": 2})
+budget, failures = ByteBudget(1000), []
+sizes = {"GNSS": 24, "world": 68}
+writers = LogWriters(folder, sizes, 2, 1, budget.give_back, lambda sealed: None, failures.append)
+gnss = {"GNSS": SENSOR_KINDS["gnss"]}
+with writers, Pipeline(gnss, writers, FrameMatcher(["GNSS"], 5.0), budget, 2, 2) as pipeline:
+    pipeline.begin(9)
+    for tick in range(2):
+        data = SimpleNamespace(frame=10 + tick, latitude=1.0, longitude=2.0, altitude=3.0)
+        pipeline.callback("GNSS")(data)
+        moment = WorldMoment([], {}, [])
+        pipeline.expect(ExpectedFrame(tick, 10 + tick, tick / 10, tick, 0.0, moment))
+    assert pipeline.wait_booked(2, 10.0) and writers.wait_sealed(1, 10.0)
+"""
+    source = Path(collector_plan.__file__).parents[2]
+    subprocess.run([python38, "-I", "-c", code, str(tmp_path / "log"), str(source)], check=True)
+    log = EpisodeLog(tmp_path / "log")
+    assert log.is_complete()
+    assert [record.frame for record in log.read_segment("GNSS", 0)] == [10, 11]

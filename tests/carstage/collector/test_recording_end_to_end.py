@@ -1,0 +1,354 @@
+"""The collector's process with the real wheel against the embedded simulator."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from carstage.rawlog import format as raw
+from carstage.rawlog.reader import EpisodeLog, recover
+from carstage.server import free_port
+
+pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("collector")]
+
+PlanMaker = Callable[..., dict[str, Any]]
+END_S = 90.0
+
+
+class Collector:
+    """Runs the collector's process on plans; what it leaves running is ended by its id."""
+
+    def __init__(self, port: int, folder: Path, home: Path) -> None:
+        self.port = port
+        self.folder = folder
+        self.environment = {**os.environ, "HOME": str(home)}
+        self.processes: list[subprocess.Popen[bytes]] = []
+
+    def start(self, plan: dict[str, Any], *options: str, **streams: Any) -> subprocess.Popen[bytes]:
+        plan["server"].update(port=self.port, traffic_manager_port=free_port())
+        path = self.folder / f"plan{len(self.processes)}.json"
+        path.write_text(json.dumps(plan))
+        process = subprocess.Popen(
+            [sys.executable, "-m", "carstage.collector", str(path), *options],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env=self.environment,
+            **streams,
+        )
+        self.processes.append(process)
+        return process
+
+    def run(self, plan: dict[str, Any]) -> tuple[int, list[dict[str, Any]]]:
+        process = self.start(plan)
+        output, _ = process.communicate(timeout=END_S)
+        return process.returncode, [json.loads(line) for line in output.splitlines()]
+
+    def await_event(self, process: subprocess.Popen[bytes], name: str) -> dict[str, Any]:
+        assert process.stdout is not None
+        for line in process.stdout:
+            event: dict[str, Any] = json.loads(line)
+            if event["event"] == name:
+                return event
+        raise AssertionError(f"the collector ended without an event {name}")
+
+    def left_on_server(self) -> dict[str, Any]:
+        """What a fresh client finds: settings, and actors that an episode brings along."""
+        code = (
+            "import carla, json, sys\n"
+            "client = carla.Client('127.0.0.1', int(sys.argv[1])); client.set_timeout(20.0)\n"
+            "world = client.get_world(); settings = world.get_settings()\n"
+            "kinds = ('vehicle.', 'walker.', 'sensor.', 'controller.')\n"
+            "actors = [a.type_id for a in world.get_actors() if a.type_id.startswith(kinds)]\n"
+            "print(json.dumps([settings.synchronous_mode, settings.fixed_delta_seconds, actors]))\n"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code, str(self.port)],
+            env=self.environment,
+            capture_output=True,
+            timeout=END_S,
+            check=True,
+        )
+        synchronous, step_s, actors = json.loads(done.stdout)
+        return {"synchronous": synchronous, "step_s": step_s, "actors": actors}
+
+
+GIVEN_BACK = {"synchronous": False, "step_s": None, "actors": []}
+
+
+@pytest.fixture
+def collector(simulator: Any, tmp_path: Path) -> Iterator[Collector]:
+    home = tmp_path / "home"
+    home.mkdir()
+    made = Collector(simulator.port, tmp_path, home)
+    yield made
+    for process in made.processes:
+        if process.poll() is None:
+            process.kill()
+        process.communicate(timeout=END_S)
+
+
+def truth(folder: Path) -> dict[str, bytes]:
+    """Bytes of everything that is the same in every attempt: all but the ledger."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*.seg"))
+        if path.parent.name != raw.LEDGER
+    }
+
+
+def test_every_frame_of_every_kind_is_recorded(
+    collector: Collector, make_plan: PlanMaker, tmp_path: Path
+) -> None:
+    folder = tmp_path / "raw"
+    code, events = collector.run(make_plan(folder))
+    assert code == 0
+    names = [event["event"] for event in events]
+    assert names[:4] == ["collector_started", "connected", "episode_started", "actors_spawned"]
+    assert names[-2:] == ["episode_recorded", "collector_finished"]
+    assert events[-2]["incomplete"] == 0
+    assert [event for event in events if event["event"] == "tick"][-1]["tick"] == 19
+
+    log = EpisodeLog(folder)
+    assert log.is_complete()
+    assert log.header["map"] == "Carla/Maps/Stage01"
+    assert log.header["spawned"] == {"vehicles": 8, "pedestrians": 4}
+    rows = log.ledger()
+    first = log.header["first_frame"]
+    assert [row["frame"] for row in rows] == list(range(first, first + 20))
+    assert [row["k"] for row in rows] == list(range(20))
+    times_s = np.array([row["timestamp_s"] for row in rows]) - log.header["first_timestamp_s"]
+    np.testing.assert_allclose(times_s, np.arange(20) / 10, atol=1e-5)
+    sensors = make_plan()["episodes"][0]["spec"]["sensors"]
+    for row in rows:
+        assert list(row["sensors"]) == sorted(sensor["id"] for sensor in sensors)
+        assert {outcome["state"] for outcome in row["sensors"].values()} == {"ok"}
+    sizes = {"rgb": 96 * 54 * 4, "depth": 96 * 54 * 4, "semantic": 96 * 54 * 4, "imu": 56}
+    for sensor in sensors:
+        assert log.sealed_segments(sensor["id"]) == (0, 1)
+        records = [r for index in (0, 1) for r in log.read_segment(sensor["id"], index)]
+        assert [record.frame for record in records] == [row["frame"] for row in rows]
+        for record in records:
+            size = sizes.get(sensor["kind"])
+            assert size is None or record.payload.nbytes == size
+            if sensor["kind"] == "lidar":
+                assert record.payload.nbytes == 16 * sum(record.meta["counts"]) > 0
+                assert len(record.meta["counts"]) == 8
+
+
+def test_the_world_of_each_frame_is_recorded(
+    collector: Collector, make_plan: PlanMaker, tmp_path: Path
+) -> None:
+    folder = tmp_path / "raw"
+    assert collector.run(make_plan(folder))[0] == 0
+    log = EpisodeLog(folder)
+    actors = log.actors()
+    frames = [frame for index in (0, 1) for frame in log.world_frames(index)]
+    assert [frame.tick for frame in frames] == list(range(20))
+    ego = actors[log.header["ego_id"]]
+    assert ego.type_id == "vehicle.tesla.model3"
+    assert ego.attributes["role_name"] == "hero"
+    assert ego.semantic_tags == (14,)
+    assert (ego.box_extent > 0.5).all()
+    kinds = [info.type_id.split(".")[0] for info in actors.values()]
+    assert kinds.count("vehicle") == 9
+    assert kinds.count("walker") == 4
+    for name, actor_id in log.header["sensor_actor_ids"].items():
+        assert actors[actor_id].parent == ego.id, name
+    for frame in frames:
+        assert set(frame.actor_id.tolist()) <= set(actors)
+        assert (np.diff(frame.actor_id.astype(np.int64)) > 0).all()
+        assert frame.meta["ego"]["id"] == ego.id
+        assert frame.meta["weather"]["cloudiness"] == 12.5
+        assert len(frame.meta["vehicle_lights"]) == 9
+        assert set(frame.meta["traffic_lights"].values()) <= {"Red", "Yellow", "Green"}
+        assert frame.meta["delta_s"] == pytest.approx(0.1)
+    rows = [frame.row(ego.id) for frame in frames]
+    path = np.array([frame.location[row] for frame, row in zip(frames, rows, strict=True)])
+    speed = np.array([frame.velocity[row] for frame, row in zip(frames, rows, strict=True)])
+    np.testing.assert_allclose(np.diff(path, axis=0) / 0.1, speed[1:], atol=0.5)
+
+
+def test_the_same_plan_gives_the_same_bytes_in_one_process_and_in_another(
+    collector: Collector, make_plan: PlanMaker, tmp_path: Path
+) -> None:
+    folders = [tmp_path / name for name in ("first", "second", "third")]
+    assert collector.run(make_plan(*folders[:2]))[0] == 0
+    assert collector.run(make_plan(folders[2]))[0] == 0
+    first, *others = (truth(folder) for folder in folders)
+    assert len(first) == 2 * 8
+    for other in others:
+        assert other == first
+
+
+def test_only_planned_frames_are_saved(
+    collector: Collector, make_plan: PlanMaker, tmp_path: Path
+) -> None:
+    folder = tmp_path / "raw"
+    assert collector.run(make_plan(folder, steps=10, save_every=4))[0] == 0
+    log = EpisodeLog(folder)
+    assert [row["k"] for row in log.ledger()] == [0, None, None, None, 1, None, None, None, 2, None]
+    assert [record.tick for record in log.read_segment("CAM", 0)] == [0, 4, 8]
+    assert len(log.world_frames(0)) == 10
+
+
+def test_a_termination_signal_gives_everything_back_and_ends_with_130(
+    collector: Collector, make_plan: PlanMaker, tmp_path: Path
+) -> None:
+    folder = tmp_path / "raw"
+    process = collector.start(make_plan(folder, steps=2000))
+    collector.await_event(process, "segment_sealed")
+    process.send_signal(signal.SIGTERM)
+    output, _ = process.communicate(timeout=END_S)
+    assert process.returncode == 130
+    events = [json.loads(line) for line in output.splitlines()]
+    assert [event["event"] for event in events[-3:]] == [
+        *("episode_aborted", "error", "collector_finished"),
+    ]
+    assert "SIGTERM" in events[-3]["reason"]
+    assert events[-1]["exit_code"] == 130
+    assert collector.left_on_server() == GIVEN_BACK
+    # Every frame that was begun is whole: the ledger's last row and the last picture agree.
+    last = {
+        stream: recover(
+            max((folder / stream).glob("*.open"), default=None) or _last(folder, stream)
+        )
+        for stream in ("CAM", "ledger")
+    }
+    assert last["CAM"].index == last["ledger"].index
+    assert [r.tick for r in last["CAM"].records] == [r.tick for r in last["ledger"].records]
+
+
+def _last(folder: Path, stream: str) -> Path:
+    return max((folder / stream).iterdir())
+
+
+def test_a_killed_collector_leaves_whole_records_and_the_retry_is_the_same(
+    collector: Collector, make_plan: PlanMaker, tmp_path: Path
+) -> None:
+    reference, killed, retried = (tmp_path / name for name in ("reference", "killed", "retried"))
+    assert collector.run(make_plan(reference))[0] == 0
+    process = collector.start(make_plan(killed, steps=2000))
+    while collector.await_event(process, "tick")["tick"] < 12:
+        pass
+    process.kill()
+    process.communicate(timeout=END_S)
+    log = EpisodeLog(killed)
+    expected = EpisodeLog(reference)
+    assert not log.is_complete()
+    for stream in log.streams:
+        for path in sorted((killed / stream).glob("*.open")):
+            found = recover(path)
+            assert [r.sequence for r in found.records] == list(range(len(found.records)))
+            if stream != raw.LEDGER and found.index < 2:
+                whole = expected.read_segment(stream, found.index)
+                pairs = zip(found.records, whole, strict=False)
+                assert all(one.payload == other.payload for one, other in pairs)
+    assert collector.run(make_plan(retried))[0] == 0
+    assert truth(retried) == truth(reference)
+
+
+@pytest.mark.parametrize("what", ["stdin", "stdout"])
+def test_a_starter_that_is_gone_ends_the_recording(
+    collector: Collector, make_plan: PlanMaker, tmp_path: Path, what: str
+) -> None:
+    plan = make_plan(tmp_path / "raw", steps=2000)
+    process = collector.start(plan, "--exit-with-input", stdin=subprocess.PIPE)
+    collector.await_event(process, "segment_sealed")
+    stream = getattr(process, what)
+    stream.close()
+    setattr(process, what, None)
+    assert process.wait(END_S) == 130
+    assert collector.left_on_server() == GIVEN_BACK
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind", "message"),
+    [
+        ({"map": "Stage1"}, "scene", "no map 'Stage1'"),
+        ({"dialect": "0.9.15"}, "version", "planned for CARLA 0.9.15, the server is 0.9.16"),
+        (
+            {"ego": {"blueprint": "vehicle.tesla.model4", "spawn_index": 3}},
+            *("scene", "no blueprint 'vehicle.tesla.model4'"),
+        ),
+        (
+            {"ego": {"blueprint": "vehicle.tesla.model3", "spawn_index": 9999}},
+            *("scene", r"ego.spawn_index: 9999"),
+        ),
+        ({"vehicles": {"count": 1, "filter": "boat.*"}}, "scene", "vehicles.filter"),
+        ({"scenario": {"kind": "parade"}}, "scene", "scenario.kind: 'parade' is not known"),
+        (
+            {"weather": {"preset": "ClearNon", "parameters": {}, "lights": "auto"}},
+            *("scene", "does not know 'ClearNon'"),
+        ),
+    ],
+)
+def test_what_the_server_cannot_do_is_said_and_given_back(
+    collector: Collector,
+    make_plan: PlanMaker,
+    tmp_path: Path,
+    changes: dict[str, Any],
+    kind: str,
+    message: str,
+) -> None:
+    code, events = collector.run(make_plan(tmp_path / "raw", **changes))
+    assert code == 1
+    (error,) = [event for event in events if event["event"] == "error"]
+    assert error["kind"] == kind
+    assert message in error["message"]
+    assert error["hint"]
+    assert collector.left_on_server() == GIVEN_BACK
+
+
+def test_a_failed_episode_does_not_keep_the_next_one_from_being_recorded(
+    collector: Collector, make_plan: PlanMaker, tmp_path: Path
+) -> None:
+    plan = make_plan(tmp_path / "bad", tmp_path / "good", steps=3)
+    plan["episodes"][0]["spec"]["map"] = "Nowhere"
+    code, events = collector.run(plan)
+    assert code == 1
+    ends = [e["event"] for e in events if e["event"] in ("episode_aborted", "episode_recorded")]
+    assert ends == ["episode_aborted", "episode_recorded"]
+    assert EpisodeLog(tmp_path / "good").is_complete()
+
+
+def test_nobody_at_the_address_is_said_with_host_and_port(
+    collector: Collector, make_plan: PlanMaker, tmp_path: Path
+) -> None:
+    collector.port = free_port()
+    plan = make_plan(tmp_path / "raw")
+    plan["server"]["timeout_s"] = 0.5
+    code, events = collector.run(plan)
+    assert code == 1
+    (error,) = [event for event in events if event["event"] == "error"]
+    assert error["kind"] == "connection"
+    assert f"127.0.0.1:{collector.port}" in error["message"]
+
+
+def test_a_bad_plan_ends_with_2(collector: Collector, make_plan: PlanMaker) -> None:
+    code, events = collector.run(make_plan(fps=-1.0))
+    assert code == 2
+    assert [event["event"] for event in events] == ["error", "collector_finished"]
+    assert events[0]["message"].startswith("episodes[0].spec.fps")
+
+
+def test_an_asynchronous_server_is_followed(
+    collector: Collector, make_plan: PlanMaker, tmp_path: Path
+) -> None:
+    folder = tmp_path / "raw"
+    plan = make_plan(folder, steps=6)
+    plan["episodes"][0]["spec"]["timing"]["mode"] = "async"
+    assert collector.run(plan)[0] == 0
+    log = EpisodeLog(folder)
+    assert log.is_complete()
+    frames = [row["frame"] for row in log.ledger()]
+    assert frames == sorted(set(frames))
+    assert collector.left_on_server() == GIVEN_BACK

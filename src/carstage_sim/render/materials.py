@@ -45,16 +45,26 @@ class Glow(IntEnum):
     WINDOW = 10
 
 
+class Paint(IntEnum):
+    """Which of an instance's colours a material takes."""
+
+    BODY = 0
+    UPPER = 1
+    LOWER = 2
+    SKIN = 3
+    HAIR = 4
+
+
 class Look(NamedTuple):
     """One material.
 
     Attributes:
-        srgb: base colour; the instance's paint colour replaces it where ``painted``.
+        srgb: base colour; an instance's may replace it.
         roughness: 0 is a mirror, 1 is chalk.
         specular: reflectance at normal incidence.
         detail: procedural pattern.
         glow: source of emitted light.
-        painted: takes the instance's colour.
+        paint: slot of the instance's colours that replaces the base colour, None for none.
     """
 
     srgb: tuple[int, int, int]
@@ -62,7 +72,7 @@ class Look(NamedTuple):
     specular: float = 0.02
     detail: Detail = Detail.NONE
     glow: Glow = Glow.NONE
-    painted: bool = False
+    paint: Paint | None = None
 
 
 LOOKS: dict[Material, Look] = {
@@ -83,7 +93,7 @@ LOOKS: dict[Material, Look] = {
     Material.WOOD: Look((124, 88, 56), 0.8, 0.03, Detail.BARK),
     Material.BARK: Look((88, 70, 54), 1.0, 0.02, Detail.BARK),
     Material.FOLIAGE: Look((72, 104, 42), 0.9, 0.03, Detail.LEAVES),
-    Material.PAINT: Look((160, 24, 28), 0.25, 0.05, painted=True),
+    Material.PAINT: Look((160, 24, 28), 0.17, 0.05, paint=Paint.BODY),
     Material.GLASS: Look((14, 17, 20), 0.03, 0.08),
     Material.RUBBER: Look((26, 26, 27), 0.9, 0.02),
     Material.RIM: Look((168, 172, 176), 0.3, 0.5),
@@ -93,10 +103,10 @@ LOOKS: dict[Material, Look] = {
     Material.BLINKER_LEFT: Look((206, 116, 24), 0.2, 0.06, glow=Glow.BLINKER_LEFT),
     Material.BLINKER_RIGHT: Look((206, 116, 24), 0.2, 0.06, glow=Glow.BLINKER_RIGHT),
     Material.REVERSE_LAMP: Look((210, 210, 210), 0.2, 0.06, glow=Glow.REVERSE_LAMP),
-    Material.SKIN: Look((198, 150, 124), 0.7, 0.03),
-    Material.CLOTH_UPPER: Look((70, 96, 140), 0.95, 0.02, Detail.CLOTH, painted=True),
-    Material.CLOTH_LOWER: Look((48, 56, 74), 0.95, 0.02, Detail.CLOTH),
-    Material.HAIR: Look((48, 34, 26), 0.7, 0.04),
+    Material.SKIN: Look((198, 150, 124), 0.8, 0.03, paint=Paint.SKIN),
+    Material.CLOTH_UPPER: Look((70, 96, 140), 0.95, 0.02, Detail.CLOTH, paint=Paint.UPPER),
+    Material.CLOTH_LOWER: Look((48, 56, 74), 0.95, 0.02, Detail.CLOTH, paint=Paint.LOWER),
+    Material.HAIR: Look((48, 34, 26), 0.8, 0.04, paint=Paint.HAIR),
     Material.LIGHT_RED: Look((84, 14, 12), 0.3, 0.05, glow=Glow.LENS_RED),
     Material.LIGHT_YELLOW: Look((96, 68, 8), 0.3, 0.05, glow=Glow.LENS_YELLOW),
     Material.LIGHT_GREEN: Look((10, 70, 42), 0.3, 0.05, glow=Glow.LENS_GREEN),
@@ -118,7 +128,7 @@ class MaterialTable(NamedTuple):
         specular: ``(M,)`` float32.
         detail: ``(M,)`` uint8.
         glow: ``(M,)`` uint8.
-        painted: ``(M,)`` bool.
+        paint: ``(M,)`` int8 values of :class:`Paint`, -1 for none.
     """
 
     colour: NDArray[np.float32]
@@ -126,7 +136,7 @@ class MaterialTable(NamedTuple):
     specular: NDArray[np.float32]
     detail: NDArray[np.uint8]
     glow: NDArray[np.uint8]
-    painted: NDArray[np.bool_]
+    paint: NDArray[np.int8]
 
 
 def material_table() -> MaterialTable:
@@ -138,5 +148,5 @@ def material_table() -> MaterialTable:
         np.array([look.specular for look in looks], np.float32),
         np.array([look.detail for look in looks], np.uint8),
         np.array([look.glow for look in looks], np.uint8),
-        np.array([look.painted for look in looks], np.bool_),
+        np.array([-1 if look.paint is None else look.paint for look in looks], np.int8),
     )

@@ -65,17 +65,18 @@ class PictureMaker:
         frame = store.frame([])
         rays = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], np.float32)
         hits = self._caster.cast(frame.scene, np.zeros(3), rays, low=0.1, high=1000.0)
-        self._shade(frame, hits, -1, self.sky.lighting(Weather(), 0.0))
+        self._shade(frame, hits, -1, 1e-3, self.sky.lighting(Weather(), 0.0))
 
     def _shade(
-        self, frame: Frame, hits: Hits, skip_row: int, light: Lighting
+        self, frame: Frame, hits: Hits, skip_row: int, pixel_angle: float, light: Lighting
     ) -> NDArray[np.float32]:
         colours = np.empty((len(hits.t), 3), np.float32)
 
         def work(first: int, last: int) -> None:
             shade_rays(
                 frame.scene, frame.static, frame.actors, frame.colour, frame.light_state,
-                self._materials, light, hits.origin, hits.directions, skip_row, first, last,
+                self._materials, light, hits.origin, hits.directions, skip_row,
+                np.float32(pixel_angle), first, last,
                 hits.t, hits.row, hits.triangle, hits.weights, colours,
             )  # fmt: skip
 
@@ -84,6 +85,7 @@ class PictureMaker:
 
     def paint(self, frame: Frame, picture: Picture, light: Lighting) -> NDArray[np.uint8]:
         """``(H, W, 3)`` uint8 sRGB picture."""
-        colours = self._shade(frame, picture.hits, picture.skip_row, light)
+        angle = 2.0 * np.tan(np.radians(picture.fov_deg) / 2.0) / picture.width
+        colours = self._shade(frame, picture.hits, picture.skip_row, angle, light)
         codes = self._codes[(colours * np.float32(8191.0) + np.float32(0.5)).astype(np.int32)]
         return codes.reshape(picture.height, picture.width, 3)

@@ -15,11 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.mesh import TriangleMesh
+from carstage_sim.mesh import Material, TriangleMesh
 from carstage_sim.render.bvh import WideTree, build_tree, triangle_blocks
 from carstage_sim.render.cast import Geometry, Scene, empty_geometry
 from carstage_sim.render.jit import cache_folder
 from carstage_sim.render.simd import LANES
+
+PAINTS = 5
+"""Colours that an instance brings along."""
 
 _log = logging.getLogger(__name__)
 
@@ -32,12 +35,16 @@ class Surfaces(NamedTuple):
         material: ``(T,)`` uint8 values of :class:`carstage_sim.mesh.Material`.
         tag: ``(T,)`` uint8 values of :class:`carstage_sim.labels.CityObjectLabel`.
         object_id: ``(T,)`` uint32 level object + 1, 0 for none.
+        flat: ``(T, 3)`` float32 unit normals of the triangles themselves.
+        quad_half: ``(T,)`` uint8: 1 and 2 for the two halves of a window's rectangle, else 0.
     """
 
     normals: NDArray[np.float32]
     material: NDArray[np.uint8]
     tag: NDArray[np.uint8]
     object_id: NDArray[np.uint32]
+    flat: NDArray[np.float32]
+    quad_half: NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +56,7 @@ class Placement:
         model: key of its mesh.
         location: world metres.
         rotation: ``(3, 3)`` world_from_actor.
-        colour: sRGB paint colour, 0-255 each.
+        colours: sRGB colours, one for each :class:`carstage_sim.render.materials.Paint`.
         light_state: the actor's light bits as in ``WorldState``.
     """
 
@@ -57,7 +64,7 @@ class Placement:
     model: str
     location: NDArray[np.float64]
     rotation: NDArray[np.float64]
-    colour: tuple[int, int, int] = (0, 0, 0)
+    colours: tuple[tuple[int, int, int], ...] = ((128, 128, 128),) * PAINTS
     light_state: int = 0
 
 
@@ -69,7 +76,7 @@ class Frame:
         scene: what rays meet.
         static, actors: surfaces of the two geometries.
         actor_id: ``(I,)`` uint32 per instance row.
-        colour: ``(I, 3)`` float32 linear paint colour per instance row.
+        colour: ``(I, PAINTS, 3)`` float32 linear colours per instance row.
         light_state: ``(I,)`` uint32 per instance row.
         bounds: ``(I, 2, 3)`` float32 box of each row's mesh in the actor's frame.
     """
@@ -108,6 +115,33 @@ def _corners(mesh: TriangleMesh) -> NDArray[np.float32]:
     return corners
 
 
+def _flat_normals(corners: NDArray[np.float32]) -> NDArray[np.float32]:
+    wide = corners.astype(np.float64)
+    normal = np.cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-15)
+    return normal.astype(np.float32)
+
+
+def _quad_halves(mesh: TriangleMesh) -> NDArray[np.uint8]:
+    """Pairs of window triangles ``(0, 1, 2), (0, 2, 3)`` that follow each other."""
+    half = np.zeros(len(mesh.triangles), np.uint8)
+    index = mesh.triangles
+    glazed = mesh.material == Material.FACADE_WINDOW
+    if len(index) < 2:
+        return half
+    first, second = mesh.vertices[index[:-1]], mesh.vertices[index[1:]]
+    pair = (
+        glazed[:-1]
+        & glazed[1:]
+        & (first[:, 0] == second[:, 0]).all(axis=1)
+        & (first[:, 2] == second[:, 1]).all(axis=1)
+    )
+    (begins,) = np.nonzero(pair)
+    half[begins] = 1
+    half[begins + 1] = 2
+    return half
+
+
 def _surfaces(mesh: TriangleMesh) -> Surfaces:
     # Kernels are compiled for writable arrays; a mesh from a mapped file has none.
     return Surfaces(
@@ -115,6 +149,8 @@ def _surfaces(mesh: TriangleMesh) -> Surfaces:
         np.require(mesh.material, np.uint8, ["C", "W"]),
         np.require(mesh.tag, np.uint8, ["C", "W"]),
         np.require(mesh.object_id, np.uint32, ["C", "W"]),
+        _flat_normals(_corners(mesh)),
+        _quad_halves(mesh),
     )
 
 
@@ -192,6 +228,8 @@ def _empty_surfaces() -> Surfaces:
         np.empty(0, np.uint8),
         np.empty(0, np.uint8),
         np.empty(0, np.uint32),
+        np.empty((0, 3), np.float32),
+        np.empty(0, np.uint8),
     )
 
 
@@ -252,14 +290,14 @@ class SceneStore:
             position[row] = placement.location
             bounds[row] = self._models[index[row]].bounds
         top = self._top(rotation, position, bounds)
-        colours = np.array([p.colour for p in placements], np.uint8).reshape(count, 3)
+        colours = np.array([p.colours for p in placements], np.uint8).reshape(count, PAINTS, 3)
         return Frame(
             scene=Scene(
                 static=self._static,
                 actors=self._actors[0],
                 top_planes=top.planes,
                 top_children=top.children,
-                top_row=top.order,
+                top_row=top.order[top.leaf_first],
                 rotation=rotation,
                 position=position,
                 root=np.array([self._roots[i] for i in index], np.int32),

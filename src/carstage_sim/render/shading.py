@@ -1,4 +1,4 @@
-"""From hits to colours: sun with traced shadows, sky, reflections, lamps, fog, tone curve."""
+"""From hits to colours: sun with traced shadows, sky, reflections, lamps, fog, film curve."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 
 from carstage_sim.render.cast import _STACK, NOTHING, trace
+from carstage_sim.render.detail import asphalt, faded, hash_unit, tiles, window
 from carstage_sim.render.jit import device, kernel
 from carstage_sim.render.simd import LANES
 
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
+_OVER_PI: Any = np.float32(1 / math.pi)
 
 
 @device
@@ -28,19 +30,20 @@ def _sky(light, x, y, z):  # type: ignore[no-untyped-def]
     k = (j + 1) % columns
     a = np.float32(row - i)
     b = np.float32(column - math.floor(column))
-    p, q = light.sky[i], light.sky[i + 1]
-    low0 = p[j, 0] + (p[k, 0] - p[j, 0]) * b
-    low1 = p[j, 1] + (p[k, 1] - p[j, 1]) * b
-    low2 = p[j, 2] + (p[k, 2] - p[j, 2]) * b
-    high0 = q[j, 0] + (q[k, 0] - q[j, 0]) * b
-    high1 = q[j, 1] + (q[k, 1] - q[j, 1]) * b
-    high2 = q[j, 2] + (q[k, 2] - q[j, 2]) * b
+    p = light.sky
+    low0 = p[i, j, 0] + (p[i, k, 0] - p[i, j, 0]) * b
+    low1 = p[i, j, 1] + (p[i, k, 1] - p[i, j, 1]) * b
+    low2 = p[i, j, 2] + (p[i, k, 2] - p[i, j, 2]) * b
+    i += 1
+    high0 = p[i, j, 0] + (p[i, k, 0] - p[i, j, 0]) * b
+    high1 = p[i, j, 1] + (p[i, k, 1] - p[i, j, 1]) * b
+    high2 = p[i, j, 2] + (p[i, k, 2] - p[i, j, 2]) * b
     return low0 + (high0 - low0) * a, low1 + (high1 - low1) * a, low2 + (high2 - low2) * a
 
 
 @device
 def _glow(kind, lamps, light):  # type: ignore[no-untyped-def]
-    """Emitted radiance of a lamp, in units of what the camera shows as white, and its colour."""
+    """Light of a lamp, in units of what the camera shows as white, and its colour."""
     night = light.air[5]
     blink = (light.air[7] * np.float32(1.5)) % _ONE < np.float32(0.5)
     if kind == 1 and lamps & 6:
@@ -48,34 +51,121 @@ def _glow(kind, lamps, light):  # type: ignore[no-untyped-def]
     if kind == 1 and lamps & 1:
         return np.float32(2.0), np.float32(1.0), np.float32(0.96), np.float32(0.9)
     if kind == 2 and lamps & 8:
-        return np.float32(4.0), np.float32(1.0), np.float32(0.05), np.float32(0.04)
+        return np.float32(3.0), np.float32(1.0), np.float32(0.03), np.float32(0.02)
     if kind == 2 and lamps & 7:
-        return np.float32(0.9), np.float32(1.0), np.float32(0.04), np.float32(0.03)
+        return np.float32(0.8), np.float32(1.0), np.float32(0.03), np.float32(0.02)
     if ((kind == 3 and lamps & 32) or (kind == 4 and lamps & 16)) and blink:
-        return np.float32(3.5), np.float32(1.0), np.float32(0.42), np.float32(0.05)
+        return np.float32(2.6), np.float32(1.0), np.float32(0.36), np.float32(0.02)
     if kind == 5 and lamps & 64:
         return np.float32(3.0), np.float32(1.0), np.float32(1.0), np.float32(0.95)
     if kind == 6 and lamps == 0:
-        return np.float32(3.2), np.float32(1.0), np.float32(0.07), np.float32(0.04)
+        return np.float32(2.6), np.float32(1.0), np.float32(0.05), np.float32(0.03)
     if kind == 7 and lamps == 1:
-        return np.float32(3.2), np.float32(1.0), np.float32(0.55), np.float32(0.05)
+        return np.float32(2.6), np.float32(1.0), np.float32(0.50), np.float32(0.03)
     if kind == 8 and lamps == 2:
-        return np.float32(3.0), np.float32(0.08), np.float32(1.0), np.float32(0.55)
+        return np.float32(2.4), np.float32(0.06), np.float32(1.0), np.float32(0.5)
     if kind == 9:
         return np.float32(6.0) * night, np.float32(1.0), np.float32(0.85), np.float32(0.6)
     return _ZERO, _ZERO, _ZERO, _ZERO
 
 
 @device
-def _tone(value):  # type: ignore[no-untyped-def]
+def _film(value):  # type: ignore[no-untyped-def]
     """Exposed light as display light, 0-1: linear in the dark, saturating like film."""
     return _ONE - math.exp(-max(value, _ZERO))
+
+
+@device
+def _wall_tint(number):  # type: ignore[no-untyped-def]
+    """Colour factors that tell one building's walls from the next one's."""
+    bright = np.float32(0.72) + np.float32(0.5) * hash_unit(number, 11, 1)
+    warm = (hash_unit(number, 13, 2) - np.float32(0.5)) * np.float32(0.30)
+    green = (hash_unit(number, 17, 3) - np.float32(0.5)) * np.float32(0.10)
+    return bright * (_ONE + warm), bright * (_ONE + green), bright * (_ONE - warm)
+
+
+@device
+def _pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[no-untyped-def]
+    """Colour factors (red, green, blue) of a procedural pattern at a place of a surface."""
+    if abs(nz) > np.float32(0.6):
+        s, t = x, y
+    else:
+        flat = max(math.sqrt(nx * nx + ny * ny), np.float32(1e-4))
+        s, t = (x * -ny + y * nx) / flat, z
+    if kind == 2:
+        value = asphalt(x, y, pixel)
+        return value, value, value
+    if kind == 3:
+        tint, seam = tiles(
+            s, t, np.float32(0.6), np.float32(0.6), np.float32(0.012), _ONE, pixel, 3
+        )
+        value = (_ONE + np.float32(0.07) * tint) * (_ONE - np.float32(0.42) * seam)
+        value += np.float32(0.06) * faded(x, y, np.float32(2.3), pixel, 8)
+        value += np.float32(0.07) * faded(x, y, np.float32(0.05), pixel, 9)
+        return value, value, value
+    if kind == 4:
+        r, g, b = _wall_tint(owner)
+        tint, seam = tiles(
+            s, t, np.float32(0.25), np.float32(0.083), np.float32(0.012), _ONE, pixel, 5
+        )
+        value = (_ONE + np.float32(0.22) * tint) * (_ONE - seam)
+        value += np.float32(0.05) * faded(s, t, np.float32(3.0), pixel, 8) * (_ONE - seam)
+        return (
+            value * r + seam * np.float32(1.3),
+            value * g + seam * np.float32(2.0),
+            (value * b + seam * np.float32(2.4)),
+        )
+    if kind == 5:
+        value = (
+            _ONE
+            + np.float32(0.35) * faded(x, y, np.float32(0.06), pixel, 1)
+            + np.float32(0.20) * faded(x, y, np.float32(0.5), pixel, 2)
+        )
+        dry = np.float32(0.16) * faded(x, y, np.float32(5.0), pixel, 3)
+        return value * (_ONE + dry * 2), value * (_ONE + dry * np.float32(0.4)), value
+    if kind == 6:
+        tree = hash_unit(owner, 3, 5)
+        leaf = hash_unit(number >> 1, 7, 9)
+        value = (
+            np.float32(0.70) + np.float32(0.55) * leaf + np.float32(0.2) * (tree - np.float32(0.5))
+        )
+        return (
+            value * (np.float32(0.75) + np.float32(0.65) * tree * leaf),
+            value,
+            (value * np.float32(0.9)),
+        )
+    if kind == 7:
+        value = (
+            _ONE
+            + np.float32(0.10) * faded(x, y, np.float32(0.08), pixel, 6)
+            + np.float32(0.10) * faded(x, y, np.float32(0.9), pixel, 7)
+        )
+        return value, value, value
+    if kind == 9:
+        r, g, b = _wall_tint(owner)
+        value = (
+            _ONE
+            + np.float32(0.05) * faded(s, t, np.float32(0.12), pixel, 1)
+            + np.float32(0.06) * faded(s * np.float32(2.0), t, np.float32(2.6), pixel, 2)
+        )
+        return value * r, value * g, value * b
+    if kind == 11:
+        value = _ONE + np.float32(0.25) * faded(s * 4, t, np.float32(0.22), pixel, 1)
+        return value, value, value
+    if kind != 0:
+        value = (
+            _ONE
+            + np.float32(0.08) * faded(s, t, np.float32(0.06), pixel, 1)
+            + np.float32(0.06) * faded(s, t, np.float32(1.1), pixel, 2)
+        )
+        return value, value, value
+    return _ONE, _ONE, _ONE
 
 
 @kernel
 def shade_rays(  # type: ignore[no-untyped-def]
     scene, static, actors, colour, light_state, materials, light, origin, directions, skip,
-    first, last, t, row, triangle, weights, out,
+    pixel_angle, first, last, t, row, triangle, weights, out,
 ):  # fmt: skip
     """Colours of the hits ``first`` to ``last``: linear display light, 0-1, into ``out (N, 3)``."""
     stack = np.empty(_STACK, np.int32)
@@ -83,19 +173,18 @@ def shade_rays(  # type: ignore[no-untyped-def]
     tests = np.empty(3 * LANES, np.float32)
     lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
     sun_up = light.sun[0] + light.sun[1] + light.sun[2] > np.float32(1e-6)
-    exposure = light.air[6]
+    wet, puddles, night, exposure = light.air[3], light.air[4], light.air[5], light.air[6]
     for i in range(first, last):
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         dx, dy, dz = dx / length, dy / length, dz / length
-        r, g, b = _ZERO, _ZERO, _ZERO
-        distance = np.float32(1e5)
-        if row[i] == NOTHING:
+        who = row[i]
+        if who == NOTHING:
             r, g, b = _sky(light, dx, dy, dz)
             towards = dx * lx + dy * ly + dz * lz
             if sun_up and towards > np.float32(0.99996):
                 r, g, b = r + light.sun[0] * 40, g + light.sun[1] * 40, b + light.sun[2] * 40
-            distance = np.float32(3000.0) / max(dz, np.float32(0.03))
+            distance = np.float32(2500.0) * (_ONE - min(max(dz, _ZERO) * 4, _ONE)) ** 2
         else:
             distance = t[i] * length
             px, py, pz = (
@@ -103,49 +192,123 @@ def shade_rays(  # type: ignore[no-untyped-def]
                 origin[1] + dy * distance,
                 origin[2] + dz * distance,
             )
-            who = row[i]
             number = triangle[i]
             surfaces = static if who < 0 else actors
-            n = surfaces.normals[number]
             m = surfaces.material[number]
             u, v = weights[i, 0], weights[i, 1]
             w = _ONE - u - v
-            nx = u * n[0, 0] + v * n[1, 0] + w * n[2, 0]
-            ny = u * n[0, 1] + v * n[1, 1] + w * n[2, 1]
-            nz = u * n[0, 2] + v * n[1, 2] + w * n[2, 2]
-            cr, cg, cb = materials.colour[m, 0], materials.colour[m, 1], materials.colour[m, 2]
+            n = surfaces.normals
+            nx = u * n[number, 0, 0] + v * n[number, 1, 0] + w * n[number, 2, 0]
+            ny = u * n[number, 0, 1] + v * n[number, 1, 1] + w * n[number, 2, 1]
+            nz = u * n[number, 0, 2] + v * n[number, 1, 2] + w * n[number, 2, 2]
+            gx, gy, gz = (
+                surfaces.flat[number, 0],
+                surfaces.flat[number, 1],
+                surfaces.flat[number, 2],
+            )
             lamps = 0
+            owner = int(surfaces.object_id[number])
+            slot = materials.paint[m]
             if who >= 0:
-                q = scene.rotation[who]
+                q = scene.rotation
                 nx, ny, nz = (
-                    q[0, 0] * nx + q[0, 1] * ny + q[0, 2] * nz,
-                    q[1, 0] * nx + q[1, 1] * ny + q[1, 2] * nz,
-                    q[2, 0] * nx + q[2, 1] * ny + q[2, 2] * nz,
+                    q[who, 0, 0] * nx + q[who, 0, 1] * ny + q[who, 0, 2] * nz,
+                    q[who, 1, 0] * nx + q[who, 1, 1] * ny + q[who, 1, 2] * nz,
+                    q[who, 2, 0] * nx + q[who, 2, 1] * ny + q[who, 2, 2] * nz,
+                )
+                gx, gy, gz = (
+                    q[who, 0, 0] * gx + q[who, 0, 1] * gy + q[who, 0, 2] * gz,
+                    q[who, 1, 0] * gx + q[who, 1, 1] * gy + q[who, 1, 2] * gz,
+                    q[who, 2, 0] * gx + q[who, 2, 1] * gy + q[who, 2, 2] * gz,
                 )
                 lamps = light_state[who]
-                if materials.painted[m]:
-                    cr, cg, cb = colour[who, 0], colour[who, 1], colour[who, 2]
+            if who >= 0 and slot >= 0:
+                cr, cg, cb = colour[who, slot, 0], colour[who, slot, 1], colour[who, slot, 2]
+            else:
+                cr, cg, cb = materials.colour[m, 0], materials.colour[m, 1], materials.colour[m, 2]
+            kind = materials.detail[m]
+            leaves = kind == 6
+            # The side that the ray met is the outside; leaves keep the normals of their crown.
+            if not leaves:
+                if gx * dx + gy * dy + gz * dz > 0:
+                    gx, gy, gz = -gx, -gy, -gz
+                if nx * gx + ny * gy + nz * gz < 0:
+                    nx, ny, nz = -nx, -ny, -nz
+                beyond = nx * dx + ny * dy + nz * dz
+                if beyond > np.float32(-0.02):
+                    beyond += np.float32(0.02)
+                    nx, ny, nz = nx - beyond * dx, ny - beyond * dy, nz - beyond * dz
             scale = _ONE / max(math.sqrt(nx * nx + ny * ny + nz * nz), np.float32(1e-6))
-            facing = dx * nx + dy * ny + dz * nz
-            if facing > 0:
-                scale = -scale
             nx, ny, nz = nx * scale, ny * scale, nz * scale
-            facing = min(abs(facing * scale), _ONE)
+            facing = min(abs(dx * nx + dy * ny + dz * nz), _ONE)
+            pixel = (
+                distance
+                * pixel_angle
+                / max(abs(dx * gx + dy * gy + dz * gz), np.float32(0.06)) ** np.float32(0.7)
+            )
+            rough = materials.roughness[m]
+            f0 = materials.specular[m]
+            emitted = _ZERO
+            half = surfaces.quad_half[number]
+            if kind == 8 and who < 0 and half:
+                # Corner weights of the two halves of a quad give a place in its rectangle.
+                if half == 1:
+                    s, up_share = v + w, w
+                else:
+                    s, up_share = v, v + w
+                pane = number - (half - 1)
+                part, cr, cg, cb, emitted = window(s, up_share, pane, pixel, night)
+                if part == 1:
+                    rough, f0 = np.float32(0.8), np.float32(0.03)
+            elif kind != 0 and who < 0:
+                fr, fg, fb = _pattern(kind, px, py, pz, nx, ny, nz, owner, number, pixel)
+                cr, cg, cb = cr * fr, cg * fg, cb * fb
+            if wet > 0 and nz > np.float32(0.5) and who < 0 and not leaves:
+                pool = max(wet * np.float32(0.6), puddles) if puddles > 0 else wet * np.float32(0.4)
+                if puddles > 0 and kind == 2:
+                    level = faded(px, py, np.float32(3.1), pixel, 21) + np.float32(0.5) * faded(
+                        px, py, np.float32(0.8), pixel, 22
+                    )
+                    pool = min(
+                        max(
+                            (level + puddles * np.float32(1.6) - np.float32(0.9)) * 4,
+                            wet * np.float32(0.4),
+                        ),
+                        _ONE,
+                    )
+                soaked = _ONE - np.float32(0.42) * wet
+                cr, cg, cb = cr * soaked, cg * soaked, cb * soaked
+                rough = rough + (np.float32(0.08) - rough) * pool
             # Light from above, the side and below, mixed by the normal.
             up = max(nz, _ZERO) ** 2
             down = max(-nz, _ZERO) ** 2
             side = _ONE - up - down
-            er = light.ambient[0, 0] * up + light.ambient[1, 0] * side + light.ambient[2, 0] * down
-            eg = light.ambient[0, 1] * up + light.ambient[1, 1] * side + light.ambient[2, 1] * down
-            eb = light.ambient[0, 2] * up + light.ambient[1, 2] * side + light.ambient[2, 2] * down
+            ambient = light.ambient
+            er = ambient[0, 0] * up + ambient[1, 0] * side + ambient[2, 0] * down
+            eg = ambient[0, 1] * up + ambient[1, 1] * side + ambient[2, 1] * down
+            eb = ambient[0, 2] * up + ambient[1, 2] * side + ambient[2, 2] * down
+            lift = np.float32(2e-3) + distance * np.float32(2e-4)
+            o = (px + gx * lift, py + gy * lift, pz + gz * lift)
+            if who < 0 and gz > np.float32(0.7) and distance < np.float32(90.0):
+                # What stands right above keeps the sky's light off the ground.
+                under = trace(
+                    scene, o, (np.float32(0.12), np.float32(0.09), _ONE), np.float32(1e-3),
+                    np.float32(0.7), skip, True, stack, entries, tests,
+                )  # fmt: skip
+                if under[1] != NOTHING:
+                    dark = np.float32(0.30) + np.float32(0.4) * under[0]
+                    er, eg, eb = er * dark, eg * dark, eb * dark
             sunny = nx * lx + ny * ly + nz * lz
+            if leaves:
+                # Leaves let light through: the crown's dark side is not black.
+                sunny = max(sunny * np.float32(0.7) + np.float32(0.3), np.float32(0.12))
             lit = False
-            if sun_up and sunny > 0:
-                lift = np.float32(2e-3) + distance * np.float32(2e-4)
-                o = (px + nx * lift, py + ny * lift, pz + nz * lift)
-                d = (lx, ly, lz)
+            if sun_up and sunny > 0 and (leaves or gx * lx + gy * ly + gz * lz > 0):
+                if leaves:
+                    away = np.float32(0.25)
+                    o = (px + lx * away, py + ly * away, pz + lz * away)
                 shadow = trace(
-                    scene, o, d, np.float32(1e-3), np.float32(400.0), skip, True,
+                    scene, o, (lx, ly, lz), np.float32(1e-3), np.float32(300.0), skip, True,
                     stack, entries, tests,
                 )  # fmt: skip
                 lit = shadow[1] == NOTHING
@@ -153,43 +316,50 @@ def shade_rays(  # type: ignore[no-untyped-def]
                     er += light.sun[0] * sunny
                     eg += light.sun[1] * sunny
                     eb += light.sun[2] * sunny
-            over_pi = np.float32(1 / math.pi)
-            r, g, b = cr * er * over_pi, cg * eg * over_pi, cb * eb * over_pi
-            rough = materials.roughness[m]
-            f0 = materials.specular[m]
+                elif leaves:
+                    er += light.sun[0] * sunny * np.float32(0.22)
+                    eg += light.sun[1] * sunny * np.float32(0.24)
+                    eb += light.sun[2] * sunny * np.float32(0.12)
+            r, g, b = cr * er * _OVER_PI, cg * eg * _OVER_PI, cb * eb * _OVER_PI
             if rough < np.float32(0.75):
-                fresnel = f0 + (_ONE - f0) * (_ONE - facing) ** 5 * (_ONE - rough)
+                smooth = _ONE - rough
+                fresnel = f0 + (_ONE - f0) * (_ONE - facing) ** 5 * smooth * smooth
                 back = 2 * (dx * nx + dy * ny + dz * nz)
                 rx, ry, rz = dx - back * nx, dy - back * ny, dz - back * nz
                 sr, sg, sb = _sky(light, rx, ry, rz)
-                if rz < np.float32(0.05):
-                    # Below the horizon the world reflects, not the sky.
-                    ground = min(max((np.float32(0.05) - rz) * 8, _ZERO), _ONE)
-                    sr += (light.ambient[2, 0] * over_pi - sr) * ground
-                    sg += (light.ambient[2, 1] * over_pi - sg) * ground
-                    sb += (light.ambient[2, 2] * over_pi - sb) * ground
+                if rz < np.float32(0.12):
+                    # Near and below the horizon the town reflects, not the sky.
+                    ground = min(max((np.float32(0.12) - rz) * 5, _ZERO), _ONE)
+                    sr += (ambient[2, 0] * _OVER_PI - sr) * ground
+                    sg += (ambient[2, 1] * _OVER_PI - sg) * ground
+                    sb += (ambient[2, 2] * _OVER_PI - sb) * ground
                 r += (sr - r) * fresnel
                 g += (sg - g) * fresnel
                 b += (sb - b) * fresnel
                 if lit:
                     shine = max(rx * lx + ry * ly + rz * lz, _ZERO)
-                    power = 2 / max(rough * rough * rough * rough, np.float32(1e-4))
-                    glint = shine ** min(power, np.float32(2000.0)) * min(
-                        power * np.float32(0.02), np.float32(20.0)
-                    )
-                    r += light.sun[0] * glint * fresnel
-                    g += light.sun[1] * glint * fresnel
-                    b += light.sun[2] * glint * fresnel
-            strength, gr, gg, gb = _glow(materials.glow[m], lamps, light)
+                    power = min(2 / max(rough**4, np.float32(1e-3)), np.float32(2000.0))
+                    glint = shine**power * (power + 2) * np.float32(0.02) * fresnel
+                    r += light.sun[0] * glint
+                    g += light.sun[1] * glint
+                    b += light.sun[2] * glint
+            strength, sr, sg, sb = _glow(materials.glow[m], lamps, light)
+            if emitted > 0:
+                strength, sr, sg, sb = (
+                    emitted * np.float32(1.1),
+                    _ONE,
+                    np.float32(0.74),
+                    np.float32(0.42),
+                )
             if strength > 0:
                 strength /= exposure
-                r, g, b = r + gr * strength, g + gg * strength, b + gb * strength
+                r, g, b = r + sr * strength, g + sg * strength, b + sb * strength
         thick = (distance - light.air[1]) * light.air[0]
         if thick > 0:
             fog = _ONE - math.exp(-thick)
             r += (light.fog[0] - r) * fog
             g += (light.fog[1] - g) * fog
             b += (light.fog[2] - b) * fog
-        out[i, 0] = _tone(r * exposure)
-        out[i, 1] = _tone(g * exposure)
-        out[i, 2] = _tone(b * exposure)
+        out[i, 0] = _film(r * exposure)
+        out[i, 1] = _film(g * exposure)
+        out[i, 2] = _film(b * exposure)

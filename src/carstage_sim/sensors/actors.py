@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 
 import numpy as np
@@ -19,6 +20,40 @@ from carstage_sim.world.state import ActorKind, WorldState
 _STRIDE_M = 1.35
 """Way of two steps; the legs swing with the distance walked."""
 _STANDING_M_S = 0.15
+_BARE_STEEL = (152, 156, 160)
+
+
+Colour = tuple[int, int, int]
+
+_CLOTHES: tuple[Colour, ...] = (
+    (44, 62, 96), (150, 42, 40), (206, 202, 192), (58, 60, 62), (60, 98, 72), (176, 136, 70),
+    (104, 70, 110), (74, 128, 160), (190, 110, 84), (30, 32, 38), (128, 132, 136), (212, 170, 60),
+)  # fmt: skip
+_TROUSERS: tuple[Colour, ...] = (
+    (42, 52, 78), (36, 36, 40), (112, 98, 78), (72, 76, 82), (28, 34, 52), (92, 70, 54),
+)  # fmt: skip
+_SKINS: tuple[Colour, ...] = (
+    (224, 182, 154), (198, 150, 120), (166, 116, 86), (122, 82, 60), (86, 58, 44),
+)  # fmt: skip
+_HAIRS: tuple[Colour, ...] = (
+    (40, 28, 22), (24, 20, 18), (92, 62, 38), (150, 116, 70), (128, 126, 124),
+)  # fmt: skip
+
+
+def _colours(state: WorldState, row: int) -> tuple[Colour, ...]:
+    """Paint, clothes, skin and hair of an actor; what no attribute says follows from its id."""
+    red, green, blue = state.colour[row].tolist()
+    own = (red, green, blue)
+    seed = hashlib.sha256(f"{state.type_id[row]} {state.actor_id[row]}".encode()).digest()
+    walker = state.kind[row] == ActorKind.WALKER
+    upper = own if walker and any(own) else _CLOTHES[seed[0] % len(_CLOTHES)]
+    return (
+        own if any(own) else _BARE_STEEL,
+        upper,
+        _TROUSERS[seed[1] % len(_TROUSERS)],
+        _SKINS[seed[2] % len(_SKINS)],
+        _HAIRS[seed[3] % len(_HAIRS)],
+    )
 
 
 class ActorModels:
@@ -50,14 +85,13 @@ class ActorModels:
                 lights += 1
             else:
                 continue
-            red, green, blue = state.colour[row].tolist()
             found.append(
                 Placement(
                     actor_id=int(state.actor_id[row]),
                     model=key,
                     location=state.location[row],
                     rotation=rotations[row],
-                    colour=(red, green, blue),
+                    colours=_colours(state, row),
                     light_state=int(state.light_state[row]),
                 )
             )

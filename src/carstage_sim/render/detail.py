@@ -1,0 +1,132 @@
+"""Procedural detail: patterns that vary a material's colour, faded where pixels are too coarse.
+
+All are functions of a place on the surface in metres, so that nothing swims when the camera moves.
+Each pattern returns a factor for the colour; ``pixel`` is the size of a pixel on the surface
+(metres), and a pattern finer than that returns its mean.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from carstage_sim.render.jit import device
+
+_ONE: Any = np.float32(1)
+_HALF: Any = np.float32(0.5)
+
+
+@device
+def hash_unit(i, j, seed):  # type: ignore[no-untyped-def]
+    """A number in [0, 1) for a cell of a lattice."""
+    h = np.uint32(
+        np.uint32(i) * np.uint32(374761393)
+        + np.uint32(j) * np.uint32(668265263)
+        + np.uint32(seed) * np.uint32(2246822519)
+    )
+    h = np.uint32((h ^ (h >> np.uint32(13))) * np.uint32(1274126177))
+    h = np.uint32((h ^ (h >> np.uint32(16))) * np.uint32(2654435761))
+    return np.float32(h >> np.uint32(8)) * np.float32(1.0 / 16777216.0)
+
+
+@device
+def noise(x, y, seed):  # type: ignore[no-untyped-def]
+    """Smooth noise with mean 0 in about [-1, 1], one bump per unit."""
+    fx, fy = math.floor(x), math.floor(y)
+    i, j = int(fx), int(fy)
+    u, v = np.float32(x - fx), np.float32(y - fy)
+    u = u * u * (np.float32(3) - 2 * u)
+    v = v * v * (np.float32(3) - 2 * v)
+    a, b = hash_unit(i, j, seed), hash_unit(i + 1, j, seed)
+    c, d = hash_unit(i, j + 1, seed), hash_unit(i + 1, j + 1, seed)
+    low = a + (b - a) * u
+    return (low + (c + (d - c) * u - low) * v) * np.float32(2) - _ONE
+
+
+@device
+def faded(x, y, size, pixel, seed):  # type: ignore[no-untyped-def]
+    """Noise with bumps of ``size`` metres, zero where a pixel is larger than a bump."""
+    share = _ONE - pixel / size
+    if share <= 0:
+        return np.float32(0)
+    return noise(x / size, y / size, seed) * min(share * 2, _ONE)
+
+
+@device
+def asphalt(x, y, pixel):  # type: ignore[no-untyped-def]
+    """Chippings, worn patches and long stains."""
+    value = (
+        _ONE
+        + np.float32(0.20) * faded(x, y, np.float32(0.025), pixel, 1)
+        + np.float32(0.09) * faded(x, y, np.float32(0.16), pixel, 2)
+        + np.float32(0.07) * faded(x, y, np.float32(1.3), pixel, 3)
+        + np.float32(0.09) * faded(x, y, np.float32(7.0), pixel, 4)
+    )
+    # Repaired seams: the zero lines of a slow noise.
+    line = abs(noise(x * np.float32(0.23), y * np.float32(0.23), 5))
+    width = np.float32(0.004) + pixel * np.float32(0.12)
+    if line < width:
+        value *= _ONE - np.float32(0.28) * (_ONE - line / width) * min(
+            np.float32(0.02) / (pixel + np.float32(0.004)), _ONE
+        )
+    return value
+
+
+@device
+def tiles(x, y, wide, high, joint, shift, pixel, seed):  # type: ignore[no-untyped-def]
+    """Courses of tiles: (brightness of the tile, share of joint in the pixel)."""
+    row = math.floor(y / high)
+    along = x / wide + (_HALF if int(row) & 1 else np.float32(0)) * shift
+    column = math.floor(along)
+    tint = hash_unit(int(column), int(row), seed) * np.float32(2) - _ONE
+    coarse = min(pixel / (high * _HALF), _ONE)
+    dx = (_HALF - abs(along - column - _HALF)) * wide
+    dy = (_HALF - abs(y / high - row - _HALF)) * high
+    edge = min(dx, dy)
+    soft = max(pixel, np.float32(0.002))
+    seam = min(max((joint * _HALF + soft * _HALF - edge) / soft, np.float32(0)), _ONE)
+    mean = joint / wide + joint / high
+    return tint * (_ONE - coarse), seam + (mean - seam) * coarse
+
+
+@device
+def window(s, t, number, pixel, night):  # type: ignore[no-untyped-def]
+    """A window's pane at ``s, t`` (0-1 across and up).
+
+    Returns:
+        ``(kind, red, green, blue, light)``: kind 0 is glass over a dark room, 1 is an opaque part
+        (frame, curtain behind glass counts as 2); colours are linear; light is emitted by lit
+        rooms.
+    """
+    fine = pixel < np.float32(0.12)
+    edge_s = min(s, _ONE - s)
+    edge_t = min(t, _ONE - t)
+    kind_of = hash_unit(number, 17, 3)
+    if fine and (
+        edge_s < np.float32(0.05)
+        or edge_t < np.float32(0.035)
+        or (kind_of < np.float32(0.7) and abs(s - _HALF) < np.float32(0.022))
+        or (kind_of > np.float32(0.55) and abs(t - np.float32(0.70)) < np.float32(0.016))
+    ):
+        shade = (
+            np.float32(0.62) if hash_unit(number >> 7, 5, 1) < np.float32(0.6) else np.float32(0.06)
+        )
+        return 1, shade, shade, shade * np.float32(0.97), np.float32(0)
+    lit = np.float32(0)
+    if night > 0 and hash_unit(number, 3, 7) < np.float32(0.36):
+        lit = (np.float32(0.35) + np.float32(0.65) * hash_unit(number, 9, 1)) * night
+    drawn = hash_unit(number, 29, 2)
+    reach = hash_unit(number, 31, 4)
+    cloth = np.float32(0)
+    if drawn < np.float32(0.30):
+        # Curtains leave the middle open; blinds hang from the top.
+        if abs(s - _HALF) > np.float32(0.14) + np.float32(0.30) * reach:
+            cloth = np.float32(0.46) + np.float32(0.05) * math.sin(s * np.float32(70.0))
+    elif drawn < np.float32(0.55) and t > np.float32(0.35) + np.float32(0.6) * reach:
+        cloth = np.float32(0.50) + np.float32(0.04) * math.sin(t * np.float32(120.0))
+    if cloth > 0:
+        return 2, cloth, cloth * np.float32(0.97), cloth * np.float32(0.88), lit * _HALF
+    room = np.float32(0.012) + np.float32(0.05) * hash_unit(number, 41, 6) * (_ONE - t)
+    return 0, room, room * np.float32(0.98), room * np.float32(0.94), lit

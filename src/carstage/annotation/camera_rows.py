@@ -31,8 +31,9 @@ from carstage.annotation.stage_vo import (
     within_distance,
 )
 from carstage.geometry import (
-    CORNER_SIGNS,
+    Z_NEAR_M,
     FloatArray,
+    box_corners,
     observation_angle,
     optical_from_world,
     project,
@@ -192,21 +193,37 @@ def _pixels(
     camera: LabelledCamera,
     evidence: ImageEvidence,
     world_from_sensor: FloatArray,
-) -> PixelVisibility | None:
+) -> PixelVisibility:
     pose, extent = scene.world_from_box[actor], scene.extent[actor]
-    inflated = (CORNER_SIGNS * (extent + BOX_MARGIN_M)) @ pose[:3, :3].T + pose[:3, 3]
-    outline = silhouette(transform_points(optical, inflated), camera.k, camera.width, camera.height)
-    if outline is None:
-        return None
-    x0, y0, x1, y1 = outline.bbox
     view = BoxView(
         origin_box=pose[:3, :3].T @ (world_from_sensor[:3, 3] - pose[:3, 3]),
         box_from_optical=pose[:3, :3].T @ optical[:3, :3].T,
         extent_m=extent,
-        region=(math.floor(x0), math.floor(y0), math.ceil(x1), math.ceil(y1)),
+        region=_region(pose, extent, optical, camera),
     )
     fact = scene.facts[actor]
     return measure(view, camera.k, evidence, fact.info.id, fact.tags)
+
+
+def _region(
+    pose: FloatArray, extent: FloatArray, optical: FloatArray, camera: LabelledCamera
+) -> tuple[int, int, int, int]:
+    """Whole pixels that hold the silhouette of the inflated box, for a box that is in the image."""
+    corners = transform_points(optical, box_corners(pose, extent + BOX_MARGIN_M))
+    if corners[:, 2].min() >= Z_NEAR_M:
+        uv = project(corners, camera.k)
+        (x0, y0), (x1, y1) = uv.min(axis=0).tolist(), uv.max(axis=0).tolist()
+    else:
+        # The projection is huge: only the part in the image bounds the work.
+        outline = silhouette(corners, camera.k, camera.width, camera.height)
+        full = (0.0, 0.0, float(camera.width), float(camera.height))
+        x0, y0, x1, y1 = full if outline is None else outline.bbox
+    return (
+        max(math.floor(x0), 0),
+        max(math.floor(y0), 0),
+        min(math.ceil(x1), camera.width),
+        min(math.ceil(y1), camera.height),
+    )
 
 
 def _rectangles(

@@ -35,7 +35,8 @@ def rotation_deg(matrix: ArrayLike) -> FloatArray:
     pitch = np.arcsin(np.clip(m[..., 2, 0], -1.0, 1.0))
     yaw = np.arctan2(m[..., 1, 0], m[..., 0, 0])
     roll = np.arctan2(-m[..., 2, 1], m[..., 2, 2])
-    return np.degrees(np.stack([pitch, yaw, roll], axis=-1))
+    angles: FloatArray = np.degrees(np.stack([pitch, yaw, roll], axis=-1))
+    return angles
 
 
 def pose_matrix(location: ArrayLike, rotation: ArrayLike) -> FloatArray:

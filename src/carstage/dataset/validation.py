@@ -9,8 +9,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
+from carstage.dataset.checks.edges import EdgeFigures, check_edges, compare_edges
 from carstage.dataset.checks.files import DOCUMENTS, TABLES, VerifiedFiles, check_file_list
 from carstage.dataset.checks.findings import Findings, Problem
 from carstage.dataset.checks.labels import (
@@ -32,7 +34,11 @@ from carstage.dataset.checks.ranging import (
     check_share,
     compare_with_depth,
 )
-from carstage.dataset.checks.silhouettes import SilhouetteFigures, check_silhouettes
+from carstage.dataset.checks.silhouettes import (
+    SilhouetteFigures,
+    check_silhouettes,
+    visible_objects,
+)
 from carstage.dataset.reading import Dataset, Episode, Sensor
 from carstage.dataset.tables import ROW_SENSORS
 from carstage.errors import CarStageError
@@ -48,7 +54,8 @@ class ValidationReport:
         problems: everything that was found, in the order of the episodes.
         figures: what was measured: numbers of episodes, frames, files and bytes; ``hull``: pixels
             of objects and how many lie outside their box; ``lidar_depth``: by pair of LiDAR and
-            depth camera, points compared and the share that agrees; ``lidar_points_in_boxes``.
+            depth camera, points compared and the share that agrees; ``lidar_points_in_boxes``;
+            ``rgb_edges``: by camera, how much steeper the image is where labels change.
     """
 
     problems: tuple[Problem, ...]
@@ -81,6 +88,7 @@ class _Figures:
     pairs: dict[tuple[str, str], RangingFigures] = field(
         default_factory=lambda: defaultdict(RangingFigures)
     )
+    edges: dict[str, EdgeFigures] = field(default_factory=lambda: defaultdict(EdgeFigures))
 
     def to_dict(self, episodes: int) -> dict[str, Any]:
         return {
@@ -94,6 +102,10 @@ class _Figures:
                 for (lidar, camera), pair in sorted(self.pairs.items())
             },
             "lidar_points_in_boxes": self.points_in_boxes,
+            "rgb_edges": {
+                camera: None if edges.ratio is None else round(edges.ratio, 3)
+                for camera, edges in sorted(self.edges.items())
+            },
         }
 
 
@@ -144,6 +156,7 @@ class _EpisodeChecks:
         self._figures = figures
         self._files = VerifiedFiles(episode, findings)
         self._pairs: dict[tuple[str, str], RangingFigures] = defaultdict(RangingFigures)
+        self._edges: dict[str, EdgeFigures] = defaultdict(EdgeFigures)
 
     def run(self, advance: Callable[[], None]) -> None:
         episode, findings = self._episode, self._findings
@@ -171,10 +184,13 @@ class _EpisodeChecks:
             }
             self._check_silhouettes(k, rows, boxes.get(k, []), data)
             self._check_ranging(k, boxes.get(k, []), data)
+            self._compare_edges(k, rows, data)
             self._figures.frames += 1
             advance()
         for (lidar, camera), pair in self._pairs.items():
             check_share(pair, lidar, camera, findings)
+        for camera, edges in self._edges.items():
+            check_edges(camera, edges, findings)
         self._figures.files += self._files.files
         self._figures.bytes += self._files.bytes
 
@@ -242,3 +258,22 @@ class _EpisodeChecks:
                     totals.in_view += found.in_view
                     totals.comparable += found.comparable
                     totals.agreeing += found.agreeing
+
+    def _compare_edges(
+        self,
+        k: int,
+        rows: Mapping[tuple[int, str], list[dict[str, Any]]],
+        data: Mapping[str, NDArray[Any]],
+    ) -> None:
+        for sensor in self._episode.sensors:
+            camera = sensor.calibration
+            if sensor.kind != "rgb" or not camera.labelled or sensor.id not in data:
+                continue
+            if camera.instance is not None and camera.instance in data:
+                instance = data[camera.instance].astype(np.uint32)
+                labels = instance[..., 0] << 8 | instance[..., 1]
+            else:
+                labels = visible_objects(camera, rows.get((k, camera.id), []))
+            found = compare_edges(data[sensor.id], labels)
+            self._edges[sensor.id].add(found)
+            self._figures.edges[sensor.id].add(found)

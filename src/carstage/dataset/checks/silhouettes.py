@@ -137,6 +137,21 @@ def check_silhouettes(
             )
 
 
+def visible_objects(
+    camera: SensorCalibration, rows: Sequence[Mapping[str, Any]]
+) -> NDArray[np.int64]:
+    """``(H, W)`` track ids by the masks of a camera's rows, -1 where there is no object."""
+    objects = np.full((camera.height, camera.width), -1, np.int64)
+    for row in rows:
+        if row["mask_modal"] is not None:
+            try:
+                mask = decode_mask(row["mask_modal"], camera.height, camera.width)
+            except DatasetError:
+                continue  # check_silhouettes reports it
+            objects[mask] = row["track_id"]
+    return objects
+
+
 def _own_pixels(instance: NDArray[np.uint16], box: LabelledBox) -> NDArray[np.bool_]:
     own: NDArray[np.bool_] = instance[..., 0] == (box.track_id & 0xFFFF)
     rows, columns = np.nonzero(own)

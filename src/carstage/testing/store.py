@@ -1,0 +1,157 @@
+"""What every ``Store`` must do; subclass ``StoreTests`` in a test module and give it a store."""
+
+# ruff: noqa: D102 (the name of a test states its rule)
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import pytest
+
+from carstage.errors import EpisodeExistsError, StorageError
+from carstage.storage import Store
+
+_EPISODE = "0123456789abcdef"
+_VERSIONS = {"client": "0.9.16", "server": "0.9.16"}
+
+
+class StoreTests:
+    """The contract of a store, as tests.
+
+    Override ``open`` to give a new handle of one and the same, at first empty place on each call.
+    """
+
+    def open(self, place: Path) -> Store:
+        """A handle of the store; ``place`` is a folder of the test's own."""
+        raise NotImplementedError
+
+    @pytest.fixture
+    def place(self, tmp_path: Path) -> Path:
+        """A folder of the test's own."""
+        return tmp_path
+
+    @pytest.fixture
+    def store(self, place: Path) -> Store:
+        """An initialised store."""
+        store = self.open(place)
+        store.initialise("test")
+        return store
+
+    def write(self, store: Store, attempt: str, text: str = "content") -> Path:
+        """Write the files of an attempt; returns its folder."""
+        folder = store.attempt_folder(_EPISODE, attempt)
+        (folder / "sensors" / "CAM").mkdir(parents=True, exist_ok=True)
+        (folder / "episode.json").write_text("{}")
+        (folder / "sensors" / "CAM" / "000000.png").write_text(text)
+        return folder
+
+    def test_initialising_twice_is_harmless(self, place: Path, store: Store) -> None:
+        self.open(place).initialise("another name")
+        assert store.committed() == {}
+
+    def test_an_uncommitted_attempt_is_no_episode(self, store: Store) -> None:
+        self.write(store, "a1")
+        assert store.committed() == {}
+
+    def test_a_commit_lists_every_file_with_size_and_hash(self, store: Store) -> None:
+        self.write(store, "a1", "abc")
+        marker = store.commit(_EPISODE, "a1", frames=1, versions=_VERSIONS)
+        assert [entry.path for entry in marker.files] == [
+            "episode.json",
+            "sensors/CAM/000000.png",
+        ]
+        assert marker.files[1].bytes == 3
+        assert marker.files[1].sha256 == (
+            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+        )
+
+    def test_a_commit_is_seen_by_a_new_handle(self, place: Path, store: Store) -> None:
+        self.write(store, "a1")
+        marker = store.commit(_EPISODE, "a1", frames=7, versions=_VERSIONS)
+        found = self.open(place).committed()
+        assert found == {_EPISODE: marker}
+        assert found[_EPISODE].frames == 7
+        assert found[_EPISODE].versions["server"] == "0.9.16"
+        assert "carstage" in found[_EPISODE].versions
+
+    def test_the_second_commit_loses_and_leaves_the_first_alone(self, store: Store) -> None:
+        self.write(store, "a1")
+        first = store.commit(_EPISODE, "a1", frames=1, versions=_VERSIONS)
+        self.write(store, "a2", "other")
+        with pytest.raises(EpisodeExistsError):
+            store.commit(_EPISODE, "a2", frames=1, versions=_VERSIONS)
+        assert store.committed() == {_EPISODE: first}
+        assert not (store.attempt_folder(_EPISODE, "a2") / "episode.json").exists()
+        kept = store.attempt_folder(_EPISODE, "a1") / "sensors" / "CAM" / "000000.png"
+        assert kept.read_text() == "content"
+
+    def test_committing_the_committed_attempt_again_keeps_its_files(self, store: Store) -> None:
+        folder = self.write(store, "a1")
+        store.commit(_EPISODE, "a1", frames=1, versions=_VERSIONS)
+        with pytest.raises(EpisodeExistsError):
+            store.commit(_EPISODE, "a1", frames=1, versions=_VERSIONS)
+        assert (folder / "episode.json").exists()
+
+    def test_of_many_concurrent_commits_exactly_one_wins(self, place: Path, store: Store) -> None:
+        attempts = [f"a{number}" for number in range(6)]
+        for attempt in attempts:
+            self.write(store, attempt, attempt)
+        won: list[str] = []
+        lost: list[str] = []
+        start = threading.Barrier(len(attempts))
+
+        def commit(attempt: str) -> None:
+            handle = self.open(place)
+            start.wait()
+            try:
+                handle.commit(_EPISODE, attempt, frames=1, versions=_VERSIONS)
+                won.append(attempt)
+            except EpisodeExistsError:
+                lost.append(attempt)
+
+        threads = [threading.Thread(target=commit, args=(attempt,)) for attempt in attempts]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert len(won) == 1
+        assert sorted(won + lost) == attempts
+        marker = store.committed()[_EPISODE]
+        assert marker.attempt == won[0]
+        kept = store.attempt_folder(_EPISODE, won[0]) / "sensors" / "CAM" / "000000.png"
+        assert kept.read_text() == won[0]
+
+    def test_an_attempt_without_files_cannot_be_committed(self, store: Store) -> None:
+        store.attempt_folder(_EPISODE, "a1")
+        with pytest.raises(StorageError):
+            store.commit(_EPISODE, "a1", frames=0, versions=_VERSIONS)
+        assert store.committed() == {}
+
+    def test_an_attempt_with_temporary_files_cannot_be_committed(self, store: Store) -> None:
+        (self.write(store, "a1") / ".episode.json").write_text("half")
+        with pytest.raises(StorageError):
+            store.commit(_EPISODE, "a1", frames=1, versions=_VERSIONS)
+        assert store.committed() == {}
+
+    def test_discarding_removes_an_attempt_and_nothing_else(self, store: Store) -> None:
+        self.write(store, "a1")
+        kept = self.write(store, "a2")
+        store.discard_attempt(_EPISODE, "a1")
+        store.discard_attempt(_EPISODE, "never-written")
+        assert not (store.attempt_folder(_EPISODE, "a1") / "episode.json").exists()
+        assert (kept / "episode.json").exists()
+
+    def test_the_committed_attempt_cannot_be_discarded(self, store: Store) -> None:
+        folder = self.write(store, "a1")
+        store.commit(_EPISODE, "a1", frames=1, versions=_VERSIONS)
+        with pytest.raises(StorageError):
+            store.discard_attempt(_EPISODE, "a1")
+        assert (folder / "episode.json").exists()
+
+    @pytest.mark.parametrize("name", ["", "..", "a/b", ".hidden", "ü"])
+    def test_names_that_leave_the_place_are_refused(self, store: Store, name: str) -> None:
+        with pytest.raises(StorageError):
+            store.attempt_folder(_EPISODE, name)
+        with pytest.raises(StorageError):
+            store.attempt_folder(name, "a1")

@@ -1,0 +1,71 @@
+"""Datasets of the analytic scene: converted and committed, then damaged in one place."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import analytic_scene
+import pyarrow as pa
+
+from carstage.conversion import EpisodeConversion
+from carstage.dataset.tables import read_table, write_table
+from carstage.storage import LocalStore
+
+SIZE = (192, 128)
+VERSIONS = {"client": "0.9.16", "server": "0.9.16"}
+
+
+def convert(raw_folder: Path, attempt_folder: Path, **options: Any) -> EpisodeConversion:
+    """Convert a whole raw log in threads."""
+    with ThreadPoolExecutor(2) as pool:
+        conversion = EpisodeConversion(raw_folder, attempt_folder, pool, **options)
+        conversion.finish()
+    return conversion
+
+
+def make_dataset(folder: Path, work: Path, **options: Any) -> Path:
+    """A dataset of one episode; returns ``folder``."""
+    header = analytic_scene.write_raw_log(work / "raw", **{"size": SIZE, **options})
+    store = LocalStore(folder)
+    store.initialise("analytic <scene>")
+    convert(work / "raw", store.attempt_folder(header["episode_id"], "a1"))
+    frames = -(-header["ticks"] // header["spec"]["save_every"])
+    store.commit(header["episode_id"], "a1", frames=frames, versions=VERSIONS)
+    return folder
+
+
+def attempt_of(dataset: Path) -> Path:
+    """The folder of the only episode's committed attempt."""
+    return next((dataset / "episodes").glob("*/*"))
+
+
+def recommit(dataset: Path) -> None:
+    """Make the marker fit the files as they are, so that only what they mean can be wrong."""
+    marker = next((dataset / "commits").glob("*.json"))
+    document = json.loads(marker.read_text())
+    folder = attempt_of(dataset)
+    document["files"] = [
+        {
+            "path": path.relative_to(folder).as_posix(),
+            "bytes": path.stat().st_size,
+            "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        }
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    ]
+    marker.write_text(json.dumps(document))
+
+
+def edit_rows(
+    dataset: Path, name: str, edit: Callable[[list[dict[str, Any]]], list[dict[str, Any]]]
+) -> None:
+    """Rewrite the rows of a table and commit again."""
+    path = attempt_of(dataset) / name
+    table = read_table(path)
+    write_table(pa.Table.from_pylist(edit(table.to_pylist()), schema=table.schema), path)
+    recommit(dataset)

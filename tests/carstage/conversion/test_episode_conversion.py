@@ -1,0 +1,210 @@
+"""From a raw log to files: complete, and the same bytes however and wherever it is done."""
+
+from __future__ import annotations
+
+import random
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import analytic_dataset
+import analytic_scene
+import numpy as np
+import pytest
+from analytic_dataset import convert
+
+from carstage.annotation.schema import EGO_COLUMNS
+from carstage.conversion import EpisodeConversion, conversion_pool
+from carstage.conversion.documents import ledger_table
+from carstage.conversion.segment import rows_to_table
+from carstage.conversion.sensors import plan_sensors
+from carstage.dataset.tables import read_table
+from carstage.errors import BadInputError, ConversionError, RawLogError
+from carstage.rawlog.reader import EpisodeLog
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+@pytest.fixture(scope="module")
+def raw(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("scene") / "raw"
+    analytic_scene.write_raw_log(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def converted(raw: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("converted") / "a1"
+    convert(raw, folder)
+    return folder
+
+
+def test_every_requested_sensor_has_its_files_and_no_hidden_one(converted: Path) -> None:
+    names = set(contents(converted))
+    for k in range(6):
+        for stem in ("CAM_FRONT", "CAM_LEFT", "DEPTH_FRONT", "SEM_FRONT", "INST_FRONT"):
+            assert f"sensors/{stem}/{k:06d}.png" in names
+        assert f"sensors/INST_FRONT/{k:06d}.tag.png" in names
+        assert f"sensors/LIDAR_TOP/{k:06d}.bin" in names
+    assert {"sensors/IMU.parquet", "sensors/GNSS.parquet"} <= names
+    assert len(names) == 6 * 7 + 2 + 6
+    assert not any("CAM_LEFT.depth" in name for name in names)
+
+
+def test_announced_in_any_order_the_bytes_are_the_same(
+    raw: Path, converted: Path, tmp_path: Path
+) -> None:
+    log = EpisodeLog(raw)
+    seals = [(s, i) for s in log.streams for i in log.sealed_segments(s)] * 2
+    random.Random(3).shuffle(seals)
+    with ThreadPoolExecutor(3) as pool:
+        conversion = EpisodeConversion(raw, tmp_path / "other", pool)
+        done = [conversion.frames_done]
+        for stream, segment in seals:
+            conversion.segment_sealed(stream, segment)
+            done.append(conversion.frames_done)
+        conversion.finish()
+    assert done == sorted(done)
+    assert (conversion.frames_done, conversion.frames_total) == (6, 6)
+    assert contents(tmp_path / "other") == contents(converted)
+
+
+def test_another_attempt_in_processes_gives_the_same_bytes(converted: Path, tmp_path: Path) -> None:
+    analytic_scene.write_raw_log(tmp_path / "raw", attempt="a7")
+    with conversion_pool(2) as pool:
+        EpisodeConversion(tmp_path / "raw", tmp_path / "a7", pool).finish()
+    assert contents(tmp_path / "a7") == contents(converted)
+
+
+def test_no_path_attempt_or_wall_time_stands_in_any_file(raw: Path, converted: Path) -> None:
+    for name, content in contents(converted).items():
+        for secret in (str(raw.parent), '"a1"', "attempt", "wait_s", "tick_s"):
+            assert secret.encode() not in content, f"{secret} in {name}"
+
+
+def test_only_frames_that_are_saved_become_files(tmp_path: Path) -> None:
+    analytic_scene.write_raw_log(tmp_path / "raw", steps=7, save_every=3)
+    conversion = convert(tmp_path / "raw", tmp_path / "out")
+    assert conversion.frames_total == conversion.frames_done == 3
+    frames = sorted(path.name for path in (tmp_path / "out/sensors/CAM_FRONT").iterdir())
+    assert frames == ["000000.png", "000001.png", "000002.png"]
+    ledger = read_table(tmp_path / "out/frames.parquet")
+    assert ledger["k"].to_pylist() == [0, None, None, 1, None, None, 2]
+    imu = read_table(tmp_path / "out/sensors/IMU.parquet")
+    assert imu["k"].to_pylist() == [0, 1, 2]
+    np.testing.assert_allclose(imu["timestamp_s"].to_numpy(), [0.0, 0.3, 0.6])
+    assert imu["accelerometer"][0].as_py() == [0.0, 0.0, 9.81]
+    for table in ("objects", "camera_objects", "ego"):
+        ks = read_table(tmp_path / f"out/{table}.parquet")["k"].to_pylist()
+        assert set(ks) == {0, 1, 2}
+        assert ks == sorted(ks)
+
+
+def test_what_an_earlier_conversion_left_behind_is_removed(raw: Path, tmp_path: Path) -> None:
+    convert(raw, tmp_path / "out", codecs={"CAM_FRONT": "jpeg"})
+    assert (tmp_path / "out/sensors/CAM_FRONT/000000.jpg").exists()
+    (tmp_path / "out/sensors/CAM_FRONT/.000003.png").write_bytes(b"half")
+    convert(raw, tmp_path / "out")
+    files = {path.name for path in (tmp_path / "out/sensors/CAM_FRONT").iterdir()}
+    assert files == {f"{k:06d}.png" for k in range(6)}
+
+
+def test_an_unfinished_recording_is_refused_and_says_how_much_there_is(tmp_path: Path) -> None:
+    analytic_scene.write_raw_log(tmp_path / "raw", segments=1)
+    with pytest.raises(ConversionError, match="only 3 of 6 ticks"):
+        convert(tmp_path / "raw", tmp_path / "out")
+
+
+def test_an_open_segment_is_left_alone(raw: Path, tmp_path: Path) -> None:
+    submitted: list[tuple[Any, ...]] = []
+
+    class Recorder(ThreadPoolExecutor):
+        def submit(self, function: Any, /, *arguments: Any, **_: Any) -> Future[Any]:
+            submitted.append((function.__name__, *arguments))
+            return Future()
+
+    with Recorder(1) as pool:
+        conversion = EpisodeConversion(raw, tmp_path / "out", pool)
+        conversion.segment_sealed("CAM_FRONT", 0)
+        assert submitted == []
+        conversion.segment_sealed("ledger", 0)
+        assert [task[0] for task in submitted] == ["encode_segment"]
+        for stream in ("world", "DEPTH_FRONT", "INST_FRONT", "CAM_LEFT.depth", "LIDAR_TOP"):
+            conversion.segment_sealed(stream, 0)
+        assert "label_segment" not in [task[0] for task in submitted]
+        conversion.segment_sealed("CAM_LEFT.instance", 0)
+        assert [task[0] for task in submitted].count("label_segment") == 1
+
+
+def test_a_damaged_segment_fails_with_its_name(tmp_path: Path) -> None:
+    analytic_scene.write_raw_log(tmp_path / "raw")
+    segment = tmp_path / "raw" / "LIDAR_TOP" / "000001.seg"
+    segment.write_bytes(segment.read_bytes()[:-100])
+    with ThreadPoolExecutor(2) as pool:
+        conversion = EpisodeConversion(tmp_path / "raw", tmp_path / "out", pool)
+        with pytest.raises(RawLogError, match=r"LIDAR_TOP/000001\.seg"):
+            conversion.finish()
+        with pytest.raises(RawLogError):
+            conversion.raise_if_failed()
+
+
+def test_cancelling_removes_the_attempt_and_the_label_parts(raw: Path, tmp_path: Path) -> None:
+    with ThreadPoolExecutor(1) as pool:
+        conversion = EpisodeConversion(raw, tmp_path / "out", pool)
+        conversion.scan()
+        conversion.cancel()
+        conversion.cancel()
+    assert not (tmp_path / "out").exists()
+    assert not (raw / ".labels").exists()
+
+
+def test_an_unknown_codec_or_sensor_is_bad_input() -> None:
+    spec = analytic_scene.spec()
+    with pytest.raises(BadInputError, match="no sensor 'CAM_BACK'"):
+        plan_sensors(spec, {"CAM_BACK": "png"})
+    with pytest.raises(BadInputError, match="no codec 'gif'"):
+        plan_sensors(spec, {"CAM_FRONT": "gif"})
+    with pytest.raises(BadInputError, match="no codec 'png'"):
+        plan_sensors(spec, {"IMU": "png"})
+
+
+def test_a_clock_that_jumps_is_refused() -> None:
+    spec = analytic_scene.spec(steps=3)
+    header = analytic_scene.header(spec, attempt="a1", ticks_per_segment=3)
+    ledger = [
+        {"tick": tick, "k": tick, "frame": 12 + tick, "timestamp_s": time_s, "sensors": {}}
+        for tick, time_s in enumerate((1.1, 1.2, 1.35))
+    ]
+    plan = plan_sensors(spec, {})
+    with pytest.raises(ConversionError, match=r"tick 2: .* 0\.250000 s"):
+        ledger_table(header, plan, ledger)
+    ledger[2]["timestamp_s"] = 1.3000001
+    assert ledger_table(header, plan, ledger)["timestamp_s"].to_pylist() == [0.0, 0.1, 0.2]
+
+
+def test_a_label_row_that_does_not_fit_the_schema_is_refused(converted: Path) -> None:
+    row = read_table(converted / "ego.parquet").to_pylist()[0]
+    assert rows_to_table([row], EGO_COLUMNS, "ego").num_rows == 1
+    for wrong in (
+        {**row, "surprise": 1},
+        {key: value for key, value in row.items() if key != "speed"},
+        {**row, "location": [1.0, 2.0]},
+        {**row, "speed": None},
+        {**row, "speed": "fast"},
+    ):
+        with pytest.raises(ConversionError, match="ego"):
+            rows_to_table([wrong], EGO_COLUMNS, "ego")
+
+
+def test_the_dataset_that_results_is_valid(tmp_path: Path) -> None:
+    from carstage.dataset import validate_dataset
+
+    folder = analytic_dataset.make_dataset(tmp_path / "out", tmp_path)
+    report = validate_dataset(folder)
+    assert report.problems == ()

@@ -1,0 +1,183 @@
+"""The built-in codecs against the contract of all codecs, and their pixels against Pillow."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from PIL import Image
+
+from carstage.dataset.codecs import Codec, codec_for, codec_names
+from carstage.dataset.codecs.png import PngPacker, unpack_png
+from carstage.errors import BadInputError
+from carstage.testing.codec import CodecTests, RawRecord
+
+KINDS = ("rgb", "depth", "semantic", "instance")
+
+
+def camera_record(height: int, width: int, seed: int) -> RawRecord:
+    bgra = np.random.default_rng(seed).integers(0, 256, (height, width, 4), dtype=np.uint8)
+    return {"width": width, "height": height, "fov_deg": 90.0}, memoryview(bgra.tobytes())
+
+
+class CameraCodecTests(CodecTests):
+    kind: str
+    name: str | None = None
+
+    def codec(self) -> Codec:
+        return codec_for(self.kind, self.name)[1]
+
+    def records(self) -> list[RawRecord]:
+        return [camera_record(5, 7, 0), camera_record(5, 7, 1), camera_record(1, 1, 2),
+                camera_record(3, 16, 3)]  # fmt: skip
+
+    def bad_records(self) -> list[RawRecord]:
+        meta, payload = camera_record(4, 4, 0)
+        return [
+            (meta, payload[:-4]),
+            ({**meta, "width": 5}, payload),
+            ({**meta, "height": 0}, payload),
+        ]
+
+
+class TestRgbPng(CameraCodecTests):
+    kind = "rgb"
+
+    def test_the_order_becomes_red_green_blue(self) -> None:
+        bgra = memoryview(bytes([30, 20, 10, 255]))
+        (content,) = self.codec().encode({"width": 1, "height": 1}, bgra)
+        with Image.open(io.BytesIO(content)) as picture:
+            assert picture.mode == "RGB"
+            assert picture.getpixel((0, 0)) == (10, 20, 30)
+
+
+class TestRgbJpeg(CameraCodecTests):
+    kind = "rgb"
+    name = "jpeg"
+    tolerance = 4.0
+
+    def records(self) -> list[RawRecord]:
+        ramp = np.zeros((16, 32, 4), np.uint8)
+        ramp[..., :3] = np.linspace(0, 200, 32).astype(np.uint8)[None, :, None]
+        meta = {"width": 32, "height": 16}
+        return [(meta, memoryview(ramp.tobytes())), (meta, memoryview(ramp[:, ::-1].tobytes()))]
+
+
+class TestDepthPng(CameraCodecTests):
+    kind = "depth"
+
+    @pytest.mark.parametrize(
+        ("bgra", "metres"),
+        [
+            ((0, 0, 0, 255), 0.0),
+            ((255, 255, 255, 255), 1000.0),
+            ((1, 0, 0, 7), 3.906250233),
+            ((2, 143, 92, 255), 9.999991059),
+        ],
+    )
+    def test_known_codes_decode_to_known_metres(self, bgra: tuple[int, ...], metres: float) -> None:
+        codec = self.codec()
+        contents = codec.encode({"width": 1, "height": 1}, memoryview(bytes(bgra)))
+        assert codec.decode(contents)[0, 0] == pytest.approx(metres, rel=1e-7)
+
+
+class TestSemanticPng(CameraCodecTests):
+    kind = "semantic"
+
+
+class TestInstancePng(CameraCodecTests):
+    kind = "instance"
+
+    def test_the_documented_pixel_has_its_id_and_tag(self) -> None:
+        codec = self.codec()  # (R, G, B) = (14, 49, 159): CARLA pull request 8334
+        contents = codec.encode({"width": 1, "height": 1}, memoryview(bytes([159, 49, 14, 255])))
+        assert codec.decode(contents)[0, 0].tolist() == [40753, 14]
+
+
+class TestLidarBin(CodecTests):
+    empty_is_damage = False
+
+    def codec(self) -> Codec:
+        return codec_for("lidar")[1]
+
+    def records(self) -> list[RawRecord]:
+        points = np.random.default_rng(0).normal(0, 30, (40, 4)).astype("<f4")
+        return [
+            ({"counts": [30, 10]}, memoryview(points.tobytes())),
+            ({"counts": [20]}, memoryview(points[:20].tobytes())),
+        ]
+
+    def bad_records(self) -> list[RawRecord]:
+        points = np.zeros((2, 4), "<f4")
+        nan = np.full((2, 4), np.nan, "<f4")
+        return [
+            ({"counts": [2]}, memoryview(points.tobytes()[:-1])),
+            ({"counts": [1]}, memoryview(points.tobytes())),
+            ({"counts": [2]}, memoryview(nan.tobytes())),
+        ]
+
+
+def pixel_arrays() -> st.SearchStrategy[np.ndarray[Any, Any]]:
+    sides = {"min_side": 1, "max_side": 20}
+    grey = arrays.array_shapes(min_dims=2, max_dims=2, **sides)
+    rgb = grey.map(lambda shape: (*shape, 3))
+    return st.one_of(
+        arrays.arrays(np.uint8, grey), arrays.arrays(np.uint8, rgb), arrays.arrays(np.uint16, grey)
+    )
+
+
+@given(image=pixel_arrays())
+def test_packed_pixels_come_back_and_pillow_reads_them(image: np.ndarray[Any, Any]) -> None:
+    content = PngPacker().pack(image)
+    np.testing.assert_array_equal(unpack_png(content), image)
+    with Image.open(io.BytesIO(content)) as picture:
+        picture.verify()
+
+
+@given(images=st.lists(pixel_arrays(), min_size=2, max_size=4))
+def test_a_used_packer_packs_as_a_new_one(images: list[np.ndarray[Any, Any]]) -> None:
+    packer = PngPacker()
+    assert [packer.pack(image) for image in images] == [PngPacker().pack(i) for i in images]
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((2, 2, 4), np.uint8),
+        np.zeros((2, 2), np.float32),
+        np.zeros((0, 2), np.uint8),
+        np.zeros((2, 2, 3), np.uint16),
+    ],
+)
+def test_what_is_no_png_of_ours_is_refused(image: np.ndarray[Any, Any]) -> None:
+    with pytest.raises(ValueError, match="no PNG"):
+        PngPacker().pack(image)
+
+
+def test_a_flipped_byte_in_the_pixels_is_damage_or_another_picture() -> None:
+    image = np.random.default_rng(1).integers(0, 256, (16, 16, 3), dtype=np.uint8)
+    content = bytearray(PngPacker().pack(image))
+    content[len(content) // 2] ^= 0xFF
+    try:
+        pixels = unpack_png(bytes(content))
+    except ValueError:
+        return
+    assert not np.array_equal(pixels, image)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_png_is_the_default_of_every_camera(kind: str) -> None:
+    assert codec_names(kind)[0] == "png"
+    assert codec_for(kind)[0] == "png"
+
+
+def test_an_unknown_codec_is_bad_input_that_names_the_known_ones() -> None:
+    with pytest.raises(BadInputError, match="jpeg"):
+        codec_for("rgb", "gif")
+    with pytest.raises(BadInputError, match="none"):
+        codec_for("smell")

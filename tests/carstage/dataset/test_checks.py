@@ -1,0 +1,102 @@
+"""The arithmetic below the checks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from carstage.annotation.rle import encode_mask
+from carstage.annotation.schema import TABLES
+from carstage.conversion.segment import label_schema
+from carstage.dataset.checks.edges import compare_edges
+from carstage.dataset.checks.silhouettes import distance_outside
+from carstage.dataset.masks import decode_mask
+from carstage.dataset.tables import ROW_SENSORS, arrow_type, read_table, write_table
+from carstage.errors import DatasetError
+from carstage.geometry import convex_hull
+
+coordinates = st.floats(-50.0, 50.0, width=32)
+points = st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=12)
+
+
+@given(corners=points, tested=points)
+def test_distance_to_a_hull_is_shapelys(
+    corners: list[tuple[float, float]], tested: list[tuple[float, float]]
+) -> None:
+    hull = convex_hull(corners)
+    polygon = shapely.Polygon(hull) if len(hull) >= 3 else None
+    if polygon is None or polygon.area < 1.0:
+        return
+    found = distance_outside(hull, np.array(tested))
+    expected = [polygon.distance(shapely.Point(point)) for point in tested]
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+@given(mask=arrays.arrays(np.bool_, arrays.array_shapes(min_dims=2, max_dims=2, max_side=12)))
+def test_a_mask_decodes_to_what_was_encoded(mask: np.ndarray) -> None:
+    height, width = mask.shape
+    counts = encode_mask(mask, 0, 0, width, height)
+    np.testing.assert_array_equal(decode_mask(counts, height, width), mask)
+
+
+def test_edges_are_steeper_where_labels_change_only_in_the_right_image() -> None:
+    labels = np.zeros((60, 160), np.uint8)
+    labels[10:50, 30:70] = 1
+    labels[20:60, 90:150] = 2
+    rgb = np.stack([labels * 90] * 3, axis=-1).astype(np.uint8)
+    figures = compare_edges(rgb, labels)
+    for _ in range(4):
+        figures.add(compare_edges(rgb, labels))
+    ratio = figures.ratio
+    assert ratio is not None
+    assert ratio > 10.0
+    wrong = compare_edges(rgb[:, ::-1], labels)
+    for _ in range(4):
+        wrong.add(compare_edges(rgb[:, ::-1], labels))
+    assert wrong.ratio is None or wrong.ratio < 1.1
+
+
+def test_a_black_image_says_nothing() -> None:
+    labels = np.zeros((200, 40), np.uint8)
+    labels[:, ::8] = 1
+    figures = compare_edges(np.zeros((200, 40, 3), np.uint8), labels)
+    assert figures.ratio is None
+
+
+@pytest.mark.parametrize("name", sorted(TABLES))
+def test_every_label_column_survives_parquet(name: str, tmp_path: object) -> None:
+    schema = label_schema(TABLES[name])
+    path = tmp_path / name  # type: ignore[operator]
+    write_table(pa.Table.from_pylist([], schema=schema), path)
+    assert read_table(path).schema.equals(schema)
+
+
+def test_equal_tables_are_equal_bytes_whatever_metadata_and_chunks_they_have(tmp_path) -> None:
+    schema = ROW_SENSORS["imu"].schema
+    rows = [ROW_SENSORS["imu"].row(k, k / 10, [0.5 * k] * 7) for k in range(40)]
+    whole = pa.Table.from_pylist(rows, schema=schema)
+    parts = pa.concat_tables(
+        pa.Table.from_pylist(rows[i : i + 7], schema=schema) for i in range(0, 40, 7)
+    ).replace_schema_metadata({"pandas": "index", "written": "now"})
+    write_table(whole, tmp_path / "whole.parquet")
+    write_table(parts, tmp_path / "parts.parquet")
+    assert (tmp_path / "whole.parquet").read_bytes() == (tmp_path / "parts.parquet").read_bytes()
+    assert read_table(tmp_path / "whole.parquet").equals(whole)
+
+
+def test_an_unknown_type_name_is_refused() -> None:
+    with pytest.raises(ValueError, match="f128"):
+        arrow_type("f128")
+
+
+def test_a_missing_or_damaged_table_is_a_dataset_error(tmp_path) -> None:
+    with pytest.raises(DatasetError, match="missing"):
+        read_table(tmp_path / "x.parquet")
+    (tmp_path / "x.parquet").write_bytes(b"PAR1 this is none PAR1")
+    with pytest.raises(DatasetError, match="damaged"):
+        read_table(tmp_path / "x.parquet")

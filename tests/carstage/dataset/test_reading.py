@@ -1,0 +1,87 @@
+"""Reading a dataset gives what was recorded, and says what is missing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import analytic_dataset
+import analytic_scene
+import numpy as np
+import pytest
+
+from carstage.dataset import Dataset, decode_mask
+from carstage.errors import BadInputError, DatasetError
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("reading")
+    return analytic_dataset.make_dataset(folder / "out", folder)
+
+
+def sensor_spec(name: str) -> dict[str, object]:
+    sensors = analytic_scene.spec(size=analytic_dataset.SIZE)["sensors"]
+    return next(sensor for sensor in sensors if sensor["id"] == name)
+
+
+def test_an_episode_knows_its_spec_frames_and_rig(folder: Path) -> None:
+    dataset = Dataset(folder)
+    (episode,) = dataset.episodes
+    assert dataset.name == "analytic <scene>"
+    assert (episode.id, episode.frames, episode.spec["fps"]) == ("0123456789abcdef", 6, 10.0)
+    front, left = (episode.calibration.sensors[name] for name in ("CAM_FRONT", "CAM_LEFT"))
+    assert (front.width, front.height, front.fov_deg) == (192, 128, 90.0)
+    np.testing.assert_allclose(front.k, [[96, 0, 96], [0, 96, 64], [0, 0, 1]])
+    np.testing.assert_allclose(front.ego_from_sensor[:3, 3], [1.5, 0.0, 1.6])
+    assert (front.depth, front.instance, front.labelled) == ("DEPTH_FRONT", "INST_FRONT", True)
+    assert (left.depth, left.instance, left.labelled) == (None, None, True)
+    assert episode.calibration.ego_box["extent"] == (2.3, 0.95, 0.75)
+
+
+def test_images_and_points_come_back_exactly(folder: Path) -> None:
+    (episode,) = Dataset(folder).episodes
+    for k in (0, 5):
+        rgb = analytic_scene.image("rgb", sensor_spec("CAM_LEFT"), k / 10)
+        np.testing.assert_array_equal(episode.sensor("CAM_LEFT").read(k), rgb[..., 2::-1])
+        tags = analytic_scene.image("semantic", sensor_spec("SEM_FRONT"), k / 10)[..., 2]
+        np.testing.assert_array_equal(episode.sensor("SEM_FRONT").read(k), tags)
+        points, _ = analytic_scene.sweep(sensor_spec("LIDAR_TOP")["pose"], k / 10)
+        np.testing.assert_array_equal(episode.sensor("LIDAR_TOP").read(k), points)
+    np.testing.assert_allclose(episode.sensor("IMU").read(3), [0, 0, 9.81, 0, 0, 0, 1.7])
+    np.testing.assert_allclose(episode.sensor("GNSS").read(3), [3e-6, 2e-5, 0.5])
+
+
+def test_tables_have_a_row_per_frame_and_object(folder: Path) -> None:
+    (episode,) = Dataset(folder).episodes
+    assert episode.ledger().num_rows == episode.ego().num_rows == 6
+    assert set(episode.objects()["track_id"].to_pylist()) == {41, 50, 51, 60}
+    assert set(episode.camera_objects()["sensor_id"].to_pylist()) == {"CAM_FRONT", "CAM_LEFT"}
+
+
+def test_a_mask_marks_the_pixels_of_the_instance(folder: Path) -> None:
+    (episode,) = Dataset(folder).episodes
+    rows = [r for r in episode.camera_objects().to_pylist() if r["sensor_id"] == "CAM_FRONT"]
+    assert rows
+    for row in rows:
+        ids = episode.sensor("INST_FRONT").read(row["k"])[..., 0]
+        mask = decode_mask(row["mask_modal"], 128, 192)
+        np.testing.assert_array_equal(mask, ids == row["track_id"])
+
+
+def test_an_unknown_sensor_is_bad_input_that_names_the_rig(folder: Path) -> None:
+    (episode,) = Dataset(folder).episodes
+    with pytest.raises(BadInputError, match="CAM_FRONT"):
+        episode.sensor("CAM_BACK")
+
+
+def test_a_missing_frame_is_a_dataset_error(folder: Path) -> None:
+    (episode,) = Dataset(folder).episodes
+    for name in ("CAM_FRONT", "LIDAR_TOP", "IMU"):
+        with pytest.raises(DatasetError, match=name):
+            episode.sensor(name).read(6)
+
+
+@pytest.mark.parametrize("counts", ["", "0", "zzzz", "P", "\x00", "é"])
+def test_a_damaged_mask_is_a_dataset_error(counts: str) -> None:
+    with pytest.raises(DatasetError, match="mask"):
+        decode_mask(counts, 4, 4)

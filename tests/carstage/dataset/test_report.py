@@ -1,0 +1,91 @@
+"""The report is one page on its own, well-formed, and shows what validation found."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import analytic_dataset
+import pytest
+
+from carstage.dataset import validate_dataset, write_report
+from carstage.dataset.report import html
+from carstage.dataset.report.statistics import bin_names
+
+_VOID = {"meta", "img", "link", "br", "rect"}
+
+
+class Balance(HTMLParser):
+    """Checks that every element that is opened is closed in order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.images: list[str] = []
+        self.text: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag == "img":
+            self.images.append(dict(attrs)["src"] or "")
+        if tag not in _VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        pass
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+
+
+def parse(page: str) -> Balance:
+    parser = Balance()
+    parser.feed(page)
+    parser.close()
+    assert parser.open == []
+    return parser
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("report")
+    return analytic_dataset.make_dataset(folder / "out", folder)
+
+
+def test_the_page_is_well_formed_and_asks_for_nothing_from_outside(dataset: Path) -> None:
+    path = write_report(dataset)
+    assert path == dataset / "report.html"
+    page = path.read_text("utf-8")
+    parser = parse(page)
+    assert len(parser.images) == 2 * 2 * 6 + 2 * 3 + 2
+    assert all(source.startswith("data:image/") for source in parser.images)
+    assert not re.search(r"(?:src|href)=\"(?!data:)|url\(|@import|<script|https?://", page)
+    text = " ".join(parser.text)
+    for expected in ("valid", "CAM_FRONT", "Analytic01", "LIDAR_TOP", "walker_adult", "ClearNoon"):
+        assert expected in text
+
+
+def test_names_from_the_data_are_escaped(dataset: Path, tmp_path: Path) -> None:
+    page = write_report(dataset, tmp_path / "other.html").read_text("utf-8")
+    assert "analytic &lt;scene&gt;" in page
+    assert "<scene>" not in page
+
+
+def test_problems_stand_on_the_page(dataset: Path, tmp_path: Path) -> None:
+    (analytic_dataset.attempt_of(dataset) / "notes.txt").write_text("mine")
+    path = write_report(dataset, tmp_path / "r.html", validation=validate_dataset(dataset))
+    text = " ".join(parse(path.read_text("utf-8")).text)
+    assert "1 warning" in text
+    assert "notes.txt lies in the folder" in text
+
+
+def test_a_chart_of_nothing_is_still_a_chart() -> None:
+    parse(html.page("t", html.bars("Empty", []) + html.bars("Zero", [("a", 0, None)])))
+
+
+def test_bins_of_counts_end_before_the_next_and_bins_of_lengths_meet() -> None:
+    assert bin_names((0, 1, 5), "") == ["0", "1–4", "5+"]
+    assert bin_names((0, 10, 20), " m") == ["0–10 m", "10–20 m", "20+ m"]

@@ -1,0 +1,112 @@
+"""The folder store: the contract of all stores, and what is its own."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from carstage.errors import BadInputError, DatasetError, StorageError
+from carstage.storage import CommitMarker, LocalStore, Store, open_store
+from carstage.testing.store import StoreTests
+
+
+class TestLocalStore(StoreTests):
+    def open(self, place: Path) -> Store:
+        return LocalStore(place / "out")
+
+    def test_the_first_name_stays(self, place: Path, store: Store) -> None:
+        self.open(place).initialise("another name")
+        assert json.loads((place / "out" / "dataset.json").read_text())["name"] == "test"
+
+    def test_nothing_but_the_marker_stays_in_commits(self, place: Path, store: Store) -> None:
+        self.write(store, "a1")
+        store.commit("0123456789abcdef", "a1", frames=1, versions={})
+        store.initialise("test")
+        names = sorted(path.name for path in (place / "out" / "commits").iterdir())
+        assert names == ["0123456789abcdef.json"]
+
+    def test_equal_attempts_give_equal_markers_in_any_folder(self, tmp_path: Path) -> None:
+        contents = []
+        for name in ("one", "two"):
+            store = LocalStore(tmp_path / name)
+            store.initialise("test")
+            self.write(store, "a1")
+            store.commit("0123456789abcdef", "a1", frames=1, versions={"client": "0.9.16"})
+            contents.append((tmp_path / name / "commits" / "0123456789abcdef.json").read_bytes())
+        assert contents[0] == contents[1]
+
+    def test_a_damaged_marker_is_an_error_and_no_missing_episode(
+        self, place: Path, store: Store
+    ) -> None:
+        (place / "out" / "commits" / "0123456789abcdef.json").write_text('{"format_version": 1')
+        with pytest.raises(DatasetError, match=r"0123456789abcdef\.json"):
+            store.committed()
+
+    def test_a_marker_under_another_name_is_refused(self, place: Path, store: Store) -> None:
+        self.write(store, "a1")
+        store.commit("0123456789abcdef", "a1", frames=1, versions={})
+        commits = place / "out" / "commits"
+        (commits / "0123456789abcdef.json").rename(commits / "fedcba9876543210.json")
+        with pytest.raises(DatasetError, match="speaks of episode"):
+            store.committed()
+
+    def test_a_file_in_the_place_of_the_folder_is_refused(self, tmp_path: Path) -> None:
+        (tmp_path / "out").write_text("")
+        with pytest.raises(StorageError, match="cannot be created"):
+            LocalStore(tmp_path / "out").initialise("test")
+
+    @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+    def test_a_read_only_folder_is_refused(self, tmp_path: Path) -> None:
+        LocalStore(tmp_path).initialise("test")
+        (tmp_path / "commits").chmod(0o500)
+        try:
+            with pytest.raises(StorageError, match="not writable"):
+                LocalStore(tmp_path).initialise("test")
+        finally:
+            (tmp_path / "commits").chmod(0o700)
+
+    def test_a_file_system_that_replaces_silently_is_refused(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def overwrite(source: Path, target: Path) -> None:
+            Path(target).write_bytes(Path(source).read_bytes())
+
+        monkeypatch.setattr(os, "link", overwrite)
+        with pytest.raises(StorageError, match="silently replaces"):
+            LocalStore(tmp_path).initialise("test")
+        assert list((tmp_path / "commits").iterdir()) == []
+
+    def test_a_file_system_without_hard_links_is_refused(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def refuse(source: Path, target: Path) -> None:
+            raise PermissionError(1, "Operation not permitted")
+
+        monkeypatch.setattr(os, "link", refuse)
+        with pytest.raises(StorageError, match="hard links"):
+            LocalStore(tmp_path).initialise("test")
+
+    def test_a_dataset_of_another_version_is_refused(self, tmp_path: Path) -> None:
+        tmp_path.joinpath("dataset.json").write_text('{"format_version": 99}')
+        with pytest.raises(DatasetError, match="format version 99"):
+            LocalStore(tmp_path).initialise("test")
+
+
+def test_a_path_or_a_file_url_opens_the_folder_store(tmp_path: Path) -> None:
+    for out in (tmp_path, str(tmp_path), f"file://{tmp_path}"):
+        store = open_store(out)
+        assert isinstance(store, LocalStore)
+        assert store.root == tmp_path
+
+
+def test_an_unknown_scheme_is_bad_input() -> None:
+    with pytest.raises(BadInputError, match="gopher://"):
+        open_store("gopher://example/data")
+
+
+def test_a_marker_of_another_version_is_refused() -> None:
+    with pytest.raises(DatasetError, match="format version 2"):
+        CommitMarker.from_bytes(b'{"format_version": 2}', "x.json")

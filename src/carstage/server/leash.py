@@ -22,6 +22,8 @@ def main(command: Sequence[str]) -> int:
     Returns:
         The command's exit status, 128 + n when signal n ended it.
     """
+    if os.getpgrp() != os.getpid():
+        os.setpgid(0, 0)  # the group that is ended holds nobody else
     # A signal to the group reaches the command by itself; this process waits for its end.
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda _number, _frame: None)

@@ -221,7 +221,7 @@ def test_mirrored_instance_images_are_found(dataset: Path) -> None:
             path = sensor_file(dataset, "INST_FRONT", k, ending)
             path.write_bytes(PngPacker().pack(unpack_png(path.read_bytes())[:, ::-1]))
     recommit(dataset)
-    assert {"hull", "mask", "rgb_edges"} <= failed_checks(dataset)
+    assert {"hull", "mask"} <= failed_checks(dataset)
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ def measure(out: Path, home: Path) -> DemoFigures:
     """Run the demo into ``out`` with its caches below ``home``."""
     environment = {**os.environ, "HOME": str(home), "XDG_CACHE_HOME": str(home / ".cache")}
     environment.pop("NUMBA_CACHE_DIR", None)
-    command = [sys.executable, "-c", "from carstage.cli import main; main()", "demo"]
+    command = [sys.executable, "-m", "carstage.cli", "demo"]
     before = os.times()
     started = time.monotonic()
     peak = 0

@@ -28,6 +28,7 @@ from carstage.server import Endpoint, Server
 POLL_S = 0.2
 _STALL_S = 600.0
 _STOP_S = 20.0
+_LAST_WORDS_S = 3.0
 _CALL_TIMEOUT_S = 60.0
 _QUEUE_BYTES = 256 * 1024 * 1024
 #: The collector's errors that another attempt would only repeat.
@@ -169,10 +170,14 @@ class ServerLane:
                 elif event["event"] == "error":
                     last_words = dict(event)
                 self._host.heard(event)
-            code = collector.wait(_STOP_S)
+            code = collector.wait(_STOP_S) if collector.ended else None
         self._interruption.check()
         if code != 0 or not complete:
             raise self._explain(landing, code, last_words, collector)
+
+    def _own_server_ended(self) -> bool:
+        server = self._server
+        return server is not None and server.endpoint.pid is not None and not server.alive()
 
     def _plan(self, landing: Landing, endpoint: Endpoint) -> dict[str, Any]:
         return {
@@ -198,7 +203,7 @@ class ServerLane:
     def _listen(self, collector: CollectorProcess) -> Any:
         """The collector's events until it closes its stream; looks after the run meanwhile."""
         deadline_s = self._clock_s() + _STALL_S
-        stopping = False
+        stopping = server_gone = False
         with selectors.DefaultSelector() as selector:
             selector.register(collector, selectors.EVENT_READ)
             selector.register(self._interruption, selectors.EVENT_READ)
@@ -206,15 +211,19 @@ class ServerLane:
                 ready = {key.fileobj for key, _ in selector.select(POLL_S)}
                 if collector in ready:
                     yield from collector.read_events()
-                    if not stopping:
+                    if not stopping and not server_gone:
                         deadline_s = self._clock_s() + _STALL_S
                 if self._interruption.requested and not stopping:
                     selector.unregister(self._interruption)
                     stopping = True
                     deadline_s = self._clock_s() + _STOP_S
                     collector.stop()
+                if not stopping and not server_gone and self._own_server_ended():
+                    # The collector would wait for the answer to its last call for a long time.
+                    server_gone = True
+                    deadline_s = self._clock_s() + _LAST_WORDS_S
                 if self._clock_s() > deadline_s:
-                    if stopping:
+                    if stopping or server_gone:
                         return
                     raise CollectorError(
                         f"The collector gave no sign for {_STALL_S:.0f} s.",

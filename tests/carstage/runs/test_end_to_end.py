@@ -1,0 +1,215 @@
+"""Whole runs: the real command, the real client, the embedded simulator."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from driving import (
+    SMALL,
+    attempts,
+    carstage,
+    children_that_live,
+    command,
+    differing,
+    events,
+    hashes,
+    status,
+    wait_for,
+    wait_for_event,
+)
+
+pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("runs")]
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("home")
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp("config") / "small.yaml"
+    path.write_text(SMALL)
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory, small: str, home: Path) -> Path:
+    """A dataset recorded without any trouble."""
+    out = tmp_path_factory.mktemp("undisturbed") / "dataset"
+    ended = carstage(["run", small, "--out", str(out), "--json"], home)
+    assert ended.code == 0, ended.stderr
+    result = json.loads(ended.stdout.splitlines()[-1])
+    assert result["state"] == "done"
+    assert result["episodes"] == {"total": 1, "committed": 1, "skipped": 0, "failed": 0}
+    assert result["frames"] == 20
+    return out
+
+
+def test_run_leaves_a_complete_dataset_and_nothing_else(undisturbed: Path) -> None:
+    (marker_path,) = (undisturbed / "commits").glob("*.json")
+    marker = json.loads(marker_path.read_bytes())
+    assert marker["frames"] == 20
+    assert marker["versions"]["client"] == "0.9.16"
+    assert attempts(undisturbed) == [f"{marker_path.stem}/a1"]
+    (run,) = (undisturbed / "runs").iterdir()
+    assert not (run / "raw").exists()
+    assert status(undisturbed)["state"] == "done"
+    assert children_that_live(undisturbed) == []
+
+
+def test_events_tell_the_run_in_order(undisturbed: Path) -> None:
+    names = [event["event"] for event in events(undisturbed)]
+    told = [
+        "run_started",
+        "server_started",
+        "attempt_reserved",
+        "collector_started",
+        "connected",
+        "episode_started",
+        "actors_spawned",
+        "episode_recorded",
+        "collector_finished",
+        "episode_committed",
+        "server_stopped",
+        "run_finished",
+    ]
+    assert [name for name in dict.fromkeys(names) if name in told] == told
+
+
+def test_same_command_again_records_nothing(undisturbed: Path, small: str, home: Path) -> None:
+    before = hashes(undisturbed)
+    ended = carstage(["run", small, "--out", str(undisturbed), "--json"], home)
+    assert ended.code == 0, ended.stderr
+    result = json.loads(ended.stdout.splitlines()[-1])
+    assert result["episodes"] == {"total": 1, "committed": 0, "skipped": 1, "failed": 0}
+    assert "server_started" not in [event["event"] for event in events(undisturbed)]
+    assert hashes(undisturbed) == before
+
+
+def test_collector_killed_in_between_changes_no_byte(
+    undisturbed: Path, small: str, home: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "dataset"
+    with command(["run", small, "--out", str(out)], home) as running:
+        wait_for_event(out, "tick", tick=8)
+        os.kill(wait_for_event(out, "collector_started")["pid"], signal.SIGKILL)
+        ended = running.end()
+    assert ended.code == 0, ended.stderr
+    assert "ended by SIGKILL" in ended.stderr
+    assert differing(out, undisturbed) == []
+    assert [path.split("/")[1] for path in attempts(out)] == ["a2"]
+    assert children_that_live(out) == []
+
+
+def test_server_killed_in_between_is_started_again(
+    undisturbed: Path, small: str, home: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "dataset"
+    arguments = ["run", small, "--out", str(out), "--set", "conversion.mode=deferred"]
+    with command(arguments, home) as running:
+        wait_for_event(out, "tick", tick=8)
+        os.kill(wait_for_event(out, "server_started")["pid"], signal.SIGKILL)
+        ended = running.end()
+    assert ended.code == 0, ended.stderr
+    assert "The server ended" in ended.stderr
+    assert [event["event"] for event in events(out)].count("server_started") == 2
+    assert differing(out, undisturbed) == []
+
+
+MOMENTS: dict[str, Callable[[Path], object]] = {
+    "at the start": lambda out: wait_for_event(out, "run_started"),
+    "while it connects": lambda out: wait_for_event(out, "collector_started"),
+    "in mid-episode": lambda out: wait_for_event(out, "tick", tick=5),
+    "while it converts": lambda out: wait_for_event(out, "episode_recorded"),
+}
+
+
+@pytest.mark.parametrize("moment", MOMENTS.values(), ids=MOMENTS.keys())
+def test_ctrl_c_gives_everything_back(
+    moment: Callable[[Path], object], small: str, home: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "dataset"
+    with command(["run", small, "--out", str(out)], home) as running:
+        moment(out)
+        running.press_ctrl_c()
+        ended = running.end()
+    assert ended.code == 130, ended.stderr
+    assert "same command again" in ended.stderr
+    assert "Traceback" not in ended.stderr
+    assert children_that_live(out) == []
+    assert attempts(out) == []
+    assert hashes(out) == {}
+    assert status(out)["state"] == "interrupted"
+    assert list((out / "runs").glob("*/raw")) == []
+
+
+def test_interrupted_run_continues_with_the_same_command(
+    undisturbed: Path, small: str, home: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "dataset"
+    arguments = ["run", small, "--out", str(out), "--set", "episodes=2", "--json"]
+    with command(arguments, home) as running:
+        wait_for_event(out, "episode_committed")
+        running.press_ctrl_c()
+        ended = running.end()
+    assert ended.code == 130, ended.stderr
+    assert "1 of 2 episodes are in the dataset" in ended.stderr
+    first = hashes(out)
+    assert first == hashes(undisturbed)
+    ended = carstage(arguments, home)
+    assert ended.code == 0, ended.stderr
+    result = json.loads(ended.stdout.splitlines()[-1])
+    assert result["episodes"] == {"total": 2, "committed": 1, "skipped": 1, "failed": 0}
+    assert first.items() <= hashes(out).items()
+
+
+def test_second_ctrl_c_ends_at_once_and_the_next_run_clears_up(
+    small: str, home: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "dataset"
+    with command(["run", small, "--out", str(out)], home) as running:
+        wait_for_event(out, "tick", tick=3)
+        running.press_ctrl_c()
+        threading.Event().wait(0.1)  # two presses at once are one signal
+        running.press_ctrl_c()
+        ended = running.end()
+    assert ended.code == 130
+    assert status(out)["state"] == "recording"
+    wait_for(lambda: children_that_live(out) == [], "the end of the children")
+    ended = carstage(["run", small, "--out", str(out), "--set", "duration_s=0.1"], home)
+    assert ended.code == 0, ended.stderr
+    assert "had left" in ended.stderr
+    assert len(attempts(out)) == 1
+
+
+def test_episode_that_always_fails_is_given_up_after_its_retries(
+    small: str, home: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "dataset"
+    settings = ["--set", "duration_s=600", "--retries", "1", "--json"]
+    with command(["run", small, "--out", str(out), *settings], home) as running:
+        for attempt in ("a1", "a2"):
+            started = wait_for(
+                lambda name=attempt: [
+                    event
+                    for event in events(out)
+                    if event["event"] == "episode_started" and event["attempt"] == name
+                ],
+                f"attempt {attempt}",
+            )
+            assert started
+            pids = [e["pid"] for e in events(out) if e["event"] == "collector_started"]
+            os.kill(pids[-1], signal.SIGKILL)
+        ended = running.end()
+    assert ended.code == 1, ended.stderr
+    result = json.loads(ended.stdout.splitlines()[-1])
+    assert result["episodes"]["failed"] == 1
+    assert attempts(out) == []
+    assert children_that_live(out) == []

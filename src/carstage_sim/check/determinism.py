@@ -46,7 +46,7 @@ def determinism_trial(
         lights = sorted(actors, key=lambda light: int(light.id))
         digests = []
         for _ in range(ticks):
-            session.world.tick()
+            session.clock.tick()
             digests.append(frame_digest(session.world.get_snapshot(), lights))
         return digests
 

@@ -16,6 +16,8 @@ from dataclasses import dataclass
 
 import carla
 
+from carstage_sim.check.ticking import WatchedClock
+
 _TIMEOUT_S = 60.0
 
 
@@ -34,6 +36,7 @@ class Session:
     client: carla.Client
     world: carla.World
     traffic_manager: carla.TrafficManager
+    clock: WatchedClock
     random: random.Random
 
 
@@ -60,7 +63,8 @@ def synchronous_session(port: int, *, delta_s: float, seed: int) -> Iterator[Ses
     traffic_manager.set_random_device_seed(seed)
     world.set_pedestrians_seed(seed)
     try:
-        yield Session(client, world, traffic_manager, random.Random(seed))
+        with WatchedClock(world, traffic_manager) as clock:
+            yield Session(client, world, traffic_manager, clock, random.Random(seed))
     finally:
         traffic_manager.set_synchronous_mode(False)
         world.apply_settings(before)
@@ -98,7 +102,7 @@ def spawn_traffic(
         if response.error:
             raise RuntimeError(f"a vehicle could not be spawned: {response.error}")
         ids.append(response.actor_id)
-    session.world.tick()
+    session.clock.tick()
     return [session.world.get_actor(actor_id) for actor_id in ids]
 
 
@@ -134,7 +138,7 @@ def spawn_walkers(session: Session, count: int) -> list[carla.Walker]:
     controllers = [
         world.spawn_actor(controller_blueprint, carla.Transform(), walker) for walker in walkers
     ]
-    world.tick()
+    session.clock.tick()
     world.set_pedestrians_cross_factor(0.3)
     for controller, speed in zip(controllers, speeds, strict=True):
         controller.start()

@@ -49,6 +49,7 @@ class TrafficFigures:
     touching: int = 0
     narrowest_gap_m: float = 10.0
     ticks_per_s: float = 0.0
+    wake_ups: int = 0
     events: list[str] = field(default_factory=list)
 
 
@@ -180,7 +181,7 @@ def traffic_trial(
         distance_before_last_minute = np.zeros(vehicles)
         started = perf_counter()
         for tick in range(1, ticks + 1):
-            session.world.tick()
+            session.clock.tick()
             if tick % every:
                 continue
             location, yaw_deg, speed, held = _sample(session.world.get_snapshot(), actors)
@@ -189,6 +190,7 @@ def traffic_trial(
             if tick / fps <= seconds - LAST_MINUTE_S:
                 distance_before_last_minute = monitor.distance_m.copy()
         figures.ticks_per_s = ticks / (perf_counter() - started)
+        figures.wake_ups = session.clock.wake_ups
         figures.destroyed = int(np.isnan(speeds[-1]).sum())
         figures.mean_distance_m = float(monitor.distance_m.mean())
         figures.mean_speed_kmh = float(np.nanmean(speeds) * 3.6)
@@ -279,6 +281,7 @@ def judge(figures: TrafficFigures) -> Verdict:
             Figure("mean_distance_m", figures.mean_distance_m, ">=", figures.simulated_s * 2.5),
             Figure("share_moved_in_last_minute", figures.moved_in_last_minute, ">=", 0.95),
             Figure("ticks_per_s", figures.ticks_per_s),
+            Figure("lost_wake_ups_of_the_client", figures.wake_ups),
         ),
         figures.events,
     )

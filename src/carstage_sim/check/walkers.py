@@ -91,7 +91,7 @@ def walkers_trial(port: int, *, walkers: int, seconds: float, fps: int, seed: in
         crossed = np.zeros(walkers, dtype=np.bool_)
         before: NDArray[np.float64] | None = None
         for tick in range(round(seconds * fps)):
-            session.world.tick()
+            session.clock.tick()
             if tick % max(fps // 4, 1):
                 continue
             snapshot = session.world.get_snapshot()

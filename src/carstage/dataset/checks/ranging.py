@@ -171,14 +171,19 @@ def check_point_counts(
         Points inside boxes.
     """
     in_ego = transform_points(lidar.ego_from_sensor, points[:, :3].astype(np.float64))
+    in_ego = in_ego[np.argsort(in_ego[:, 0])]
+    x = in_ego[:, 0].copy()
     total = 0
     for box in boxes:
         labelled = box.lidar_points.get(lidar.id)
         if labelled is None:
             continue
         reach = float(np.linalg.norm(box.extent)) + BOX_SKIN_M
-        near = np.abs(in_ego - box.ego_from_box[:3, 3]).max(axis=1) <= reach
-        local = np.abs(transform_points(invert_pose(box.ego_from_box), in_ego[near]))
+        center = box.ego_from_box[:3, 3]
+        first, end = np.searchsorted(x, [center[0] - reach, center[0] + reach])
+        slab = in_ego[first:end]
+        near = slab[np.abs(slab[:, 1] - center[1]) <= reach]
+        local = np.abs(transform_points(invert_pose(box.ego_from_box), near))
         fewest, most = (
             int((local <= box.extent + skin).all(axis=1).sum())
             for skin in (-BOX_SKIN_M, BOX_SKIN_M)

@@ -43,6 +43,7 @@ _VIEW_RANGE_M = 50.0
 _RING_STEP_M = 10.0
 _FAR_M = 120.0
 _NEAR_M = 1.5
+_GOLDEN_RATIO = 0.6180339887498949
 
 
 def class_colour(name: str) -> RgbColour:
@@ -150,12 +151,13 @@ def semantic_view(tags: NDArray[np.uint8], palette: Mapping[int, RgbColour]) -> 
 
 def instance_view(instance: NDArray[np.uint16]) -> Image.Image:
     """A colour of its own for each id of a thing that moves; everything else in greys by tag."""
-    ids, tags = instance[..., 0].astype(np.uint32), instance[..., 1]
+    ids, tags = instance[..., 0].astype(np.int64), instance[..., 1]
     moves = (tags >= 12) & (tags <= 19)
-    mixed = (ids * np.uint32(2654435761)) >> np.uint32(8)  # Knuth's multiplicative hash
-    colours = np.stack([(mixed >> np.uint32(s)) & np.uint32(255) for s in (0, 8, 16)], axis=-1)
-    grey = (30 + (tags.astype(np.uint32) * 37) % 60)[..., None].repeat(3, axis=-1)
-    return Image.fromarray(np.where(moves[..., None], 80 + colours * 2 // 3, grey).astype(np.uint8))
+    hue = (ids * _GOLDEN_RATIO) % 1.0  # neighbouring ids get hues that lie far apart
+    hsv = np.stack([hue * 255, np.full_like(hue, 170), np.full_like(hue, 240)], axis=-1)
+    colours = np.asarray(Image.fromarray(hsv.astype(np.uint8), mode="HSV").convert("RGB"))
+    grey = (36 + (tags.astype(np.uint32) * 37) % 60).astype(np.uint8)
+    return Image.fromarray(np.where(moves[..., None], colours, grey[..., None]))
 
 
 def birds_eye_view(

@@ -47,7 +47,6 @@ def episode_section(episode: Episode, description: Mapping[str, Any]) -> str:
         description: ``dataset.json``, for the colours of the tags.
     """
     pictures = _Pictures(episode, description)
-    frames = _spread(episode.frames, CONTACT_FRAMES)
     parts = [
         f"<h2>Episode <code>{escape(episode.id)}</code></h2>",
         f"<p>{escape(_summary(episode))}</p>",
@@ -55,6 +54,7 @@ def episode_section(episode: Episode, description: Mapping[str, Any]) -> str:
     ]
     for sensor in episode.sensors:
         if sensor.calibration.labelled and sensor.kind == "rgb":
+            frames = pictures.fullest_frames(sensor, CONTACT_FRAMES)
             parts.append(
                 f"<h3>{escape(sensor.id)}: visible objects</h3>"
                 '<p class="soft">3D boxes (the crossed face is the front) and below them 2D boxes: '
@@ -62,7 +62,7 @@ def episode_section(episode: Episode, description: Mapping[str, Any]) -> str:
                 f'<div class="grid">{pictures.boxes_3d(sensor, frames)}</div>'
                 f'<div class="grid below">{pictures.boxes_2d(sensor, frames)}</div>'
             )
-    middle = _spread(episode.frames, VIEW_FRAMES + 2)[1:-1] or frames
+    middle = pictures.fullest_frames(None, VIEW_FRAMES)
     views = pictures.views(middle)
     if views:
         parts.append(f'<h3>Depth, semantics, instances</h3><div class="grid">{views}</div>')
@@ -75,13 +75,6 @@ def episode_section(episode: Episode, description: Mapping[str, Any]) -> str:
         )
     parts += [_rig(episode), _ledger(episode)]
     return "\n".join(parts)
-
-
-def _spread(count: int, wanted: int) -> list[int]:
-    """Up to ``wanted`` indices, evenly over ``count`` frames."""
-    return (
-        sorted({round(x) for x in np.linspace(0, count - 1, min(wanted, count))}) if count else []
-    )
 
 
 def _summary(episode: Episode) -> str:
@@ -120,6 +113,20 @@ class _Pictures:
     def classes(self) -> list[str]:
         """Classes that occur, the most frequent first."""
         return [name for name, _ in Counter(self._classes.values()).most_common()]
+
+    def fullest_frames(self, sensor: Sensor | None, wanted: int) -> list[int]:
+        """Of each of ``wanted`` equal parts of the episode, the frame with most to see.
+
+        Args:
+            sensor: count its visible objects; ``None``: those of all sensors.
+            wanted: number of frames.
+        """
+        counts = np.zeros(self._episode.frames, np.int64)
+        for (k, sensor_id), rows in self._rows.items():
+            if sensor is None or sensor_id == sensor.id:
+                counts[k] += len(rows)
+        parts = np.array_split(np.arange(len(counts)), min(wanted, len(counts)) or 1)
+        return [int(part[np.argmax(counts[part])]) for part in parts if len(part)]
 
     def boxes_3d(self, sensor: Sensor, frames: list[int]) -> str:
         camera, figures = sensor.calibration, []
@@ -198,9 +205,9 @@ def _rig(episode: Episode) -> str:
         image = f"{c.width}×{c.height}, {c.fov_deg:g}°" if c.is_camera else ""
         rows.append(
             (sensor.id, sensor.kind, f"{x:.2f}, {y:.2f}, {z:.2f}", image, c.codec,
-             f"{sizes[sensor.id] / 1e6:.2f}")
+             html.size(sizes[sensor.id]))
         )  # fmt: skip
-    head = ("Sensor", "Kind", "Position x, y, z (m)", "Image, field of view", "Files", "MB")
+    head = ("Sensor", "Kind", "Position x, y, z (m)", "Image, field of view", "Files", "Size")
     return "<h3>Rig</h3>" + html.table(head, rows)
 
 

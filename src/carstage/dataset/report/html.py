@@ -104,6 +104,15 @@ def legend(entries: Iterable[tuple[str, tuple[int, int, int]]]) -> str:
     return f'<div class="legend">{items}</div>'
 
 
+def size(count: float) -> str:
+    """A number of bytes with its unit, three digits."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if count < 1000:
+            return f"{count:.3g} {unit}"
+        count /= 1000
+    return f"{count:.3g} TB"
+
+
 def css_colour(colour: tuple[int, int, int]) -> str:
     """``#rrggbb``."""
     return "#{:02x}{:02x}{:02x}".format(*colour)

@@ -89,17 +89,9 @@ def _overview(dataset: Dataset, statistics: LabelStatistics) -> str:
             ("objects tracked", f"{statistics.tracks:,}"),
             ("3D boxes", f"{statistics.records:,}"),
             ("visible 2D boxes", f"{statistics.visible:,}"),
-            ("size on disk", _size(size)),
+            ("size on disk", html.size(size)),
         ]
     )
-
-
-def _size(count: float) -> str:
-    for unit in ("B", "kB", "MB", "GB"):
-        if count < 1000:
-            return f"{count:.3g} {unit}"
-        count /= 1000
-    return f"{count:.3g} TB"
 
 
 def _statistics(statistics: LabelStatistics) -> str:
@@ -136,7 +128,7 @@ def _validation(verdict: ValidationReport) -> str:
     figures = verdict.figures
     hull = figures["hull"]
     rows: list[tuple[str, str]] = [
-        ("Files read, hashed and decoded", f"{figures['files']:,} ({_size(figures['bytes'])})"),
+        ("Files read, hashed and decoded", f"{figures['files']:,} ({html.size(figures['bytes'])})"),
         (
             "Pixels of objects outside the projection of their box, grown by 2 px",
             f"{hull['pixels_outside']:,} of {hull['pixels']:,} "

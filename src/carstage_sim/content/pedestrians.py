@@ -18,6 +18,12 @@ PHASES = 8
 """Poses of a walk; phase 0 of :func:`pedestrian_mesh` stands still, 1 to 8 walk."""
 
 
+def dress_of(type_id: str) -> int:
+    """Number (0-7) of the figure that stands for a blueprint: sleeves, skirt, long hair."""
+    seed = hashlib.sha256(type_id.encode()).digest()
+    return (seed[0] % 3 != 0) | (seed[1] % 4 == 0) << 1 | (seed[2] % 3 == 0) << 2
+
+
 def pedestrian_mesh(type_id: str, extent: Vector, phase: int = 0) -> TriangleMesh:
     """A pedestrian in its actor's frame: x forward, y right, origin at mid height.
 
@@ -32,16 +38,16 @@ def pedestrian_mesh(type_id: str, extent: Vector, phase: int = 0) -> TriangleMes
     """
     if not 0 <= phase <= PHASES:
         raise ValueError(f"phase must be 0 to {PHASES}, not {phase}")
-    seed = hashlib.sha256(type_id.encode()).digest()
+    dress = dress_of(type_id)
     hx, hy, hz = extent
     size = 2.0 * hz - 0.015
     build = Build(
         size=size,
         width=min(hy * 0.98, 0.135 * size),
         depth=min(hx * 0.85, 0.070 * size),
-        sleeves=seed[0] % 3 != 0,
-        skirt=seed[1] % 4 == 0,
-        long_hair=seed[2] % 3 == 0,
+        sleeves=bool(dress & 1),
+        skirt=bool(dress & 2),
+        long_hair=bool(dress & 4),
     )
     builder = ShapeBuilder(CityObjectLabel.PEDESTRIANS)
     add_figure(builder, _walk(size, hx, hy, phase), build, CityObjectLabel.PEDESTRIANS)

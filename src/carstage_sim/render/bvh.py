@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.render.jit import device, kernel
+from carstage_sim.render.jit import builder, device
 from carstage_sim.render.simd import LANES
 
 _BINS = 16
@@ -92,7 +92,7 @@ def _split_place(low, high, order, start, end, bin_low, bin_high, bin_count, rig
     return best_axis, best_place
 
 
-@kernel
+@builder
 def _binary_tree(low, high, leaf_size):  # type: ignore[no-untyped-def]
     """Binary hierarchy: order, node boxes, first child (-1: leaf; the second follows), ranges."""
     count = low.shape[0]
@@ -140,7 +140,7 @@ def _binary_tree(low, high, leaf_size):  # type: ignore[no-untyped-def]
     return order, box[:used], left[:used], spans[:used]
 
 
-@kernel
+@builder
 def _widen(box, left, spans):  # type: ignore[no-untyped-def]
     """Collapse a binary hierarchy: each wide node takes in the largest of its grandchildren."""
     count = left.shape[0]

@@ -34,6 +34,27 @@ class Geometry(NamedTuple):
     numbers: NDArray[np.int32]
 
 
+class Scratch(NamedTuple):
+    """Working memory of one thread; kernels allocate nothing.
+
+    Attributes:
+        stack: ``(512,)`` int32 nodes to visit.
+        entries: ``(512,)`` float32 parameters at which they are entered.
+        tests: ``(24,)`` float32 results of eight tests.
+    """
+
+    stack: NDArray[np.int32]
+    entries: NDArray[np.float32]
+    tests: NDArray[np.float32]
+
+
+def new_scratch() -> Scratch:
+    """Working memory for one thread."""
+    return Scratch(
+        np.empty(_STACK, np.int32), np.empty(_STACK, np.float32), np.empty(3 * LANES, np.float32)
+    )
+
+
 class Scene(NamedTuple):
     """All that a ray can meet in one frame.
 
@@ -138,25 +159,24 @@ def _walk(geometry, node, o, d, low, high, number, u, v, any_hit, stack, depth, 
 
 
 @device
-def trace(scene, o, d, low, high, skip, any_hit, stack, entries, tests):  # type: ignore[no-untyped-def]
+def trace(scene, scratch, o, d, low, high, skip, any_hit):  # type: ignore[no-untyped-def]
     """What a ray meets first: parameter, instance row, triangle, weights of corners 0 and 1.
 
     Args:
         scene: what can be met.
+        scratch: a :class:`Scratch` of this thread.
         o: origin, three float32.
         d: direction, three float32, not all zero; the parameter counts in its length.
         low, high: interval of the parameter.
         skip: instance row that is not met, or a negative number.
         any_hit: end at the first triangle found, whichever.
-        stack: ``(512,)`` int32 scratch.
-        entries: ``(512,)`` float32 scratch.
-        tests: ``(24,)`` float32 scratch.
 
     Returns:
         ``(t, row, triangle, u, v)``; row is ``STATIC`` or ``NOTHING`` where no instance was met.
         Of hits at the same parameter the static one wins, then the lowest row, then the lowest
         triangle number.
     """
+    stack, entries, tests = scratch.stack, scratch.entries, scratch.tests
     row, triangle = NOTHING, -1
     u, v = np.float32(0), np.float32(0)
     if scene.static.planes.shape[0]:
@@ -230,11 +250,14 @@ def trace(scene, o, d, low, high, skip, any_hit, stack, entries, tests):  # type
 
 
 @kernel
-def cast_rays(scene, origin, directions, low, high, skip, first, last, t, row, triangle, weights):  # type: ignore[no-untyped-def]
+def cast_rays(  # type: ignore[no-untyped-def]
+    scene, scratch, origin, directions, low, high, skip, first, last, t, row, triangle, weights
+):
     """Nearest hits of the rays ``first`` to ``last`` from one origin; writes into the last four.
 
     Args:
         scene: a :class:`Scene`.
+        scratch: a :class:`Scratch` of this thread.
         origin: ``(3,)`` float32.
         directions: ``(N, 3)`` float32, any length.
         low, high: float32 interval of the ray parameter.
@@ -245,13 +268,10 @@ def cast_rays(scene, origin, directions, low, high, skip, first, last, t, row, t
         triangle: ``(N,)`` int32 triangle number, -1 where nothing is met.
         weights: ``(N, 2)`` float32 barycentric weights of the first and second corner.
     """
-    stack = np.empty(_STACK, np.int32)
-    entries = np.empty(_STACK, np.float32)
-    tests = np.empty(3 * LANES, np.float32)
     o = (origin[0], origin[1], origin[2])
     for i in range(first, last):
         d = (directions[i, 0], directions[i, 1], directions[i, 2])
-        hit = trace(scene, o, d, low, high, skip, False, stack, entries, tests)
+        hit = trace(scene, scratch, o, d, low, high, skip, False)
         t[i], row[i], triangle[i] = hit[0], hit[1], hit[2]
         weights[i, 0], weights[i, 1] = hit[3], hit[4]
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.render.cast import Scene, cast_rays
+from carstage_sim.render.cast import Scene, cast_rays, new_scratch
 
 _BAND = 4096
 """Rays per piece of work: small enough to balance, large enough to hide the call."""
@@ -102,8 +102,8 @@ class RayCaster:
 
         def work(first: int, last: int) -> None:
             cast_rays(
-                scene, start, hits.directions, np.float32(low), np.float32(high), skip_row,
-                first, last, hits.t, hits.row, hits.triangle, hits.weights,
+                scene, new_scratch(), start, hits.directions, np.float32(low), np.float32(high),
+                skip_row, first, last, hits.t, hits.row, hits.triangle, hits.weights,
             )  # fmt: skip
 
         self.in_bands(count, work)

@@ -54,8 +54,17 @@ use_kernel_cache()
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
-kernel: Decorator = partial(numba.njit, nogil=True, error_model="numpy", cache=True)
-"""Decorator of kernels that Python calls."""
+_FAST: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 
-device: Decorator = partial(numba.njit, nogil=True, error_model="numpy")
+builder: Decorator = partial(numba.njit, cache=True, **_FAST)
+"""Decorator of functions that make arrays and that Python calls."""
+
+kernel: Decorator = partial(numba.njit, cache=True, _nrt=False, **_FAST)
+"""Decorator of functions that Python calls and that only use arrays they are given.
+
+Without numba's run time they count no references: in code that touches a dozen arrays for every
+ray, the atomic counters would cost as much as the ray.
+"""
+
+device: Decorator = partial(numba.njit, _nrt=False, **_FAST)
 """Decorator of functions that only kernels call; compiled into each kernel that uses them."""

@@ -8,12 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.render.bvh import build_tree
+from carstage_sim.render.cast import new_scratch
 from carstage_sim.render.caster import Hits, RayCaster
 from carstage_sim.render.materials import material_table
 from carstage_sim.render.scene import Frame, SceneStore
 from carstage_sim.render.shading import shade_rays
 from carstage_sim.render.sky import Lighting, SkyModel
 from carstage_sim.world.state import Weather
+
+_OFFSETS = np.array([[-0.34, -0.20], [0.34, -0.14], [0.0, 0.36]], np.float32)
+"""Extra rays of an edge pixel: places (right, down) from the pixel's centre, in pixels."""
+_EDGE_CODES = 24
+"""Difference of 8-bit codes between neighbours from which both are sampled again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +80,8 @@ class PictureMaker:
 
         def work(first: int, last: int) -> None:
             shade_rays(
-                frame.scene, frame.static, frame.actors, frame.colour, frame.light_state,
+                frame.scene, new_scratch(), frame.static, frame.actors, frame.colour,
+                frame.light_state,
                 self._materials, light, hits.origin, hits.directions, skip_row,
                 np.float32(pixel_angle), first, last,
                 hits.t, hits.row, hits.triangle, hits.weights, colours,
@@ -84,8 +91,49 @@ class PictureMaker:
         return colours
 
     def paint(self, frame: Frame, picture: Picture, light: Lighting) -> NDArray[np.uint8]:
-        """``(H, W, 3)`` uint8 sRGB picture."""
+        """``(H, W, 3)`` uint8 sRGB picture; pixels on edges are the mean of several rays."""
         angle = 2.0 * np.tan(np.radians(picture.fov_deg) / 2.0) / picture.width
         colours = self._shade(frame, picture.hits, picture.skip_row, angle, light)
-        codes = self._codes[(colours * np.float32(8191.0) + np.float32(0.5)).astype(np.int32)]
-        return codes.reshape(picture.height, picture.width, 3)
+        codes = self._encode(colours).reshape(picture.height, picture.width, 3)
+        (edges,) = np.nonzero(_rough(codes).reshape(-1))
+        if len(edges):
+            # The offset is in pixels: right along the second axis of the camera, down its third.
+            right = (picture.rotation[:, 1] * angle).astype(np.float32)
+            down = (-picture.rotation[:, 2] * angle).astype(np.float32)
+            rays = picture.hits.directions[edges][:, None, :] + (
+                _OFFSETS[:, :1] * right + _OFFSETS[:, 1:] * down
+            )
+            hits = self._caster.cast(
+                frame.scene,
+                picture.hits.origin,
+                rays.reshape(-1, 3),
+                low=picture.low,
+                high=picture.high,
+                skip_row=picture.skip_row,
+            )
+            extra = self._shade(frame, hits, picture.skip_row, angle, light)
+            total = extra.reshape(len(edges), len(_OFFSETS), 3).sum(axis=1) + colours[edges]
+            codes.reshape(-1, 3)[edges] = self._encode(total / np.float32(len(_OFFSETS) + 1))
+        return codes
+
+    def _encode(self, colours: NDArray[np.float32]) -> NDArray[np.uint8]:
+        """8-bit sRGB codes of linear display light."""
+        return self._codes[(colours * np.float32(8191.0) + np.float32(0.5)).astype(np.int32)]
+
+
+def _rough(codes: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """``(H, W)`` pixels that differ from a neighbour by more than one can overlook."""
+
+    def differ(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        apart = (np.maximum(a, b) - np.minimum(a, b)) > _EDGE_CODES
+        result: NDArray[np.bool_] = apart[..., 0] | apart[..., 1] | apart[..., 2]
+        return result
+
+    rough = np.zeros(codes.shape[:2], np.bool_)
+    across = differ(codes[:, 1:], codes[:, :-1])
+    along = differ(codes[1:], codes[:-1])
+    rough[:, 1:] |= across
+    rough[:, :-1] |= across
+    rough[1:] |= along
+    rough[:-1] |= along
+    return rough

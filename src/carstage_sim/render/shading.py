@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from carstage_sim.render.cast import _STACK, NOTHING, trace
+from carstage_sim.render.cast import NOTHING, trace
 from carstage_sim.render.detail import asphalt, faded, hash_unit, tiles, window
 from carstage_sim.render.jit import device, kernel
-from carstage_sim.render.simd import LANES
 
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
@@ -164,13 +163,10 @@ def _pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[n
 
 @kernel
 def shade_rays(  # type: ignore[no-untyped-def]
-    scene, static, actors, colour, light_state, materials, light, origin, directions, skip,
+    scene, scratch, static, actors, colour, light_state, materials, light, origin, directions, skip,
     pixel_angle, first, last, t, row, triangle, weights, out,
 ):  # fmt: skip
     """Colours of the hits ``first`` to ``last``: linear display light, 0-1, into ``out (N, 3)``."""
-    stack = np.empty(_STACK, np.int32)
-    entries = np.empty(_STACK, np.float32)
-    tests = np.empty(3 * LANES, np.float32)
     lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
     sun_up = light.sun[0] + light.sun[1] + light.sun[2] > np.float32(1e-6)
     wet, puddles, night, exposure = light.air[3], light.air[4], light.air[5], light.air[6]
@@ -292,8 +288,8 @@ def shade_rays(  # type: ignore[no-untyped-def]
             if who < 0 and gz > np.float32(0.7) and distance < np.float32(90.0):
                 # What stands right above keeps the sky's light off the ground.
                 under = trace(
-                    scene, o, (np.float32(0.12), np.float32(0.09), _ONE), np.float32(1e-3),
-                    np.float32(0.7), skip, True, stack, entries, tests,
+                    scene, scratch, o, (np.float32(0.12), np.float32(0.09), _ONE), np.float32(1e-3),
+                    np.float32(0.7), skip, True,
                 )  # fmt: skip
                 if under[1] != NOTHING:
                     dark = np.float32(0.30) + np.float32(0.4) * under[0]
@@ -308,8 +304,8 @@ def shade_rays(  # type: ignore[no-untyped-def]
                     away = np.float32(0.25)
                     o = (px + lx * away, py + ly * away, pz + lz * away)
                 shadow = trace(
-                    scene, o, (lx, ly, lz), np.float32(1e-3), np.float32(300.0), skip, True,
-                    stack, entries, tests,
+                    scene, scratch, o, (lx, ly, lz), np.float32(1e-3), np.float32(300.0),
+                    skip, True,
                 )  # fmt: skip
                 lit = shadow[1] == NOTHING
                 if lit:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from carstage_sim.content.pedestrians import PHASES, pedestrian_mesh
+from carstage_sim.content.pedestrians import PHASES, dress_of, pedestrian_mesh
 from carstage_sim.content.street_furniture import traffic_light_mesh
 from carstage_sim.content.vehicles import vehicle_mesh
 from carstage_sim.geometry import rotation_matrix
@@ -66,6 +66,9 @@ class ActorModels:
 
     def __init__(self, town: Town, meshes: Callable[[str], TriangleMesh] | None = None) -> None:
         self._town = town
+        self._catalogue = catalogue()
+        self._figures: dict[str, str] = {}
+        self._stand_ins: dict[tuple[int, tuple[float, float, float]], str] = {}
         self.mesh = meshes if meshes is not None else self._built_in
 
     def placements(self, state: WorldState) -> list[Placement]:
@@ -77,7 +80,7 @@ class ActorModels:
             if kind == ActorKind.VEHICLE:
                 key = state.type_id[row]
             elif kind == ActorKind.WALKER:
-                key = f"{state.type_id[row]}#{self._phase(state, row)}"
+                key = f"{self._figure(state.type_id[row])}#{self._phase(state, row)}"
             elif kind == ActorKind.TRAFFIC_LIGHT:
                 if lights >= len(self._town.traffic_lights):
                     continue
@@ -97,20 +100,32 @@ class ActorModels:
             )
         return found
 
+    def _figure(self, type_id: str) -> str:
+        """A blueprint of the same size and dress: figures differ in little but their colours."""
+        known = self._figures.get(type_id)
+        if known is None:
+            blueprint = self._catalogue.get(type_id)
+            size = blueprint.box_extent if blueprint is not None else (0.0, 0.0, 0.0)
+            known = self._stand_ins.setdefault((dress_of(type_id), size), type_id)
+            self._figures[type_id] = known
+        return known
+
     @staticmethod
     def _phase(state: WorldState, row: int) -> int:
         """Phase of the walk, 0 for standing, else 1 to 8; a function of this frame alone."""
         speed = float(np.hypot(state.velocity[row, 0], state.velocity[row, 1]))
         if speed < _STANDING_M_S:
             return 0
-        turns = state.timestamp_s * speed / _STRIDE_M + int(state.actor_id[row]) * 0.37
+        yaw = np.radians(state.rotation_deg[row, 1])
+        way = state.location[row, 0] * np.cos(yaw) + state.location[row, 1] * np.sin(yaw)
+        turns = float(way) / _STRIDE_M + int(state.actor_id[row]) * 0.37
         return 1 + int(turns % 1.0 * PHASES) % PHASES
 
     def _built_in(self, key: str) -> TriangleMesh:
         name, _, number = key.partition("#")
         if name == "traffic_light":
             return traffic_light_mesh(self._town.traffic_lights[int(number)].head)
-        blueprint = catalogue()[name]
+        blueprint = self._catalogue[name]
         if blueprint.kind == ActorKind.WALKER:
             return pedestrian_mesh(name, blueprint.box_extent, phase=int(number))
         parameters = blueprint.vehicle

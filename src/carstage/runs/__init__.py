@@ -2,8 +2,9 @@
 
 from carstage.runs.attempts import DeadRun, dead_runs
 from carstage.runs.folder import CurrentEpisode, EpisodeCounts, RunStatus
+from carstage.runs.outcome import RunObserver, RunResult
 from carstage.runs.preflight import size_text
-from carstage.runs.session import DEFAULT_RETRIES, RunObserver, RunResult, run
+from carstage.runs.session import DEFAULT_RETRIES, run
 
 __all__ = [
     "DEFAULT_RETRIES",

@@ -12,7 +12,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from functools import partial
 from types import TracebackType
 from typing import Any, Protocol
@@ -46,6 +46,9 @@ class LaneHost(Protocol):
 
     def poll(self) -> None:
         """Do what is due: heartbeat, conversions that are complete."""
+
+    def waiting(self, what: str) -> AbstractContextManager[None]:
+        """A stretch without ``poll``; the heartbeat goes on, and a long one is explained."""
 
     def recorded(self, landing: Landing) -> None:
         """An attempt is recorded completely."""
@@ -125,7 +128,8 @@ class ServerLane:
             self._stop_server()
         if self._server is None or self._endpoint is None:
             self._interruption.check()
-            server, endpoint = self._setup.start(self._folder.logs / "server.log")
+            with self._host.waiting("The server is starting; its first start compiles a while."):
+                server, endpoint = self._setup.start(self._folder.logs / "server.log")
             self._server, self._endpoint = server, endpoint
             self._host.heard(
                 {
@@ -170,7 +174,9 @@ class ServerLane:
                 elif event["event"] == "error":
                     last_words = dict(event)
                 self._host.heard(event)
-            code = collector.wait(_STOP_S) if collector.ended else None
+            if not collector.ended:
+                collector.kill()
+            code = collector.wait(_STOP_S)
         self._interruption.check()
         if code != 0 or not complete:
             raise self._explain(landing, code, last_words, collector)

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import os
 import selectors
+import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor as Pool
-from dataclasses import dataclass, field
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from carstage.config import Config
 from carstage.conversion import conversion_pool
 from carstage.errors import BadInputError, CarStageError, EpisodeExistsError
 from carstage.execution import Executor, InlineExecutor
-from carstage.plan import EpisodeSpec, RunEstimate, estimate_run, plan_episodes
+from carstage.plan import EpisodeSpec, estimate_run, plan_episodes
 from carstage.runs.attempts import dead_runs, remove_leftovers, reserve_attempt
 from carstage.runs.folder import (
     CurrentEpisode,
@@ -29,84 +30,15 @@ from carstage.runs.folder import (
 from carstage.runs.interruption import Interruption
 from carstage.runs.landing import Job, Landing
 from carstage.runs.lane import POLL_S, ServerLane
+from carstage.runs.outcome import Nobody, RunObserver, RunResult
 from carstage.runs.preflight import check_codecs, check_disk, check_output, check_server
 from carstage.runs.servers import ServerSetup
 from carstage.storage import Store, open_store
 
 _HEARTBEAT_S = 1.0
+_EXPLAIN_AFTER_S = 5.0
 _MOST_LANDINGS = 2
 DEFAULT_RETRIES = 2
-
-
-class RunObserver(Protocol):
-    """Who watches a run, such as the command line's progress bars."""
-
-    def planned(self, estimate: RunEstimate, todo: int, skipped: int) -> None:
-        """The run is planned and fits on the disk."""
-
-    def status(self, status: RunStatus) -> None:
-        """The status, several times a second."""
-
-    def event(self, event: Mapping[str, Any]) -> None:
-        """An event, as it is written to ``events.jsonl``."""
-
-    def say(self, sentence: str) -> None:
-        """Something that the user should read."""
-
-
-class _Nobody:
-    def planned(self, estimate: RunEstimate, todo: int, skipped: int) -> None: ...
-    def status(self, status: RunStatus) -> None: ...
-    def event(self, event: Mapping[str, Any]) -> None: ...
-    def say(self, sentence: str) -> None: ...
-
-
-@dataclass(frozen=True, slots=True)
-class RunResult:
-    """How a run ended.
-
-    Attributes:
-        state: ``done``, ``failed`` or ``interrupted``.
-        committed: episodes that this run has added to the dataset.
-        skipped: episodes that were there already.
-        failures: what went wrong, by episode id.
-    """
-
-    run_id: str
-    dataset: Path
-    folder: Path
-    state: State
-    total: int
-    committed: int
-    skipped: int
-    frames: int
-    failures: Mapping[str, str] = field(default_factory=dict)
-
-    @property
-    def exit_code(self) -> int:
-        """0 all there, 1 none of the new ones, 3 some of them, 130 interrupted."""
-        if self.state == "interrupted":
-            return 130
-        if not self.failures:
-            return 0
-        return 3 if self.committed or self.skipped else 1
-
-    def to_json(self) -> dict[str, Any]:
-        """For ``--json``."""
-        return {
-            "run_id": self.run_id,
-            "dataset": str(self.dataset),
-            "run_folder": str(self.folder),
-            "state": self.state,
-            "episodes": {
-                "total": self.total,
-                "committed": self.committed,
-                "skipped": self.skipped,
-                "failed": len(self.failures),
-            },
-            "frames": self.frames,
-            "failures": dict(self.failures),
-        }
 
 
 def run(
@@ -133,7 +65,7 @@ def run(
         BadInputError: something cannot be; nothing was started.
         ServerError: the server cannot be started.
     """
-    watcher: RunObserver = observer or _Nobody()
+    watcher: RunObserver = observer or Nobody()
     out = Path(out).expanduser().absolute()
     with Interruption(watcher.say) as interruption:
         check_output(out)
@@ -291,6 +223,29 @@ class _Session:
             self._next_heartbeat_s = now_s + _HEARTBEAT_S
             self._folder.write_status(self._status)
         self._observer.status(self._status)
+
+    @contextmanager
+    def waiting(self, what: str) -> Iterator[None]:
+        """Keep the heartbeat while the caller waits; say ``what`` when it takes long."""
+        over = threading.Event()
+
+        def beat() -> None:
+            begin_s = self._clock_s()
+            explained = False
+            while not over.wait(_HEARTBEAT_S):
+                self._folder.write_status(self._status)
+                if not explained and self._clock_s() - begin_s > _EXPLAIN_AFTER_S:
+                    explained = True
+                    self._observer.say(what)
+
+        thread = threading.Thread(target=beat, name="heartbeat", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            with self._interruption.held():
+                over.set()
+                thread.join()
 
     def recorded(self, landing: Landing) -> None:
         """Let a complete recording land: at once, or after all others."""

@@ -1,0 +1,123 @@
+"""Attempts of concurrent runs never share a folder; what dead runs left is found and removed."""
+
+from __future__ import annotations
+
+import json
+import os
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from carstage.errors import StorageError
+from carstage.runs.attempts import dead_runs, remove_leftovers, reserve_attempt
+from carstage.runs.folder import (
+    EpisodeCounts,
+    RunFolder,
+    RunStatus,
+    is_alive,
+    process_start_time,
+)
+from carstage.storage import open_store
+
+EPISODE = "00112233aabbccdd"
+NO_SUCH_PID = 2**22 + 1  # above the kernel's largest pid
+
+
+def begin_run(out: Path, *, pid: int, started: float, state: str = "recording") -> Path:
+    """A run folder as a run leaves it that stopped after its first attempt was reserved."""
+    with RunFolder(out) as folder:
+        status = RunStatus(
+            run_id=folder.run_id,
+            state=state,  # type: ignore[arg-type]
+            pid=pid,
+            pid_started=started,
+            heartbeat=0.0,
+            episodes=EpisodeCounts(total=1),
+        )
+        folder.write_status(status)
+        attempt = reserve_attempt(out, EPISODE)
+        folder.write_event("attempt_reserved", {"episode_id": EPISODE, "attempt": attempt})
+        (out / "episodes" / EPISODE / attempt / "frames.parquet").write_bytes(b"half")
+        raw = folder.raw_attempt(EPISODE, attempt)
+        raw.mkdir(parents=True)
+        (raw / "episode.json").write_text("{}")
+        return folder.path
+
+
+def test_attempts_are_numbered_from_one_without_reuse(tmp_path: Path) -> None:
+    assert [reserve_attempt(tmp_path, EPISODE) for _ in range(3)] == ["a1", "a2", "a3"]
+
+
+def test_number_may_have_a_lower_bound(tmp_path: Path) -> None:
+    assert reserve_attempt(tmp_path, EPISODE, first=4) == "a4"
+
+
+def test_concurrent_reservations_are_distinct(tmp_path: Path) -> None:
+    with ThreadPoolExecutor(8) as threads:
+        names = list(threads.map(lambda _: reserve_attempt(tmp_path, EPISODE), range(40)))
+    assert len(set(names)) == 40
+
+
+def test_reservation_that_cannot_be_made_is_a_storage_error(tmp_path: Path) -> None:
+    (tmp_path / "episodes").write_text("a file")
+    with pytest.raises(StorageError, match="cannot be created"):
+        reserve_attempt(tmp_path, EPISODE)
+
+
+def test_run_of_a_process_that_is_gone_is_dead_and_is_cleared(tmp_path: Path) -> None:
+    store = open_store(tmp_path)
+    store.initialise("test")
+    folder = begin_run(tmp_path, pid=NO_SUCH_PID, started=1.0)
+    (dead,) = dead_runs(tmp_path)
+    assert (dead.folder, dead.attempts) == (folder, ((EPISODE, "a1"),))
+    remove_leftovers(dead, store)
+    assert not (folder / "raw").exists()
+    assert not (tmp_path / "episodes" / EPISODE).exists()
+    assert json.loads((folder / "status.json").read_bytes())["state"] == "interrupted"
+    assert list(dead_runs(tmp_path)) == []
+
+
+def test_pid_that_another_process_has_now_is_a_dead_run(tmp_path: Path) -> None:
+    begin_run(tmp_path, pid=os.getpid(), started=process_start_time(os.getpid()) - 100.0)
+    assert len(list(dead_runs(tmp_path))) == 1
+
+
+def test_run_that_lives_is_left_alone(tmp_path: Path) -> None:
+    begin_run(tmp_path, pid=os.getpid(), started=process_start_time(os.getpid()))
+    assert list(dead_runs(tmp_path)) == []
+
+
+@pytest.mark.parametrize("state", ["done", "failed", "interrupted"])
+def test_run_that_ended_is_not_dead(tmp_path: Path, state: str) -> None:
+    begin_run(tmp_path, pid=NO_SUCH_PID, started=1.0, state=state)
+    assert list(dead_runs(tmp_path)) == []
+
+
+def test_committed_attempt_of_a_dead_run_stays(tmp_path: Path) -> None:
+    store = open_store(tmp_path)
+    store.initialise("test")
+    begin_run(tmp_path, pid=NO_SUCH_PID, started=1.0)
+    store.commit(EPISODE, "a1", frames=1, versions={})
+    (dead,) = dead_runs(tmp_path)
+    remove_leftovers(dead, store)
+    assert (tmp_path / "episodes" / EPISODE / "a1" / "frames.parquet").read_bytes() == b"half"
+
+
+def test_damaged_status_is_no_reason_to_remove_anything(tmp_path: Path) -> None:
+    folder = begin_run(tmp_path, pid=NO_SUCH_PID, started=1.0)
+    (folder / "status.json").write_text("{")
+    assert list(dead_runs(tmp_path)) == []
+
+
+def test_attempt_names_from_an_event_file_cannot_leave_the_dataset(tmp_path: Path) -> None:
+    folder = begin_run(tmp_path, pid=NO_SUCH_PID, started=1.0)
+    with (folder / "events.jsonl").open("a") as events:
+        line = {"event": "attempt_reserved", "episode_id": "..", "attempt": "../runs"}
+        events.write(json.dumps(line) + "\nnot json\n")
+    (dead,) = dead_runs(tmp_path)
+    assert dead.attempts == ((EPISODE, "a1"),)
+
+
+def test_status_without_a_pid_is_not_alive() -> None:
+    assert not is_alive({"state": "recording"})

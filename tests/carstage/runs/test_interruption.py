@@ -1,0 +1,79 @@
+"""The first signal asks, the second ends; nothing is cut where it must not be."""
+
+from __future__ import annotations
+
+import os
+import selectors
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from carstage.runs.interruption import Interruption
+
+
+def press(number: int = signal.SIGINT) -> None:
+    os.kill(os.getpid(), number)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signal_cuts_a_wait(number: int) -> None:
+    with Interruption(), pytest.raises(KeyboardInterrupt):
+        press(number)
+
+
+def test_signal_only_wakes_where_it_is_held() -> None:
+    said: list[str] = []
+    with Interruption(said.append) as interruption:
+        with interruption.held(), selectors.DefaultSelector() as selector:
+            selector.register(interruption, selectors.EVENT_READ)
+            press()
+            assert selector.select(5.0)
+            assert interruption.requested
+        with pytest.raises(KeyboardInterrupt):
+            interruption.check()
+    assert "again" in said[0]
+
+
+def test_nested_holds_end_with_the_outermost() -> None:
+    with Interruption() as interruption:
+        with interruption.held():
+            with interruption.held():
+                pass
+            press()
+        assert interruption.requested
+
+
+def test_handlers_are_restored() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with Interruption():
+        assert signal.getsignal(signal.SIGINT) != before
+    assert signal.getsignal(signal.SIGINT) == before
+
+
+def test_second_signal_kills_and_leaves() -> None:
+    code = """
+import os, signal, subprocess, sys
+from functools import partial
+from carstage.runs.interruption import Interruption
+child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+with Interruption() as interruption, interruption.held():
+    with interruption.kills(partial(os.kill, child.pid, signal.SIGKILL)):
+        print(child.pid, flush=True)
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGINT)
+        print("not reached")
+"""
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == 130, ended.stderr
+    (pid,) = ended.stdout.split()
+    assert not Path(f"/proc/{pid}").exists() or _is_zombie(int(pid))
+
+
+def _is_zombie(pid: int) -> bool:
+    stat = Path(f"/proc/{pid}/stat").read_text()
+    return stat.rsplit(")", 1)[1].split()[0] == "Z"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
@@ -74,6 +74,7 @@ class EpisodeConversion:
         self._plan = SensorPlan((), frozenset())
         self._tasks: dict[tuple[int, str], Future[Any]] = {}
         self._sealed: set[tuple[str, int]] = set()
+        self._finished = False
 
     @property
     def frames_total(self) -> int:
@@ -109,6 +110,7 @@ class EpisodeConversion:
         Raises:
             RawLogError: the raw log has no readable ``episode.json``.
             BadInputError: ``codecs`` names a codec or a sensor that does not exist.
+            ConversionError: the pool's processes have died.
         """
         with self._lock:
             self._load()
@@ -174,10 +176,16 @@ class EpisodeConversion:
         self._write_table(ledger_table(log.header, self._plan, ledger), "frames.parquet")
         self._remove_strays()
         shutil.rmtree(self.raw_folder / LABEL_PARTS)
+        self._finished = True
 
     def cancel(self) -> None:
-        """Drop what is not done and remove the attempt's folder; waits for running work."""
+        """Drop what is not done and remove the attempt's folder; waits for running work.
+
+        After ``finish`` has returned the files are the store's, and this does nothing.
+        """
         self._drop_tasks()
+        if self._finished:
+            return
         for folder in (self.attempt_folder, self.raw_folder / LABEL_PARTS):
             with suppress(FileNotFoundError):
                 shutil.rmtree(folder)
@@ -196,13 +204,17 @@ class EpisodeConversion:
         self._sealed.add((stream, segment))
         for sensor in self._plan.written:
             if self._is_ready(segment, sensor.id, {sensor.id, LEDGER}):
-                self._tasks[segment, sensor.id] = self._pool.submit(
+                self._tasks[segment, sensor.id] = self._submit(
                     encode_segment, self.raw_folder, self.attempt_folder, sensor, segment
                 )
         if self._is_ready(segment, _LABELS, self._plan.label_streams):
-            self._tasks[segment, _LABELS] = self._pool.submit(
-                label_segment, self.raw_folder, segment
-            )
+            self._tasks[segment, _LABELS] = self._submit(label_segment, self.raw_folder, segment)
+
+    def _submit(self, work: Callable[..., Any], *arguments: object) -> Future[Any]:
+        try:
+            return self._pool.submit(work, *arguments)
+        except BrokenProcessPool as error:
+            raise _worker_died() from error
 
     def _is_ready(self, segment: int, task: str, streams: frozenset[str] | set[str]) -> bool:
         if (segment, task) in self._tasks:
@@ -281,7 +293,11 @@ def _raise_error_of(task: Future[Any]) -> None:
     except CancelledError as error:
         raise ConversionError("The conversion was cancelled.") from error
     except BrokenProcessPool as error:
-        raise ConversionError(
-            "A conversion process died, probably for lack of memory.",
-            "Use fewer conversion workers or free some memory, then run the command again.",
-        ) from error
+        raise _worker_died() from error
+
+
+def _worker_died() -> ConversionError:
+    return ConversionError(
+        "A conversion process died, probably for lack of memory.",
+        "Use fewer conversion workers or free some memory, then run the command again.",
+    )

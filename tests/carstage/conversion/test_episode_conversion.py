@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import random
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
@@ -162,6 +165,21 @@ def test_cancelling_removes_the_attempt_and_the_label_parts(raw: Path, tmp_path:
         conversion.cancel()
     assert not (tmp_path / "out").exists()
     assert not (raw / ".labels").exists()
+
+
+def test_cancelling_after_the_end_leaves_the_files_to_the_store(raw: Path, tmp_path: Path) -> None:
+    conversion = convert(raw, tmp_path / "out")
+    conversion.cancel()
+    assert (tmp_path / "out" / "episode.json").exists()
+
+
+def test_a_pool_whose_process_died_is_a_conversion_error(raw: Path, tmp_path: Path) -> None:
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        with pytest.raises(BrokenProcessPool):
+            pool.submit(os._exit, 1).result()
+        conversion = EpisodeConversion(raw, tmp_path / "out", pool)
+        with pytest.raises(ConversionError, match="died"):
+            conversion.finish()
 
 
 def test_an_unknown_codec_or_sensor_is_bad_input() -> None:

@@ -168,7 +168,7 @@ def check_point_counts(
     rounding can move a point.
 
     Returns:
-        Points inside boxes.
+        Points inside boxes, the ego's own left out.
     """
     in_ego = transform_points(lidar.ego_from_sensor, points[:, :3].astype(np.float64))
     in_ego = in_ego[np.argsort(in_ego[:, 0])]
@@ -188,7 +188,7 @@ def check_point_counts(
             int((local <= box.extent + skin).all(axis=1).sum())
             for skin in (-BOX_SKIN_M, BOX_SKIN_M)
         )
-        total += labelled
+        total += 0 if box.is_ego else labelled
         if not fewest <= labelled <= most:
             findings.add(
                 "lidar_counts",

@@ -171,7 +171,10 @@ def draw_plain(drawing: WallDrawing, style: FacadeStyle, floors: int, *, windows
     if not windows or length < 4.0:
         drawing.panel(style.wall, 0.0, length, 0.0, top)
         return
-    drawing.panel(style.wall, 0.0, length, 0.0, style.ground_floor_m)
+    v = (1.0, max(2.4, style.ground_floor_m - 1.0))
+    drawing.panel(style.wall, 0.0, length, 0.0, v[0])
+    _row(drawing, style, _windows(length, style), v, 0.0, framed=False)
+    drawing.panel(style.wall, 0.0, length, v[1], style.ground_floor_m)
     _storeys(drawing, style, floors, 0.0, framed=False)
 
 
@@ -182,13 +185,18 @@ def _bays(length_m: float, style: FacadeStyle) -> NDArray[np.float64]:
     return np.linspace(pier_m, length_m - pier_m, count + 1)
 
 
+def _windows(length_m: float, style: FacadeStyle) -> list[tuple[float, float]]:
+    """Left and right edge of the window of each bay."""
+    edges = _bays(length_m, style)
+    margin = (edges[1] - edges[0]) * (1.0 - style.glazing) / 2
+    return [(float(a + margin), float(b - margin)) for a, b in pairwise(edges)]
+
+
 def _storeys(
     drawing: WallDrawing, style: FacadeStyle, floors: int, recess_m: float, *, framed: bool
 ) -> None:
     length = drawing.wall.length_m
-    edges = _bays(length, style)
-    margin = (edges[1] - edges[0]) * (1.0 - style.glazing) / 2
-    windows = [(float(a + margin), float(b - margin)) for a, b in pairwise(edges)]
+    windows = _windows(length, style)
     below = style.ground_floor_m
     for floor in range(floors - 1):
         base = style.ground_floor_m + floor * style.floor_m
@@ -303,4 +311,4 @@ def _balconies(drawing: WallDrawing, style: FacadeStyle, floors: int) -> None:
             base = style.ground_floor_m + floor * style.floor_m
             drawing.slab(Material.CONCRETE, (u0, u1), (base - 0.08, base + 0.1), (0.0, 1.1))
             drawing.panel(Material.GLASS, u0, u1, base + 0.1, base + 0.92, 1.06)
-            drawing.slab(Material.METAL, (u0, u1), (base + 0.92, base + 1.0), (0.0, 1.1))
+            drawing.slab(Material.METAL, (u0, u1), (base + 0.92, base + 1.0), (1.02, 1.1))

@@ -43,10 +43,10 @@ class TreeKind:
 
 
 TREE_KINDS: tuple[TreeKind, ...] = (
-    TreeKind("Linden", (7.5, 10.5), 2.6, (0.40, 0.5), 5, 330, 0.62),
-    TreeKind("Plane", (8.0, 11.0), 3.0, (0.48, 0.46), 6, 350, 0.66),
-    TreeKind("Columnar", (7.0, 10.0), 1.8, (0.2, 0.5), 4, 270, 0.5),
-    TreeKind("Cherry", (4.5, 6.0), 2.0, (0.55, 0.48), 5, 280, 0.46),
+    TreeKind("Linden", (7.5, 10.5), 2.6, (0.40, 0.5), 5, 300, 0.64),
+    TreeKind("Plane", (8.0, 11.0), 3.0, (0.48, 0.46), 6, 310, 0.68),
+    TreeKind("Columnar", (7.0, 10.0), 1.8, (0.2, 0.5), 4, 240, 0.52),
+    TreeKind("Cherry", (4.5, 6.0), 2.0, (0.55, 0.48), 5, 250, 0.48),
     TreeKind("Spruce", (9.0, 14.0), 1.4, (0.24, 0.5), 1, 420, 0.9, cone=True),
 )
 
@@ -62,7 +62,7 @@ def tree_mesh(kind: TreeKind, height_m: float, rng: np.random.Generator) -> Tria
         parts.append(_cone_core(kind, height_m))
     else:
         lobes = _lobes(kind, middle, half, rng)
-        parts += [_ball(center, radius * 0.8) for center, radius in lobes]
+        parts += [_ball(center, radius * 0.78, rng) for center, radius in lobes]
         parts += _branches(kind, lobes)
         places, outward = _ball_places(kind, lobes, rng)
     parts.append(_leaves(places, outward, middle, kind.leaf_m, rng, droop=kind.cone))
@@ -96,8 +96,8 @@ def _lobes(
     return result
 
 
-def _ball(center: NDArray[np.float64], radius_m: float) -> TriangleMesh:
-    """A coarse ball, 36 triangles, with smooth normals: the shade inside a crown."""
+def _ball(center: NDArray[np.float64], radius_m: float, rng: np.random.Generator) -> TriangleMesh:
+    """A dented ball of 36 triangles, each lit as if it were leaves: the inside of a crown."""
     rings, sides = 3, 6
     polar = np.linspace(0.0, np.pi, rings + 2)[1:-1]
     around = np.linspace(0.0, 2 * np.pi, sides, endpoint=False)
@@ -120,7 +120,16 @@ def _ball(center: NDArray[np.float64], radius_m: float) -> TriangleMesh:
             a, b = 1 + ring * sides, 1 + (ring + 1) * sides
             triangles += [(a + k, b + k, b + n), (a + k, b + n, a + n)]
     index = np.array(triangles)
-    return build_mesh(center + unit * radius_m, index, Material.FOLIAGE, _TAG, normals=unit[index])
+    dents = rng.uniform(0.8, 1.15, (len(unit), 1))
+    normals = unit[index].mean(axis=1) + rng.normal(scale=0.45, size=(len(index), 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return build_mesh(
+        center + unit * dents * radius_m,
+        index,
+        Material.FOLIAGE,
+        _TAG,
+        normals=np.repeat(normals[:, None, :], 3, axis=1),
+    )
 
 
 def _branches(kind: TreeKind, lobes: list[tuple[NDArray[np.float64], float]]) -> list[TriangleMesh]:

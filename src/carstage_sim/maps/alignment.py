@@ -105,5 +105,13 @@ def turn(start: Pose2, end: Pose2) -> Alignment:
     return tuple(pieces)
 
 
+def turning(alignment: Alignment) -> str:
+    """``left``, ``right`` or ``straight``: by the angle between first and last heading."""
+    angle = _wrapped(alignment[-1].end.heading_rad - alignment[0].start.heading_rad)
+    if abs(angle) < math.pi / 4:
+        return "straight"
+    return "left" if angle > 0 else "right"
+
+
 def _wrapped(angle_rad: float) -> float:
     return math.remainder(angle_rad, 2 * math.pi)

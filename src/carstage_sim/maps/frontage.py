@@ -12,7 +12,7 @@ from carstage_sim.maps.strips import Strip
 
 @dataclass(frozen=True, slots=True)
 class Frontage:
-    """A sidewalk outside junctions, with the road on its left.
+    """A sidewalk, with the road on its left.
 
     Attributes:
         road_id: the road that it runs along.
@@ -52,11 +52,13 @@ class Frontage:
         return float(x), float(y), (yaw - 90.0 + 180.0) % 360.0 - 180.0
 
 
-def frontages(lanes: list[Strip]) -> list[Frontage]:
-    """All sidewalks outside junctions."""
+def frontages(lanes: list[Strip], *, inside_junctions: bool = False) -> list[Frontage]:
+    """All sidewalks outside junctions, or the straight ones inside."""
     result = []
     for lane in lanes:
-        if lane.kind != "sidewalk" or lane.junction_id != -1:
+        if lane.kind != "sidewalk" or (lane.junction_id != -1) != inside_junctions:
+            continue
+        if inside_junctions and np.ptp(np.unwrap(lane.yaw_deg, period=360.0)) > 1.0:
             continue
         steps = np.linalg.norm(np.diff(lane.center, axis=0), axis=1)
         result.append(

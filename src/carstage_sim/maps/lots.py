@@ -19,7 +19,7 @@ _CORNER_REACH_M = 4.0
 _WIDTHS_M = (24.0, 20.0, 16.0, 12.0)
 _DEPTH_M = (11.0, 14.0)
 _SKYLINE_M = (45.0, 130.0)
-_SKYLINE_BUILDINGS = 20
+_SKYLINE_BUILDINGS = 16
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
+from carstage_sim.maps.alignment import turning
 from carstage_sim.maps.layout import STOP_LINE_M
 from carstage_sim.maps.network import RoadNetwork
 from carstage_sim.maps.strips import LaneMark, Strip
@@ -19,6 +20,7 @@ DASH_GAP_M = 6.0
 STOP_LINE_WIDTH_M = 0.4
 ZEBRA_BAR_M = 0.5
 _CROSSWALK_CLEARANCE_M = 0.9
+_ARROW_FOOT_M = STOP_LINE_M + 9.0
 _DOUBLE_SPACING_M = 0.24
 
 
@@ -79,6 +81,42 @@ def stop_lines(network: RoadNetwork) -> BaseGeometry:
             ]
             bars.append(shapely.Polygon([(c.x, -c.y) for c in corners]))
     return shapely.union_all(bars)
+
+
+def turn_arrows(network: RoadNetwork) -> BaseGeometry:
+    """Arrows on the lanes of wide approaches: where each lane leads."""
+    roads = {road.road_id: road for road in network.roads}
+    arrows = []
+    for junction in network.junctions:
+        turns: dict[tuple[int, int], set[str]] = {}
+        for connection in junction.connections:
+            for source, _ in connection.lane_links:
+                turn = turning(roads[connection.connecting_road].alignment)
+                turns.setdefault((connection.incoming_road, source), set()).add(turn)
+        for arm in junction.arms:
+            if arm.lanes < 2:
+                continue
+            for index in range(1, arm.lanes + 1):
+                lane = turns.get((arm.road_id, arm.lane_id(index, inbound=True)), set())
+                foot = arm.mouth.moved(-_ARROW_FOOT_M, -(index - 0.5) * arm.lane_width_m)
+                for shape in _arrow(lane):
+                    corners = [foot.moved(forward, left) for forward, left in shape]
+                    arrows.append(shapely.Polygon([(c.x, -c.y) for c in corners]))
+    return shapely.union_all(arrows)
+
+
+def _arrow(turns: set[str]) -> list[list[tuple[float, float]]]:
+    """Outlines (forward, left) in metres of an arrow with a head for every direction."""
+    stem = 2.6 if "straight" in turns else 1.9
+    shapes = [[(0.0, -0.08), (stem, -0.08), (stem, 0.08), (0.0, 0.08)]]
+    if "straight" in turns:
+        shapes.append([(stem, -0.32), (stem + 1.3, 0.0), (stem, 0.32)])
+    for side, name in ((1.0, "left"), (-1.0, "right")):
+        if name in turns:
+            bend = [(1.5, 0.0), (1.9, 0.0), (2.25, 0.42), (2.0, 0.56)]
+            head = [(1.85, 0.42), (2.5, 0.38), (2.45, 1.05)]
+            shapes += [[(f, side * left) for f, left in part] for part in (bend, head)]
+    return shapes
 
 
 def zebra(crosswalks: tuple[shapely.Polygon, ...], lanes: list[Strip]) -> BaseGeometry:

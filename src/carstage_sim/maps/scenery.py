@@ -34,8 +34,8 @@ _STEP_M = 8.0
 _FROM_KERB_M = 0.8
 _PIT_HALF_M = 0.6
 _STREET_TREES = [kind for kind in TREE_KINDS if not kind.cone]
-_GARDEN_TREES = 40
-_PARK_TREES = 28
+_GARDEN_TREES = 32
+_PARK_TREES = 25
 _GARDEN_REACH_M = 90.0
 
 
@@ -94,7 +94,9 @@ def scenery(
     lot_rng, house_rng, street_rng, green_rng = rng.spawn(4)
     stage = _Stage()
     streets = frontages(lanes)
-    lots = street_lots(streets, ground, list(ground.parks), lot_rng)
+    # The far side of a T is a frontage too: it closes the view down the street that ends there.
+    fronts = streets + frontages(lanes, inside_junctions=True)
+    lots = street_lots(fronts, ground, list(ground.parks), lot_rng)
     lots += skyline_lots(ground, lots, lot_rng)
     for lot in lots:
         mesh = building_mesh(

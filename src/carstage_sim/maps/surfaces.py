@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.maps.markings import lane_lines, stop_lines, zebra
+from carstage_sim.maps.markings import lane_lines, stop_lines, turn_arrows, zebra
 from carstage_sim.maps.network import RoadNetwork
 from carstage_sim.maps.strips import Strip
 from carstage_sim.mesh import Material
@@ -145,6 +145,7 @@ def ground_layers(
     near_sidewalk = ground.sidewalk.buffer(_SEAM_M)
     return [
         Layer(bars, Material.CROSSWALK_WHITE, label.ROAD_LINES, 0.0),
+        Layer(turn_arrows(network), Material.LANE_MARKING_WHITE, label.ROAD_LINES, 0.0),
         Layer(stops, Material.LANE_MARKING_WHITE, label.ROAD_LINES, 0.0),
         Layer(white, Material.LANE_MARKING_WHITE, label.ROAD_LINES, 0.0),
         Layer(yellow, Material.LANE_MARKING_YELLOW, label.ROAD_LINES, 0.0),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from contextlib import ExitStack
 from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Tuple
 
@@ -214,7 +215,9 @@ class EpisodeRecorder:
                 self._stop.check()
                 pipeline.wait_for_room(self._stop)
             except InterruptedByRequestError:
-                pipeline.wait_booked(tick, 2.0 * self._plan.server.timeout_s)
+                deadline_s = time.monotonic() + 2.0 * self._plan.server.timeout_s
+                while not pipeline.wait_booked(tick, POLL_S) and time.monotonic() < deadline_s:
+                    pass
                 raise
             yield tick, clock.step()
 

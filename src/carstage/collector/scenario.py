@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from typing import Any, Callable, Dict, List, Type, TypeVar
 
+import carla
+
 from carstage.collector.errors import SceneError
 from carstage.collector.plan import EpisodeSpec
 from carstage.collector.world import WorldSession
+
+DRIVING_LIGHTS = int(carla.VehicleLightState.Position) | int(carla.VehicleLightState.LowBeam)
 
 
 class Scenario:
@@ -75,7 +79,7 @@ class Autopilot(Scenario):
         manager.set_random_device_seed(self._spec.seeds["traffic_manager"])
         manager.set_hybrid_physics_mode(False)
         self._session.on_exit("traffic manager", manager.shut_down)
-        automatic_lights = self._spec.weather.lights == "auto"
+        lights = self._spec.weather.lights
         for vehicle in [ego, *vehicles]:
             vehicle.set_autopilot(True, self._traffic_manager_port)
             for ignore in (
@@ -85,4 +89,6 @@ class Autopilot(Scenario):
                 manager.ignore_walkers_percentage,
             ):
                 ignore(vehicle, 0.0)
-            manager.update_vehicle_lights(vehicle, automatic_lights)
+            manager.update_vehicle_lights(vehicle, lights == "auto")
+            if lights == "on":
+                vehicle.set_light_state(carla.VehicleLightState(DRIVING_LIGHTS))

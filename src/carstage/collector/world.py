@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import time
 from typing import Any, Callable, List, Tuple
 
+from carstage.collector.client import answers
 from carstage.collector.maps import find_map
 from carstage.collector.plan import EpisodeSpec
 from carstage.collector.timing import apply_timing, release_timing
@@ -64,14 +66,26 @@ class WorldSession:
         self._give_backs.append((what, give_back))
 
     def _give_back(self) -> None:
-        """Give everything back, whatever fails: a server that died must not hide why."""
-        self._client.set_timeout(min(GIVE_BACK_TIMEOUT_S, self._timeout_s))
+        """Give everything back, whatever fails: a server that died must not hide why.
+
+        A server that is gone is asked for nothing: each call would wait for its timeout, and the
+        Traffic Manager's thread ends the whole process when its calls fail.
+        """
+        give_back_s = min(GIVE_BACK_TIMEOUT_S, self._timeout_s)
         try:
-            while self._give_backs:
+            alive = answers(self._client, give_back_s)
+            while alive and self._give_backs:
                 what, give_back = self._give_backs.pop()
+                begin_s = time.monotonic()
                 try:
                     give_back()
                 except RuntimeError as error:
                     _log.warning("giving back failed (%s): %s", what, error)
+                # Destroying an actor does not raise when it times out.
+                if time.monotonic() - begin_s >= give_back_s:
+                    alive = answers(self._client, give_back_s)
+            if not alive:
+                self._give_backs.clear()
+                _log.error("the server is gone: nothing can be given back")
         finally:
             self._client.set_timeout(self._timeout_s)

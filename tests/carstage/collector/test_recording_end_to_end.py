@@ -16,7 +16,7 @@ import pytest
 
 from carstage.rawlog import format as raw
 from carstage.rawlog.reader import EpisodeLog, recover
-from carstage.server import free_port
+from carstage.server import EmbeddedServer, free_port
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("collector")]
 
@@ -338,6 +338,38 @@ def test_a_bad_plan_ends_with_2(collector: Collector, make_plan: PlanMaker) -> N
     assert code == 2
     assert [event["event"] for event in events] == ["error", "collector_finished"]
     assert events[0]["message"].startswith("episodes[0].spec.fps")
+
+
+@pytest.mark.parametrize(("lights", "bits"), [("on", {1 | 2}), ("off", {0})])
+def test_vehicle_lights_are_on_or_off_as_planned(
+    collector: Collector, make_plan: PlanMaker, tmp_path: Path, lights: str, bits: set[int]
+) -> None:
+    weather = {"preset": "ClearNight", "parameters": {}, "lights": lights}
+    folder = tmp_path / "raw"
+    assert collector.run(make_plan(folder, steps=1, weather=weather))[0] == 0
+    (frame,) = EpisodeLog(folder).world_frames(0)
+    assert set(frame.meta["vehicle_lights"].values()) == bits
+
+
+def test_a_server_that_dies_ends_the_recording(
+    collector: Collector, make_plan: PlanMaker, tmp_path: Path
+) -> None:
+    with EmbeddedServer(threads=1, log_path=tmp_path / "server.log") as server:
+        collector.port = server.endpoint.port
+        plan = make_plan(tmp_path / "raw", tmp_path / "next", steps=2000)
+        plan["server"]["timeout_s"] = 3.0
+        process = collector.start(plan)
+        collector.await_event(process, "segment_sealed")
+        assert server.endpoint.pid is not None
+        os.kill(server.endpoint.pid, signal.SIGKILL)
+        output, _ = process.communicate(timeout=END_S)
+    # The client library aborts the process when a call of its Traffic Manager's thread fails.
+    assert process.returncode in (1, -signal.SIGABRT)
+    if process.returncode == 1:
+        events = [json.loads(line) for line in output.splitlines()]
+        ends = [e["event"] for e in events if e["event"] not in ("tick", "segment_sealed")]
+        assert ends == ["episode_aborted", "error", "collector_finished"]
+    assert EpisodeLog(tmp_path / "raw").sealed_segments("CAM")[0] == 0
 
 
 def test_an_asynchronous_server_is_followed(

@@ -24,6 +24,8 @@ from driving import (
     wait_for_event,
 )
 
+from carstage.server import EmbeddedServer
+
 pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("runs")]
 
 
@@ -213,3 +215,15 @@ def test_episode_that_always_fails_is_given_up_after_its_retries(
     assert result["episodes"]["failed"] == 1
     assert attempts(out) == []
     assert children_that_live(out) == []
+
+
+def test_server_that_runs_already_gives_the_same_bytes_and_stays(
+    undisturbed: Path, small: str, home: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "dataset"
+    with EmbeddedServer(log_path=tmp_path / "server.log") as server:
+        place = f"{{kind: remote, host: 127.0.0.1, port: {server.endpoint.port}}}"
+        ended = carstage(["run", small, "--out", str(out), "--set", f"server={place}"], home)
+        assert ended.code == 0, ended.stderr
+        assert server.alive()
+    assert differing(out, undisturbed) == []

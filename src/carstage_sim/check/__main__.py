@@ -23,6 +23,7 @@ def _parser() -> argparse.ArgumentParser:
 
     traffic = checks.add_parser("traffic", help="vehicles flow without a pile-up")
     traffic.add_argument("--vehicles", type=int, default=50)
+    traffic.add_argument("--walkers", type=int, default=0)
     traffic.add_argument("--seconds", type=float, default=300.0, help="simulated")
     traffic.add_argument(
         "--base-types",
@@ -54,6 +55,7 @@ def _run(arguments: argparse.Namespace) -> Verdict:
     checks: dict[str, Callable[[], Verdict]] = {
         "traffic": lambda: check_traffic(
             vehicles=arguments.vehicles,
+            walkers=arguments.walkers,
             seconds=arguments.seconds,
             fps=arguments.fps,
             seed=arguments.seed,

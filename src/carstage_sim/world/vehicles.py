@@ -50,6 +50,7 @@ class _Rows:
     airborne: BoolArray
     free_yaw_rate: FloatArray
     simulated: BoolArray
+    collides: BoolArray
     constant_velocity: FloatArray
     # Where this tick's motion is counted from.
     origin_location: FloatArray
@@ -81,7 +82,7 @@ def _empty_rows() -> _Rows:
         "origin_location",
         "origin_rotation_deg",
     }
-    flags = {"hand_brake", "reverse", "airborne", "simulated"}
+    flags = {"hand_brake", "reverse", "airborne", "simulated", "collides"}
     columns: dict[str, NDArray[np.generic]] = {}
     for field in fields(_Rows):
         shape: tuple[int, ...] = (0, 3) if field.name in vectors else (0,)
@@ -218,6 +219,7 @@ class VehicleFleet:
             "origin_rotation_deg": rotation,
             "airborne": True,
             "simulated": True,
+            "collides": True,
             "constant_velocity": np.full(3, np.nan),
             **_parameter_values(parameters),
         }
@@ -310,6 +312,10 @@ class VehicleFleet:
             rows.airborne[row] = True
         rows.simulated[row] = enabled
 
+    def set_collides(self, actor_id: int, enabled: bool) -> None:
+        """Whether a vehicle pushes others and is pushed."""
+        self._rows.collides[self.row(actor_id)] = enabled
+
     def set_constant_velocity(self, actor_id: int, velocity: ArrayLike | None) -> None:
         """Holds a velocity (m/s, in the vehicle's frame) whatever the pedals say; None ends it."""
         row = self.row(actor_id)
@@ -390,7 +396,11 @@ class VehicleFleet:
         center = rows.location.copy()
         center[:, 0] += rows.box_center_x * np.cos(yaw_rad)
         center[:, 1] += rows.box_center_x * np.sin(yaw_rad)
-        contacts = find_contacts(center, rows.half_size, yaw_rad)
+        contacts = [
+            contact
+            for contact in find_contacts(center, rows.half_size, yaw_rad)
+            if rows.collides[contact.first] and rows.collides[contact.second]
+        ]
         inverse_mass = np.where(rows.simulated, rows.inverse_mass, 0.0)
         resolve_contacts(contacts, rows.location, rows.speed, yaw_rad, inverse_mass)
 

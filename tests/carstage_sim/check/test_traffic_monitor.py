@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carstage_sim.check.traffic import TrafficFigures, TrafficMonitor, gap_m, judge
+from carstage_sim.check.traffic import TrafficFigures, judge
+from carstage_sim.check.traffic_monitor import TrafficMonitor, gap_m
 
 EXTENT = np.array([2.4, 1.0, 0.75])
 
@@ -76,6 +77,14 @@ def test_a_vehicle_that_is_gone_does_not_poison_the_rest() -> None:
     assert watched.touching == {}
 
 
+def test_only_a_moving_vehicle_hits_a_walker() -> None:
+    watched = monitor(2)
+    walkers = np.array([[2.0, 0.5], [2.0, 1.5], [51.0, 0.0]])
+    location = np.array([[0.0, 0.0, 0.0], [50.0, 0.0, 0.0]])
+    watched.sample_walkers(walkers, location, np.zeros(2), np.array([5.0, 0.0]))
+    assert watched.hit == {0}
+
+
 def good_figures() -> TrafficFigures:
     return TrafficFigures(
         vehicles=50,
@@ -98,6 +107,8 @@ def test_good_figures_pass() -> None:
         ("longest_stand_s", 91.0),
         ("touching", 1),
         ("narrowest_gap_m", 0.0),
+        ("walkers_hit", 1),
+        ("red_lights_run", 1),
         ("mean_speed_kmh", 2.0),
         ("mean_distance_m", 100.0),
         ("moved_in_last_minute", 0.5),

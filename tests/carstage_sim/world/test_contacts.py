@@ -83,3 +83,13 @@ def test_a_vehicle_without_physics_cannot_be_pushed() -> None:
         fleet.step(0.05, 5)
     np.testing.assert_array_equal(fleet.location[1], before)
     assert fleet.velocity[0, 0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_vehicles_whose_collisions_are_off_pass_through_each_other() -> None:
+    fleet = two_cars(1.0)
+    fleet.set_collides(1, False)
+    fleet.set_target_velocity(1, (15.0, 0.0, 0.0))
+    for _ in range(20):
+        fleet.step(0.05, 5)
+    assert fleet.location[0, 0] > fleet.location[1, 0]
+    assert fleet.velocity[1, 0] == 0.0

@@ -14,6 +14,7 @@ import os
 import socket
 import threading
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from types import TracebackType
 
@@ -64,8 +65,9 @@ class Server:
         self._parent_pid = parent_pid
         self._stop = threading.Event()
         self._next_tick_s = 0.0
+        self._older_streams: list[int] = []
         self._tick_requests: list[Call | None] = []
-        self._later: list[tuple[float, int, Call]] = []
+        self._later: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
         with ExitStack() as resources:
             rpc_loop = resources.enter_context(SocketLoop("rpc sockets"))
@@ -84,7 +86,7 @@ class Server:
             traffic_managers=TrafficManagers(),
             request_tick=self._tick_requests.append,
             episode_began=self._episode_began,
-            answer_after=self._answer_after,
+            after=self._after,
         )
 
     def __enter__(self) -> Server:
@@ -112,7 +114,7 @@ class Server:
                     self._tick()
             else:
                 self._run_freely()
-            self._answer_due()
+            self._run_due()
             if self._parent_pid is not None and os.getppid() != self._parent_pid:
                 logger.info("parent process is gone: ending")
                 return
@@ -161,7 +163,19 @@ class Server:
         payload = encode_snapshot(snapshot, self._dialect, time.time())
         # A client that misses the change of map would keep the old one.
         wait = self._simulation.settings.synchronous_mode or snapshot.map_changed
-        self._streams.publish_world(payload, wait=wait)
+        for stream_id in self._snapshot_streams():
+            self._streams.publish(stream_id, [payload], wait=wait)
+
+    def _snapshot_streams(self) -> list[int]:
+        """Streams that carry snapshots: the episode's own, and older ones while somebody listens.
+
+        Every episode has its own because a client that opens a new episode subscribes to it before
+        it gives up the old one, and mixes the two up (and crashes) if they have one number.
+        """
+        current = self._simulation.world.stream_id
+        older = [i for i in self._older_streams if self._streams.listeners(i) and i != current]
+        self._older_streams = [*older, current]
+        return self._older_streams
 
     def _publish_sensors(self, snapshot: Snapshot) -> None:
         state = snapshot.state
@@ -181,14 +195,14 @@ class Server:
                 wait=self._simulation.settings.synchronous_mode,
             )
 
-    def _episode_began(self) -> None:
-        self._next_tick_s = time.monotonic() + self._period_s
+    def _episode_began(self, quiet_s: float = 0.0) -> None:
+        self._next_tick_s = time.monotonic() + max(quiet_s, self._period_s)
         self._publish_snapshot(self._simulation.first_frame())
 
-    def _answer_after(self, call: Call, delay_s: float) -> None:
-        heapq.heappush(self._later, (time.monotonic() + delay_s, next(self._order), call))
+    def _after(self, delay_s: float, action: Callable[[], None]) -> None:
+        heapq.heappush(self._later, (time.monotonic() + delay_s, next(self._order), action))
 
-    def _answer_due(self) -> None:
+    def _run_due(self) -> None:
         while self._later and self._later[0][0] <= time.monotonic():
-            _, _, call = heapq.heappop(self._later)
-            call.answer(None)
+            _, _, action = heapq.heappop(self._later)
+            action()

@@ -31,7 +31,7 @@ class Connection:
 
     Attributes:
         peer: the client's host address.
-        held_calls: calls whose replies are kept back until :meth:`release`.
+        held_calls: calls whose replies are kept back.
     """
 
     def __init__(self, channel: Channel) -> None:
@@ -54,11 +54,15 @@ class Connection:
         """Answer with an error of the envelope, as rpclib does for calls that do not exist."""
         self._send(msgpack.packb([_REPLY, request.message_id, text, None]))
 
-    def release(self) -> None:
-        """Send what was kept back and keep nothing back any more."""
+    def take_held(self) -> list[bytes]:
+        """Keep nothing back any more; returns what was kept so far, for :meth:`send_held`."""
         self.held_calls = frozenset()
         held, self._held = self._held, []
-        for message in held:
+        return held
+
+    def send_held(self, messages: list[bytes]) -> None:
+        """Send what :meth:`take_held` returned."""
+        for message in messages:
             self._send(message)
 
     def _send(self, message: bytes) -> None:

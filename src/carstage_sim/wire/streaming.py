@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from carstage_sim.wire.socket_loop import Channel, SocketLoop
-from carstage_sim.wire.token import WORLD_OBSERVER_STREAM
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
@@ -40,7 +39,6 @@ class StreamingServer:
     def __init__(self, loop: SocketLoop, sock: socket.socket) -> None:
         self._lock = threading.Lock()
         self._subscribers: dict[int, list[Channel]] = {}
-        self._latest_world: list[bytes] | None = None
         self._ended = threading.Event()
         self.port = int(sock.getsockname()[1])
         loop.listen(sock, self._accept)
@@ -69,18 +67,10 @@ class StreamingServer:
         for channel in channels:
             if channel.unwritten_bytes:
                 if not wait:
+                    logger.debug("stream %d: %s is slow, left out", stream_id, channel.peer)
                     continue
                 self._wait_written(channel)
             channel.send(message)
-
-    def publish_world(self, payload: bytes, *, wait: bool) -> None:
-        """Send a world-observer message and keep it for subscribers that come before the next.
-
-        A client that opens the world while the server waits for a tick so sees its actors.
-        """
-        with self._lock:
-            self._latest_world = [bytes(part) for part in _framed([payload])]
-        self.publish(WORLD_OBSERVER_STREAM, [payload], wait=wait)
 
     def _wait_written(self, channel: Channel) -> None:
         while not self._ended.is_set():
@@ -103,8 +93,6 @@ class StreamingServer:
         logger.debug("stream %d: subscribed by %s", stream_id, channel.peer)
         channel.on_close = lambda: self._unsubscribe(stream_id, channel)
         with self._lock:
-            if stream_id == WORLD_OBSERVER_STREAM and self._latest_world is not None:
-                channel.send(self._latest_world)
             self._subscribers.setdefault(stream_id, []).append(channel)
 
     def _unsubscribe(self, stream_id: int, channel: Channel) -> None:

@@ -7,7 +7,6 @@ import struct
 _LAYOUT = struct.Struct("<IHBB16s")
 _TCP = 1
 _ADDRESS_OF_THE_RPC_HOST = 0
-WORLD_OBSERVER_STREAM = 1
 
 
 def stream_token(stream_id: int, port: int) -> bytes:

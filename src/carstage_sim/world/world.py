@@ -45,7 +45,7 @@ from carstage_sim.world.vehicles import VehicleFleet
 from carstage_sim.world.walkers import WalkerMotion
 
 _REMEMBERED_DEAD = 4096
-_FIRST_STREAM = 2
+_FIRST_STREAM = 1
 _SPECTATOR_HEIGHT_M = 20.0
 COLLISION_TEXT = "Spawn failed because of collision at spawn position"
 
@@ -68,6 +68,7 @@ class World:
         actors: the live actors.
         fleet: dynamics of the vehicles.
         lights: signal control.
+        stream_id: stream of this episode's snapshots.
     """
 
     def __init__(
@@ -88,6 +89,7 @@ class World:
         self.lights = TrafficLightSystem(town.traffic_lights)
         # Numbers of streams are never used again: a client may still listen to an old one.
         self.next_stream_id = _FIRST_STREAM if previous is None else previous.next_stream_id
+        self.stream_id = self.take_stream_id()
         self._check_sensor = check_sensor
         self.light_ids: tuple[int, ...] = ()
         if previous is not None and previous.town is town:
@@ -334,6 +336,13 @@ class World:
         actor.simulate_physics = enabled
         if actor.vehicle is not None:
             self.fleet.set_simulate_physics(actor_id, enabled)
+
+    def set_collides(self, actor_id: int, enabled: bool) -> None:
+        """Whether an actor is in the way of others; one that was destroyed may be named."""
+        actor = self.live_or_dead(actor_id)
+        actor.collides = enabled
+        if actor.vehicle is not None and actor_id in self.actors:
+            self.fleet.set_collides(actor_id, enabled)
 
     def set_target_velocity(self, actor_id: int, velocity: Vector3) -> None:
         """Give a vehicle a velocity (m/s, world) at once; other actors ignore it."""

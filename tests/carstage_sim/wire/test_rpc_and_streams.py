@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import struct
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ import pytest
 from raw_client import RawClient, read_message, subscribe
 
 if TYPE_CHECKING:
-    from conftest import RunningSimulator
+    from running_simulator import RunningSimulator
 
 SETTINGS = [True, False, [True, 0.05], True, 0.01, 10, 0.0, True, 3000.0, 2000.0, True]
 ORIGIN = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
@@ -31,6 +32,12 @@ def spawn(client: RawClient, type_id: str, transform: list[list[float]]) -> list
     description = [uid, type_id, [[name, kind, value] for name, kind, value, *_ in attributes]]
     actor: list[object] = client.value("spawn_actor", description, transform)
     return actor
+
+
+def snapshot_stream(client: RawClient) -> int:
+    _, (token,) = client.value("get_episode_info")
+    (stream_id,) = struct.unpack_from("<I", token)
+    return int(stream_id)
 
 
 def free_place(client: RawClient, index: int = 0) -> list[list[float]]:
@@ -70,8 +77,8 @@ def test_tick_answers_the_number_of_the_frame_it_made(client: RawClient) -> None
 def test_snapshot_is_published_before_the_tick_is_answered(
     simulator: RunningSimulator, client: RawClient
 ) -> None:
-    with subscribe(simulator.host, simulator.streaming_port, 1) as stream:
-        read_message(stream)  # the frame that stands already
+    with subscribe(simulator.host, simulator.streaming_port, snapshot_stream(client)) as stream:
+        await_first_message(client, stream)
         frame = client.value("tick_cue")
         stream.setblocking(False)
         (size,) = struct.unpack("<I", stream.recv(4))
@@ -79,12 +86,34 @@ def test_snapshot_is_published_before_the_tick_is_answered(
         assert struct.unpack("<QQ", stream.recv(16))[1] == frame
 
 
-def test_late_subscriber_gets_the_frame_that_stands(
+def await_first_message(client: RawClient, stream: socket.socket) -> bytes:
+    """Tick until the server has seen the subscription."""
+    for _ in range(100):
+        client.value("tick_cue")
+        stream.settimeout(0.1)
+        try:
+            message = read_message(stream)
+        except TimeoutError:
+            continue
+        return message
+    pytest.fail("no message came")
+
+
+def test_every_episode_has_its_own_stream_of_snapshots(client: RawClient) -> None:
+    before = snapshot_stream(client)
+    client.value("load_new_episode", "", False, 0xFFFF)
+    assert snapshot_stream(client) > before
+
+
+def test_subscriber_of_an_episode_that_ended_sees_the_next_one(
     simulator: RunningSimulator, client: RawClient
 ) -> None:
-    frame = client.value("tick_cue")
-    with subscribe(simulator.host, simulator.streaming_port, 1) as stream:
-        assert struct.unpack_from("<QQ", read_message(stream))[1] == frame
+    with subscribe(simulator.host, simulator.streaming_port, snapshot_stream(client)) as stream:
+        (episode_id,) = struct.unpack_from("<Q", await_first_message(client, stream), 48)
+        client.value("load_new_episode", "", False, 0xFFFF)
+        message = read_message(stream)
+        next_id, _, _, *_, flags = struct.unpack_from("<Qdf3iI", message, 48)
+        assert (next_id, flags) == (episode_id + 1, 1)  # with the change of map
 
 
 def test_stream_that_does_not_exist_stays_open_and_silent(
@@ -104,15 +133,7 @@ def test_stream_of_a_destroyed_sensor_stays_open_and_silent(
     sensor_id, *_, token = spawn(client, "sensor.other.gnss", free_place(client))
     (stream_id,) = struct.unpack_from("<I", token)
     with subscribe(simulator.host, simulator.streaming_port, stream_id) as stream:
-        frames = []
-        while not frames:
-            frame = client.value("tick_cue")
-            stream.settimeout(0.2)
-            try:
-                frames.append(struct.unpack_from("<QQ", read_message(stream))[1])
-            except TimeoutError:
-                continue  # the subscription was not seen yet
-        assert frames == [frame]
+        await_first_message(client, stream)
         assert client.value("destroy_actor", sensor_id) is True
         for _ in range(3):
             client.value("tick_cue")

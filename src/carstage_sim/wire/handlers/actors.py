@@ -92,7 +92,7 @@ def _set_actor_enable_gravity(call: Call, actor_id: int, enabled: bool) -> None:
 
 @handles_void("set_actor_collisions")
 def _set_actor_collisions(call: Call, actor_id: int, enabled: bool) -> None:
-    call.world.live_or_dead(actor_id).collides = enabled
+    call.world.set_collides(actor_id, enabled)
 
 
 @handles_void("set_actor_dead")

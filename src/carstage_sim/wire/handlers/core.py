@@ -8,12 +8,14 @@ from typing import Any
 from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.registry import LATER, Call, handles, handles_void
-from carstage_sim.wire.token import WORLD_OBSERVER_STREAM, stream_token
+from carstage_sim.wire.token import stream_token
 from carstage_sim.world.errors import WorldError
 from carstage_sim.world.pose import Pose
 
 _MAP_FOLDER = "Carla/Maps"
-_LOAD_ANSWER_DELAY_S = 0.1
+_ANSWER_AFTER_S = 0.1
+_REOPENED_AFTER_S = 0.3
+_GIVE_UP_S = 5.0
 _HELD_WHILE_REOPENING = frozenset(
     {"get_episode_settings", "get_weather_parameters", "get_vehicle_light_states"}
 )
@@ -26,15 +28,21 @@ def _version(call: Call) -> str:
 
 @handles("get_episode_info")
 def _get_episode_info(call: Call) -> list[Any]:
-    token = stream_token(WORLD_OBSERVER_STREAM, call.session.streaming_port)
+    token = stream_token(call.world.stream_id, call.session.streaming_port)
     return [call.world.episode_id, [token]]
 
 
 @handles("get_sensor_token")
 def _get_sensor_token(call: Call, stream_id: int) -> list[bytes]:
-    if stream_id == WORLD_OBSERVER_STREAM:
-        call.connection.release()
+    if stream_id == call.world.stream_id and call.connection.held_calls:
+        _release(call, _REOPENED_AFTER_S)
     return [stream_token(stream_id, call.session.streaming_port)]
+
+
+def _release(call: Call, delay_s: float = 0.0) -> None:
+    """Let later calls of this client be answered at once, and those kept back after a while."""
+    held = call.connection.take_held()
+    call.session.after(delay_s, lambda: call.connection.send_held(held))
 
 
 @handles("get_episode_settings")
@@ -98,16 +106,19 @@ def _load_new_episode(call: Call, map_name: str, reset_settings: bool, _layers: 
     if name not in call.simulation.town_names:
         raise CallError("map not found")
     call.simulation.load(name, reset_settings=reset_settings)
-    call.session.episode_began()
-    if not (
-        call.session.dialect.reopens_episode
-        and call.session.traffic_managers.owned_by(call.connection)
-    ):
+    if not call.session.dialect.reopens_episode:
+        call.session.episode_began(0.0)
         return None
-    # This client drops its episode now and opens another. Its Traffic Manager's thread crashes on
-    # the gap between the two; without answers it mostly waits until the gap is over.
-    call.connection.held_calls = _HELD_WHILE_REOPENING
-    call.session.answer_after(call, _LOAD_ANSWER_DELAY_S)
+    # On the answer, this client closes its stream of snapshots and opens another. Its threads crash
+    # if a snapshot arrives in that moment (it reads into what was freed), or if its Traffic Manager
+    # looks for the episode that is gone. So the stream is quiet from a while before the answer
+    # until a while after it, and the Traffic Manager is caught in its next query, which is answered
+    # when the gap is over; what the client asks after the gap began is answered at once.
+    call.session.episode_began(_ANSWER_AFTER_S + _REOPENED_AFTER_S)
+    if call.session.traffic_managers.owned_by(call.connection):
+        call.connection.held_calls = _HELD_WHILE_REOPENING
+        call.session.after(_GIVE_UP_S, lambda: _release(call))
+    call.session.after(_ANSWER_AFTER_S, lambda: call.answer(None))
     return LATER
 
 

@@ -50,8 +50,9 @@ class Session:
     Attributes:
         request_tick: asks for a frame, at once in synchronous mode, and answers the call with its
             number; None for no answer.
-        episode_began: publishes the first frame of a new episode.
-        answer_after: answers a call without a result after some seconds.
+        episode_began: publishes the first frame of a new episode; the free run pauses for some
+            seconds after it.
+        after: runs something in the simulation thread, after some seconds.
     """
 
     simulation: Simulation
@@ -59,8 +60,8 @@ class Session:
     streaming_port: int
     traffic_managers: TrafficManagers
     request_tick: Callable[[Call | None], None]
-    episode_began: Callable[[], None]
-    answer_after: Callable[[Call, float], None]
+    episode_began: Callable[[float], None]
+    after: Callable[[float, Callable[[], None]], None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -95,16 +95,22 @@ class LogWriters:
 
     def __exit__(self, *_: object) -> None:
         """Write what is queued, then end; what is not sealed stays behind as open segments."""
+        *lanes, ledger = self._lanes
+        self._end(lanes)
+        # Only now is it settled which segments the ledger's thread may still seal.
         with self._state:
             self._closing = True
             self._state.notify_all()
-        for lane in self._lanes:
-            lane.tasks.put(None)
-        for lane in self._lanes:
-            if lane.thread is not None:
-                lane.thread.join()
+        self._end([ledger])
         for writer in self._writers.values():
             writer.close()
+
+    def _end(self, lanes: Sequence[_Lane]) -> None:
+        for lane in lanes:
+            lane.tasks.put(None)
+        for lane in lanes:
+            if lane.thread is not None:
+                lane.thread.join()
 
     def write(self, task: Write) -> None:
         """Queue one record; records of a stream are written in the order of these calls."""

@@ -17,7 +17,7 @@ from carstage.collector import plan as collector_plan
 from carstage.collector.errors import InterruptedByRequestError, RecordingError
 from carstage.collector.matching import ExpectedFrame, FrameMatcher
 from carstage.collector.processing import MAX_CONSECUTIVE_MISSES, ByteBudget, Pipeline
-from carstage.collector.sensors import SENSOR_KINDS
+from carstage.collector.sensors import SENSOR_KINDS, Sensor
 from carstage.collector.snapshots import WorldMoment
 from carstage.collector.stopping import StopRequest
 from carstage.collector.timing import saved_index
@@ -51,6 +51,7 @@ class Recording:
         limit_bytes: int = 1 << 20,
         strict: bool = True,
         ticks_per_segment: int = 2,
+        camera: type[Sensor] = SENSOR_KINDS["rgb"],
     ) -> None:
         self.steps = steps
         self.save_every = save_every
@@ -73,7 +74,7 @@ class Recording:
         )
         self.pipeline = stack.enter_context(
             Pipeline(
-                {"CAM": SENSOR_KINDS["rgb"], "GNSS": SENSOR_KINDS["gnss"]},
+                {"CAM": camera, "GNSS": SENSOR_KINDS["gnss"]},
                 self.writers,
                 FrameMatcher(["CAM", "GNSS"], patience_s),
                 self.budget,
@@ -237,6 +238,24 @@ def test_an_abandoned_recording_leaves_whole_records_unsealed(tmp_path: Path) ->
     assert (tmp_path / "CAM" / "000000.seg.open").stat().st_size > 0
 
 
+def test_everything_booked_is_written_when_the_recording_is_abandoned(tmp_path: Path) -> None:
+    class SlowCamera(SENSOR_KINDS["rgb"]):  # type: ignore[misc]
+        @classmethod
+        def encode(cls, data: Any) -> Any:
+            threading.Event().wait(0.05)
+            return super().encode(data)
+
+    with recording(tmp_path, steps=50, ticks_per_segment=1, camera=SlowCamera) as running:
+        for number in range(4):
+            running.tick(number)
+            running.camera(picture(FIRST_FRAME + number))
+            running.gnss(position(FIRST_FRAME + number))
+        assert running.pipeline.wait_booked(4, 20.0)
+    assert running.failures == []
+    log = EpisodeLog(tmp_path)
+    assert log.sealed_segments("CAM") == log.sealed_segments("ledger") == (0, 1, 2, 3)
+
+
 def test_the_warm_up_sees_what_was_delivered(tmp_path: Path) -> None:
     with recording(tmp_path, steps=1) as running:
         running.camera(picture(FIRST_FRAME - 1))
@@ -255,7 +274,7 @@ from carstage.collector import events, paths, timing
 from carstage.collector.matching import ExpectedFrame, FrameMatcher
 from carstage.collector.plan import parse_plan
 from carstage.collector.processing import ByteBudget, Pipeline
-from carstage.collector.sensors import SENSOR_KINDS
+from carstage.collector.sensors import SENSOR_KINDS, Sensor
 from carstage.collector.snapshots import WorldMoment
 from carstage.collector.writing import LogWriters
 from carstage.rawlog.format import write_episode_file

@@ -1,7 +1,8 @@
 """Bytes of the raw log and its writer; the format is fixed in docs/formats/raw-log.md.
 
 Standard library only, Python 3.8: the collector uses this under whichever interpreter has the
-``carla`` wheel that fits the user's server.
+``carla`` wheel that fits the user's server. Layout and writer stay in one module, long as it is: it
+is the one file beside the collector's own that such an interpreter has to run.
 """
 
 from __future__ import annotations

@@ -88,11 +88,10 @@ def _inverse(d):  # type: ignore[no-untyped-def]
 
 
 @device
-def _walk(geometry, node, o, d, low, high, number, u, v, any_hit, stack, depth, entries, tests):  # type: ignore[no-untyped-def]
+def _walk(geometry, node, o, d, low, high, ties, u, v, any_hit, stack, depth, entries, tests):  # type: ignore[no-untyped-def]
     """Nearest triangle of one hierarchy in ``[low, high]``; of equals the lowest number.
 
-    ``number`` is the best hit's so far in this hierarchy, or -1: then a hit at ``high`` is refused
-    (an earlier hierarchy owns it) unless ``high`` is still open. ``stack[depth:]`` is free.
+    ``ties`` says whether a hit at ``high`` itself counts. ``stack[depth:]`` is free.
     """
     ix, iy, iz = _inverse(d[0]), _inverse(d[1]), _inverse(d[2])
     near_x = 0 if ix >= 0 else 3
@@ -111,6 +110,7 @@ def _walk(geometry, node, o, d, low, high, number, u, v, any_hit, stack, depth, 
     sz = np.float32(1) / dz
     sx, sy = dx * sz, dy * sz
     owned = high
+    number = -1
     base = depth
     stack[depth] = node
     entries[depth] = low
@@ -130,7 +130,9 @@ def _walk(geometry, node, o, d, low, high, number, u, v, any_hit, stack, depth, 
                 bits &= bits - 1
                 t = tests[lane]
                 index = geometry.numbers[block, lane]
-                if t < high or (t == high and (index < number if number >= 0 else t < owned)):
+                if t < high or (
+                    t == high and (index < number if number >= 0 else ties or t < owned)
+                ):
                     high, number = t, index
                     u, v = tests[LANES + lane], tests[2 * LANES + lane]
                     if any_hit:
@@ -181,7 +183,7 @@ def trace(scene, scratch, o, d, low, high, skip, any_hit):  # type: ignore[no-un
     u, v = np.float32(0), np.float32(0)
     if scene.static.planes.shape[0]:
         high, triangle, u, v = _walk(
-            scene.static, 0, o, d, low, high, -1, u, v, any_hit, stack, 0, entries, tests
+            scene.static, 0, o, d, low, high, False, u, v, any_hit, stack, 0, entries, tests
         )
         if triangle >= 0:
             row = STATIC
@@ -220,7 +222,8 @@ def trace(scene, scratch, o, d, low, high, skip, any_hit):  # type: ignore[no-un
                 r[0, 2] * d[0] + r[1, 2] * d[1] + r[2, 2] * d[2],
             )
             t, index, a, b = _walk(
-                scene.actors, scene.root[other], local_o, local_d, low, high, -1, u, v, any_hit,
+                scene.actors, scene.root[other], local_o, local_d, low, high, other < row,
+                u, v, any_hit,
                 stack, depth, entries, tests,
             )  # fmt: skip
             if index >= 0:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from carstage_sim.mesh import Material, TriangleMesh
 from carstage_sim.render.bvh import WideTree, build_tree, triangle_blocks
 from carstage_sim.render.cast import Geometry, Scene, empty_geometry
-from carstage_sim.render.jit import cache_folder
 from carstage_sim.render.simd import LANES
 
 PAINTS = 5
@@ -177,7 +176,8 @@ def cached_tree(mesh: TriangleMesh, folder: Path) -> WideTree:
     digest = hashlib.sha256(corners.tobytes() + source).hexdigest()[:24]
     path = folder / f"{digest}.npz"
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        # np.load given a path would leave a file open that is no archive.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             return WideTree(*(stored[name] for name in WideTree.__dataclass_fields__))
     except FileNotFoundError:
         pass
@@ -246,7 +246,7 @@ class SceneStore:
     Args:
         static: the town's mesh, or None for an empty world.
         mesh_of: gives the mesh of a model key; called once per key.
-        cache: folder of stored hierarchies; default below the user's cache.
+        cache: folder of stored hierarchies; None stores none.
     """
 
     def __init__(
@@ -254,7 +254,7 @@ class SceneStore:
         static: TriangleMesh | None,
         mesh_of: Callable[[str], TriangleMesh],
         *,
-        cache: Path | None = None,
+        cache: Path | None,
     ) -> None:
         self._mesh_of = mesh_of
         self._models: list[_Model] = []
@@ -264,8 +264,7 @@ class SceneStore:
         if static is None or not len(static.triangles):
             self._static, self._static_surfaces = empty_geometry(), _empty_surfaces()
         else:
-            folder = cache if cache is not None else cache_folder() / "trees"
-            model = _model(static, cached_tree(static, folder))
+            model = _model(static, cached_tree(static, cache) if cache is not None else None)
             self._static, self._static_surfaces = model.geometry, model.surfaces
 
     def _prepare(self, keys: Sequence[str]) -> None:

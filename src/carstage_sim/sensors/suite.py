@@ -9,6 +9,7 @@ from types import TracebackType
 from carstage_sim.maps.town import Town
 from carstage_sim.mesh import TriangleMesh
 from carstage_sim.render.caster import RayCaster
+from carstage_sim.render.jit import cache_folder
 from carstage_sim.render.picture import PictureMaker
 from carstage_sim.render.scene import SceneStore
 from carstage_sim.sensors import cameras, lidar, navigation  # noqa: F401 - they register themselves
@@ -43,7 +44,11 @@ class SensorSuite:
         self._town = town
         self._caster = RayCaster(threads)
         self._models = ActorModels(town, meshes)
-        self._store = SceneStore(town.static_mesh, self._models.mesh, cache=cache)
+        self._store = SceneStore(
+            town.static_mesh,
+            self._models.mesh,
+            cache=cache if cache is not None else cache_folder() / "trees",
+        )
         self._pictures = PictureMaker(self._caster)
         self._sensors: dict[int, Sensor] = {}
         self._last_frame = -1

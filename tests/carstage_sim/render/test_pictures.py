@@ -1,0 +1,137 @@
+"""Colour pictures: shadows, lamps, weather, edges, and the same bytes every time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from ray_scenes import frame_of, turned_box
+
+from carstage_sim.geometry import rotation_matrix
+from carstage_sim.labels import CityObjectLabel
+from carstage_sim.mesh import Material, build_mesh
+from carstage_sim.render.caster import RayCaster
+from carstage_sim.render.materials import LOOKS
+from carstage_sim.render.picture import Picture, PictureMaker
+from carstage_sim.render.scene import Placement
+from carstage_sim.sensors.view import Camera, pixel_rays
+from carstage_sim.world.state import Weather
+
+pytestmark = pytest.mark.xdist_group("kernels")
+
+_NOON = Weather(sun_altitude_angle=60.0, sun_azimuth_angle=180.0, cloudiness=0.0)
+
+
+def plate(low, high, material, z=0.0):
+    corners = np.array(
+        [[low[0], low[1], z], [high[0], low[1], z], [high[0], high[1], z], [low[0], high[1], z]]
+    )
+    return build_mesh(corners, [[0, 1, 2], [0, 2, 3]], material, CityObjectLabel.ROADS)
+
+
+GROUND = plate((-50, -50), (50, 50), Material.DEFAULT)
+BOX = turned_box((2.0, 2.0, 2.0))
+
+
+def paint(frame, weather=_NOON, location=(-8.0, 0.0, 3.0), rotation=(-18.0, 0.0, 0.0), threads=1):
+    camera = Camera(64, 48, 80.0, location, rotation, 0)
+    caster = RayCaster(threads)
+    maker = PictureMaker(caster)
+    hits = caster.cast(frame.scene, np.asarray(location), pixel_rays(camera), low=0.1, high=1000.0)
+    picture = Picture(64, 48, 80.0, rotation_matrix(rotation), hits, -1, 0.1, 1000.0)
+    codes = maker.paint(frame, picture, maker.sky.lighting(weather, 0.0))
+    caster.close()
+    return codes, hits
+
+
+def with_box(material=None, light_state=0, **kwargs):
+    mesh = BOX
+    if material is not None:
+        mesh = build_mesh(BOX.vertices, BOX.triangles, material, CityObjectLabel.TRAFFIC_LIGHT)
+    place = Placement(
+        1, "box", np.array([0.0, 0.0, 1.0]), np.eye(3), light_state=light_state, **kwargs
+    )
+    return frame_of(GROUND, [place], {"box": mesh})
+
+
+def test_every_material_has_a_look():
+    assert set(LOOKS) == set(Material)
+
+
+def test_a_shadow_lies_away_from_the_sun():
+    # The sun stands at azimuth 180 (-x), so the box's shadow falls towards +x.
+    frame = with_box()
+    codes, _ = paint(frame, location=(0.0, 0.0, 14.0), rotation=(-89.0, 0.0, 0.0))
+    middle = codes[:, 32].astype(int).sum(axis=1)
+    ahead, behind = middle[19:20], middle[28:30]
+    assert ahead.max() < 0.6 * behind.min()
+
+
+@pytest.mark.parametrize(
+    ("material", "on", "off", "channel"),
+    [
+        (Material.LIGHT_RED, 0, 2, 0),
+        (Material.LIGHT_GREEN, 2, 0, 1),
+        (Material.TAIL_LAMP, 8, 0, 0),
+        (Material.HEAD_LAMP, 2, 0, 1),
+        (Material.REVERSE_LAMP, 64, 0, 1),
+    ],
+)
+def test_lamps_glow_in_their_state_only(material, on, off, channel):
+    def brightness(state):
+        codes, hits = paint(with_box(material, state))
+        lens = (hits.row == 0).reshape(48, 64)
+        return codes[lens][:, channel].astype(int).mean()
+
+    assert brightness(on) > brightness(off) + 25
+
+
+def test_paint_takes_the_instances_colour():
+    def colour(srgb):
+        codes, hits = paint(with_box(colours=(srgb,) * 5))
+        return codes[(hits.row == 0).reshape(48, 64)].astype(int).mean(axis=0)
+
+    red, blue = colour((200, 10, 10)), colour((10, 10, 200))
+    assert red[0] > red[2] + 40
+    assert blue[2] > blue[0] + 40
+
+
+def test_night_is_darker_than_day_and_wet_ground_darker_than_dry():
+    def ground(weather):
+        codes, hits = paint(frame_of(GROUND), weather, rotation=(-60.0, 0.0, 0.0))
+        return codes.reshape(-1, 3)[hits.row == -1].astype(int).mean()
+
+    day = ground(_NOON)
+    assert ground(Weather(sun_altitude_angle=-90.0)) < 0.7 * day
+    wet = Weather(sun_altitude_angle=60.0, sun_azimuth_angle=180.0, wetness=80.0)
+    assert ground(wet) < day
+
+
+def test_fog_takes_contrast_from_far_things():
+    def contrast(fog_density):
+        weather = Weather(sun_altitude_angle=60.0, fog_density=fog_density)
+        place = Placement(1, "box", np.array([40.0, 0.0, 1.0]), np.eye(3))
+        codes, hits = paint(frame_of(GROUND, [place], {"box": BOX}), weather)
+        box = codes.reshape(-1, 3)[hits.row == 0].astype(int).mean(axis=0)
+        ground = codes.reshape(-1, 3)[hits.row == -1].astype(int).mean(axis=0)
+        return np.abs(box - ground).max()
+
+    assert contrast(90.0) < 0.6 * contrast(0.0)
+
+
+def test_pixels_on_edges_are_mixed():
+    frame = with_box()
+    codes, hits = paint(frame)
+    maker = PictureMaker(RayCaster(1))
+    light = maker.sky.lighting(_NOON, 0.0)
+    angle = 2.0 * np.tan(np.radians(40.0)) / 64
+    plain = maker._encode(maker._shade(frame, hits, -1, angle, light)).reshape(48, 64, 3)
+    changed = (plain != codes).any(axis=2)
+    assert 0.01 < changed.mean() < 0.5
+
+
+def test_pictures_are_the_same_bytes_again_and_with_two_threads():
+    frame = with_box()
+    first, _ = paint(frame)
+    again, _ = paint(frame)
+    two, _ = paint(frame, threads=2)
+    assert first.tobytes() == again.tobytes() == two.tobytes()

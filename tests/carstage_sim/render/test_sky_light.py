@@ -1,0 +1,60 @@
+"""Light of weathers: where the sun stands, and what clouds and night take away."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from carstage_sim.render.sky import COLUMNS, ROWS, SkyModel
+from carstage_sim.world.state import Weather
+
+
+@pytest.fixture(scope="module")
+def light():
+    model = SkyModel()
+    return lambda **weather: model.lighting(Weather(**weather), 0.0)
+
+
+def test_the_sun_stands_at_its_altitude_and_azimuth(light):
+    east = light(sun_altitude_angle=30.0, sun_azimuth_angle=90.0)
+    assert east.sun_direction.tolist() == pytest.approx([0.0, 0.8660254, 0.5], abs=1e-6)
+
+
+def test_a_low_sun_is_weaker_and_redder(light):
+    high, low = light(sun_altitude_angle=60.0), light(sun_altitude_angle=5.0)
+    assert low.sun[2] < 0.5 * high.sun[2]
+    assert low.sun[0] / low.sun[2] > 2 * high.sun[0] / high.sun[2]
+
+
+def test_clouds_take_the_sun_and_leave_the_sky(light):
+    clear, overcast = light(cloudiness=0.0), light(cloudiness=100.0)
+    assert overcast.sun.max() < 0.1 * clear.sun.max()
+    assert overcast.ambient[0].mean() > clear.ambient[0].mean()
+
+
+def test_the_clear_sky_is_blue_overhead_and_brighter_near_the_sun(light):
+    sky = light(sun_altitude_angle=40.0, sun_azimuth_angle=0.0, cloudiness=0.0).sky
+    assert sky.shape == (ROWS, COLUMNS, 3)
+    assert sky[-1, :, 2].mean() > 2 * sky[-1, :, 0].mean()
+    row = int(ROWS * np.sqrt(40 / 90))
+    assert sky[row, 0].mean() > 2 * sky[row, COLUMNS // 2].mean()
+
+
+def test_lamps_are_on_by_night_only(light):
+    assert light(sun_altitude_angle=45.0).air[5] == 0.0
+    assert light(sun_altitude_angle=-30.0).air[5] == 1.0
+
+
+@pytest.mark.parametrize("altitude", [-90.0, -10.0, 0.0, 1.0, 45.0, 90.0])
+@pytest.mark.parametrize("cloudiness", [0.0, 50.0, 100.0])
+def test_light_is_finite_and_never_negative(light, altitude, cloudiness):
+    result = light(
+        sun_altitude_angle=altitude, cloudiness=cloudiness, fog_density=80.0, dust_storm=30.0
+    )
+    for array in (result.sun, result.sky, result.ambient, result.fog, result.air):
+        assert np.all(np.isfinite(array))
+        assert np.all(array >= 0)
+
+
+def test_unchanged_weather_keeps_its_sky(light):
+    assert light(cloudiness=10.0).sky is light(cloudiness=10.0).sky

@@ -112,7 +112,11 @@ def _camera(
 
 
 def spec(
-    *, steps: int = 6, save_every: int = 1, size: tuple[int, int] = (96, 64)
+    *,
+    steps: int = 6,
+    save_every: int = 1,
+    size: tuple[int, int] = (96, 64),
+    mode: str = "sync",
 ) -> dict[str, Any]:
     """The spec of the episode: two labelled cameras, one with hidden twins, and the other kinds."""
 
@@ -136,7 +140,7 @@ def spec(
         "spec_version": 1, "dialect": "0.9.16", "index": 0, "map": "Analytic01",
         "weather": {"preset": "ClearNoon", "parameters": {}, "lights": "auto"},
         "steps": steps, "fps": 10.0, "save_every": save_every, "warmup_ticks": 5,
-        "timing": {"mode": "sync", "sensor_sync": True, "max_substep_delta_time_s": 0.01,
+        "timing": {"mode": mode, "sensor_sync": True, "max_substep_delta_time_s": 0.01,
                    "max_substeps": 10, "on_incomplete": "wait"},
         "vehicles": {"count": 2, "filter": "vehicle.*"},
         "pedestrians": {"count": 1, "filter": "walker.pedestrian.*"},
@@ -292,18 +296,22 @@ def write_raw_log(
     size: tuple[int, int] = (96, 64),
     attempt: str = "a1",
     segments: int | None = None,
+    mode: str = "sync",
+    period_s: float = 0.1,
 ) -> dict[str, Any]:
     """Write a raw log as the collector would.
 
     Args:
         folder: the attempt's folder.
         segments: stop after so many segments, as if the recording had been killed.
+        mode: ``sync`` or ``async``.
+        period_s: time between ticks; the spec says 0.1 s.
 
     Returns:
         The header.
     """
     document = header(
-        spec(steps=steps, save_every=save_every, size=size),
+        spec(steps=steps, save_every=save_every, size=size, mode=mode),
         attempt=attempt,
         ticks_per_segment=ticks_per_segment,
     )
@@ -316,7 +324,7 @@ def write_raw_log(
     for tick in range(steps):
         if segments is not None and tick >= segments * ticks_per_segment:
             break
-        time_s, frame = tick / 10.0, 12 + tick
+        time_s, frame = tick * period_s, 12 + tick
         stamp = (tick, frame, 1.1 + time_s)
         if tick == 0:
             rows = [_actor_row(solid) for solid in cast_solids]

@@ -8,6 +8,7 @@ from typing import Any
 
 import pyarrow as pa
 
+from carstage.conversion.clock import elapsed_s, is_synchronous
 from carstage.conversion.sensors import SensorPlan
 from carstage.errors import ConversionError
 from carstage.geometry import intrinsics, pose_matrix
@@ -96,28 +97,27 @@ def ledger_table(
         ConversionError: ticks are missing, or in synchronous mode the server's clock does not
             advance by ``1 / fps`` per tick.
     """
-    spec = header["spec"]
-    fps, synchronous = float(spec["fps"]), spec["timing"]["mode"] == "sync"
-    start_s = ledger[0]["timestamp_s"] if ledger else 0.0
+    fps, synchronous = float(header["spec"]["fps"]), is_synchronous(header)
+    start_s = float(header["first_timestamp_s"])
     rows = []
     for index, entry in enumerate(ledger):
-        tick, elapsed_s = entry["tick"], entry["timestamp_s"] - start_s
+        tick, since_start_s = entry["tick"], entry["timestamp_s"] - start_s
         if tick != index:
             raise ConversionError(
                 f"Episode {header['episode_id']}: the ledger has no entry for tick {index}.",
                 "Record the episode again.",
             )
-        if synchronous and abs(elapsed_s * fps - tick) > _CLOCK_TOLERANCE_STEPS * max(tick, 1):
+        if synchronous and abs(since_start_s * fps - tick) > _CLOCK_TOLERANCE_STEPS * max(tick, 1):
             raise ConversionError(
                 f"Episode {header['episode_id']}, tick {tick}: the server's clock shows "
-                f"{elapsed_s:.6f} s since the first tick, not {tick / fps:.6f} s.",
+                f"{since_start_s:.6f} s since the first tick, not {tick / fps:.6f} s.",
                 "Another client may have ticked or reconfigured the server: give it to one run.",
             )
         row = {
             "tick": tick,
             "k": entry["k"],
             "server_frame": entry["frame"],
-            "timestamp_s": tick / fps if synchronous else elapsed_s,
+            "timestamp_s": elapsed_s(header, tick, entry["timestamp_s"]),
         }
         for sensor in plan.written:
             state = entry["sensors"].get(sensor.id, {"state": "off", "reason": None})

@@ -12,6 +12,7 @@ import pyarrow as pa
 from carstage.annotation import CameraImages, EpisodeLabeller
 from carstage.annotation.decoding import decode_depth_bgra
 from carstage.annotation.schema import TABLES, Column
+from carstage.conversion.clock import elapsed_s
 from carstage.conversion.sensors import LIDAR_KIND, RecordedSensor
 from carstage.dataset.codecs import codec_for
 from carstage.dataset.codecs.codec import image_bgra
@@ -49,8 +50,7 @@ def encode_segment(
     ticks = saved_ticks(log, segment)
     records = [r for r in _data(log, sensor.id, segment) if r.tick in ticks]
     if sensor.kind in ROW_SENSORS:
-        fps = float(log.header["spec"]["fps"])
-        return [_row(sensor, record, ticks[record.tick], fps) for record in records]
+        return [_row(log, sensor, record, ticks[record.tick]) for record in records]
     _, codec = codec_for(sensor.kind, sensor.codec)
     folder = attempt_folder / "sensors" / sensor.id
     folder.mkdir(parents=True, exist_ok=True)
@@ -103,6 +103,9 @@ def label_segment(raw_folder: Path, segment: int) -> None:
             if (record := by_tick[lidar].get(world.tick)) is not None
         }
         labels = labeller.label_frame(world, ticks[world.tick], images, clouds)
+        time_s = elapsed_s(log.header, world.tick, world.timestamp_s)
+        for row in (*labels.objects, *labels.camera_objects, *([labels.ego] if labels.ego else [])):
+            row["timestamp_s"] = time_s
         rows["objects.parquet"] += labels.objects
         rows["camera_objects.parquet"] += labels.camera_objects
         rows["ego.parquet"] += [labels.ego] if labels.ego else []
@@ -160,12 +163,13 @@ def _data(log: EpisodeLog, stream: str, segment: int) -> list[Record]:
     return [r for r in log.read_segment(stream, segment) if r.kind == KIND_DATA]
 
 
-def _row(sensor: RecordedSensor, record: Record, k: int, fps: float) -> dict[str, Any]:
+def _row(log: EpisodeLog, sensor: RecordedSensor, record: Record, k: int) -> dict[str, Any]:
     rows = ROW_SENSORS[sensor.kind]
     values = np.frombuffer(record.payload, "<f8")
     if len(values) != rows.width or not np.isfinite(values).all():
         raise _bad_record(sensor, record, f"{rows.width} finite numbers are needed")
-    return rows.row(k, record.tick / fps, values.tolist())
+    time_s = elapsed_s(log.header, record.tick, record.timestamp_s)
+    return rows.row(k, time_s, values.tolist())
 
 
 def _bad_record(sensor: RecordedSensor, record: Record, why: str) -> ConversionError:

@@ -21,6 +21,7 @@ from carstage.conversion import EpisodeConversion, conversion_pool
 from carstage.conversion.documents import ledger_table
 from carstage.conversion.segment import rows_to_table
 from carstage.conversion.sensors import plan_sensors
+from carstage.dataset import validate_dataset
 from carstage.dataset.tables import read_table
 from carstage.errors import BadInputError, ConversionError, RawLogError
 from carstage.rawlog.reader import EpisodeLog
@@ -192,6 +193,17 @@ def test_an_unknown_codec_or_sensor_is_bad_input() -> None:
         plan_sensors(spec, {"IMU": "png"})
 
 
+def test_in_asynchronous_mode_every_file_has_the_servers_time(tmp_path: Path) -> None:
+    folder = analytic_dataset.make_dataset(
+        tmp_path / "out", tmp_path, mode="async", period_s=0.25, steps=4
+    )
+    attempt = analytic_dataset.attempt_of(folder)
+    for name in ("frames", "ego", "objects", "camera_objects", "sensors/IMU"):
+        times = sorted(set(read_table(attempt / f"{name}.parquet")["timestamp_s"].to_pylist()))
+        np.testing.assert_allclose(times, [0.0, 0.25, 0.5, 0.75], atol=1e-9)
+    assert validate_dataset(folder).ok
+
+
 def test_a_clock_that_jumps_is_refused() -> None:
     spec = analytic_scene.spec(steps=3)
     header = analytic_scene.header(spec, attempt="a1", ticks_per_segment=3)
@@ -221,8 +233,6 @@ def test_a_label_row_that_does_not_fit_the_schema_is_refused(converted: Path) ->
 
 
 def test_the_dataset_that_results_is_valid(tmp_path: Path) -> None:
-    from carstage.dataset import validate_dataset
-
     folder = analytic_dataset.make_dataset(tmp_path / "out", tmp_path)
     report = validate_dataset(folder)
     assert report.problems == ()

@@ -22,6 +22,7 @@ from carstage.geometry import (
 ABSOLUTE_TOLERANCE_M = 0.1
 RELATIVE_TOLERANCE = 0.01
 PARALLAX_PX = 1.0
+EDGE_BEND = 0.05
 MIN_SHARE = 0.99
 MIN_FRAME_SHARE = 0.95
 MIN_FRAME_POINTS = 200
@@ -69,13 +70,18 @@ def compare_with_depth(
     grazing angle agrees) or at any of the 3 x 3 pixels around it (so that it may belong to
     either side of an edge).
 
-    *Comparable*, that is "the depth image can see it": not hidden by parallax. The two sensors
-    stand apart, so the camera may see something nearer in the point's pixel. Such a nearer
-    surface hides the point only if it does not stand in the LiDAR's own ray: seen from the LiDAR
-    its direction must differ from the point's by more than one pixel (then
-    the 3 x 3 pixels reach beyond its edge). A nearer surface in the same
-    direction would have stopped the ray, and counts against the data; and so does any point in
-    front of what the camera sees.
+    *Comparable*, that is "the depth image can see it": resolved, and not hidden by parallax.
+
+    Unresolved is a point at an edge of the depth image (its inverse is no plane over the 3 x 3
+    pixels: it bends by more than 5 %) whose depth lies between the nearest and the farthest of
+    those pixels: leaves and other things finer than a pixel, of which the image holds one sample.
+
+    Hidden by parallax: the two sensors stand apart, so the camera may see something nearer in
+    the point's pixel. Such a nearer surface hides the point only if it does not stand in the
+    LiDAR's own ray: seen from the LiDAR its direction must differ from the point's by more than
+    one pixel (then the 3 x 3 pixels reach beyond its edge). A nearer surface in the same
+    direction would have stopped the ray, and counts against the data; so does any point in front
+    of what the camera sees.
 
     Args:
         points: ``(N, 4)`` float32 in the LiDAR's axes.
@@ -102,12 +108,32 @@ def compare_with_depth(
     for dv, du in _NEIGHBOURS:
         agrees |= np.abs(depth_m[row + dv, column + du] - z) < tolerance_m
 
+    nearest_m, farthest_m, bend = _neighbourhood(depth_m, row, column)
+    between = (z > nearest_m - tolerance_m) & (z < farthest_m + tolerance_m)
+    unresolved = (bend > EDGE_BEND) & between
+
     surface_m = depth_m[row, column].astype(np.float64)
     surface_optical = back_project(np.column_stack([u, v]), surface_m, camera.k)
     surface = transform_points(lidar_from_camera, surface_optical @ OPTICAL_FROM_SENSOR)
     hidden = (surface_m < z) & (_angle(surface, xyz) > PARALLAX_PX / camera.k[0, 0])
-    comparable = agrees | ~hidden
+    comparable = agrees | ~(hidden | unresolved)
     return RangingFigures(len(z), int(comparable.sum()), int(agrees.sum()))
+
+
+def _neighbourhood(
+    depth_m: NDArray[np.float32], row: NDArray[np.intp], column: NDArray[np.intp]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Nearest and farthest depth of the 3 x 3 pixels, and how far their inverse bends.
+
+    On a plane 1/depth is linear in the pixel: the second difference through the middle is 0 in
+    all four directions. The bend is the greatest of the four over the middle's 1/depth.
+    """
+    around = np.stack([depth_m[row + dv, column + du] for dv, du in _NEIGHBOURS]).astype(np.float64)
+    inverse = 1.0 / np.maximum(around, 1e-3)
+    middle = len(_NEIGHBOURS) // 2
+    second = inverse[:middle] + inverse[:middle:-1] - 2.0 * inverse[middle]
+    bend = np.abs(second).max(axis=0) / inverse[middle]
+    return around.min(axis=0), around.max(axis=0), bend
 
 
 def _interpolated(

@@ -54,14 +54,7 @@ def episode_section(episode: Episode, description: Mapping[str, Any]) -> str:
     ]
     for sensor in episode.sensors:
         if sensor.calibration.labelled and sensor.kind == "rgb":
-            frames = pictures.fullest_frames(sensor, CONTACT_FRAMES)
-            parts.append(
-                f"<h3>{escape(sensor.id)}: visible objects</h3>"
-                '<p class="soft">3D boxes (the crossed face is the front) and below them 2D boxes: '
-                "solid around the visible pixels, dashed around the whole object.</p>"
-                f'<div class="grid">{pictures.boxes_3d(sensor, frames)}</div>'
-                f'<div class="grid below">{pictures.boxes_2d(sensor, frames)}</div>'
-            )
+            parts.append(_contact_sheet(pictures, sensor))
     middle = pictures.fullest_frames(None, VIEW_FRAMES)
     views = pictures.views(middle)
     if views:
@@ -75,6 +68,24 @@ def episode_section(episode: Episode, description: Mapping[str, Any]) -> str:
         )
     parts += [_rig(episode), _ledger(episode)]
     return "\n".join(parts)
+
+
+def _contact_sheet(pictures: _Pictures, sensor: Sensor) -> str:
+    frames = pictures.fullest_frames(sensor, CONTACT_FRAMES)
+    with_objects = [k for k in frames if pictures.visible(k, sensor)]
+    if not with_objects:
+        return (
+            f"<h3>{escape(sensor.id)}: no object is visible</h3>"
+            f'<div class="grid">{pictures.boxes_3d(sensor, frames[::2])}</div>'
+        )
+    return (
+        f"<h3>{escape(sensor.id)}: visible objects</h3>"
+        '<p class="soft">Of each part of the episode, the frame with the most objects. First 3D '
+        "boxes, whose crossed face is the front; below them 2D boxes, solid around the visible "
+        "pixels and dashed around the whole object.</p>"
+        f'<div class="grid">{pictures.boxes_3d(sensor, frames)}</div>'
+        f'<div class="grid below">{pictures.boxes_2d(sensor, with_objects)}</div>'
+    )
 
 
 def _summary(episode: Episode) -> str:
@@ -127,6 +138,10 @@ class _Pictures:
                 counts[k] += len(rows)
         parts = np.array_split(np.arange(len(counts)), min(wanted, len(counts)) or 1)
         return [int(part[np.argmax(counts[part])]) for part in parts if len(part)]
+
+    def visible(self, k: int, sensor: Sensor) -> int:
+        """Number of visible objects."""
+        return len(self._rows[k, sensor.id])
 
     def boxes_3d(self, sensor: Sensor, frames: list[int]) -> str:
         camera, figures = sensor.calibration, []

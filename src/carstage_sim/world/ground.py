@@ -12,6 +12,7 @@ from carstage_sim.mesh import TriangleMesh
 
 _CELL_M = 4.0
 _OUTSIDE_TOLERANCE = 1e-9
+_FLAT_M2 = 1e-9
 _WALKED_ON = (
     CityObjectLabel.ROADS,
     CityObjectLabel.ROAD_LINES,
@@ -25,14 +26,15 @@ class Ground:
     """Heights of the surfaces that one can stand on, by a grid of their triangles.
 
     Args:
-        mesh: the scenery; triangles that face up and have a label of ground count.
+        mesh: the scenery; what has a label of ground and is not vertical counts.
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        corners = mesh.vertices[mesh.triangles].astype(np.float64)
+        triangles = mesh.triangles[np.isin(mesh.tag, _WALKED_ON)]
+        corners = mesh.vertices[triangles].astype(np.float64)
         edge_1, edge_2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         area = edge_1[:, 0] * edge_2[:, 1] - edge_1[:, 1] * edge_2[:, 0]
-        kept = np.isin(mesh.tag, _WALKED_ON) & (np.abs(area) > _OUTSIDE_TOLERANCE)
+        kept = np.abs(area) > _FLAT_M2
         self._origin = corners[kept, 0]
         self._edge_1, self._edge_2, self._area = edge_1[kept], edge_2[kept], area[kept]
         self._cells = _triangles_by_cell(corners[kept, :, :2])

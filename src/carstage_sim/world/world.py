@@ -379,6 +379,13 @@ class World:
             vehicle.parameters = parameters
             self.fleet.set_parameters(actor_id, parameters)
 
+    def set_collides(self, actor_id: int, enabled: bool) -> None:
+        """Whether an actor pushes others away and may not be spawned onto."""
+        actor = self.live(actor_id)
+        actor.collides = enabled
+        if actor.vehicle is not None:
+            self.fleet.set_collides(actor_id, enabled)
+
     # Asking --------------------------------------------------------------------------------------
 
     def parameters(self, actor: Actor) -> VehicleParameters:

@@ -1,0 +1,289 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from carstage_sim.geometry import pose_matrix
+from carstage_sim.maps import Town
+from carstage_sim.wire.dialect import dialect
+from carstage_sim.wire.snapshot import encode_snapshot
+from carstage_sim.world.controls import (
+    AckermannControl,
+    EpisodeSettings,
+    VehicleControl,
+    WalkerControl,
+)
+from carstage_sim.world.errors import ActorNotFoundError, SpawnError
+from carstage_sim.world.pose import Pose, compose
+from carstage_sim.world.snapshot import Snapshot
+from carstage_sim.world.traffic_lights import TrafficLightState
+from carstage_sim.world.world import World
+
+CAR = "vehicle.tesla.model3"
+WALKER = "walker.pedestrian.0001"
+CAMERA = "sensor.camera.rgb"
+DELTA_S = 0.05
+
+
+def place(town: Town, index: int = 0) -> Pose:
+    x, y, z, pitch, yaw, roll = town.spawn_points[index].tolist()
+    return Pose((x, y, z), (pitch, yaw, roll))
+
+
+@pytest.fixture(scope="module")
+def earlier(stage01: Town) -> World:
+    return World(stage01, episode_id=0)
+
+
+@pytest.fixture
+def world(stage01: Town, earlier: World) -> World:
+    return World(stage01, episode_id=1, previous=earlier)
+
+
+def ticks(world: World, count: int) -> Snapshot:
+    snapshot = world.tick(DELTA_S, 5)
+    for _ in range(count - 1):
+        snapshot = world.tick(DELTA_S, 5)
+    return snapshot
+
+
+def test_same_commands_give_the_same_bytes_in_the_next_episode(stage01: Town) -> None:
+    def episode(previous: World | None) -> tuple[World, list[bytes]]:
+        world = World(stage01, episode_id=1, previous=previous)
+        car = world.spawn(CAR, {"color": "10,20,30"}, place(stage01))
+        world.spawn(CAMERA, {}, Pose((1.0, 0.0, 2.0)), parent_id=car.actor_id)
+        world.control_vehicle(car.actor_id, VehicleControl(throttle=0.7, steer=0.1))
+        frames = [world.tick(DELTA_S, 5) for _ in range(20)]
+        return world, [encode_snapshot(frame, dialect("0.9.16"), 0.0) for frame in frames]
+
+    world, first = episode(None)
+    _, second = episode(world)
+    assert first == second
+
+
+def test_frames_count_by_one_and_time_by_the_step(world: World) -> None:
+    snapshot = ticks(world, 10)
+    assert (snapshot.state.frame, world.frame) == (11, 11)
+    assert snapshot.state.timestamp_s == pytest.approx(0.5)
+    assert not snapshot.map_changed
+
+
+def test_first_frame_of_an_episode_says_that_the_map_changed(world: World) -> None:
+    assert world.freeze(0.0).map_changed
+
+
+def test_every_live_actor_is_in_the_snapshot_in_ascending_order(
+    world: World, stage01: Town
+) -> None:
+    cars = [world.spawn(CAR, {}, place(stage01, index)) for index in (0, 20, 40)]
+    world.destroy(cars[1].actor_id)
+    ids = ticks(world, 1).state.actor_id.tolist()
+    expected = [*world.light_ids, world.spectator.actor_id, cars[0].actor_id, cars[2].actor_id]
+    assert ids == sorted(expected)
+
+
+def test_snapshot_does_not_change_when_the_world_goes_on(world: World, stage01: Town) -> None:
+    car = world.spawn(CAR, {}, place(stage01))
+    world.control_vehicle(car.actor_id, VehicleControl(throttle=1.0))
+    snapshot = ticks(world, 5)
+    before = encode_snapshot(snapshot, dialect("0.9.16"), 0.0)
+    ticks(world, 5)
+    assert encode_snapshot(snapshot, dialect("0.9.16"), 0.0) == before
+
+
+@pytest.mark.parametrize(
+    ("location", "rotation"),
+    [
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        ((1.5, -0.5, 1.6), (-10.0, 135.0, 0.0)),
+        ((-2.0, 1.0, 0.4), (30.0, -60.0, 45.0)),
+    ],
+)
+def test_attached_sensor_is_where_its_parent_carries_it(
+    world: World,
+    stage01: Town,
+    location: tuple[float, float, float],
+    rotation: tuple[float, float, float],
+) -> None:
+    car = world.spawn(CAR, {}, place(stage01))
+    sensor = world.spawn(CAMERA, {}, Pose(location, rotation), parent_id=car.actor_id)
+    world.control_vehicle(car.actor_id, VehicleControl(throttle=1.0, steer=0.5))
+    ticks(world, 3)
+    expected = compose(world.actors.pose(car.actor_id), Pose(location, rotation))
+    pose = world.actors.pose(sensor.actor_id)
+    np.testing.assert_allclose(pose.location, expected.location, atol=1e-9)
+    np.testing.assert_allclose(
+        pose_matrix(pose.location, pose.rotation_deg),
+        pose_matrix(expected.location, expected.rotation_deg),
+        atol=1e-9,
+    )
+
+
+def test_sensor_stays_in_place_when_its_parent_is_destroyed(world: World, stage01: Town) -> None:
+    car = world.spawn(CAR, {}, place(stage01))
+    sensor = world.spawn(CAMERA, {}, Pose((0.0, 0.0, 2.0)), parent_id=car.actor_id)
+    ticks(world, 2)
+    before = world.actors.pose(sensor.actor_id)
+    world.destroy(car.actor_id)
+    ticks(world, 2)
+    assert world.actors.pose(sensor.actor_id) == before
+
+
+def test_solid_actors_are_not_spawned_into_each_other(world: World, stage01: Town) -> None:
+    world.spawn(CAR, {}, place(stage01))
+    for type_id in (CAR, WALKER):
+        with pytest.raises(SpawnError, match="because of collision at spawn position"):
+            world.spawn(type_id, {}, place(stage01))
+    world.spawn(CAMERA, {}, place(stage01))
+
+
+def test_refused_spawn_leaves_nothing_behind(world: World, stage01: Town) -> None:
+    first = world.spawn(CAR, {}, place(stage01))
+    with pytest.raises(SpawnError):
+        world.spawn(CAR, {}, place(stage01))
+    second = world.spawn(CAR, {}, place(stage01, 20))
+    assert second.actor_id == first.actor_id + 1
+
+
+def test_actor_without_collisions_is_no_obstacle(world: World, stage01: Town) -> None:
+    car = world.spawn(CAR, {}, place(stage01))
+    world.set_collides(car.actor_id, False)
+    world.spawn(CAR, {}, place(stage01))
+
+
+def test_unknown_blueprint_and_parent_are_refused(world: World) -> None:
+    with pytest.raises(SpawnError, match=r"vehicle\.none"):
+        world.spawn("vehicle.none", {}, Pose())
+    with pytest.raises(SpawnError, match="parent actor 999"):
+        world.spawn(CAMERA, {}, Pose(), parent_id=999)
+
+
+def test_values_of_fixed_attributes_are_not_taken_from_the_client(
+    world: World, stage01: Town
+) -> None:
+    car = world.spawn(CAR, {"number_of_wheels": "7", "role_name": "hero"}, place(stage01))
+    assert (car.attributes["number_of_wheels"], car.attributes["role_name"]) == ("4", "hero")
+
+
+def test_destroyed_actor_is_remembered_across_episodes(stage01: Town) -> None:
+    world = World(stage01, episode_id=1)
+    world.spawn(CAR, {}, place(stage01))
+    car = world.spawn(CAR, {}, place(stage01, 20))
+    assert world.destroy(car.actor_id)
+    assert not world.destroy(car.actor_id)
+    following = World(stage01, episode_id=2, previous=world)
+    assert following.live_or_dead(car.actor_id) is car
+    with pytest.raises(ActorNotFoundError):
+        following.live(car.actor_id)
+    with pytest.raises(ActorNotFoundError):
+        following.live_or_dead(10_000)
+
+
+def test_lights_and_spectator_cannot_be_destroyed(world: World) -> None:
+    assert not world.destroy(world.light_ids[0])
+    assert not world.destroy(world.spectator.actor_id)
+
+
+def test_streams_are_never_numbered_twice(stage01: Town) -> None:
+    world = World(stage01, episode_id=1)
+    first = world.spawn(CAMERA, {}, Pose()).stream_id
+    following = World(stage01, episode_id=2, previous=world)
+    assert len({world.stream_id, first, following.stream_id}) == 3
+    assert following.spawn(CAMERA, {}, Pose()).stream_id > following.stream_id > first
+
+
+def test_vehicle_in_a_trigger_has_the_light_and_outside_has_none(
+    world: World, stage01: Town
+) -> None:
+    site = stage01.traffic_lights[0]
+    x, y, _ = site.trigger[0].center
+    inside = Pose((x, y, 0.2), site.trigger[0].rotation_deg)
+    car = world.spawn(CAR, {}, inside)
+    world.lights.set_state(0, TrafficLightState.RED)
+    columns = world.freeze(DELTA_S).vehicles
+    assert columns.light_id.tolist() == [world.light_ids[0]]
+    assert columns.light_state.tolist() == [TrafficLightState.RED]
+    world.set_pose(car.actor_id, Pose((x, y, 100.0)))
+    columns = world.tick(DELTA_S).vehicles
+    assert columns.light_id.tolist() == [0]
+    assert columns.light_state.tolist() == [TrafficLightState.GREEN]
+
+
+def test_speed_limit_is_that_of_the_nearest_lane(world: World, stage01: Town) -> None:
+    for index in (0, 20, 40, 60):
+        world.spawn(CAR, {}, place(stage01, index))
+    state = ticks(world, 1)
+    centres = state.state.location[state.vehicles.rows]
+    distances = np.linalg.norm(stage01.lanes.location[None] - centres[:, None], axis=2)
+    nearest = stage01.lanes.speed_limit_kmh[distances.argmin(axis=1)]
+    np.testing.assert_array_equal(state.vehicles.speed_limit_kmh, nearest)
+
+
+def test_walker_walks_where_its_control_says_and_stands_on_the_ground(
+    world: World, stage01: Town
+) -> None:
+    walker = world.spawn(WALKER, {}, place(stage01))
+    world.control_walker(walker.actor_id, WalkerControl((0.0, 2.0, 0.0), 1.5))
+    snapshot = ticks(world, 10)
+    row = world.actors.row(walker.actor_id)
+    x, y, _ = place(stage01).location
+    moved = snapshot.state.location[row]
+    np.testing.assert_allclose(moved[:2], [x, y + 1.5 * 10 * DELTA_S])
+    np.testing.assert_allclose(snapshot.state.velocity[row], [0.0, 1.5, 0.0], atol=1e-9)
+    assert snapshot.state.rotation_deg[row, 1] == pytest.approx(90.0)
+    assert moved[2] - walker.box_extent[2] == pytest.approx(0.0, abs=1e-6)  # the road's height
+
+
+def test_walker_placed_by_navigation_has_its_feet_there(world: World, stage01: Town) -> None:
+    walker = world.spawn(WALKER, {}, place(stage01))
+    world.set_simulate_physics(walker.actor_id, False)
+    x, y, _ = place(stage01).location
+    for step in range(3):
+        world.place_walker(walker.actor_id, Pose((x + 0.07 * step, y, 0.15)), 1.4)
+        snapshot = world.tick(DELTA_S)
+    row = world.actors.row(walker.actor_id)
+    assert snapshot.state.location[row, 2] == pytest.approx(0.15 + walker.box_extent[2])
+    assert snapshot.state.velocity[row, 0] == pytest.approx(1.4)
+    assert snapshot.walkers.speed.tolist() == pytest.approx([1.4])
+
+
+def test_walker_that_is_placed_far_away_did_not_walk_there(world: World, stage01: Town) -> None:
+    walker = world.spawn(WALKER, {}, place(stage01))
+    ticks(world, 2)
+    world.set_pose(walker.actor_id, place(stage01, 20))
+    snapshot = world.tick(DELTA_S)
+    row = world.actors.row(walker.actor_id)
+    assert np.abs(snapshot.state.velocity[row]).max() < 1e-6
+
+
+def test_ackermann_control_reaches_its_speed_and_stops(world: World, stage01: Town) -> None:
+    car = world.spawn(CAR, {}, place(stage01))
+    world.control_ackermann(car.actor_id, AckermannControl(speed=6.0))
+    ticks(world, 200)
+    assert world.motion(car).speed == pytest.approx(6.0, abs=0.3)
+    world.control_ackermann(car.actor_id, AckermannControl(speed=0.0))
+    ticks(world, 300)
+    assert world.motion(car).speed == pytest.approx(0.0, abs=0.1)
+
+
+def test_ray_down_onto_a_lane_finds_the_road(world: World, stage01: Town) -> None:
+    x, y, _ = place(stage01).location
+    (location, label), *_ = world.cast_ray((x, y, 2.0), (x, y, -1.0))
+    np.testing.assert_allclose(location, (x, y, 0.0), atol=0.05)
+    assert label in (1, 24)  # road, or a marking on it
+
+
+@pytest.mark.parametrize(
+    ("settings", "delta_s", "expected"),
+    [
+        (EpisodeSettings(), 0.05, 5),
+        (EpisodeSettings(), 0.1, 10),
+        (EpisodeSettings(), 0.5, 10),
+        (EpisodeSettings(max_substep_delta_time=0.02), 0.05, 3),
+        (EpisodeSettings(substepping=False), 0.05, 1),
+    ],
+)
+def test_substeps_are_as_long_as_allowed(
+    settings: EpisodeSettings, delta_s: float, expected: int
+) -> None:
+    assert settings.substeps(delta_s) == expected

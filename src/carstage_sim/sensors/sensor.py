@@ -36,6 +36,13 @@ class Sensor(ABC):
     def observe(self, state: WorldState, request: SensorRequest) -> None:  # noqa: B027
         """See a tick at which the sensor is not due; for sensors that integrate over ticks."""
 
+    def answers(self, request: SensorRequest) -> bool:
+        """Whether a request is still for this sensor, not for a new one with its id."""
+        return (
+            self.request.type_id == request.type_id
+            and self.request.attributes == request.attributes
+        )
+
     def is_due(self, timestamp_s: float) -> bool:
         """Whether ``sensor_tick`` seconds have passed since the last frame; counts the frame."""
         if self._interval_s <= 0.0:

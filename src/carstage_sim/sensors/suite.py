@@ -90,7 +90,7 @@ class SensorSuite:
         view: View | None = None
         for request in requests:
             sensor = self._sensors.get(request.sensor_id)
-            if sensor is None or sensor.request.type_id != request.type_id:
+            if sensor is None or not sensor.answers(request):
                 sensor = SensorRegistry.make(request, self._town)
                 self._sensors[request.sensor_id] = sensor
             if not sensor.is_due(state.timestamp_s):

@@ -1,0 +1,129 @@
+"""One capture per tick: shared casts, sensor_tick, memory between ticks, same bytes every time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sensor_worlds import GROUND, WALL, request, state, town
+
+from carstage_sim.sensors import SensorSuite
+from carstage_sim.sensors.sensor import SensorRegistry
+
+pytestmark = pytest.mark.xdist_group("kernels")
+
+_KINDS = ("rgb", "depth", "semantic_segmentation", "instance_segmentation")
+_LIDAR = {"channels": 8, "points_per_second": 8000, "range": 60.0}
+
+
+@pytest.fixture(scope="module")
+def trees(tmp_path_factory):
+    return tmp_path_factory.mktemp("trees")
+
+
+@pytest.fixture
+def suite(trees):
+    with SensorSuite(town(GROUND, WALL), threads=1, cache=trees) as built:
+        yield built
+
+
+def rig():
+    cameras = [request(f"camera.{kind}", 10 + k) for k, kind in enumerate(_KINDS)]
+    others = [
+        request("lidar.ray_cast", 20, **_LIDAR),
+        request("other.imu", 21),
+        request("other.gnss", 22),
+    ]
+    return cameras + others
+
+
+WORLD = {"vehicles": [(3, (6.0, 1.0, 0.0), 30.0), (4, (5.0, -4.0, 0.0), 90.0)]}
+
+
+def bytes_of(frames):
+    parts = []
+    for sensor_id, frame in frames:
+        for name in type(frame).__slots__:
+            value = getattr(frame, name)
+            parts.append((sensor_id, name, value.tobytes() if hasattr(value, "tobytes") else value))
+    return parts
+
+
+def test_all_kinds_are_answered_in_the_order_of_the_requests(suite):
+    frames = suite.capture(state(1, **WORLD), rig())
+    assert [sensor_id for sensor_id, _ in frames] == [r.sensor_id for r in rig()]
+    assert SensorRegistry.known() == (
+        "sensor.camera.depth",
+        "sensor.camera.instance_segmentation",
+        "sensor.camera.rgb",
+        "sensor.camera.semantic_segmentation",
+        "sensor.lidar.ray_cast",
+        "sensor.other.gnss",
+        "sensor.other.imu",
+    )
+
+
+def test_cameras_of_one_pose_and_lens_share_a_cast(suite):
+    same = [request(f"camera.{kind}", k) for k, kind in enumerate(_KINDS)]
+    suite.capture(state(1, **WORLD), same)
+    assert suite.last_cast_count == 1
+    other = [
+        request("camera.depth", 10, fov=91.0),
+        request("camera.depth", 11, location=(0.0, 0.1, 2.0)),
+        request("camera.depth", 12, image_size_x=65),
+    ]
+    suite.capture(state(2, **WORLD), same + other)
+    assert suite.last_cast_count == 4
+
+
+def test_sensors_that_cast_nothing_cost_no_cast(suite):
+    suite.capture(state(1), [request("other.imu")])
+    assert suite.last_cast_count == 0
+
+
+def test_a_second_run_gives_the_same_bytes_with_any_number_of_threads(trees):
+    runs = []
+    for threads in (1, 2, 1):
+        with SensorSuite(town(GROUND, WALL), threads=threads, cache=trees) as suite:
+            runs.append([bytes_of(suite.capture(state(k, **WORLD), rig())) for k in range(1, 4)])
+    assert runs[0] == runs[1] == runs[2]
+
+
+def test_a_frame_number_that_goes_back_forgets_the_sensors(suite):
+    sensor = request("lidar.ray_cast", 20, **_LIDAR, rotation_frequency=2.5)
+    angles = [suite.capture(state(k), [sensor])[0][1].horizontal_angle_rad for k in (1, 2, 3, 1, 2)]
+    assert angles[3:] == angles[:2]
+    assert angles[2] != angles[0]
+
+
+def test_a_sensor_that_stops_listening_starts_anew(suite):
+    sensor = request("lidar.ray_cast", 20, **_LIDAR, rotation_frequency=2.5)
+    first = suite.capture(state(1), [sensor])[0][1].horizontal_angle_rad
+    suite.capture(state(2), [])
+    assert suite.capture(state(3), [sensor])[0][1].horizontal_angle_rad == first
+
+
+def test_sensor_tick_is_kept_without_drift(suite):
+    sensor = request("other.gnss", sensor_tick=0.25)
+    given = [k for k in range(1, 22) if suite.capture(state(k), [sensor])]
+    # 0.1 s per frame: due at 0.1, 0.35, 0.6, 0.85, 1.1 ... on the first frame not before.
+    assert given == [1, 4, 6, 9, 11, 14, 16, 19, 21]
+
+
+def test_an_unknown_sensor_is_named(suite):
+    with pytest.raises(KeyError, match=r"sensor\.other\.unknown"):
+        suite.capture(state(1), [request("other.unknown")])
+
+
+def test_warm_up_changes_nothing(trees):
+    with SensorSuite(town(GROUND, WALL), threads=1, cache=trees) as suite:
+        suite.warm_up()
+        warm = bytes_of(suite.capture(state(1, **WORLD), rig()))
+    with SensorSuite(town(GROUND, WALL), threads=1, cache=trees) as suite:
+        assert bytes_of(suite.capture(state(1, **WORLD), rig())) == warm
+
+
+def test_actors_move_between_frames(suite):
+    camera = request("camera.depth")
+    near = suite.capture(state(1, vehicles=[(3, (6.0, 0.0, 0.0), 0.0)]), [camera])[0][1]
+    far = suite.capture(state(2, vehicles=[(3, (8.0, 0.0, 0.0), 0.0)]), [camera])[0][1]
+    assert not np.array_equal(near.pixels, far.pixels)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import carla
 
-from carstage_sim.check.ticking import WatchedClock
+from carstage_sim.check.ticking import WatchedClock, wake_traffic_manager
 
 _TIMEOUT_S = 60.0
 
@@ -58,12 +58,13 @@ def synchronous_session(port: int, *, delta_s: float, seed: int) -> Iterator[Ses
     settings.fixed_delta_seconds = delta_s
     world.apply_settings(settings)
     world = client.reload_world(False)
-    traffic_manager = client.get_trafficmanager(free_port())
+    traffic_manager_port = free_port()
+    traffic_manager = client.get_trafficmanager(traffic_manager_port)
     traffic_manager.set_synchronous_mode(True)
     traffic_manager.set_random_device_seed(seed)
     world.set_pedestrians_seed(seed)
     try:
-        with WatchedClock(world, traffic_manager) as clock:
+        with WatchedClock(world, lambda: wake_traffic_manager(traffic_manager_port)) as clock:
             yield Session(client, world, traffic_manager, clock, random.Random(seed))
     finally:
         traffic_manager.set_synchronous_mode(False)

@@ -3,23 +3,31 @@
 The Traffic Manager of the wheels up to 0.9.16 starts its synchronous step by setting a flag and
 notifying a condition variable without holding the mutex (carla-simulator/carla, issue 9172). When
 its thread is between looking at the flag and falling asleep, the notification is lost and
-``World.tick`` waits for ever: on busy cores about once in ten thousand ticks. The frame has come by
-then, nothing runs, and leaving synchronous mode notifies the same variable once more: the step then
-takes place as if nothing had happened, with the same result.
+``World.tick`` waits for ever: on busy cores about once in some ten thousand ticks. The frame has
+come by then and nothing runs. Leaving synchronous mode notifies the same variable once more, and
+the step then takes place as if nothing had happened, with the same result.
+
+``carla.TrafficManager`` cannot ask for that: its methods wait for a mutex that the tick holds. The
+Traffic Manager's own RPC port takes the call without it.
 """
 
 from __future__ import annotations
 
 import logging
+import socket
 import threading
+from collections.abc import Callable
 from time import monotonic
 from types import TracebackType
 from typing import Any, Protocol
+
+import msgpack
 
 logger = logging.getLogger(__name__)
 
 PATIENCE_S = 3.0
 _LOOK_EVERY_S = 0.25
+_ANSWER_TIMEOUT_S = 5.0
 
 
 class TickedWorld(Protocol):
@@ -32,11 +40,29 @@ class TickedWorld(Protocol):
         """The newest frame's snapshot; has a ``frame``."""
 
 
-class CuedByTicks(Protocol):
-    """The part of ``carla.TrafficManager`` that a clock needs."""
+def wake_traffic_manager(port: int) -> None:
+    """Notifies the Traffic Manager that listens on a port of this machine of its step again.
 
-    def set_synchronous_mode(self, synchronous: bool, /) -> None:
-        """Whether its steps wait for the world's ticks."""
+    It is told to leave synchronous mode, which notifies, and at once to return to it: the step that
+    begins now still ends in synchronous mode.
+
+    Raises:
+        OSError: nobody answers there.
+    """
+    requests = [
+        msgpack.packb([0, number, "set_synchronous_mode", [mode]])
+        for number, mode in enumerate((False, True))
+    ]
+    unpacker = msgpack.Unpacker()
+    with socket.create_connection(("127.0.0.1", port), timeout=_ANSWER_TIMEOUT_S) as connection:
+        connection.sendall(b"".join(requests))
+        answered = 0
+        while answered < len(requests):
+            received = connection.recv(4096)
+            if not received:
+                raise ConnectionResetError(f"the Traffic Manager on port {port} hung up")
+            unpacker.feed(received)
+            answered += sum(1 for _ in unpacker)
 
 
 class WatchedClock:
@@ -44,7 +70,7 @@ class WatchedClock:
 
     Args:
         world: in synchronous mode.
-        traffic_manager: in synchronous mode.
+        wake: makes the Traffic Manager look at its flag again, from another thread.
         patience_s: how long a tick may take after its frame has arrived.
 
     Attributes:
@@ -54,11 +80,11 @@ class WatchedClock:
     def __init__(
         self,
         world: TickedWorld,
-        traffic_manager: CuedByTicks,
+        wake: Callable[[], None],
         patience_s: float = PATIENCE_S,
     ) -> None:
         self._world = world
-        self._traffic_manager = traffic_manager
+        self._wake = wake
         self._patience_s = patience_s
         self._stop = threading.Event()
         self._frame_before: int | None = None
@@ -99,8 +125,6 @@ class WatchedClock:
                 waiting_for, since_s = before, monotonic()
             elif monotonic() - since_s > self._patience_s and self._frame_before == before:
                 logger.warning("the Traffic Manager missed its cue in frame %d: waking it", before)
-                # At once back to synchronous mode: the step that begins now still runs in it.
                 self.wake_ups += 1
-                self._traffic_manager.set_synchronous_mode(False)
-                self._traffic_manager.set_synchronous_mode(True)
+                self._wake()
                 waiting_for = None

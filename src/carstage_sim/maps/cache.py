@@ -115,7 +115,8 @@ def load(path: Path) -> Town:
     Raises:
         OSError: if the file is missing; KeyError, ValueError or BadZipFile if it is not whole.
     """
-    with np.load(path) as arrays:
+    # numpy leaves a file that it opened itself open when it turns out not to be whole.
+    with path.open("rb") as file, np.load(file) as arrays:
         record = json.loads(arrays["record"].tobytes())
         return Town(
             name=record["name"],

@@ -82,7 +82,8 @@ def skyline_lots(ground: Surfaces, lots: list[Lot], rng: np.random.Generator) ->
     result: list[Lot] = []
     for number in range(_SKYLINE_BUILDINGS):
         ring = hull.buffer(float(rng.uniform(*_SKYLINE_M))).exterior
-        place = ring.interpolate((number + float(rng.uniform(0.1, 0.9))) / _SKYLINE_BUILDINGS, True)
+        part = (number + float(rng.uniform(0.1, 0.9))) / _SKYLINE_BUILDINGS
+        place = ring.interpolate(part, normalized=True)
         towards = hull.centroid
         # Square to the grid, front to the town.
         yaw = round(math.degrees(math.atan2(towards.y - place.y, towards.x - place.x)) / 90) * 90.0

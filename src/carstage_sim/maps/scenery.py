@@ -185,7 +185,8 @@ def _plant_parks(stage: _Stage, ground: Surfaces, rng: np.random.Generator) -> N
         _scatter(stage, park.buffer(-3.0), paths, _PARK_TREES, rng)
         ring = park.buffer(-7.6).exterior
         for part in np.linspace(0.05, 0.95, 12):
-            at, ahead = ring.interpolate(part, True), ring.interpolate(part + 0.005, True)
+            at = ring.interpolate(part, normalized=True)
+            ahead = ring.interpolate(part + 0.005, normalized=True)
             yaw = math.degrees(math.atan2(ahead.y - at.y, ahead.x - at.x)) + 90.0
             mesh = bench_mesh()
             stage.put("Bench", CityObjectLabel.STATIC, mesh, (at.x, at.y, round(yaw, 1)))

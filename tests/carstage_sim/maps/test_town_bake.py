@@ -1,0 +1,141 @@
+"""Baking and caching: the same town every time, and what is in it."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from carstage_sim.labels import CityObjectLabel
+from carstage_sim.maps import (
+    MapSamplingError,
+    UnknownTownError,
+    available_towns,
+    load_town,
+)
+from carstage_sim.maps.baking import bake, sample_in_child
+from carstage_sim.maps.cache import cached_town, digest_of, load, save
+from carstage_sim.maps.plan import PLANS, STAGE01
+
+
+def test_a_fresh_bake_equals_the_cached_town(stage01):
+    assert bake(STAGE01).digest == stage01.digest
+
+
+def test_a_saved_town_is_read_back_whole(stage01, tmp_path):
+    save(stage01, tmp_path / "town.npz")
+    again = load(tmp_path / "town.npz")
+    assert again.digest == stage01.digest == digest_of(again)
+    assert again.traffic_lights == stage01.traffic_lights
+    assert again.level_objects == stage01.level_objects
+    assert [path.name for path in tmp_path.iterdir()] == ["town.npz"]
+
+
+def test_a_cache_hit_does_not_bake(stage01, tmp_path):
+    bakes = []
+
+    def make():
+        bakes.append(1)
+        return stage01
+
+    for _ in range(2):
+        assert cached_town("T", "<a/>", make, tmp_path / "towns").digest == stage01.digest
+    assert len(bakes) == 1
+    cached_town("T", "<b/>", make, tmp_path / "towns")
+    assert len(bakes) == 2
+
+
+def test_a_damaged_cache_file_is_replaced(stage01, tmp_path):
+    cached_town("T", "<a/>", lambda: stage01, tmp_path)
+    (path,) = tmp_path.iterdir()
+    path.write_bytes(path.read_bytes()[:1000])
+    assert cached_town("T", "<a/>", lambda: stage01, tmp_path).digest == stage01.digest
+    assert load(path).digest == stage01.digest
+
+
+def test_an_unknown_town_is_refused_with_the_nearest_name(tmp_path):
+    with pytest.raises(UnknownTownError, match="did you mean 'Stage01'") as caught:
+        load_town("Stage1", cache_folder=tmp_path)
+    assert caught.value.nearest == "Stage01"
+    assert available_towns() == tuple(PLANS)
+
+
+def test_a_file_that_is_no_map_is_reported_with_the_childs_words():
+    with pytest.raises(MapSamplingError, match="map Broken"):
+        sample_in_child("this is not xml", "Broken")
+
+
+def test_loading_maps_does_not_import_the_client():
+    code = "import sys, carstage_sim.maps; sys.exit('carla' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_static_triangles_stay_within_the_budget(stage01):
+    mesh = stage01.static_mesh
+    assert 150_000 < len(mesh.triangles) < 330_000
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    sizes = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    assert np.isfinite(mesh.vertices).all()
+    assert (sizes > 0).mean() > 0.999
+    assert np.abs(np.linalg.norm(mesh.normals, axis=2) - 1.0)[sizes > 1e-9].max() < 1e-3
+
+
+def test_level_objects_box_their_own_triangles(stage01):
+    mesh = stage01.static_mesh
+    order = np.argsort(mesh.object_id, kind="stable")
+    ids = mesh.object_id[order]
+    for number, entry in enumerate(stage01.level_objects, start=1):
+        assert entry.object_id == number
+        if number % 9:
+            continue
+        rows = order[np.searchsorted(ids, number) : np.searchsorted(ids, number, "right")]
+        assert len(rows) > 0
+        yaw = np.radians(entry.box.rotation_deg[1])
+        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        local = mesh.vertices[mesh.triangles[rows]].reshape(-1, 3) - np.array(entry.box.center)
+        local[:, :2] = local[:, :2] @ turn
+        reach = np.abs(local).max(axis=0)
+        assert reach == pytest.approx(np.array(entry.box.extent), abs=2e-3)
+    assert mesh.object_id.max() == len(stage01.level_objects)
+
+
+def test_scenery_is_labelled(stage01):
+    mesh = stage01.static_mesh
+    labels = Counter(CityObjectLabel(entry.label) for entry in stage01.level_objects)
+    assert labels[CityObjectLabel.BUILDINGS] > 80
+    assert labels[CityObjectLabel.VEGETATION] > 100
+    assert labels[CityObjectLabel.POLES] > 50
+    assert labels[CityObjectLabel.TRAFFIC_SIGNS] > 10
+    own = {
+        CityObjectLabel.BUILDINGS: {CityObjectLabel.BUILDINGS},
+        CityObjectLabel.VEGETATION: {CityObjectLabel.VEGETATION},
+        CityObjectLabel.POLES: {CityObjectLabel.POLES},
+        CityObjectLabel.TRAFFIC_SIGNS: {CityObjectLabel.TRAFFIC_SIGNS, CityObjectLabel.POLES},
+        CityObjectLabel.STATIC: {CityObjectLabel.STATIC},
+    }
+    kinds = np.array([0, *(entry.label for entry in stage01.level_objects)])
+    for label, tags in own.items():
+        rows = kinds[mesh.object_id] == label
+        assert set(np.unique(mesh.tag[rows])) <= {int(tag) for tag in tags}
+
+
+def test_nothing_stands_on_the_road(stage01):
+    """Footprints of everything but tree crowns and lamp arms keep off the driving lanes."""
+    lanes = stage01.lanes.location[::3, :2]
+    for entry in stage01.level_objects:
+        if entry.label == CityObjectLabel.BUILDINGS:
+            yaw = np.radians(entry.box.rotation_deg[1])
+            turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+            local = (lanes - np.array(entry.box.center[:2])) @ turn
+            assert (np.abs(local) > np.array(entry.box.extent[:2]) + 1.5).any(axis=1).all()
+
+
+def test_two_bakes_of_an_altered_plan_differ(stage01):
+    other = dataclasses.replace(STAGE01, kerb_radius_m=9.0)
+    assert bake(other).digest != stage01.digest

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from importlib.metadata import entry_points
 from typing import Any, ClassVar, TypeVar
 
@@ -111,6 +112,7 @@ def codec_for(kind: str, name: str | None = None) -> tuple[str, Codec]:
     return chosen, _codecs[kind, chosen]()
 
 
+@cache
 def _load_installed() -> None:
     """Import the codecs that other distributions declare as entry points, once."""
     for entry in entry_points(group=ENTRY_POINT_GROUP):

@@ -1,11 +1,16 @@
-"""The other road users: vehicles at shuffled spawn points, walkers on the navigation mesh."""
+"""The other road users: vehicles at shuffled spawn points, walkers on the navigation mesh.
+
+Both begin near the ego first, where its sensors can see them, and further away when the places
+there run out.
+"""
 
 from __future__ import annotations
 
 import difflib
 import logging
+import math
 import random
-from typing import Any, List, NamedTuple
+from typing import Any, List, NamedTuple, Optional
 
 import carla
 
@@ -14,8 +19,8 @@ from carstage.collector.maps import spawn_points
 from carstage.collector.plan import EpisodeSpec
 from carstage.collector.world import WorldSession
 
-PLACES_PER_WALKER = 10
-"""So many random places are tried for each walker before fewer are accepted."""
+PLACES_PER_WALKER = 40
+"""So many random places are drawn for each walker; those near the ego are tried first."""
 
 _log = logging.getLogger(__name__)
 
@@ -55,8 +60,8 @@ def dress(blueprint: Any, rng: random.Random) -> None:
 def spawn_vehicles(session: WorldSession, spec: EpisodeSpec) -> List[Any]:
     """Spawn the planned vehicles, as many as find a free spawn point.
 
-    The same seed makes the same choice: spawn points are shuffled, blueprints drawn from the
-    filter's matches in the order of their ids.
+    The same seed makes the same choice: spawn points are shuffled, those within the radius of the
+    ego come first, blueprints are drawn from the filter's matches in the order of their ids.
 
     Raises:
         SceneError: vehicles are wanted and the filter matches no blueprint.
@@ -65,6 +70,8 @@ def spawn_vehicles(session: WorldSession, spec: EpisodeSpec) -> List[Any]:
     points = spawn_points(session.map)
     free = [point for index, point in enumerate(points) if index != spec.ego_spawn_index]
     rng.shuffle(free)
+    ego = points[spec.ego_spawn_index].location
+    free.sort(key=lambda point: not _is_near(point.location, ego, spec.vehicles.radius_m))
     blueprints = _matching(session.world, spec.vehicles.filter, spec.vehicles.count, "vehicles")
     vehicles: List[Any] = []
     for point in free:
@@ -94,12 +101,8 @@ def spawn_walkers(session: WorldSession, spec: EpisodeSpec) -> List[Walker]:
     blueprints = _matching(world, spec.pedestrians.filter, count, "pedestrians")
     controller_blueprint = world.get_blueprint_library().find("controller.ai.walker")
     walkers: List[Walker] = []
-    for _ in range(PLACES_PER_WALKER * count):
+    for place in _walker_places(session, spec):
         if len(walkers) == count:
-            break
-        place = world.get_random_location_from_navigation()
-        if place is None:
-            _log.warning("map %s has no navigation mesh: no pedestrians", spec.map)
             break
         blueprint = rng.choice(blueprints)
         if blueprint.has_attribute("is_invincible"):
@@ -114,6 +117,24 @@ def spawn_walkers(session: WorldSession, spec: EpisodeSpec) -> List[Walker]:
         walkers.append(Walker(actor, controller))
     _report_shortfall("pedestrians", count, len(walkers))
     return walkers
+
+
+def _walker_places(session: WorldSession, spec: EpisodeSpec) -> List[Any]:
+    """Random places on the navigation mesh, those near the ego first."""
+    ego = spawn_points(session.map)[spec.ego_spawn_index].location
+    drawn = [
+        session.world.get_random_location_from_navigation()
+        for _ in range(PLACES_PER_WALKER * spec.pedestrians.count)
+    ]
+    places = [place for place in drawn if place is not None]
+    if len(places) < len(drawn):
+        _log.warning("map %s has no navigation mesh: no pedestrians", spec.map)
+    places.sort(key=lambda place: not _is_near(place, ego, spec.pedestrians.radius_m))
+    return places
+
+
+def _is_near(place: Any, ego: Any, radius_m: Optional[float]) -> bool:
+    return radius_m is None or math.hypot(place.x - ego.x, place.y - ego.y) <= radius_m
 
 
 def start_walkers(session: WorldSession, walkers: List[Walker], spec: EpisodeSpec) -> None:

@@ -85,10 +85,11 @@ class WeatherPlan:
 
 @dataclass(frozen=True)
 class CrowdPlan:
-    """How many actors of which blueprints."""
+    """How many actors of which blueprints, and how near the ego they begin (None: anywhere)."""
 
     count: int
     filter: str
+    radius_m: Optional[float] = None
 
 
 @dataclass(frozen=True)
@@ -277,8 +278,6 @@ def _spec(fields: _Fields, raw: Mapping[str, Any]) -> EpisodeSpec:
             "%s: %r is not a CARLA version such as 0.9.16." % (fields.path("dialect"), dialect)
         )
     fps = fields.number("fps", 0.0)
-    vehicles = fields.object("vehicles")
-    pedestrians = fields.object("pedestrians")
     ego = fields.object("ego")
     seeds = fields.object("seeds")
     scenario = fields.object("scenario")
@@ -293,8 +292,8 @@ def _spec(fields: _Fields, raw: Mapping[str, Any]) -> EpisodeSpec:
         save_every=fields.integer("save_every", 1),
         warmup_ticks=fields.integer("warmup_ticks", 0),
         timing=_timing(fields.object("timing"), 1.0 / fps),
-        vehicles=CrowdPlan(vehicles.integer("count", 0), vehicles.text("filter")),
-        pedestrians=CrowdPlan(pedestrians.integer("count", 0), pedestrians.text("filter")),
+        vehicles=_crowd(fields.object("vehicles")),
+        pedestrians=_crowd(fields.object("pedestrians")),
         ego_blueprint=ego.text("blueprint"),
         ego_spawn_index=ego.integer("spawn_index", 0),
         scenario=fields.any("scenario"),
@@ -303,6 +302,14 @@ def _spec(fields: _Fields, raw: Mapping[str, Any]) -> EpisodeSpec:
             name: seeds.integer(name, 0, MAX_SEED)
             for name in ("traffic_manager", "walkers", "spawn", "ego", "sensor_noise")
         },
+    )
+
+
+def _crowd(fields: _Fields) -> CrowdPlan:
+    return CrowdPlan(
+        count=fields.integer("count", 0),
+        filter=fields.text("filter"),
+        radius_m=fields.number("radius_m", 0.0) if "radius_m" in fields else None,
     )
 
 

@@ -41,6 +41,19 @@ class MapConfig(Section):
         return self
 
 
+def _radius_m(who: str) -> Any:
+    return setting(
+        80.0,
+        title=f"{who} within",
+        description="They begin within this distance of the ego first and further away when the "
+        "places there run out; null: anywhere on the map.",
+        group="traffic",
+        unit="m",
+        gt=0,
+        le=10_000,
+    )
+
+
 class Vehicles(Section):
     """Other vehicles, driven by the Traffic Manager."""
 
@@ -59,6 +72,7 @@ class Vehicles(Section):
         group="traffic",
         min_length=1,
     )
+    radius_m: float | None = _radius_m("Vehicles")
 
 
 class Pedestrians(Section):
@@ -74,6 +88,7 @@ class Pedestrians(Section):
         group="traffic",
         min_length=1,
     )
+    radius_m: float | None = _radius_m("Pedestrians")
 
 
 class Ego(Section):

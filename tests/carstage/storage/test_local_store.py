@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from pathlib import Path
@@ -58,15 +59,16 @@ class TestLocalStore(StoreTests):
         with pytest.raises(StorageError, match="cannot be created"):
             LocalStore(tmp_path / "out").initialise("test")
 
-    @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-    def test_a_read_only_folder_is_refused(self, tmp_path: Path) -> None:
-        LocalStore(tmp_path).initialise("test")
-        (tmp_path / "commits").chmod(0o500)
-        try:
-            with pytest.raises(StorageError, match="not writable"):
-                LocalStore(tmp_path).initialise("test")
-        finally:
-            (tmp_path / "commits").chmod(0o700)
+    @pytest.mark.parametrize("number", [errno.EACCES, errno.EROFS, errno.ENOSPC])
+    def test_a_folder_that_cannot_be_written_is_refused(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+    ) -> None:
+        def refuse(source: Path, target: Path) -> None:
+            raise OSError(number, os.strerror(number))
+
+        monkeypatch.setattr(os, "link", refuse)  # a mode would not stop root
+        with pytest.raises(StorageError, match="not writable"):
+            LocalStore(tmp_path).initialise("test")
 
     def test_a_file_system_that_replaces_silently_is_refused(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

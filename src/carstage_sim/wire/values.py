@@ -13,7 +13,7 @@ from typing import Any
 from carstage_sim.maps.town import OrientedBox
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.token import stream_token
-from carstage_sim.world.actors import Actor, Attachment
+from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints import AttributeType, Blueprint
 from carstage_sim.world.controls import (
     AckermannControl,
@@ -103,15 +103,6 @@ def description(value: Sequence[Any]) -> tuple[str, dict[str, str]]:
     """Type id and attribute values of an ``ActorDescription``."""
     _uid, type_id, attributes = value
     return str(type_id), {str(name): str(text) for name, _type, text in attributes}
-
-
-def attachment(number: int) -> Attachment:
-    """An ``AttachmentType``; rigid for numbers that are none.
-
-    Clients leave the field uninitialised in spawn commands that do not name a type.
-    """
-    known = [kind.value for kind in Attachment]
-    return Attachment(number) if number in known else Attachment.RIGID
 
 
 def vehicle_control(value: Sequence[Any]) -> VehicleControl:

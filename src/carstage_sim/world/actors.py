@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,18 +19,6 @@ from carstage_sim.world.controls import (
 from carstage_sim.world.pose import ZERO, Pose, Vector3
 from carstage_sim.world.state import ActorKind
 from carstage_sim.world.vehicle_parameters import VehicleParameters
-
-
-class Attachment(IntEnum):
-    """``carla.AttachmentType``.
-
-    Spring arms are treated as rigid: there is no camera lag, so that the pose is a function of the
-    parent's pose alone.
-    """
-
-    RIGID = 0
-    SPRING_ARM = 1
-    SPRING_ARM_GHOST = 2
 
 
 @dataclass(slots=True, eq=False)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.geometry import FloatArray
+from carstage_sim.geometry import FloatArray, rotation_matrix
+from carstage_sim.world.actors import ActorTable
+from carstage_sim.world.blueprints import Blueprint
+from carstage_sim.world.pose import Pose
 
 
 def footprint_corners(
@@ -50,12 +53,35 @@ def overlaps(
     one = footprint_corners(center, extent, np.asarray(yaw_deg))[None]
     many = footprint_corners(centers, extents, yaws_deg)
     hit: NDArray[np.bool_] = np.abs(centers[:, 2] - center[2]) < extents[:, 2] + extent[2]
-    axes = (one[:, 0] - one[:, 1], one[:, 0] - one[:, 3])
-    axes += (many[:, 0] - many[:, 1], many[:, 0] - many[:, 3])
-    for axis in axes:
+    sides = [box[:, 0] - box[:, corner] for box in (one, many) for corner in (1, 3)]
+    for axis in sides:
         of_one = (one * axis[:, None]).sum(axis=-1)
         of_many = (many * axis[:, None]).sum(axis=-1)
         hit &= (of_one.max(axis=1) > of_many.min(axis=1)) & (
             of_many.max(axis=1) > of_one.min(axis=1)
         )
     return hit
+
+
+def is_blocked(table: ActorTable, blueprint: Blueprint, pose: Pose) -> bool:
+    """Whether an actor that collides stands where another is to be spawned.
+
+    Scenery does not count: a tree's box is mostly air, and spawn points are free of walls.
+    """
+    others = [actor for actor in table if actor.collides]
+    if not others:
+        return False
+    rows = table.rows(actor.actor_id for actor in others)
+    rotations = table.rotation_deg[rows]
+    offsets = np.array([actor.box_center for actor in others])
+    centers = table.location[rows] + np.einsum("nij,nj->ni", rotation_matrix(rotations), offsets)
+    offset = rotation_matrix(pose.rotation_deg) @ np.asarray(blueprint.box_center)
+    hit = overlaps(
+        np.asarray(pose.location) + offset,
+        np.asarray(blueprint.box_extent),
+        pose.rotation_deg[1],
+        centers,
+        np.array([actor.box_extent for actor in others]),
+        rotations[:, 1],
+    )
+    return bool(hit.any())

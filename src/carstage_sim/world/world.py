@@ -15,7 +15,7 @@ import numpy as np
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.town import Town
 from carstage_sim.world.ackermann import AckermannController
-from carstage_sim.world.actors import Actor, ActorTable, Attachment, VehicleStatus
+from carstage_sim.world.actors import Actor, ActorTable, VehicleStatus
 from carstage_sim.world.attachments import Attachments
 from carstage_sim.world.blueprints import Blueprint, catalogue
 from carstage_sim.world.controls import (
@@ -25,21 +25,19 @@ from carstage_sim.world.controls import (
     WalkerControl,
 )
 from carstage_sim.world.errors import ActorNotFoundError, SpawnError, WorldError
+from carstage_sim.world.freezing import freeze
 from carstage_sim.world.ground import Ground
 from carstage_sim.world.lane_index import LaneIndex
 from carstage_sim.world.motion import VehicleMotion
-from carstage_sim.world.overlap import overlaps
+from carstage_sim.world.overlap import is_blocked
 from carstage_sim.world.pose import Pose, Vector3, compose
 from carstage_sim.world.segment import segment_hits
 from carstage_sim.world.snapshot import (
     Snapshot,
-    TrafficLightColumns,
-    VehicleColumns,
-    WalkerColumns,
 )
-from carstage_sim.world.state import ActorKind, Weather, WorldState
+from carstage_sim.world.state import ActorKind, Weather
 from carstage_sim.world.traffic_light_actors import traffic_light_actor
-from carstage_sim.world.traffic_lights import TrafficLightState, TrafficLightSystem
+from carstage_sim.world.traffic_lights import TrafficLightSystem
 from carstage_sim.world.vehicle_parameters import VehicleParameters
 from carstage_sim.world.vehicles import VehicleFleet
 from carstage_sim.world.walkers import WalkerMotion
@@ -69,6 +67,7 @@ class World:
         fleet: dynamics of the vehicles.
         lights: signal control.
         stream_id: stream of this episode's snapshots.
+        lanes, ground: lookups of the map.
     """
 
     def __init__(
@@ -88,15 +87,14 @@ class World:
         self.fleet = VehicleFleet()
         self.lights = TrafficLightSystem(town.traffic_lights)
         # Numbers of streams are never used again: a client may still listen to an old one.
-        self.next_stream_id = _FIRST_STREAM if previous is None else previous.next_stream_id
+        self.next_stream_id: int = _FIRST_STREAM if previous is None else previous.next_stream_id
         self.stream_id = self.take_stream_id()
         self._check_sensor = check_sensor
         self.light_ids: tuple[int, ...] = ()
-        if previous is not None and previous.town is town:
-            self._lanes, self._ground = previous._lanes, previous._ground
-        else:
-            self._lanes, self._ground = LaneIndex(town.lanes), Ground(town.static_mesh)
-        self._walkers = WalkerMotion(self._ground)
+        neighbour = previous if previous is not None and previous.town is town else None
+        self.lanes: LaneIndex = neighbour.lanes if neighbour else LaneIndex(town.lanes)
+        self.ground: Ground = neighbour.ground if neighbour else Ground(town.static_mesh)
+        self._walkers = WalkerMotion(self.ground)
         self._attachments: Attachments | None = None
         self._dead: OrderedDict[int, Actor] = OrderedDict()
         self._next_actor_id = 1
@@ -174,7 +172,6 @@ class World:
         pose: Pose,
         *,
         parent_id: int = 0,
-        attachment: Attachment = Attachment.RIGID,
     ) -> Actor:
         """Bring an actor into the world; it appears in the next frame.
 
@@ -183,8 +180,7 @@ class World:
             attributes: values that override the blueprint's; ones that it does not have are
                 ignored, and so are values of attributes that cannot be modified.
             pose: in the world, or in the parent's frame when there is a parent.
-            parent_id: actor to attach it to, 0 for none.
-            attachment: how; see :class:`Attachment`.
+            parent_id: actor to attach it to, rigidly; 0 for none.
 
         Raises:
             SpawnError: no such blueprint or parent, or something is in the way.
@@ -196,7 +192,7 @@ class World:
             raise SpawnError(f"unable to attach actor: parent actor {parent_id} not found")
         placed = compose(self.actors.pose(parent_id), pose) if parent_id else pose
         solid = blueprint.kind in (ActorKind.VEHICLE, ActorKind.WALKER)
-        if solid and not parent_id and self._blocked(blueprint, placed):
+        if solid and not parent_id and is_blocked(self.actors, blueprint, placed):
             raise SpawnError(COLLISION_TEXT)
         merged = _merged(blueprint, attributes)
         if blueprint.kind is ActorKind.SENSOR and self._check_sensor is not None:
@@ -223,29 +219,6 @@ class World:
             if parent_id:
                 self.set_simulate_physics(actor.actor_id, False)
         return actor
-
-    def _blocked(self, blueprint: Blueprint, pose: Pose) -> bool:
-        others = [actor for actor in self.actors if actor.collides]
-        if not others:
-            return False
-        rows = self.actors.rows(actor.actor_id for actor in others)
-        rotations = self.actors.rotation_deg[rows]
-        offsets = np.array([actor.box_center for actor in others])
-        centers = self.actors.location[rows] + np.einsum(
-            "nij,nj->ni", rotation_matrix(rotations), offsets
-        )
-        center = np.asarray(pose.location) + rotation_matrix(pose.rotation_deg) @ np.asarray(
-            blueprint.box_center
-        )
-        hit = overlaps(
-            center,
-            np.asarray(blueprint.box_extent),
-            pose.rotation_deg[1],
-            centers,
-            np.array([actor.box_extent for actor in others]),
-            rotations[:, 1],
-        )
-        return bool(hit.any())
 
     def destroy(self, actor_id: int) -> bool:
         """Take an actor out of the world; whether it lived. What rode on it stays in place."""
@@ -379,13 +352,6 @@ class World:
             vehicle.parameters = parameters
             self.fleet.set_parameters(actor_id, parameters)
 
-    def set_collides(self, actor_id: int, enabled: bool) -> None:
-        """Whether an actor pushes others away and may not be spawned onto."""
-        actor = self.live(actor_id)
-        actor.collides = enabled
-        if actor.vehicle is not None:
-            self.fleet.set_collides(actor_id, enabled)
-
     # Asking --------------------------------------------------------------------------------------
 
     def parameters(self, actor: Actor) -> VehicleParameters:
@@ -483,103 +449,7 @@ class World:
 
     def freeze(self, delta_s: float) -> Snapshot:
         """The current frame as an immutable snapshot."""
-        table = self.actors
-        count = len(table)
-        vehicles = self._vehicle_columns()
-        walkers = self._walker_columns()
-        light_rows = table.rows(self.light_ids)
-        fleet_rows = np.searchsorted(table.actor_id, self.fleet.ids)
-
-        control = np.zeros((count, 3), np.float32)
-        control[vehicles.rows] = vehicles.control
-        control[walkers.rows, 0] = walkers.speed
-        light_state = np.zeros(count, np.uint32)
-        light_state[light_rows] = self.lights.state
-        light_state[vehicles.rows] = [
-            actor.vehicle.light_state
-            for actor in table.of_kind(ActorKind.VEHICLE)
-            if actor.vehicle is not None
-        ]
-        wheel_angle_deg = np.zeros(count, np.float32)
-        wheel_angle_deg[fleet_rows] = self.fleet.wheel_angle_deg
-        state = WorldState(
-            frame=self.frame,
-            timestamp_s=self.elapsed_s,
-            delta_s=delta_s,
-            weather=self.weather,
-            actor_id=table.actor_id,
-            kind=table.kind,
-            type_id=table.type_id,
-            location=table.location.copy(),
-            rotation_deg=table.rotation_deg.copy(),
-            velocity=table.velocity.copy(),
-            angular_velocity_deg=table.angular_velocity_deg.copy(),
-            acceleration=table.acceleration.copy(),
-            light_state=light_state,
-            control=control,
-            colour=table.colour,
-            wheel_angle_deg=wheel_angle_deg,
-        )
-        return Snapshot(
-            episode_id=self.episode_id,
-            map_changed=self.frame == 1,
-            state=state,
-            vehicles=vehicles,
-            walkers=walkers,
-            traffic_lights=self._light_columns(light_rows),
-        )
-
-    def _vehicle_columns(self) -> VehicleColumns:
-        table = self.actors
-        vehicles = table.of_kind(ActorKind.VEHICLE)
-        rows = table.rows(actor.actor_id for actor in vehicles)
-        controls = [actor.vehicle.control for actor in vehicles if actor.vehicle is not None]
-        location = table.location[rows]
-        light = self.lights.lights_at(location)
-        ids = np.array([*self.light_ids, 0], np.uint32)  # index -1 finds the last: no light
-        states = np.array([*self.lights.state, TrafficLightState.GREEN], np.uint8)
-        # The fleet's rows are in the order of spawning, which is the table's order too.
-        gears = np.where(
-            [c.manual_gear_shift for c in controls], [c.gear for c in controls], self.fleet.gear
-        )
-        return VehicleColumns(
-            rows=rows,
-            control=self.fleet.control.copy(),
-            hand_brake=np.array([c.hand_brake for c in controls], np.bool_),
-            reverse=np.array([c.reverse for c in controls], np.bool_),
-            manual_gear_shift=np.array([c.manual_gear_shift for c in controls], np.bool_),
-            gear=gears.astype(np.int32),
-            speed_limit_kmh=self._lanes.speed_limit_kmh(location),
-            light_id=ids[light],
-            light_state=states[light],
-        )
-
-    def _walker_columns(self) -> WalkerColumns:
-        walkers = self.actors.of_kind(ActorKind.WALKER)
-        controls = [actor.walker for actor in walkers]
-        return WalkerColumns(
-            rows=self.actors.rows(actor.actor_id for actor in walkers),
-            direction=np.array([c.direction for c in controls], np.float32).reshape(-1, 3),
-            speed=np.array([c.speed for c in controls], np.float32),
-            jump=np.array([c.jump for c in controls], np.bool_),
-        )
-
-    def _light_columns(
-        self, rows: np.ndarray[tuple[int, ...], np.dtype[np.intp]]
-    ) -> TrafficLightColumns:
-        lights = self.lights
-        groups = {index: lights.group(index) for index in range(len(lights))}
-        return TrafficLightColumns(
-            rows=rows,
-            sign_id=tuple(site.sign_id for site in self.town.traffic_lights),
-            green_s=lights.green_s.astype(np.float32),
-            yellow_s=lights.yellow_s.astype(np.float32),
-            red_s=lights.red_s.astype(np.float32),
-            elapsed_s=lights.elapsed_s.astype(np.float32),
-            pole_index=np.array([groups[i].index(i) for i in groups], np.uint32),
-            frozen=lights.frozen.copy(),
-            state=lights.state.copy(),
-        )
+        return freeze(self, delta_s)
 
 
 def _merged(blueprint: Blueprint, attributes: Mapping[str, str]) -> dict[str, str]:

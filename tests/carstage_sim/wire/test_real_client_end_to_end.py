@@ -231,7 +231,7 @@ def test_walkers_under_the_clients_navigation_walk_with_their_feet_on_the_ground
     assert all(-0.05 < height < 0.3 for height in feet), feet
 
 
-def trial_of_loading_with_a_live_traffic_manager(port: int) -> float:
+def trial_of_loading_with_a_live_traffic_manager(port: int) -> list[float]:
     import socket
 
     client, world = connect(port, synchronous=False)
@@ -239,25 +239,28 @@ def trial_of_loading_with_a_live_traffic_manager(port: int) -> float:
         probe.bind(("127.0.0.1", 0))
         tm_port = probe.getsockname()[1]
     client.get_trafficmanager(tm_port)
+    speeds: list[float] = []
     for _ in range(3):
         vehicle = world.spawn_actor(
             world.get_blueprint_library().find("vehicle.tesla.model3"),
             world.get_map().get_spawn_points()[0],
         )
         vehicle.set_autopilot(True, tm_port)
-        for _ in range(15):
+        waited = 0
+        while vehicle.get_velocity().length() < 0.5 and waited < 300:
             world.wait_for_tick(20.0)
-        speed = vehicle.get_velocity().length()
+            waited += 1
+        speeds.append(vehicle.get_velocity().length())
         world = client.load_world("Stage01")
-    return float(speed)
+    return speeds
 
 
 def test_map_can_be_loaded_while_a_traffic_manager_runs_freely(
     simulator: RunningSimulator,
 ) -> None:
     # The client used to crash here, in most tries: see the server's handling of load_new_episode.
-    speed = run_trial(trial_of_loading_with_a_live_traffic_manager, simulator.port, timeout_s=120)
-    assert speed > 0.0
+    speeds = run_trial(trial_of_loading_with_a_live_traffic_manager, simulator.port, timeout_s=120)
+    assert min(speeds) > 0.4
 
 
 def trial_of_traffic(port: int) -> list[tuple[Any, ...]]:

@@ -10,7 +10,6 @@ from carstage_sim.wire import values
 from carstage_sim.wire.dialect import DIALECTS, dialect
 from carstage_sim.wire.errors import UnknownProtocolError
 from carstage_sim.wire.token import stream_token
-from carstage_sim.world.actors import Attachment
 from carstage_sim.world.blueprints import catalogue
 from carstage_sim.world.controls import EpisodeSettings
 from carstage_sim.world.pose import Pose
@@ -42,11 +41,6 @@ def test_weather_survives_the_wire_in_both_lengths() -> None:
     encoded = values.encode_weather(weather)
     assert values.weather(encoded) == weather
     assert values.weather(encoded[:13]) == Weather(*(float(number) for number in range(13)))
-
-
-def test_attachment_left_uninitialised_by_the_client_is_rigid() -> None:
-    assert values.attachment(72) is Attachment.RIGID
-    assert values.attachment(1) is Attachment.SPRING_ARM
 
 
 def test_token_is_24_bytes_and_leaves_the_address_to_the_client() -> None:

@@ -45,16 +45,19 @@ def _spawn_actor_with_parent(
     description: list[Any],
     transform: list[Any],
     parent_id: int,
-    attachment: int,
+    _attachment: int,
     _socket_name: str = "",
 ) -> list[Any]:
+    """Every kind of attachment is rigid.
+
+    Spring arms have no lag here, so that a sensor's pose is a function of its parent's alone.
+    """
     type_id, attributes = values.description(description)
     actor = call.world.spawn(
         type_id,
         attributes,
         values.pose(transform),
         parent_id=parent_id,
-        attachment=values.attachment(attachment),
     )
     return encode_actor(call, actor)
 

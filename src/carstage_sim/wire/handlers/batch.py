@@ -62,15 +62,15 @@ def _execute(call: Call, index: int, body: list[Any]) -> int:
 
 
 def _spawn(call: Call, body: list[Any]) -> int:
-    # Versions differ in what stands between the parent and the list of commands that follow.
-    description, transform, parent, *attachment, do_after = body
+    # Versions differ in what stands between the parent and the list of commands that follow. The
+    # kind of attachment among it is uninitialised memory unless the script named one.
+    description, transform, parent, *_attachment, do_after = body
     type_id, attributes = values.description(description)
     actor = call.world.spawn(
         type_id,
         attributes,
         values.pose(transform),
         parent_id=values.optional(parent) or 0,
-        attachment=values.attachment(attachment[0] if attachment else 0),
     )
     for command in do_after:
         ((index, following),) = command

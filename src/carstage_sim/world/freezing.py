@@ -1,0 +1,122 @@
+"""Freezes the world into a snapshot: arrays that nothing writes to any more."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from carstage_sim.world.snapshot import (
+    Snapshot,
+    TrafficLightColumns,
+    VehicleColumns,
+    WalkerColumns,
+)
+from carstage_sim.world.state import ActorKind, WorldState
+from carstage_sim.world.traffic_lights import TrafficLightState
+
+if TYPE_CHECKING:
+    from carstage_sim.world.world import World
+
+
+def freeze(world: World, delta_s: float) -> Snapshot:
+    """The current frame of a world.
+
+    Args:
+        world: what to freeze; it may go on afterwards.
+        delta_s: simulated seconds that led to this frame.
+    """
+    table = world.actors
+    count = len(table)
+    vehicles = _vehicle_columns(world)
+    walkers = _walker_columns(world)
+    lights = _light_columns(world)
+
+    control = np.zeros((count, 3), np.float32)
+    control[vehicles.rows] = vehicles.control
+    control[walkers.rows, 0] = walkers.speed
+    light_state = np.zeros(count, np.uint32)
+    light_state[lights.rows] = lights.state
+    light_state[vehicles.rows] = [
+        actor.vehicle.light_state
+        for actor in table.of_kind(ActorKind.VEHICLE)
+        if actor.vehicle is not None
+    ]
+    wheel_angle_deg = np.zeros(count, np.float32)
+    wheel_angle_deg[vehicles.rows] = world.fleet.wheel_angle_deg
+    state = WorldState(
+        frame=world.frame,
+        timestamp_s=world.elapsed_s,
+        delta_s=delta_s,
+        weather=world.weather,
+        actor_id=table.actor_id,
+        kind=table.kind,
+        type_id=table.type_id,
+        location=table.location.copy(),
+        rotation_deg=table.rotation_deg.copy(),
+        velocity=table.velocity.copy(),
+        angular_velocity_deg=table.angular_velocity_deg.copy(),
+        acceleration=table.acceleration.copy(),
+        light_state=light_state,
+        control=control,
+        colour=table.colour,
+        wheel_angle_deg=wheel_angle_deg,
+    )
+    return Snapshot(
+        episode_id=world.episode_id,
+        map_changed=world.frame == 1,
+        state=state,
+        vehicles=vehicles,
+        walkers=walkers,
+        traffic_lights=lights,
+    )
+
+
+def _vehicle_columns(world: World) -> VehicleColumns:
+    table, fleet = world.actors, world.fleet
+    # The fleet's rows are in the order of spawning, which is the table's order too.
+    vehicles = table.of_kind(ActorKind.VEHICLE)
+    rows = table.rows(actor.actor_id for actor in vehicles)
+    controls = [actor.vehicle.control for actor in vehicles if actor.vehicle is not None]
+    manual = np.array([control.manual_gear_shift for control in controls], np.bool_)
+    location = table.location[rows]
+    light = world.lights.lights_at(location)
+    ids = np.array([*world.light_ids, 0], np.uint32)  # index -1 finds the last: no light
+    states = np.array([*world.lights.state, TrafficLightState.GREEN], np.uint8)
+    return VehicleColumns(
+        rows=rows,
+        control=fleet.control.copy(),
+        hand_brake=np.array([control.hand_brake for control in controls], np.bool_),
+        reverse=np.array([control.reverse for control in controls], np.bool_),
+        manual_gear_shift=manual,
+        gear=np.where(manual, [control.gear for control in controls], fleet.gear).astype(np.int32),
+        speed_limit_kmh=world.lanes.speed_limit_kmh(location),
+        light_id=ids[light],
+        light_state=states[light],
+    )
+
+
+def _walker_columns(world: World) -> WalkerColumns:
+    walkers = world.actors.of_kind(ActorKind.WALKER)
+    controls = [actor.walker for actor in walkers]
+    return WalkerColumns(
+        rows=world.actors.rows(actor.actor_id for actor in walkers),
+        direction=np.array([c.direction for c in controls], np.float32).reshape(-1, 3),
+        speed=np.array([c.speed for c in controls], np.float32),
+        jump=np.array([c.jump for c in controls], np.bool_),
+    )
+
+
+def _light_columns(world: World) -> TrafficLightColumns:
+    lights = world.lights
+    return TrafficLightColumns(
+        rows=world.actors.rows(world.light_ids),
+        sign_id=tuple(site.sign_id for site in world.town.traffic_lights),
+        green_s=lights.green_s.astype(np.float32),
+        yellow_s=lights.yellow_s.astype(np.float32),
+        red_s=lights.red_s.astype(np.float32),
+        elapsed_s=lights.elapsed_s.astype(np.float32),
+        pole_index=np.array([lights.group(i).index(i) for i in range(len(lights))], np.uint32),
+        frozen=lights.frozen.copy(),
+        state=lights.state.copy(),
+    )

@@ -29,6 +29,7 @@ from carstage.collector.timing import (
     saved_index,
     ticks_per_segment,
 )
+from carstage.collector.waking import TickWatch
 from carstage.collector.world import WorldSession
 from carstage.collector.writing import LogWriters, expected_segments, writer_threads
 from carstage.rawlog.format import (
@@ -109,7 +110,9 @@ class EpisodeRecorder:
         vehicles = spawn_vehicles(session, spec)
         self._stop.check()
         walkers = spawn_walkers(session, spec)
-        clock = CLOCKS[spec.timing.synchronous](session.world, self._plan.server.timeout_s)
+        watch = TickWatch(session.world, self._plan.server.traffic_manager_port)
+        session.on_exit("tick watch", watch.stop)
+        clock = CLOCKS[spec.timing.synchronous](session.world, self._plan.server.timeout_s, watch)
         clock.step()  # so that the client knows what was spawned
         start_walkers(session, walkers, spec)
         scenario = make_scenario(

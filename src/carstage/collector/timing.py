@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
+from contextlib import ExitStack
 from typing import Any, Dict, Iterable, NamedTuple, Optional, Type
 
 from carstage.collector.errors import RecordingError
 from carstage.collector.plan import TimingPlan
+from carstage.collector.waking import TickWatch
 
 MAX_SEGMENT_BYTES = 256 * 1024 * 1024
 SKIP_PATIENCE_S = 1.0
@@ -65,11 +67,13 @@ class Clock(ABC):
     Args:
         world: ``carla.World``.
         timeout_s: how long one step may take.
+        watch: frees a tick that is stuck behind the client's own Traffic Manager.
     """
 
-    def __init__(self, world: Any, timeout_s: float) -> None:
+    def __init__(self, world: Any, timeout_s: float, watch: Optional[TickWatch] = None) -> None:
         self._world = world
         self._timeout_s = timeout_s
+        self._watch = watch
 
     @abstractmethod
     def step(self) -> Tick:
@@ -87,7 +91,10 @@ class SynchronousClock(Clock):
     def step(self) -> Tick:
         """Tick once; the snapshot must carry the frame that the tick returned."""
         begin_s = time.perf_counter()
-        frame = self._world.tick(self._timeout_s)
+        with ExitStack() as watched:
+            if self._watch is not None:
+                watched.enter_context(self._watch.over_a_tick())
+            frame = self._world.tick(self._timeout_s)
         tick_s = time.perf_counter() - begin_s
         snapshot = self._world.get_snapshot()
         if snapshot.frame != frame:

@@ -13,6 +13,12 @@ from typing import Any
 import numpy as np
 
 from carstage_sim.render.jit import device
+from carstage_sim.render.materials import Detail
+
+NONE, ASPHALT, PAVING = int(Detail.NONE), int(Detail.ASPHALT), int(Detail.PAVING)
+BRICK, GRASS, LEAVES = int(Detail.BRICK), int(Detail.GRASS), int(Detail.LEAVES)
+MARKING, WINDOW, PLASTER = int(Detail.MARKING), int(Detail.WINDOW), int(Detail.PLASTER)
+BARK = int(Detail.BARK)
 
 _ONE: Any = np.float32(1)
 _HALF: Any = np.float32(0.5)
@@ -130,3 +136,90 @@ def window(s, t, number, pixel, night):  # type: ignore[no-untyped-def]
         return 2, cloth, cloth * np.float32(0.97), cloth * np.float32(0.88), lit * _HALF
     room = np.float32(0.012) + np.float32(0.05) * hash_unit(number, 41, 6) * (_ONE - t)
     return 0, room, room * np.float32(0.98), room * np.float32(0.94), lit
+
+
+@device
+def _wall_tint(number):  # type: ignore[no-untyped-def]
+    """Colour factors that tell one building's walls from the next one's."""
+    bright = np.float32(0.72) + np.float32(0.5) * hash_unit(number, 11, 1)
+    warm = (hash_unit(number, 13, 2) - np.float32(0.5)) * np.float32(0.30)
+    green = (hash_unit(number, 17, 3) - np.float32(0.5)) * np.float32(0.10)
+    return bright * (_ONE + warm), bright * (_ONE + green), bright * (_ONE - warm)
+
+
+@device
+def pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[no-untyped-def]
+    """Colour factors (red, green, blue) of a procedural pattern at a place of a surface."""
+    if abs(nz) > np.float32(0.6):
+        s, t = x, y
+    else:
+        flat = max(math.sqrt(nx * nx + ny * ny), np.float32(1e-4))
+        s, t = (x * -ny + y * nx) / flat, z
+    if kind == ASPHALT:
+        value = asphalt(x, y, pixel)
+        return value, value, value
+    if kind == PAVING:
+        tint, seam = tiles(
+            s, t, np.float32(0.6), np.float32(0.6), np.float32(0.012), _ONE, pixel, 3
+        )
+        value = (_ONE + np.float32(0.07) * tint) * (_ONE - np.float32(0.42) * seam)
+        value += np.float32(0.06) * faded(x, y, np.float32(2.3), pixel, 8)
+        value += np.float32(0.07) * faded(x, y, np.float32(0.05), pixel, 9)
+        return value, value, value
+    if kind == BRICK:
+        r, g, b = _wall_tint(owner)
+        tint, seam = tiles(
+            s, t, np.float32(0.25), np.float32(0.083), np.float32(0.012), _ONE, pixel, 5
+        )
+        value = (_ONE + np.float32(0.22) * tint) * (_ONE - seam)
+        value += np.float32(0.05) * faded(s, t, np.float32(3.0), pixel, 8) * (_ONE - seam)
+        return (
+            value * r + seam * np.float32(1.3),
+            value * g + seam * np.float32(2.0),
+            (value * b + seam * np.float32(2.4)),
+        )
+    if kind == GRASS:
+        value = (
+            _ONE
+            + np.float32(0.35) * faded(x, y, np.float32(0.06), pixel, 1)
+            + np.float32(0.20) * faded(x, y, np.float32(0.5), pixel, 2)
+        )
+        dry = np.float32(0.16) * faded(x, y, np.float32(5.0), pixel, 3)
+        return value * (_ONE + dry * 2), value * (_ONE + dry * np.float32(0.4)), value
+    if kind == LEAVES:
+        tree = hash_unit(owner, 3, 5)
+        leaf = hash_unit(number >> 1, 7, 9)
+        value = (
+            np.float32(0.70) + np.float32(0.55) * leaf + np.float32(0.2) * (tree - np.float32(0.5))
+        )
+        return (
+            value * (np.float32(0.75) + np.float32(0.65) * tree * leaf),
+            value,
+            (value * np.float32(0.9)),
+        )
+    if kind == MARKING:
+        value = (
+            _ONE
+            + np.float32(0.10) * faded(x, y, np.float32(0.08), pixel, 6)
+            + np.float32(0.10) * faded(x, y, np.float32(0.9), pixel, 7)
+        )
+        return value, value, value
+    if kind == PLASTER:
+        r, g, b = _wall_tint(owner)
+        value = (
+            _ONE
+            + np.float32(0.05) * faded(s, t, np.float32(0.12), pixel, 1)
+            + np.float32(0.06) * faded(s * np.float32(2.0), t, np.float32(2.6), pixel, 2)
+        )
+        return value * r, value * g, value * b
+    if kind == BARK:
+        value = _ONE + np.float32(0.25) * faded(s * 4, t, np.float32(0.22), pixel, 1)
+        return value, value, value
+    if kind != NONE:
+        value = (
+            _ONE
+            + np.float32(0.08) * faded(s, t, np.float32(0.06), pixel, 1)
+            + np.float32(0.06) * faded(s, t, np.float32(1.1), pixel, 2)
+        )
+        return value, value, value
+    return _ONE, _ONE, _ONE

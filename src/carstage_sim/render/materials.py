@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.mesh import Material
-from carstage_sim.render.scene import linear_colour
+
+
+def linear_colour(srgb: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Linear light of 8-bit sRGB values (IEC 61966-2-1), float32 in 0-1."""
+    value = srgb.astype(np.float64) / 255.0
+    linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    return linear.astype(np.float32)
 
 
 class Detail(IntEnum):
@@ -92,7 +98,7 @@ LOOKS: dict[Material, Look] = {
     Material.METAL: Look((112, 116, 118), 0.45, 0.35),
     Material.WOOD: Look((124, 88, 56), 0.8, 0.03, Detail.BARK),
     Material.BARK: Look((88, 70, 54), 1.0, 0.02, Detail.BARK),
-    Material.FOLIAGE: Look((72, 104, 42), 0.9, 0.03, Detail.LEAVES),
+    Material.FOLIAGE: Look((68, 96, 46), 0.9, 0.03, Detail.LEAVES),
     Material.PAINT: Look((160, 24, 28), 0.17, 0.05, paint=Paint.BODY),
     Material.GLASS: Look((14, 17, 20), 0.03, 0.08),
     Material.RUBBER: Look((26, 26, 27), 0.9, 0.02),

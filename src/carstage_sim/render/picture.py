@@ -82,7 +82,7 @@ class PictureMaker:
             shade_rays(
                 frame.scene, new_scratch(), frame.static, frame.actors, frame.colour,
                 frame.light_state,
-                self._materials, light, hits.origin, hits.directions, skip_row,
+                self._materials, light, frame.lamps, hits.origin, hits.directions, skip_row,
                 np.float32(pixel_angle), first, last,
                 hits.t, hits.row, hits.triangle, hits.weights, colours,
             )  # fmt: skip

@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 from carstage_sim.mesh import Material, TriangleMesh
 from carstage_sim.render.bvh import WideTree, build_tree, triangle_blocks
 from carstage_sim.render.cast import Geometry, Scene, empty_geometry
+from carstage_sim.render.lamps import Lamps, headlight_beams, street_lamps
+from carstage_sim.render.materials import Paint, linear_colour
 from carstage_sim.render.simd import LANES
 
-PAINTS = 5
+PAINTS = len(Paint)
 """Colours that an instance brings along."""
 
 _log = logging.getLogger(__name__)
@@ -78,6 +80,7 @@ class Frame:
         colour: ``(I, PAINTS, 3)`` float32 linear colours per instance row.
         light_state: ``(I,)`` uint32 per instance row.
         bounds: ``(I, 2, 3)`` float32 box of each row's mesh in the actor's frame.
+        lamps: lamps that light their surroundings.
     """
 
     scene: Scene
@@ -87,6 +90,7 @@ class Frame:
     colour: NDArray[np.float32]
     light_state: NDArray[np.uint32]
     bounds: NDArray[np.float32]
+    lamps: Lamps
 
     def row_around(self, actor_id: int, point: NDArray[np.float64]) -> int:
         """Row of ``actor_id`` if the world ``point`` lies in its mesh's box, else -1.
@@ -233,13 +237,6 @@ def _empty_surfaces() -> Surfaces:
     )
 
 
-def linear_colour(srgb: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Linear light of 8-bit sRGB values (IEC 61966-2-1), float32 in 0-1."""
-    value = srgb.astype(np.float64) / 255.0
-    linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-    return linear.astype(np.float32)
-
-
 class SceneStore:
     """Keeps geometries between frames and puts instances of them into a scene.
 
@@ -260,6 +257,7 @@ class SceneStore:
         self._models: list[_Model] = []
         self._index: dict[str, int] = {}
         self._roots: list[int] = []
+        self._lamps = street_lamps(static)
         self._actors: tuple[Geometry, Surfaces] = (empty_geometry(), _empty_surfaces())
         if static is None or not len(static.triangles):
             self._static, self._static_surfaces = empty_geometry(), _empty_surfaces()
@@ -290,6 +288,8 @@ class SceneStore:
             bounds[row] = self._models[index[row]].bounds
         top = self._top(rotation, position, bounds)
         colours = np.array([p.colours for p in placements], np.uint8).reshape(count, PAINTS, 3)
+        light_state = np.array([p.light_state & 0xFFFFFFFF for p in placements], np.uint32)
+        beams = headlight_beams(rotation, position, bounds, light_state)
         return Frame(
             scene=Scene(
                 static=self._static,
@@ -305,8 +305,9 @@ class SceneStore:
             actors=self._actors[1],
             actor_id=np.array([p.actor_id for p in placements], np.uint32),
             colour=linear_colour(colours),
-            light_state=np.array([p.light_state & 0xFFFFFFFF for p in placements], np.uint32),
+            light_state=light_state,
             bounds=bounds,
+            lamps=self._lamps._replace(beams=beams),
         )
 
     @staticmethod

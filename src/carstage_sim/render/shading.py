@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from carstage_sim.render.cast import NOTHING, trace
-from carstage_sim.render.detail import asphalt, faded, hash_unit, tiles, window
+from carstage_sim.render.detail import ASPHALT, LEAVES, WINDOW, faded, pattern, window
 from carstage_sim.render.jit import device, kernel
+from carstage_sim.render.lamps import glow, lamp_light
 
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
@@ -41,130 +42,15 @@ def _sky(light, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @device
-def _glow(kind, lamps, light):  # type: ignore[no-untyped-def]
-    """Light of a lamp, in units of what the camera shows as white, and its colour."""
-    night = light.air[5]
-    blink = (light.air[7] * np.float32(1.5)) % _ONE < np.float32(0.5)
-    if kind == 1 and lamps & 6:
-        return np.float32(9.0), np.float32(1.0), np.float32(0.96), np.float32(0.88)
-    if kind == 1 and lamps & 1:
-        return np.float32(2.0), np.float32(1.0), np.float32(0.96), np.float32(0.9)
-    if kind == 2 and lamps & 8:
-        return np.float32(3.0), np.float32(1.0), np.float32(0.03), np.float32(0.02)
-    if kind == 2 and lamps & 7:
-        return np.float32(0.8), np.float32(1.0), np.float32(0.03), np.float32(0.02)
-    if ((kind == 3 and lamps & 32) or (kind == 4 and lamps & 16)) and blink:
-        return np.float32(2.6), np.float32(1.0), np.float32(0.36), np.float32(0.02)
-    if kind == 5 and lamps & 64:
-        return np.float32(3.0), np.float32(1.0), np.float32(1.0), np.float32(0.95)
-    if kind == 6 and lamps == 0:
-        return np.float32(2.6), np.float32(1.0), np.float32(0.05), np.float32(0.03)
-    if kind == 7 and lamps == 1:
-        return np.float32(2.6), np.float32(1.0), np.float32(0.50), np.float32(0.03)
-    if kind == 8 and lamps == 2:
-        return np.float32(2.4), np.float32(0.06), np.float32(1.0), np.float32(0.5)
-    if kind == 9:
-        return np.float32(6.0) * night, np.float32(1.0), np.float32(0.85), np.float32(0.6)
-    return _ZERO, _ZERO, _ZERO, _ZERO
-
-
-@device
 def _film(value):  # type: ignore[no-untyped-def]
     """Exposed light as display light, 0-1: linear in the dark, saturating like film."""
     return _ONE - math.exp(-max(value, _ZERO))
 
 
-@device
-def _wall_tint(number):  # type: ignore[no-untyped-def]
-    """Colour factors that tell one building's walls from the next one's."""
-    bright = np.float32(0.72) + np.float32(0.5) * hash_unit(number, 11, 1)
-    warm = (hash_unit(number, 13, 2) - np.float32(0.5)) * np.float32(0.30)
-    green = (hash_unit(number, 17, 3) - np.float32(0.5)) * np.float32(0.10)
-    return bright * (_ONE + warm), bright * (_ONE + green), bright * (_ONE - warm)
-
-
-@device
-def _pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[no-untyped-def]
-    """Colour factors (red, green, blue) of a procedural pattern at a place of a surface."""
-    if abs(nz) > np.float32(0.6):
-        s, t = x, y
-    else:
-        flat = max(math.sqrt(nx * nx + ny * ny), np.float32(1e-4))
-        s, t = (x * -ny + y * nx) / flat, z
-    if kind == 2:
-        value = asphalt(x, y, pixel)
-        return value, value, value
-    if kind == 3:
-        tint, seam = tiles(
-            s, t, np.float32(0.6), np.float32(0.6), np.float32(0.012), _ONE, pixel, 3
-        )
-        value = (_ONE + np.float32(0.07) * tint) * (_ONE - np.float32(0.42) * seam)
-        value += np.float32(0.06) * faded(x, y, np.float32(2.3), pixel, 8)
-        value += np.float32(0.07) * faded(x, y, np.float32(0.05), pixel, 9)
-        return value, value, value
-    if kind == 4:
-        r, g, b = _wall_tint(owner)
-        tint, seam = tiles(
-            s, t, np.float32(0.25), np.float32(0.083), np.float32(0.012), _ONE, pixel, 5
-        )
-        value = (_ONE + np.float32(0.22) * tint) * (_ONE - seam)
-        value += np.float32(0.05) * faded(s, t, np.float32(3.0), pixel, 8) * (_ONE - seam)
-        return (
-            value * r + seam * np.float32(1.3),
-            value * g + seam * np.float32(2.0),
-            (value * b + seam * np.float32(2.4)),
-        )
-    if kind == 5:
-        value = (
-            _ONE
-            + np.float32(0.35) * faded(x, y, np.float32(0.06), pixel, 1)
-            + np.float32(0.20) * faded(x, y, np.float32(0.5), pixel, 2)
-        )
-        dry = np.float32(0.16) * faded(x, y, np.float32(5.0), pixel, 3)
-        return value * (_ONE + dry * 2), value * (_ONE + dry * np.float32(0.4)), value
-    if kind == 6:
-        tree = hash_unit(owner, 3, 5)
-        leaf = hash_unit(number >> 1, 7, 9)
-        value = (
-            np.float32(0.70) + np.float32(0.55) * leaf + np.float32(0.2) * (tree - np.float32(0.5))
-        )
-        return (
-            value * (np.float32(0.75) + np.float32(0.65) * tree * leaf),
-            value,
-            (value * np.float32(0.9)),
-        )
-    if kind == 7:
-        value = (
-            _ONE
-            + np.float32(0.10) * faded(x, y, np.float32(0.08), pixel, 6)
-            + np.float32(0.10) * faded(x, y, np.float32(0.9), pixel, 7)
-        )
-        return value, value, value
-    if kind == 9:
-        r, g, b = _wall_tint(owner)
-        value = (
-            _ONE
-            + np.float32(0.05) * faded(s, t, np.float32(0.12), pixel, 1)
-            + np.float32(0.06) * faded(s * np.float32(2.0), t, np.float32(2.6), pixel, 2)
-        )
-        return value * r, value * g, value * b
-    if kind == 11:
-        value = _ONE + np.float32(0.25) * faded(s * 4, t, np.float32(0.22), pixel, 1)
-        return value, value, value
-    if kind != 0:
-        value = (
-            _ONE
-            + np.float32(0.08) * faded(s, t, np.float32(0.06), pixel, 1)
-            + np.float32(0.06) * faded(s, t, np.float32(1.1), pixel, 2)
-        )
-        return value, value, value
-    return _ONE, _ONE, _ONE
-
-
 @kernel
 def shade_rays(  # type: ignore[no-untyped-def]
-    scene, scratch, static, actors, colour, light_state, materials, light, origin, directions, skip,
-    pixel_angle, first, last, t, row, triangle, weights, out,
+    scene, scratch, static, actors, colour, light_state, materials, light, lamps, origin,
+    directions, skip, pixel_angle, first, last, t, row, triangle, weights, out,
 ):  # fmt: skip
     """Colours of the hits ``first`` to ``last``: linear display light, 0-1, into ``out (N, 3)``."""
     lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
@@ -202,7 +88,7 @@ def shade_rays(  # type: ignore[no-untyped-def]
                 surfaces.flat[number, 1],
                 surfaces.flat[number, 2],
             )
-            lamps = 0
+            bits = 0
             owner = int(surfaces.object_id[number])
             slot = materials.paint[m]
             if who >= 0:
@@ -217,13 +103,13 @@ def shade_rays(  # type: ignore[no-untyped-def]
                     q[who, 1, 0] * gx + q[who, 1, 1] * gy + q[who, 1, 2] * gz,
                     q[who, 2, 0] * gx + q[who, 2, 1] * gy + q[who, 2, 2] * gz,
                 )
-                lamps = light_state[who]
+                bits = light_state[who]
             if who >= 0 and slot >= 0:
                 cr, cg, cb = colour[who, slot, 0], colour[who, slot, 1], colour[who, slot, 2]
             else:
                 cr, cg, cb = materials.colour[m, 0], materials.colour[m, 1], materials.colour[m, 2]
             kind = materials.detail[m]
-            leaves = kind == 6
+            leaves = kind == LEAVES
             # The side that the ray met is the outside; leaves keep the normals of their crown.
             if not leaves:
                 if gx * dx + gy * dy + gz * dz > 0:
@@ -246,7 +132,7 @@ def shade_rays(  # type: ignore[no-untyped-def]
             f0 = materials.specular[m]
             emitted = _ZERO
             half = surfaces.quad_half[number]
-            if kind == 8 and who < 0 and half:
+            if kind == WINDOW and who < 0 and half:
                 # Corner weights of the two halves of a quad give a place in its rectangle.
                 if half == 1:
                     s, up_share = v + w, w
@@ -256,12 +142,12 @@ def shade_rays(  # type: ignore[no-untyped-def]
                 part, cr, cg, cb, emitted = window(s, up_share, pane, pixel, night)
                 if part == 1:
                     rough, f0 = np.float32(0.8), np.float32(0.03)
-            elif kind != 0 and who < 0:
-                fr, fg, fb = _pattern(kind, px, py, pz, nx, ny, nz, owner, number, pixel)
+            elif kind and who < 0:
+                fr, fg, fb = pattern(kind, px, py, pz, nx, ny, nz, owner, number, pixel)
                 cr, cg, cb = cr * fr, cg * fg, cb * fb
             if wet > 0 and nz > np.float32(0.5) and who < 0 and not leaves:
                 pool = max(wet * np.float32(0.6), puddles) if puddles > 0 else wet * np.float32(0.4)
-                if puddles > 0 and kind == 2:
+                if puddles > 0 and kind == ASPHALT:
                     level = faded(px, py, np.float32(3.1), pixel, 21) + np.float32(0.5) * faded(
                         px, py, np.float32(0.8), pixel, 22
                     )
@@ -316,6 +202,9 @@ def shade_rays(  # type: ignore[no-untyped-def]
                     er += light.sun[0] * sunny * np.float32(0.22)
                     eg += light.sun[1] * sunny * np.float32(0.24)
                     eb += light.sun[2] * sunny * np.float32(0.12)
+            if night > 0:
+                lr, lg, lb = lamp_light(lamps, px, py, pz, nx, ny, nz)
+                er, eg, eb = er + lr * night, eg + lg * night, eb + lb * night
             r, g, b = cr * er * _OVER_PI, cg * eg * _OVER_PI, cb * eb * _OVER_PI
             if rough < np.float32(0.75):
                 smooth = _ONE - rough
@@ -339,7 +228,7 @@ def shade_rays(  # type: ignore[no-untyped-def]
                     r += light.sun[0] * glint
                     g += light.sun[1] * glint
                     b += light.sun[2] * glint
-            strength, sr, sg, sb = _glow(materials.glow[m], lamps, light)
+            strength, sr, sg, sb = glow(materials.glow[m], bits, night, light.air[7])
             if emitted > 0:
                 strength, sr, sg, sb = (
                     emitted * np.float32(1.1),

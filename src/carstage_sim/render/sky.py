@@ -29,9 +29,11 @@ _OZONE_PER_M = np.array([0.8e-6, 2.3e-6, 0.1e-6])
 _MIE_PER_M = 12e-6
 _RAYLEIGH_SCALE_M, _MIE_SCALE_M = 8_000.0, 1_200.0
 _MIE_ASYMMETRY = 0.76
+_SKY_GAIN = 1.35
+"""Single scattering is too dark by about this much."""
 _EXPOSURE, _ADAPTATION = 2.4, 0.68
 """A white wall at noon comes out at 1.7 times the curve's unit, by night at about 0.25."""
-_NIGHT_SKY = np.array([0.0035, 0.005, 0.009])
+_NIGHT_SKY = np.array([0.0015, 0.0022, 0.0045])
 
 
 class Lighting(NamedTuple):
@@ -130,7 +132,7 @@ def _clear_sky(altitude_rad: float, haze: float, rows: int, columns: int) -> Arr
         )
         rayleigh_depth += rayleigh
         mie_depth += mie
-    return radiance * _SUN_IRRADIANCE
+    return radiance * _SUN_IRRADIANCE * _SKY_GAIN
 
 
 def _elevations(rows: int) -> Array:
@@ -225,7 +227,7 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
         sun = np.array([0.030, 0.036, 0.048]) * (1.0 - 0.8 * cloud)
     ambient = _irradiance(sky)
     # Light that houses and street throw back fills shadows and takes some of the sky's blue.
-    ambient = 1.6 * (0.65 * ambient + 0.35 * ambient.mean(axis=1, keepdims=True))
+    ambient = 1.25 * (0.65 * ambient + 0.35 * ambient.mean(axis=1, keepdims=True))
     ground = (ambient[0] + sun * max(sun_direction[2], 0.0)) * 0.22
     ambient[1] = ambient[1] * 0.5 + 0.5 * ground
     ambient[2] = ground

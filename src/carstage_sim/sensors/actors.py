@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from carstage_sim.content.pedestrians import PHASES, dress_of, pedestrian_mesh
+from carstage_sim.content.props import prop_mesh
 from carstage_sim.content.street_furniture import traffic_light_mesh
 from carstage_sim.content.vehicles import vehicle_mesh
 from carstage_sim.geometry import rotation_matrix
@@ -20,6 +21,7 @@ from carstage_sim.world.state import ActorKind, WorldState
 _STRIDE_M = 1.35
 """Way of two steps; the legs swing with the distance walked."""
 _STANDING_M_S = 0.15
+_PROP = "static.prop."
 _BARE_STEEL = (152, 156, 160)
 
 
@@ -86,6 +88,8 @@ class ActorModels:
                     continue
                 key = f"traffic_light#{lights}"
                 lights += 1
+            elif state.type_id[row].startswith(_PROP):
+                key = state.type_id[row]
             else:
                 continue
             found.append(
@@ -128,6 +132,8 @@ class ActorModels:
         blueprint = self._catalogue[name]
         if blueprint.kind == ActorKind.WALKER:
             return pedestrian_mesh(name, blueprint.box_extent, phase=int(number))
+        if name.startswith(_PROP):
+            return prop_mesh(name, blueprint.box_extent)
         parameters = blueprint.vehicle
         if parameters is None:
             return vehicle_mesh(name, blueprint.box_extent, blueprint.box_center)

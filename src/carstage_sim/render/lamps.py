@@ -1,0 +1,157 @@
+"""Lamps: what glows in which state, and the light of street lamps and headlights by night."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.mesh import Material, TriangleMesh
+from carstage_sim.render.jit import device
+from carstage_sim.render.materials import Glow
+
+_HEAD, _TAIL, _REVERSE = int(Glow.HEAD_LAMP), int(Glow.TAIL_LAMP), int(Glow.REVERSE_LAMP)
+_LEFT, _RIGHT = int(Glow.BLINKER_LEFT), int(Glow.BLINKER_RIGHT)
+_RED, _YELLOW, _GREEN = int(Glow.LENS_RED), int(Glow.LENS_YELLOW), int(Glow.LENS_GREEN)
+_STREET = int(Glow.STREET_LAMP)
+
+# Bits of carla.VehicleLightState, values of carla.TrafficLightState.
+_POSITION_BIT, _BEAM_BITS, _BRAKE_BIT, _RIGHT_BIT, _LEFT_BIT, _REVERSE_BIT = 1, 6, 8, 16, 32, 64
+_RED_STATE, _YELLOW_STATE, _GREEN_STATE = 0, 1, 2
+
+CELL_M = 24.0
+"""Side of the cells in which street lamps are looked up."""
+_PER_CELL = 4
+_REACH_M: Any = np.float32(26.0)
+_ZERO: Any = np.float32(0)
+_ONE: Any = np.float32(1)
+
+
+class Lamps(NamedTuple):
+    """Lamps that light their surroundings.
+
+    Attributes:
+        street: ``(L, 3)`` float32 world metres of the street lamps.
+        cells: ``(X, Y, 4)`` int32 lamps near each cell, -1 for none.
+        corner: ``(2,)`` float32 world x, y of the first cell's corner.
+        beams: ``(B, 6)`` float32 place and direction of each vehicle's headlights.
+    """
+
+    street: NDArray[np.float32]
+    cells: NDArray[np.int32]
+    corner: NDArray[np.float32]
+    beams: NDArray[np.float32]
+
+
+def street_lamps(mesh: TriangleMesh | None) -> Lamps:
+    """The street lamps of a town: the middle of each piece of ``STREET_LAMP`` surface."""
+    places = np.empty((0, 3), np.float32)
+    if mesh is not None:
+        bright = mesh.material == Material.STREET_LAMP
+        middle = mesh.vertices[mesh.triangles[bright]].mean(axis=1)
+        # One lamp per patch of two metres: a lamp is made of several triangles.
+        _, first = np.unique(np.round(middle / 2.0), axis=0, return_index=True)
+        places = middle[np.sort(first)].astype(np.float32)
+    if not len(places):
+        nowhere = np.full((1, 1, _PER_CELL), -1, np.int32)
+        return Lamps(places, nowhere, np.zeros(2, np.float32), np.empty((0, 6), np.float32))
+    corner = places[:, :2].min(axis=0) - np.float32(CELL_M)
+    size = np.ceil((places[:, :2].max(axis=0) + CELL_M - corner) / CELL_M).astype(int)
+    cells = np.full((*size, _PER_CELL), -1, np.int32)
+    for i in range(size[0]):
+        for j in range(size[1]):
+            center = corner + (np.array([i, j]) + 0.5) * CELL_M
+            away = np.hypot(*(places[:, :2] - center).T)
+            near = np.argsort(away, kind="stable")[:_PER_CELL]
+            near = near[away[near] < CELL_M * 0.71 + _REACH_M]
+            cells[i, j, : len(near)] = near
+    return Lamps(places, cells, corner.astype(np.float32), np.empty((0, 6), np.float32))
+
+
+def headlight_beams(
+    rotation: NDArray[np.float32],
+    position: NDArray[np.float32],
+    bounds: NDArray[np.float32],
+    light_state: NDArray[np.uint32],
+) -> NDArray[np.float32]:
+    """``(B, 6)`` beams of the instances whose low or high beam is on and that can drive."""
+    # Traffic lights count states, not bits, and are as narrow as they are high.
+    drives = bounds[:, 1, 0] - bounds[:, 0, 0] > 1.2
+    (rows,) = np.nonzero(drives & ((light_state & _BEAM_BITS) != 0) & (bounds[:, 0, 2] < 0.3))
+    beams = np.empty((len(rows), 6), np.float32)
+    for k, row in enumerate(rows):
+        front = np.array([bounds[row, 1, 0], 0.0, 0.65], np.float32)
+        beams[k, :3] = rotation[row] @ front + position[row]
+        beams[k, 3:] = rotation[row] @ np.array([0.997, 0.0, -0.07], np.float32)
+    return beams
+
+
+@device
+def glow(kind, bits, night, time_s):  # type: ignore[no-untyped-def]
+    """Light of a lamp, in units of what the camera shows as white, and its colour."""
+    blink = (time_s * np.float32(1.5)) % _ONE < np.float32(0.5)
+    if kind == _HEAD and bits & _BEAM_BITS:
+        return np.float32(9.0), np.float32(1.0), np.float32(0.96), np.float32(0.88)
+    if kind == _HEAD and bits & _POSITION_BIT:
+        return np.float32(2.0), np.float32(1.0), np.float32(0.96), np.float32(0.9)
+    if kind == _TAIL and bits & _BRAKE_BIT:
+        return np.float32(3.0), np.float32(1.0), np.float32(0.03), np.float32(0.02)
+    if kind == _TAIL and bits & (_POSITION_BIT | _BEAM_BITS):
+        return np.float32(0.8), np.float32(1.0), np.float32(0.03), np.float32(0.02)
+    if ((kind == _LEFT and bits & _LEFT_BIT) or (kind == _RIGHT and bits & _RIGHT_BIT)) and blink:
+        return np.float32(2.6), np.float32(1.0), np.float32(0.36), np.float32(0.02)
+    if kind == _REVERSE and bits & _REVERSE_BIT:
+        return np.float32(3.0), np.float32(1.0), np.float32(1.0), np.float32(0.95)
+    if kind == _RED and bits == _RED_STATE:
+        return np.float32(2.6), np.float32(1.0), np.float32(0.05), np.float32(0.03)
+    if kind == _YELLOW and bits == _YELLOW_STATE:
+        return np.float32(2.6), np.float32(1.0), np.float32(0.50), np.float32(0.03)
+    if kind == _GREEN and bits == _GREEN_STATE:
+        return np.float32(2.4), np.float32(0.06), np.float32(1.0), np.float32(0.5)
+    if kind == _STREET:
+        return np.float32(6.0) * night, np.float32(1.0), np.float32(0.85), np.float32(0.6)
+    return _ZERO, _ZERO, _ZERO, _ZERO
+
+
+@device
+def lamp_light(lamps, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-def]
+    """Irradiance (red, green, blue) from street lamps and headlights at a place, unshadowed."""
+    warm, white = _ZERO, _ZERO
+    i = math.floor((x - lamps.corner[0]) / np.float32(CELL_M))
+    j = math.floor((y - lamps.corner[1]) / np.float32(CELL_M))
+    if 0 <= i < lamps.cells.shape[0] and 0 <= j < lamps.cells.shape[1]:
+        for k in range(_PER_CELL):
+            lamp = lamps.cells[i, j, k]
+            if lamp < 0:
+                break
+            ax = lamps.street[lamp, 0] - x
+            ay = lamps.street[lamp, 1] - y
+            az = lamps.street[lamp, 2] - z
+            square = ax * ax + ay * ay + az * az
+            if az <= 0 or square > _REACH_M * _REACH_M:
+                continue
+            away = math.sqrt(square)
+            towards = (ax * nx + ay * ny + az * nz) / away
+            edge = _ONE - square / (_REACH_M * _REACH_M)
+            warm += max(towards, _ZERO) * (az / away) * edge * edge / max(square, np.float32(1.0))
+    for k in range(lamps.beams.shape[0]):
+        ax, ay, az = x - lamps.beams[k, 0], y - lamps.beams[k, 1], z - lamps.beams[k, 2]
+        square = ax * ax + ay * ay + az * az
+        if square > np.float32(1600.0) or square < np.float32(0.04):
+            continue
+        away = math.sqrt(square)
+        ahead = (ax * lamps.beams[k, 3] + ay * lamps.beams[k, 4] + az * lamps.beams[k, 5]) / away
+        if ahead < np.float32(0.85):
+            continue
+        towards = -(ax * nx + ay * ny + az * nz) / away
+        cone = (ahead - np.float32(0.85)) / np.float32(0.15)
+        fade = _ONE - square / np.float32(1600.0)
+        white += max(towards, _ZERO) * cone * cone * fade / max(square, np.float32(12.0))
+    warm, white = warm * np.float32(24.0), white * np.float32(45.0)
+    return (
+        warm + white,
+        warm * np.float32(0.80) + white * np.float32(0.96),
+        warm * np.float32(0.52) + white * np.float32(0.88),
+    )

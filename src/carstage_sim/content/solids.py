@@ -25,11 +25,16 @@ def quads_to_triangles(quads: ArrayLike) -> NDArray[np.int32]:
 def quad_mesh(
     corners: ArrayLike, material: Material | NDArray[np.integer], tag: CityObjectLabel
 ) -> TriangleMesh:
-    """Separate quads from ``(N, 4, 3)`` corners; ``material`` is one value or one per quad."""
+    """Separate quads from ``(N, 4, 3)`` corners; ``material`` is one value or one per quad.
+
+    A quad with two equal corners is a triangle.
+    """
     points = np.asarray(corners, dtype=np.float64).reshape(-1, 3)
     index = quads_to_triangles(np.arange(len(points)).reshape(-1, 4))
+    a, b, c = (points[index[:, k]] for k in range(3))
+    has_area = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-9
     per_quad = np.broadcast_to(np.asarray(material), (len(points) // 4,))
-    return build_mesh(points, index, np.repeat(per_quad, 2), tag)
+    return build_mesh(points, index[has_area], np.repeat(per_quad, 2)[has_area], tag)
 
 
 def box(

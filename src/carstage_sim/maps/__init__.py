@@ -4,7 +4,16 @@
 """
 
 from carstage_sim.maps.baking import MapSamplingError
+from carstage_sim.maps.ground import GroundHeight, ground_height
 from carstage_sim.maps.loading import UnknownTownError, available_towns, load_town
 from carstage_sim.maps.town import Town
 
-__all__ = ["MapSamplingError", "Town", "UnknownTownError", "available_towns", "load_town"]
+__all__ = [
+    "GroundHeight",
+    "MapSamplingError",
+    "Town",
+    "UnknownTownError",
+    "available_towns",
+    "ground_height",
+    "load_town",
+]

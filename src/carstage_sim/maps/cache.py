@@ -23,7 +23,7 @@ from carstage_sim.maps.town import LaneSamples, LevelObject, OrientedBox, Town, 
 from carstage_sim.mesh import TriangleMesh
 
 _SOURCES = ("maps", "content", "mesh.py", "labels.py", "geometry.py")
-_PACKAGES = ("numpy", "shapely")
+_PACKAGES = ("carla", "numpy", "shapely")
 
 
 def default_cache_folder() -> Path:

@@ -172,3 +172,12 @@ def test_layers_of_different_height_are_joined_by_a_wall():
 
 def test_a_file_without_limits_still_lets_traffic_move():
     assert DEFAULT_LIMIT_KMH > 0
+
+
+def test_ground_height_takes_places_anywhere(stage01):
+    height = ground_height(stage01)
+    assert height(np.zeros((0, 2))).shape == (0,)
+    # On a lane with any z, far out on the terrain, beyond the world's edge.
+    lane = stage01.lanes.location[0]
+    places = np.array([[lane[0], lane[1], 7.0], [-450.0, 0.0, 0.0], [5000.0, 0.0, 0.0]])
+    assert height(places) == pytest.approx([0.0, 0.15, 0.0], abs=1e-6)

@@ -168,8 +168,14 @@ class EpisodeLog:
 
     @property
     def streams(self) -> tuple[str, ...]:
-        """Names of the streams that have a folder, sorted."""
-        return tuple(sorted(entry.name for entry in self.folder.iterdir() if entry.is_dir()))
+        """Names of the streams that have a folder, sorted; no stream's name begins with a dot."""
+        return tuple(
+            sorted(
+                entry.name
+                for entry in self.folder.iterdir()
+                if entry.is_dir() and not entry.name.startswith(".")
+            )
+        )
 
     def sealed_segments(self, stream: str) -> tuple[int, ...]:
         """Numbers of the stream's sealed segments, ascending."""
@@ -186,12 +192,15 @@ class EpisodeLog:
             RawLogError: the segment is missing, damaged, of another stream or number, or its seal
                 does not fit; names the file and the offset.
         """
-        path = self.folder / stream / f"{index:06d}{raw.SEALED_SUFFIX}"
+        path = self._segment_path(stream, index)
         data = _mapped(path)
         found = _segment_header(path, data)
         if found != (stream, index):
             raise RawLogError(f"{path} holds segment {found.segment} of stream {found.stream!r}.")
         return _sealed_records(path, data)
+
+    def _segment_path(self, stream: str, index: int) -> Path:
+        return self.folder / stream / f"{index:06d}{raw.SEALED_SUFFIX}"
 
     def world_frames(self, index: int) -> list[WorldFrame]:
         """World snapshots of segment ``index``, one per tick, in order."""
@@ -211,9 +220,13 @@ class EpisodeLog:
         for index in self.sealed_segments(raw.WORLD):
             if up_to_segment is not None and index > up_to_segment:
                 break
-            for record in self.read_segment(raw.WORLD, index):
-                if record.kind == raw.KIND_TABLE:
-                    found.update((row["id"], _actor_info(row)) for row in record.meta["actors"])
+            path = self._segment_path(raw.WORLD, index)
+            data = _mapped(path)
+            # Tables only: the JSON of the snapshots between them is most of the stream.
+            for offset, header in raw.iter_whole_records(data)[0]:
+                if header.kind == raw.KIND_TABLE:
+                    table = _record(path, data, offset, header).meta
+                    found.update((row["id"], _actor_info(row)) for row in table["actors"])
         return found
 
     def ledger(self) -> list[dict[str, Any]]:

@@ -63,6 +63,14 @@ def command(function: Callable[Parameters, int | None]) -> Callable[Parameters, 
             # The reader of stdout has gone, as `| head` does; nothing more can be said there.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             code = 1
+        except OSError as error:
+            _refuse_if_not_debugging(error)
+            note(
+                f"Error: {error.strerror or error}"
+                + (f": {error.filename}" if error.filename else "")
+            )
+            note("Check free space and permissions, then run the same command again.")
+            code = 1
         except Exception as error:  # noqa: BLE001 - the last resort of the process
             _refuse_if_not_debugging(error)
             note(f"Error: this is a bug in Car-STAGE: {type(error).__name__}: {error}")

@@ -67,7 +67,7 @@ class _Talking:
         elif name == "episode_committed":
             self._write(f"Episode {event['episode_id']} is in the dataset.")
         elif name == "episode_failed":
-            self._write(f"Episode {event['episode_id']} failed: {event['reason']}")
+            self._write(f"Episode {event['episode_id']} failed.")
 
     def say(self, sentence: str) -> None:
         """Say it."""

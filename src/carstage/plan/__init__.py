@@ -3,7 +3,7 @@
 ``plan_episodes`` makes ``EpisodeSpec`` objects; ``estimate_run`` says what they will cost.
 """
 
-from carstage.plan.estimate import RunEstimate, estimate_run
+from carstage.plan.estimate import RunEstimate, estimate_run, estimate_tick_s
 from carstage.plan.planning import ServerFacts, plan_episodes
 from carstage.plan.spec import EpisodeSpec, PoseSpec, SensorSpec
 
@@ -14,5 +14,6 @@ __all__ = [
     "SensorSpec",
     "ServerFacts",
     "estimate_run",
+    "estimate_tick_s",
     "plan_episodes",
 ]

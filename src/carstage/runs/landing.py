@@ -6,13 +6,12 @@ import json
 import shutil
 from collections.abc import Mapping
 from concurrent.futures import Executor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from carstage.conversion import EpisodeConversion
-from carstage.errors import ConversionError, StorageError
+from carstage.errors import StorageError
 from carstage.plan import EpisodeSpec
 from carstage.storage import Store
 
@@ -75,13 +74,7 @@ class Landing:
         Raises:
             ConversionError: the converters take no work any more.
         """
-        try:
-            self._conversion.segment_sealed(stream, segment)
-        except BrokenProcessPool as error:
-            raise ConversionError(
-                f"A process that converts episode {self.job.episode_id} died.",
-                "Was it killed, or is memory short? Try `conversion.workers: 1`.",
-            ) from error
+        self._conversion.segment_sealed(stream, segment)
 
     def convert_all(self) -> None:
         """Hand everything that is recorded to the conversion."""

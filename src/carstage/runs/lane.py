@@ -19,6 +19,7 @@ from typing import Any, Protocol
 
 from carstage.errors import CarStageError, CollectorError, ServerError
 from carstage.execution import CollectorProcess
+from carstage.plan import estimate_tick_s
 from carstage.runs.folder import RunFolder
 from carstage.runs.interruption import Interruption
 from carstage.runs.landing import Job, Landing
@@ -29,7 +30,8 @@ POLL_S = 0.2
 _STALL_S = 600.0
 _STOP_S = 20.0
 _LAST_WORDS_S = 3.0
-_CALL_TIMEOUT_S = 60.0
+_CALL_TIMEOUT_S = 20.0
+_CALL_TIMEOUT_TICKS = 30
 _QUEUE_BYTES = 256 * 1024 * 1024
 #: The collector's errors that another attempt would only repeat.
 _FINAL_KINDS = frozenset({"plan", "scene", "version"})
@@ -186,12 +188,13 @@ class ServerLane:
         return server is not None and server.endpoint.pid is not None and not server.alive()
 
     def _plan(self, landing: Landing, endpoint: Endpoint) -> dict[str, Any]:
+        spec = landing.job.spec
         return {
             "plan_version": 1,
             "server": {
                 "host": endpoint.host,
                 "port": endpoint.port,
-                "timeout_s": _CALL_TIMEOUT_S,
+                "timeout_s": _CALL_TIMEOUT_S + _CALL_TIMEOUT_TICKS * estimate_tick_s(spec),
                 "traffic_manager_port": endpoint.traffic_manager_port,
             },
             "queue_bytes": _QUEUE_BYTES,
@@ -201,7 +204,7 @@ class ServerLane:
                     "episode_id": landing.job.episode_id,
                     "attempt": landing.attempt,
                     "folder": str(landing.raw_folder.absolute()),
-                    "spec": landing.job.spec.to_json(),
+                    "spec": spec.to_json(),
                 }
             ],
         }

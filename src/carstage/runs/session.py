@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import selectors
+import signal
 import threading
 import time
 from collections import deque
@@ -15,7 +16,7 @@ from typing import Any
 
 from carstage.config import Config
 from carstage.conversion import conversion_pool
-from carstage.errors import BadInputError, CarStageError, EpisodeExistsError
+from carstage.errors import BadInputError, CarStageError, ConversionError, EpisodeExistsError
 from carstage.execution import Executor, InlineExecutor
 from carstage.plan import EpisodeSpec, estimate_run, plan_episodes
 from carstage.runs.attempts import dead_runs, remove_leftovers, reserve_attempt
@@ -150,6 +151,8 @@ class _Session:
         state: State = "failed"
         try:
             self._enter("starting")
+            if todo:
+                self._workers()  # they load their libraries while the server starts
             executor.execute(self._take, self._open_lane)
             state = "done" if not self._failures else "failed"
         except KeyboardInterrupt:
@@ -257,7 +260,10 @@ class _Session:
 
     def attempt_failed(self, landing: Landing, error: CarStageError, *, final: bool) -> None:
         """Try the episode again, unless that is pointless or it was tried often enough."""
-        self._recording = None
+        if landing is self._recording:  # else: converting it failed, while another is recorded
+            self._recording = None
+        if isinstance(error, ConversionError):
+            self._retire_pool()
         job = landing.job
         reason = str(error)
         if not final and job.tries < self._retries:
@@ -340,7 +346,6 @@ class _Session:
         except CarStageError as error:
             self._landings.remove(landing)
             landing.give_up()
-            self._retire_pool()
             self.attempt_failed(landing, error, final=isinstance(error, BadInputError))
         else:
             self._landings.remove(landing)
@@ -355,7 +360,7 @@ class _Session:
         if self._pool is None:
             chosen = self._config.conversion.workers
             cores = len(os.sched_getaffinity(0))
-            self._pool = conversion_pool(max(1, cores // 2) if chosen == "auto" else chosen)
+            self._pool = _start_pool(max(1, cores // 2) if chosen == "auto" else chosen)
         return self._pool
 
     def _retire_pool(self) -> None:
@@ -382,3 +387,19 @@ class _Session:
     def _event(self, event: str, **fields: Any) -> None:
         with self._interruption.held():  # no torn lines
             self._observer.event(self._folder.write_event(event, fields))
+
+
+def _start_pool(workers: int) -> Pool:
+    """Converters whose processes exist already.
+
+    They are started with the terminal's signals blocked, which a child inherits: Ctrl-C reaches a
+    worker also before it can decide to ignore it.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGHUP))
+    try:
+        pool = conversion_pool(workers)
+        for _ in range(workers):
+            pool.submit(os.getpid)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return pool

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import socket
@@ -227,3 +228,31 @@ def test_doctor_examines_this_machine(tmp_path: Path) -> None:
     assert document["ok"], document
     names = {check["name"] for check in document["checks"]}
     assert {"platform", "carla client", "embedded simulator", "disk", "ports"} <= names
+
+
+def test_error_of_the_system_is_a_sentence_not_a_bug(
+    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "events.jsonl")
+
+    monkeypatch.setattr("carstage.runs.session.RunFolder.write_plan", full)
+    ended = invoke("run", config, "--out", tmp_path / "dataset")
+    assert ended.exit_code == 1
+    assert ended.stderr.splitlines()[-2:] == [
+        "Error: No space left on device: events.jsonl",
+        "Check free space and permissions, then run the same command again.",
+    ]
+
+
+def test_error_that_nobody_expected_is_called_a_bug(
+    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def wrong(*_: object) -> None:
+        raise ZeroDivisionError("oops")
+
+    monkeypatch.setattr("carstage.runs.session.plan_episodes", wrong)
+    ended = invoke("run", config, "--out", tmp_path / "dataset")
+    assert ended.exit_code == 1
+    assert "bug in Car-STAGE: ZeroDivisionError: oops" in ended.stderr
+    assert "--debug" in ended.stderr

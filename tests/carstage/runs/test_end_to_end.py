@@ -9,9 +9,11 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
+import psutil
 import pytest
 from driving import (
     SMALL,
+    Command,
     attempts,
     carstage,
     children_that_live,
@@ -125,6 +127,23 @@ def test_server_killed_in_between_is_started_again(
     assert differing(out, undisturbed) == []
 
 
+def test_converter_killed_in_between_changes_no_byte(
+    undisturbed: Path, small: str, home: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "dataset"
+    with command(["run", small, "--out", str(out)], home) as running:
+        wait_for_event(out, "tick", tick=12)
+        children = psutil.Process(running.process.pid).children()
+        workers = [child for child in children if "spawn_main" in " ".join(child.cmdline())]
+        assert workers
+        for worker in workers:
+            worker.kill()
+        ended = running.end()
+    assert ended.code == 0, ended.stderr
+    assert "recorded again" in ended.stderr
+    assert differing(out, undisturbed) == []
+
+
 MOMENTS: dict[str, Callable[[Path], object]] = {
     "at the start": lambda out: wait_for_event(out, "run_started"),
     "while it connects": lambda out: wait_for_event(out, "collector_started"),
@@ -172,17 +191,28 @@ def test_interrupted_run_continues_with_the_same_command(
     assert first.items() <= hashes(out).items()
 
 
-def test_second_ctrl_c_ends_at_once_and_the_next_run_clears_up(
-    small: str, home: Path, tmp_path: Path
+def press_twice(running: Command) -> int:
+    running.press_ctrl_c()
+    threading.Event().wait(0.1)  # two presses at once are one signal
+    running.press_ctrl_c()
+    return 130
+
+
+def kill(running: Command) -> int:
+    running.process.kill()
+    return -signal.SIGKILL
+
+
+@pytest.mark.parametrize("end", [press_twice, kill])
+def test_run_that_ends_at_once_leaves_no_process_and_the_next_run_clears_up(
+    end: Callable[[Command], int], small: str, home: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "dataset"
     with command(["run", small, "--out", str(out)], home) as running:
         wait_for_event(out, "tick", tick=3)
-        running.press_ctrl_c()
-        threading.Event().wait(0.1)  # two presses at once are one signal
-        running.press_ctrl_c()
+        code = end(running)
         ended = running.end()
-    assert ended.code == 130
+    assert ended.code == code
     assert status(out)["state"] == "recording"
     wait_for(lambda: children_that_live(out) == [], "the end of the children")
     ended = carstage(["run", small, "--out", str(out), "--set", "duration_s=0.1"], home)

@@ -55,7 +55,7 @@ def shade_rays(  # type: ignore[no-untyped-def]
     """Colours of the hits ``first`` to ``last``: linear display light, 0-1, into ``out (N, 3)``."""
     lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
     sun_up = light.sun[0] + light.sun[1] + light.sun[2] > np.float32(1e-6)
-    wet, puddles, night, exposure = light.air[3], light.air[4], light.air[5], light.air[6]
+    wet, puddles, night, exposure = light.wetness, light.puddles, light.night, light.exposure
     for i in range(first, last):
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -228,7 +228,7 @@ def shade_rays(  # type: ignore[no-untyped-def]
                     r += light.sun[0] * glint
                     g += light.sun[1] * glint
                     b += light.sun[2] * glint
-            strength, sr, sg, sb = glow(materials.glow[m], bits, night, light.air[7])
+            strength, sr, sg, sb = glow(materials.glow[m], bits, night, light.time_s)
             if emitted > 0:
                 strength, sr, sg, sb = (
                     emitted * np.float32(1.1),
@@ -239,7 +239,7 @@ def shade_rays(  # type: ignore[no-untyped-def]
             if strength > 0:
                 strength /= exposure
                 r, g, b = r + sr * strength, g + sg * strength, b + sb * strength
-        thick = (distance - light.air[1]) * light.air[0]
+        thick = (distance - light.fog_from_m) * light.fog_per_m
         if thick > 0:
             fog = _ONE - math.exp(-thick)
             r += (light.fog[0] - r) * fog

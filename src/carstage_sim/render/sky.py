@@ -45,9 +45,12 @@ class Lighting(NamedTuple):
         sky: ``(ROWS, COLUMNS, 3)`` float32 radiance; row = ROWS * sqrt(elevation / 90 deg).
         ambient: ``(3, 3)`` float32 irradiance of surfaces that face up, sideways and down.
         fog: ``(3,)`` float32 radiance of the fog.
-        air: ``(8,)`` float32: fog extinction per metre, distance at which fog begins (m), its
-            decrease with height per metre, wetness 0-1, puddles 0-1, night 0-1 (lamps are on),
-            exposure, time in seconds.
+        fog_per_m: float32 extinction of the fog.
+        fog_from_m: float32 distance at which it begins.
+        wetness, puddles: float32 0-1: how wet the ground is, how much water stands on it.
+        night: float32 0-1: how far lamps are on.
+        exposure: float32 factor from radiance to the film.
+        time_s: float32 time that lets blinkers blink.
     """
 
     sun_direction: NDArray[np.float32]
@@ -55,7 +58,13 @@ class Lighting(NamedTuple):
     sky: NDArray[np.float32]
     ambient: NDArray[np.float32]
     fog: NDArray[np.float32]
-    air: NDArray[np.float32]
+    fog_per_m: np.float32
+    fog_from_m: np.float32
+    wetness: np.float32
+    puddles: np.float32
+    night: np.float32
+    exposure: np.float32
+    time_s: np.float32
 
 
 def _path(cosine: Array, height: float | Array, top_m: float) -> Array:
@@ -186,9 +195,7 @@ class SkyModel:
                 self._noise = _cloud_noise()
             self._last = (weather, _lighting(weather, self._noise))
         kept = self._last[1]
-        air = kept.air.copy()
-        air[7] = time_s % 3600.0
-        return kept._replace(air=air)
+        return kept._replace(time_s=np.float32(time_s % 3600.0))
 
 
 def _lighting(weather: Weather, noise: Array) -> Lighting:
@@ -196,7 +203,6 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
     azimuth = np.radians(weather.sun_azimuth_angle)
     cloud = np.clip(weather.cloudiness / 100.0, 0.0, 1.0)
     haze = 0.7 + 4.0 * np.clip(weather.fog_density / 100.0, 0.0, 1.0) + 1.5 * cloud
-    # CARLA: azimuth 0 puts the sun at -x ... the light travels along the sun's forward vector.
     sun_direction = np.array(
         [
             np.cos(altitude) * np.cos(azimuth),
@@ -236,7 +242,7 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
     rain = np.clip(weather.precipitation / 100.0, 0.0, 1.0)
     fog_colour = sky[:24].mean(axis=(0, 1)) + 0.08 * sun * max(np.sin(altitude), 0.0) / np.pi
     fog_colour = fog_colour * (1 - dust) + dust * fog_colour.mean() * np.array([1.2, 0.95, 0.6])
-    extinction = 0.00025 + 0.035 * density**1.5 + 0.004 * rain + 0.02 * dust
+    extinction = 0.00025 + 0.035 * density**1.5 + 0.0025 * rain + 0.02 * dust
     wet = np.clip(max(weather.wetness, weather.precipitation) / 100.0, 0.0, 1.0)
     puddles = np.clip(weather.precipitation_deposits / 100.0, 0.0, 1.0)
     # A camera adapts, but not fully: nights stay darker than days.
@@ -248,19 +254,13 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
         sky.astype(np.float32),
         ambient.astype(np.float32),
         fog_colour.astype(np.float32),
-        np.array(
-            [
-                extinction,
-                max(weather.fog_distance, 0.0),
-                0.0,
-                wet,
-                puddles,
-                night,
-                exposure,
-                0.0,
-            ],
-            np.float32,
-        ),
+        fog_per_m=np.float32(extinction),
+        fog_from_m=np.float32(max(weather.fog_distance, 0.0)),
+        wetness=np.float32(wet),
+        puddles=np.float32(puddles),
+        night=np.float32(night),
+        exposure=np.float32(exposure),
+        time_s=np.float32(0.0),
     )
 
 

@@ -41,8 +41,8 @@ def test_the_clear_sky_is_blue_overhead_and_brighter_near_the_sun(light):
 
 
 def test_lamps_are_on_by_night_only(light):
-    assert light(sun_altitude_angle=45.0).air[5] == 0.0
-    assert light(sun_altitude_angle=-30.0).air[5] == 1.0
+    assert light(sun_altitude_angle=45.0).night == 0.0
+    assert light(sun_altitude_angle=-30.0).night == 1.0
 
 
 @pytest.mark.parametrize("altitude", [-90.0, -10.0, 0.0, 1.0, 45.0, 90.0])
@@ -51,7 +51,7 @@ def test_light_is_finite_and_never_negative(light, altitude, cloudiness):
     result = light(
         sun_altitude_angle=altitude, cloudiness=cloudiness, fog_density=80.0, dust_storm=30.0
     )
-    for array in (result.sun, result.sky, result.ambient, result.fog, result.air):
+    for array in (result.sun, result.sky, result.ambient, result.fog, result.exposure):
         assert np.all(np.isfinite(array))
         assert np.all(array >= 0)
 

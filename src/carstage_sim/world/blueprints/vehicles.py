@@ -1,7 +1,8 @@
 """The vehicles: CARLA's ids, types and bounding boxes, one row each.
 
-Boxes are those that a CARLA server reports (half sizes, centre relative to the actor). Axles of
-first-generation cars were measured on CARLA's models; the others follow the real car's wheelbase.
+Boxes are those that a CARLA server reports (half sizes, centre relative to the actor), but for the
+bus. Axles of first-generation cars were measured on CARLA's models; the others follow the real
+car's wheelbase.
 """
 
 from __future__ import annotations
@@ -114,7 +115,9 @@ _ROWS: tuple[_Row, ...] = (
     _Row("tesla.cybertruck", _TRUCK, (0.0, 1.049), (3.137, 1.195, 1.049), (1.900, -1.900), 3000,
          special_type="electric", lights=True),
 
-    _Row("mitsubishi.fusorosa", _BUS, (-0.445, 2.127), (5.136, 1.972, 2.126), (2.700, -2.600), 7500,
+    # CARLA's model is 3.9 m wide and 4.3 m high: it cannot pass anybody in lanes of 3.5 m, and
+    # stops the traffic around it. This one has the width and height of a real bus of its length.
+    _Row("mitsubishi.fusorosa", _BUS, (-0.445, 1.630), (5.136, 1.275, 1.620), (2.700, -2.600), 7500,
          generation=2, lights=True),
 
     _Row("harley-davidson.low_rider", _MOTO, (0.0, 0.825), (1.175, 0.383, 0.825), (0.840, -0.780),

@@ -1,4 +1,4 @@
-"""Refuse what must not be committed: addresses of registries, machine paths, lock files with addresses."""
+"""Refuse what must not be committed: registry addresses, machine paths, lock files."""
 
 import re
 import subprocess

@@ -1,7 +1,7 @@
 """Resolve every extra anew and write the exact versions into pyproject.toml.
 
     python .ci/pin.py            upgrade all, write
-    python .ci/pin.py --check    compare what is installed with what is pinned; exit 1 on a difference
+    python .ci/pin.py --check    exit 1 when what is installed differs from what is pinned
 
 The pins stand as `[tool.uv] constraint-dependencies`: a lock file would carry download addresses.
 """
@@ -9,7 +9,6 @@ The pins stand as `[tool.uv] constraint-dependencies`: a lock file would carry d
 import re
 import subprocess
 import sys
-import tomllib
 from importlib import metadata
 from pathlib import Path
 
@@ -41,7 +40,8 @@ def write(pins: list[str]) -> None:
 
 def check() -> int:
     """Compare this interpreter's packages with the pins."""
-    pins = tomllib.loads(PYPROJECT.read_text())["tool"]["uv"]["constraint-dependencies"]
+    block = BLOCK.search(PYPROJECT.read_text())
+    pins = re.findall(r'"([^"]+)"', block.group()) if block else []
     allowed: dict[str, set[str]] = {}
     for pin in pins:
         name, version = pin.split(";")[0].strip().split("==")

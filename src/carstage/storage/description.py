@@ -8,41 +8,9 @@ from typing import Any
 
 from carstage import __version__
 from carstage.errors import DatasetError
+from carstage.tags import TAGS_0_9_14
 
 FORMAT_VERSION = 1
-
-# CARLA's labels from 0.9.14 on (Docs/ref_sensors.md), in the order of their numbers.
-TAG_TABLE = (
-    ("Unlabeled", (0, 0, 0)),
-    ("Roads", (128, 64, 128)),
-    ("SideWalks", (244, 35, 232)),
-    ("Building", (70, 70, 70)),
-    ("Wall", (102, 102, 156)),
-    ("Fence", (190, 153, 153)),
-    ("Pole", (153, 153, 153)),
-    ("TrafficLight", (250, 170, 30)),
-    ("TrafficSign", (220, 220, 0)),
-    ("Vegetation", (107, 142, 35)),
-    ("Terrain", (152, 251, 152)),
-    ("Sky", (70, 130, 180)),
-    ("Pedestrian", (220, 20, 60)),
-    ("Rider", (255, 0, 0)),
-    ("Car", (0, 0, 142)),
-    ("Truck", (0, 0, 70)),
-    ("Bus", (0, 60, 100)),
-    ("Train", (0, 80, 100)),
-    ("Motorcycle", (0, 0, 230)),
-    ("Bicycle", (119, 11, 32)),
-    ("Static", (110, 190, 160)),
-    ("Dynamic", (170, 120, 50)),
-    ("Other", (55, 90, 80)),
-    ("Water", (45, 60, 150)),
-    ("RoadLine", (157, 234, 50)),
-    ("Ground", (81, 0, 81)),
-    ("Bridge", (150, 100, 100)),
-    ("RailTrack", (230, 150, 140)),
-    ("GuardRail", (180, 165, 180)),
-)
 
 
 def describe_dataset(name: str) -> bytes:
@@ -52,8 +20,8 @@ def describe_dataset(name: str) -> bytes:
         "name": name,
         "created_by": f"carstage {__version__}",
         "tags": [
-            {"value": value, "name": tag, "rgb": list(rgb)}
-            for value, (tag, rgb) in enumerate(TAG_TABLE)
+            {"value": value, "name": tag.name, "rgb": list(tag.rgb)}
+            for value, tag in TAGS_0_9_14.items()
         ],
     }
     return (json.dumps(document, indent=1) + "\n").encode()

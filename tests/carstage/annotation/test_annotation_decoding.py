@@ -21,7 +21,7 @@ from carstage.annotation.point_sensors import (
     radar_points,
     ticks_per_sweep,
 )
-from carstage.annotation.tags import (
+from carstage.tags import (
     TAGS_0_9_13,
     TAGS_0_9_14,
     new_tag,

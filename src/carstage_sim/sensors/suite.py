@@ -74,6 +74,11 @@ class SensorSuite:
         """Compile, or load, every kernel: afterwards no capture waits for the compiler."""
         self._pictures.warm_up(self._store)
 
+    def reset(self) -> None:
+        """Forget all sensors: a new episode counts actor ids and frames anew."""
+        self._sensors.clear()
+        self._last_frame = -1
+
     def capture(
         self, state: WorldState, requests: Sequence[SensorRequest]
     ) -> list[tuple[int, SensorFrame]]:
@@ -84,7 +89,7 @@ class SensorSuite:
             SensorAttributeError: an attribute of a new sensor has an impossible value.
         """
         if state.frame <= self._last_frame:
-            self._sensors.clear()
+            self.reset()
         self._last_frame = state.frame
         frames: list[tuple[int, SensorFrame]] = []
         view: View | None = None

@@ -95,6 +95,13 @@ def test_a_frame_number_that_goes_back_forgets_the_sensors(suite):
     assert angles[2] != angles[0]
 
 
+def test_a_new_episode_starts_with_new_sensors(suite):
+    sensor = request("lidar.ray_cast", 20, **_LIDAR, rotation_frequency=2.5)
+    first = suite.capture(state(1), [sensor])[0][1].horizontal_angle_rad
+    suite.reset()
+    assert suite.capture(state(2), [sensor])[0][1].horizontal_angle_rad == first
+
+
 def test_a_sensor_that_stops_listening_starts_anew(suite):
     sensor = request("lidar.ray_cast", 20, **_LIDAR, rotation_frequency=2.5)
     first = suite.capture(state(1), [sensor])[0][1].horizontal_angle_rad

@@ -42,15 +42,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _serve(options: Options) -> None:
     parent_pid = os.getppid() if options.exit_with_parent else None
-    streaming_port = options.streaming_port
-    if streaming_port is None:
-        streaming_port = options.port + 1 if options.port else 0
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with ExitStack() as resources:
         # Reserved at once, so that a taken port is refused before the work of warming up; clients
         # are accepted only when everything is warm.
         rpc_socket = resources.enter_context(bind(options.host, options.port))
-        streaming_socket = resources.enter_context(bind(options.host, streaming_port))
+        streaming_socket = resources.enter_context(bind(options.host, options.streaming_port))
         simulation = resources.enter_context(Simulation(options.map_name, threads=options.threads))
         simulation.warm_up()
         server = resources.enter_context(

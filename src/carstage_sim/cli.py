@@ -26,6 +26,7 @@ _WITHOUT_EFFECT = (
 )
 _WITHOUT_EFFECT_VALUED = ("-quality-level", "-ResX", "-ResY", "-carla-secondary-port")
 _MOST_FRAMES_PER_S = 1000.0
+_HIGHEST_PORT = 65535
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class Options:
 
     Attributes:
         port: RPC port, 0 for a free one.
-        streaming_port: None for the port above :attr:`port`, or a free one if that is 0.
+        streaming_port: 0 for a free one.
         threads: threads of the numeric kernels, None for all cores.
         frames_per_s: pace of the free run in asynchronous mode.
         exit_with_parent: end when the process that started this one is gone.
@@ -43,9 +44,8 @@ class Options:
 
     host: str
     port: int
-    streaming_port: int | None
+    streaming_port: int
     map_name: str
-    seed: int
     threads: int | None
     protocol: str
     frames_per_s: float
@@ -90,7 +90,13 @@ def _parser() -> _Parser:
         help="streaming port (default: the one above --port)",
     )
     parser.add_argument("--map", dest="map_name", default="Stage01", help="map to begin with")
-    parser.add_argument("--seed", type=int, default=0, help="seed of everything that is random")
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        help="accepted for scripts; nothing here is random but sensor noise, which every sensor "
+        "seeds by its noise_seed attribute",
+    )
     parser.add_argument("--threads", type=_count, help="threads that compute (default: all cores)")
     parser.add_argument("--protocol", default="0.9.16", choices=tuple(DIALECTS))
     parser.add_argument(
@@ -131,12 +137,16 @@ def parse_options(argv: Sequence[str] | None) -> Options:
     namespace, unknown = parser.parse_known_args(argv)
     if unknown:
         parser.refuse_unknown(unknown)
+    streaming_port = namespace.streaming_port
+    if streaming_port is None:
+        streaming_port = namespace.port + 1 if namespace.port else 0
+    if streaming_port > _HIGHEST_PORT:
+        parser.error(f"no port above {namespace.port}: choose a lower --port or a --streaming-port")
     return Options(
         host=namespace.host,
         port=namespace.port,
-        streaming_port=namespace.streaming_port,
+        streaming_port=streaming_port,
         map_name=namespace.map_name.rsplit("/", 1)[-1],
-        seed=namespace.seed,
         threads=namespace.threads,
         protocol=namespace.protocol,
         frames_per_s=namespace.frames_per_s,
@@ -148,8 +158,8 @@ def parse_options(argv: Sequence[str] | None) -> Options:
 
 def _port(text: str) -> int:
     value = int(text)
-    if not 0 <= value <= 65535:
-        raise argparse.ArgumentTypeError(f"{value} is no port: 0 to 65535")
+    if not 0 <= value <= _HIGHEST_PORT:
+        raise argparse.ArgumentTypeError(f"{value} is no port: 0 to {_HIGHEST_PORT}")
     return value
 
 

@@ -103,6 +103,7 @@ class Server:
     def stop(self) -> None:
         """Let :meth:`run` return soon; safe from signal handlers and other threads."""
         self._stop.set()
+        self._streams.close()  # which may be waiting for a client that does not read
 
     def run(self) -> None:
         """Serve until :meth:`stop`. The calling thread becomes the simulation thread."""

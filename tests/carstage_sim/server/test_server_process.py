@@ -135,7 +135,9 @@ def test_unknown_option_is_refused_with_the_nearest_one(
     assert f"did you mean {nearest}?" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("arguments", [["--port=70000"], ["--threads=0"], ["--fps=0"]])
+@pytest.mark.parametrize(
+    "arguments", [["--port=70000"], ["--port=65535"], ["--threads=0"], ["--fps=0"]]
+)
 def test_impossible_number_is_refused(arguments: list[str]) -> None:
     with pytest.raises(SystemExit) as refusal:
         parse_options(arguments)

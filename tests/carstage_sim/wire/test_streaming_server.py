@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import pytest
+from raw_client import read_message, subscribe
+
+from carstage_sim.wire.errors import PortInUseError
+from carstage_sim.wire.socket_loop import SocketLoop, bind
+from carstage_sim.wire.streaming import StreamingServer
+
+STREAM = 7
+LARGE = 32 << 20  # more than any socket buffer takes
+
+
+@pytest.fixture
+def server() -> Iterator[StreamingServer]:
+    with SocketLoop("test") as loop:
+        streaming = StreamingServer(loop, bind("127.0.0.1", 0))
+        yield streaming
+        streaming.close()
+
+
+@pytest.fixture
+def subscribers(server: StreamingServer) -> Iterator[Callable[[], socket.socket]]:
+    with ExitStack() as opened:
+
+        def connect() -> socket.socket:
+            before = server.listeners(STREAM)
+            connection = opened.enter_context(subscribe("127.0.0.1", server.port, STREAM))
+            await_listeners(server, before + 1)
+            return connection
+
+        yield connect
+
+
+def await_listeners(server: StreamingServer, count: int) -> None:
+    deadline = time.monotonic() + 10.0
+    while server.listeners(STREAM) != count:
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+
+
+@pytest.mark.parametrize("sizes", [[1], [4, 0, 9], [1] * 200, [LARGE, 3]])
+def test_message_arrives_whole_whatever_its_parts(
+    server: StreamingServer, subscribers: Callable[[], socket.socket], sizes: list[int]
+) -> None:
+    connection = subscribers()
+    parts = [bytes([index % 251]) * size for index, size in enumerate(sizes)]
+    server.publish(STREAM, parts, wait=True)
+    assert read_message(connection) == b"".join(parts)
+
+
+def test_message_goes_to_every_subscriber_of_its_stream_and_to_no_other(
+    server: StreamingServer, subscribers: Callable[[], socket.socket]
+) -> None:
+    first, second = subscribers(), subscribers()
+    server.publish(STREAM + 1, [b"other"], wait=True)
+    server.publish(STREAM, [b"mine"], wait=True)
+    assert (read_message(first), read_message(second)) == (b"mine", b"mine")
+
+
+def test_without_waiting_a_slow_subscriber_misses_messages_but_never_parts_of_one(
+    server: StreamingServer, subscribers: Callable[[], socket.socket]
+) -> None:
+    connection = subscribers()
+    server.publish(STREAM, [bytes(LARGE)], wait=False)
+    server.publish(STREAM, [b"left out"], wait=False)
+    assert read_message(connection) == bytes(LARGE)
+    while True:
+        server.publish(STREAM, [b"next"], wait=False)
+        connection.settimeout(0.05)
+        try:
+            message = read_message(connection)
+        except TimeoutError:
+            continue  # the loop has not yet noticed that all is written
+        break
+    assert message == b"next"
+
+
+def test_waiting_publisher_goes_on_when_the_subscriber_has_read(
+    server: StreamingServer, subscribers: Callable[[], socket.socket]
+) -> None:
+    connection = subscribers()
+    messages = [bytes([number]) * LARGE for number in range(3)]
+
+    def publish() -> None:
+        for message in messages:
+            server.publish(STREAM, [message], wait=True)
+
+    publisher = threading.Thread(target=publish)
+    publisher.start()
+    assert [read_message(connection)[:1] for _ in messages] == [b"\0", b"\1", b"\2"]
+    publisher.join(10.0)
+    assert not publisher.is_alive()
+
+
+@pytest.mark.parametrize("ending", ["the subscriber leaves", "the server ends"])
+def test_waiting_publisher_is_let_go_when(
+    server: StreamingServer, subscribers: Callable[[], socket.socket], ending: str
+) -> None:
+    connection = subscribers()
+    server.publish(STREAM, [bytes(LARGE)], wait=True)
+    publisher = threading.Thread(
+        target=server.publish, args=(STREAM, [b"x"]), kwargs={"wait": True}
+    )
+    publisher.start()
+    if ending == "the server ends":
+        server.close()
+    else:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        connection.close()  # with unread data: a reset, as from a killed client
+    publisher.join(10.0)
+    assert not publisher.is_alive()
+
+
+def test_subscriber_that_left_no_longer_counts(
+    server: StreamingServer, subscribers: Callable[[], socket.socket]
+) -> None:
+    connection = subscribers()
+    connection.close()
+    await_listeners(server, 0)
+    server.publish(STREAM, [b"to nobody"], wait=True)
+
+
+def test_port_that_something_listens_on_cannot_be_bound(server: StreamingServer) -> None:
+    with pytest.raises(PortInUseError, match=str(server.port)):
+        bind("127.0.0.1", server.port)
+
+
+def test_port_that_something_began_to_listen_on_meanwhile_is_refused() -> None:
+    reserved = bind("127.0.0.1", 0)
+    port = reserved.getsockname()[1]
+    with bind("127.0.0.1", port) as faster, SocketLoop("test") as loop:
+        faster.listen()
+        with pytest.raises(PortInUseError, match=str(port)):
+            StreamingServer(loop, reserved)

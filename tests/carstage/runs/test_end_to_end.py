@@ -5,15 +5,11 @@ from __future__ import annotations
 import json
 import os
 import signal
-import threading
-from collections.abc import Callable
 from pathlib import Path
 
 import psutil
 import pytest
 from driving import (
-    SMALL,
-    Command,
     attempts,
     carstage,
     children_that_live,
@@ -29,18 +25,6 @@ from driving import (
 from carstage.server import EmbeddedServer
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("runs")]
-
-
-@pytest.fixture(scope="module")
-def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("home")
-
-
-@pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> str:
-    path = tmp_path_factory.mktemp("config") / "small.yaml"
-    path.write_text(SMALL)
-    return str(path)
 
 
 @pytest.fixture(scope="module")
@@ -142,83 +126,6 @@ def test_converter_killed_in_between_changes_no_byte(
     assert ended.code == 0, ended.stderr
     assert "recorded again" in ended.stderr
     assert differing(out, undisturbed) == []
-
-
-MOMENTS: dict[str, Callable[[Path], object]] = {
-    "at the start": lambda out: wait_for_event(out, "run_started"),
-    "while it connects": lambda out: wait_for_event(out, "collector_started"),
-    "in mid-episode": lambda out: wait_for_event(out, "tick", tick=5),
-    "while it converts": lambda out: wait_for_event(out, "episode_recorded"),
-}
-
-
-@pytest.mark.parametrize("moment", MOMENTS.values(), ids=MOMENTS.keys())
-def test_ctrl_c_gives_everything_back(
-    moment: Callable[[Path], object], small: str, home: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "dataset"
-    with command(["run", small, "--out", str(out)], home) as running:
-        moment(out)
-        running.press_ctrl_c()
-        ended = running.end()
-    assert ended.code == 130, ended.stderr
-    assert "same command again" in ended.stderr
-    assert "Traceback" not in ended.stderr
-    assert children_that_live(out) == []
-    assert attempts(out) == []
-    assert hashes(out) == {}
-    assert status(out)["state"] == "interrupted"
-    assert list((out / "runs").glob("*/raw")) == []
-
-
-def test_interrupted_run_continues_with_the_same_command(
-    undisturbed: Path, small: str, home: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "dataset"
-    arguments = ["run", small, "--out", str(out), "--set", "episodes=2", "--json"]
-    with command(arguments, home) as running:
-        wait_for_event(out, "episode_committed")
-        running.press_ctrl_c()
-        ended = running.end()
-    assert ended.code == 130, ended.stderr
-    assert "1 of 2 episodes are in the dataset" in ended.stderr
-    first = hashes(out)
-    assert first == hashes(undisturbed)
-    ended = carstage(arguments, home)
-    assert ended.code == 0, ended.stderr
-    result = json.loads(ended.stdout.splitlines()[-1])
-    assert result["episodes"] == {"total": 2, "committed": 1, "skipped": 1, "failed": 0}
-    assert first.items() <= hashes(out).items()
-
-
-def press_twice(running: Command) -> int:
-    running.press_ctrl_c()
-    threading.Event().wait(0.1)  # two presses at once are one signal
-    running.press_ctrl_c()
-    return 130
-
-
-def kill(running: Command) -> int:
-    running.process.kill()
-    return -signal.SIGKILL
-
-
-@pytest.mark.parametrize("end", [press_twice, kill])
-def test_run_that_ends_at_once_leaves_no_process_and_the_next_run_clears_up(
-    end: Callable[[Command], int], small: str, home: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "dataset"
-    with command(["run", small, "--out", str(out)], home) as running:
-        wait_for_event(out, "tick", tick=3)
-        code = end(running)
-        ended = running.end()
-    assert ended.code == code
-    assert status(out)["state"] == "recording"
-    wait_for(lambda: children_that_live(out) == [], "the end of the children")
-    ended = carstage(["run", small, "--out", str(out), "--set", "duration_s=0.1"], home)
-    assert ended.code == 0, ended.stderr
-    assert "had left" in ended.stderr
-    assert len(attempts(out)) == 1
 
 
 def test_episode_that_always_fails_is_given_up_after_its_retries(

@@ -9,7 +9,6 @@ tick over its duration, the acceleration the change of that velocity over the du
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +17,7 @@ from carstage_sim.geometry import rotation_matrix
 from carstage_sim.world import vehicle_dynamics as dynamics
 from carstage_sim.world.contacts import find_contacts, resolve_contacts
 from carstage_sim.world.vehicle_parameters import VehicleParameters
+from carstage_sim.world.vehicle_rows import empty_rows, parameter_values
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -31,91 +31,6 @@ _FREE_SPIN_TIME_S = 0.2
 _GEAR_SPEEDS = np.array([6.0, 11.0, 17.0])  # m/s, shift points that the snapshot's gear follows
 
 
-@dataclass(slots=True)
-class _Rows:
-    """The columns, one row per vehicle. Angles in degrees, everything else in SI units."""
-
-    ids: NDArray[np.uint32]
-    location: FloatArray
-    rotation_deg: FloatArray
-    velocity: FloatArray
-    angular_velocity_deg: FloatArray
-    acceleration: FloatArray
-    control: NDArray[np.float32]
-    hand_brake: BoolArray
-    reverse: BoolArray
-    wheel_angle_deg: FloatArray
-    speed: FloatArray
-    fall_speed: FloatArray
-    airborne: BoolArray
-    free_yaw_rate: FloatArray
-    simulated: BoolArray
-    collides: BoolArray
-    constant_velocity: FloatArray
-    # Where this tick's motion is counted from.
-    origin_location: FloatArray
-    origin_rotation_deg: FloatArray
-    front_axle_x: FloatArray
-    rear_axle_x: FloatArray
-    half_track: FloatArray
-    max_steer_deg: FloatArray
-    max_acceleration: FloatArray
-    power_per_mass: FloatArray
-    max_deceleration: FloatArray
-    max_lateral_acceleration: FloatArray
-    max_reverse_speed: FloatArray
-    drag_per_mass: FloatArray
-    inverse_mass: FloatArray
-    box_center_x: FloatArray
-    half_size: FloatArray
-    steering_curve: FloatArray
-
-
-def _empty_rows() -> _Rows:
-    vectors = {
-        "location",
-        "rotation_deg",
-        "velocity",
-        "angular_velocity_deg",
-        "acceleration",
-        "constant_velocity",
-        "origin_location",
-        "origin_rotation_deg",
-    }
-    flags = {"hand_brake", "reverse", "airborne", "simulated", "collides"}
-    columns: dict[str, NDArray[np.generic]] = {}
-    for field in fields(_Rows):
-        shape: tuple[int, ...] = (0, 3) if field.name in vectors else (0,)
-        dtype = np.bool_ if field.name in flags else np.float64
-        columns[field.name] = np.zeros(shape, dtype=dtype)
-    columns["ids"] = np.zeros(0, dtype=np.uint32)
-    columns["half_size"] = np.zeros((0, 2))
-    columns["control"] = np.zeros((0, 3), dtype=np.float32)
-    columns["steering_curve"] = np.zeros((0, dynamics.CURVE_POINTS))
-    return _Rows(**columns)  # type: ignore[arg-type]
-
-
-def _parameter_values(parameters: VehicleParameters) -> dict[str, ArrayLike]:
-    return {
-        "front_axle_x": parameters.front_axle_x_m,
-        "rear_axle_x": parameters.rear_axle_x_m,
-        "half_track": parameters.track_m / 2.0,
-        "max_steer_deg": parameters.max_steer_angle_deg,
-        "max_acceleration": parameters.max_acceleration,
-        "power_per_mass": parameters.power_per_mass,
-        "max_deceleration": parameters.max_deceleration,
-        "max_lateral_acceleration": parameters.max_lateral_acceleration,
-        "max_reverse_speed": parameters.max_reverse_speed,
-        "drag_per_mass": parameters.drag_coefficient
-        * dynamics.FRONTAL_AREA_TIMES_HALF_RHO
-        / parameters.mass_kg,
-        "inverse_mass": 1.0 / parameters.mass_kg,
-        "box_center_x": parameters.box_center_x_m,
-        "half_size": (parameters.half_length_m, parameters.half_width_m),
-        "steering_curve": dynamics.sample_steering_curve(parameters.steering_curve),
-    }
-
-
 class VehicleFleet:
     """Every vehicle's state and motion.
 
@@ -125,7 +40,7 @@ class VehicleFleet:
 
     def __init__(self, ground_height: GroundHeight | None = None) -> None:
         self._ground_height = ground_height
-        self._rows = _empty_rows()
+        self._rows = empty_rows()
         self._row_of: dict[int, int] = {}
 
     def __len__(self) -> int:
@@ -221,14 +136,9 @@ class VehicleFleet:
             "simulated": True,
             "collides": True,
             "constant_velocity": np.full(3, np.nan),
-            **_parameter_values(parameters),
+            **parameter_values(parameters),
         }
-        for field in fields(_Rows):
-            column = getattr(self._rows, field.name)
-            new_row = np.zeros((1, *column.shape[1:]), dtype=column.dtype)
-            if field.name in values:
-                new_row[0] = values[field.name]
-            setattr(self._rows, field.name, np.concatenate([column, new_row]))
+        self._rows.append(values)
         self._row_of[actor_id] = len(self._row_of)
 
     def remove(self, actor_id: int) -> None:
@@ -237,17 +147,12 @@ class VehicleFleet:
         Raises:
             KeyError: no such vehicle.
         """
-        row = self.row(actor_id)
-        for field in fields(_Rows):
-            column = getattr(self._rows, field.name)
-            setattr(self._rows, field.name, np.delete(column, row, axis=0))
+        self._rows.delete(self.row(actor_id))
         self._row_of = {int(i): index for index, i in enumerate(self._rows.ids)}
 
     def set_parameters(self, actor_id: int, parameters: VehicleParameters) -> None:
         """Replaces the dynamics of a vehicle (``Vehicle.apply_physics_control``)."""
-        row = self.row(actor_id)
-        for name, value in _parameter_values(parameters).items():
-            getattr(self._rows, name)[row] = value
+        self._rows.set(self.row(actor_id), parameter_values(parameters))
 
     def set_control(
         self,

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 
 import pytest
 
+from carstage_sim.cache import CACHE_VARIABLE, cache_folder
 from carstage_sim.maps import Town, load_town
 from running_simulator import RunningSimulator, start_simulator, stop_simulator
+
+# Many tests move HOME; compiled kernels and baked towns are shared all the same.
+os.environ.setdefault(CACHE_VARIABLE, str(cache_folder()))
 
 
 @pytest.fixture(scope="session")

@@ -89,6 +89,8 @@ class Simulation:
             self._sensors.close()
             self._sensors = SensorSuite(self._town, threads=self._threads)
             self._sensors.warm_up()
+        else:
+            self._sensors.reset()
         self.world = self._new_world(before.episode_id + 1, before)
         if reset_settings:
             self.settings = EpisodeSettings()

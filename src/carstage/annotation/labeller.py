@@ -20,10 +20,10 @@ from carstage.annotation.pixels import ImageEvidence
 from carstage.annotation.rig import LabelledCamera, Mount
 from carstage.annotation.scene import ActorFacts, Scene, build_scene
 from carstage.annotation.settings import LabelSettings
-from carstage.tags import server_release, vehicle_tags, walker_tags
 from carstage.errors import AnnotationError
 from carstage.geometry import invert_pose
 from carstage.rawlog.reader import ActorInfo, WorldFrame
+from carstage.tags import server_release, vehicle_tags, walker_tags
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import platformdirs
-
 from carstage import __version__
 from carstage.cli import unsupported
 from carstage.errors import CarStageError
@@ -130,9 +128,9 @@ def _simulator() -> Iterator[Finding]:
 
 
 def _caches() -> Iterator[Finding]:
-    folder = platformdirs.user_cache_path("carstage", appauthor=False)
-    override = os.environ.get("CARSTAGE_CACHE_DIR")
-    folder = Path(override) if override else folder
+    from carstage.server import cache_folder
+
+    folder = cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

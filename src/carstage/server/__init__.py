@@ -8,6 +8,7 @@ from carstage.server.base import Endpoint, Server
 from carstage.server.description import (
     BlueprintDescription,
     SimulatorDescription,
+    cache_folder,
     describe_embedded,
 )
 from carstage.server.embedded import EmbeddedServer
@@ -26,6 +27,7 @@ __all__ = [
     "Server",
     "SimulatorDescription",
     "allot_ports",
+    "cache_folder",
     "check_ports_free",
     "describe_embedded",
     "free_port",

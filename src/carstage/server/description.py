@@ -22,6 +22,7 @@ from carstage.errors import ServerError
 from carstage.server.embedded import MODULE
 
 DESCRIBE_S = 120.0
+CACHE_VARIABLE = "CARSTAGE_CACHE_DIR"
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,19 +49,25 @@ class SimulatorDescription:
     blueprints: Mapping[str, BlueprintDescription]
 
 
+def cache_folder() -> Path:
+    """The folder of all caches: the user's, or the one that ``CARSTAGE_CACHE_DIR`` names."""
+    override = os.environ.get(CACHE_VARIABLE)
+    return Path(override) if override else platformdirs.user_cache_path("carstage", appauthor=False)
+
+
 @lru_cache(maxsize=4)
-def describe_embedded(cache_folder: Path | None = None) -> SimulatorDescription:
+def describe_embedded(folder: Path | None = None) -> SimulatorDescription:
     """Maps and blueprints of the embedded simulator.
 
     The answer is kept in memory and on disk, there by a fingerprint of the simulator's code.
 
     Args:
-        cache_folder: where it is kept; None uses the user's cache folder.
+        folder: where it is kept; None uses :func:`cache_folder`.
 
     Raises:
         ServerError: the simulator could not describe itself.
     """
-    folder = cache_folder or Path(platformdirs.user_cache_path("carstage"))
+    folder = folder or cache_folder()
     path = folder / f"simulator-{_fingerprint()}.json"
     try:
         return _parse(json.loads(path.read_text("utf-8")))

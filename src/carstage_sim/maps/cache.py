@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from platformdirs import user_cache_path
 
 import carstage_sim
 from carstage_sim.maps.town import LaneSamples, LevelObject, OrientedBox, Town, TrafficLightSite
@@ -24,11 +23,6 @@ from carstage_sim.mesh import TriangleMesh
 
 _SOURCES = ("maps", "content", "mesh.py", "labels.py", "geometry.py")
 _PACKAGES = ("carla", "numpy", "shapely")
-
-
-def default_cache_folder() -> Path:
-    """Where towns are kept unless told otherwise."""
-    return user_cache_path("carstage") / "towns"
 
 
 def cached_town(name: str, opendrive: str, bake: Callable[[], Town], folder: Path) -> Town:

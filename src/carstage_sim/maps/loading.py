@@ -5,8 +5,9 @@ from __future__ import annotations
 import difflib
 from pathlib import Path
 
+import carstage_sim.cache
 from carstage_sim.maps.baking import bake
-from carstage_sim.maps.cache import cached_town, default_cache_folder
+from carstage_sim.maps.cache import cached_town
 from carstage_sim.maps.layout import build_network
 from carstage_sim.maps.opendrive_writer import write_opendrive
 from carstage_sim.maps.plan import PLANS
@@ -48,5 +49,5 @@ def load_town(name: str, *, cache_folder: Path | None = None) -> Town:
         raise UnknownTownError(name)
     plan = PLANS[name]
     opendrive = write_opendrive(build_network(plan))
-    folder = cache_folder or default_cache_folder()
+    folder = cache_folder or carstage_sim.cache.cache_folder() / "towns"
     return cached_town(name, opendrive, lambda: bake(plan), folder)

@@ -13,18 +13,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import llvmlite.binding as llvm  # type: ignore[import-untyped]
+import llvmlite.binding as llvm
 import numba
-from platformdirs import user_cache_path
 
-CACHE_VARIABLE = "CARSTAGE_CACHE_DIR"
-"""Environment variable that moves every cache of Car-STAGE to another folder."""
-
-
-def cache_folder() -> Path:
-    """Folder for what can be computed again: machine code, acceleration structures."""
-    override = os.environ.get(CACHE_VARIABLE)
-    return Path(override) if override else user_cache_path("carstage", appauthor=False)
+from carstage_sim.cache import cache_folder
 
 
 def kernel_cache_key() -> str:

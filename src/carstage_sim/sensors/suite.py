@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 
+from carstage_sim.cache import cache_folder
 from carstage_sim.maps.town import Town
 from carstage_sim.mesh import TriangleMesh
 from carstage_sim.render.caster import RayCaster
-from carstage_sim.render.jit import cache_folder
 from carstage_sim.render.picture import PictureMaker
 from carstage_sim.render.scene import SceneStore
 from carstage_sim.sensors import cameras, lidar, navigation  # noqa: F401 - they register themselves

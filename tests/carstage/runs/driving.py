@@ -92,9 +92,9 @@ def events(out: Path, number: int = -1) -> list[dict[str, Any]]:
     return [json.loads(line) for line in lines]
 
 
-def wait_for(condition: Callable[[], Any], what: str) -> Any:
+def wait_for(condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
     """Poll until the condition gives something."""
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + patience_s
     pause = threading.Event()
     while time.monotonic() < deadline_s:
         found = condition()

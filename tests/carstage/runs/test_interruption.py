@@ -7,9 +7,10 @@ import selectors
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
+import psutil
 import pytest
+from driving import wait_for
 
 from carstage.runs.interruption import Interruption
 
@@ -58,7 +59,7 @@ def test_second_signal_kills_and_leaves() -> None:
 import os, signal, subprocess, sys
 from functools import partial
 from carstage.runs.interruption import Interruption
-child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+child = subprocess.Popen(["sleep", "120"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 with Interruption() as interruption, interruption.held():
     with interruption.kills(partial(os.kill, child.pid, signal.SIGKILL)):
         print(child.pid, flush=True)
@@ -71,9 +72,11 @@ with Interruption() as interruption, interruption.held():
     )
     assert ended.returncode == 130, ended.stderr
     (pid,) = ended.stdout.split()
-    assert not Path(f"/proc/{pid}").exists() or _is_zombie(int(pid))
+    wait_for(lambda: _is_gone(int(pid)), "the end of the child", patience_s=30.0)
 
 
-def _is_zombie(pid: int) -> bool:
-    stat = Path(f"/proc/{pid}/stat").read_text()
-    return stat.rsplit(")", 1)[1].split()[0] == "Z"
+def _is_gone(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True

@@ -21,6 +21,8 @@ from carstage.annotation.point_sensors import (
     radar_points,
     ticks_per_sweep,
 )
+from carstage.errors import AnnotationError, BadInputError
+from carstage.geometry import range_per_depth
 from carstage.tags import (
     TAGS_0_9_13,
     TAGS_0_9_14,
@@ -30,8 +32,6 @@ from carstage.tags import (
     vehicle_tags,
     walker_tags,
 )
-from carstage.errors import AnnotationError, BadInputError
-from carstage.geometry import range_per_depth
 
 
 def pixel(*bgra: int) -> np.ndarray:

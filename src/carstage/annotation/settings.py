@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from carstage.errors import AnnotationError
 
-METHODS: Final = ("stage_vo", "pixel", "both")
+METHODS: Final = ("stage_vo", "pixels", "both")
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +16,7 @@ class LabelSettings:
     """Label settings of an ``EpisodeSpec``.
 
     Attributes:
-        method: ``stage_vo``, ``pixel`` or ``both``; decides ``visible`` (both: pixels).
+        method: ``stage_vo``, ``pixels`` or ``both``; decides ``visible`` (both: pixels).
         boxes_2d: whether 2D boxes and masks are written.
         boxes_3d: whether 3D boxes and angles are written.
         vehicles: whether vehicles are labelled.

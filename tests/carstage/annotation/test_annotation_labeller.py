@@ -228,7 +228,7 @@ def test_the_method_decides_the_verdict() -> None:
         for v in (166, 169, 190, 193):
             corners_hidden.depth[v - 2 : v + 3, u - 3 : u + 4] = 4.0
     paper = one(label(stage=corners_hidden, labels={"method": "stage_vo"}))
-    pixels = one(label(stage=corners_hidden, labels={"method": "pixel"}))
+    pixels = one(label(stage=corners_hidden, labels={"method": "pixels"}))
     both = one(label(stage=corners_hidden))
     assert not paper["visible"]
     assert paper["visible_px"] is None

@@ -5,10 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import replace
+from typing import get_args
 
 import pytest
 
+from carstage.annotation.settings import LabelSettings
 from carstage.config import Config, load_demo, parse_config
+from carstage.config.recording import Labels
 from carstage.errors import ConfigError
 from carstage.plan import EpisodeSpec, ServerFacts, estimate_run, plan_episodes
 from carstage.plan.planning import SEED_CONSUMERS
@@ -200,3 +203,11 @@ def test_estimate_grows_with_pixels_and_saved_frames() -> None:
         for text in ("save_every: 10", "image_size: [1280, 720]")
     )
     assert large.dataset_bytes > 20 * small.dataset_bytes
+
+
+@pytest.mark.parametrize("method", get_args(Labels.model_fields["method"].annotation))
+def test_the_labeller_understands_every_method_that_can_be_asked_for(method: str) -> None:
+    (spec,) = plan(f"labels: {{method: {method}}}")
+    settings = LabelSettings.from_spec(spec.to_json())
+    assert settings.method == method
+    assert settings.pixels == (method != "stage_vo")

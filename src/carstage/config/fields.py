@@ -9,7 +9,15 @@ import difflib
 from collections.abc import Iterable
 from typing import Annotated, Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    Strict,
+    model_serializer,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 #: A list of names, kept as a tuple.
@@ -93,6 +101,17 @@ class Section(BaseModel):
     )
     #: keys of other spellings, accepted by the model's own validators.
     other_keys: ClassVar[frozenset[str]] = frozenset()
+
+    @model_serializer(mode="wrap")
+    def _leave_out_what_is_not_set(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Without the keys that are None by default; None in place of a default is kept."""
+        fields = type(self).model_fields
+        dumped: dict[str, Any] = dump(self)
+        return {
+            name: value
+            for name, value in dumped.items()
+            if value is not None or fields[name].default is not None
+        }
 
     @model_validator(mode="before")
     @classmethod

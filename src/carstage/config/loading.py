@@ -17,6 +17,8 @@ from carstage.config.model import Config
 from carstage.config.yaml_text import parse_yaml
 from carstage.errors import ConfigError
 
+#: Sections that may be written as their `choice` alone.
+_SHORT_FORMS = frozenset({"map", "weather"})
 _STEP = re.compile(r"\.?([A-Za-z_][A-Za-z0-9_-]*)|\[([^\]]+)\]|\.([0-9]+)")
 
 
@@ -78,7 +80,7 @@ def check_config(document: dict[str, Any]) -> Config:
 
 def dump_config(config: Config) -> dict[str, Any]:
     """A configuration as plain values, such that ``check_config`` gives it back."""
-    return config.model_dump(mode="json", exclude_none=True)
+    return config.model_dump(mode="json")
 
 
 def _override(document: dict[str, Any], override: str) -> None:
@@ -102,10 +104,17 @@ def _override(document: dict[str, Any], override: str) -> None:
             name = str(step)
             if last:
                 here[name] = value
-            elif here.get(name) is None or not isinstance(here[name], dict | list):
-                # A short form such as `map: Stage01` gives way to the mapping that the key needs.
-                here[name] = {}
+            elif not isinstance(here.get(name), dict | list):
+                here[name] = _long_form(here, name, steps[position + 1])
             here = here[name]
+
+
+def _long_form(document: dict[str, Any], name: str, key: str | int) -> dict[str, Any]:
+    """The mapping that a short form such as `weather: WetNoon` stands for, to set ``key`` in it."""
+    value = document.get(name)
+    if name in _SHORT_FORMS and isinstance(value, str) and key not in ("choice", "random_from"):
+        return {"choice": value}
+    return {}
 
 
 def _steps(key: str) -> list[str | int] | None:

@@ -89,9 +89,9 @@ class Sensor(Section):
                 f"Use at most {LONGEST_SENSOR_ID}.",
                 "id",
             )
-        if self.id.endswith((DEPTH_SUFFIX, INSTANCE_SUFFIX, ".tag")):
+        if self.id.endswith((DEPTH_SUFFIX, INSTANCE_SUFFIX, ".tag", ".parquet")):
             raise problem(
-                f"{self.id!r} ends like the name of a derived sensor.",
+                f"{self.id!r} ends like the name of a derived sensor or of a file.",
                 "Use '_' instead of the last '.'.",
                 "id",
             )

@@ -56,7 +56,16 @@ def test_demo_has_the_rig_that_is_promised() -> None:
     assert len(poses) == 2
 
 
-@pytest.mark.parametrize("config", [Config(), load_demo()], ids=["default", "demo"])
+@pytest.mark.parametrize(
+    "config",
+    [
+        Config(),
+        load_demo(),
+        parse_config("{vehicles: {radius_m: null}, pedestrians: {radius_m: null}}"),
+        parse_config("{map: {random_from: [all]}, weather: {random_from: [all]}}"),
+    ],
+    ids=["default", "demo", "null where null says something", "random"],
+)
 def test_dumped_configuration_loads_to_the_same(config: Config) -> None:
     assert check_config(dump_config(config)) == config
 
@@ -125,6 +134,7 @@ REFUSED = {
         "at most 22",
     ),
     "id of a twin": ("rig: {sensors: [{id: A.depth, kind: rgb}]}", "rig.sensors[0].id: ", "'_'"),
+    "id of a table": ("rig: {sensors: [{id: A.parquet, kind: rgb}]}", "rig.sensors[0].id: ", "'_'"),
     "attribute": (
         ONE % "rgb, attributes: {fov_dg: 90}",
         "rig.sensors[1].attributes.fov_dg: ",
@@ -228,6 +238,26 @@ def test_override_sets_one_value(override: str, value: Callable[[Any], Any]) -> 
 def test_bad_override_is_refused(override: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message.replace("[", r"\[")):
         load_demo([override])
+
+
+@pytest.mark.parametrize(
+    ("short", "override", "choice"),
+    [
+        ("weather: ClearNight", "weather.lights=on", "ClearNight"),
+        ("weather: ClearNight", "weather.parameters.fog_density=40", "ClearNight"),
+        ("weather: ClearNight", "weather.choice=WetNoon", "WetNoon"),
+        ("weather: ClearNight", "weather.random_from=[WetNoon]", None),
+        ("weather: null", "weather.lights=on", "ClearNoon"),
+    ],
+)
+def test_override_keeps_what_a_short_form_said(
+    short: str, override: str, choice: str | None
+) -> None:
+    assert parse_config(short, [override]).weather.choice == choice
+
+
+def test_override_of_a_map_replaces_its_short_form() -> None:
+    assert parse_config("map: Town01", ["map.random_from=[Town02]"]).map.random_from == ("Town02",)
 
 
 def test_words_that_yaml_once_took_for_booleans_stay_words() -> None:

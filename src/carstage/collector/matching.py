@@ -133,6 +133,12 @@ class FrameMatcher:
         if self._early.setdefault(frame, {}).setdefault(sensor, data) is not data:
             self._dropped.append(data)
 
+    def forget_early(self) -> None:
+        """Give up what came for frames that no tick was announced for so far."""
+        for data in self._early.values():
+            self._dropped.extend(data.values())
+        self._early.clear()
+
     def advance(self, now_s: float) -> None:
         """Close and book every frame that is due."""
         while self._waiting and self._due(self._waiting[0], now_s):
@@ -170,7 +176,7 @@ class FrameMatcher:
         return rows
 
     def take_dropped(self) -> List[Any]:
-        """Data given up since the last call: warm-up, late, stray or doubled."""
+        """Data given up since the last call: warm-up, late, stray, forgotten or doubled."""
         dropped, self._dropped = self._dropped, []
         return dropped
 
@@ -201,6 +207,7 @@ class FrameMatcher:
                 )
                 self.misses[sensor] += 1
         self._joined.append(JoinedFrame(expected, pending.data))
+        pending.data = {}  # the writers hold it now; the row may stay open for long
         self._closed.append(pending)
 
     def _settled(self, pending: _PendingFrame, now_s: float) -> bool:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -141,6 +144,35 @@ def test_what_is_delivered_twice_or_for_no_tick_of_ours_is_dropped() -> None:
     frames.advance(0.0)
     assert frames.take_joined()[0].data == {"a": "first"}
     assert frames.take_dropped() == ["stray", "second", "early again", "early stray"]
+
+
+def test_data_of_ticks_that_passed_unseen_can_be_forgotten() -> None:
+    frames = matcher("a")
+    frames.expect(tick(0), 0.0)
+    frames.offer("a", 101, "nobody saw its tick", 0.0)
+    frames.forget_early()
+    frames.offer("a", 100, "a0", 0.0)
+    frames.expect(tick(2), 0.0)
+    frames.offer("a", 102, "a2", 0.0)
+    frames.advance(0.0)
+    assert [frame.data for frame in frames.take_joined()] == [{"a": "a0"}, {"a": "a2"}]
+    assert frames.take_dropped() == ["nobody saw its tick"]
+
+
+def test_data_that_are_handed_on_are_not_kept_while_a_row_is_open() -> None:
+    class Picture:
+        pass
+
+    frames = matcher()
+    for number in range(2):
+        frames.expect(tick(number), 0.0)
+        frames.offer("a", 100 + number, Picture(), 0.0)
+    frames.advance(PATIENCE_S)
+    held = [weakref.ref(frame.data["a"]) for frame in frames.take_joined()]
+    gc.collect()
+    assert len(held) == 2
+    assert not frames.idle, "the rows wait for what may still come late"
+    assert [reference() for reference in held] == [None, None]
 
 
 def test_the_next_deadline_is_that_of_the_oldest_frame() -> None:

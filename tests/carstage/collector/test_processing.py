@@ -208,6 +208,23 @@ def test_the_tick_waits_while_too_many_bytes_wait_for_the_disk(tmp_path: Path) -
         running.finish()
 
 
+def test_a_server_that_runs_on_while_the_tick_waits_does_not_block_it_for_ever(
+    tmp_path: Path,
+) -> None:
+    with recording(tmp_path, steps=2, limit_bytes=60, strict=False) as running:
+        running.tick(0)
+        running.gnss(position(FIRST_FRAME))
+        running.camera(picture(FIRST_FRAME))
+        for passed_unseen in range(1, 4):
+            running.camera(picture(FIRST_FRAME + passed_unseen))
+        deadline = threading.Timer(20.0, running.stop.request, ["it waited for ever"])
+        deadline.start()
+        try:
+            running.pipeline.wait_for_room(running.stop)
+        finally:
+            deadline.cancel()
+
+
 def test_waiting_for_room_ends_when_somebody_asks_to_end(tmp_path: Path) -> None:
     with recording(tmp_path, steps=2, limit_bytes=0) as running:
         running.camera(picture(FIRST_FRAME))

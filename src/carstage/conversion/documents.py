@@ -27,8 +27,10 @@ _EPISODE_KEYS = (
     "requested",
     "spawned",
 )
-# A server's clock is a sum of float steps: allow it a hundredth of a step.
+# A server's clock is a sum of steps that it keeps in float32: allow it a hundredth of a step, and
+# what rounding each step can add up to.
 _CLOCK_TOLERANCE_STEPS = 0.01
+_CLOCK_DRIFT = 1e-6
 
 
 def episode_document(header: Mapping[str, Any], plan: SensorPlan, frames: int) -> dict[str, Any]:
@@ -107,7 +109,8 @@ def ledger_table(
                 f"Episode {header['episode_id']}: the ledger has no entry for tick {index}.",
                 "Record the episode again.",
             )
-        if synchronous and abs(since_start_s * fps - tick) > _CLOCK_TOLERANCE_STEPS * max(tick, 1):
+        tolerance = _CLOCK_TOLERANCE_STEPS + _CLOCK_DRIFT * tick
+        if synchronous and abs(since_start_s * fps - tick) > tolerance:
             raise ConversionError(
                 f"Episode {header['episode_id']}, tick {tick}: the server's clock shows "
                 f"{since_start_s:.6f} s since the first tick, not {tick / fps:.6f} s.",

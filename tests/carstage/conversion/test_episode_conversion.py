@@ -218,6 +218,24 @@ def test_a_clock_that_jumps_is_refused() -> None:
     assert ledger_table(header, plan, ledger)["timestamp_s"].to_pylist() == [0.0, 0.1, 0.2]
 
 
+def test_a_lost_step_is_refused_however_late_it_comes() -> None:
+    spec = analytic_scene.spec(steps=3000)
+    header = analytic_scene.header(spec, attempt="a1", ticks_per_segment=3)
+    plan = plan_sensors(spec, {})
+
+    def ledger(lost_from: int) -> list[dict[str, Any]]:
+        # A step of 0.1 s in float32, as a server adds it up.
+        times = [1.1 + float(np.float32(0.1)) * (i + (i >= lost_from)) for i in range(3000)]
+        return [
+            {"tick": i, "k": i, "frame": 12 + i, "timestamp_s": time_s, "sensors": {}}
+            for i, time_s in enumerate(times)
+        ]
+
+    assert ledger_table(header, plan, ledger(3000)).num_rows == 3000
+    with pytest.raises(ConversionError, match="tick 2500: "):
+        ledger_table(header, plan, ledger(2500))
+
+
 def test_a_label_row_that_does_not_fit_the_schema_is_refused(converted: Path) -> None:
     row = read_table(converted / "ego.parquet").to_pylist()[0]
     assert rows_to_table([row], EGO_COLUMNS, "ego").num_rows == 1

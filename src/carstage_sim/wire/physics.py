@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from carstage_sim.geometry import pose_matrix
+from carstage_sim.wire import values
+from carstage_sim.wire.errors import CallError
 from carstage_sim.world.motion import VehicleMotion
 from carstage_sim.world.pose import Pose, Vector3
 from carstage_sim.world.vehicle_parameters import Gear, VehicleParameters, Wheel
@@ -65,14 +67,23 @@ def encode_physics(parameters: VehicleParameters, world_from_vehicle: Pose) -> l
 def decode_physics(value: Sequence[Any], before: VehicleParameters) -> VehicleParameters:
     """The parameters that a client set; what the dynamics alone know stays as it was.
 
-    Wheel positions stay too: clients give back world positions of an earlier moment.
+    Wheel positions stay too: clients give back world positions of an earlier moment. So do empty
+    curves, gears and wheels, and wheels that are missing at the end.
+
+    Raises:
+        CallError: a number that no vehicle can have.
     """
-    wheels = tuple(
+    given = tuple(
         _wheel(wheel, old.position_m) for wheel, old in zip(value[15], before.wheels, strict=False)
     )
+    wheels = given + before.wheels[len(given) :]
+    values.finite(*value[1:6], *value[7:10], value[12])
+    (mass_kg,) = values.finite(value[11])
+    if mass_kg <= 0.0 or min(wheel.radius_m for wheel in wheels) <= 0.0:
+        raise CallError("a vehicle's mass and the radius of its wheels must be positive")
     return replace(
         before,
-        torque_curve=tuple((float(x), float(y)) for x, y in value[0]),
+        torque_curve=_curve(value[0]) or before.torque_curve,
         max_rpm=value[1],
         moi=value[2],
         damping_rate_full_throttle=value[3],
@@ -82,18 +93,21 @@ def decode_physics(value: Sequence[Any], before: VehicleParameters) -> VehiclePa
         gear_switch_time_s=value[7],
         clutch_strength=value[8],
         final_ratio=value[9],
-        forward_gears=tuple(Gear(*gear) for gear in value[10]),
-        mass_kg=value[11],
+        forward_gears=tuple(Gear(*values.finite(*gear)) for gear in value[10])
+        or before.forward_gears,
+        mass_kg=mass_kg,
         drag_coefficient=value[12],
-        center_of_mass=_vector(value[13]),
-        steering_curve=tuple((float(x), float(y)) for x, y in value[14]),
-        wheels=wheels or before.wheels,
+        center_of_mass=values.vector(value[13]),
+        steering_curve=_curve(value[14]) or before.steering_curve,
+        wheels=wheels,
         use_sweep_wheel_collision=value[16],
     )
 
 
 def _wheel(value: Sequence[Any], position_m: Vector3) -> Wheel:
-    friction, damping, steer, radius_cm, brake, hand_brake, load, lateral, longitudinal = value[:9]
+    friction, damping, steer, radius_cm, brake, hand_brake, load, lateral, longitudinal = (
+        values.finite(*value[:9])
+    )
     return Wheel(
         position_m=position_m,
         radius_m=radius_cm / _CM_PER_M,
@@ -108,9 +122,9 @@ def _wheel(value: Sequence[Any], position_m: Vector3) -> Wheel:
     )
 
 
-def _vector(value: Sequence[float]) -> Vector3:
-    x, y, z = value
-    return (float(x), float(y), float(z))
+def _curve(points: Sequence[Sequence[float]]) -> tuple[tuple[float, float], ...]:
+    curve = (values.finite(*point) for point in points)
+    return tuple((x, y) for x, y in curve)
 
 
 def encode_telemetry(parameters: VehicleParameters, motion: VehicleMotion) -> list[Any]:

@@ -6,12 +6,14 @@ ignore fields that they do not know.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
 from carstage_sim.maps.town import OrientedBox
 from carstage_sim.wire.dialect import Dialect
+from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.token import stream_token
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints import AttributeType, Blueprint
@@ -26,11 +28,27 @@ from carstage_sim.world.state import Weather
 
 Value = list[Any]
 
+_LONGEST_STEP_S = 60.0
+
+
+def finite(*numbers: float) -> tuple[float, ...]:
+    """Numbers that the world may compute with.
+
+    One NaN would spread to whatever the actor meets, and stays in the world for good.
+
+    Raises:
+        CallError: one is infinite or not a number.
+    """
+    checked = tuple(float(number) for number in numbers)
+    if not all(map(math.isfinite, checked)):
+        raise CallError(f"numbers must be finite, got {checked}")
+    return checked
+
 
 def vector(value: Sequence[float]) -> Vector3:
     """A ``Vector3D`` or ``Location``."""
-    x, y, z = value
-    return (float(x), float(y), float(z))
+    x, y, z = finite(*value)
+    return (x, y, z)
 
 
 def pose(value: Sequence[Sequence[float]]) -> Pose:
@@ -120,12 +138,13 @@ def ackermann_control(value: Sequence[float]) -> AckermannControl:
 def walker_control(value: Sequence[Any]) -> WalkerControl:
     """A ``WalkerControl``."""
     direction, speed, jump = value
-    return WalkerControl(vector(direction), float(speed), bool(jump))
+    (speed,) = finite(speed)
+    return WalkerControl(vector(direction), speed, bool(jump))
 
 
 def weather(value: Sequence[float]) -> Weather:
     """``WeatherParameters``, of any version's length."""
-    return Weather(*(float(number) for number in value[: len(fields(Weather))]))
+    return Weather(*finite(*value[: len(fields(Weather))]))
 
 
 def encode_weather(value: Weather) -> Value:
@@ -134,10 +153,18 @@ def encode_weather(value: Weather) -> Value:
 
 
 def settings(value: Sequence[Any]) -> EpisodeSettings:
-    """``EpisodeSettings``, of any version's length."""
+    """``EpisodeSettings``, of any version's length.
+
+    Raises:
+        CallError: a step that no tick can take.
+    """
     known = list(value[: len(fields(EpisodeSettings))])
     known[2] = optional(known[2])
-    return EpisodeSettings(*known)
+    decoded = EpisodeSettings(*known)
+    (step_s, _) = finite(decoded.fixed_delta_seconds or 0.0, decoded.max_substep_delta_time)
+    if not 0.0 <= step_s <= _LONGEST_STEP_S:
+        raise CallError(f"fixed_delta_seconds must be 0 to {_LONGEST_STEP_S:g}, got {step_s:g}")
+    return decoded
 
 
 def encode_settings(value: EpisodeSettings) -> Value:

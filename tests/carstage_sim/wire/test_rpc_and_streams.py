@@ -232,6 +232,66 @@ def test_batch_answers_every_command_also_after_one_that_failed(client: RawClien
     assert [kind for ((kind, _),) in results] == [0, 0, 0]
 
 
+def test_spawned_actor_is_reported_though_a_command_that_follows_it_fails(
+    client: RawClient,
+) -> None:
+    no_vehicle = [[18, [999_999, 6]]]
+    spawn_command = [0, [[0, "sensor.other.imu", []], ORIGIN, [False], 0, "", [no_vehicle]]]
+    _, (((kind, actor_id),),) = client.call("apply_batch", [[spawn_command]], False)
+    assert kind == 1
+    assert client.value("destroy_actor", actor_id) is True
+
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("set_episode_settings", [[True, False, [True, NAN], *SETTINGS[3:]]]),
+        ("set_episode_settings", [[True, False, [True, 1e9], *SETTINGS[3:]]]),
+        ("set_episode_settings", [[*SETTINGS[:4], NAN, *SETTINGS[5:]]]),
+        ("set_actor_transform", ["V", [[NAN, 0.0, 0.0], [0.0, 0.0, 0.0]]]),
+        ("set_actor_target_velocity", ["V", [float("inf"), 0.0, 0.0]]),
+        ("set_weather_parameters", [[NAN] * 14]),
+        ("apply_control_to_walker", ["W", [[1.0, 0.0, 0.0], NAN, False]]),
+    ],
+)
+def test_numbers_that_would_break_the_world_are_refused(
+    client: RawClient, name: str, arguments: list[object]
+) -> None:
+    ids = {
+        "V": spawn(client, "vehicle.tesla.model3", free_place(client))[0],
+        "W": spawn(client, "walker.pedestrian.0001", free_place(client, 5))[0],
+    }
+    error, ((_, (text,)),) = client.call(name, *[ids.get(str(item), item) for item in arguments])
+    assert error is None
+    assert "must be" in text
+    client.value("tick_cue")
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [(11, 0.0), (11, NAN), (1, NAN), (14, [[NAN, 1.0]]), (15, [[0.0] * 10])]
+)
+def test_physics_that_no_vehicle_can_have_are_refused(
+    client: RawClient, field: int, value: object
+) -> None:
+    vehicle = spawn(client, "vehicle.tesla.model3", free_place(client))[0]
+    control = client.value("get_physics_control", vehicle)
+    control[field] = value
+    error, ((failed, *_),) = client.call("apply_physics_control", vehicle, control)
+    assert (error, failed) == (None, True)
+    client.value("tick_cue")
+
+
+@pytest.mark.parametrize("field", [0, 10, 14, 15])
+def test_empty_lists_of_physics_leave_the_vehicle_as_it_was(client: RawClient, field: int) -> None:
+    vehicle = spawn(client, "vehicle.tesla.model3", free_place(client))[0]
+    before = client.value("get_physics_control", vehicle)
+    client.value("apply_physics_control", vehicle, [*before[:field], [], *before[field + 1 :]])
+    assert client.value("get_physics_control", vehicle) == before
+
+
 def test_traffic_manager_of_a_loopback_client_is_found_at_the_loopback(
     simulator: RunningSimulator, client: RawClient
 ) -> None:

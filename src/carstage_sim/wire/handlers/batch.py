@@ -76,7 +76,10 @@ def _spawn(call: Call, body: list[Any]) -> int:
         ((index, following),) = command
         if following[0] == _FUTURE_ACTOR:
             following = [actor.actor_id, *following[1:]]
-        _execute(call, index, following)
+        ((succeeded, failure),) = _respond(call, [[index, following]])
+        if not succeeded:
+            # The client must learn the id of what lives now, so the answer is that of the spawn.
+            logger.warning("after spawning actor %d: %s", actor.actor_id, failure[0])
     return actor.actor_id
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -132,3 +132,14 @@ def read_table(path: Path) -> pa.Table:
         raise DatasetError(f"{path.name} is missing in {path.parent}.") from error
     except (OSError, pa.ArrowException) as error:
         raise DatasetError(f"{path} is damaged: {error}") from error
+
+
+def require_columns(table: pa.Table, columns: Iterable[str], file: str) -> None:
+    """Refuse a table that lacks one of the columns.
+
+    Raises:
+        DatasetError: names the first one that is missing.
+    """
+    for name in columns:
+        if name not in table.column_names:
+            raise DatasetError(f"{file} has no column {name}.")

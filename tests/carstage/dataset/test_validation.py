@@ -15,6 +15,7 @@ from analytic_dataset import attempt_of, edit_rows, recommit
 
 from carstage.dataset import validate_dataset
 from carstage.dataset.codecs.png import PngPacker, unpack_png
+from carstage.dataset.tables import read_table, write_table
 from carstage.errors import DatasetError
 
 Rows = list[dict[str, Any]]
@@ -293,6 +294,29 @@ def test_an_unreadable_episode_is_one_problem_and_no_crash(dataset: Path) -> Non
     (attempt_of(dataset) / "calibration.json").write_text("{")
     recommit(dataset)
     assert failed_checks(dataset) == {"unreadable"}
+
+
+@pytest.mark.parametrize(
+    ("table", "column"),
+    [
+        ("frames.parquet", "k"),
+        ("frames.parquet", "CAM_LEFT.state"),
+        ("objects.parquet", "box_center_ego"),
+        ("objects.parquet", "timestamp_s"),
+        ("camera_objects.parquet", "mask_modal"),
+        ("camera_objects.parquet", "n_behind"),
+        ("camera_objects.parquet", "alpha"),
+        ("ego.parquet", "location"),
+    ],
+)
+def test_a_missing_column_is_named_and_no_crash(dataset: Path, table: str, column: str) -> None:
+    path = attempt_of(dataset) / table
+    write_table(read_table(path).drop_columns([column]), path)
+    recommit(dataset)
+    report = validate_dataset(dataset)
+    (problem,) = report.problems
+    assert problem.check == "unreadable"
+    assert f"{table} has no column {column}" in problem.message
 
 
 def test_much_of_one_damage_is_listed_up_to_a_limit_and_counted(dataset: Path) -> None:

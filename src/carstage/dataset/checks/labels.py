@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from carstage.dataset.checks.findings import Findings
 from carstage.dataset.checks.ledger import TIMESTAMP_TOLERANCE_S
 from carstage.dataset.reading import Episode
+from carstage.dataset.tables import require_columns
 from carstage.geometry import invert_pose, pose_matrix
 
 _PI = math.pi
@@ -52,6 +53,16 @@ _KEYS = {
     "camera_objects": ("k", "sensor_id", "track_id"),
     "ego": ("k",),
 }
+_BOX_COLUMNS = (
+    "k", "track_id", "box_center", "box_rotation_deg", "box_extent", "box_center_ego",
+    "box_rotation_ego_deg", "semantic_tags", "num_lidar_points", "is_ego",
+)  # fmt: skip
+_CAMERA_COLUMNS = (
+    "k", "sensor_id", "track_id", "bbox_amodal", "bbox_modal", "mask_modal", "visible_px",
+    "pinhole",
+)  # fmt: skip
+_EGO_COLUMNS = ("k", "location", "rotation_deg")
+_COLUMNS = {"objects": _BOX_COLUMNS, "camera_objects": _CAMERA_COLUMNS, "ego": _EGO_COLUMNS}
 _POSE_TOLERANCE_M = 0.01
 
 
@@ -68,9 +79,13 @@ class LabelTables:
         """Read them.
 
         Raises:
-            DatasetError: one is missing or damaged.
+            DatasetError: one is missing, damaged, or lacks a column that the checks read.
         """
-        return cls(episode.objects(), episode.camera_objects(), episode.ego())
+        tables = cls(episode.objects(), episode.camera_objects(), episode.ego())
+        for name, table in tables.named().items():
+            columns = ("timestamp_s", *_KEYS[name], *_RANGES[name], *_COLUMNS[name])
+            require_columns(table, columns, f"{name}.parquet")
+        return tables
 
     def named(self) -> dict[str, pa.Table]:
         """The tables by name, without the file's ending."""
@@ -111,10 +126,6 @@ def check_labels(
             ``label_references``, ``frames_missing``.
     """
     for name, table in tables.named().items():
-        missing = [key for key in _KEYS[name] if key not in table.column_names]
-        if missing:
-            findings.add("schema", f"{name}.parquet has no column {missing[0]}")
-            return
         keys = list(zip(*(table[key].to_pylist() for key in _KEYS[name]), strict=True))
         if len(set(keys)) != len(keys):
             findings.add("label_keys", f"{name}.parquet has rows with the same key")
@@ -155,9 +166,6 @@ def check_labels(
 def _check_range(
     name: str, table: pa.Table, column: str, low: float, high: float, findings: Findings
 ) -> None:
-    if column not in table.column_names:
-        findings.add("schema", f"{name}.parquet has no column {column}")
-        return
     values = table[column].drop_null().to_numpy()
     wrong = ~((values >= low) & (values <= high))
     if wrong.any():
@@ -177,14 +185,10 @@ def labelled_boxes(tables: LabelTables, findings: Findings) -> dict[int, list[La
     """
     world_from_ego = {
         row["k"]: pose_matrix(row["location"], row["rotation_deg"])
-        for row in tables.ego.select(["k", "location", "rotation_deg"]).to_pylist()
+        for row in tables.ego.select(_EGO_COLUMNS).to_pylist()
     }
     boxes: dict[int, list[LabelledBox]] = defaultdict(list)
-    columns = [
-        "k", "track_id", "box_center", "box_rotation_deg", "box_extent", "box_center_ego",
-        "box_rotation_ego_deg", "semantic_tags", "num_lidar_points", "is_ego",
-    ]  # fmt: skip
-    for row in tables.objects.select(columns).to_pylist():
+    for row in tables.objects.select(_BOX_COLUMNS).to_pylist():
         if row["box_center"] is None:
             continue
         ego_from_box = pose_matrix(row["box_center_ego"], row["box_rotation_ego_deg"])
@@ -218,11 +222,7 @@ def labelled_boxes(tables: LabelTables, findings: Findings) -> dict[int, list[La
 
 def camera_rows(table: pa.Table) -> dict[tuple[int, str], list[dict[str, Any]]]:
     """The rows of ``camera_objects.parquet`` that the geometric checks use, by frame and camera."""
-    columns = [
-        "k", "sensor_id", "track_id", "bbox_amodal", "bbox_modal", "mask_modal", "visible_px",
-        "pinhole",
-    ]  # fmt: skip
     rows: dict[tuple[int, str], list[dict[str, Any]]] = defaultdict(list)
-    for row in table.select(columns).to_pylist():
+    for row in table.select(_CAMERA_COLUMNS).to_pylist():
         rows[row["k"], row["sensor_id"]].append(row)
     return rows

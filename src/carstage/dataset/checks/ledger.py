@@ -9,14 +9,21 @@ import pyarrow as pa
 
 from carstage.dataset.checks.findings import Findings, Severity
 from carstage.dataset.reading import Episode
-from carstage.dataset.tables import ROW_SENSORS
+from carstage.dataset.tables import ROW_SENSORS, require_columns
 
 TIMESTAMP_TOLERANCE_S = 1e-6
 _GOOD_STATES = ("ok", "off")
 
 
 def recorded_frames(episode: Episode, ledger: pa.Table) -> dict[str, list[int]]:
-    """By sensor, the saved frames that the ledger says there is data of."""
+    """By sensor, the saved frames that the ledger says there is data of.
+
+    Raises:
+        DatasetError: the ledger lacks a column.
+    """
+    sensors = tuple(episode.calibration.sensors)
+    states = [f"{sensor}.{what}" for sensor in sensors for what in ("state", "reason")]
+    require_columns(ledger, ("tick", "k", "server_frame", "timestamp_s", *states), "frames.parquet")
     ks = ledger["k"].to_pylist()
     return {
         sensor: [
@@ -24,7 +31,7 @@ def recorded_frames(episode: Episode, ledger: pa.Table) -> dict[str, list[int]]:
             for k, state in zip(ks, ledger[f"{sensor}.state"].to_pylist(), strict=True)
             if k is not None and state == "ok"
         ]
-        for sensor in episode.calibration.sensors
+        for sensor in sensors
     }
 
 

@@ -69,10 +69,9 @@ def draw_boxes_3d(
         for start, end in (*EDGES, (a, c), (b, d)):
             ends = _before_camera(optical[start], optical[end])
             if ends is not None:
-                uv = project(ends, camera.k, 0.0)
-                # Far outside points overflow Pillow's integers.
-                uv = np.clip(uv, -4 * camera.width, 5 * camera.width)
-                draw.line([tuple(point) for point in uv.tolist()], fill=colour, width=line)
+                seen = _near_image(project(ends, camera.k, 0.0), picture.width, picture.height)
+                if seen is not None:
+                    draw.line([tuple(point) for point in seen.tolist()], fill=colour, width=line)
     return picture
 
 
@@ -86,6 +85,27 @@ def _before_camera(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np
             share = (Z_NEAR_M - ends[i][2]) / (ends[j][2] - ends[i][2])
             ends[i] = ends[i] + share * (ends[j] - ends[i])
     return np.stack(ends)
+
+
+def _near_image(uv: NDArray[np.float64], width: int, height: int) -> NDArray[np.float64] | None:
+    """The part of a segment ``(2, 2)`` within an image's width around it; ``None``: no part.
+
+    A segment may begin a million pixels away; Pillow would walk them all. Cut, not moved: what is
+    left lies on the same line (Liang and Barsky 1984).
+    """
+    margin = float(width)
+    along = uv[1] - uv[0]
+    first, last = 0.0, 1.0
+    for axis, size in ((0, width), (1, height)):
+        if along[axis] == 0.0:
+            if not -margin <= uv[0, axis] <= size + margin:
+                return None
+            continue
+        low, high = sorted(
+            (bound - uv[0, axis]) / along[axis] for bound in (-margin, size + margin)
+        )
+        first, last = max(first, low), min(last, high)
+    return uv[0] + np.array([[first], [last]]) * along if first < last else None
 
 
 def draw_boxes_2d(

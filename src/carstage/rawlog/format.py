@@ -478,12 +478,15 @@ def write_episode_file(folder: str, header: Mapping[str, Any]) -> str:
 def reserve(fd: int, size: int) -> bool:
     """Reserve ``size`` bytes for an open file; return whether the file system really did.
 
+    The file's length stays what was written: after a crash, reserved bytes must not look like the
+    payload of a record that was cut short.
+
     The system call is made directly: where a file system does not have it, C libraries imitate
     ``posix_fallocate`` by writing to every block, which costs more than it saves. A file system
     that says yes and allocates nothing is left out too.
     """
     call = _FALLOCATE
-    if call is None or call(fd, 0, 0, size) != 0:
+    if call is None or call(fd, _FALLOC_FL_KEEP_SIZE, 0, size) != 0:
         return False
     if os.fstat(fd).st_blocks * 512 >= size:
         return True
@@ -502,6 +505,7 @@ def _find_fallocate() -> Any:
 
 
 _FALLOCATE = _find_fallocate()
+_FALLOC_FL_KEEP_SIZE = 1  # linux/falloc.h
 
 
 def _sync_folder(folder: str) -> None:

@@ -127,7 +127,7 @@ class Recovery:
         index: the segment's number.
         records: every whole record, in order.
         whole_bytes: bytes up to the end of the last whole record.
-        torn_bytes: bytes after it, reserved zeros included.
+        torn_bytes: bytes after it.
     """
 
     stream: str

@@ -87,6 +87,17 @@ def test_sealing_renames_and_cuts_what_was_reserved(tmp_path: Path) -> None:
     assert whole[-1][0] == sealed.bytes
 
 
+def test_reserved_bytes_are_no_part_of_an_open_segment(tmp_path: Path) -> None:
+    # A writer killed in the middle of a payload must not leave zeros that complete the record.
+    with raw.SegmentWriter(str(tmp_path), "s", 0, expected_bytes=1 << 20) as writer:
+        writer.append(raw.KIND_DATA, 0, 3, 0.3, {}, b"12345")
+        path = tmp_path / "000000.seg.open"
+        assert path.stat().st_size == writer.size < 1 << 20
+        writer.seal(0, 0)
+    sealed = (tmp_path / "000000.seg").stat()
+    assert sealed.st_blocks * 512 < 1 << 20, "what was reserved is given back"
+
+
 def test_a_segment_is_never_written_twice(tmp_path: Path) -> None:
     with raw.SegmentWriter(str(tmp_path), "s", 0) as writer:
         with pytest.raises(FileExistsError):

@@ -27,11 +27,11 @@ from carstage.conversion.segment import (
     label_part,
     label_schema,
     label_segment,
-    write_whole,
 )
 from carstage.conversion.sensors import SensorPlan, plan_sensors
 from carstage.dataset.codecs import codec_for
 from carstage.dataset.tables import ROW_SENSORS, read_table, write_table
+from carstage.dataset.whole import write_whole
 from carstage.errors import ConversionError, DatasetError
 from carstage.rawlog.format import LEDGER
 from carstage.rawlog.reader import EpisodeLog
@@ -248,10 +248,8 @@ class EpisodeConversion:
 
     def _write_table(self, table: pa.Table, name: str) -> None:
         path = self.attempt_folder / name
-        temporary = path.with_name(f".{path.name}")
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_table(table, temporary)
-        temporary.replace(path)
+        write_table(table, path)
 
     def _write_row_sensors(self, segments: range) -> None:
         for sensor in self._plan.written:

@@ -17,6 +17,7 @@ from carstage.conversion.sensors import LIDAR_KIND, RecordedSensor
 from carstage.dataset.codecs import codec_for
 from carstage.dataset.codecs.codec import image_bgra
 from carstage.dataset.tables import ROW_SENSORS, arrow_type, write_table
+from carstage.dataset.whole import write_whole
 from carstage.errors import ConversionError
 from carstage.rawlog.format import KIND_DATA, LEDGER
 from carstage.rawlog.reader import EpisodeLog, Record
@@ -113,10 +114,7 @@ def label_segment(raw_folder: Path, segment: int) -> None:
     folder.mkdir(exist_ok=True)
     for name, columns in TABLES.items():
         table = rows_to_table(rows[name], columns, name)
-        path = label_part(raw_folder, name, segment)
-        temporary = path.with_name(f".{path.name}")
-        write_table(table, temporary)
-        temporary.replace(path)
+        write_table(table, label_part(raw_folder, name, segment))
 
 
 def label_part(raw_folder: Path, table: str, segment: int) -> Path:
@@ -150,13 +148,6 @@ def rows_to_table(rows: Sequence[dict[str, Any]], columns: Sequence[Column], nam
 def label_schema(columns: Sequence[Column]) -> pa.Schema:
     """The Arrow schema of a label table."""
     return pa.schema([pa.field(c.name, arrow_type(c.type), nullable=c.nullable) for c in columns])
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file that is never seen half written under its own name."""
-    temporary = path.with_name(f".{path.name}")
-    temporary.write_bytes(content)
-    temporary.replace(path)
 
 
 def _data(log: EpisodeLog, stream: str, segment: int) -> list[Record]:

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from carstage.dataset.whole import whole_file
 from carstage.errors import DatasetError
 
 _COMPRESSION: Literal["zstd"] = "zstd"
@@ -101,22 +102,23 @@ def arrow_type(name: str) -> pa.DataType:
 
 
 def write_table(table: pa.Table, path: Path) -> None:
-    """Write a Parquet file whose bytes depend on the table alone.
+    """Write a Parquet file whose bytes depend on the table alone, whole or not at all.
 
     Compression, encodings and row groups are fixed; metadata of the table (pandas' index, times)
     is dropped.
     """
-    pq.write_table(
-        table.replace_schema_metadata(None).combine_chunks(),
-        path,
-        row_group_size=_ROW_GROUP_ROWS,
-        compression=_COMPRESSION,
-        compression_level=_COMPRESSION_LEVEL,
-        use_dictionary=True,
-        write_statistics=True,
-        version="2.6",
-        data_page_version="1.0",
-    )
+    with whole_file(path) as temporary:
+        pq.write_table(
+            table.replace_schema_metadata(None).combine_chunks(),
+            temporary,
+            row_group_size=_ROW_GROUP_ROWS,
+            compression=_COMPRESSION,
+            compression_level=_COMPRESSION_LEVEL,
+            use_dictionary=True,
+            write_statistics=True,
+            version="2.6",
+            data_page_version="1.0",
+        )
 
 
 def read_table(path: Path) -> pa.Table:

@@ -19,6 +19,7 @@ from carstage.dataset.report.statistics import (
     count_labels,
 )
 from carstage.dataset.validation import ValidationReport, validate_dataset
+from carstage.dataset.whole import write_whole
 
 MOST_EPISODES_WITH_PICTURES = 6
 _MOST_PROBLEMS = 50
@@ -56,7 +57,8 @@ def write_report(
         "Pictures are scaled down; the dataset holds the originals.</footer>",
     ]
     target = out if out is not None else dataset.path / "report.html"
-    target.write_text(html.page(f"{dataset.name}: Car-STAGE dataset", "\n".join(sections)), "utf-8")
+    document = html.page(f"{dataset.name}: Car-STAGE dataset", "\n".join(sections))
+    write_whole(target, document.encode())
     return target
 
 

@@ -113,7 +113,7 @@ class Config(Section):
     max_distance_m: float = setting(
         80.0,
         title="Maximum distance",
-        description="Objects farther from the sensor are not labelled.",
+        description="Objects farther away get no camera labels; see labels.distance_origin.",
         unit="m",
         group="labels",
         gt=0,

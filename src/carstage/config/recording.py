@@ -131,6 +131,44 @@ class Labels(Section):
         description="`all`: every rgb camera; or a list of sensor ids; `[]` labels none.",
         group="labels",
     )
+    min_visible_px: int = setting(
+        10,
+        title="Minimum visible pixels",
+        description="Pixels from which an object is visible to the pixel method.",
+        unit="px",
+        group="labels",
+        ge=1,
+        le=1_000_000,
+    )
+    distance_origin: Literal["sensor", "ego"] = setting(
+        "sensor",
+        title="Distance from",
+        description="Where max_distance_m counts from: the `sensor` (the paper's text) or the "
+        "`ego` (its user interface).",
+        group="labels",
+    )
+    stage_vo_tolerance_m: float = setting(
+        0.0,
+        title="STAGE-VO tolerance",
+        description="How much nearer than a corner the depth must be to occlude it; 0 is the "
+        "paper.",
+        unit="m",
+        group="labels",
+        ge=0,
+        le=10,
+    )
+    stage_vo_strict: bool = setting(
+        False,
+        title="STAGE-VO strict",
+        description="Level 2 (the paper) instead of 3, unknown, when no corner is in the image.",
+        group="labels",
+    )
+    stage_vo_vote: bool = setting(
+        False,
+        title="STAGE-VO vote",
+        description="Compare a corner with its four diagonal neighbour pixels instead of its own.",
+        group="labels",
+    )
 
 
 Port = Literal["auto"] | Annotated[int, Field(ge=1024, le=65_000)]

@@ -91,7 +91,10 @@ def plan_episodes(config: Config, facts: ServerFacts) -> tuple[EpisodeSpec, ...]
                 },
                 scenario=config.scenario.model_dump(),
                 sensors=sensors,
-                labels={"method": config.labels.method, "boxes": sorted(set(config.labels.boxes))},
+                labels={
+                    **config.labels.model_dump(exclude={"cameras"}),
+                    "boxes": sorted(set(config.labels.boxes)),
+                },
                 ground_truth=config.ground_truth.model_dump(),
                 max_distance_m=config.max_distance_m,
                 min_lidar_points=config.min_lidar_points,

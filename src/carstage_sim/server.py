@@ -87,6 +87,7 @@ class Server:
             request_tick=self._tick_requests.append,
             episode_began=self._episode_began,
             after=self._after,
+            expect_subscriber=self._streams.expect,
         )
 
     def __enter__(self) -> Server:

@@ -11,6 +11,7 @@ import logging
 import socket
 import struct
 import threading
+import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,7 @@ logger = logging.getLogger(__name__)
 
 _HANDSHAKE_BYTES = 4
 _POLL_S = 0.5
+_SUBSCRIBED_WITHIN_S = 0.25
 
 
 class StreamingServer:
@@ -37,8 +39,9 @@ class StreamingServer:
     """
 
     def __init__(self, loop: SocketLoop, sock: socket.socket) -> None:
-        self._lock = threading.Lock()
+        self._lock = threading.Condition()
         self._subscribers: dict[int, list[Channel]] = {}
+        self._awaited: dict[int, tuple[int, float]] = {}
         self._ended = threading.Event()
         self.port = int(sock.getsockname()[1])
         loop.listen(sock, self._accept)
@@ -47,9 +50,27 @@ class StreamingServer:
         """Let go of a publisher that waits for a slow subscriber."""
         self._ended.set()
 
-    def listeners(self, stream_id: int) -> int:
-        """How many connections are subscribed to a stream."""
+    def expect(self, stream_id: int) -> None:
+        """Expect one more subscriber of a stream: a client was just told where to find it.
+
+        Clients subscribe in a thread of their own. A script that listens and ticks at once would
+        miss its first frame whenever the tick is faster than that thread.
+        """
+        now_s = time.monotonic()
         with self._lock:
+            self._awaited = {i: due for i, due in self._awaited.items() if due[1] > now_s}
+            count, _ = self._awaited.get(stream_id, (0, now_s))
+            self._awaited[stream_id] = (count + 1, now_s + _SUBSCRIBED_WITHIN_S)
+
+    def listeners(self, stream_id: int) -> int:
+        """How many connections are subscribed to a stream, after those expected a moment ago."""
+        with self._lock:
+            _, due_s = self._awaited.get(stream_id, (0, 0.0))
+            self._lock.wait_for(
+                lambda: stream_id not in self._awaited or self._ended.is_set(),
+                max(due_s - time.monotonic(), 0.0),
+            )
+            self._awaited.pop(stream_id, None)
             return len(self._subscribers.get(stream_id, ()))
 
     def publish(self, stream_id: int, parts: Sequence[Buffer], *, wait: bool) -> None:
@@ -94,6 +115,10 @@ class StreamingServer:
         channel.on_close = lambda: self._unsubscribe(stream_id, channel)
         with self._lock:
             self._subscribers.setdefault(stream_id, []).append(channel)
+            count, due_s = self._awaited.pop(stream_id, (0, 0.0))
+            if count > 1:
+                self._awaited[stream_id] = (count - 1, due_s)
+            self._lock.notify_all()
 
     def _unsubscribe(self, stream_id: int, channel: Channel) -> None:
         logger.debug("stream %d: unsubscribed by %s", stream_id, channel.peer)

@@ -65,6 +65,23 @@ def test_message_goes_to_every_subscriber_of_its_stream_and_to_no_other(
     assert (read_message(first), read_message(second)) == (b"mine", b"mine")
 
 
+def test_a_subscriber_that_is_expected_is_waited_for(server: StreamingServer) -> None:
+    server.expect(STREAM)
+    with ExitStack() as opened:
+        late = threading.Timer(
+            0.02,
+            lambda: opened.enter_context(subscribe("127.0.0.1", server.port, STREAM)),
+        )
+        late.start()
+        assert server.listeners(STREAM) == 1
+        late.join()
+
+
+def test_a_subscriber_that_never_comes_is_not_waited_for_for_ever(server: StreamingServer) -> None:
+    server.expect(STREAM)
+    assert server.listeners(STREAM) == 0
+
+
 def test_without_waiting_a_slow_subscriber_misses_messages_but_never_parts_of_one(
     server: StreamingServer, subscribers: Callable[[], socket.socket]
 ) -> None:

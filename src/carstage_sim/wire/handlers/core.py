@@ -34,7 +34,9 @@ def _get_episode_info(call: Call) -> list[Any]:
 
 @handles("get_sensor_token")
 def _get_sensor_token(call: Call, stream_id: int) -> list[bytes]:
-    if stream_id == call.world.stream_id and call.connection.held_calls:
+    if stream_id != call.world.stream_id:
+        call.session.expect_subscriber(stream_id)
+    elif call.connection.held_calls:
         _release(call, _REOPENED_AFTER_S)
     return [stream_token(stream_id, call.session.streaming_port)]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -80,6 +81,19 @@ def test_problems_stand_on_the_page(dataset: Path, tmp_path: Path) -> None:
     text = " ".join(parse(path.read_text("utf-8")).text)
     assert "1 warning" in text
     assert "notes.txt lies in the folder" in text
+
+
+def test_frames_that_a_sensor_lacks_are_left_out(dataset: Path, tmp_path: Path) -> None:
+    """Under `on_incomplete: skip` a valid dataset may lack any of them."""
+    copy = Path(shutil.copytree(dataset, tmp_path / "out"))
+    sensors = analytic_dataset.attempt_of(copy) / "sensors"
+    whole = parse(write_report(copy).read_text("utf-8"))
+    for sensor in ("CAM_LEFT", "DEPTH_FRONT", "LIDAR_TOP"):
+        for path in sorted((sensors / sensor).iterdir())[:-1]:
+            path.unlink()
+    some = parse(write_report(copy).read_text("utf-8"))
+    assert 0 < len(some.images) < len(whole.images)
+    assert any("CAM_LEFT" in text for text in some.text)
 
 
 def test_a_chart_of_nothing_is_still_a_chart() -> None:

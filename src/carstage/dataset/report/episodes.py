@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from html import escape
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 
 from carstage.dataset.checks.findings import Findings
 from carstage.dataset.checks.labels import LabelledBox, LabelTables, labelled_boxes
@@ -106,8 +109,13 @@ class _Pictures:
 
     def __init__(self, episode: Episode, description: Mapping[str, Any]) -> None:
         self._episode = episode
-        self._palette: dict[int, RgbColour] = {
+        palette: dict[int, RgbColour] = {
             tag["value"]: tuple(tag["rgb"]) for tag in description["tags"]
+        }
+        self._drawings: dict[str, Callable[[NDArray[Any]], Image.Image]] = {
+            "depth": depth_view,
+            "semantic": partial(semantic_view, palette=palette),
+            "instance": instance_view,
         }
         tables = LabelTables.load(episode)
         self._boxes = labelled_boxes(tables, Findings(episode.id))
@@ -143,12 +151,21 @@ class _Pictures:
         """Number of visible objects."""
         return len(self._rows[k, sensor.id])
 
+    def _read(self, sensor: Sensor, k: int) -> NDArray[Any] | None:
+        """The data of a frame; ``None`` where there is none, which the validation tells of."""
+        try:
+            return sensor.read(k)
+        except DatasetError:
+            return None
+
     def boxes_3d(self, sensor: Sensor, frames: list[int]) -> str:
         camera, figures = sensor.calibration, []
         for k in frames:
+            if (image := self._read(sensor, k)) is None:
+                continue
             visible = {row["track_id"] for row in self._rows[k, sensor.id]}
             boxes = [(b, self._colour(b)) for b in self._boxes.get(k, []) if b.track_id in visible]
-            picture = draw_boxes_3d(sensor.read(k), camera, boxes)
+            picture = draw_boxes_3d(image, camera, boxes)
             figures.append(
                 html.figure(data_uri(picture, _CONTACT_PX), self._caption(k, len(boxes)))
             )
@@ -157,11 +174,13 @@ class _Pictures:
     def boxes_2d(self, sensor: Sensor, frames: list[int]) -> str:
         figures = []
         for k in frames:
+            if (image := self._read(sensor, k)) is None:
+                continue
             rows = [
                 (row, class_colour(self._classes.get(row["track_id"], "")))
                 for row in self._rows[k, sensor.id]
             ]
-            picture = draw_boxes_2d(sensor.read(k), rows)
+            picture = draw_boxes_2d(image, rows)
             caption = self._caption(k, len(rows))
             figures.append(html.figure(data_uri(picture, _CONTACT_PX), caption))
         return "".join(figures)
@@ -170,14 +189,10 @@ class _Pictures:
         figures = []
         for k in frames:
             for sensor in self._episode.sensors:
-                if sensor.kind == "depth":
-                    picture = depth_view(sensor.read(k))
-                elif sensor.kind == "semantic":
-                    picture = semantic_view(sensor.read(k), self._palette)
-                elif sensor.kind == "instance":
-                    picture = instance_view(sensor.read(k))
-                else:
+                draw = self._drawings.get(sensor.kind)
+                if draw is None or (image := self._read(sensor, k)) is None:
                     continue
+                picture = draw(image)
                 caption = f"{sensor.id}, frame {k}"
                 figures.append(html.figure(data_uri(picture, _CONTACT_PX), caption))
         return "".join(figures)
@@ -187,8 +202,9 @@ class _Pictures:
         lidars = [sensor for sensor in self._episode.sensors if sensor.kind == "lidar"]
         for k in frames:
             clouds = [
-                transform_points(lidar.calibration.ego_from_sensor, lidar.read(k)[:, :3])
+                transform_points(lidar.calibration.ego_from_sensor, points[:, :3])
                 for lidar in lidars
+                if (points := self._read(lidar, k)) is not None
             ]
             if clouds:
                 boxes = [(box, self._colour(box)) for box in self._boxes.get(k, [])]

@@ -22,6 +22,7 @@ from carstage.annotation.scene import ActorFacts, Scene, build_scene
 from carstage.annotation.settings import LabelSettings
 from carstage.errors import AnnotationError
 from carstage.geometry import invert_pose
+from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.reader import ActorInfo, WorldFrame
 from carstage.tags import server_release, vehicle_tags, walker_tags
 
@@ -93,7 +94,8 @@ class EpisodeLabeller:
             version: str = header["server_version"]
             self._episode_id: str = header["episode_id"]
             self._ego_id: int = header["ego_id"]
-            self._fps = float(spec["fps"])
+            self._header = header
+            elapsed_s(header, 0, 0.0)  # it needs what it needs for every frame
             self._episode = EpisodeFacts.from_header(header)
             sensors: list[Mapping[str, Any]] = spec["sensors"]
             self._cameras = {
@@ -150,7 +152,8 @@ class EpisodeLabeller:
         """
         ego_row_index = self._ego_row(world)
         scene = self._scene(world, ego_row_index)
-        keys = {"k": k, "timestamp_s": world.tick / self._fps, "episode_id": self._episode_id}
+        time_s = elapsed_s(self._header, world.tick, world.timestamp_s)
+        keys = {"k": k, "timestamp_s": time_s, "episode_id": self._episode_id}
         acceleration_valid = world.tick > 0 or self._first_tick_has_past
         points = self._count_lidar_points(scene, lidar)
         has_points = np.ones(len(scene.facts), dtype=np.bool_)

@@ -10,7 +10,13 @@ import numpy as np
 from carstage.annotation.pixels import visibility_token
 from carstage.annotation.scene import Scene
 from carstage.annotation.settings import LabelSettings
-from carstage.geometry import flu_rotation, quaternion_from_matrix, rotation_deg, transform_points
+from carstage.geometry import (
+    flu_rotation,
+    quaternion_from_matrix,
+    rotation_deg,
+    transform_points,
+    wrap_angle,
+)
 
 VisiblePixels = tuple[int, float]
 """Visible and amodal pixels of an object, summed over the cameras."""
@@ -50,7 +56,7 @@ def object_rows(
         "box_quaternion": quaternion_from_matrix(flu_rotation(box_rotation)),
         "box_extent": scene.extent,
         "box_center_ego": center_ego,
-        "box_yaw_ego": np.radians(rotation_ego[:, 1]),
+        "box_yaw_ego": wrap_angle(np.radians(rotation_ego[:, 1])),
         "box_rotation_ego_deg": rotation_ego,
         "distance_ego": distance,
     }

@@ -35,7 +35,12 @@ class Column:
 
 
 _K = Column("k", "i32", "", "index of the saved frame, from 0")
-_TIMESTAMP = Column("timestamp_s", "f64", "s", "simulated time since the first frame: tick / fps")
+_TIMESTAMP = Column(
+    "timestamp_s",
+    "f64",
+    "s",
+    "simulated time since the first frame; tick / fps in synchronous mode",
+)
 _TRACK_ID = Column("track_id", "i64", "", "actor id; unique within an episode")
 
 _NO_3D = "null: no valid box, or no `3d` in `labels.boxes`"

@@ -8,10 +8,10 @@ from typing import Any
 
 import pyarrow as pa
 
-from carstage.conversion.clock import elapsed_s, is_synchronous
 from carstage.conversion.sensors import SensorPlan
 from carstage.errors import ConversionError
 from carstage.geometry import intrinsics, pose_matrix
+from carstage.rawlog.clock import elapsed_s, is_synchronous
 from carstage.rawlog.reader import ActorInfo
 
 FORMAT_VERSION = 1

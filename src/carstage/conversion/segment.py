@@ -12,13 +12,13 @@ import pyarrow as pa
 from carstage.annotation import CameraImages, EpisodeLabeller
 from carstage.annotation.decoding import decode_depth_bgra
 from carstage.annotation.schema import TABLES, Column
-from carstage.conversion.clock import elapsed_s
 from carstage.conversion.sensors import LIDAR_KIND, RecordedSensor
 from carstage.dataset.codecs import codec_for
 from carstage.dataset.codecs.codec import image_bgra
 from carstage.dataset.tables import ROW_SENSORS, arrow_type, write_table
 from carstage.dataset.whole import write_whole
 from carstage.errors import ConversionError
+from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.format import KIND_DATA, LEDGER
 from carstage.rawlog.reader import EpisodeLog, Record
 
@@ -104,9 +104,6 @@ def label_segment(raw_folder: Path, segment: int) -> None:
             if (record := by_tick[lidar].get(world.tick)) is not None
         }
         labels = labeller.label_frame(world, ticks[world.tick], images, clouds)
-        time_s = elapsed_s(log.header, world.tick, world.timestamp_s)
-        for row in (*labels.objects, *labels.camera_objects, *([labels.ego] if labels.ego else [])):
-            row["timestamp_s"] = time_s
         rows["objects.parquet"] += labels.objects
         rows["camera_objects.parquet"] += labels.camera_objects
         rows["ego.parquet"] += [labels.ego] if labels.ego else []

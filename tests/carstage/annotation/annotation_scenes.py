@@ -97,9 +97,11 @@ def header(
         "map": "Carla/Maps/Stage01",
         "geo_reference": {"latitude_deg": 0.0, "longitude_deg": 0.0},
         "ego_id": EGO_ID,
+        "first_timestamp_s": 2.25,
         "sensor_actor_ids": sensor_actor_ids or {},
         "spec": {
             "fps": 10.0,
+            "timing": {"mode": "sync"},
             "warmup_ticks": 5,
             "weather": {"preset": "ClearNoon"},
             "sensors": sensors,

@@ -302,6 +302,24 @@ def test_angular_velocity_is_converted_to_radians_and_null_for_walkers() -> None
     assert found.ego["yaw_rate_flu"] == -found.ego["yaw_rate"]
 
 
+def test_in_asynchronous_mode_the_servers_clock_counts() -> None:
+    found = label(timing={"mode": "async"})
+    times = [row["timestamp_s"] for row in (*found.objects, one(found), found.ego)]
+    assert times == [0.75] * 4  # 3.0 s on the clock, 2.25 s at the first frame
+
+
+def test_a_header_without_times_is_refused() -> None:
+    head = header(timing={"mode": "async"})
+    del head["first_timestamp_s"]
+    with pytest.raises(AnnotationError, match="first_timestamp_s"):
+        EpisodeLabeller(head, {})
+
+
+def test_an_oncoming_car_has_the_half_open_yaw() -> None:
+    found = label({CAR_ID: ((20.0, 0.0, 0.0), (0.0, 180.0, 0.0))})
+    assert found.objects[1]["box_yaw_ego"] == -np.pi
+
+
 def test_vectors_of_the_ego_frame_turn_with_the_ego() -> None:
     found = label({EGO_ID: ((0.0, 0.0, 0.0), (0.0, 90.0, 0.0)), **AHEAD})
     car = found.objects[1]

@@ -1,4 +1,4 @@
-"""The one rule for times in a dataset: seconds since the first frame, the same in every file."""
+"""The one rule for the times of a recording: seconds since its first frame."""
 
 from __future__ import annotations
 

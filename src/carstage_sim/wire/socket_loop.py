@@ -12,6 +12,7 @@ import logging
 import selectors
 import socket
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 _RECEIVE_BYTES = 1 << 18
+_ACCEPT_AGAIN_S = 1.0
 _BACKLOG = 128
 
 
@@ -161,13 +163,25 @@ class Channel:
 
 
 class _Listener:
-    def __init__(self, sock: socket.socket, accepted: Callable[[socket.socket, str], None]) -> None:
+    def __init__(
+        self,
+        sock: socket.socket,
+        accepted: Callable[[socket.socket, str], None],
+        rest: Callable[[_Listener], None],
+    ) -> None:
         self.sock = sock
         self.accepted = accepted
+        self.rest = rest
 
     def readable(self) -> None:
-        with contextlib.suppress(BlockingIOError, ConnectionError):
+        try:
             connection, address = self.sock.accept()
+        except (BlockingIOError, ConnectionError):
+            return
+        except OSError as error:  # too many open files, most likely
+            logger.warning("cannot accept a client now: %s", error)
+            self.rest(self)
+        else:
             self.accepted(connection, str(address[0]))
 
 
@@ -201,6 +215,8 @@ class SocketLoop:
         self._waker = _Waker()
         self._selector.register(self._waker.receiving, selectors.EVENT_READ, self._waker)
         self._actions: deque[Callable[[], None]] = deque()
+        self._resting: list[_Listener] = []
+        self._rest_until_s = 0.0
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
@@ -217,6 +233,8 @@ class SocketLoop:
                 key.data._shut()
             elif isinstance(key.data, _Listener):
                 key.data.sock.close()
+        for listener in self._resting:
+            listener.sock.close()
         self._selector.close()
         self._waker.close()
 
@@ -243,7 +261,7 @@ class SocketLoop:
             accepted(channel)
             self._selector.register(channel, selectors.EVENT_READ, channel)
 
-        listener = _Listener(sock, opened)
+        listener = _Listener(sock, opened, self._rest)
         self.call(lambda: self._register_listener(listener))
 
     def call(self, action: Callable[[], None]) -> None:
@@ -263,17 +281,26 @@ class SocketLoop:
     def _register_listener(self, listener: _Listener) -> None:
         self._selector.register(listener.sock, selectors.EVENT_READ, listener)
 
+    def _rest(self, listener: _Listener) -> None:
+        """Leave a listener alone for a while: it would be ready, and fail, without a pause."""
+        self._selector.unregister(listener.sock)
+        self._resting.append(listener)
+        self._rest_until_s = time.monotonic() + _ACCEPT_AGAIN_S
+
     def _modify(self, channel: Channel, events: int) -> None:
         if not channel.closed:
             self._selector.modify(channel, events, channel)
 
     def _run(self) -> None:
         while not self._ending.is_set():
-            for key, events in self._selector.select():
+            rest_s = max(self._rest_until_s - time.monotonic(), 0.0) if self._resting else None
+            for key, events in self._selector.select(rest_s):
                 handler = key.data
                 if events & selectors.EVENT_WRITE and handler.writable():
                     self._modify(handler, selectors.EVENT_READ)
                 if events & selectors.EVENT_READ:
                     handler.readable()
+            while self._resting and time.monotonic() >= self._rest_until_s:
+                self._register_listener(self._resting.pop())
             while self._actions:
                 self._actions.popleft()()

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import socket
 import struct
 import threading
@@ -10,6 +11,7 @@ from contextlib import ExitStack
 import pytest
 from raw_client import read_message, subscribe
 
+from carstage_sim.wire import socket_loop
 from carstage_sim.wire.errors import PortInUseError
 from carstage_sim.wire.socket_loop import SocketLoop, bind
 from carstage_sim.wire.streaming import StreamingServer
@@ -143,6 +145,30 @@ def test_subscriber_that_left_no_longer_counts(
     connection.close()
     await_listeners(server, 0)
     server.publish(STREAM, [b"to nobody"], wait=True)
+
+
+class OutOfDescriptors(socket.socket):
+    """A listening socket that cannot accept the first two times."""
+
+    failures = 2
+
+    def accept(self) -> tuple[socket.socket, object]:
+        if self.failures:
+            self.failures -= 1
+            raise OSError(errno.EMFILE, "Too many open files")
+        return super().accept()
+
+
+def test_server_that_ran_out_of_descriptors_accepts_again_later(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(socket_loop, "_ACCEPT_AGAIN_S", 0.01)
+    listening = OutOfDescriptors(fileno=bind("127.0.0.1", 0).detach())
+    with SocketLoop("test") as loop:
+        server = StreamingServer(loop, listening)
+        with subscribe("127.0.0.1", server.port, STREAM):
+            await_listeners(server, 1)
+        server.close()
 
 
 def test_port_that_something_listens_on_cannot_be_bound(server: StreamingServer) -> None:

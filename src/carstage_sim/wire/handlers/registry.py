@@ -145,7 +145,7 @@ def serve(session: Session, request: Request) -> None:
     and with it the client's process, so only calls that do not exist get one, in rpclib's words.
     """
     if request.name not in _HANDLERS:
-        logger.warning("unknown call %s with %d arguments", request.name, len(request.arguments))
+        logger.warning("unknown call %.80s of %d arguments", request.name, len(request.arguments))
         count = len(request.arguments) + 1  # rpclib counts the metadata too
         request.connection.refuse(
             request,

@@ -225,6 +225,31 @@ def test_mirrored_instance_images_are_found(dataset: Path) -> None:
     assert {"hull", "mask"} <= failed_checks(dataset)
 
 
+@pytest.mark.parametrize("ambiguous", [False, True])
+def test_pixels_of_another_thing_with_that_id_are_no_error_where_labels_say_so(
+    dataset: Path, ambiguous: bool
+) -> None:
+    """An instance image holds 16 bits of an id; a parked car may carry those of an actor."""
+    rows = read_table(attempt_of(dataset) / "camera_objects.parquet").to_pylist()
+    row = next(r for r in rows if r["sensor_id"] == "CAM_FRONT" and r["mask_modal"] is not None)
+    ids, tags = (
+        sensor_file(dataset, "INST_FRONT", row["k"], ending) for ending in (".png", ".tag.png")
+    )
+    x0, y0, *_ = (int(value) for value in row["bbox_modal"])
+    image, tag = unpack_png(ids.read_bytes()).copy(), unpack_png(tags.read_bytes()).copy()
+    own = image == row["track_id"]
+    far = (0, 0) if x0 > 20 or y0 > 20 else (-1, -1)
+    image[far], tag[far] = row["track_id"], tag[own][0]
+    ids.write_bytes(PngPacker().pack(image))
+    tags.write_bytes(PngPacker().pack(tag))
+
+    def mark(rows: Rows) -> Rows:
+        return [{**r, "instance_ambiguous": ambiguous} for r in rows]
+
+    edit_rows(dataset, "camera_objects.parquet", mark)
+    assert failed_checks(dataset) == (set() if ambiguous else {"hull"})
+
+
 @pytest.mark.parametrize(
     ("table", "column", "value", "check"),
     [

@@ -59,7 +59,7 @@ _BOX_COLUMNS = (
 )  # fmt: skip
 _CAMERA_COLUMNS = (
     "k", "sensor_id", "track_id", "bbox_amodal", "bbox_modal", "mask_modal", "visible_px",
-    "pinhole",
+    "pinhole", "instance_ambiguous",
 )  # fmt: skip
 _EGO_COLUMNS = ("k", "location", "rotation_deg")
 _COLUMNS = {"objects": _BOX_COLUMNS, "camera_objects": _CAMERA_COLUMNS, "ego": _EGO_COLUMNS}

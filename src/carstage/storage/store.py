@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
+from urllib.parse import unquote
 
 from carstage.errors import BadInputError
 from carstage.storage.marker import CommitMarker
@@ -85,7 +86,8 @@ def open_store(out: str | Path) -> Store:
         out: a folder, or a URL; ``file://`` URLs are folders.
 
     Raises:
-        BadInputError: the URL's scheme is of no store that is built in.
+        BadInputError: the URL's scheme is of no store that is built in, or a ``file://`` URL names
+            another machine.
     """
     from carstage.storage.local import LocalStore
 
@@ -94,7 +96,12 @@ def open_store(out: str | Path) -> Store:
     if not separator:
         return LocalStore(Path(text).expanduser())
     if scheme == "file":
-        return LocalStore(Path(rest))
+        host, slash, path = rest.partition("/")
+        if host not in ("", "localhost"):
+            raise BadInputError(
+                f"output: {text} is on another machine, {host}.", "Write file:///folder."
+            )
+        return LocalStore(Path(unquote(slash + path)))
     raise BadInputError(
         f"output: no store for {scheme}:// addresses.", "Give a folder on a local disk."
     )

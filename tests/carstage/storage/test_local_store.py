@@ -109,6 +109,15 @@ def test_an_unknown_scheme_is_bad_input() -> None:
         open_store("gopher://example/data")
 
 
+def test_a_file_url_is_decoded_and_names_this_machine(tmp_path: Path) -> None:
+    for url in ("file:///data/my%20set", "file://localhost/data/my%20set"):
+        store = open_store(url)
+        assert isinstance(store, LocalStore)
+        assert store.root == Path("/data/my set")
+    with pytest.raises(BadInputError, match="otherhost"):
+        open_store("file://otherhost/data")
+
+
 def test_a_marker_of_another_version_is_refused() -> None:
     with pytest.raises(DatasetError, match="format version 2"):
         CommitMarker.from_bytes(b'{"format_version": 2}', "x.json")

@@ -16,7 +16,7 @@ import carla
 
 from carstage.collector.errors import SceneError
 from carstage.collector.maps import spawn_points
-from carstage.collector.plan import EpisodeSpec
+from carstage.collector.plan import CrowdPlan, EpisodeSpec
 from carstage.collector.world import WorldSession
 
 PLACES_PER_WALKER = 40
@@ -72,7 +72,7 @@ def spawn_vehicles(session: WorldSession, spec: EpisodeSpec) -> List[Any]:
     rng.shuffle(free)
     ego = points[spec.ego_spawn_index].location
     free.sort(key=lambda point: not _is_near(point.location, ego, spec.vehicles.radius_m))
-    blueprints = _matching(session.world, spec.vehicles.filter, spec.vehicles.count, "vehicles")
+    blueprints = _matching(session.world, spec.vehicles, "vehicles", "vehicle.")
     vehicles: List[Any] = []
     for point in free:
         if len(vehicles) == spec.vehicles.count:
@@ -98,7 +98,7 @@ def spawn_walkers(session: WorldSession, spec: EpisodeSpec) -> List[Walker]:
     count = spec.pedestrians.count
     rng = random.Random(spec.seeds["walkers"])
     world.set_pedestrians_seed(spec.seeds["walkers"])
-    blueprints = _matching(world, spec.pedestrians.filter, count, "pedestrians")
+    blueprints = _matching(world, spec.pedestrians, "pedestrians", "walker.")
     controller_blueprint = world.get_blueprint_library().find("controller.ai.walker")
     walkers: List[Walker] = []
     for place in _walker_places(session, spec):
@@ -158,12 +158,16 @@ def _walking_speed(actor: Any, rng: random.Random) -> float:
     return recommended * rng.uniform(0.8, 1.2)
 
 
-def _matching(world: Any, pattern: str, count: int, path: str) -> List[Any]:
-    library = world.get_blueprint_library().filter(pattern)
-    blueprints = sorted(library, key=lambda blueprint: str(blueprint.id))
-    if count and not blueprints:
+def _matching(world: Any, crowd: CrowdPlan, path: str, family: str) -> List[Any]:
+    """The blueprints of a family that the crowd's filter matches, by id."""
+    library = world.get_blueprint_library().filter(crowd.filter)
+    blueprints = sorted(
+        (blueprint for blueprint in library if str(blueprint.id).startswith(family)),
+        key=lambda blueprint: str(blueprint.id),
+    )
+    if crowd.count and not blueprints:
         raise SceneError(
-            "%s.filter: no blueprint of the server matches %r." % (path, pattern),
+            "%s.filter: no blueprint of the server matches %r." % (path, crowd.filter),
             "Use a pattern such as vehicle.* or walker.pedestrian.*.",
         )
     return blueprints

@@ -113,11 +113,12 @@ class EpisodeRecorder:
         watch = TickWatch(session.world, self._plan.server.traffic_manager_port)
         session.on_exit("tick watch", watch.stop)
         clock = CLOCKS[spec.timing.synchronous](session.world, self._plan.server.timeout_s, watch)
-        clock.step()  # so that the client knows what was spawned
-        start_walkers(session, walkers, spec)
         scenario = make_scenario(
             self._client, session, spec, self._plan.server.traffic_manager_port
         )
+        scenario.prepare()
+        clock.step()  # so that the client knows what was spawned
+        start_walkers(session, walkers, spec)
         scenario.start(ego, vehicles)
         rig = Rig(session, spec, ego)
         requested = {"vehicles": spec.vehicles.count, "pedestrians": spec.pedestrians.count}

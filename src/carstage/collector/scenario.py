@@ -31,8 +31,11 @@ class Scenario:
         self._spec = spec
         self._traffic_manager_port = traffic_manager_port
 
+    def prepare(self) -> None:
+        """Make what must be there when the episode takes its first step; nothing by default."""
+
     def start(self, ego: Any, vehicles: List[Any]) -> None:
-        """Set everybody going; called once, before the warm-up."""
+        """Set everybody going; called once, after the first step and before the warm-up."""
         raise NotImplementedError
 
 
@@ -72,13 +75,22 @@ def make_scenario(
 class Autopilot(Scenario):
     """Everybody, the ego too, drives by the client's Traffic Manager and keeps the law."""
 
-    def start(self, ego: Any, vehicles: List[Any]) -> None:
-        """Hand all vehicles to a seeded Traffic Manager that steps with the world."""
+    def prepare(self) -> None:
+        """Start a seeded Traffic Manager that steps with the world.
+
+        It begins by running freely, and a cycle that has begun goes on after the switch to
+        synchronous mode: vehicles registered meanwhile would be driven one step more than the
+        others. After one synchronous step of the world it surely waits for the next.
+        """
         manager = self._client.get_trafficmanager(self._traffic_manager_port)
+        self._session.on_exit("traffic manager", manager.shut_down)
         manager.set_synchronous_mode(self._spec.timing.synchronous)
         manager.set_random_device_seed(self._spec.seeds["traffic_manager"])
         manager.set_hybrid_physics_mode(False)
-        self._session.on_exit("traffic manager", manager.shut_down)
+
+    def start(self, ego: Any, vehicles: List[Any]) -> None:
+        """Hand all vehicles to the Traffic Manager."""
+        manager = self._client.get_trafficmanager(self._traffic_manager_port)
         lights = self._spec.weather.lights
         for vehicle in [ego, *vehicles]:
             vehicle.set_autopilot(True, self._traffic_manager_port)

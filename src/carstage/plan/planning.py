@@ -164,12 +164,13 @@ def _check_blueprints(config: Config, facts: ServerFacts) -> None:
     if config.ego.blueprint not in vehicles:
         message, hint = unknown("blueprint", config.ego.blueprint, vehicles)
         raise ConfigError(f"ego.blueprint: {message}", hint)
-    for path, count, pattern in (
-        ("vehicles.filter", config.vehicles.count, config.vehicles.filter),
-        ("pedestrians.filter", config.pedestrians.count, config.pedestrians.filter),
+    walkers = [name for name in known if name.startswith("walker.")]
+    for path, count, pattern, names in (
+        ("vehicles.filter", config.vehicles.count, config.vehicles.filter, vehicles),
+        ("pedestrians.filter", config.pedestrians.count, config.pedestrians.filter, walkers),
     ):
-        if count and not any(fnmatchcase(name, pattern) for name in known):
-            message, hint = unknown("blueprint", pattern, (_family(name) for name in known))
+        if count and not any(fnmatchcase(name, pattern) for name in names):
+            message, hint = unknown("blueprint", pattern, (_family(name) for name in names))
             raise ConfigError(f"{path}: {message}", hint)
     for place, sensor in config.located_sensors():
         if sensor.blueprint not in known:

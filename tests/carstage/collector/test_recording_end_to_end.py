@@ -284,6 +284,7 @@ def test_a_starter_that_is_gone_ends_the_recording(
             *("scene", r"ego.spawn_index: 9999"),
         ),
         ({"vehicles": {"count": 1, "filter": "boat.*"}}, "scene", "vehicles.filter"),
+        ({"vehicles": {"count": 1, "filter": "sensor.*"}}, "scene", "vehicles.filter"),
         ({"scenario": {"kind": "parade"}}, "scene", "scenario.kind: 'parade' is not known"),
         (
             {"weather": {"preset": "ClearNon", "parameters": {}, "lights": "auto"}},

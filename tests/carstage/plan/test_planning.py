@@ -165,6 +165,8 @@ def test_cameras_without_labels_get_no_twins() -> None:
         ("ego: {spawn: 100}", "ego.spawn: ", "counted from 0"),
         ("ego: {blueprint: vehicle.tesla.model_3}", "ego.blueprint: ", "'vehicle.tesla.model3'"),
         ("vehicles: {filter: vehicle.audi.*}", "vehicles.filter: ", "vehicle"),
+        ("vehicles: {filter: sensor.*}", "vehicles.filter: ", "vehicle"),
+        ("pedestrians: {filter: vehicle.*}", "pedestrians.filter: ", "walker"),
         ("rig: {sensors: [{id: L, kind: lidar}]}", "rig.sensors[0].kind: ", "another server"),
         (
             "rig: {sensors: [{id: L, kind: rgb, attributes: {gamma: 2}}]}",

@@ -315,6 +315,14 @@ def test_traffic_manager_is_forgotten_when_its_client_is_gone(
         pytest.fail("the registration outlived its client")
 
 
+def test_boxes_of_the_level_hold_the_heads_of_its_traffic_lights(client: RawClient) -> None:
+    boxes = client.value("get_all_level_BBs", 7)
+    lights = client.value("get_group_traffic_lights", 1)
+    heads = [box for light in lights for box in client.value("get_light_boxes", light)]
+    assert all(head in boxes for head in heads)
+    assert all(box in client.value("get_all_level_BBs", 255) for box in boxes)
+
+
 def test_navigation_mesh_is_found_under_a_name_of_its_content(client: RawClient) -> None:
     (path,) = client.value("get_required_files", "Nav")
     mesh = client.value("request_file", path)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import LevelObject
 from carstage_sim.wire import values
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 from carstage_sim.world.pose import Pose
+from carstage_sim.world.traffic_light_actors import head_box
 
 _ANY_LABEL = 255
 
@@ -34,7 +36,11 @@ def _get_names_of_all_objects(call: Call) -> list[str]:
 
 @handles("get_all_level_BBs")
 def _get_all_level_bbs(call: Call, label: int) -> list[Any]:
-    return [values.encode_box(piece.box) for piece in _level_objects(call, label)]
+    boxes = [values.encode_box(piece.box) for piece in _level_objects(call, label)]
+    if label in (_ANY_LABEL, CityObjectLabel.TRAFFIC_LIGHT):
+        lights = zip(call.world.town.traffic_lights, call.world.light_ids, strict=True)
+        boxes += [values.encode_box(head_box(site), actor_id) for site, actor_id in lights]
+    return boxes
 
 
 @handles("get_environment_objects")

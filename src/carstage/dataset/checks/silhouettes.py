@@ -88,9 +88,10 @@ def check_silhouettes(
     For every object with visible pixels, all pixels of its instance id (the low 16 bits of the
     actor id, with a tag that the actor has) must have their centres inside the projected hull of
     its box, grown by 2 px (check ``hull``). The pixels come from the instance image with the
-    camera's pose, if the rig has one and no other actor shares the bits, else from ``mask_modal``. Further, ``bbox_amodal`` must be
-    the bounds of the hull in the image (``bbox_amodal``), the mask must have ``visible_px`` pixels,
-    the bounds ``bbox_modal`` and, with an instance image, only pixels of that id (``mask``).
+    camera's pose, if the rig has one and no other actor shares the bits, else from ``mask_modal``.
+    Further, ``bbox_amodal`` must be the bounds of the hull in the image (``bbox_amodal``), the mask
+    must have ``visible_px`` pixels, the bounds ``bbox_modal`` and, with an instance image, only
+    pixels of that id (``mask``).
 
     Args:
         camera: the labelled camera.

@@ -135,6 +135,9 @@ def test_stream_of_a_destroyed_sensor_stays_open_and_silent(
     with subscribe(simulator.host, simulator.streaming_port, stream_id) as stream:
         await_first_message(client, stream)
         assert client.value("destroy_actor", sensor_id) is True
+        with pytest.raises(TimeoutError):  # what was on its way before
+            while True:
+                read_message(stream)
         for _ in range(3):
             client.value("tick_cue")
         stream.setblocking(False)

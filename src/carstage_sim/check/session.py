@@ -3,7 +3,9 @@
 The order of calls here is the one that makes a run repeatable. A server that nobody has claimed yet
 runs free, so that its frame number and its lights depend on when the client came: synchronous mode
 first, then a new episode in which frames, time, actor ids and lights start over, then the Traffic
-Manager with its seed, then all vehicles in one batch, and only then the first tick.
+Manager with its seed, then a tick, after which it surely waits for the next one (it begins by
+running freely, and would drive vehicles that it gets meanwhile one step more), then all vehicles in
+one batch.
 """
 
 from __future__ import annotations
@@ -65,6 +67,7 @@ def synchronous_session(port: int, *, delta_s: float, seed: int) -> Iterator[Ses
     world.set_pedestrians_seed(seed)
     try:
         with WatchedClock(world, lambda: wake_traffic_manager(traffic_manager_port)) as clock:
+            clock.tick()
             yield Session(client, world, traffic_manager, clock, random.Random(seed))
     finally:
         traffic_manager.set_synchronous_mode(False)

@@ -6,7 +6,6 @@ ignore fields that they do not know.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
@@ -29,19 +28,21 @@ from carstage_sim.world.state import Weather
 Value = list[Any]
 
 _LONGEST_STEP_S = 60.0
+_LARGEST = 1e9
 
 
 def finite(*numbers: float) -> tuple[float, ...]:
     """Numbers that the world may compute with.
 
-    One NaN would spread to whatever the actor meets, and stays in the world for good.
+    One NaN would spread to whatever the actor meets, and stays in the world for good; so would a
+    number whose square single precision cannot hold.
 
     Raises:
-        CallError: one is infinite or not a number.
+        CallError: one is not a number, infinite, or beyond 1e9.
     """
     checked = tuple(float(number) for number in numbers)
-    if not all(map(math.isfinite, checked)):
-        raise CallError(f"numbers must be finite, got {checked}")
+    if not all(abs(number) <= _LARGEST for number in checked):
+        raise CallError(f"numbers must be finite and at most {_LARGEST:g}, got {checked}")
     return checked
 
 
@@ -124,14 +125,27 @@ def description(value: Sequence[Any]) -> tuple[str, dict[str, str]]:
 
 
 def vehicle_control(value: Sequence[Any]) -> VehicleControl:
-    """A ``VehicleControl``."""
+    """A ``VehicleControl``; the dynamics bound its numbers, and take NaN for 0."""
     throttle, steer, brake, hand_brake, reverse, manual, gear = value
-    return VehicleControl(throttle, steer, brake, hand_brake, reverse, manual, gear)
+    return VehicleControl(
+        float(throttle),
+        float(steer),
+        float(brake),
+        bool(hand_brake),
+        bool(reverse),
+        bool(manual),
+        int(gear),
+    )
+
+
+def light_flags(value: int) -> int:
+    """The bits of a ``VehicleLightState``."""
+    return int(value) & 0xFFFF_FFFF
 
 
 def ackermann_control(value: Sequence[float]) -> AckermannControl:
     """A ``VehicleAckermannControl``."""
-    steer, steer_speed, speed, acceleration, jerk = value
+    steer, steer_speed, speed, acceleration, jerk = finite(*value)
     return AckermannControl(steer, steer_speed, speed, acceleration, jerk)
 
 

@@ -171,7 +171,7 @@ def _of_the_client(call: Call, actor_id: int, _enabled: bool) -> None:
 def _light_state(call: Call, actor_id: int, flags: int) -> None:
     vehicle = call.world.live(actor_id).vehicle
     if vehicle is not None:
-        vehicle.light_state = flags
+        vehicle.light_state = values.light_flags(flags)
 
 
 @_command("SetTrafficLightState")

@@ -51,7 +51,7 @@ def _get_ackermann_controller_settings(call: Call, actor_id: int) -> list[float]
 
 @handles_void("apply_ackermann_controller_settings")
 def _apply_ackermann_controller_settings(call: Call, actor_id: int, gains: list[float]) -> None:
-    call.world.set_ackermann_settings(actor_id, AckermannSettings(*gains))
+    call.world.set_ackermann_settings(actor_id, AckermannSettings(*values.finite(*gains)))
 
 
 @handles("get_physics_control")
@@ -89,7 +89,7 @@ def _get_vehicle_light_state(call: Call, actor_id: int) -> list[int]:
 def _set_vehicle_light_state(call: Call, actor_id: int, flags: list[int]) -> None:
     status = _vehicle(call, actor_id).vehicle
     if status is not None:
-        status.light_state = flags[0]
+        status.light_state = values.light_flags(flags[0])
 
 
 @handles("get_vehicle_light_states")

@@ -85,17 +85,17 @@ def _set_actor_transform(call: Call, actor_id: int, transform: list[Any]) -> Non
 @handles_void("set_actor_simulate_physics")
 def _set_actor_simulate_physics(call: Call, actor_id: int, enabled: bool) -> None:
     if call.live(actor_id) is not None:
-        call.world.set_simulate_physics(actor_id, enabled)
+        call.world.set_simulate_physics(actor_id, bool(enabled))
 
 
 @handles_void("set_actor_enable_gravity")
 def _set_actor_enable_gravity(call: Call, actor_id: int, enabled: bool) -> None:
-    call.world.live_or_dead(actor_id).gravity = enabled
+    call.world.live_or_dead(actor_id).gravity = bool(enabled)
 
 
 @handles_void("set_actor_collisions")
 def _set_actor_collisions(call: Call, actor_id: int, enabled: bool) -> None:
-    call.world.set_collides(actor_id, enabled)
+    call.world.set_collides(actor_id, bool(enabled))
 
 
 @handles_void("set_actor_dead")

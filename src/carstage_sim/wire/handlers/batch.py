@@ -121,7 +121,7 @@ def _location(call: Call, actor_id: int, location: list[float]) -> None:
 
 @_command("ApplyWalkerState")
 def _walker_state(call: Call, actor_id: int, transform: list[Any], speed: float) -> None:
-    call.world.place_walker(actor_id, values.pose(transform), speed)
+    call.world.place_walker(actor_id, values.pose(transform), *values.finite(speed))
 
 
 @_command("ApplyTargetVelocity")
@@ -152,12 +152,12 @@ def _torque(call: Call, actor_id: int, _torque: list[float]) -> None:
 
 @_command("SetSimulatePhysics")
 def _simulate_physics(call: Call, actor_id: int, enabled: bool) -> None:
-    call.world.set_simulate_physics(actor_id, enabled)
+    call.world.set_simulate_physics(actor_id, bool(enabled))
 
 
 @_command("SetEnableGravity")
 def _enable_gravity(call: Call, actor_id: int, enabled: bool) -> None:
-    call.world.live(actor_id).gravity = enabled
+    call.world.live(actor_id).gravity = bool(enabled)
 
 
 @_command("SetAutopilot")

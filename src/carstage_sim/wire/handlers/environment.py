@@ -109,7 +109,7 @@ def _get_imui_gravity(call: Call) -> float:
 
 @handles_void("set_imui_gravity")
 def _set_imui_gravity(call: Call, gravity: float) -> None:
-    call.simulation.imu_gravity = gravity
+    (call.simulation.imu_gravity,) = values.finite(gravity)
 
 
 @handles_void("set_annotations_traverse_translucency")

@@ -16,27 +16,27 @@ def _set_traffic_light_state(call: Call, actor_id: int, state: int) -> None:
 
 @handles_void("set_traffic_light_green_time")
 def _set_traffic_light_green_time(call: Call, actor_id: int, duration_s: float) -> None:
-    call.world.lights.set_times(call.world.light_index(actor_id), green=duration_s)
+    call.world.lights.set_times(call.world.light_index(actor_id), green=float(duration_s))
 
 
 @handles_void("set_traffic_light_yellow_time")
 def _set_traffic_light_yellow_time(call: Call, actor_id: int, duration_s: float) -> None:
-    call.world.lights.set_times(call.world.light_index(actor_id), yellow=duration_s)
+    call.world.lights.set_times(call.world.light_index(actor_id), yellow=float(duration_s))
 
 
 @handles_void("set_traffic_light_red_time")
 def _set_traffic_light_red_time(call: Call, actor_id: int, duration_s: float) -> None:
-    call.world.lights.set_times(call.world.light_index(actor_id), red=duration_s)
+    call.world.lights.set_times(call.world.light_index(actor_id), red=float(duration_s))
 
 
 @handles_void("freeze_traffic_light")
 def _freeze_traffic_light(call: Call, actor_id: int, frozen: bool) -> None:
-    call.world.lights.freeze(call.world.light_index(actor_id), frozen)
+    call.world.lights.freeze(call.world.light_index(actor_id), bool(frozen))
 
 
 @handles_void("freeze_all_traffic_lights")
 def _freeze_all_traffic_lights(call: Call, frozen: bool) -> None:
-    call.world.lights.freeze_all(frozen)
+    call.world.lights.freeze_all(bool(frozen))
 
 
 @handles_void("reset_traffic_light_group")

@@ -83,7 +83,7 @@ def spawn_vehicles(session: WorldSession, spec: EpisodeSpec) -> List[Any]:
         vehicle = session.world.try_spawn_actor(blueprint, point)
         if vehicle is not None:
             vehicles.append(vehicle)
-            session.on_exit("vehicle %d" % vehicle.id, vehicle.destroy)
+            session.destroy_on_exit("vehicle %d" % vehicle.id, vehicle)
     _report_shortfall("vehicles", spec.vehicles.count, len(vehicles))
     return vehicles
 
@@ -111,9 +111,9 @@ def spawn_walkers(session: WorldSession, spec: EpisodeSpec) -> List[Walker]:
         actor = world.try_spawn_actor(blueprint, carla.Transform(place))
         if actor is None:
             continue
-        session.on_exit("walker %d" % actor.id, actor.destroy)
+        session.destroy_on_exit("walker %d" % actor.id, actor)
         controller = world.spawn_actor(controller_blueprint, carla.Transform(), actor)
-        session.on_exit("controller %d" % controller.id, controller.destroy)
+        session.destroy_on_exit("controller %d" % controller.id, controller)
         walkers.append(Walker(actor, controller))
     _report_shortfall("pedestrians", count, len(walkers))
     return walkers

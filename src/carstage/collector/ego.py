@@ -35,5 +35,5 @@ def spawn_ego(session: WorldSession, spec: EpisodeSpec) -> Any:
             "ego: spawn point %d of map %s is not free." % (spec.ego_spawn_index, spec.map),
             "Choose another ego.spawn_index.",
         )
-    session.on_exit("ego", ego.destroy)
+    session.destroy_on_exit("ego", ego)
     return ego

@@ -6,6 +6,8 @@ import logging
 import time
 from typing import Any, Callable, List, Tuple
 
+import carla
+
 from carstage.collector.client import answers
 from carstage.collector.maps import find_map
 from carstage.collector.plan import EpisodeSpec
@@ -65,6 +67,14 @@ class WorldSession:
         """Have something given back at the end; the last one taken is given back first."""
         self._give_backs.append((what, give_back))
 
+    def destroy_on_exit(self, what: str, actor: Any) -> None:
+        """Have an actor destroyed at the end, also one that no frame has shown yet.
+
+        ``Actor.destroy`` does nothing for such an actor: the client takes it for dead.
+        """
+        command = carla.command.DestroyActor(actor.id)
+        self.on_exit(what, lambda: self._client.apply_batch_sync([command], False))
+
     def _give_back(self) -> None:
         """Give everything back, whatever fails: a server that died must not hide why.
 
@@ -81,7 +91,6 @@ class WorldSession:
                     give_back()
                 except RuntimeError as error:
                     _log.warning("giving back failed (%s): %s", what, error)
-                # Destroying an actor does not raise when it times out.
                 if time.monotonic() - begin_s >= give_back_s:
                     alive = answers(self._client, give_back_s)
             if not alive:

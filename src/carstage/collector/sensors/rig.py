@@ -40,7 +40,7 @@ class Rig:
             actor = session.world.spawn_actor(
                 blueprint, _transform(sensor), ego, carla.AttachmentType.Rigid
             )
-            session.on_exit("sensor %s" % sensor.id, actor.destroy)
+            session.destroy_on_exit("sensor %s" % sensor.id, actor)
             self.actors[sensor.id] = actor
             self.expected_bytes[sensor.id] = SENSOR_KINDS[sensor.kind].expected_bytes(
                 dict(actor.attributes), spec.fps

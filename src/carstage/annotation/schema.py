@@ -3,10 +3,10 @@
 ``python -m carstage.annotation.schema`` prints them as Markdown; the page
 ``docs/formats/dataset.md`` holds that output.
 
-Types: ``bool str i32 i64 u8 u32 u64 f64`` scalars; ``f64[n]`` a fixed-size list; ``f64[8][2]`` a
-fixed-size list of fixed-size lists, where an inner list may be null; ``u8[]`` a list of any
-length; ``map[str,u32]`` a list of ``(key, value)`` pairs; ``json`` a string that holds a JSON
-object with sorted keys.
+Types: ``bool str i32 i64 u8 u32 u64 f64`` scalars; ``f64[n]`` a list of n, of fixed size where
+the column is never null; ``f64[8][2]`` a list of eight such lists, where an inner one may be null;
+``u8[]`` a list of any length; ``map[str,u32]`` a list of ``(key, value)`` pairs; ``json`` a string
+that holds a JSON object with sorted keys.
 """
 
 from __future__ import annotations

@@ -144,7 +144,12 @@ def rows_to_table(rows: Sequence[dict[str, Any]], columns: Sequence[Column], nam
 
 def label_schema(columns: Sequence[Column]) -> pa.Schema:
     """The Arrow schema of a label table."""
-    return pa.schema([pa.field(c.name, arrow_type(c.type), nullable=c.nullable) for c in columns])
+    return pa.schema(
+        [
+            pa.field(c.name, arrow_type(c.type, nullable=c.nullable), nullable=c.nullable)
+            for c in columns
+        ]
+    )
 
 
 def _data(log: EpisodeLog, stream: str, segment: int) -> list[Record]:

@@ -63,9 +63,13 @@ ROW_SENSORS: dict[str, RowSensor] = {
 """Sensor kinds that become one Parquet file per episode, ``sensors/<id>.parquet``."""
 
 
-def vector(length: int) -> pa.DataType:
-    """The type of a vector: a fixed-size list of float64."""
-    return pa.list_(pa.field("element", pa.float64(), nullable=False), length)
+def vector(length: int, *, nullable: bool = False) -> pa.DataType:
+    """The type of a vector: a fixed-size list of float64; of one that may be null, a list.
+
+    Readers of Parquet such as Arrow 25 refuse fixed-size lists that are null.
+    """
+    element = pa.field("element", pa.float64(), nullable=False)
+    return pa.list_(element) if nullable else pa.list_(element, length)
 
 
 _SCALARS: dict[str, Callable[[], pa.DataType]] = {
@@ -81,7 +85,7 @@ _SCALARS: dict[str, Callable[[], pa.DataType]] = {
 }
 
 
-def arrow_type(name: str) -> pa.DataType:
+def arrow_type(name: str, *, nullable: bool) -> pa.DataType:
     """The Arrow type for a type name of the label schema (``carstage.annotation.schema``).
 
     Raises:
@@ -91,9 +95,9 @@ def arrow_type(name: str) -> pa.DataType:
         scalar: pa.DataType = _SCALARS[name]()
         return scalar
     if name == "f64[8][2]":
-        return pa.list_(pa.field("element", vector(2), nullable=True), 8)
+        return pa.list_(pa.field("element", vector(2, nullable=True), nullable=True))
     if name.startswith("f64[") and name.endswith("]") and name[4:-1].isdigit():
-        return vector(int(name[4:-1]))
+        return vector(int(name[4:-1]), nullable=nullable)
     if name == "u8[]":
         return pa.list_(pa.field("element", pa.uint8(), nullable=False))
     if name == "map[str,u32]":

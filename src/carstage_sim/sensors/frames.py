@@ -55,6 +55,40 @@ class LidarFrame:
     points: NDArray[np.float32]
 
 
+SEMANTIC_POINT = np.dtype(
+    [
+        *((name, "<f4") for name in ("x", "y", "z", "cos_inc_angle")),
+        *((name, "<u4") for name in ("object_idx", "object_tag")),
+    ]
+)
+"""A point of the semantic LiDAR, 24 bytes: m in the sensor's frame, actor id, semantic tag."""
+
+
+@dataclass(frozen=True, slots=True)
+class SemanticLidarFrame:
+    """One tick of a semantic LiDAR: as :class:`LidarFrame`, with points of another kind.
+
+    Attributes:
+        points: ``(N,)`` of :data:`SEMANTIC_POINT`, grouped by channel.
+    """
+
+    horizontal_angle_rad: float
+    channel_counts: NDArray[np.uint32]
+    points: NDArray[np.void]
+
+
+@dataclass(frozen=True, slots=True)
+class RadarFrame:
+    """One tick of a radar.
+
+    Attributes:
+        detections: ``(N, 4)`` float32: velocity (m/s, positive = receding), azimuth (rad, positive
+            to the right), altitude (rad, positive up), depth (m along the ray).
+    """
+
+    detections: NDArray[np.float32]
+
+
 @dataclass(frozen=True, slots=True)
 class ImuFrame:
     """Accelerometer (m/s^2, sensor frame), gyroscope (rad/s), compass (rad, north = 0)."""
@@ -73,4 +107,4 @@ class GnssFrame:
     altitude_m: float
 
 
-SensorFrame = ImageFrame | LidarFrame | ImuFrame | GnssFrame
+SensorFrame = ImageFrame | LidarFrame | SemanticLidarFrame | RadarFrame | ImuFrame | GnssFrame

@@ -12,7 +12,12 @@ from carstage_sim.mesh import TriangleMesh
 from carstage_sim.render.caster import RayCaster
 from carstage_sim.render.picture import PictureMaker
 from carstage_sim.render.scene import SceneStore
-from carstage_sim.sensors import cameras, lidar, navigation  # noqa: F401 - they register themselves
+from carstage_sim.sensors import (  # noqa: F401 - they register themselves
+    cameras,
+    lidar,
+    navigation,
+    radar,
+)
 from carstage_sim.sensors.actors import ActorModels
 from carstage_sim.sensors.frames import SensorFrame, SensorRequest
 from carstage_sim.sensors.sensor import Sensor, SensorRegistry
@@ -84,6 +89,8 @@ class SensorSuite:
     ) -> list[tuple[int, SensorFrame]]:
         """Frames of the sensors that are due, in the order of ``requests``.
 
+        A sensor of events has as many as happened, none or several.
+
         Raises:
             KeyError: a request's blueprint id is not a known sensor.
             SensorAttributeError: an attribute of a new sensor has an impossible value.
@@ -103,7 +110,8 @@ class SensorSuite:
                 continue
             if view is None:
                 view = self._view(state)
-            frames.append((request.sensor_id, sensor.measure(state, request, view)))
+            reported = sensor.report(state, request, view)
+            frames.extend((request.sensor_id, frame) for frame in reported)
         self._forget_absent({request.sensor_id for request in requests})
         self.last_cast_count = view.cast_count if view is not None else 0
         return frames

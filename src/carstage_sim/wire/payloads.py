@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 import msgpack
 import numpy as np
 
-from carstage_sim.sensors.frames import GnssFrame, ImageFrame, ImuFrame, LidarFrame, SensorFrame
+from carstage_sim.sensors.frames import (
+    GnssFrame,
+    ImageFrame,
+    ImuFrame,
+    LidarFrame,
+    RadarFrame,
+    SemanticLidarFrame,
+    SensorFrame,
+)
 from carstage_sim.world.pose import Pose
 
 if TYPE_CHECKING:
@@ -56,6 +64,18 @@ def _lidar(frame: LidarFrame) -> Sequence[Buffer]:
     counts = np.ascontiguousarray(frame.channel_counts, np.uint32)
     header = _LIDAR.pack(frame.horizontal_angle_rad, len(counts))
     return [header, counts.data, np.ascontiguousarray(frame.points, np.float32).data]
+
+
+@_encodes(SemanticLidarFrame)
+def _semantic_lidar(frame: SemanticLidarFrame) -> Sequence[Buffer]:
+    counts = np.ascontiguousarray(frame.channel_counts, np.uint32)
+    header = _LIDAR.pack(frame.horizontal_angle_rad, len(counts))
+    return [header, counts.data, np.ascontiguousarray(frame.points).view(np.uint8).data]
+
+
+@_encodes(RadarFrame)
+def _radar(frame: RadarFrame) -> Sequence[Buffer]:
+    return [np.ascontiguousarray(frame.detections, np.float32).data]
 
 
 @_encodes(ImuFrame)

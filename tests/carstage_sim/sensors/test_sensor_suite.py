@@ -11,7 +11,7 @@ from carstage_sim.sensors.sensor import SensorRegistry
 
 pytestmark = pytest.mark.xdist_group("kernels")
 
-_KINDS = ("rgb", "depth", "semantic_segmentation", "instance_segmentation")
+_KINDS = ("rgb", "depth", "semantic_segmentation", "instance_segmentation", "normals")
 _LIDAR = {"channels": 8, "points_per_second": 8000, "range": 60.0}
 
 
@@ -32,6 +32,8 @@ def rig():
         request("lidar.ray_cast", 20, **_LIDAR),
         request("other.imu", 21),
         request("other.gnss", 22),
+        request("lidar.ray_cast_semantic", 23, **_LIDAR),
+        request("other.radar", 24),
     ]
     return cameras + others
 
@@ -54,11 +56,14 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(suite):
     assert SensorRegistry.known() == (
         "sensor.camera.depth",
         "sensor.camera.instance_segmentation",
+        "sensor.camera.normals",
         "sensor.camera.rgb",
         "sensor.camera.semantic_segmentation",
         "sensor.lidar.ray_cast",
+        "sensor.lidar.ray_cast_semantic",
         "sensor.other.gnss",
         "sensor.other.imu",
+        "sensor.other.radar",
     )
 
 

@@ -5,12 +5,21 @@ import struct
 import msgpack
 import numpy as np
 
-from carstage_sim.sensors.frames import GnssFrame, ImageFrame, ImuFrame, LidarFrame
+from carstage_sim.sensors.frames import (
+    SEMANTIC_POINT,
+    GnssFrame,
+    ImageFrame,
+    ImuFrame,
+    LidarFrame,
+    RadarFrame,
+    SemanticLidarFrame,
+    SensorFrame,
+)
 from carstage_sim.wire.payloads import encode_frame, sensor_header
 from carstage_sim.world.pose import Pose
 
 
-def joined(frame: ImageFrame | LidarFrame | ImuFrame | GnssFrame) -> bytes:
+def joined(frame: SensorFrame) -> bytes:
     return b"".join(bytes(memoryview(part)) for part in encode_frame(frame))
 
 
@@ -43,6 +52,30 @@ def test_lidar_is_angle_counts_and_points() -> None:
 def test_lidar_without_points_is_still_a_message() -> None:
     frame = LidarFrame(0.0, np.zeros(2, np.uint32), np.zeros((0, 4), np.float32))
     assert len(joined(frame)) == 16
+
+
+def test_semantic_lidar_points_have_24_bytes_and_whole_ids() -> None:
+    # D5: read as float32, an id above 2^24 would lose its last bits.
+    points = np.zeros(2, SEMANTIC_POINT)
+    points["x"], points["cos_inc_angle"] = (1.5, 2.5), (0.5, 1.0)
+    points["object_idx"], points["object_tag"] = (2**24 + 1, 2**32 - 1), (14, 24)
+    payload = joined(SemanticLidarFrame(0.25, np.array([2], np.uint32), points))
+    assert SEMANTIC_POINT.itemsize == 24
+    assert struct.unpack_from("<fII", payload) == (0.25, 1, 2)
+    first, second = struct.iter_unpack("<4f2I", payload[12:])
+    assert first == (1.5, 0.0, 0.0, 0.5, 2**24 + 1, 14)
+    assert second == (2.5, 0.0, 0.0, 1.0, 2**32 - 1, 24)
+
+
+def test_radar_is_velocity_azimuth_altitude_depth() -> None:
+    payload = joined(RadarFrame(np.array([[-5.0, 0.125, 0.25, 30.0]], np.float32)))
+    assert struct.unpack("<4f", payload) == (-5.0, 0.125, 0.25, 30.0)
+
+
+def test_a_tick_without_returns_is_still_a_message() -> None:
+    empty = SemanticLidarFrame(0.0, np.zeros(3, np.uint32), np.zeros(0, SEMANTIC_POINT))
+    assert len(joined(empty)) == 8 + 3 * 4
+    assert joined(RadarFrame(np.zeros((0, 4), np.float32))) == b""
 
 
 def test_imu_and_gnss_are_msgpack() -> None:

@@ -22,9 +22,12 @@ def test_library_lists_the_families_that_the_simulator_produces() -> None:
         "sensor.camera.depth",
         "sensor.camera.semantic_segmentation",
         "sensor.camera.instance_segmentation",
+        "sensor.camera.normals",
         "sensor.lidar.ray_cast",
+        "sensor.lidar.ray_cast_semantic",
         "sensor.other.imu",
         "sensor.other.gnss",
+        "sensor.other.radar",
     }
     assert "controller.ai.walker" in catalogue()
     assert {attribute.value for b in VEHICLES for attribute in b.attributes} >= {

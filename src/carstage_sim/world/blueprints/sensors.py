@@ -73,7 +73,7 @@ _POST_PROCESS: tuple[_Row, ...] = (
     ("chromatic_aberration_offset", _F, "0.0"),
 )
 
-_LIDAR: tuple[_Row, ...] = (
+_SEMANTIC_LIDAR: tuple[_Row, ...] = (
     ("sensor_tick", _F, "0.0"),
     ("channels", _I, "32"),
     ("range", _F, "10.0"),
@@ -82,12 +82,25 @@ _LIDAR: tuple[_Row, ...] = (
     ("upper_fov", _F, "10.0"),
     ("lower_fov", _F, "-30.0"),
     ("horizontal_fov", _F, "360.0"),
+)
+
+_LIDAR: tuple[_Row, ...] = (
+    *_SEMANTIC_LIDAR,
     ("atmosphere_attenuation_rate", _F, "0.004"),
     ("dropoff_general_rate", _F, "0.45"),
     ("dropoff_intensity_limit", _F, "0.8"),
     ("dropoff_zero_intensity", _F, "0.4"),
     ("noise_seed", _I, "0"),
     ("noise_stddev", _F, "0.0"),
+)
+
+_RADAR: tuple[_Row, ...] = (
+    ("sensor_tick", _F, "0.0"),
+    ("horizontal_fov", _F, "30.0"),
+    ("vertical_fov", _F, "30.0"),
+    ("range", _F, "100.0"),
+    ("points_per_second", _I, "1500"),
+    ("noise_seed", _I, "0"),
 )
 
 _IMU: tuple[_Row, ...] = (
@@ -113,7 +126,10 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
     "sensor.camera.depth": _CAMERA,
     "sensor.camera.semantic_segmentation": _CAMERA,
     "sensor.camera.instance_segmentation": _CAMERA,
+    "sensor.camera.normals": _CAMERA,
     "sensor.lidar.ray_cast": _LIDAR,
+    "sensor.lidar.ray_cast_semantic": _SEMANTIC_LIDAR,
+    "sensor.other.radar": _RADAR,
     "sensor.other.imu": _IMU,
     "sensor.other.gnss": _GNSS,
 }

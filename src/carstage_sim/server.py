@@ -22,6 +22,7 @@ from carstage_sim.simulation import Simulation
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.handlers import Call, Session, serve
 from carstage_sim.wire.payloads import encode_frame, sensor_header
+from carstage_sim.wire.relabelling import Relabelling
 from carstage_sim.wire.rpc import Disconnected, Event, RpcServer
 from carstage_sim.wire.snapshot import encode_snapshot
 from carstage_sim.wire.socket_loop import SocketLoop
@@ -61,6 +62,7 @@ class Server:
     ) -> None:
         self._simulation = simulation
         self._dialect = dialect
+        self._relabelled = Relabelling(dialect.labels)
         self._period_s = 1.0 / frames_per_s
         self._parent_pid = parent_pid
         self._stop = threading.Event()
@@ -170,10 +172,10 @@ class Server:
     def _snapshot_streams(self) -> list[int]:
         """Streams that carry snapshots: the episode's own, and older ones while somebody listens.
 
-        Every episode has its own because a client that opens a new episode subscribes to it before
-        it gives up the old one, and mixes the two up (and crashes) if they have one number.
+        Where clients open new episodes, each has its own, because the client subscribes to it
+        before it gives up the old one, and mixes the two up (and crashes) if they have one number.
         """
-        current = self._simulation.world.stream_id
+        current = self._dialect.episode_stream(self._simulation.world.stream_id)
         older = [i for i in self._older_streams if self._streams.listeners(i) and i != current]
         self._older_streams = [*older, current]
         return self._older_streams
@@ -190,9 +192,10 @@ class Server:
                 state.timestamp_s,
                 item.pose,
             )
+            frame = self._relabelled(item.sensor.type_id, item.frame)
             self._streams.publish(
                 item.sensor.stream_id,
-                [header, *encode_frame(item.frame)],
+                [header, *encode_frame(frame)],
                 wait=self._simulation.settings.synchronous_mode,
             )
 

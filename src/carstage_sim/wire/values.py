@@ -87,7 +87,7 @@ def encode_actor(actor: Actor, dialect: Dialect, streaming_port: int) -> Value:
         for key, value in actor.attributes.items()
     ]
     uid = actor.blueprint.uid if actor.blueprint is not None else 0
-    tags = bytes(dialect.labels.get(tag, tag) for tag in actor.semantic_tags)
+    tags = bytes(map(dialect.label, actor.semantic_tags))
     token = stream_token(actor.stream_id, streaming_port) if actor.stream_id else b""
     return [
         actor.actor_id,

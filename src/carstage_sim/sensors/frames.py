@@ -41,6 +41,17 @@ class ImageFrame:
 
 
 @dataclass(frozen=True, slots=True)
+class FlowFrame:
+    """Motion in a picture: ``flow`` is ``(H, W, 2)`` float32 x, y in CARLA's units.
+
+    Current minus previous position, in halves of the width and of the height, y upwards.
+    """
+
+    fov_deg: float
+    flow: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
 class LidarFrame:
     """One tick of a ray-cast LiDAR.
 
@@ -107,4 +118,6 @@ class GnssFrame:
     altitude_m: float
 
 
-SensorFrame = ImageFrame | LidarFrame | SemanticLidarFrame | RadarFrame | ImuFrame | GnssFrame
+SensorFrame = (
+    ImageFrame | FlowFrame | LidarFrame | SemanticLidarFrame | RadarFrame | ImuFrame | GnssFrame
+)

@@ -10,6 +10,7 @@ import msgpack
 import numpy as np
 
 from carstage_sim.sensors.frames import (
+    FlowFrame,
     GnssFrame,
     ImageFrame,
     ImuFrame,
@@ -57,6 +58,13 @@ def encode_frame(frame: SensorFrame) -> Sequence[Buffer]:
 def _image(frame: ImageFrame) -> Sequence[Buffer]:
     height, width, _ = frame.pixels.shape
     return [_IMAGE.pack(width, height, frame.fov_deg), np.ascontiguousarray(frame.pixels).data]
+
+
+@_encodes(FlowFrame)
+def _flow(frame: FlowFrame) -> Sequence[Buffer]:
+    height, width, _ = frame.flow.shape
+    pixels = np.ascontiguousarray(frame.flow, np.float32)
+    return [_IMAGE.pack(width, height, frame.fov_deg), pixels.data]
 
 
 @_encodes(LidarFrame)

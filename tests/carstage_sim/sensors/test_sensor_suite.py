@@ -11,7 +11,14 @@ from carstage_sim.sensors.sensor import SensorRegistry
 
 pytestmark = pytest.mark.xdist_group("kernels")
 
-_KINDS = ("rgb", "depth", "semantic_segmentation", "instance_segmentation", "normals")
+_KINDS = (
+    "rgb",
+    "depth",
+    "semantic_segmentation",
+    "instance_segmentation",
+    "normals",
+    "optical_flow",
+)
 _LIDAR = {"channels": 8, "points_per_second": 8000, "range": 60.0}
 
 
@@ -57,6 +64,7 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(suite):
         "sensor.camera.depth",
         "sensor.camera.instance_segmentation",
         "sensor.camera.normals",
+        "sensor.camera.optical_flow",
         "sensor.camera.rgb",
         "sensor.camera.semantic_segmentation",
         "sensor.lidar.ray_cast",

@@ -7,6 +7,7 @@ import numpy as np
 
 from carstage_sim.sensors.frames import (
     SEMANTIC_POINT,
+    FlowFrame,
     GnssFrame,
     ImageFrame,
     ImuFrame,
@@ -40,6 +41,13 @@ def test_image_is_sent_without_a_copy() -> None:
     _, sent = encode_frame(ImageFrame(90.0, pixels))
     pixels[1, 2, 3] = 200
     assert bytes(memoryview(sent)) == pixels.tobytes()
+
+
+def test_flow_is_an_image_of_two_floats_per_pixel() -> None:
+    flow = np.arange(12, dtype=np.float32).reshape(2, 3, 2)
+    payload = joined(FlowFrame(75.0, flow))
+    assert struct.unpack_from("<IIf", payload) == (3, 2, 75.0)
+    assert payload[12:] == flow.tobytes()
 
 
 def test_lidar_is_angle_counts_and_points() -> None:

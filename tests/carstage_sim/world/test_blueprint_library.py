@@ -23,6 +23,7 @@ def test_library_lists_the_families_that_the_simulator_produces() -> None:
         "sensor.camera.semantic_segmentation",
         "sensor.camera.instance_segmentation",
         "sensor.camera.normals",
+        "sensor.camera.optical_flow",
         "sensor.lidar.ray_cast",
         "sensor.lidar.ray_cast_semantic",
         "sensor.other.imu",

@@ -127,6 +127,7 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
     "sensor.camera.semantic_segmentation": _CAMERA,
     "sensor.camera.instance_segmentation": _CAMERA,
     "sensor.camera.normals": _CAMERA,
+    "sensor.camera.optical_flow": _CAMERA,
     "sensor.lidar.ray_cast": _LIDAR,
     "sensor.lidar.ray_cast_semantic": _SEMANTIC_LIDAR,
     "sensor.other.radar": _RADAR,

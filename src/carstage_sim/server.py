@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from types import TracebackType
+from typing import Any
 
 from carstage_sim.simulation import Simulation
 from carstage_sim.wire.dialect import Dialect
@@ -28,6 +29,7 @@ from carstage_sim.wire.snapshot import encode_snapshot
 from carstage_sim.wire.socket_loop import SocketLoop
 from carstage_sim.wire.streaming import StreamingServer
 from carstage_sim.wire.traffic_managers import TrafficManagers
+from carstage_sim.wire.values import encode_actor, encode_scenery
 from carstage_sim.world.snapshot import Snapshot
 
 logger = logging.getLogger(__name__)
@@ -195,9 +197,16 @@ class Server:
             frame = self._relabelled(item.sensor.type_id, item.frame)
             self._streams.publish(
                 item.sensor.stream_id,
-                [header, *encode_frame(frame)],
+                [header, *encode_frame(frame, self._described)],
                 wait=self._simulation.settings.synchronous_mode,
             )
+
+    def _described(self, actor_id: int, label: int) -> list[Any]:
+        """An actor, or with id 0 a part of the town, as this server's clients want it."""
+        if not actor_id:
+            return encode_scenery(label, self._dialect)
+        actor = self._simulation.world.live_or_dead(actor_id)
+        return encode_actor(actor, self._dialect, self._streams.port)
 
     def _episode_began(self, quiet_s: float = 0.0) -> None:
         self._next_tick_s = time.monotonic() + max(quiet_s, self._period_s)

@@ -118,6 +118,48 @@ class GnssFrame:
     altitude_m: float
 
 
+@dataclass(frozen=True, slots=True)
+class CollisionFrame:
+    """One thing that a sensor's carrier touched in this tick.
+
+    Attributes:
+        actor_id: the carrier.
+        other_id: what it touched, 0 for the town.
+        label: semantic label of what of the town it touched, else 0.
+        impulse: N s in the world that the carrier got.
+    """
+
+    actor_id: int
+    other_id: int
+    label: int
+    impulse: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ObstacleFrame:
+    """The nearest thing in a sensor's way.
+
+    Attributes:
+        actor_id: the sensor itself, as CARLA has it.
+        other_id: what stands there, 0 for the town.
+        label: semantic label of what of the town stands there, else 0.
+        distance_m: how far the sensor's ball can go until it touches it.
+    """
+
+    actor_id: int
+    other_id: int
+    label: int
+    distance_m: float
+
+
 SensorFrame = (
-    ImageFrame | FlowFrame | LidarFrame | SemanticLidarFrame | RadarFrame | ImuFrame | GnssFrame
+    ImageFrame
+    | FlowFrame
+    | LidarFrame
+    | SemanticLidarFrame
+    | RadarFrame
+    | ImuFrame
+    | GnssFrame
+    | CollisionFrame
+    | ObstacleFrame
 )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +91,7 @@ class View:
     """What can be seen in one tick.
 
     Args:
-        frame: the scene.
+        make_frame: gives the scene; called when the first sensor looks at it.
         caster: runs the rays.
         pictures: makes colour pictures.
         weather: the tick's weather.
@@ -99,13 +100,13 @@ class View:
 
     def __init__(
         self,
-        frame: Frame,
+        make_frame: Callable[[], Frame],
         caster: RayCaster,
         pictures: PictureMaker,
         weather: Weather,
         time_s: float,
     ) -> None:
-        self.frame = frame
+        self._make_frame = make_frame
         self._caster = caster
         self._pictures = pictures
         self._weather = weather
@@ -113,6 +114,11 @@ class View:
         self._casts: dict[Camera, Hits] = {}
         self._colours: dict[Camera, NDArray[np.uint8]] = {}
         self.cast_count = 0
+
+    @cached_property
+    def frame(self) -> Frame:
+        """The scene of this tick."""
+        return self._make_frame()
 
     def skipped_row(self, owner_id: int, location: tuple[float, float, float]) -> int:
         """Instance row of the carrier when the sensor is inside its box, else -1."""

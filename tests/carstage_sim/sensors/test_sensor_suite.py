@@ -69,8 +69,10 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(suite):
         "sensor.camera.semantic_segmentation",
         "sensor.lidar.ray_cast",
         "sensor.lidar.ray_cast_semantic",
+        "sensor.other.collision",
         "sensor.other.gnss",
         "sensor.other.imu",
+        "sensor.other.lane_invasion",
         "sensor.other.radar",
     )
 

@@ -1,17 +1,20 @@
 from __future__ import annotations
 
 import struct
+from typing import Any
 
 import msgpack
 import numpy as np
 
 from carstage_sim.sensors.frames import (
     SEMANTIC_POINT,
+    CollisionFrame,
     FlowFrame,
     GnssFrame,
     ImageFrame,
     ImuFrame,
     LidarFrame,
+    ObstacleFrame,
     RadarFrame,
     SemanticLidarFrame,
     SensorFrame,
@@ -21,7 +24,11 @@ from carstage_sim.world.pose import Pose
 
 
 def joined(frame: SensorFrame) -> bytes:
-    return b"".join(bytes(memoryview(part)) for part in encode_frame(frame))
+    return b"".join(bytes(memoryview(part)) for part in encode_frame(frame, described))
+
+
+def described(actor_id: int, label: int) -> list[Any]:
+    return ["actor", actor_id, label]
 
 
 def test_header_is_48_bytes_in_the_order_of_the_protocol() -> None:
@@ -38,7 +45,7 @@ def test_image_is_its_size_its_field_of_view_and_its_pixels() -> None:
 
 def test_image_is_sent_without_a_copy() -> None:
     pixels = np.zeros((4, 4, 4), np.uint8)
-    _, sent = encode_frame(ImageFrame(90.0, pixels))
+    _, sent = encode_frame(ImageFrame(90.0, pixels), described)
     pixels[1, 2, 3] = 200
     assert bytes(memoryview(sent)) == pixels.tobytes()
 
@@ -90,3 +97,10 @@ def test_imu_and_gnss_are_msgpack() -> None:
     imu = ImuFrame((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), 0.5)
     assert msgpack.unpackb(joined(imu)) == [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], 0.5]
     assert msgpack.unpackb(joined(GnssFrame(49.0, 8.4, 1.8))) == [49.0, 8.4, 1.8]
+
+
+def test_events_carry_their_actors_whole() -> None:
+    collision = msgpack.unpackb(joined(CollisionFrame(5, 0, 3, (1.0, -2.0, 0.0))))
+    assert collision == [["actor", 5, 0], ["actor", 0, 3], [1.0, -2.0, 0.0]]
+    obstacle = msgpack.unpackb(joined(ObstacleFrame(5, 9, 0, 2.5)))
+    assert obstacle == [["actor", 5, 0], ["actor", 9, 0], 2.5]

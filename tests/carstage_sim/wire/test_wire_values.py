@@ -5,7 +5,9 @@ import struct
 from hypothesis import given
 from hypothesis import strategies as st
 
+from carstage_sim.labels import CityObjectLabel
 from carstage_sim.wire import values
+from carstage_sim.wire.dialect import dialect
 from carstage_sim.wire.token import stream_token
 from carstage_sim.world.controls import EpisodeSettings
 from carstage_sim.world.pose import Pose
@@ -42,3 +44,14 @@ def test_weather_survives_the_wire_in_both_lengths() -> None:
 def test_token_is_24_bytes_and_leaves_the_address_to_the_client() -> None:
     token = stream_token(9, 2001)
     assert struct.unpack("<IHBB16s", token) == (9, 2001, 1, 0, bytes(16))
+
+
+def test_parts_of_the_town_are_actors_without_an_id_named_by_their_label() -> None:
+    actor = values.encode_scenery(CityObjectLabel.BUILDINGS, dialect("0.9.16"))
+    assert actor[0] == 0
+    assert actor[2] == [0, "static.building", []]
+    assert actor[4:] == [bytes([CityObjectLabel.BUILDINGS]), b""]
+    older = values.encode_scenery(CityObjectLabel.BUILDINGS, dialect("0.9.13"))
+    assert older[4] == bytes([1])
+    for label, name in ((CityObjectLabel.GUARD_RAIL, "guardrail"), (0, "unknown")):
+        assert values.encode_scenery(label, dialect("0.9.16"))[2][1] == f"static.{name}"

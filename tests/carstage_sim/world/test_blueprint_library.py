@@ -29,6 +29,8 @@ def test_library_lists_the_families_that_the_simulator_produces() -> None:
         "sensor.other.imu",
         "sensor.other.gnss",
         "sensor.other.radar",
+        "sensor.other.collision",
+        "sensor.other.lane_invasion",
     }
     assert "controller.ai.walker" in catalogue()
     assert {attribute.value for b in VEHICLES for attribute in b.attributes} >= {

@@ -131,6 +131,8 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
     "sensor.lidar.ray_cast": _LIDAR,
     "sensor.lidar.ray_cast_semantic": _SEMANTIC_LIDAR,
     "sensor.other.radar": _RADAR,
+    "sensor.other.collision": (),
+    "sensor.other.lane_invasion": (),
     "sensor.other.imu": _IMU,
     "sensor.other.gnss": _GNSS,
 }

@@ -18,6 +18,7 @@ from carstage_sim.sensors import (  # noqa: F401 - they register themselves
     flow,
     lidar,
     navigation,
+    obstacle,
     radar,
 )
 from carstage_sim.sensors.actors import ActorModels

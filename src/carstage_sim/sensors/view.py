@@ -145,6 +145,34 @@ class View:
             skip_row=self.skipped_row(owner_id, location),
         )
 
+    def bundle(
+        self,
+        origins: NDArray[np.float64],
+        directions: NDArray[np.float64],
+        *,
+        high_m: float,
+        skip_row: int = -1,
+        rows: NDArray[np.intp] | None = None,
+    ) -> Hits:
+        """Nearest hits of rays from several points.
+
+        Args:
+            origins: ``(N, 3)`` where they start, world metres.
+            directions: ``(N, 3)`` unit vectors, world.
+            high_m: how far they reach.
+            skip_row: instance row that they pass through, -1 for none.
+            rows: the only instance rows that they can meet, and nothing of the town; None for all.
+        """
+        self.cast_count += 1
+        return self._caster.cast(
+            self.frame.scene if rows is None else self.frame.only(rows),
+            origins,
+            directions.astype(np.float32),
+            low=0.0,
+            high=high_m,
+            skip_row=skip_row,
+        )
+
     def camera(self, camera: Camera) -> Hits:
         """Hits of a camera's pixels, row by row; cast once per tick and camera."""
         hits = self._casts.get(camera)

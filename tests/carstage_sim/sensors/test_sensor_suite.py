@@ -41,6 +41,7 @@ def rig():
         request("other.gnss", 22),
         request("lidar.ray_cast_semantic", 23, **_LIDAR),
         request("other.radar", 24),
+        request("other.obstacle", 25, distance=30.0),
     ]
     return cameras + others
 
@@ -73,6 +74,7 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(suite):
         "sensor.other.gnss",
         "sensor.other.imu",
         "sensor.other.lane_invasion",
+        "sensor.other.obstacle",
         "sensor.other.radar",
     )
 

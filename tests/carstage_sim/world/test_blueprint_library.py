@@ -31,6 +31,7 @@ def test_library_lists_the_families_that_the_simulator_produces() -> None:
         "sensor.other.radar",
         "sensor.other.collision",
         "sensor.other.lane_invasion",
+        "sensor.other.obstacle",
     }
     assert "controller.ai.walker" in catalogue()
     assert {attribute.value for b in VEHICLES for attribute in b.attributes} >= {

@@ -103,6 +103,14 @@ _RADAR: tuple[_Row, ...] = (
     ("noise_seed", _I, "0"),
 )
 
+_OBSTACLE: tuple[_Row, ...] = (
+    ("sensor_tick", _F, "0.0"),
+    ("distance", _F, "5.0"),
+    ("hit_radius", _F, "0.5"),
+    ("only_dynamics", _B, "false"),
+    ("debug_linetrace", _B, "false"),
+)
+
 _IMU: tuple[_Row, ...] = (
     ("sensor_tick", _F, "0.0"),
     ("noise_seed", _I, "0"),
@@ -133,6 +141,7 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
     "sensor.other.radar": _RADAR,
     "sensor.other.collision": (),
     "sensor.other.lane_invasion": (),
+    "sensor.other.obstacle": _OBSTACLE,
     "sensor.other.imu": _IMU,
     "sensor.other.gnss": _GNSS,
 }

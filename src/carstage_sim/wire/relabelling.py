@@ -13,7 +13,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.sensors.frames import ImageFrame, SensorFrame
+from carstage_sim.sensors.frames import ImageFrame, SemanticLidarFrame, SensorFrame
 
 _TAG_CHANNEL = 2
 """Of BGRA: the tag is in R."""
@@ -28,7 +28,7 @@ def _image(frame: ImageFrame, table: _Table) -> ImageFrame:
     return replace(frame, pixels=pixels)
 
 
-def _points(frame: Any, table: _Table) -> Any:
+def _points(frame: SemanticLidarFrame, table: _Table) -> SemanticLidarFrame:
     points = frame.points.copy()
     points["object_tag"] = table[points["object_tag"]]
     return replace(frame, points=points)

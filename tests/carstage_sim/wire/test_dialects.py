@@ -5,7 +5,7 @@ import pytest
 
 from carstage_sim.description import describe
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.sensors.frames import ImageFrame
+from carstage_sim.sensors.frames import SEMANTIC_POINT, ImageFrame, SemanticLidarFrame
 from carstage_sim.wire import values
 from carstage_sim.wire.dialect import DIALECTS, dialect
 from carstage_sim.wire.dialect_tables import LABELS_0_9_13
@@ -98,6 +98,19 @@ def test_tags_of_a_picture_are_translated_and_its_ids_kept(kind: str) -> None:
     np.testing.assert_array_equal(frame.pixels[..., 2], expected)
     np.testing.assert_array_equal(frame.pixels[..., [0, 1, 3]], before[..., [0, 1, 3]])
     np.testing.assert_array_equal(pixels, before)  # another listener may have it
+
+
+def test_tags_of_semantic_points_are_translated_and_the_rest_kept() -> None:
+    points = np.zeros(3, SEMANTIC_POINT)
+    points["x"], points["object_idx"] = (1.0, 2.0, 3.0), (7, 8, 9)
+    points["object_tag"] = CityObjectLabel.ROADS, CityObjectLabel.CAR, CityObjectLabel.BUS
+    before = SemanticLidarFrame(0.0, np.array([3], np.uint32), points)
+    frame = Relabelling(LABELS_0_9_13)("sensor.lidar.ray_cast_semantic", before)
+    assert isinstance(frame, SemanticLidarFrame)
+    assert frame.points["object_tag"].tolist() == [7, 10, 10]
+    assert frame.points["x"].tolist() == [1.0, 2.0, 3.0]
+    assert frame.points["object_idx"].tolist() == [7, 8, 9]
+    assert points["object_tag"].tolist() == [1, 14, 16]
 
 
 def test_pictures_without_tags_leave_as_they_are() -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import socket
 import struct
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import pytest
-from raw_client import RawClient, read_message, subscribe
+from raw_client import RawClient, await_first_message, read_message, subscribe
 
 if TYPE_CHECKING:
     from running_simulator import RunningSimulator
@@ -84,19 +83,6 @@ def test_snapshot_is_published_before_the_tick_is_answered(
         (size,) = struct.unpack("<I", stream.recv(4))
         assert size > 84
         assert struct.unpack("<QQ", stream.recv(16))[1] == frame
-
-
-def await_first_message(client: RawClient, stream: socket.socket) -> bytes:
-    """Tick until the server has seen the subscription."""
-    for _ in range(100):
-        client.value("tick_cue")
-        stream.settimeout(0.1)
-        try:
-            message = read_message(stream)
-        except TimeoutError:
-            continue
-        return message
-    pytest.fail("no message came")
 
 
 def test_every_episode_has_its_own_stream_of_snapshots(client: RawClient) -> None:

@@ -51,6 +51,20 @@ class FlowFrame:
     flow: NDArray[np.float32]
 
 
+DVS_EVENT = np.dtype([("x", "<u2"), ("y", "<u2"), ("t", "<i8"), ("pol", "u1")])
+"""An event of the event camera, 13 bytes: pixel, simulated ns, 1 for brighter and 0 for darker."""
+
+
+@dataclass(frozen=True, slots=True)
+class DvsFrame:
+    """Events of a picture of ``width`` by ``height``: ``(N,)`` of :data:`DVS_EVENT` by time."""
+
+    width: int
+    height: int
+    fov_deg: float
+    events: NDArray[np.void]
+
+
 @dataclass(frozen=True, slots=True)
 class LidarFrame:
     """One tick of a ray-cast LiDAR.
@@ -155,6 +169,7 @@ class ObstacleFrame:
 SensorFrame = (
     ImageFrame
     | FlowFrame
+    | DvsFrame
     | LidarFrame
     | SemanticLidarFrame
     | RadarFrame

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +11,8 @@ from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.town import Town
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.sensors.attributes import flag, number, require
-from carstage_sim.sensors.frames import ObstacleFrame, SensorFrame, SensorRequest
-from carstage_sim.sensors.sensor import Sensor, SensorRegistry
+from carstage_sim.sensors.frames import ObstacleFrame, SensorRequest
+from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.state import ActorKind, WorldState
 
@@ -46,7 +45,7 @@ def feelers() -> NDArray[np.float64]:
 
 
 @SensorRegistry.register("sensor.other.obstacle")
-class ObstacleDetector(Sensor):
+class ObstacleDetector(MeasuringSensor):
     """An event in every tick in which something is in the way (``ObstacleDetectionSensor.cpp``).
 
     What the ball holds from the start, such as the road under a low sensor, is in the way at once.
@@ -62,9 +61,9 @@ class ObstacleDetector(Sensor):
         require(self.radius_m >= 0, "hit_radius must not be negative")
         self._across, self._half = ball_rays(self.radius_m)
 
-    def report(
+    def measure(
         self, state: WorldState, request: SensorRequest, view: View
-    ) -> Sequence[SensorFrame]:
+    ) -> ObstacleFrame | None:
         """The nearest thing, if there is one."""
         rotation = rotation_matrix(request.rotation_deg)
         centre = np.array(request.location)
@@ -91,10 +90,10 @@ class ObstacleDetector(Sensor):
         way[hits.row == NOTHING] = np.inf
         nearest = int(way.argmin())
         if way[nearest] > self.distance_m:
-            return ()
+            return None
         other_id = int(view.actor_ids(hits)[nearest])
         label = 0 if other_id else int(view.tags(hits)[nearest])
-        return (ObstacleFrame(request.sensor_id, other_id, label, float(way[nearest])),)
+        return ObstacleFrame(request.sensor_id, other_id, label, float(way[nearest]))
 
 
 def _carriers_row(view: View, owner_id: int) -> int:

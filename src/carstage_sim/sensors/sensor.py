@@ -59,17 +59,18 @@ class Sensor(ABC):
 
 
 class MeasuringSensor(Sensor):
-    """A sensor that sends one frame whenever it is due; others report events."""
+    """A sensor that sends at most one frame whenever it is due."""
 
     @abstractmethod
-    def measure(self, state: WorldState, request: SensorRequest, view: View) -> SensorFrame:
-        """The frame of this tick."""
+    def measure(self, state: WorldState, request: SensorRequest, view: View) -> SensorFrame | None:
+        """The frame of this tick, None for nothing to send."""
 
     def report(
         self, state: WorldState, request: SensorRequest, view: View
     ) -> Sequence[SensorFrame]:
-        """The one frame of this tick."""
-        return (self.measure(state, request, view),)
+        """The one frame of this tick, or none."""
+        frame = self.measure(state, request, view)
+        return () if frame is None else (frame,)
 
 
 _S = TypeVar("_S", bound=Sensor)

@@ -14,6 +14,7 @@ from carstage_sim.render.picture import PictureMaker
 from carstage_sim.render.scene import Frame, SceneStore
 from carstage_sim.sensors import (  # noqa: F401 - they register themselves
     cameras,
+    dvs,
     events,
     flow,
     lidar,

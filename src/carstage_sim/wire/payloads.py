@@ -11,6 +11,7 @@ import numpy as np
 
 from carstage_sim.sensors.frames import (
     CollisionFrame,
+    DvsFrame,
     FlowFrame,
     GnssFrame,
     ImageFrame,
@@ -83,6 +84,12 @@ def _flow(frame: FlowFrame) -> Sequence[Buffer]:
     height, width, _ = frame.flow.shape
     pixels = np.ascontiguousarray(frame.flow, np.float32)
     return [_IMAGE.pack(width, height, frame.fov_deg), pixels.data]
+
+
+@_encodes(DvsFrame)
+def _dvs(frame: DvsFrame) -> Sequence[Buffer]:
+    header = _IMAGE.pack(frame.width, frame.height, frame.fov_deg)
+    return [header, np.ascontiguousarray(frame.events).view(np.uint8).data]
 
 
 @_encodes(LidarFrame)

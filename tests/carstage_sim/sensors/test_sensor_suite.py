@@ -63,6 +63,7 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(suite):
     assert [sensor_id for sensor_id, _ in frames] == [r.sensor_id for r in rig()]
     assert SensorRegistry.known() == (
         "sensor.camera.depth",
+        "sensor.camera.dvs",
         "sensor.camera.instance_segmentation",
         "sensor.camera.normals",
         "sensor.camera.optical_flow",

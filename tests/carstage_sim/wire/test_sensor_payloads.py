@@ -7,8 +7,10 @@ import msgpack
 import numpy as np
 
 from carstage_sim.sensors.frames import (
+    DVS_EVENT,
     SEMANTIC_POINT,
     CollisionFrame,
+    DvsFrame,
     FlowFrame,
     GnssFrame,
     ImageFrame,
@@ -55,6 +57,14 @@ def test_flow_is_an_image_of_two_floats_per_pixel() -> None:
     payload = joined(FlowFrame(75.0, flow))
     assert struct.unpack_from("<IIf", payload) == (3, 2, 75.0)
     assert payload[12:] == flow.tobytes()
+
+
+def test_dvs_events_have_13_bytes() -> None:
+    events = np.array([(3, 4, 2**40, 1), (65535, 0, 5, 0)], DVS_EVENT)
+    payload = joined(DvsFrame(640, 480, 75.0, events))
+    assert struct.unpack_from("<IIf", payload) == (640, 480, 75.0)
+    assert DVS_EVENT.itemsize == 13
+    assert list(struct.iter_unpack("<HHqB", payload[12:])) == [(3, 4, 2**40, 1), (65535, 0, 5, 0)]
 
 
 def test_lidar_is_angle_counts_and_points() -> None:

@@ -20,6 +20,7 @@ def test_library_lists_the_families_that_the_simulator_produces() -> None:
     assert {b.id for b in catalogue().values() if b.kind == ActorKind.SENSOR} == {
         "sensor.camera.rgb",
         "sensor.camera.depth",
+        "sensor.camera.dvs",
         "sensor.camera.semantic_segmentation",
         "sensor.camera.instance_segmentation",
         "sensor.camera.normals",

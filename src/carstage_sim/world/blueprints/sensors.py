@@ -73,6 +73,16 @@ _POST_PROCESS: tuple[_Row, ...] = (
     ("chromatic_aberration_offset", _F, "0.0"),
 )
 
+_DVS: tuple[_Row, ...] = (
+    ("positive_threshold", _F, "0.3"),
+    ("negative_threshold", _F, "0.3"),
+    ("sigma_positive_threshold", _F, "0.0"),
+    ("sigma_negative_threshold", _F, "0.0"),
+    ("refractory_period_ns", _I, "0"),
+    ("use_log", _B, "true"),
+    ("log_eps", _F, "0.001"),
+)
+
 _SEMANTIC_LIDAR: tuple[_Row, ...] = (
     ("sensor_tick", _F, "0.0"),
     ("channels", _I, "32"),
@@ -136,6 +146,7 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
     "sensor.camera.instance_segmentation": _CAMERA,
     "sensor.camera.normals": _CAMERA,
     "sensor.camera.optical_flow": _CAMERA,
+    "sensor.camera.dvs": _CAMERA + _POST_PROCESS + _DVS,
     "sensor.lidar.ray_cast": _LIDAR,
     "sensor.lidar.ray_cast_semantic": _SEMANTIC_LIDAR,
     "sensor.other.radar": _RADAR,
@@ -153,7 +164,7 @@ def _attributes(sensor_id: str, rows: tuple[_Row, ...]) -> tuple[Attribute, ...]
         *(Attribute(name, kind, value, (value,)) for name, kind, value in rows),
         Attribute("ros_name", _S, sensor_id, (sensor_id,)),
     ]
-    if sensor_id == "sensor.camera.rgb":
+    if set(_POST_PROCESS) <= set(rows):
         modes = ("histogram", "manual")
         attributes.append(Attribute("exposure_mode", _S, modes[0], modes, restrict=True))
     return tuple(attributes)

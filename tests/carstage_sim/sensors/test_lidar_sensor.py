@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from sensor_worlds import GROUND, WALL, request, state, town
 
+from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.sensors import SensorAttributeError, SensorSuite
 from carstage_sim.sensors.lidar import LidarGeometry, laser_directions, round_half_away
+from carstage_sim.world.blueprints import catalogue
 
 pytestmark = pytest.mark.xdist_group("kernels")
 
@@ -211,3 +213,19 @@ def test_semantic_lidar_gives_the_cosine_of_incidence(suite):
     np.testing.assert_allclose(points["cos_inc_angle"][ground], -ray[ground, 2], atol=1e-5)
     front = (points["object_tag"] == CityObjectLabel.BUILDINGS) & (np.abs(place[:, 0] - 10) < 1e-3)
     np.testing.assert_allclose(points["cos_inc_angle"][front], ray[front, 0], atol=1e-5)
+
+
+def test_hits_of_a_car_lie_in_its_box_whatever_the_poses(suite):
+    # L3: at least 95 % of an actor's hits lie in its box inflated by 0.1 m.
+    car, yaw_deg = (5.0, 2.0, 0.0), 35.0
+    location, rotation_deg = (0.0, -1.0, 1.8), (-5.0, 20.0, 3.0)
+    world = state(1, vehicles=[(3, car, yaw_deg)])
+    points = semantic_scan(suite, world, location=location, rotation_deg=rotation_deg)
+    hits = points[points["object_idx"] == 3]
+    assert len(hits) > 100
+    local = np.stack([hits[name] for name in "xyz"], axis=-1).astype(float)
+    place = local @ rotation_matrix(rotation_deg).T + location
+    blueprint = catalogue()["vehicle.tesla.model3"]
+    in_box = (place - car) @ rotation_matrix((0.0, yaw_deg, 0.0)) - blueprint.box_center
+    inside = (np.abs(in_box) <= np.array(blueprint.box_extent) + 0.1).all(axis=1)
+    assert inside.mean() >= 0.95

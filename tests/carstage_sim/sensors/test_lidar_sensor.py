@@ -220,7 +220,7 @@ def test_hits_of_a_car_lie_in_its_box_whatever_the_poses(suite):
     car, yaw_deg = (5.0, 2.0, 0.0), 35.0
     location, rotation_deg = (0.0, -1.0, 1.8), (-5.0, 20.0, 3.0)
     world = state(1, vehicles=[(3, car, yaw_deg)])
-    points = semantic_scan(suite, world, location=location, rotation_deg=rotation_deg)
+    points = semantic_scan(suite, world, location=location, rotation_deg=rotation_deg).points
     hits = points[points["object_idx"] == 3]
     assert len(hits) > 100
     local = np.stack([hits[name] for name in "xyz"], axis=-1).astype(float)

@@ -1,6 +1,6 @@
 """The unmodified wheels of all versions, each against the dialect of its version.
 
-What each wheel does stands in ``drive.py``, which runs under the wheel's own interpreter.
+What each wheel does stands in programs beside this file, which run under its own interpreter.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from running_simulator import start_simulator, stop_simulator
 
 pytestmark = pytest.mark.end_to_end
 
-_DRIVE = Path(__file__).with_name("drive.py")
+_PROGRAMS = Path(__file__).parent
 _END_S = 120.0
 
 _KINDS = {
@@ -37,8 +37,8 @@ _KINDS = {
 }
 
 
-def drive(version: str, tmp_path: Path) -> dict[str, Any]:
-    """What the wheel of a version finds on a server of that version."""
+def run(program: str, version: str, tmp_path: Path) -> Any:
+    """What a program finds under the wheel of a version, on a server of that version."""
     python = wheel_python(version)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -49,7 +49,15 @@ def drive(version: str, tmp_path: Path) -> dict[str, Any]:
     )
     try:
         done = subprocess.run(
-            [python, "-X", "faulthandler", _DRIVE, str(simulator.port), str(tm_port), found],
+            [
+                python,
+                "-X",
+                "faulthandler",
+                _PROGRAMS / program,
+                str(simulator.port),
+                str(tm_port),
+                found,
+            ],
             env={"PATH": os.environ["PATH"], "HOME": str(tmp_path)},
             capture_output=True,
             text=True,
@@ -61,8 +69,7 @@ def drive(version: str, tmp_path: Path) -> dict[str, Any]:
     log = (tmp_path / "server.log").read_text()
     assert done.returncode == 0, f"{done.stderr[-4000:]}\n{log[-4000:]}"
     assert log == ""
-    result: dict[str, Any] = json.loads(found.read_text())
-    return result
+    return json.loads(found.read_text())
 
 
 def check(version: str, found: dict[str, Any]) -> None:
@@ -125,7 +132,7 @@ def check_labels(found: dict[str, Any], *, buildings: int, roads: int, sky: int,
 
 
 def test_wheel_0_9_13_drives_and_records(tmp_path: Path) -> None:
-    found = drive("0.9.13", tmp_path)
+    found = run("drive.py", "0.9.13", tmp_path)
     check("0.9.13", found)
     check_labels(found, buildings=1, roads=7, sky=13, car=10)
     assert found["drive"]["tags"]["walker"] == [4]
@@ -136,7 +143,7 @@ def test_wheel_0_9_13_drives_and_records(tmp_path: Path) -> None:
 
 def check_since_0_9_14(version: str, tmp_path: Path) -> None:
     """What the three later versions have in common."""
-    found = drive(version, tmp_path)
+    found = run("drive.py", version, tmp_path)
     check(version, found)
     check_labels(found, buildings=3, roads=1, sky=11, car=14)
     assert found["drive"]["tags"]["walker"] == [12]
@@ -154,3 +161,9 @@ def test_wheel_0_9_15_drives_and_records(tmp_path: Path) -> None:
 
 def test_wheel_0_9_16_drives_and_records(tmp_path: Path) -> None:
     check_since_0_9_14("0.9.16", tmp_path)
+
+
+@pytest.mark.parametrize("version", ["0.9.13", "0.9.14", "0.9.15"])
+def test_wheel_loads_while_its_traffic_manager_runs_freely(version: str, tmp_path: Path) -> None:
+    # 0.9.16 opens a new episode and has a test of its own, in test_real_client_end_to_end.py.
+    assert min(run("reload.py", version, tmp_path)) > 0.5

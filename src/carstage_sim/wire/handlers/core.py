@@ -15,7 +15,6 @@ from carstage_sim.world.pose import Pose
 _MAP_FOLDER = "Carla/Maps"
 _ANSWER_AFTER_S = 0.1
 _REOPENED_AFTER_S = 0.3
-_RESTARTED_AFTER_S = 0.3
 _GIVE_UP_S = 5.0
 _HELD_WHILE_REOPENING = frozenset(
     {"get_episode_settings", "get_weather_parameters", "get_vehicle_light_states"}
@@ -108,22 +107,16 @@ def _load_new_episode(call: Call, map_name: str, reset_settings: bool, _layers: 
     if name not in call.simulation.town_names:
         raise CallError("map not found")
     call.simulation.load(name, reset_settings=reset_settings)
-    has_traffic_manager = call.session.traffic_managers.owned_by(call.connection)
     if not call.session.dialect.reopens_episode:
         call.session.episode_began(0.0)
-        if not has_traffic_manager:
-            return None
-        # The new episode's snapshot makes this client's Traffic Manager start over, in a thread of
-        # its own. What the script registers before that is forgotten, so it waits for its answer.
-        call.session.after(_RESTARTED_AFTER_S, lambda: call.answer(None))
-        return LATER
+        return None
     # On the answer, this client closes its stream of snapshots and opens another. Its threads crash
     # if a snapshot arrives in that moment (it reads into what was freed), or if its Traffic Manager
     # looks for the episode that is gone. So the stream is quiet from a while before the answer
     # until a while after it, and the Traffic Manager is caught in its next query, which is answered
     # when the gap is over; what the client asks after the gap began is answered at once.
     call.session.episode_began(_ANSWER_AFTER_S + _REOPENED_AFTER_S)
-    if has_traffic_manager:
+    if call.session.traffic_managers.owned_by(call.connection):
         call.connection.held_calls = _HELD_WHILE_REOPENING
         call.session.after(_GIVE_UP_S, lambda: _release(call))
     call.session.after(_ANSWER_AFTER_S, lambda: call.answer(None))

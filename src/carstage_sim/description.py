@@ -5,12 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 from carstage_sim.maps import available_towns, load_town
-from carstage_sim.wire.dialect import DIALECTS
+from carstage_sim.wire.dialect import DIALECTS, dialect
 from carstage_sim.world.blueprints import Attribute, Blueprint, catalogue
 
 
 def describe(protocol: str) -> dict[str, Any]:
-    """The document that ``--describe`` prints."""
+    """The document that ``--describe`` prints.
+
+    Raises:
+        UnknownProtocolError: no table for that version is built in.
+    """
+    spoken = dialect(protocol)
     return {
         "protocol": protocol,
         "protocols": list(DIALECTS),
@@ -18,7 +23,11 @@ def describe(protocol: str) -> dict[str, Any]:
             {"name": name, "spawn_points": len(load_town(name).spawn_points)}
             for name in available_towns()
         ],
-        "blueprints": [_blueprint(blueprint) for blueprint in catalogue().values()],
+        "blueprints": [
+            _blueprint(blueprint)
+            for blueprint in catalogue().values()
+            if spoken.offers(blueprint.id)
+        ],
     }
 
 

@@ -17,16 +17,19 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from types import TracebackType
+from typing import Any
 
 from carstage_sim.simulation import Simulation
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.handlers import Call, Session, serve
 from carstage_sim.wire.payloads import encode_frame, sensor_header
+from carstage_sim.wire.relabelling import Relabelling
 from carstage_sim.wire.rpc import Disconnected, Event, RpcServer
 from carstage_sim.wire.snapshot import encode_snapshot
 from carstage_sim.wire.socket_loop import SocketLoop
 from carstage_sim.wire.streaming import StreamingServer
 from carstage_sim.wire.traffic_managers import TrafficManagers
+from carstage_sim.wire.values import encode_actor, encode_scenery
 from carstage_sim.world.snapshot import Snapshot
 
 logger = logging.getLogger(__name__)
@@ -61,6 +64,7 @@ class Server:
     ) -> None:
         self._simulation = simulation
         self._dialect = dialect
+        self._relabelled = Relabelling(dialect.labels)
         self._period_s = 1.0 / frames_per_s
         self._parent_pid = parent_pid
         self._stop = threading.Event()
@@ -171,10 +175,10 @@ class Server:
     def _snapshot_streams(self) -> list[int]:
         """Streams that carry snapshots: the episode's own, and older ones while somebody listens.
 
-        Every episode has its own because a client that opens a new episode subscribes to it before
-        it gives up the old one, and mixes the two up (and crashes) if they have one number.
+        Where clients open new episodes, each has its own, because the client subscribes to it
+        before it gives up the old one, and mixes the two up (and crashes) if they have one number.
         """
-        current = self._simulation.world.stream_id
+        current = self._dialect.episode_stream(self._simulation.world.stream_id)
         older = [i for i in self._older_streams if self._streams.listeners(i) and i != current]
         self._older_streams = [*older, current]
         return self._older_streams
@@ -191,11 +195,19 @@ class Server:
                 state.timestamp_s,
                 item.pose,
             )
+            frame = self._relabelled(item.sensor.type_id, item.frame)
             self._streams.publish(
                 item.sensor.stream_id,
-                [header, *encode_frame(item.frame)],
+                [header, *encode_frame(frame, self._described)],
                 wait=self._simulation.settings.synchronous_mode,
             )
+
+    def _described(self, actor_id: int, label: int) -> list[Any]:
+        """An actor, or with id 0 a part of the town, as this server's clients want it."""
+        if not actor_id:
+            return encode_scenery(label, self._dialect)
+        actor = self._simulation.world.live_or_dead(actor_id)
+        return encode_actor(actor, self._dialect, self._streams.port)
 
     def _episode_began(self, quiet_s: float = 0.0) -> None:
         self._next_tick_s = time.monotonic() + max(quiet_s, self._period_s)

@@ -254,14 +254,14 @@ def trace(scene, scratch, o, d, low, high, skip, any_hit):  # type: ignore[no-un
 
 @kernel
 def cast_rays(  # type: ignore[no-untyped-def]
-    scene, scratch, origin, directions, low, high, skip, first, last, t, row, triangle, weights
+    scene, scratch, origins, directions, low, high, skip, first, last, t, row, triangle, weights
 ):
-    """Nearest hits of the rays ``first`` to ``last`` from one origin; writes into the last four.
+    """Nearest hits of the rays ``first`` to ``last``; writes into the last four.
 
     Args:
         scene: a :class:`Scene`.
         scratch: a :class:`Scratch` of this thread.
-        origin: ``(3,)`` float32.
+        origins: ``(1, 3)`` float32 for all rays, or ``(N, 3)`` for each its own.
         directions: ``(N, 3)`` float32, any length.
         low, high: float32 interval of the ray parameter.
         skip: instance row that is not met, or a negative number.
@@ -271,8 +271,10 @@ def cast_rays(  # type: ignore[no-untyped-def]
         triangle: ``(N,)`` int32 triangle number, -1 where nothing is met.
         weights: ``(N, 2)`` float32 barycentric weights of the first and second corner.
     """
-    o = (origin[0], origin[1], origin[2])
+    shared = origins.shape[0] == 1
     for i in range(first, last):
+        j = 0 if shared else i
+        o = (origins[j, 0], origins[j, 1], origins[j, 2])
         d = (directions[i, 0], directions[i, 1], directions[i, 2])
         hit = trace(scene, scratch, o, d, low, high, skip, False)
         t[i], row[i], triangle[i] = hit[0], hit[1], hit[2]

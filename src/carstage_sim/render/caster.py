@@ -18,10 +18,10 @@ _BAND = 4096
 
 @dataclass(frozen=True, slots=True)
 class Hits:
-    """What N rays from one origin met.
+    """What N rays met.
 
     Attributes:
-        origin: ``(3,)`` float32 world metres.
+        origin: ``(3,)`` float32 world metres, or ``(N, 3)`` where each ray has its own.
         directions: ``(N, 3)`` float32 world directions, not normalised.
         t: ``(N,)`` float32 parameter in units of the direction's length.
         row: ``(N,)`` int32 instance row, ``cast.STATIC`` or ``cast.NOTHING``.
@@ -79,11 +79,11 @@ class RayCaster:
         high: float,
         skip_row: int = -1,
     ) -> Hits:
-        """Nearest hits of rays from ``origin``.
+        """Nearest hits of rays.
 
         Args:
             scene: what can be met.
-            origin: ``(3,)`` world metres.
+            origin: ``(3,)`` world metres, or ``(N, 3)`` for each ray its own.
             directions: ``(N, 3)`` float32 world directions.
             low: smallest ray parameter that counts.
             high: largest ray parameter that counts.
@@ -91,6 +91,7 @@ class RayCaster:
         """
         count = len(directions)
         start = np.ascontiguousarray(origin, np.float32)
+        origins = start.reshape(-1, 3)
         hits = Hits(
             start,
             np.ascontiguousarray(directions, np.float32),
@@ -102,7 +103,7 @@ class RayCaster:
 
         def work(first: int, last: int) -> None:
             cast_rays(
-                scene, new_scratch(), start, hits.directions, np.float32(low), np.float32(high),
+                scene, new_scratch(), origins, hits.directions, np.float32(low), np.float32(high),
                 skip_row, first, last, hits.t, hits.row, hits.triangle, hits.weights,
             )  # fmt: skip
 

@@ -105,6 +105,17 @@ class Frame:
                 return int(row)
         return -1
 
+    def only(self, rows: NDArray[np.intp]) -> Scene:
+        """The scene of some instances without the town; the rows keep their numbers."""
+        scene = self.scene
+        top = _top(scene.rotation[rows], scene.position[rows], self.bounds[rows])
+        return scene._replace(
+            static=empty_geometry(),
+            top_planes=top.planes,
+            top_children=top.children,
+            top_row=rows[top.order[top.leaf_first]].astype(np.int32),
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class _Model:
@@ -286,7 +297,7 @@ class SceneStore:
             rotation[row] = placement.rotation
             position[row] = placement.location
             bounds[row] = self._models[index[row]].bounds
-        top = self._top(rotation, position, bounds)
+        top = _top(rotation, position, bounds)
         colours = np.array([p.colours for p in placements], np.uint8).reshape(count, PAINTS, 3)
         light_state = np.array([p.light_state & 0xFFFFFFFF for p in placements], np.uint32)
         beams = headlight_beams(rotation, position, bounds, light_state)
@@ -310,24 +321,24 @@ class SceneStore:
             lamps=self._lamps._replace(beams=beams),
         )
 
-    @staticmethod
-    def _top(
-        rotation: NDArray[np.float32],
-        position: NDArray[np.float32],
-        bounds: NDArray[np.float32],
-    ) -> WideTree:
-        """Hierarchy over the instances' world boxes, a leaf for each."""
-        if not len(position):
-            return WideTree(
-                np.empty((0, 6, LANES), np.float32),
-                np.empty((0, LANES), np.int32),
-                np.empty(0, np.int32),
-                np.empty(0, np.int32),
-                np.empty(0, np.int32),
-            )
-        centre = (bounds[:, 0] + bounds[:, 1]) / 2
-        half = (bounds[:, 1] - bounds[:, 0]) / 2
-        middle = np.einsum("nij,nj->ni", rotation, centre) + position
-        # A millimetre covers the rounding of rays that are moved into the actor's frame.
-        reach = np.einsum("nij,nj->ni", np.abs(rotation), half) + np.float32(1e-3)
-        return build_tree(middle - reach, middle + reach, 1)
+
+def _top(
+    rotation: NDArray[np.float32],
+    position: NDArray[np.float32],
+    bounds: NDArray[np.float32],
+) -> WideTree:
+    """Hierarchy over the instances' world boxes, a leaf for each."""
+    if not len(position):
+        return WideTree(
+            np.empty((0, 6, LANES), np.float32),
+            np.empty((0, LANES), np.int32),
+            np.empty(0, np.int32),
+            np.empty(0, np.int32),
+            np.empty(0, np.int32),
+        )
+    centre = (bounds[:, 0] + bounds[:, 1]) / 2
+    half = (bounds[:, 1] - bounds[:, 0]) / 2
+    middle = np.einsum("nij,nj->ni", rotation, centre) + position
+    # A millimetre covers the rounding of rays that are moved into the actor's frame.
+    reach = np.einsum("nij,nj->ni", np.abs(rotation), half) + np.float32(1e-3)
+    return build_tree(middle - reach, middle + reach, 1)

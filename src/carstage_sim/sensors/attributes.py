@@ -40,6 +40,18 @@ def whole(attributes: Mapping[str, str], name: str, default: int) -> int:
     return int(value)
 
 
+def flag(attributes: Mapping[str, str], name: str, *, default: bool) -> bool:
+    """A boolean attribute, ``default`` when the client did not send it.
+
+    Raises:
+        SensorAttributeError: the text is neither true nor false, in whatever case.
+    """
+    text = attributes.get(name, str(default)).lower()
+    if text not in ("true", "false"):
+        raise SensorAttributeError(f"sensor attribute {name} is {text!r}, not true or false")
+    return text == "true"
+
+
 def require(condition: bool, message: str) -> None:
     """Refuse a value.
 

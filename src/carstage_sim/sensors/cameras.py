@@ -1,4 +1,4 @@
-"""Pinhole cameras: rgb, depth, semantic and instance segmentation, in CARLA's pixel formats."""
+"""Pinhole cameras whose data are pictures in CARLA's pixel formats."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from carstage_sim.maps.town import Town
 from carstage_sim.sensors.attributes import number, require, whole
 from carstage_sim.sensors.frames import ImageFrame, SensorRequest
-from carstage_sim.sensors.sensor import Sensor, SensorRegistry
+from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import FAR_M, Camera, View
 from carstage_sim.world.state import WorldState
 
@@ -47,7 +47,19 @@ def encode_instances(tags: NDArray[np.uint8], ids: NDArray[np.uint16]) -> NDArra
     return pixels
 
 
-class CameraSensor(Sensor):
+def encode_normals(normals: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """``(..., 4)`` BGRA bytes of ``(..., 3)`` world normals: x in R, y in G, z in B.
+
+    Each component goes from [-1, 1] to [0, 255] (CARLA since 0.9.16, pull request 8810); so the
+    zero of the sky reads 128.
+    """
+    pixels = np.full((*normals.shape[:-1], 4), 255, np.uint8)
+    codes = np.floor((np.asarray(normals, np.float64) + 1.0) * 127.5 + 0.5)
+    pixels[..., :3] = np.clip(codes, 0, 255).astype(np.uint8)[..., ::-1]
+    return pixels
+
+
+class CameraSensor(MeasuringSensor):
     """What all cameras share: size and field of view from the attributes."""
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
@@ -112,3 +124,12 @@ class InstanceCamera(CameraSensor):
         """Tags and ids."""
         hits = view.camera(self.camera(request))
         return self.image(encode_instances(view.tags(hits), view.instance_ids(hits)))
+
+
+@SensorRegistry.register("sensor.camera.normals")
+class NormalsCamera(CameraSensor):
+    """Direction of the surface in each pixel, in the world."""
+
+    def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
+        """The normals; smooth where the surface is shaded smoothly."""
+        return self.image(encode_normals(view.smooth_normals(view.camera(self.camera(request)))))

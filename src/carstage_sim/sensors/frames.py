@@ -41,6 +41,31 @@ class ImageFrame:
 
 
 @dataclass(frozen=True, slots=True)
+class FlowFrame:
+    """Motion in a picture: ``flow`` is ``(H, W, 2)`` float32 x, y in CARLA's units.
+
+    Current minus previous position, in halves of the width and of the height, y upwards.
+    """
+
+    fov_deg: float
+    flow: NDArray[np.float32]
+
+
+DVS_EVENT = np.dtype([("x", "<u2"), ("y", "<u2"), ("t", "<i8"), ("pol", "u1")])
+"""An event of the event camera, 13 bytes: pixel, simulated ns, 1 for brighter and 0 for darker."""
+
+
+@dataclass(frozen=True, slots=True)
+class DvsFrame:
+    """Events of a picture of ``width`` by ``height``: ``(N,)`` of :data:`DVS_EVENT` by time."""
+
+    width: int
+    height: int
+    fov_deg: float
+    events: NDArray[np.void]
+
+
+@dataclass(frozen=True, slots=True)
 class LidarFrame:
     """One tick of a ray-cast LiDAR.
 
@@ -53,6 +78,40 @@ class LidarFrame:
     horizontal_angle_rad: float
     channel_counts: NDArray[np.uint32]
     points: NDArray[np.float32]
+
+
+SEMANTIC_POINT = np.dtype(
+    [
+        *((name, "<f4") for name in ("x", "y", "z", "cos_inc_angle")),
+        *((name, "<u4") for name in ("object_idx", "object_tag")),
+    ]
+)
+"""A point of the semantic LiDAR, 24 bytes: m in the sensor's frame, actor id, semantic tag."""
+
+
+@dataclass(frozen=True, slots=True)
+class SemanticLidarFrame:
+    """One tick of a semantic LiDAR: as :class:`LidarFrame`, with points of another kind.
+
+    Attributes:
+        points: ``(N,)`` of :data:`SEMANTIC_POINT`, grouped by channel.
+    """
+
+    horizontal_angle_rad: float
+    channel_counts: NDArray[np.uint32]
+    points: NDArray[np.void]
+
+
+@dataclass(frozen=True, slots=True)
+class RadarFrame:
+    """One tick of a radar.
+
+    Attributes:
+        detections: ``(N, 4)`` float32: velocity (m/s, positive = receding), azimuth (rad, positive
+            to the right), altitude (rad, positive up), depth (m along the ray).
+    """
+
+    detections: NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,4 +132,49 @@ class GnssFrame:
     altitude_m: float
 
 
-SensorFrame = ImageFrame | LidarFrame | ImuFrame | GnssFrame
+@dataclass(frozen=True, slots=True)
+class CollisionFrame:
+    """One thing that a sensor's carrier touched in this tick.
+
+    Attributes:
+        actor_id: the carrier.
+        other_id: what it touched, 0 for the town.
+        label: semantic label of what of the town it touched, else 0.
+        impulse: N s in the world that the carrier got.
+    """
+
+    actor_id: int
+    other_id: int
+    label: int
+    impulse: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ObstacleFrame:
+    """The nearest thing in a sensor's way.
+
+    Attributes:
+        actor_id: the sensor itself, as CARLA has it.
+        other_id: what stands there, 0 for the town.
+        label: semantic label of what of the town stands there, else 0.
+        distance_m: how far the sensor's ball can go until it touches it.
+    """
+
+    actor_id: int
+    other_id: int
+    label: int
+    distance_m: float
+
+
+SensorFrame = (
+    ImageFrame
+    | FlowFrame
+    | DvsFrame
+    | LidarFrame
+    | SemanticLidarFrame
+    | RadarFrame
+    | ImuFrame
+    | GnssFrame
+    | CollisionFrame
+    | ObstacleFrame
+)

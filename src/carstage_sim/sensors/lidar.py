@@ -1,4 +1,4 @@
-"""The ray-cast LiDAR: CARLA's laser geometry, intensity, drop-off and noise."""
+"""The rotating LiDARs: CARLA's laser geometry, intensity, drop-off, noise, semantic points."""
 
 from __future__ import annotations
 
@@ -9,13 +9,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.town import Town
 from carstage_sim.render.cast import NOTHING
+from carstage_sim.render.caster import Hits
 from carstage_sim.sensors.attributes import number, require, whole
-from carstage_sim.sensors.frames import LidarFrame, SensorRequest
-from carstage_sim.sensors.sensor import Sensor, SensorRegistry
-from carstage_sim.sensors.view import View
+from carstage_sim.sensors.frames import (
+    SEMANTIC_POINT,
+    LidarFrame,
+    SemanticLidarFrame,
+    SensorRequest,
+)
+from carstage_sim.sensors.noise import noise_stream
+from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
+from carstage_sim.sensors.view import View, turned
 from carstage_sim.world.state import WorldState
 
 
@@ -86,9 +92,25 @@ def laser_directions(
     return np.stack([np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up)], axis=-1)
 
 
-@SensorRegistry.register("sensor.lidar.ray_cast")
-class RayCastLidar(Sensor):
-    """A rotating LiDAR; its head goes on turning between frames."""
+class Returns(NamedTuple):
+    """Rays of one tick that met something.
+
+    Attributes:
+        local: ``(N, 3)`` float64 unit directions in the sensor's frame.
+        channel: ``(N,)`` laser of each ray, ascending.
+        distance_m: ``(N,)`` float64.
+        hits: what all the rays that were sent met, with ``met`` the ``(M,)`` mask of those here.
+    """
+
+    local: NDArray[np.float64]
+    channel: NDArray[np.intp]
+    distance_m: NDArray[np.float64]
+    hits: Hits
+    met: NDArray[np.bool_]
+
+
+class RotatingLidar(MeasuringSensor):
+    """What both LiDARs share: lasers on a head that goes on turning between frames."""
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)
@@ -102,17 +124,10 @@ class RayCastLidar(Sensor):
             horizontal_fov_deg=number(a, "horizontal_fov", 360.0),
         )
         self.range_m = number(a, "range", 10.0)
-        self.attenuation_per_m = number(a, "atmosphere_attenuation_rate", 0.004)
-        self.dropoff_rate = number(a, "dropoff_general_rate", 0.45)
-        self.dropoff_limit = number(a, "dropoff_intensity_limit", 0.8)
-        self.dropoff_at_zero = number(a, "dropoff_zero_intensity", 0.4)
-        self.noise_m = number(a, "noise_stddev", 0.0)
-        self.seed = whole(a, "noise_seed", 0)
         require(self.geometry.channels >= 1, "channels must be at least 1")
         require(self.geometry.points_per_second >= 0, "points_per_second must not be negative")
         require(0 < self.geometry.horizontal_fov_deg <= 360, "horizontal_fov must be in (0, 360]")
         require(self.range_m > 0, "range must be positive")
-        require(self.noise_m >= 0, "noise_stddev must not be negative")
         self._angle_deg = 0.0
         self._turned_s = 0.0
 
@@ -120,31 +135,59 @@ class RayCastLidar(Sensor):
         """Let the time of a tick without a frame count for the next one."""
         self._turned_s += state.delta_s
 
-    def measure(self, state: WorldState, request: SensorRequest, view: View) -> LidarFrame:
-        """The points of the time since the last frame, all of one frozen scene."""
+    def turn(self, state: WorldState) -> Sweep:
+        """The rays of the time since the last frame; the head stands where they end."""
         sweep = self.geometry.sweep(self._angle_deg, state.delta_s + self._turned_s)
         self._angle_deg = sweep.end_angle_deg
         self._turned_s = 0.0
-        channels = self.geometry.channels
-        channel = np.repeat(np.arange(channels), sweep.per_channel)
+        return sweep
+
+    def shoot(
+        self,
+        sweep: Sweep,
+        request: SensorRequest,
+        view: View,
+        fired: NDArray[np.bool_] | None = None,
+    ) -> Returns:
+        """Send the rays of a sweep, or those that ``fired``, into one frozen scene."""
+        channel = np.repeat(np.arange(self.geometry.channels), sweep.per_channel)
         local = laser_directions(self.geometry.elevation_rad, sweep.azimuth_rad)
-        # A new stream for each frame: a frame does not depend on how many came before it.
-        random = np.random.default_rng([self.seed or request.sensor_id, state.frame])
-        if self.dropoff_rate > 0:
-            fired = random.random(len(local)) >= self.dropoff_rate
+        if fired is not None:
             local, channel = local[fired], channel[fired]
-        rotation = rotation_matrix(request.rotation_deg)
-        world = np.empty((len(local), 3), np.float32)
-        for axis in range(3):
-            world[:, axis] = (
-                local[:, 0] * rotation[axis, 0]
-                + local[:, 1] * rotation[axis, 1]
-                + local[:, 2] * rotation[axis, 2]
-            )
-        hits = view.rays(request.location, world, high_m=self.range_m, owner_id=request.owner_id)
+        world = turned(local, request.rotation_deg)
+        hits = view.rays(request.location, world, high=self.range_m, owner_id=request.owner_id)
         met = hits.row != NOTHING
-        local, channel = local[met], channel[met]
-        distance = hits.t[met].astype(np.float64)
+        return Returns(local[met], channel[met], hits.t[met].astype(np.float64), hits, met)
+
+    def counts(self, channel: NDArray[np.intp]) -> NDArray[np.uint32]:
+        """Points of each laser."""
+        return np.bincount(channel, minlength=self.geometry.channels).astype(np.uint32)
+
+
+@SensorRegistry.register("sensor.lidar.ray_cast")
+class RayCastLidar(RotatingLidar):
+    """Points and their intensity, with drop-off and noise along the ray."""
+
+    def __init__(self, request: SensorRequest, town: Town) -> None:
+        super().__init__(request, town)
+        a = request.attributes
+        self.attenuation_per_m = number(a, "atmosphere_attenuation_rate", 0.004)
+        self.dropoff_rate = number(a, "dropoff_general_rate", 0.45)
+        self.dropoff_limit = number(a, "dropoff_intensity_limit", 0.8)
+        self.dropoff_at_zero = number(a, "dropoff_zero_intensity", 0.4)
+        self.noise_m = number(a, "noise_stddev", 0.0)
+        self.seed = whole(a, "noise_seed", 0)
+        require(self.noise_m >= 0, "noise_stddev must not be negative")
+
+    def measure(self, state: WorldState, request: SensorRequest, view: View) -> LidarFrame:
+        """The points of the time since the last frame, all of one frozen scene."""
+        sweep = self.turn(state)
+        random = noise_stream(self.seed, request, state)
+        fired = None
+        if self.dropoff_rate > 0:
+            count = self.geometry.channels * sweep.per_channel
+            fired = random.random(count) >= self.dropoff_rate
+        local, channel, distance, *_ = self.shoot(sweep, request, view, fired)
         intensity = np.exp(-self.attenuation_per_m * distance)
         if self.noise_m > 0:
             distance = distance + random.normal(0.0, self.noise_m, len(distance))
@@ -152,8 +195,7 @@ class RayCastLidar(Sensor):
         points = np.empty((int(kept.sum()), 4), np.float32)
         points[:, :3] = (local * distance[:, None])[kept]
         points[:, 3] = intensity[kept]
-        counts = np.bincount(channel[kept], minlength=channels).astype(np.uint32)
-        return LidarFrame(math.radians(sweep.end_angle_deg), counts, points)
+        return LidarFrame(math.radians(sweep.end_angle_deg), self.counts(channel[kept]), points)
 
     def _kept(
         self, intensity: NDArray[np.float64], random: np.random.Generator
@@ -165,3 +207,21 @@ class RayCastLidar(Sensor):
         drawn = random.random(len(intensity))
         kept: NDArray[np.bool_] = (intensity > self.dropoff_limit) | (drawn < chance)
         return kept
+
+
+@SensorRegistry.register("sensor.lidar.ray_cast_semantic")
+class SemanticLidar(RotatingLidar):
+    """Every point with what it lies on, no losses, no noise (``RayCastSemanticLidar.cpp``)."""
+
+    def measure(self, state: WorldState, request: SensorRequest, view: View) -> SemanticLidarFrame:
+        """Points, cosine of the angle of incidence, actor id (0 for the town), semantic tag."""
+        sweep = self.turn(state)
+        local, channel, distance, hits, met = self.shoot(sweep, request, view)
+        points = np.empty(len(local), SEMANTIC_POINT)
+        for axis, name in enumerate("xyz"):
+            points[name] = local[:, axis] * distance
+        normals = view.flat_normals(hits)[met]
+        points["cos_inc_angle"] = np.abs(np.einsum("ij,ij->i", normals, hits.directions[met]))
+        points["object_idx"] = view.actor_ids(hits)[met]
+        points["object_tag"] = view.tags(hits)[met]
+        return SemanticLidarFrame(math.radians(sweep.end_angle_deg), self.counts(channel), points)

@@ -11,7 +11,8 @@ from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.town import Town
 from carstage_sim.sensors.attributes import number, require, whole
 from carstage_sim.sensors.frames import GnssFrame, ImuFrame, SensorRequest
-from carstage_sim.sensors.sensor import Sensor, SensorRegistry
+from carstage_sim.sensors.noise import noise_stream
+from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.state import WorldState
 
@@ -45,12 +46,8 @@ def geodetic(
     )
 
 
-def _noise_stream(seed: int, request: SensorRequest, state: WorldState) -> np.random.Generator:
-    return np.random.default_rng([seed or request.sensor_id, state.frame])
-
-
 @SensorRegistry.register("sensor.other.imu")
-class Imu(Sensor):
+class Imu(MeasuringSensor):
     """Accelerometer, gyroscope and compass."""
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
@@ -90,7 +87,7 @@ class Imu(Sensor):
         """The carrier's motion; an IMU at rest on the level reads (0, 0, 9.81)."""
         self.observe(state, request)
         rotation = rotation_matrix(request.rotation_deg)
-        random = _noise_stream(self.seed, request, state)
+        random = noise_stream(self.seed, request, state)
         force = self._acceleration() + np.array([0.0, 0.0, GRAVITY_M_S2])
         accelerometer = force @ rotation + random.normal(0.0, 1.0, 3) * self.accel_stddev
         turn = np.zeros(3)
@@ -107,7 +104,7 @@ class Imu(Sensor):
 
 
 @SensorRegistry.register("sensor.other.gnss")
-class Gnss(Sensor):
+class Gnss(MeasuringSensor):
     """Geographic position of the sensor."""
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
@@ -124,7 +121,7 @@ class Gnss(Sensor):
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> GnssFrame:
         """Latitude, longitude, altitude with the attributes' bias and noise."""
-        random = _noise_stream(self.seed, request, state)
+        random = noise_stream(self.seed, request, state)
         noise = self.bias + random.normal(0.0, 1.0, 3) * self.stddev
         place = np.array(geodetic(request.location, self.town.geo_reference)) + noise
         latitude, longitude, altitude = place.tolist()

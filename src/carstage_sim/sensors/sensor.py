@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import ClassVar, TypeVar
 
 from carstage_sim.maps.town import Town
@@ -30,8 +30,10 @@ class Sensor(ABC):
         self._due_s: float | None = None
 
     @abstractmethod
-    def measure(self, state: WorldState, request: SensorRequest, view: View) -> SensorFrame:
-        """The frame of this tick; called once per tick at which the sensor is due."""
+    def report(
+        self, state: WorldState, request: SensorRequest, view: View
+    ) -> Sequence[SensorFrame]:
+        """What the sensor sends in this tick; called once per tick at which it is due."""
 
     def observe(self, state: WorldState, request: SensorRequest) -> None:  # noqa: B027
         """See a tick at which the sensor is not due; for sensors that integrate over ticks."""
@@ -54,6 +56,21 @@ class Sensor(ABC):
         while self._due_s <= timestamp_s + _DUE_TOLERANCE_S:
             self._due_s += self._interval_s
         return True
+
+
+class MeasuringSensor(Sensor):
+    """A sensor that sends at most one frame whenever it is due."""
+
+    @abstractmethod
+    def measure(self, state: WorldState, request: SensorRequest, view: View) -> SensorFrame | None:
+        """The frame of this tick, None for nothing to send."""
+
+    def report(
+        self, state: WorldState, request: SensorRequest, view: View
+    ) -> Sequence[SensorFrame]:
+        """The one frame of this tick, or none."""
+        frame = self.measure(state, request, view)
+        return () if frame is None else (frame,)
 
 
 _S = TypeVar("_S", bound=Sensor)

@@ -11,8 +11,17 @@ from carstage_sim.maps.town import Town
 from carstage_sim.mesh import TriangleMesh
 from carstage_sim.render.caster import RayCaster
 from carstage_sim.render.picture import PictureMaker
-from carstage_sim.render.scene import SceneStore
-from carstage_sim.sensors import cameras, lidar, navigation  # noqa: F401 - they register themselves
+from carstage_sim.render.scene import Frame, SceneStore
+from carstage_sim.sensors import (  # noqa: F401 - they register themselves
+    cameras,
+    dvs,
+    events,
+    flow,
+    lidar,
+    navigation,
+    obstacle,
+    radar,
+)
 from carstage_sim.sensors.actors import ActorModels
 from carstage_sim.sensors.frames import SensorFrame, SensorRequest
 from carstage_sim.sensors.sensor import Sensor, SensorRegistry
@@ -84,6 +93,8 @@ class SensorSuite:
     ) -> list[tuple[int, SensorFrame]]:
         """Frames of the sensors that are due, in the order of ``requests``.
 
+        A sensor of events has as many as happened, none or several.
+
         Raises:
             KeyError: a request's blueprint id is not a known sensor.
             SensorAttributeError: an attribute of a new sensor has an impossible value.
@@ -92,7 +103,7 @@ class SensorSuite:
             self.reset()
         self._last_frame = state.frame
         frames: list[tuple[int, SensorFrame]] = []
-        view: View | None = None
+        view = self._view(state)
         for request in requests:
             sensor = self._sensors.get(request.sensor_id)
             if sensor is None or not sensor.answers(request):
@@ -101,15 +112,16 @@ class SensorSuite:
             if not sensor.is_due(state.timestamp_s):
                 sensor.observe(state, request)
                 continue
-            if view is None:
-                view = self._view(state)
-            frames.append((request.sensor_id, sensor.measure(state, request, view)))
+            reported = sensor.report(state, request, view)
+            frames.extend((request.sensor_id, frame) for frame in reported)
         self._forget_absent({request.sensor_id for request in requests})
-        self.last_cast_count = view.cast_count if view is not None else 0
+        self.last_cast_count = view.cast_count
         return frames
 
     def _view(self, state: WorldState) -> View:
-        frame = self._store.frame(self._models.placements(state))
+        def frame() -> Frame:
+            return self._store.frame(self._models.placements(state))
+
         return View(frame, self._caster, self._pictures, state.weather, state.timestamp_s)
 
     def _forget_absent(self, present: set[int]) -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,11 +71,27 @@ def pixel_rays(camera: Camera) -> NDArray[np.float32]:
     return rays
 
 
+def turned(
+    local: NDArray[np.float64], rotation_deg: tuple[float, float, float]
+) -> NDArray[np.float32]:
+    """``(N, 3)`` float32 world directions of ``(N, 3)`` directions in a sensor's frame."""
+    rotation = rotation_matrix(rotation_deg)
+    world = np.empty((len(local), 3), np.float32)
+    # Sums written out: a matrix product may add in another order on another machine.
+    for axis in range(3):
+        world[:, axis] = (
+            local[:, 0] * rotation[axis, 0]
+            + local[:, 1] * rotation[axis, 1]
+            + local[:, 2] * rotation[axis, 2]
+        )
+    return world
+
+
 class View:
     """What can be seen in one tick.
 
     Args:
-        frame: the scene.
+        make_frame: gives the scene; called when the first sensor looks at it.
         caster: runs the rays.
         pictures: makes colour pictures.
         weather: the tick's weather.
@@ -83,13 +100,13 @@ class View:
 
     def __init__(
         self,
-        frame: Frame,
+        make_frame: Callable[[], Frame],
         caster: RayCaster,
         pictures: PictureMaker,
         weather: Weather,
         time_s: float,
     ) -> None:
-        self.frame = frame
+        self._make_frame = make_frame
         self._caster = caster
         self._pictures = pictures
         self._weather = weather
@@ -97,6 +114,11 @@ class View:
         self._casts: dict[Camera, Hits] = {}
         self._colours: dict[Camera, NDArray[np.uint8]] = {}
         self.cast_count = 0
+
+    @cached_property
+    def frame(self) -> Frame:
+        """The scene of this tick."""
+        return self._make_frame()
 
     def skipped_row(self, owner_id: int, location: tuple[float, float, float]) -> int:
         """Instance row of the carrier when the sensor is inside its box, else -1."""
@@ -109,18 +131,46 @@ class View:
         location: tuple[float, float, float],
         directions: NDArray[np.float32],
         *,
-        high_m: float,
+        high: float,
         owner_id: int,
     ) -> Hits:
-        """Nearest hits of unit directions from a point, up to ``high_m`` metres."""
+        """Nearest hits of rays from a point, up to ``high`` times a direction's length."""
         self.cast_count += 1
         return self._caster.cast(
             self.frame.scene,
             np.asarray(location),
             directions,
             low=1e-3,
-            high=high_m,
+            high=high,
             skip_row=self.skipped_row(owner_id, location),
+        )
+
+    def bundle(
+        self,
+        origins: NDArray[np.float64],
+        directions: NDArray[np.float64],
+        *,
+        high_m: float,
+        skip_row: int = -1,
+        rows: NDArray[np.intp] | None = None,
+    ) -> Hits:
+        """Nearest hits of rays from several points.
+
+        Args:
+            origins: ``(N, 3)`` where they start, world metres.
+            directions: ``(N, 3)`` unit vectors, world.
+            high_m: how far they reach.
+            skip_row: instance row that they pass through, -1 for none.
+            rows: the only instance rows that they can meet, and nothing of the town; None for all.
+        """
+        self.cast_count += 1
+        return self._caster.cast(
+            self.frame.scene if rows is None else self.frame.only(rows),
+            origins,
+            directions.astype(np.float32),
+            low=0.0,
+            high=high_m,
+            skip_row=skip_row,
         )
 
     def camera(self, camera: Camera) -> Hits:
@@ -180,3 +230,60 @@ class View:
         ).astype(np.uint16)
         ids[actors] = (self.frame.actor_id[hits.row[actors]] & 0xFFFF).astype(np.uint16)
         return ids
+
+    def actor_ids(self, hits: Hits) -> NDArray[np.uint32]:
+        """``(N,)`` uint32 id of the actor that each ray met, 0 for the town and for nothing."""
+        ids = np.zeros(len(hits.row), np.uint32)
+        actors = hits.row >= 0
+        ids[actors] = self.frame.actor_id[hits.row[actors]]
+        return ids
+
+    def flat_normals(self, hits: Hits) -> NDArray[np.float32]:
+        """``(N, 3)`` float32 unit normal (world) of the triangle that each ray met, else 0.
+
+        Which of its two sides it points to is not said.
+        """
+        normals = np.zeros((len(hits.row), 3), np.float32)
+        static, actors = hits.row == STATIC, hits.row >= 0
+        normals[static] = self.frame.static.flat[hits.triangle[static]]
+        normals[actors] = self._from_actors(
+            self.frame.actors.flat[hits.triangle[actors]], hits.row[actors]
+        )
+        return normals
+
+    def smooth_normals(self, hits: Hits) -> NDArray[np.float32]:
+        """``(N, 3)`` float32 unit normal (world) of the surface that each ray met, else 0.
+
+        Between the corners it is interpolated, as for shading; it points towards the ray's origin.
+        """
+        normals = np.zeros((len(hits.row), 3), np.float32)
+        static, actors = hits.row == STATIC, hits.row >= 0
+        normals[static] = _interpolated(self.frame.static.normals, hits, static)
+        normals[actors] = self._from_actors(
+            _interpolated(self.frame.actors.normals, hits, actors), hits.row[actors]
+        )
+        length = np.sqrt(normals[:, 0] ** 2 + normals[:, 1] ** 2 + normals[:, 2] ** 2)
+        normals /= np.maximum(length, np.float32(1e-12))[:, None]
+        away = (normals * hits.directions).sum(axis=1) > 0
+        normals[away] *= np.float32(-1)
+        return normals
+
+    def _from_actors(
+        self, normals: NDArray[np.float32], row: NDArray[np.int32]
+    ) -> NDArray[np.float32]:
+        rotation = self.frame.scene.rotation[row]
+        world = np.empty_like(normals)
+        for axis in range(3):
+            world[:, axis] = (rotation[:, axis] * normals).sum(axis=1)
+        return world
+
+
+def _interpolated(
+    corners: NDArray[np.float32], hits: Hits, chosen: NDArray[np.bool_]
+) -> NDArray[np.float32]:
+    """Normals of ``(T, 3, 3)`` corners at the chosen hits, not normalised."""
+    of_hit, weights = corners[hits.triangle[chosen]], hits.weights[chosen]
+    first, second = weights[:, :1], weights[:, 1:]
+    third = np.float32(1) - first - second
+    mixed: NDArray[np.float32] = of_hit[:, 0] * first + of_hit[:, 1] * second + of_hit[:, 2] * third
+    return mixed

@@ -1,7 +1,9 @@
 """What differs between the protocol versions, as tables.
 
 The client never announces its version, so a server speaks one dialect per port. A new version is a
-new :class:`Dialect` in :data:`DIALECTS`; no other module branches on a version.
+new :class:`Dialect` in :data:`DIALECTS`; no other module branches on a version. Structs need no
+entry: every client ignores trailing fields that it does not know, so all get the longest form (and
+the failure state of a vehicle lies where 0.9.13 has padding).
 """
 
 from __future__ import annotations
@@ -9,57 +11,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from carstage_sim.wire.dialect_tables import (
+    CALLS_SINCE_0_9_14,
+    CALLS_SINCE_0_9_15,
+    CALLS_SINCE_0_9_16,
+    COMMANDS_0_9_13,
+    COMMANDS_0_9_14,
+    LABELS_0_9_13,
+    SENSORS_0_9_13,
+    SENSORS_0_9_14,
+    SENSORS_0_9_16,
+    WORLD_OBSERVER,
+)
 from carstage_sim.wire.errors import UnknownProtocolError
 
-COMMANDS_0_9_14 = (
-    "SpawnActor",
-    "DestroyActor",
-    "ApplyVehicleControl",
-    "ApplyVehicleAckermannControl",
-    "ApplyWalkerControl",
-    "ApplyVehiclePhysicsControl",
-    "ApplyTransform",
-    "ApplyWalkerState",
-    "ApplyTargetVelocity",
-    "ApplyTargetAngularVelocity",
-    "ApplyImpulse",
-    "ApplyForce",
-    "ApplyAngularImpulse",
-    "ApplyTorque",
-    "SetSimulatePhysics",
-    "SetEnableGravity",
-    "SetAutopilot",
-    "ShowDebugTelemetry",
-    "SetVehicleLightState",
-    "ApplyLocation",
-    "ConsoleCommand",
-    "SetTrafficLightState",
-)
-
-SENSORS_0_9_16 = (
-    "sensor.other.collision",
-    "sensor.camera.depth",
-    "sensor.camera.normals",
-    "sensor.camera.dvs",
-    "sensor.other.gnss",
-    "sensor.other.imu",
-    "sensor.other.lane_invasion",
-    "sensor.other.obstacle",
-    "sensor.camera.optical_flow",
-    "sensor.other.radar",
-    "sensor.lidar.ray_cast_semantic",
-    "sensor.lidar.ray_cast",
-    "sensor.other.rss",
-    "sensor.camera.rgb",
-    "sensor.camera.semantic_segmentation",
-    "sensor.camera.instance_segmentation",
-    "sensor.camera.cosmos_visualization",
-    "world_observer",
-    "gbuffer.uint8",
-    "gbuffer.float",
-    "sensor.other.v2x",
-    "sensor.other.v2x_custom",
-)
+_FIRST_STREAM = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +37,9 @@ class Dialect:
         attribute_type_base: number of the attribute type ``bool``; the others follow.
         sensors: the sensor registry in its order; a message's ``sensor_type`` is an index in it.
         commands: the commands of ``apply_batch`` in their order.
-        vehicle_failure_byte: whether a vehicle's record ends with its failure state.
-        reopens_episode: whether the client opens a new episode after ``load_new_episode``.
+        missing_calls: calls that only later versions have.
+        reopens_episode: whether the client opens a new episode after ``load_new_episode``; one that
+            does not waits for the new episode's number on the stream that it already has.
         labels: semantic label of 0.9.14 and later -> this version's, where they differ.
     """
 
@@ -80,17 +47,51 @@ class Dialect:
     attribute_type_base: int
     sensors: tuple[str, ...]
     commands: tuple[str, ...]
-    vehicle_failure_byte: bool = True
+    missing_calls: frozenset[str] = frozenset()
     reopens_episode: bool = False
     labels: Mapping[int, int] = field(default_factory=dict)
 
     @property
     def world_observer(self) -> int:
         """Registry index of the world-observer message."""
-        return self.sensors.index("world_observer")
+        return self.sensors.index(WORLD_OBSERVER)
+
+    def label(self, label: int) -> int:
+        """This version's number of a :class:`carstage_sim.labels.CityObjectLabel`."""
+        return self.labels.get(label, label)
+
+    def offers(self, type_id: str) -> bool:
+        """Whether the version knows a blueprint: its sensors must be in the registry."""
+        return not type_id.startswith("sensor.") or type_id in self.sensors
+
+    def episode_stream(self, stream_id: int) -> int:
+        """The stream of an episode's snapshots, of which the world numbers one per episode."""
+        return stream_id if self.reopens_episode else _FIRST_STREAM
 
 
 DIALECTS: Mapping[str, Dialect] = {
+    "0.9.13": Dialect(
+        version="0.9.13",
+        attribute_type_base=0,
+        sensors=SENSORS_0_9_13,
+        commands=COMMANDS_0_9_13,
+        missing_calls=CALLS_SINCE_0_9_14 | CALLS_SINCE_0_9_15 | CALLS_SINCE_0_9_16,
+        labels=LABELS_0_9_13,
+    ),
+    "0.9.14": Dialect(
+        version="0.9.14",
+        attribute_type_base=0,
+        sensors=SENSORS_0_9_14,
+        commands=COMMANDS_0_9_14,
+        missing_calls=CALLS_SINCE_0_9_15 | CALLS_SINCE_0_9_16,
+    ),
+    "0.9.15": Dialect(
+        version="0.9.15",
+        attribute_type_base=0,
+        sensors=SENSORS_0_9_14,
+        commands=COMMANDS_0_9_14,
+        missing_calls=CALLS_SINCE_0_9_16,
+    ),
     "0.9.16": Dialect(
         version="0.9.16",
         attribute_type_base=1,

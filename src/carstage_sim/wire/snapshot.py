@@ -45,7 +45,7 @@ VEHICLE = np.dtype(
         ("padding", f"V{_UNION_BYTES - 30}"),
     ]
 )
-"""The union of a vehicle; versions without a failure state end before ``failure``."""
+"""The union of a vehicle; to clients of 0.9.13 ``failure`` is padding, which they do not read."""
 
 WALKER = np.dtype(
     [

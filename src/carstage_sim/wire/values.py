@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
+from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import OrientedBox
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.errors import CallError
@@ -106,7 +107,7 @@ def encode_actor(actor: Actor, dialect: Dialect, streaming_port: int) -> Value:
         for key, value in actor.attributes.items()
     ]
     uid = actor.blueprint.uid if actor.blueprint is not None else 0
-    tags = bytes(dialect.labels.get(tag, tag) for tag in actor.semantic_tags)
+    tags = bytes(map(dialect.label, actor.semantic_tags))
     token = stream_token(actor.stream_id, streaming_port) if actor.stream_id else b""
     return [
         actor.actor_id,
@@ -116,6 +117,19 @@ def encode_actor(actor: Actor, dialect: Dialect, streaming_port: int) -> Value:
         tags,
         token,
     ]
+
+
+def encode_scenery(label: int, dialect: Dialect) -> Value:
+    """An ``Actor`` for a part of the town: id 0 and a type id from its label, as CARLA makes it up.
+
+    CARLA's ``CarlaGetRelevantTagAsString``: the label in lower case, without a plural's ``s``.
+    """
+    name = CityObjectLabel(label).name.replace("_", "").lower().removesuffix("s")
+    if label in (CityObjectLabel.NONE, CityObjectLabel.OTHER):
+        name = "unknown"
+    nowhere = (0.0, 0.0, 0.0)
+    box = bounding_box(nowhere, nowhere, nowhere, 0)
+    return [0, 0, [0, f"static.{name}", []], box, bytes([dialect.label(label)]), b""]
 
 
 def description(value: Sequence[Any]) -> tuple[str, dict[str, str]]:

@@ -71,15 +71,19 @@ def resolve_contacts(
     speed: FloatArray,
     yaw_rad: FloatArray,
     inverse_mass: FloatArray,
-) -> None:
+) -> list[float]:
     """Pushes boxes apart and takes their closing speed, in place.
 
     Args:
         location: ``(N, 3)``, changed in x and y.
         speed: ``(N,)`` signed speed along the heading, changed.
         inverse_mass: ``(N,)`` 1/kg; 0 for what cannot be pushed.
+
+    Returns:
+        Impulse (N s) along each contact's normal that the second box got, 0 where none closed in.
     """
-    for contact in contacts:
+    impulses = [0.0] * len(contacts)
+    for index, contact in enumerate(contacts):
         i, j, normal = contact.first, contact.second, contact.normal
         total = inverse_mass[i] + inverse_mass[j]
         if total == 0.0:
@@ -96,3 +100,5 @@ def resolve_contacts(
             impulse = closing / give
             speed[i] -= impulse * inverse_mass[i] * along_i
             speed[j] += impulse * inverse_mass[j] * along_j
+            impulses[index] = float(impulse)
+    return impulses

@@ -61,6 +61,7 @@ def freeze(world: World, delta_s: float) -> Snapshot:
         control=control,
         colour=table.colour,
         wheel_angle_deg=wheel_angle_deg,
+        collisions=world.collisions,
     )
     return Snapshot(
         episode_id=world.episode_id,

@@ -44,6 +44,25 @@ class Weather:
 
 
 @dataclass(frozen=True, slots=True)
+class Collision:
+    """Two bodies that touched in a tick.
+
+    Attributes:
+        first_id: an actor.
+        second_id: another actor, 0 for the town.
+        impulse: N s in the world that the second one got; the first one got the opposite. Zero for
+            bodies that only rest against each other.
+        label: what of the town was touched, a :class:`carstage_sim.labels.CityObjectLabel`; 0 where
+            the second one is an actor.
+    """
+
+    first_id: int
+    second_id: int
+    impulse: tuple[float, float, float]
+    label: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class WorldState:
     """All live actors of one frame, one row each, ascending actor id.
 
@@ -66,6 +85,7 @@ class WorldState:
             column 0.
         colour: ``(N, 3)`` uint8 paint colour (blueprint attribute ``color``), 0 for none.
         wheel_angle_deg: ``(N,)`` float32 front wheel steering angle of vehicles.
+        collisions: what touched in this step; walkers only while a sensor of collisions lives.
     """
 
     frame: int
@@ -84,3 +104,4 @@ class WorldState:
     control: NDArray[np.float32]
     colour: NDArray[np.uint8]
     wheel_angle_deg: NDArray[np.float32]
+    collisions: tuple[Collision, ...] = ()

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.world import vehicle_dynamics as dynamics
-from carstage_sim.world.contacts import find_contacts, resolve_contacts
+from carstage_sim.world.contacts import Contact, find_contacts, resolve_contacts
 from carstage_sim.world.vehicle_parameters import VehicleParameters
 from carstage_sim.world.vehicle_rows import empty_rows, parameter_values
 
@@ -42,6 +42,8 @@ class VehicleFleet:
         self._ground_height = ground_height
         self._rows = empty_rows()
         self._row_of: dict[int, int] = {}
+        self.contacts: list[tuple[Contact, float]] = []
+        """Vehicles that touched in the last tick, by row, and the impulse (N s) of each contact."""
 
     def __len__(self) -> int:
         return len(self._row_of)
@@ -101,6 +103,25 @@ class VehicleFleet:
     def wheel_angle_deg(self) -> FloatArray:
         """``(N,)`` angle of the front wheels, positive to the right."""
         return self._rows.wheel_angle_deg
+
+    @property
+    def inverse_mass(self) -> FloatArray:
+        """``(N,)`` 1/kg; 0 for what cannot be pushed."""
+        return np.where(self._rows.simulated, self._rows.inverse_mass, 0.0)
+
+    @property
+    def collides(self) -> BoolArray:
+        """``(N,)`` whether a vehicle pushes others and is pushed."""
+        return self._rows.collides
+
+    def footprints(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Boxes of the vehicles: ``(N, 3)`` centres, ``(N, 2)`` half sizes, ``(N,)`` yaws (rad)."""
+        rows = self._rows
+        yaw_rad = np.radians(rows.rotation_deg[:, 1])
+        center = rows.location.copy()
+        center[:, 0] += rows.box_center_x * np.cos(yaw_rad)
+        center[:, 1] += rows.box_center_x * np.sin(yaw_rad)
+        return center, rows.half_size, yaw_rad
 
     def row(self, actor_id: int) -> int:
         """Row of an actor.
@@ -236,6 +257,7 @@ class VehicleFleet:
         if not delta_s > 0.0 or substeps < 1:
             raise ValueError(f"cannot step {delta_s} s in {substeps} parts")
         rows = self._rows
+        self.contacts = []
         if len(rows.ids) == 0:
             return
         for _ in range(substeps):
@@ -297,17 +319,14 @@ class VehicleFleet:
     def _part(self) -> None:
         """Keeps vehicles out of each other."""
         rows = self._rows
-        yaw_rad = np.radians(rows.rotation_deg[:, 1])
-        center = rows.location.copy()
-        center[:, 0] += rows.box_center_x * np.cos(yaw_rad)
-        center[:, 1] += rows.box_center_x * np.sin(yaw_rad)
+        center, half_size, yaw_rad = self.footprints()
         contacts = [
             contact
-            for contact in find_contacts(center, rows.half_size, yaw_rad)
+            for contact in find_contacts(center, half_size, yaw_rad)
             if rows.collides[contact.first] and rows.collides[contact.second]
         ]
-        inverse_mass = np.where(rows.simulated, rows.inverse_mass, 0.0)
-        resolve_contacts(contacts, rows.location, rows.speed, yaw_rad, inverse_mass)
+        impulses = resolve_contacts(contacts, rows.location, rows.speed, yaw_rad, self.inverse_mass)
+        self.contacts = list(zip(contacts, impulses, strict=True))
 
     def _follow_ground(self, dt_s: float) -> None:
         """Height, pitch and roll from the ground under the wheels; free fall above it."""

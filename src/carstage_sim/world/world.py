@@ -18,6 +18,7 @@ from carstage_sim.world.ackermann import AckermannController
 from carstage_sim.world.actors import Actor, ActorTable, VehicleStatus
 from carstage_sim.world.attachments import Attachments
 from carstage_sim.world.blueprints import Blueprint, catalogue
+from carstage_sim.world.collisions import collisions_of_tick
 from carstage_sim.world.controls import (
     AckermannControl,
     AckermannSettings,
@@ -35,7 +36,7 @@ from carstage_sim.world.segment import segment_hits
 from carstage_sim.world.snapshot import (
     Snapshot,
 )
-from carstage_sim.world.state import ActorKind, Weather
+from carstage_sim.world.state import ActorKind, Collision, Weather
 from carstage_sim.world.traffic_light_actors import traffic_light_actor
 from carstage_sim.world.traffic_lights import TrafficLightSystem
 from carstage_sim.world.vehicle_parameters import VehicleParameters
@@ -68,6 +69,7 @@ class World:
         lights: signal control.
         stream_id: stream of this episode's snapshots.
         lanes, ground: lookups of the map.
+        collisions: what touched in the last tick.
     """
 
     def __init__(
@@ -99,6 +101,7 @@ class World:
         self._dead: OrderedDict[int, Actor] = OrderedDict()
         self._next_actor_id = 1
         self._last_delta_s = 0.0
+        self.collisions: tuple[Collision, ...] = ()
         if previous is not None:
             for actor in [*previous._dead.values(), *previous.actors]:
                 self._remember(actor)
@@ -428,6 +431,7 @@ class World:
         table.acceleration[rows] = self.fleet.acceleration
         self._walkers.step(table, table.of_kind(ActorKind.WALKER), delta_s)
         self._follow()
+        self.collisions = collisions_of_tick(table, self.fleet)
         self.lights.step(delta_s)
         return self.freeze(delta_s)
 

@@ -48,9 +48,10 @@ def state(
     vehicles: list[tuple[int, tuple[float, float, float], float]] | None = None,
     delta_s: float = 0.1,
     angular_velocity_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
     weather: Weather | None = None,
 ) -> WorldState:
-    """A frame with vehicles ``(actor id, location, yaw in degrees)``."""
+    """A frame with vehicles ``(actor id, location, yaw in degrees)`` of equal velocities."""
     rows = vehicles or []
     count = len(rows)
     zeros = np.zeros((count, 3))
@@ -64,7 +65,7 @@ def state(
         type_id=("vehicle.tesla.model3",) * count,
         location=np.array([r[1] for r in rows], float).reshape(count, 3),
         rotation_deg=np.array([(0.0, r[2], 0.0) for r in rows], float).reshape(count, 3),
-        velocity=zeros,
+        velocity=np.tile(np.array(velocity, float), (count, 1)),
         angular_velocity_deg=np.tile(np.array(angular_velocity_deg, float), (count, 1)),
         acceleration=zeros,
         light_state=np.zeros(count, np.uint32),

@@ -8,7 +8,7 @@ from sensor_worlds import GROUND, WALL, request, state, town
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.sensors import SensorAttributeError, SensorSuite
-from carstage_sim.sensors.cameras import encode_depth, encode_instances, encode_tags
+from carstage_sim.sensors.cameras import encode_depth, encode_instances, encode_normals, encode_tags
 
 pytestmark = pytest.mark.xdist_group("kernels")
 
@@ -113,6 +113,36 @@ def test_a_picture_has_the_asked_size_and_opaque_alpha(suite):
     assert frame.pixels.shape == (20, 50, 4)
     assert frame.fov_deg == 70.5
     assert np.all(frame.pixels[..., 3] == 255)
+
+
+def test_normals_run_from_0_to_255_with_x_in_red():
+    # Pull request 8810 of CARLA: [-1, 1] is mapped to [0, 1], world axes.
+    codes = encode_normals(np.array([(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 0.0)]))
+    assert codes.tolist() == [[128, 128, 255, 255], [128, 0, 128, 255], [128, 128, 128, 255]]
+
+
+def test_normals_are_the_worlds_whatever_way_the_camera_looks(suite):
+    for rotation in ((0.0, 0.0, 0.0), (-10.0, 25.0, 40.0)):
+        camera = request("camera.normals", location=(-20.0, 0.0, 5.0), rotation_deg=rotation)
+        tags = request("camera.semantic_segmentation", 101, location=(-20.0, 0.0, 5.0),
+                       rotation_deg=rotation)  # fmt: skip
+        frames = dict(suite.capture(state(1), [camera, tags]))
+        tag, normal = frames[101].pixels[..., 2], frames[100].pixels
+        for label, bgra in (
+            (CityObjectLabel.BUILDINGS, (128, 128, 0, 255)),
+            (CityObjectLabel.ROADS, (255, 128, 128, 255)),
+        ):
+            seen = normal[tag == label]
+            assert len(seen) > 100
+            assert (seen == bgra).all(axis=1).mean() > 0.97  # but for rays on an edge
+
+
+def test_a_turned_actor_turns_its_normals(suite):
+    world = state(1, vehicles=[(3, (6.0, 0.0, 0.0), 90.0)])
+    camera = request("camera.normals", location=(0.0, 0.0, 0.9))
+    pixels = one(suite, camera, world).pixels
+    side = pixels[24, 32].astype(float) / 127.5 - 1.0  # B, G, R: the flank of a car across
+    assert side[2] < -0.8
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from sensor_worlds import GROUND, WALL, request, state, town
 
+from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.sensors import SensorAttributeError, SensorSuite
 from carstage_sim.sensors.lidar import LidarGeometry, laser_directions, round_half_away
+from carstage_sim.world.blueprints import catalogue
 
 pytestmark = pytest.mark.xdist_group("kernels")
 
@@ -173,3 +175,57 @@ def test_lidar_and_depth_camera_see_the_same_town(suite):
     assert inside.sum() > 2000
     assert agree.mean() > 0.98
     assert (frames[3].pixels[j, i, 2] == CityObjectLabel.CAR).sum() > 100
+
+
+def semantic_scan(suite, world=None, location=(0.0, 0.0, 2.0), **attributes):
+    plain = {name: value for name, value in FULL.items() if not name.startswith("dropoff")}
+    sensor = request("lidar.ray_cast_semantic", location=location, **(plain | attributes))
+    ((_, frame),) = suite.capture(world or state(1), [sensor])
+    return frame
+
+
+def test_semantic_lidar_has_the_points_of_a_lidar_without_losses(suite):
+    plain, semantic = scan(suite), semantic_scan(suite)
+    assert semantic.horizontal_angle_rad == plain.horizontal_angle_rad
+    np.testing.assert_array_equal(semantic.channel_counts, plain.channel_counts)
+    for axis, name in enumerate("xyz"):
+        np.testing.assert_array_equal(semantic.points[name], plain.points[:, axis])
+
+
+def test_semantic_lidar_says_what_a_point_lies_on(suite):
+    world = state(1, vehicles=[(2**24 + 1, (6.0, 0.0, 0.0), 90.0)])
+    points = semantic_scan(suite, world).points
+    on_car = points["object_tag"] == CityObjectLabel.CAR
+    assert on_car.sum() > 20
+    assert set(points["object_idx"][on_car].tolist()) == {2**24 + 1}
+    assert set(points["object_idx"][~on_car].tolist()) == {0}
+    assert set(points["object_tag"][~on_car].tolist()) == {
+        CityObjectLabel.BUILDINGS,
+        CityObjectLabel.ROADS,
+    }
+
+
+def test_semantic_lidar_gives_the_cosine_of_incidence(suite):
+    points = semantic_scan(suite).points
+    place = np.stack([points[name] for name in "xyz"], axis=-1).astype(float)
+    ray = place / np.linalg.norm(place, axis=1, keepdims=True)
+    ground = points["object_tag"] == CityObjectLabel.ROADS
+    np.testing.assert_allclose(points["cos_inc_angle"][ground], -ray[ground, 2], atol=1e-5)
+    front = (points["object_tag"] == CityObjectLabel.BUILDINGS) & (np.abs(place[:, 0] - 10) < 1e-3)
+    np.testing.assert_allclose(points["cos_inc_angle"][front], ray[front, 0], atol=1e-5)
+
+
+def test_hits_of_a_car_lie_in_its_box_whatever_the_poses(suite):
+    # L3: at least 95 % of an actor's hits lie in its box inflated by 0.1 m.
+    car, yaw_deg = (5.0, 2.0, 0.0), 35.0
+    location, rotation_deg = (0.0, -1.0, 1.8), (-5.0, 20.0, 3.0)
+    world = state(1, vehicles=[(3, car, yaw_deg)])
+    points = semantic_scan(suite, world, location=location, rotation_deg=rotation_deg).points
+    hits = points[points["object_idx"] == 3]
+    assert len(hits) > 100
+    local = np.stack([hits[name] for name in "xyz"], axis=-1).astype(float)
+    place = local @ rotation_matrix(rotation_deg).T + location
+    blueprint = catalogue()["vehicle.tesla.model3"]
+    in_box = (place - car) @ rotation_matrix((0.0, yaw_deg, 0.0)) - blueprint.box_center
+    inside = (np.abs(in_box) <= np.array(blueprint.box_extent) + 0.1).all(axis=1)
+    assert inside.mean() >= 0.95

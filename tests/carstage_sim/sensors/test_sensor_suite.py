@@ -11,7 +11,14 @@ from carstage_sim.sensors.sensor import SensorRegistry
 
 pytestmark = pytest.mark.xdist_group("kernels")
 
-_KINDS = ("rgb", "depth", "semantic_segmentation", "instance_segmentation")
+_KINDS = (
+    "rgb",
+    "depth",
+    "semantic_segmentation",
+    "instance_segmentation",
+    "normals",
+    "optical_flow",
+)
 _LIDAR = {"channels": 8, "points_per_second": 8000, "range": 60.0}
 
 
@@ -32,11 +39,24 @@ def rig():
         request("lidar.ray_cast", 20, **_LIDAR),
         request("other.imu", 21),
         request("other.gnss", 22),
+        request("lidar.ray_cast_semantic", 23, **_LIDAR),
+        request("other.radar", 24),
+        request("other.obstacle", 25, distance=30.0),
     ]
     return cameras + others
 
 
 WORLD = {"vehicles": [(3, (6.0, 1.0, 0.0), 30.0), (4, (5.0, -4.0, 0.0), 90.0)]}
+
+
+def moving(frame):
+    """The vehicles of WORLD on their way."""
+    return state(
+        frame,
+        vehicles=[
+            (i, (x + 0.2 * frame, y, z), yaw + frame) for i, (x, y, z), yaw in WORLD["vehicles"]
+        ],
+    )
 
 
 def bytes_of(frames):
@@ -53,12 +73,20 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(suite):
     assert [sensor_id for sensor_id, _ in frames] == [r.sensor_id for r in rig()]
     assert SensorRegistry.known() == (
         "sensor.camera.depth",
+        "sensor.camera.dvs",
         "sensor.camera.instance_segmentation",
+        "sensor.camera.normals",
+        "sensor.camera.optical_flow",
         "sensor.camera.rgb",
         "sensor.camera.semantic_segmentation",
         "sensor.lidar.ray_cast",
+        "sensor.lidar.ray_cast_semantic",
+        "sensor.other.collision",
         "sensor.other.gnss",
         "sensor.other.imu",
+        "sensor.other.lane_invasion",
+        "sensor.other.obstacle",
+        "sensor.other.radar",
     )
 
 
@@ -84,8 +112,14 @@ def test_a_second_run_gives_the_same_bytes_with_any_number_of_threads(trees):
     runs = []
     for threads in (1, 2, 1):
         with SensorSuite(town(GROUND, WALL), threads=threads, cache=trees) as suite:
-            runs.append([bytes_of(suite.capture(state(k, **WORLD), rig())) for k in range(1, 4)])
+            runs.append(
+                [
+                    bytes_of(suite.capture(moving(k), [*rig(), request("camera.dvs", 30)]))
+                    for k in range(1, 4)
+                ]
+            )
     assert runs[0] == runs[1] == runs[2]
+    assert any(sensor_id == 30 for sensor_id, *_ in runs[0][1])
 
 
 def test_a_frame_number_that_goes_back_forgets_the_sensors(suite):

@@ -63,6 +63,23 @@ def read_message(connection: socket.socket) -> bytes:
     return _read(connection, size)
 
 
+def await_first_message(client: RawClient, stream: socket.socket) -> bytes:
+    """Tick until the server has seen the subscription; the message of the last tick."""
+    for _ in range(100):
+        frame = client.value("tick_cue")
+        stream.settimeout(0.1)
+        try:
+            message = read_message(stream)
+        except TimeoutError:
+            continue
+        stream.settimeout(5.0)
+        # A message may be late for its own tick: then those of later ticks follow it.
+        while struct.unpack_from("<Q", message, 8) != (frame,):
+            message = read_message(stream)
+        return message
+    raise AssertionError("no message came")
+
+
 def _read(connection: socket.socket, size: int) -> bytes:
     parts = b""
     while len(parts) < size:

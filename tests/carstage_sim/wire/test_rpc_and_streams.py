@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import pytest
-from raw_client import RawClient, read_message, subscribe
+from raw_client import RawClient, await_first_message, read_message, subscribe
 
 if TYPE_CHECKING:
     from running_simulator import RunningSimulator
@@ -85,19 +85,6 @@ def test_snapshot_is_published_before_the_tick_is_answered(
         (size,) = struct.unpack("<I", stream.recv(4))
         assert size > 84
         assert struct.unpack("<QQ", stream.recv(16))[1] == frame
-
-
-def await_first_message(client: RawClient, stream: socket.socket) -> bytes:
-    """Tick until the server has seen the subscription."""
-    for _ in range(100):
-        client.value("tick_cue")
-        stream.settimeout(0.1)
-        try:
-            message = read_message(stream)
-        except TimeoutError:
-            continue
-        return message
-    pytest.fail("no message came")
 
 
 def read_what_was_on_its_way(stream: socket.socket) -> None:

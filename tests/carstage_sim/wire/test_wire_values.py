@@ -2,15 +2,13 @@ from __future__ import annotations
 
 import struct
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from carstage_sim.labels import CityObjectLabel
 from carstage_sim.wire import values
-from carstage_sim.wire.dialect import DIALECTS, dialect
-from carstage_sim.wire.errors import UnknownProtocolError
+from carstage_sim.wire.dialect import dialect
 from carstage_sim.wire.token import stream_token
-from carstage_sim.world.blueprints import catalogue
 from carstage_sim.world.controls import EpisodeSettings
 from carstage_sim.world.pose import Pose
 from carstage_sim.world.state import Weather
@@ -48,35 +46,12 @@ def test_token_is_24_bytes_and_leaves_the_address_to_the_client() -> None:
     assert struct.unpack("<IHBB16s", token) == (9, 2001, 1, 0, bytes(16))
 
 
-def test_registry_of_0_9_16_numbers_messages_as_the_client_does() -> None:
-    table = dialect("0.9.16")
-    assert table.world_observer == 17
-    indices = {name: table.sensors.index(name) for name in table.sensors}
-    assert indices["sensor.camera.depth"] == 1
-    assert indices["sensor.other.gnss"] == 4
-    assert indices["sensor.other.imu"] == 5
-    assert indices["sensor.lidar.ray_cast"] == 11
-    assert indices["sensor.camera.rgb"] == 13
-    assert indices["sensor.camera.instance_segmentation"] == 15
-    assert len(table.sensors) == 22
-    assert len(table.commands) == 22
-
-
-@pytest.mark.parametrize("version", sorted(DIALECTS))
-def test_every_sensor_of_the_library_has_a_number(version: str) -> None:
-    sensors = {name for name in catalogue() if name.startswith("sensor.")}
-    assert sensors <= set(dialect(version).sensors)
-
-
-def test_attribute_types_begin_at_the_base_of_the_version() -> None:
-    table = dialect("0.9.16")
-    blueprint = catalogue()["vehicle.tesla.model3"]
-    _, type_id, _, attributes = values.encode_definition(blueprint, table)
-    kinds = {name: kind for name, kind, *_ in attributes}
-    assert type_id == "vehicle.tesla.model3"
-    assert (kinds["number_of_wheels"], kinds["role_name"], kinds["color"]) == (2, 4, 5)
-
-
-def test_unknown_protocol_names_the_known_ones() -> None:
-    with pytest.raises(UnknownProtocolError, match=r"0\.9\.16"):
-        dialect("0.8.4")
+def test_parts_of_the_town_are_actors_without_an_id_named_by_their_label() -> None:
+    actor = values.encode_scenery(CityObjectLabel.BUILDINGS, dialect("0.9.16"))
+    assert actor[0] == 0
+    assert actor[2] == [0, "static.building", []]
+    assert actor[4:] == [bytes([CityObjectLabel.BUILDINGS]), b""]
+    older = values.encode_scenery(CityObjectLabel.BUILDINGS, dialect("0.9.13"))
+    assert older[4] == bytes([1])
+    for label, name in ((CityObjectLabel.GUARD_RAIL, "guardrail"), (0, "unknown")):
+        assert values.encode_scenery(label, dialect("0.9.16"))[2][1] == f"static.{name}"

@@ -20,11 +20,19 @@ def test_library_lists_the_families_that_the_simulator_produces() -> None:
     assert {b.id for b in catalogue().values() if b.kind == ActorKind.SENSOR} == {
         "sensor.camera.rgb",
         "sensor.camera.depth",
+        "sensor.camera.dvs",
         "sensor.camera.semantic_segmentation",
         "sensor.camera.instance_segmentation",
+        "sensor.camera.normals",
+        "sensor.camera.optical_flow",
         "sensor.lidar.ray_cast",
+        "sensor.lidar.ray_cast_semantic",
         "sensor.other.imu",
         "sensor.other.gnss",
+        "sensor.other.radar",
+        "sensor.other.collision",
+        "sensor.other.lane_invasion",
+        "sensor.other.obstacle",
     }
     assert "controller.ai.walker" in catalogue()
     assert {attribute.value for b in VEHICLES for attribute in b.attributes} >= {

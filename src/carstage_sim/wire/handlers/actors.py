@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from carstage_sim.wire import values
+from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints import catalogue
@@ -16,10 +17,27 @@ def encode_actor(call: Call, actor: Actor) -> list[Any]:
     return values.encode_actor(actor, call.session.dialect, call.session.streaming_port)
 
 
+def described(call: Call, description: list[Any]) -> tuple[str, dict[str, str]]:
+    """Type id and attribute values of what a client wants to spawn.
+
+    Raises:
+        CallError: no blueprint of this version; a sensor's messages would have no number.
+    """
+    type_id, attributes = values.description(description)
+    version = call.session.dialect
+    if not version.offers(type_id):
+        raise CallError(f"CARLA {version.version} has no blueprint {type_id!r}")
+    return type_id, attributes
+
+
 @handles("get_actor_definitions")
 def _get_actor_definitions(call: Call) -> list[Any]:
     dialect = call.session.dialect
-    return [values.encode_definition(blueprint, dialect) for blueprint in catalogue().values()]
+    return [
+        values.encode_definition(blueprint, dialect)
+        for blueprint in catalogue().values()
+        if dialect.offers(blueprint.id)
+    ]
 
 
 @handles("get_spectator")
@@ -35,7 +53,7 @@ def _get_actors_by_id(call: Call, actor_ids: list[int]) -> list[Any]:
 
 @handles("spawn_actor")
 def _spawn_actor(call: Call, description: list[Any], transform: list[Any]) -> list[Any]:
-    type_id, attributes = values.description(description)
+    type_id, attributes = described(call, description)
     return encode_actor(call, call.world.spawn(type_id, attributes, values.pose(transform)))
 
 
@@ -52,7 +70,7 @@ def _spawn_actor_with_parent(
 
     Spring arms have no lag here, so that a sensor's pose is a function of its parent's alone.
     """
-    type_id, attributes = values.description(description)
+    type_id, attributes = described(call, description)
     actor = call.world.spawn(
         type_id,
         attributes,

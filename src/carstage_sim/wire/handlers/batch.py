@@ -8,6 +8,7 @@ from typing import Any
 
 from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
+from carstage_sim.wire.handlers.actors import described
 from carstage_sim.wire.handlers.registry import Call, Wrapping, handles
 from carstage_sim.wire.handlers.vehicles import apply_physics
 from carstage_sim.world.errors import ActorNotFoundError, WorldError
@@ -65,7 +66,7 @@ def _spawn(call: Call, body: list[Any]) -> int:
     # Versions differ in what stands between the parent and the list of commands that follow. The
     # kind of attachment among it is uninitialised memory unless the script named one.
     description, transform, parent, *_attachment, do_after = body
-    type_id, attributes = values.description(description)
+    type_id, attributes = described(call, description)
     actor = call.world.spawn(
         type_id,
         attributes,

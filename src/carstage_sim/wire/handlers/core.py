@@ -28,7 +28,8 @@ def _version(call: Call) -> str:
 
 @handles("get_episode_info")
 def _get_episode_info(call: Call) -> list[Any]:
-    token = stream_token(call.world.stream_id, call.session.streaming_port)
+    stream_id = call.session.dialect.episode_stream(call.world.stream_id)
+    token = stream_token(stream_id, call.session.streaming_port)
     return [call.world.episode_id, [token]]
 
 

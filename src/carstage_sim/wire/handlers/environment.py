@@ -25,8 +25,9 @@ def _set_weather_parameters(call: Call, weather: list[float]) -> None:
 
 
 def _level_objects(call: Call, label: int) -> list[LevelObject]:
-    objects = call.world.town.level_objects
-    return [piece for piece in objects if label in (_ANY_LABEL, piece.label)]
+    """The scenery of a label, which is one of the dialect's."""
+    objects, number = call.world.town.level_objects, call.session.dialect.label
+    return [piece for piece in objects if label in (_ANY_LABEL, number(piece.label))]
 
 
 @handles("get_names_of_all_objects")
@@ -51,7 +52,7 @@ def _get_environment_objects(call: Call, label: int) -> list[Any]:
             values.encode_box(piece.box),
             piece.object_id,
             piece.name,
-            piece.label,
+            call.session.dialect.label(piece.label),
         ]
         for piece in _level_objects(call, label)
     ]
@@ -72,13 +73,14 @@ def _project_point(
     if not hits:
         return [False, [[0.0, 0.0, 0.0], 0]]
     location, label = hits[0]
-    return [True, [list(location), label]]
+    return [True, [list(location), call.session.dialect.label(label)]]
 
 
 @handles("cast_ray")
 def _cast_ray(call: Call, start: list[float], end: list[float]) -> list[Any]:
     hits = call.world.cast_ray(values.vector(start), values.vector(end))
-    return [[list(location), label] for location, label in hits]
+    number = call.session.dialect.label
+    return [[list(location), number(label)] for location, label in hits]
 
 
 @handles("query_lights_state")

@@ -142,9 +142,10 @@ def serve(session: Session, request: Request) -> None:
     """Run the handler of a request and answer it.
 
     Every failure becomes a reply: an error of the envelope would end a client's background thread
-    and with it the client's process, so only calls that do not exist get one, in rpclib's words.
+    and with it the client's process, so only calls that do not exist in the
+    dialect get one, in rpclib's words.
     """
-    if request.name not in _HANDLERS:
+    if request.name not in _HANDLERS or request.name in session.dialect.missing_calls:
         logger.warning("unknown call %.80s of %d arguments", request.name, len(request.arguments))
         count = len(request.arguments) + 1  # rpclib counts the metadata too
         request.connection.refuse(

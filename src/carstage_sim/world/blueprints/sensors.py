@@ -73,7 +73,17 @@ _POST_PROCESS: tuple[_Row, ...] = (
     ("chromatic_aberration_offset", _F, "0.0"),
 )
 
-_LIDAR: tuple[_Row, ...] = (
+_DVS: tuple[_Row, ...] = (
+    ("positive_threshold", _F, "0.3"),
+    ("negative_threshold", _F, "0.3"),
+    ("sigma_positive_threshold", _F, "0.0"),
+    ("sigma_negative_threshold", _F, "0.0"),
+    ("refractory_period_ns", _I, "0"),
+    ("use_log", _B, "true"),
+    ("log_eps", _F, "0.001"),
+)
+
+_SEMANTIC_LIDAR: tuple[_Row, ...] = (
     ("sensor_tick", _F, "0.0"),
     ("channels", _I, "32"),
     ("range", _F, "10.0"),
@@ -82,12 +92,33 @@ _LIDAR: tuple[_Row, ...] = (
     ("upper_fov", _F, "10.0"),
     ("lower_fov", _F, "-30.0"),
     ("horizontal_fov", _F, "360.0"),
+)
+
+_LIDAR: tuple[_Row, ...] = (
+    *_SEMANTIC_LIDAR,
     ("atmosphere_attenuation_rate", _F, "0.004"),
     ("dropoff_general_rate", _F, "0.45"),
     ("dropoff_intensity_limit", _F, "0.8"),
     ("dropoff_zero_intensity", _F, "0.4"),
     ("noise_seed", _I, "0"),
     ("noise_stddev", _F, "0.0"),
+)
+
+_RADAR: tuple[_Row, ...] = (
+    ("sensor_tick", _F, "0.0"),
+    ("horizontal_fov", _F, "30.0"),
+    ("vertical_fov", _F, "30.0"),
+    ("range", _F, "100.0"),
+    ("points_per_second", _I, "1500"),
+    ("noise_seed", _I, "0"),
+)
+
+_OBSTACLE: tuple[_Row, ...] = (
+    ("sensor_tick", _F, "0.0"),
+    ("distance", _F, "5.0"),
+    ("hit_radius", _F, "0.5"),
+    ("only_dynamics", _B, "false"),
+    ("debug_linetrace", _B, "false"),
 )
 
 _IMU: tuple[_Row, ...] = (
@@ -113,7 +144,15 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
     "sensor.camera.depth": _CAMERA,
     "sensor.camera.semantic_segmentation": _CAMERA,
     "sensor.camera.instance_segmentation": _CAMERA,
+    "sensor.camera.normals": _CAMERA,
+    "sensor.camera.optical_flow": _CAMERA,
+    "sensor.camera.dvs": _CAMERA + _POST_PROCESS + _DVS,
     "sensor.lidar.ray_cast": _LIDAR,
+    "sensor.lidar.ray_cast_semantic": _SEMANTIC_LIDAR,
+    "sensor.other.radar": _RADAR,
+    "sensor.other.collision": (),
+    "sensor.other.lane_invasion": (),
+    "sensor.other.obstacle": _OBSTACLE,
     "sensor.other.imu": _IMU,
     "sensor.other.gnss": _GNSS,
 }
@@ -125,7 +164,7 @@ def _attributes(sensor_id: str, rows: tuple[_Row, ...]) -> tuple[Attribute, ...]
         *(Attribute(name, kind, value, (value,)) for name, kind, value in rows),
         Attribute("ros_name", _S, sensor_id, (sensor_id,)),
     ]
-    if sensor_id == "sensor.camera.rgb":
+    if set(_POST_PROCESS) <= set(rows):
         modes = ("histogram", "manual")
         attributes.append(Attribute("exposure_mode", _S, modes[0], modes, restrict=True))
     return tuple(attributes)

@@ -73,7 +73,7 @@ def _found_by_uv(python: str) -> str | None:
     if uv is None:
         return None
     try:
-        return _run(uv, "python", "find", "--no-project", "--system", python).strip()
+        return _run(uv, "python", "find", "--no-project", "--managed-python", python).strip()
     except (OSError, subprocess.SubprocessError):
         return None
 

@@ -174,6 +174,7 @@ def drive(client: Any, world: Any, tm_port: int) -> dict[str, Any]:
     controller.stop()
     for vehicle in (car, other):
         vehicle.set_autopilot(False, tm_port)
+    found["collision"] = run_into(world, car, other)
     gone = [*sensors, controller, walker, other, car]
     found["destroyed"] = [actor.destroy() for actor in gone]
     world.tick()
@@ -219,6 +220,29 @@ def await_first_data(world: Any, queues: Any) -> None:
     for queue in queues.values():
         while queue.get(timeout=WAIT_S).frame < frame:
             pass
+
+
+def run_into(world: Any, car: Any, other: Any) -> list[Any]:
+    """The first collision when one car is driven into the other: who with, tags and impulse."""
+    events: Queue[Any] = Queue()
+    blueprint = world.get_blueprint_library().find("sensor.other.collision")
+    sensor = world.spawn_actor(blueprint, carla.Transform(), attach_to=car)
+    sensor.listen(events.put)
+    for _ in range(60):
+        car.set_target_velocity(car.get_transform().get_forward_vector() * 15.0)
+        world.tick()
+        if not events.empty():
+            break
+    sensor.stop()
+    sensor.destroy()
+    event = events.get(timeout=WAIT_S)
+    impulse = event.normal_impulse
+    return [
+        type(event).__name__,
+        event.other_actor.id == other.id,
+        list(event.other_actor.semantic_tags),
+        math.hypot(impulse.x, impulse.y),
+    ]
 
 
 def tags(image: Any) -> list[int]:

@@ -33,7 +33,8 @@ def speeds_after_loads(port: int, tm_port: int) -> list[float]:
         world = client.reload_world()
         place = world.get_map().get_spawn_points()[0]
         car = world.spawn_actor(world.get_blueprint_library().find("vehicle.tesla.model3"), place)
-        world.wait_for_tick(WAIT_S)
+        while not world.get_snapshot().has_actor(car.id):
+            world.wait_for_tick(WAIT_S)
         car.set_autopilot(True, tm_port)
         for _ in range(FRAMES_TO_START):
             world.wait_for_tick(WAIT_S)

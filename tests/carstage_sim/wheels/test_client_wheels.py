@@ -129,6 +129,9 @@ def check_labels(found: dict[str, Any], *, buildings: int, roads: int, sky: int,
     assert seen["instance"] == seen["semantic"]
     assert {roads, car} <= set(seen["lidar"])
     assert found["drive"]["tags"]["car"] == [car]
+    kind, with_the_other, tags, impulse = found["drive"]["collision"]
+    assert (kind, with_the_other, tags) == ("CollisionEvent", True, [car])
+    assert impulse > 100.0
 
 
 def test_wheel_0_9_13_drives_and_records(tmp_path: Path) -> None:

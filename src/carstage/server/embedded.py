@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import ClassVar
 
 from carstage.errors import ServerError
-from carstage.server.base import TAIL_LINES, Endpoint, Server
+from carstage.server.base import TAIL_LINES, Endpoint
+from carstage.server.owned import OwnedServer
 from carstage.server.ports import check_ports_free, free_port
 from carstage.server.process import ServerProcess
 
@@ -23,7 +24,7 @@ _READY = re.compile(
 )
 
 
-class EmbeddedServer(Server):
+class EmbeddedServer(OwnedServer):
     """``python -m carstage_sim``; ends by itself when this process is gone.
 
     Args:
@@ -57,7 +58,6 @@ class EmbeddedServer(Server):
         self._log_path = log_path
         self._timeout_s = timeout_s
         self._environment = environment
-        self._process: ServerProcess | None = None
 
     def start(self) -> Endpoint:
         """Start it and wait for its ready line."""
@@ -85,25 +85,6 @@ class EmbeddedServer(Server):
             self.stop()
             raise
         return self._endpoint
-
-    def stop(self) -> None:
-        """End its process group."""
-        if self._process is not None:
-            self._process.stop()
-        self._endpoint = None
-
-    def alive(self) -> bool:
-        """Whether its process runs."""
-        return self._process is not None and self._process.exit_code is None
-
-    def log_tail(self, lines: int = TAIL_LINES) -> str:
-        """The last lines of its log."""
-        return self._process.tail(lines) if self._process is not None else ""
-
-    @property
-    def exit_code(self) -> int | None:
-        """Exit status of its process once it ended."""
-        return self._process.exit_code if self._process is not None else None
 
     def _command(self) -> list[str]:
         command = [sys.executable, "-m", MODULE, "--exit-with-parent", "--host", self._host]

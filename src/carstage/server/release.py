@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import ClassVar
 
 from carstage.errors import BadInputError, ServerError
-from carstage.server.base import TAIL_LINES, Endpoint, Server
+from carstage.server.base import TAIL_LINES, Endpoint
+from carstage.server.owned import OwnedServer
 from carstage.server.ports import allot_ports
 from carstage.server.probe import wait_for_version
 from carstage.server.process import ServerProcess
@@ -33,7 +34,7 @@ def find_script(path: Path) -> Path:
     return script
 
 
-class CarlaServer(Server):
+class CarlaServer(OwnedServer):
     """``CarlaUE4.sh`` without a window, in a process group of its own.
 
     Args:
@@ -70,7 +71,6 @@ class CarlaServer(Server):
         self._log_path = log_path
         self._timeout_s = timeout_s
         self._environment = environment
-        self._process: ServerProcess | None = None
 
     def start(self) -> Endpoint:
         """Start it and ask for its version until it answers."""
@@ -106,22 +106,3 @@ class CarlaServer(Server):
             raise
         self._endpoint = Endpoint(host, ports.rpc, ports.traffic_manager, version, process.pid)
         return self._endpoint
-
-    def stop(self) -> None:
-        """End its process group."""
-        if self._process is not None:
-            self._process.stop()
-        self._endpoint = None
-
-    def alive(self) -> bool:
-        """Whether its process runs."""
-        return self._process is not None and self._process.exit_code is None
-
-    def log_tail(self, lines: int = TAIL_LINES) -> str:
-        """The last lines of its log."""
-        return self._process.tail(lines) if self._process is not None else ""
-
-    @property
-    def exit_code(self) -> int | None:
-        """Exit status of its process once it ended."""
-        return self._process.exit_code if self._process is not None else None

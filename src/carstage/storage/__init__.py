@@ -5,6 +5,7 @@
 
 from carstage.storage.local import LocalStore
 from carstage.storage.marker import CommitMarker, FileEntry
-from carstage.storage.store import Store, open_store
+from carstage.storage.opening import open_store
+from carstage.storage.store import Store
 
 __all__ = ["CommitMarker", "FileEntry", "LocalStore", "Store", "open_store"]

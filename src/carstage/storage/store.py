@@ -5,9 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
-from urllib.parse import unquote
 
-from carstage.errors import BadInputError
 from carstage.storage.marker import CommitMarker
 
 
@@ -77,31 +75,3 @@ class Store(ABC):
         Raises:
             StorageError: the attempt is the committed one.
         """
-
-
-def open_store(out: str | Path) -> Store:
-    """The store that a path or URL names.
-
-    Args:
-        out: a folder, or a URL; ``file://`` URLs are folders.
-
-    Raises:
-        BadInputError: the URL's scheme is of no store that is built in, or a ``file://`` URL names
-            another machine.
-    """
-    from carstage.storage.local import LocalStore
-
-    text = str(out)
-    scheme, separator, rest = text.partition("://")
-    if not separator:
-        return LocalStore(Path(text).expanduser())
-    if scheme == "file":
-        host, slash, path = rest.partition("/")
-        if host not in ("", "localhost"):
-            raise BadInputError(
-                f"output: {text} is on another machine, {host}.", "Write file:///folder."
-            )
-        return LocalStore(Path(unquote(slash + path)))
-    raise BadInputError(
-        f"output: no store for {scheme}:// addresses.", "Give a folder on a local disk."
-    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import signal
 import subprocess
@@ -240,5 +241,10 @@ def test_a_damaged_description_is_asked_for_again(
 
 
 def test_every_server_says_its_kind() -> None:
-    kinds = {server.kind for server in Server.__subclasses__()}
+    kinds, classes = set(), [Server]
+    while classes:
+        server = classes.pop()
+        classes += server.__subclasses__()
+        if not inspect.isabstract(server):
+            kinds.add(server.kind)
     assert kinds == {"embedded", "carla", "remote"}

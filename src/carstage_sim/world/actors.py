@@ -31,6 +31,10 @@ class VehicleStatus:
         ackermann_settings: its gains.
         light_state: ``carla.VehicleLightState`` bits.
         parameters: physics control that a client applied, None for the blueprint's.
+        open_doors: a bit ``1 << carla.VehicleDoor`` for each open door.
+        posed_wheels_deg: steering angles that clients gave wheels by their numbers; they show while
+            the vehicle does not simulate physics.
+        posed_wheel_pitch_deg: the same of the angles about the wheels' axles.
     """
 
     control: VehicleControl = field(default_factory=VehicleControl)
@@ -38,6 +42,9 @@ class VehicleStatus:
     ackermann_settings: AckermannSettings = field(default_factory=AckermannSettings)
     light_state: int = 0
     parameters: VehicleParameters | None = None
+    open_doors: int = 0
+    posed_wheels_deg: dict[int, float] = field(default_factory=dict)
+    posed_wheel_pitch_deg: dict[int, float] = field(default_factory=dict)
 
 
 @dataclass(slots=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carstage_sim.world.snapshot import (
     Snapshot,
@@ -62,6 +63,9 @@ def freeze(world: World, delta_s: float) -> Snapshot:
         colour=table.colour,
         wheel_angle_deg=wheel_angle_deg,
         collisions=world.collisions,
+        doors=_open_doors(world),
+        appearance=world.appearance(),
+        debug_shapes=world.debug_drawing.frame,
     )
     return Snapshot(
         episode_id=world.episode_id,
@@ -71,6 +75,21 @@ def freeze(world: World, delta_s: float) -> Snapshot:
         walkers=walkers,
         traffic_lights=lights,
     )
+
+
+def _open_doors(world: World) -> NDArray[np.uint8] | None:
+    table = world.actors
+    opened = [
+        (table.row(actor.actor_id), actor.vehicle.open_doors)
+        for actor in table.of_kind(ActorKind.VEHICLE)
+        if actor.vehicle is not None and actor.vehicle.open_doors
+    ]
+    if not opened:
+        return None
+    doors = np.zeros(len(table), np.uint8)
+    for row, bits in opened:
+        doors[row] = bits
+    return doors
 
 
 def _vehicle_columns(world: World) -> VehicleColumns:

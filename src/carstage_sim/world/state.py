@@ -8,6 +8,9 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.world.appearance import Appearance
+from carstage_sim.world.debug_shapes import DebugShapes
+
 
 class ActorKind(IntEnum):
     """What kind of actor a row of :class:`WorldState` is; it decides the row's extra fields."""
@@ -86,6 +89,10 @@ class WorldState:
         colour: ``(N, 3)`` uint8 paint colour (blueprint attribute ``color``), 0 for none.
         wheel_angle_deg: ``(N,)`` float32 front wheel steering angle of vehicles.
         collisions: what touched in this step; walkers only while a sensor of collisions lives.
+        doors: ``(N,)`` uint8 open doors of vehicles, a bit ``1 << carla.VehicleDoor`` for each;
+            None for all closed.
+        appearance: what clients changed about the town, None for nothing and all lamps off.
+        debug_shapes: what clients drew, None for nothing.
     """
 
     frame: int
@@ -105,3 +112,6 @@ class WorldState:
     colour: NDArray[np.uint8]
     wheel_angle_deg: NDArray[np.float32]
     collisions: tuple[Collision, ...] = ()
+    doors: NDArray[np.uint8] | None = None
+    appearance: Appearance | None = None
+    debug_shapes: DebugShapes | None = None

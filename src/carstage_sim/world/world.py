@@ -13,9 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from carstage_sim.geometry import rotation_matrix
+from carstage_sim.maps.street_lamps import street_lamps
 from carstage_sim.maps.town import Town
 from carstage_sim.world.ackermann import AckermannController
 from carstage_sim.world.actors import Actor, ActorTable, VehicleStatus
+from carstage_sim.world.appearance import AppearanceKeeper
 from carstage_sim.world.attachments import Attachments
 from carstage_sim.world.blueprints import Blueprint, catalogue
 from carstage_sim.world.collisions import collisions_of_tick
@@ -25,6 +27,7 @@ from carstage_sim.world.controls import (
     VehicleControl,
     WalkerControl,
 )
+from carstage_sim.world.debug_shapes import DebugDrawing
 from carstage_sim.world.errors import ActorNotFoundError, SpawnError, WorldError
 from carstage_sim.world.freezing import freeze
 from carstage_sim.world.ground import Ground
@@ -37,6 +40,8 @@ from carstage_sim.world.snapshot import (
     Snapshot,
 )
 from carstage_sim.world.state import ActorKind, Collision, Weather
+from carstage_sim.world.street_lights import StreetLights
+from carstage_sim.world.town_objects import TownObjects
 from carstage_sim.world.traffic_light_actors import traffic_light_actor
 from carstage_sim.world.traffic_lights import TrafficLightSystem
 from carstage_sim.world.vehicle_parameters import VehicleParameters
@@ -67,6 +72,10 @@ class World:
         actors: the live actors.
         fleet: dynamics of the vehicles.
         lights: signal control.
+        street_lights: lamps that clients and dusk switch.
+        objects: what clients changed about the town's own objects.
+        debug_drawing: what clients drew into the world.
+        appearance: gives how the town looks now.
         stream_id: stream of this episode's snapshots.
         lanes, ground: lookups of the map.
         collisions: what touched in the last tick.
@@ -88,6 +97,10 @@ class World:
         self.actors = ActorTable()
         self.fleet = VehicleFleet()
         self.lights = TrafficLightSystem(town.traffic_lights)
+        self.street_lights = StreetLights(street_lamps(town.static_mesh))
+        self.objects = TownObjects(town.level_objects)
+        self.debug_drawing = DebugDrawing()
+        self.appearance = AppearanceKeeper(self.objects, self.street_lights)
         # Numbers of streams are never used again: a client may still listen to an old one.
         self.next_stream_id: int = _FIRST_STREAM if previous is None else previous.next_stream_id
         self.stream_id = self.take_stream_id()
@@ -237,6 +250,11 @@ class World:
         return True
 
     # Commands ------------------------------------------------------------------------------------
+
+    def set_weather(self, weather: Weather) -> bool:
+        """Change the weather; whether the street lights changed with it."""
+        self.weather = weather
+        return self.street_lights.follow_sun(weather.sun_altitude_angle)
 
     def set_pose(self, actor_id: int, pose: Pose) -> None:
         """Teleport an actor; of an attached one, move it within its parent's frame."""
@@ -433,6 +451,7 @@ class World:
         self._follow()
         self.collisions = collisions_of_tick(table, self.fleet)
         self.lights.step(delta_s)
+        self.debug_drawing.step(self.elapsed_s)
         return self.freeze(delta_s)
 
     def _steer_by_itself(

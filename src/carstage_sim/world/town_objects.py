@@ -1,0 +1,65 @@
+"""The town's own objects as clients change them: switched off, painted, and made to glow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from carstage_sim.maps.town import LevelObject
+
+Colour = tuple[float, float, float]
+"""Linear red, green, blue; 1 is white."""
+
+_ALL_LAYERS = 0xFFFF
+
+
+class TownObjects:
+    """What clients changed about the level objects of a town; a new episode begins unchanged.
+
+    Attributes:
+        version: counts up whenever an object changes.
+        paint: surface colour that replaces an object's own, by object id.
+        glow: light that an object emits, by object id.
+    """
+
+    def __init__(self, objects: Sequence[LevelObject]) -> None:
+        self.version = 0
+        self.paint: dict[int, Colour] = {}
+        self.glow: dict[int, Colour] = {}
+        self._objects = objects
+        self._disabled: set[int] = set()
+        self._layers = _ALL_LAYERS
+
+    def enable(self, object_ids: Iterable[int], enabled: bool) -> None:
+        """Show objects or take them away; unknown ids are passed over, as CARLA does."""
+        known = {piece.object_id for piece in self._objects}.intersection(object_ids)
+        self._disabled = self._disabled - known if enabled else self._disabled | known
+        self.version += 1
+
+    def load_layers(self, layers: int, loaded: bool) -> None:
+        """Show or take away all objects of some ``carla.MapLayer`` bits."""
+        self._layers = self._layers | layers if loaded else self._layers & ~layers
+        self.version += 1
+
+    def hidden(self) -> frozenset[int]:
+        """Ids of the objects that are not there for sensors, rays and collisions."""
+        unloaded = (
+            piece.object_id
+            for piece in self._objects
+            if (layer := getattr(piece, "layer", 0)) and not layer & self._layers
+        )
+        return frozenset(self._disabled.union(unloaded))
+
+    def named(self, names: Sequence[str]) -> list[int]:
+        """Ids of the objects with one of these names."""
+        wanted = set(names)
+        return [piece.object_id for piece in self._objects if piece.name in wanted]
+
+    def apply_paint(self, object_ids: Iterable[int], colour: Colour) -> None:
+        """Give objects another surface colour."""
+        self.paint.update(dict.fromkeys(object_ids, colour))
+        self.version += 1
+
+    def apply_glow(self, object_ids: Iterable[int], colour: Colour) -> None:
+        """Let objects emit light; it does not reach other surfaces."""
+        self.glow.update(dict.fromkeys(object_ids, colour))
+        self.version += 1

@@ -25,7 +25,7 @@ from carstage_sim.maps.lots import Lot, skyline_lots, street_lots
 from carstage_sim.maps.network import RoadNetwork
 from carstage_sim.maps.strips import Strip
 from carstage_sim.maps.surfaces import KERB_HEIGHT_M, Surfaces
-from carstage_sim.maps.town import LevelObject, OrientedBox
+from carstage_sim.maps.town import LevelObject, MapLayer, OrientedBox
 from carstage_sim.mesh import TriangleMesh
 
 _MOUTH_CLEARANCE_M = 13.0
@@ -37,6 +37,13 @@ _STREET_TREES = [kind for kind in TREE_KINDS if not kind.cone]
 _GARDEN_TREES = 32
 _PARK_TREES = 25
 _GARDEN_REACH_M = 90.0
+_LAYERS = {
+    CityObjectLabel.BUILDINGS: MapLayer.BUILDINGS,
+    CityObjectLabel.VEGETATION: MapLayer.FOLIAGE,
+    CityObjectLabel.POLES: MapLayer.STREET_LIGHTS,
+    CityObjectLabel.STATIC: MapLayer.PROPS,
+}
+"""Signs are no part of a layer: they stay."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +90,9 @@ class _Stage:
             tuple(round(float(v), 4) for v in half),  # type: ignore[arg-type]
             (0.0, round(yaw, 6), 0.0),
         )
-        self.objects.append(LevelObject(number, f"{name}_{number}", int(label), box))
+        self.objects.append(
+            LevelObject(number, f"{name}_{number}", int(label), box, int(_LAYERS.get(label, 0)))
+        )
         self.meshes.append(placed(mesh, (x, y, KERB_HEIGHT_M), yaw_deg=yaw, object_id=number))
 
 

@@ -6,6 +6,7 @@ A town is baked once (OpenDRIVE text in, arrays out) and cached by content; noth
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntFlag
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,14 +72,35 @@ class TrafficLightSite:
     trigger: tuple[OrientedBox, ...]
 
 
+class MapLayer(IntFlag):
+    """``carla.MapLayer``: parts of a map that clients can take away and bring back."""
+
+    NONE = 0x0
+    BUILDINGS = 0x1
+    DECALS = 0x2
+    FOLIAGE = 0x4
+    GROUND = 0x8
+    PARKED_VEHICLES = 0x10
+    PARTICLES = 0x20
+    PROPS = 0x40
+    STREET_LIGHTS = 0x80
+    WALLS = 0x100
+    ALL = 0xFFFF
+
+
 @dataclass(frozen=True, slots=True)
 class LevelObject:
-    """A piece of static scenery that clients can ask for (building, tree, pole, sign …)."""
+    """A piece of static scenery that clients can ask for (building, tree, pole, sign …).
+
+    Attributes:
+        layer: value of :class:`MapLayer` that it goes away with; ``NONE`` if it always stays.
+    """
 
     object_id: int
     name: str
     label: int
     box: OrientedBox
+    layer: int = MapLayer.NONE
 
 
 @dataclass(frozen=True, slots=True)

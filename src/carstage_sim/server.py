@@ -20,6 +20,7 @@ from types import TracebackType
 from typing import Any
 
 from carstage_sim.simulation import Simulation
+from carstage_sim.wire.claims import SynchronousClaims
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.handlers import Call, Session, serve
 from carstage_sim.wire.payloads import encode_frame, sensor_header
@@ -36,6 +37,8 @@ logger = logging.getLogger(__name__)
 
 _POLL_S = 0.1
 _SERVED_BETWEEN_TICKS = 256
+_RELEASE_AFTER_S = 1.0
+"""A program may close one client and go on with another."""
 
 
 class Server:
@@ -69,6 +72,7 @@ class Server:
         self._parent_pid = parent_pid
         self._stop = threading.Event()
         self._next_tick_s = 0.0
+        self._claims = SynchronousClaims()
         self._older_streams: list[int] = []
         self._tick_requests: list[Call | None] = []
         self._later: list[tuple[float, int, Callable[[], None]]] = []
@@ -78,7 +82,6 @@ class Server:
             stream_loop = resources.enter_context(SocketLoop("stream sockets"))
             self._rpc = RpcServer(rpc_loop, rpc_socket)
             self._streams = StreamingServer(stream_loop, streaming_socket)
-            resources.callback(self._rpc.close)
             resources.callback(self._streams.close)
             self._resources = resources.pop_all()
         self.rpc_port = self._rpc.port
@@ -148,8 +151,24 @@ class Server:
     def _serve(self, event: Event) -> None:
         if isinstance(event, Disconnected):
             self._session.traffic_managers.drop_owner(event.connection)
-        else:
-            serve(self._session, event)
+            if self._claims.left(event.connection):
+                self._after(_RELEASE_AFTER_S, self._release)
+            return
+        before, ticks = self._simulation.settings, len(self._tick_requests)
+        serve(self._session, event)
+        self._claims.served(
+            event.connection,
+            before,
+            self._simulation.settings,
+            claims=event.name == "set_episode_settings" or len(self._tick_requests) > ticks,
+        )
+
+    def _release(self) -> None:
+        """Let the world run freely again, unless somebody has taken it over meanwhile."""
+        if self._simulation.settings.synchronous_mode and not self._claims.held:
+            logger.warning("the client that ticked the world is gone: it runs freely again")
+            self._simulation.apply_settings(self._claims.before)
+            self._next_tick_s = time.monotonic()
 
     def _tick(self) -> None:
         """One frame: step, publish the snapshot, answer, then the sensors that look at it.
@@ -158,12 +177,23 @@ class Server:
         cannot take their data before it has its answer.
         """
         requests, self._tick_requests[:] = self._tick_requests[:], []
-        snapshot = self._simulation.tick()
-        self._publish_snapshot(snapshot)
+        try:
+            snapshot = self._simulation.tick()
+            self._publish_snapshot(snapshot)
+        except Exception as error:
+            # Whoever sent what the world cannot bear, the others still want their answers.
+            logger.exception("frame %d failed", self._simulation.world.frame)
+            for call in requests:
+                if call is not None:
+                    call.fail(f"the frame failed in the simulator: {type(error).__name__}: {error}")
+            return
         for call in requests:
             if call is not None:
                 call.answer(snapshot.state.frame)
-        self._publish_sensors(snapshot)
+        try:
+            self._publish_sensors(snapshot)
+        except Exception:
+            logger.exception("sensors of frame %d failed", snapshot.state.frame)
 
     def _publish_snapshot(self, snapshot: Snapshot) -> None:
         payload = encode_snapshot(snapshot, self._dialect, time.time())

@@ -31,3 +31,10 @@ class UnknownProtocolError(ValueError):
 
     def __init__(self, version: str, known: tuple[str, ...]) -> None:
         super().__init__(f"protocol {version} is not built in; available: {', '.join(known)}")
+
+
+class MessageError(ValueError):
+    """Bytes that are no message of the protocol, or one beyond its limits."""
+
+    def __init__(self, what: str) -> None:
+        super().__init__(f"it sent {what}")

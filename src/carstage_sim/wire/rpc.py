@@ -1,44 +1,78 @@
 """The msgpack-rpc side: bytes to requests, results to bytes.
 
-Requests wait in one bounded queue for the thread that owns the world. While the queue is full
-nothing more is read from any connection: clients that ask faster than the world serves them wait.
+The socket thread cuts what arrives into messages and queues them as bytes; the thread that owns the
+world decodes one at a time. Every connection has a bounded part of the queue. A client that asks
+faster than the world serves it, or that does not read its replies, is not read from until it
+catches up, and the others are served in between.
 """
 
 from __future__ import annotations
 
 import logging
-import queue
+import reprlib
 import socket
 import threading
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
 import msgpack
 
-from carstage_sim.wire.socket_loop import Channel, SocketLoop
+from carstage_sim.wire.channel import Channel
+from carstage_sim.wire.complaints import Complaints
+from carstage_sim.wire.errors import MessageError
+from carstage_sim.wire.framing import MessageSplitter, warm_up
+from carstage_sim.wire.socket_loop import SocketLoop
 
 logger = logging.getLogger(__name__)
 
 _REQUEST = 0
 _REPLY = 1
-_QUEUED_REQUESTS = 4096
-_MOST_UNREAD_REPLY_BYTES = 256 << 20
-_LOGGED_CHARACTERS = 300
+_QUEUED_REQUESTS = 128
+_QUEUED_BYTES = 64 << 20
+_MOST_UNFINISHED_BYTES = 256 << 20
+_UNREAD_REPLY_BYTES = 1 << 20
+_MOST_UNREAD_REPLY_BYTES = 64 << 20
+
+_shortener = reprlib.Repr()
+_shortener.maxstring = _shortener.maxother = 80
+_shortener.maxlist = 8
+
+
+def shortened(value: Any) -> str:
+    """A value for a log line, whatever a client put into it."""
+    return _shortener.repr(value)
 
 
 class Connection:
-    """One client: replies to it, and the replies that are kept back for a while.
+    """One client: its requests that wait, replies to it, and those that are kept back for a while.
 
     Attributes:
         peer: the client's host address.
         held_calls: calls whose replies are kept back.
+        splitter: cuts what it sends into messages. Only the socket thread touches it.
+        waiting: its messages that are queued.
+        waiting_bytes: their bytes.
     """
 
-    def __init__(self, channel: Channel) -> None:
+    def __init__(self, channel: Channel, complaints: Complaints) -> None:
         self.peer = channel.peer
         self.held_calls: frozenset[str] = frozenset()
+        self.splitter = MessageSplitter()
+        self.waiting = 0
+        self.waiting_bytes = 0
         self._channel = channel
+        self._complaints = complaints
         self._held: list[bytes] = []
+
+    @property
+    def may_queue(self) -> bool:
+        """Whether one more of its requests may wait."""
+        return (
+            self.waiting < _QUEUED_REQUESTS
+            and self.waiting_bytes < _QUEUED_BYTES
+            and self._channel.unwritten_bytes <= _UNREAD_REPLY_BYTES
+        )
 
     def reply(self, request: Request, result: Any) -> None:
         """Answer a request, or keep the answer back if its call is held."""
@@ -52,7 +86,9 @@ class Connection:
 
     def refuse(self, request: Request, text: str) -> None:
         """Answer with an error of the envelope, as rpclib does for calls that do not exist."""
-        self._send(msgpack.packb([_REPLY, request.message_id, text, None]))
+        self._send(
+            msgpack.packb([_REPLY, request.message_id, text, None], unicode_errors="replace")
+        )
 
     def take_held(self) -> list[bytes]:
         """Keep nothing back any more; returns what was kept so far, for :meth:`send_held`."""
@@ -65,11 +101,16 @@ class Connection:
         for message in messages:
             self._send(message)
 
-    def _send(self, message: bytes) -> None:
-        self._channel.send([message])
-        if self._channel.unwritten_bytes > _MOST_UNREAD_REPLY_BYTES:
-            logger.warning("client %s does not read its replies: connection dropped", self.peer)
+    def drop(self, kind: str, detail: str = "") -> None:
+        """Close the connection for a reason that goes to the log."""
+        if not self._channel.closed:
+            self._complaints.warn(f"client {self.peer} {kind}", detail or "connection dropped")
             self._channel.close()
+
+    def _send(self, message: bytes) -> None:
+        if self._channel.unwritten_bytes > _MOST_UNREAD_REPLY_BYTES:
+            self.drop("does not read its replies")
+        self._channel.send([message])
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +135,7 @@ Event = Request | Disconnected
 
 
 class RpcServer:
-    """Accepts clients and queues what they ask.
+    """Accepts clients and queues what they ask, in the order in which it arrived.
 
     Args:
         loop: the socket loop that reads and writes; its thread does nothing else.
@@ -105,64 +146,98 @@ class RpcServer:
     """
 
     def __init__(self, loop: SocketLoop, sock: socket.socket) -> None:
-        self._events: queue.Queue[Event] = queue.Queue(_QUEUED_REQUESTS)
-        self._ended = threading.Event()
+        warm_up()
+        self._loop = loop
+        self._queue: deque[tuple[Connection, Channel, bytes | None]] = deque()
+        self._filled = threading.Condition()
+        self._unfinished_bytes = 0
+        self._complaints = Complaints(logger)
         self.port = int(sock.getsockname()[1])
         loop.listen(sock, self._accept)
 
-    def close(self) -> None:
-        """Stop queueing, so that the loop's thread can end."""
-        self._ended.set()
-
     def next_event(self, timeout_s: float) -> Event | None:
         """The oldest event that is not served yet, or None when none came in time."""
+        with self._filled:
+            if not self._queue and timeout_s > 0.0:
+                self._filled.wait_for(lambda: self._queue, timeout_s)
+            if not self._queue:
+                return None
+            connection, channel, message = self._queue.popleft()
+            if message is None:
+                return Disconnected(connection)
+            connection.waiting -= 1
+            connection.waiting_bytes -= len(message)
+            low = connection.waiting == _QUEUED_REQUESTS // 2 or not connection.waiting
+        if low and not channel.reading:
+            self._loop.call(lambda: self._refill(connection, channel))
         try:
-            if timeout_s <= 0.0:
-                return self._events.get_nowait()
-            return self._events.get(timeout=timeout_s)
-        except queue.Empty:
+            return _request(connection, message)
+        except (ValueError, msgpack.UnpackException) as error:
+            connection.drop("speaks no msgpack-rpc", str(error))
             return None
 
     def _accept(self, channel: Channel) -> None:
-        connection = Connection(channel)
-        unpacker = msgpack.Unpacker(
-            max_buffer_size=0, unicode_errors="surrogateescape", strict_map_key=False
-        )
+        connection = Connection(channel, self._complaints)
 
         def received(data: bytes) -> None:
-            try:
-                unpacker.feed(data)
-                for message in unpacker:
-                    self._put(_request(connection, message))
-            except (ValueError, TypeError, msgpack.UnpackException) as error:
-                logger.warning("client %s speaks no msgpack-rpc (%s): dropped", channel.peer, error)
-                channel.close()
+            connection.splitter.feed(data)
+            self._unfinished_bytes += len(data)
+            self._refill(connection, channel)
+            if self._unfinished_bytes > _MOST_UNFINISHED_BYTES:
+                connection.drop("sends a large message while others do", "no room for it")
+
+        def closed() -> None:
+            self._unfinished_bytes -= connection.splitter.unfinished_bytes
+            self._put(connection, channel, None)
 
         channel.on_data = received
-        channel.on_close = lambda: self._put(Disconnected(connection))
+        channel.on_written = lambda: self._refill(connection, channel)
+        channel.on_close = closed
 
-    def _put(self, event: Event) -> None:
-        while not self._ended.is_set():
+    def _refill(self, connection: Connection, channel: Channel) -> None:
+        """Queue what the connection may queue; read on only if that was all. In the loop's thread.
+
+        So the end of a client is seen only when everything that it sent before has been queued.
+        """
+        while True:
             try:
-                self._events.put(event, timeout=0.2)
-            except queue.Full:
-                continue
-            return
+                while connection.may_queue:
+                    message = next(connection.splitter.messages(), None)
+                    if message is None:
+                        channel.read_on(True)
+                        return
+                    self._unfinished_bytes -= len(message)
+                    self._put(connection, channel, message)
+            except MessageError as error:
+                connection.drop("speaks no msgpack-rpc", str(error))
+                return
+            channel.read_on(False)
+            # The world may have caught up before it could see that nobody reads.
+            if not connection.may_queue:
+                return
+
+    def _put(self, connection: Connection, channel: Channel, message: bytes | None) -> None:
+        with self._filled:
+            if message is not None:
+                connection.waiting += 1
+                connection.waiting_bytes += len(message)
+            self._queue.append((connection, channel, message))
+            self._filled.notify()
 
 
-def _request(connection: Connection, message: Any) -> Request:
-    """Check the envelope ``[0, id, name, [[asynchronous], arguments…]]``.
+def _request(connection: Connection, message: bytes) -> Request:
+    """Decode a message and check the envelope ``[0, id, name, [[asynchronous], arguments…]]``.
 
     Raises:
         ValueError: it is another shape.
     """
-    match message:
+    match msgpack.unpackb(message, unicode_errors="surrogateescape", strict_map_key=False):
         case [0, int(message_id), str(name), [[bool(asynchronous)], *arguments]]:
             request = Request(connection, message_id, name, not asynchronous, arguments)
         case [0, int(message_id), str(name), [*arguments]]:
             request = Request(connection, message_id, name, True, arguments)
-        case _:
-            raise ValueError(f"no request: {str(message)[:80]}")
+        case other:
+            raise ValueError(f"no request: {shortened(other)}")
     if logger.isEnabledFor(logging.DEBUG):
-        logger.debug("%s%s", name, str(request.arguments)[:_LOGGED_CHARACTERS])
+        logger.debug("%s%s", name, shortened(request.arguments))
     return request

@@ -1,8 +1,10 @@
 """The streaming side: one connection per subscribed stream, frames pushed without copies.
 
-A client opens a connection, sends the stream's number and then only reads. The server never closes
-a stream: a client that is still subscribed would reconnect thousands of times a second. Streams
-that nobody publishes to, and numbers that never existed, stay open and silent.
+A client opens a connection, sends the stream's number and then only reads. The server does not
+close a stream: a client that is still subscribed would reconnect thousands of times a second.
+Streams that nobody publishes to, and numbers that never existed, stay open and silent. Only who
+sends more than the number, or takes nothing for seconds while the world waits for him, is closed;
+a client that was merely stopped subscribes again by itself when it goes on.
 """
 
 from __future__ import annotations
@@ -15,7 +17,9 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from carstage_sim.wire.socket_loop import Channel, SocketLoop
+from carstage_sim.wire.channel import Channel
+from carstage_sim.wire.complaints import Complaints
+from carstage_sim.wire.socket_loop import SocketLoop
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
@@ -25,6 +29,8 @@ logger = logging.getLogger(__name__)
 _HANDSHAKE_BYTES = 4
 _POLL_S = 0.5
 _SUBSCRIBED_WITHIN_S = 0.25
+_PATIENCE_S = 4.0
+"""Less than the 5 s that clients wait for an answer unless told otherwise."""
 
 
 class StreamingServer:
@@ -33,12 +39,17 @@ class StreamingServer:
     Args:
         loop: the socket loop that finishes writes.
         sock: what to accept clients on, from :func:`carstage_sim.wire.socket_loop.bind`.
+        patience_s: how long a publisher that waits bears a subscriber that takes nothing at all.
 
     Raises:
         PortInUseError: something else listens there.
     """
 
-    def __init__(self, loop: SocketLoop, sock: socket.socket) -> None:
+    def __init__(
+        self, loop: SocketLoop, sock: socket.socket, patience_s: float = _PATIENCE_S
+    ) -> None:
+        self._patience_s = patience_s
+        self._complaints = Complaints(logger)
         self._lock = threading.Condition()
         self._subscribers: dict[int, list[Channel]] = {}
         self._awaited: dict[int, tuple[int, float]] = {}
@@ -90,12 +101,19 @@ class StreamingServer:
                 if not wait:
                     logger.debug("stream %d: %s is slow, left out", stream_id, channel.peer)
                     continue
-                self._wait_written(channel)
+                self._wait_written(stream_id, channel)
             channel.send(message)
 
-    def _wait_written(self, channel: Channel) -> None:
+    def _wait_written(self, stream_id: int, channel: Channel) -> None:
         while not self._ended.is_set():
-            if channel.wait_written(_POLL_S):
+            if channel.wait_written(min(_POLL_S, self._patience_s)):
+                return
+            if channel.stalled_s >= self._patience_s:
+                self._complaints.warn(
+                    f"subscriber {channel.peer} takes nothing",
+                    f"stream {stream_id} dropped after {self._patience_s:g} s",
+                )
+                channel.close()
                 return
 
     def _accept(self, channel: Channel) -> None:
@@ -103,10 +121,14 @@ class StreamingServer:
 
         def handshake(data: bytes) -> None:
             received.extend(data)
-            if len(received) >= _HANDSHAKE_BYTES:
+            if len(received) == _HANDSHAKE_BYTES:
                 (stream_id,) = struct.unpack_from("<I", received)
-                channel.on_data = lambda _data: None
                 self._subscribe(stream_id, channel)
+            elif len(received) > _HANDSHAKE_BYTES:
+                self._complaints.warn(
+                    f"subscriber {channel.peer} talks", "a subscriber sends a stream's number only"
+                )
+                channel.close()
 
         channel.on_data = handshake
 

@@ -57,7 +57,7 @@ def test_wrong_number_of_arguments_is_a_refusal_and_the_server_lives_on(client: 
     error, (result,) = client.call("get_actor_bounding_box")
     assert error is None
     assert result[0] == 0
-    assert "TypeError" in result[1][0]
+    assert result[1][0] == "get_actor_bounding_box takes 1 arguments, got 0"
     assert client.value("version") == "0.9.16"
 
 

@@ -9,9 +9,9 @@ from typing import Any
 from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.actors import described
-from carstage_sim.wire.handlers.registry import Call, Wrapping, handles
+from carstage_sim.wire.handlers.registry import Call, Wrapping, handles, refusal
 from carstage_sim.wire.handlers.vehicles import apply_physics
-from carstage_sim.world.errors import ActorNotFoundError, WorldError
+from carstage_sim.world.errors import ActorNotFoundError
 from carstage_sim.world.state import ActorKind
 
 logger = logging.getLogger(__name__)
@@ -42,12 +42,8 @@ def _respond(call: Call, command: list[Any]) -> list[Any]:
     try:
         ((index, body),) = command
         return [[1, _execute(call, index, body)]]
-    except (CallError, WorldError) as error:
-        return [[0, [str(error)]]]
-    except Exception as error:
-        # As for whole calls: the others of the batch are still due their answers.
-        logger.exception("command %s failed", str(command)[:200])
-        return [[0, [f"{type(error).__name__}: {error}"]]]
+    except Exception as error:  # noqa: BLE001 - the others of the batch are still due their answers
+        return [[0, [refusal("apply_batch", error, command)]]]
 
 
 def _execute(call: Call, index: int, body: list[Any]) -> int:

@@ -6,6 +6,7 @@ the bare value; the wrapping that the client expects is decided at registration.
 
 from __future__ import annotations
 
+import inspect
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,15 +14,20 @@ from enum import Enum
 from typing import Any, Final, TypeVar
 
 from carstage_sim.simulation import Simulation
+from carstage_sim.wire.complaints import Complaints
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.errors import CallError
-from carstage_sim.wire.rpc import Connection, Request
+from carstage_sim.wire.rpc import Connection, Request, shortened
 from carstage_sim.wire.traffic_managers import TrafficManagers
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.errors import WorldError
 from carstage_sim.world.world import World
 
 logger = logging.getLogger(__name__)
+_complaints = Complaints(logger)
+
+_WIRE = __name__.removesuffix(".handlers.registry")
+_UNFIT = (TypeError, ValueError, LookupError, ArithmeticError, AttributeError)
 
 Handler = Callable[..., Any]
 _H = TypeVar("_H", bound=Handler)
@@ -99,15 +105,25 @@ class Call:
 
     def answer(self, value: Any) -> None:
         """Send a value as this call's reply."""
-        self.connection.reply(self.request, _wrapped(_HANDLERS[self.request.name][1], value))
+        self.connection.reply(self.request, _wrapped(_HANDLERS[self.request.name].wrapping, value))
 
     def fail(self, text: str) -> None:
         """Send a refusal that the client raises as ``RuntimeError``."""
-        failed = True if _HANDLERS[self.request.name][1] is Wrapping.VOID else 0
+        failed = True if _HANDLERS[self.request.name].wrapping is Wrapping.VOID else 0
         self.connection.reply(self.request, [[failed, [text]]])
 
 
-_HANDLERS: dict[str, tuple[Handler, Wrapping]] = {}
+@dataclass(frozen=True, slots=True)
+class _Handled:
+    """A handler, how its value is wrapped, and how many arguments a client may give it."""
+
+    handler: Handler
+    wrapping: Wrapping
+    fewest: int
+    most: float
+
+
+_HANDLERS: dict[str, _Handled] = {}
 
 
 def handles(name: str, wrapping: Wrapping = Wrapping.VALUE) -> Callable[[_H], _H]:
@@ -116,7 +132,14 @@ def handles(name: str, wrapping: Wrapping = Wrapping.VALUE) -> Callable[[_H], _H
     def register(handler: _H) -> _H:
         if name in _HANDLERS:
             raise ValueError(f"two handlers for {name}")
-        _HANDLERS[name] = (handler, wrapping)
+        given = list(inspect.signature(handler).parameters.values())[1:]
+        unbounded = any(parameter.kind is parameter.VAR_POSITIONAL for parameter in given)
+        fewest = sum(
+            parameter.default is parameter.empty and parameter.kind is not parameter.VAR_POSITIONAL
+            for parameter in given
+        )
+        most = float("inf") if unbounded else len(given)
+        _HANDLERS[name] = _Handled(handler, wrapping, fewest, most)
         return handler
 
     return register
@@ -145,27 +168,49 @@ def serve(session: Session, request: Request) -> None:
     and with it the client's process, so only calls that do not exist in the
     dialect get one, in rpclib's words.
     """
+    count = len(request.arguments)
     if request.name not in _HANDLERS or request.name in session.dialect.missing_calls:
-        logger.warning("unknown call %.80s of %d arguments", request.name, len(request.arguments))
-        count = len(request.arguments) + 1  # rpclib counts the metadata too
+        _complaints.warn("unknown call", f"{shortened(request.name)} of {count} arguments")
         request.connection.refuse(
             request,
-            f"rpclib: server could not find function '{request.name}' with argument count {count}.",
+            f"rpclib: server could not find function '{request.name}' with argument count "
+            f"{count + 1}.",  # rpclib counts the metadata too
         )
         return
     call = Call(session, request)
-    handler, _ = _HANDLERS[request.name]
+    handled = _HANDLERS[request.name]
     try:
-        value = handler(call, *request.arguments)
-    except (CallError, WorldError) as error:
-        logger.debug("%s refused: %s", request.name, error)
-        call.fail(str(error))
-    except Exception as error:
-        logger.exception("%s%s failed", request.name, str(request.arguments)[:200])
-        call.fail(f"{request.name} failed in the simulator: {type(error).__name__}: {error}")
-    else:
+        if not handled.fewest <= count <= handled.most:
+            raise CallError(f"{request.name} takes {handled.fewest} arguments, got {count}")
+        value = handled.handler(call, *request.arguments)
         if value is not LATER:
             call.answer(value)
+    except Exception as error:  # noqa: BLE001 - every failure becomes a reply
+        call.fail(refusal(request.name, error, request.arguments))
+
+
+def refusal(name: str, error: Exception, arguments: object) -> str:
+    """What a client is told of a call or a command that failed; the log gets what is our fault.
+
+    Values of the wrong type fail where they are decoded, in this package. What fails deeper has
+    passed the decoders and must not have.
+    """
+    if isinstance(error, CallError | WorldError):
+        logger.debug("%s refused: %s", name, error)
+        return str(error)
+    if isinstance(error, _UNFIT) and _raised_at_the_wire(error):
+        _complaints.warn(f"arguments that do not fit {name}", shortened(arguments))
+        return f"the arguments do not fit {name}: {type(error).__name__}: {error}"
+    logger.error("%s%s failed", name, shortened(arguments), exc_info=error)
+    return f"{name} failed in the simulator: {type(error).__name__}: {error}"
+
+
+def _raised_at_the_wire(error: Exception) -> bool:
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    module = trace.tb_frame.f_globals.get("__name__", "") if trace is not None else ""
+    return module == _WIRE or module.startswith(f"{_WIRE}.")
 
 
 def _wrapped(wrapping: Wrapping, value: Any) -> Any:

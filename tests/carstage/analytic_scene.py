@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.rawlog import format as raw
+from carstage.rawlog import writing
 
 DEPTH_CODES = 2**24 - 1
 ROAD, BUILDING, SKY, WALKER, CAR, TRUCK = 1, 3, 11, 12, 14, 15
@@ -317,9 +318,9 @@ def write_raw_log(
     )
     sensors = document["spec"]["sensors"]
     folder.mkdir(parents=True)
-    raw.write_episode_file(str(folder), document)
+    writing.write_episode_file(str(folder), document)
     names = [*(sensor["id"] for sensor in sensors), raw.WORLD, raw.LEDGER]
-    streams = {name: raw.StreamWriter(str(folder), name, ticks_per_segment) for name in names}
+    streams = {name: writing.StreamWriter(str(folder), name, ticks_per_segment) for name in names}
     cast_solids = sorted([EGO, *(s for s in SOLIDS if s.actor_id)], key=lambda s: s.actor_id)
     for tick in range(steps):
         if segments is not None and tick >= segments * ticks_per_segment:

@@ -32,13 +32,8 @@ from carstage.collector.timing import (
 from carstage.collector.waking import TickWatch
 from carstage.collector.world import WorldSession
 from carstage.collector.writing import LogWriters, expected_segments, writer_threads
-from carstage.rawlog.format import (
-    ACTOR_RECORD,
-    FORMAT_VERSION,
-    WORLD,
-    SealedSegment,
-    write_episode_file,
-)
+from carstage.rawlog.format import ACTOR_RECORD, FORMAT_VERSION, WORLD, SealedSegment
+from carstage.rawlog.writing import write_episode_file
 
 EXPECTED_ACTORS = 200
 WARMUP_WAIT_S = 2.0

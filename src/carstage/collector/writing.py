@@ -6,7 +6,8 @@ import threading
 from queue import SimpleQueue
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
-from carstage.rawlog.format import LEDGER, Buffer, SealedSegment, StreamWriter
+from carstage.rawlog.format import LEDGER, Buffer, SealedSegment
+from carstage.rawlog.writing import StreamWriter
 
 Content = Callable[[], Tuple[Mapping[str, Any], Buffer]]
 

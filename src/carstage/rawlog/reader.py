@@ -314,7 +314,10 @@ def _sealed_records(path: Path, data: memoryview) -> list[Record]:
 def _record(path: Path, data: memoryview, offset: int, header: raw.RecordHeader) -> Record:
     meta_at = offset + raw.HEADER_BYTES
     payload_at = meta_at + header.meta_bytes
-    payload = data[payload_at : payload_at + header.payload_bytes]
+    if header.flags & raw.FLAG_PAYLOAD_MAPPED:
+        payload = _mapped_payload(path, header)
+    else:
+        payload = data[payload_at : payload_at + header.payload_bytes]
     if header.flags & raw.FLAG_PAYLOAD_CRC and zlib.crc32(payload) != header.payload_crc:
         raise RawLogError(f"{path}, offset {payload_at}: the payload's CRC does not hold.")
     try:
@@ -332,6 +335,15 @@ def _record(path: Path, data: memoryview, offset: int, header: raw.RecordHeader)
         meta=meta,
         payload=payload,
     )
+
+
+def _mapped_payload(path: Path, header: raw.RecordHeader) -> memoryview:
+    payloads = path.with_name(path.name.replace(raw.SEALED_SUFFIX, raw.PAYLOAD_SUFFIX))
+    begin = header.slot * header.payload_bytes
+    payload = _mapped(payloads)[begin : begin + header.payload_bytes]
+    if payload.nbytes != header.payload_bytes:
+        raise RawLogError(f"{payloads}, offset {begin}: the payload file is cut short.")
+    return payload
 
 
 def _world_frame(record: Record) -> WorldFrame:

@@ -22,8 +22,9 @@ from carstage.collector.snapshots import WorldMoment
 from carstage.collector.stopping import StopRequest
 from carstage.collector.timing import saved_index
 from carstage.collector.writing import LogWriters
-from carstage.rawlog.format import WORLD, SealedSegment, write_episode_file
+from carstage.rawlog.format import WORLD, SealedSegment
 from carstage.rawlog.reader import EpisodeLog
+from carstage.rawlog.writing import write_episode_file
 
 FIRST_FRAME = 50
 
@@ -294,7 +295,7 @@ from carstage.collector.processing import ByteBudget, Pipeline
 from carstage.collector.sensors import SENSOR_KINDS, Sensor
 from carstage.collector.snapshots import WorldMoment
 from carstage.collector.writing import LogWriters
-from carstage.rawlog.format import write_episode_file
+from carstage.rawlog.writing import write_episode_file
 folder = paths.prepare_folder(sys.argv[1])
 write_episode_file(folder, {"format_version": 1, "ticks": 2})
 budget, failures = ByteBudget(1000), []

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from carstage.rawlog import format as raw
+from carstage.rawlog import payloads, writing
 
 
 def test_segment_header_is_laid_out_as_documented() -> None:
@@ -52,7 +53,7 @@ def test_names_that_cannot_be_folders_are_refused(name: str) -> None:
 
 
 def test_payloads_begin_aligned(tmp_path: Path) -> None:
-    with raw.SegmentWriter(str(tmp_path), "s", 0) as writer:
+    with writing.SegmentWriter(str(tmp_path), "s", 0) as writer:
         for size in range(9):
             writer.append(raw.KIND_DATA, 0, 0, 0.0, {"x": "y" * size}, b"p" * size)
     data = (tmp_path / "000000.seg.open").read_bytes()
@@ -63,7 +64,7 @@ def test_payloads_begin_aligned(tmp_path: Path) -> None:
 
 
 def test_a_tick_outside_the_open_segment_is_refused(tmp_path: Path) -> None:
-    with raw.StreamWriter(str(tmp_path), "s", 4) as writer:
+    with writing.StreamWriter(str(tmp_path), "s", 4) as writer:
         with pytest.raises(ValueError, match="belongs to segment 1"):
             writer.append(raw.KIND_DATA, 4, 0, 0.0, {})
         writer.seal(3)
@@ -74,7 +75,7 @@ def test_a_tick_outside_the_open_segment_is_refused(tmp_path: Path) -> None:
 
 
 def test_sealing_renames_and_cuts_what_was_reserved(tmp_path: Path) -> None:
-    with raw.StreamWriter(str(tmp_path), "s", 2, expected_segment_bytes=1 << 20) as writer:
+    with writing.StreamWriter(str(tmp_path), "s", 2, expected_segment_bytes=1 << 20) as writer:
         writer.append(raw.KIND_DATA, 0, 3, 0.3, {}, b"12345")
         assert (tmp_path / "s" / "000000.seg.open").exists()
         sealed = writer.seal(1)
@@ -89,7 +90,7 @@ def test_sealing_renames_and_cuts_what_was_reserved(tmp_path: Path) -> None:
 
 def test_reserved_bytes_are_no_part_of_an_open_segment(tmp_path: Path) -> None:
     # A writer killed in the middle of a payload must not leave zeros that complete the record.
-    with raw.SegmentWriter(str(tmp_path), "s", 0, expected_bytes=1 << 20) as writer:
+    with writing.SegmentWriter(str(tmp_path), "s", 0, expected_bytes=1 << 20) as writer:
         writer.append(raw.KIND_DATA, 0, 3, 0.3, {}, b"12345")
         path = tmp_path / "000000.seg.open"
         assert path.stat().st_size == writer.size < 1 << 20
@@ -99,12 +100,12 @@ def test_reserved_bytes_are_no_part_of_an_open_segment(tmp_path: Path) -> None:
 
 
 def test_a_segment_is_never_written_twice(tmp_path: Path) -> None:
-    with raw.SegmentWriter(str(tmp_path), "s", 0) as writer:
+    with writing.SegmentWriter(str(tmp_path), "s", 0) as writer:
         with pytest.raises(FileExistsError):
-            raw.SegmentWriter(str(tmp_path), "s", 0)
+            writing.SegmentWriter(str(tmp_path), "s", 0)
         writer.seal(0, 0)
     with pytest.raises(FileExistsError):
-        raw.SegmentWriter(str(tmp_path), "s", 0)
+        writing.SegmentWriter(str(tmp_path), "s", 0)
 
 
 def test_a_write_cut_short_goes_on_where_it_stopped(
@@ -117,7 +118,7 @@ def test_a_write_cut_short_goes_on_where_it_stopped(
 
     monkeypatch.setattr(os, "pwritev", some_bytes_only)
     payload = bytes(range(256)) * 3
-    with raw.SegmentWriter(str(tmp_path), "s", 0) as writer:
+    with writing.SegmentWriter(str(tmp_path), "s", 0) as writer:
         writer.append(raw.KIND_DATA, 0, 1, 0.1, {"a": 1}, payload)
     data = (tmp_path / "000000.seg.open").read_bytes()
     ((offset, header),) = raw.iter_whole_records(data)[0]
@@ -128,9 +129,9 @@ def test_a_write_cut_short_goes_on_where_it_stopped(
 def test_reserving_is_given_up_where_the_file_system_only_pretends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(raw, "_FALLOCATE", lambda *_: 0)
+    monkeypatch.setattr(payloads, "_FALLOCATE", lambda *_: 0)
     with (tmp_path / "file").open("wb") as file:
-        assert not raw.reserve(file.fileno(), 1 << 20)
+        assert not payloads.reserve(file.fileno(), 1 << 20)
     assert (tmp_path / "file").stat().st_size == 0
 
 
@@ -143,15 +144,16 @@ def test_meta_refuses_what_json_does_not_have() -> None:
 def test_the_writer_runs_under_python_3_8(tmp_path: Path, python38: str) -> None:
     code = (
         "import sys; sys.path.insert(0, sys.argv[2])\n"
-        "from carstage.rawlog import format as raw\n"
-        "with raw.StreamWriter(sys.argv[1], 's', 2) as writer:\n"
-        "    writer.append(raw.KIND_DATA, 0, 1, 0.1, {'a': 1}, b'xyz')\n"
-        "    writer.seal(1)\n"
+        "from carstage.rawlog.writing import StreamWriter\n"
+        "for store in 'chunklog', 'mmap':\n"
+        "    with StreamWriter(sys.argv[1], store, 2, store=store) as writer:\n"
+        "        writer.append(1, 0, 1, 0.1, {'a': 1}, b'xyz')\n"
+        "        writer.seal(1)\n"
     )
     source = Path(raw.__file__).parents[2]
     subprocess.run([python38, "-I", "-c", code, str(tmp_path / "old"), str(source)], check=True)
     subprocess.run(
         [sys.executable, "-I", "-c", code, str(tmp_path / "new"), str(source)], check=True
     )
-    segments = [tmp_path / name / "s" / "000000.seg" for name in ("old", "new")]
-    assert segments[0].read_bytes() == segments[1].read_bytes()
+    for file in ("chunklog/000000.seg", "mmap/000000.seg", "mmap/000000.raw"):
+        assert (tmp_path / "old" / file).read_bytes() == (tmp_path / "new" / file).read_bytes()

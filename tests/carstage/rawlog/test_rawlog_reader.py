@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import struct
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +12,7 @@ from hypothesis import strategies as st
 
 from carstage.errors import RawLogError
 from carstage.rawlog import format as raw
+from carstage.rawlog import writing
 from carstage.rawlog.reader import EpisodeLog, Record, recover
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
@@ -29,7 +25,7 @@ SETTINGS = settings(
 
 
 def episode(folder: Path, **header: Any) -> EpisodeLog:
-    raw.write_episode_file(str(folder), {"format_version": 1, "ticks": 1, **header})
+    writing.write_episode_file(str(folder), {"format_version": 1, "ticks": 1, **header})
     return EpisodeLog(folder)
 
 
@@ -44,7 +40,7 @@ def write_segment(
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("000000.seg*"):
         old.unlink()
-    with raw.SegmentWriter(str(folder), stream, 0, checksum=checksum) as writer:
+    with writing.SegmentWriter(str(folder), stream, 0, checksum=checksum) as writer:
         for number, (meta, payload) in enumerate(records):
             writer.append(raw.KIND_DATA, number, 100 + number, number / 10, meta, payload)
         if not seal:
@@ -150,7 +146,7 @@ def test_a_segment_in_the_wrong_place_is_refused(tmp_path: Path) -> None:
 
 def test_open_segments_are_not_listed(tmp_path: Path) -> None:
     log = episode(tmp_path)
-    with raw.StreamWriter(str(tmp_path), "s", 1) as writer:
+    with writing.StreamWriter(str(tmp_path), "s", 1) as writer:
         writer.append(raw.KIND_DATA, 0, 1, 0.1, {})
         assert log.sealed_segments("s") == ()
         writer.seal(0)
@@ -196,7 +192,7 @@ def test_world_frames_and_actors_come_back(tmp_path: Path) -> None:
         "semantic_tags": [14],
         "box": box,
     }
-    with raw.StreamWriter(str(tmp_path), "world", 1) as world:
+    with writing.StreamWriter(str(tmp_path), "world", 1) as world:
         world.append(raw.KIND_TABLE, 0, 50, 5.0, {"actors": [table]})
         world.append(raw.KIND_DATA, 0, 50, 5.0, {"delta_s": 0.1}, payload)
         world.seal(0)
@@ -222,7 +218,7 @@ def test_world_frames_and_actors_come_back(tmp_path: Path) -> None:
 
 def test_the_log_is_complete_when_every_tick_is_sealed(tmp_path: Path) -> None:
     log = episode(tmp_path, ticks=3)
-    with raw.StreamWriter(str(tmp_path), "ledger", 2) as ledger:
+    with writing.StreamWriter(str(tmp_path), "ledger", 2) as ledger:
         for tick in range(3):
             ledger.append(raw.KIND_DATA, tick, tick + 9, tick / 10, {"k": tick})
             if tick == 1:
@@ -233,38 +229,3 @@ def test_the_log_is_complete_when_every_tick_is_sealed(tmp_path: Path) -> None:
     assert [(row["tick"], row["frame"], row["k"]) for row in log.ledger()] == [
         *((0, 9, 0), (1, 10, 1), (2, 11, 2)),
     ]
-
-
-WRITER = """
-import sys
-sys.path.insert(0, sys.argv[2])
-from carstage.rawlog import format as raw
-writer = raw.StreamWriter(sys.argv[1], "s", 10**6, expected_segment_bytes=1 << 22)
-payload = bytearray(200_003)
-tick = 0
-while True:
-    payload[:8] = tick.to_bytes(8, "little")
-    writer.append(raw.KIND_DATA, tick, tick, tick / 10, {"tick": tick}, payload)
-    print(tick, flush=True)
-    tick += 1
-"""
-
-
-def test_a_killed_writer_leaves_whole_records_and_a_torn_tail(tmp_path: Path) -> None:
-    source = str(Path(raw.__file__).parents[2])
-    writer = subprocess.Popen(
-        [sys.executable, "-c", WRITER, str(tmp_path), source], stdout=subprocess.PIPE, text=True
-    )
-    assert writer.stdout is not None
-    with writer.stdout:
-        acknowledged = [int(writer.stdout.readline()) for _ in range(15)]
-        os.kill(writer.pid, signal.SIGKILL)
-        acknowledged += [int(line) for line in writer.stdout if line.endswith("\n")]
-    writer.wait()
-    found = recover(tmp_path / "s" / "000000.seg.open")
-    assert (found.stream, found.index) == ("s", 0)
-    assert len(found.records) >= len(acknowledged)
-    for tick, record in enumerate(found.records):
-        assert record.meta == {"tick": tick}
-        assert struct.unpack_from("<Q", record.payload) == (tick,)
-        assert len(record.payload) == 200_003

@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from carstage_sim.check.client_process import TrialError
 from carstage_sim.check.determinism import check_determinism
 from carstage_sim.check.server_process import ServerError
 from carstage_sim.check.traffic import check_traffic
-from carstage_sim.check.verdict import Verdict
+from carstage_sim.check.traffic.towns import CARLA_TOWNS, STAGES, carla_maps
+from carstage_sim.check.verdict import Campaign, Verdict
 from carstage_sim.check.walkers import check_walkers
 
 
@@ -22,9 +24,17 @@ def _parser() -> argparse.ArgumentParser:
     checks = parser.add_subparsers(dest="check", required=True)
 
     traffic = checks.add_parser("traffic", help="vehicles flow without a pile-up")
-    traffic.add_argument("--vehicles", type=int, default=50)
-    traffic.add_argument("--walkers", type=int, default=0)
-    traffic.add_argument("--seconds", type=float, default=300.0, help="simulated")
+    traffic.add_argument(
+        "--full",
+        action="store_true",
+        help="100 vehicles and 50 walkers for 600 s in each of the stages and of CARLA's towns",
+    )
+    traffic.add_argument("--towns", nargs="+", metavar="TOWN", help="drive in these instead")
+    traffic.add_argument("--maps", type=Path, help="folder with OpenDRIVE files of CARLA's towns")
+    traffic.add_argument("--vehicles", type=int, help="in each town (default 30)")
+    traffic.add_argument("--walkers", type=int, help="in each town (default 0)")
+    traffic.add_argument("--seconds", type=float, help="simulated, in each town (default 120)")
+    traffic.add_argument("--save", type=Path, help="folder to keep recordings in")
     traffic.add_argument(
         "--base-types",
         nargs="+",
@@ -42,26 +52,37 @@ def _parser() -> argparse.ArgumentParser:
     walkers.add_argument("--walkers", type=int, default=20)
     walkers.add_argument("--seconds", type=float, default=60.0, help="simulated")
 
+    for check in (determinism, walkers):
+        check.add_argument("--map", help="map that the server starts with")
     for check in (traffic, determinism, walkers):
         check.add_argument("--fps", type=int, default=20)
         check.add_argument("--seed", type=int, default=7)
-        check.add_argument("--map", help="map that the server starts with")
         check.add_argument("--json", action="store_true", help="last line is a JSON object")
     return parser
 
 
-def _run(arguments: argparse.Namespace) -> Verdict:
-    server_arguments = ("--map", arguments.map) if arguments.map else ()
-    checks: dict[str, Callable[[], Verdict]] = {
-        "traffic": lambda: check_traffic(
-            vehicles=arguments.vehicles,
-            walkers=arguments.walkers,
-            seconds=arguments.seconds,
+def _traffic(arguments: argparse.Namespace) -> Campaign:
+    vehicles, walkers, seconds = (100, 50, 600.0) if arguments.full else (30, 0, 120.0)
+    with carla_maps(arguments.maps) as maps:
+        whole = (*STAGES, *(CARLA_TOWNS if maps is not None else ()))
+        return check_traffic(
+            arguments.towns or (whole if arguments.full else STAGES[:1]),
+            vehicles=vehicles if arguments.vehicles is None else arguments.vehicles,
+            walkers=walkers if arguments.walkers is None else arguments.walkers,
+            seconds=seconds if arguments.seconds is None else arguments.seconds,
             fps=arguments.fps,
             seed=arguments.seed,
             base_types=tuple(arguments.base_types),
-            server_arguments=server_arguments,
-        ),
+            server_arguments=() if maps is None else ("--maps", str(maps)),
+            save_in=arguments.save,
+        )
+
+
+def _run(arguments: argparse.Namespace) -> Verdict | Campaign:
+    if arguments.check == "traffic":
+        return _traffic(arguments)
+    server_arguments = ("--map", arguments.map) if arguments.map else ()
+    checks: dict[str, Callable[[], Verdict]] = {
         "determinism": lambda: check_determinism(
             ticks=arguments.ticks,
             vehicles=arguments.vehicles,
@@ -85,6 +106,7 @@ def _run(arguments: argparse.Namespace) -> Verdict:
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs one check; 0 when all targets are met, else 1."""
     arguments = _parser().parse_args(argv)
+    verdict: Verdict | Campaign
     try:
         verdict = _run(arguments)
     except (ServerError, TrialError) as error:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 Relation = Literal["<=", ">=", "=="]
 
@@ -64,8 +64,8 @@ class Verdict:
             lines.append(f"  {figure.name:<{width}}  {value}{wanted}{'' if figure.ok else '  <--'}")
         return "\n".join([*lines, *(f"  note: {note}" for note in self.notes)])
 
-    def json(self) -> str:
-        """One line of JSON: ``check``, ``ok``, ``figures`` by name, ``notes``."""
+    def record(self) -> dict[str, Any]:
+        """``check``, ``ok``, ``figures`` by name, ``notes``, as JSON has it."""
         figures = {
             figure.name: {
                 "value": figure.value,
@@ -75,6 +75,40 @@ class Verdict:
             }
             for figure in self.figures
         }
-        return json.dumps(
-            {"check": self.check, "ok": self.ok, "figures": figures, "notes": list(self.notes)}
-        )
+        return {
+            "check": self.check,
+            "ok": self.ok,
+            "figures": figures,
+            "notes": list(self.notes),
+        }
+
+    def json(self) -> str:
+        """:meth:`record` in one line."""
+        return json.dumps(self.record())
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """The verdicts of one check on several things, by name."""
+
+    check: str
+    verdicts: Mapping[str, Verdict]
+
+    @property
+    def ok(self) -> bool:
+        """Whether there is a verdict and all are good."""
+        return bool(self.verdicts) and all(verdict.ok for verdict in self.verdicts.values())
+
+    def text(self) -> str:
+        """One line for each verdict, the bad ones with what failed."""
+        lines = [f"{self.check}: {'ok' if self.ok else 'FAILED'}"]
+        for name, verdict in self.verdicts.items():
+            bad = [figure.name for figure in verdict.figures if not figure.ok]
+            why = ", ".join(bad) if verdict.completed else "did not end"
+            lines.append(f"  {name}: {'ok' if verdict.ok else f'FAILED ({why})'}")
+        return "\n".join(lines)
+
+    def json(self) -> str:
+        """One line of JSON: ``check``, ``ok``, ``parts`` with each verdict's record by name."""
+        parts = {name: verdict.record() for name, verdict in self.verdicts.items()}
+        return json.dumps({"check": self.check, "ok": self.ok, "parts": parts})

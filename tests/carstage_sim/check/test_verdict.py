@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from carstage_sim.check.verdict import Figure, Relation, Verdict
+from carstage_sim.check.verdict import Campaign, Figure, Relation, Verdict
 
 
 @pytest.mark.parametrize(
@@ -51,3 +51,13 @@ def test_a_trial_that_did_not_end_is_not_ok() -> None:
 def test_text_points_at_what_failed() -> None:
     text = Verdict("demo", (Figure("a", 5.0, "<=", 2.0), Figure("b", 1, "==", 1))).text()
     assert [line.endswith("<--") for line in text.splitlines()] == [False, True, False]
+
+
+def test_a_campaign_is_good_when_all_its_parts_are() -> None:
+    good, bad = Verdict("a", (Figure("x", 1, "<=", 2),)), Verdict("b", (Figure("y", 3, "<=", 2),))
+    assert Campaign("demo", {"a": good}).ok
+    assert not Campaign("demo", {}).ok
+    campaign = Campaign("demo", {"a": good, "b": bad})
+    assert not campaign.ok
+    assert json.loads(campaign.json())["parts"]["b"]["figures"]["y"]["value"] == 3
+    assert campaign.text().splitlines()[1:] == ["  a: ok", "  b: FAILED (y)"]

@@ -1,0 +1,11 @@
+"""Does traffic flow? The client's Traffic Manager drives; everything is recorded, then judged.
+
+``recorder`` fills a ``recording`` during a ``trial``; ``standing``, ``passages`` and ``collisions``
+read it, ``judging`` sets the figures beside their targets, ``campaign`` goes from town to town.
+"""
+
+from carstage_sim.check.traffic.campaign import check_traffic, drive
+from carstage_sim.check.traffic.judging import judge
+from carstage_sim.check.traffic.recording import Recording
+
+__all__ = ["Recording", "check_traffic", "drive", "judge"]

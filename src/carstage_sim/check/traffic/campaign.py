@@ -1,0 +1,94 @@
+"""Drives in one town after the other, each on a server of its own."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from carstage_sim.check.client_process import TrialError, run_trial
+from carstage_sim.check.server_process import ServerError, running_server
+from carstage_sim.check.traffic.judging import judge
+from carstage_sim.check.traffic.recording import Recording
+from carstage_sim.check.traffic.trial import traffic_trial
+from carstage_sim.check.verdict import Campaign, Verdict
+
+_START_TIMEOUT_S = 900.0
+_WALL_PER_SIMULATED_S = 8.0
+
+
+def drive(
+    town: str,
+    *,
+    vehicles: int,
+    walkers: int,
+    seconds: float,
+    fps: int,
+    seed: int,
+    base_types: Sequence[str] = ("car",),
+    server_arguments: Sequence[str] = (),
+    save_to: Path | None = None,
+) -> Recording:
+    """Starts a server with a town, lets traffic flow, and returns what was seen.
+
+    Raises:
+        ServerError: the server did not start.
+        TrialError: the drive failed or took too long.
+    """
+    arguments = ("--map", town, *server_arguments)
+    with running_server(arguments, start_timeout_s=_START_TIMEOUT_S) as port:
+        return run_trial(
+            traffic_trial,
+            port,
+            vehicles=vehicles,
+            walkers=walkers,
+            seconds=seconds,
+            fps=fps,
+            seed=seed,
+            base_types=tuple(base_types),
+            save_to=save_to,
+            timeout_s=300.0 + _WALL_PER_SIMULATED_S * seconds,
+        )
+
+
+def check_traffic(
+    towns: Sequence[str] = ("Stage01",),
+    *,
+    vehicles: int = 30,
+    walkers: int = 0,
+    seconds: float = 120.0,
+    fps: int = 20,
+    seed: int = 7,
+    base_types: Sequence[str] = ("car",),
+    server_arguments: Sequence[str] = (),
+    save_in: Path | None = None,
+) -> Campaign:
+    """A verdict for each town; one that cannot be driven in does not keep the others from it.
+
+    Args:
+        towns: maps, in this order.
+        vehicles, walkers, seconds, fps, seed, base_types: of the drive in each town.
+        server_arguments: further arguments of the servers, such as ``--maps DIR``.
+        save_in: folder for the recordings; they are not kept without one.
+    """
+    verdicts = []
+    for number, town in enumerate(towns, 1):
+        print(f"traffic in {town} ({number} of {len(towns)})", file=sys.stderr, flush=True)
+        try:
+            recording = drive(
+                town,
+                vehicles=vehicles,
+                walkers=walkers,
+                seconds=seconds,
+                fps=fps,
+                seed=seed,
+                base_types=base_types,
+                server_arguments=server_arguments,
+                save_to=save_in / f"{town}.npz" if save_in is not None else None,
+            )
+        except (ServerError, TrialError) as error:
+            verdicts.append(Verdict(f"traffic in {town}", (), (str(error),), completed=False))
+        else:
+            verdicts.append(judge(recording))
+        print(verdicts[-1].text(), file=sys.stderr, flush=True)
+    return Campaign("traffic", dict(zip(towns, verdicts, strict=True)))

@@ -1,0 +1,143 @@
+"""From a recording to figures beside their targets."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from carstage_sim.check.traffic.collisions import (
+    collision_pairs,
+    inside_buildings,
+    walkers_hit,
+)
+from carstage_sim.check.traffic.passages import passages
+from carstage_sim.check.traffic.recording import RED, Partner, Recording
+from carstage_sim.check.traffic.standing import STOOD_S, longest_stand_s
+from carstage_sim.check.verdict import Figure, Verdict
+
+TRAFFIC_MANAGER_SHARE = 0.7
+"""The Traffic Manager drives 30 percent below the limit unless told otherwise."""
+
+_MAX_NOTES = 40
+
+
+def judge(recording: Recording) -> Verdict:
+    """The figures of one town.
+
+    Free flow is the speed at which the Traffic Manager would drive on an empty road without lights:
+    70 percent of the limit at each place. The share of it that is reached is the sum of all speeds
+    over the sum of free flow at the same places and times, with all waiting at red lights in it.
+
+    A vehicle is stuck if the Traffic Manager removed it (which it does after 90 s) or it stood for
+    over 60 s without a red light at the head of its queue. It is off the road when its middle is
+    outside the driving lane that is nearest to it.
+    """
+    present = recording.present
+    count = present.shape[1]
+    removed = ~present[-1]
+    stood_s = longest_stand_s(recording)
+    stuck = removed | (stood_s > STOOD_S)
+    mean_speed = float(recording.speed[present].mean(dtype=np.float64) * 3.6)
+    free_flow = TRAFFIC_MANAGER_SHARE * float(
+        recording.speed_limit_kmh[present].mean(dtype=np.float64)
+    )
+    minutes = recording.vehicle_minutes
+    vehicles = collision_pairs(recording, Partner.VEHICLE)
+    scenery = collision_pairs(recording, Partner.SCENERY)
+    walkers = walkers_hit(recording)
+    driven = passages(recording)
+    run = [passage for passage in driven if passage.state == RED]
+    offset, outside = recording.lane_offset_m, ~recording.in_junction
+    off_road = np.asarray((offset > recording.lane_half_width_m).any(axis=0))
+    buildings = inside_buildings(recording)
+    return Verdict(
+        f"traffic in {recording.town}",
+        (
+            Figure("vehicles", count),
+            Figure("walkers", recording.walker_location.shape[1]),
+            Figure("simulated_s", recording.seconds),
+            Figure("vehicle_minutes", minutes),
+            Figure("removed_as_stuck", int(removed.sum())),
+            Figure("stood_over_60_s_without_red_light", int((stood_s > STOOD_S).sum())),
+            Figure("stuck_percent", 100.0 * float(stuck.mean()), "<=", 2.0),
+            Figure("mean_speed_kmh", mean_speed),
+            Figure("free_flow_kmh", free_flow),
+            Figure("mean_speed_percent_of_free_flow", 100.0 * mean_speed / free_flow, ">=", 50.0),
+            Figure("collisions_between_vehicles", len(vehicles)),
+            Figure("collisions_with_scenery", len(scenery)),
+            Figure(
+                "collisions_per_100_vehicle_minutes",
+                100.0 * (len(vehicles) + len(scenery)) / minutes,
+                "<=",
+                1.0,
+            ),
+            Figure("collisions_with_walkers", len(walkers)),
+            Figure(
+                "collisions_with_walkers_per_1000_vehicle_minutes",
+                1000.0 * len(walkers) / minutes,
+                "<=",
+                1.0,
+            ),
+            Figure("mean_lateral_error_m", float(np.nanmean(offset[outside])), "<=", 0.3),
+            Figure("mean_lateral_error_in_junctions_m", _mean(offset[recording.in_junction])),
+            Figure("vehicles_off_the_road", int(off_road.sum()), "==", 0),
+            Figure("vehicles_inside_buildings", len(buildings), "==", 0),
+            Figure("stop_lines_passed", len(driven)),
+            Figure("red_lights_run", len(run)),
+            Figure("red_lights_run_per_200", 200.0 * len(run) / max(len(driven), 1), "<=", 1.0),
+            Figure("ticks_per_s", recording.ticks_per_s),
+            Figure("lost_wake_ups_of_the_client", recording.wake_ups),
+        ),
+        _notes(recording, stuck, stood_s, off_road)[:_MAX_NOTES],
+    )
+
+
+def _mean(values: np.ndarray) -> float:
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if len(known) else 0.0
+
+
+def _notes(
+    recording: Recording, stuck: np.ndarray, stood_s: np.ndarray, off_road: np.ndarray
+) -> list[str]:
+    """Where and when it went wrong, for whoever has to mend it."""
+    row_of = {int(actor): row for row, actor in enumerate(recording.vehicle_id)}
+    present = recording.present
+
+    def name(row: int) -> str:
+        return f"{recording.vehicle_type[row]}#{recording.vehicle_id[row]}"
+
+    def place(tick: int, row: int) -> str:
+        x, y, z = recording.location[tick, row].tolist()
+        return f"({x:.1f}, {y:.1f}, {z:.1f}) at {tick * recording.delta_s:.1f} s"
+
+    notes = []
+    for row in np.flatnonzero(stuck).tolist():
+        last = int(np.flatnonzero(present[:, row])[-1])
+        what = "stood" if present[-1, row] else "was removed after it stood"
+        notes.append(f"{name(row)} {what} {stood_s[row]:.0f} s; last seen {place(last, row)}")
+    for kind in (Partner.VEHICLE, Partner.SCENERY):
+        for tick, one, other in collision_pairs(recording, kind):
+            row = row_of.get(one, row_of.get(other, 0))
+            partner = other if row_of.get(one) == row else one
+            notes.append(
+                f"{name(row)} hit {kind.name.lower()} {partner}; {place(max(tick, 0), row)}"
+            )
+    notes += [
+        f"{name(row)} hit walker {walker}; {place(tick, row)}"
+        for tick, row, walker in walkers_hit(recording)
+    ]
+    notes += [
+        f"{name(p.vehicle)} passed light {recording.signal_id[p.signal]} under red; "
+        f"{place(p.tick, p.vehicle)}"
+        for p in passages(recording)
+        if p.state == RED
+    ]
+    over = recording.lane_offset_m > recording.lane_half_width_m
+    for row in np.flatnonzero(off_road).tolist():
+        tick = int(recording.lane_tick[np.flatnonzero(over[:, row])[0]])
+        notes.append(f"{name(row)} left its lane; {place(tick, row)}")
+    notes += [
+        f"{name(row)} was inside a building; {place(tick, row)}"
+        for tick, row in inside_buildings(recording)
+    ]
+    return notes

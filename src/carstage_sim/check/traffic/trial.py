@@ -1,0 +1,71 @@
+"""The drive itself; runs in the client's process."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from time import monotonic
+
+from carstage_sim.check.session import spawn_traffic, spawn_walkers, synchronous_session
+from carstage_sim.check.traffic.recorder import Recorder
+from carstage_sim.check.traffic.recording import Recording
+
+_REPORT_EVERY_S = 15.0
+
+
+def traffic_trial(
+    port: int,
+    *,
+    vehicles: int,
+    walkers: int,
+    seconds: float,
+    fps: int,
+    seed: int,
+    base_types: tuple[str, ...],
+    save_to: Path | None = None,
+) -> Recording:
+    """Lets the client's Traffic Manager drive, and records."""
+    ticks = round(seconds * fps)
+    with synchronous_session(port, delta_s=1.0 / fps, seed=seed) as session:
+        drivers = spawn_traffic(session, vehicles, base_types)
+        pedestrians = spawn_walkers(session, walkers) if walkers else []
+        with Recorder(
+            session.world, drivers, pedestrians, ticks=ticks, delta_s=1.0 / fps
+        ) as recorder:
+            progress = _Progress(seconds)
+            for tick in range(1, ticks + 1):
+                session.clock.tick()
+                recorder.sample()
+                progress.report(tick / fps)
+        recording = recorder.recording(
+            ticks_per_s=ticks / progress.elapsed_s, wake_ups=session.clock.wake_ups
+        )
+    if save_to is not None:
+        recording.save(save_to)
+    return recording
+
+
+class _Progress:
+    """Tells people on stderr how far a drive is."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._started = self._reported = monotonic()
+
+    @property
+    def elapsed_s(self) -> float:
+        """Seconds of wall time since the start."""
+        return monotonic() - self._started
+
+    def report(self, simulated_s: float) -> None:
+        """Prints a line when the last one is some seconds old."""
+        now = monotonic()
+        if now - self._reported < _REPORT_EVERY_S:
+            return
+        self._reported = now
+        left_s = self.elapsed_s * (self._seconds / simulated_s - 1.0)
+        print(
+            f"  {simulated_s:.0f} of {self._seconds:.0f} s simulated, {left_s:.0f} s to go",
+            file=sys.stderr,
+            flush=True,
+        )

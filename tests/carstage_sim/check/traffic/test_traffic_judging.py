@@ -1,0 +1,100 @@
+"""Good traffic passes, and each fault fails the figure that is there to show it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from traffic_recordings import collisions, recording
+
+from carstage_sim.check.traffic.judging import judge
+from carstage_sim.check.traffic.recording import Recording
+from carstage_sim.check.verdict import Verdict
+
+TICKS = 240
+
+
+def flowing(**columns: Any) -> Recording:
+    """Two vehicles at 6 m/s where free flow is 7 m/s."""
+    x = np.arange(TICKS)[:, None] * 3.0 + np.array([0.0, 40.0])
+    return recording(x, **columns)
+
+
+def failed(verdict: Verdict) -> list[str]:
+    return [figure.name for figure in verdict.figures if not figure.ok]
+
+
+def test_good_traffic_passes() -> None:
+    verdict = judge(flowing())
+    assert verdict.ok, verdict.text()
+
+
+def test_free_flow_is_seventy_percent_of_the_limit() -> None:
+    figures = {figure.name: figure.value for figure in judge(flowing()).figures}
+    assert figures["free_flow_kmh"] == pytest.approx(25.2)
+    assert figures["mean_speed_percent_of_free_flow"] == pytest.approx(100 * 6 / 7, rel=0.01)
+
+
+def test_a_removed_vehicle_counts_as_stuck() -> None:
+    gone = flowing()
+    for column in (gone.location, gone.yaw_deg, gone.speed, gone.speed_limit_kmh):
+        column[-10:, 0] = np.nan
+    verdict = judge(gone)
+    assert failed(verdict) == ["stuck_percent"]
+    assert "was removed" in verdict.notes[0]
+
+
+def test_a_jam_is_stuck_and_slow() -> None:
+    assert failed(judge(recording(np.zeros((TICKS, 1))))) == [
+        "stuck_percent",
+        "mean_speed_percent_of_free_flow",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("columns", "figure"),
+    [
+        (collisions((5, 10, 11, 0)), "collisions_per_100_vehicle_minutes"),
+        (collisions((5, 10, 0, 2)), "collisions_per_100_vehicle_minutes"),
+        (
+            {"walker_location": np.tile([90.0, 0.5, 1.0], (TICKS, 1, 1))},
+            "collisions_with_walkers_per_1000_vehicle_minutes",
+        ),
+        ({"lane_offset_m": np.full((TICKS, 2), 0.4)}, "mean_lateral_error_m"),
+        (
+            {"lane_offset_m": np.where(np.arange(TICKS)[:, None] == 9, [[2.0, 0.0]], 0.0)},
+            "vehicles_off_the_road",
+        ),
+        (
+            {
+                "building_center": np.array([[90.0, 0.0, 5.0]]),
+                "building_extent": np.array([[5.0, 5.0, 5.0]]),
+                "building_yaw_deg": np.zeros(1),
+            },
+            "vehicles_inside_buildings",
+        ),
+        (
+            {
+                "signal_id": np.array([5]),
+                "signal_state": np.zeros((TICKS, 1), np.uint8),
+                "stop_signal": np.array([0]),
+                "stop_pose": np.array([[90.0, 0.0, 0.0, 0.0]]),
+                "stop_width_m": np.array([3.5]),
+            },
+            "red_lights_run_per_200",
+        ),
+    ],
+)
+def test_each_fault_fails_its_figure(columns: dict[str, Any], figure: str) -> None:
+    verdict = judge(flowing(**columns))
+    assert failed(verdict) == [figure]
+    assert len(verdict.notes) >= 1 or figure == "mean_lateral_error_m"
+
+
+def test_a_saved_recording_is_judged_alike(tmp_path: Path) -> None:
+    kept = replace(flowing(), town="Kept")
+    kept.save(tmp_path / "kept.npz")
+    assert judge(Recording.load(tmp_path / "kept.npz")) == judge(kept)

@@ -36,8 +36,26 @@ def pedestrian_mesh(type_id: str, extent: Vector, phase: int = 0) -> TriangleMes
     Returns:
         A mesh of which every vertex lies in the box.
     """
+    mesh = posed_mesh(type_id, extent, walking_joints(extent, phase))
+    bound = np.array(extent) - 0.002
+    clipped = np.clip(mesh.vertices, -bound, bound)
+    return build_mesh(clipped, mesh.triangles, mesh.material, mesh.tag, normals=mesh.normals)
+
+
+def walking_joints(extent: Vector, phase: int) -> Pose:
+    """Joints of a figure that stands (0) or walks (1 to 8), in its actor's frame.
+
+    Raises:
+        ValueError: there is no such phase.
+    """
     if not 0 <= phase <= PHASES:
         raise ValueError(f"phase must be 0 to {PHASES}, not {phase}")
+    hx, hy, hz = extent
+    return _walk(2.0 * hz - 0.015, hx, hy, phase)
+
+
+def posed_mesh(type_id: str, extent: Vector, joints: Pose) -> TriangleMesh:
+    """A pedestrian in any pose, which may leave its box."""
     dress = dress_of(type_id)
     hx, hy, hz = extent
     size = 2.0 * hz - 0.015
@@ -50,11 +68,8 @@ def pedestrian_mesh(type_id: str, extent: Vector, phase: int = 0) -> TriangleMes
         long_hair=bool(dress & 4),
     )
     builder = ShapeBuilder(CityObjectLabel.PEDESTRIANS)
-    add_figure(builder, _walk(size, hx, hy, phase), build, CityObjectLabel.PEDESTRIANS)
-    mesh = builder.mesh()
-    bound = np.array([hx, hy, hz]) - 0.002
-    clipped = np.clip(mesh.vertices, -bound, bound)
-    return build_mesh(clipped, mesh.triangles, mesh.material, mesh.tag, normals=mesh.normals)
+    add_figure(builder, joints, build, CityObjectLabel.PEDESTRIANS)
+    return builder.mesh()
 
 
 def _walk(size: float, hx: float, hy: float, phase: int) -> Pose:

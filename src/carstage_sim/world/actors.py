@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.world.ackermann import AckermannController
 from carstage_sim.world.blueprints import Blueprint
+from carstage_sim.world.bone_pose import BonePose
 from carstage_sim.world.controls import (
     STANDING,
     AckermannSettings,
@@ -17,6 +18,7 @@ from carstage_sim.world.controls import (
     WalkerControl,
 )
 from carstage_sim.world.pose import ZERO, Pose, Vector3
+from carstage_sim.world.spring_arm import RIGID, Attachment, SpringArm
 from carstage_sim.world.state import ActorKind
 from carstage_sim.world.vehicle_parameters import VehicleParameters
 
@@ -58,10 +60,14 @@ class Actor:
         box_center, box_extent: bounding box in the actor's frame, half sizes, metres.
         blueprint: None for what only the map brings (lights, the spectator).
         parent_id: actor that it is attached to, 0 for none.
-        relative: pose in the parent's frame, used while the parent lives.
+        relative: pose in the parent's frame, used while the parent lives; in the frame of the
+            arm's end where an arm carries it.
+        attachment: how it follows its parent.
+        arm: the spring arm that carries it.
         stream_id: stream of its data, 0 for what is no sensor.
         simulate_physics: whether the dynamics move it.
         collides: whether spawning onto it is refused.
+        bones: the pose that a client gave a walker's bones, None for its walk.
     """
 
     actor_id: int
@@ -74,12 +80,15 @@ class Actor:
     blueprint: Blueprint | None = None
     parent_id: int = 0
     relative: Pose = field(default_factory=Pose)
+    attachment: Attachment = RIGID
+    arm: SpringArm | None = None
     stream_id: int = 0
     simulate_physics: bool = True
     gravity: bool = True
     collides: bool = True
     vehicle: VehicleStatus | None = None
     walker: WalkerControl = STANDING
+    bones: BonePose | None = None
 
     @property
     def colour(self) -> tuple[int, int, int]:

@@ -64,6 +64,7 @@ class TrafficLightSystem:
         elapsed_s: ``(L,)`` float64 seconds since each light's state last changed.
         green_s, yellow_s, red_s: ``(L,)`` float64 durations; equal within a phase.
         frozen: ``(L,)`` bool.
+        led: whether a replay shows the states (:meth:`show`), and the cycles wait.
     """
 
     def __init__(self, sites: Sequence[TrafficLightSite]) -> None:
@@ -74,6 +75,7 @@ class TrafficLightSystem:
         self.yellow_s: NDArray[np.float64] = np.full(count, YELLOW_S)
         self.red_s: NDArray[np.float64] = np.full(count, RED_S)
         self.frozen: NDArray[np.bool_] = np.zeros(count, dtype=np.bool_)
+        self.led = False
         self._junctions = _junctions_of(sites)
         self._junction_of = {
             light: junction for junction in self._junctions for light in junction.lights
@@ -86,6 +88,8 @@ class TrafficLightSystem:
 
     def step(self, delta_s: float) -> None:
         """Advances the cycles of all junctions that are not frozen."""
+        if self.led:
+            return
         self.elapsed_s = np.where(self.frozen, self.elapsed_s, self.elapsed_s + delta_s)
         for junction in self._junctions:
             if not self.frozen[junction.lights[0]]:
@@ -118,6 +122,21 @@ class TrafficLightSystem:
     def set_state(self, index: int, state: int) -> None:
         """Shows a state at one light until its junction's cycle next changes it."""
         self._show([index], TrafficLightState(state), 0.0)
+
+    def show(self, index: int, state: int, elapsed_s: float) -> None:
+        """Shows what a replay says of one light."""
+        self._show([index], TrafficLightState(state), elapsed_s)
+
+    def adopt_states(self) -> None:
+        """Lets every cycle go on from the states that are shown, for the end of a replay."""
+        running = (TrafficLightState.GREEN, TrafficLightState.YELLOW)
+        for junction in self._junctions:
+            junction.part = TrafficLightState.RED
+            for number, phase in enumerate(junction.phases):
+                if self.state[phase[0]] in running:
+                    junction.active = number
+                    junction.part = TrafficLightState(int(self.state[phase[0]]))
+            junction.elapsed_s = float(self.elapsed_s[junction.phases[junction.active][0]])
 
     def set_times(
         self,

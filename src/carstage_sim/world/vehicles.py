@@ -213,6 +213,10 @@ class VehicleFleet:
             rows.airborne[row] = True
             rows.fall_speed[row] = 0.0
 
+    def set_wheel_angle(self, actor_id: int, angle_deg: float) -> None:
+        """Turns the front wheels of a vehicle that only :meth:`set_transform` moves."""
+        self._rows.wheel_angle_deg[self.row(actor_id)] = angle_deg
+
     def set_target_velocity(self, actor_id: int, velocity: ArrayLike) -> None:
         """Gives a vehicle a world velocity (m/s) at once; tyres keep only its part ahead."""
         row = self.row(actor_id)

@@ -18,6 +18,7 @@ from carstage_sim.maps.town import Town
 from carstage_sim.world.ackermann import AckermannController
 from carstage_sim.world.actors import Actor, ActorTable, VehicleStatus
 from carstage_sim.world.appearance import AppearanceKeeper
+from carstage_sim.world.arm_probe import ArmProbe
 from carstage_sim.world.attachments import Attachments
 from carstage_sim.world.blueprints import Blueprint, catalogue
 from carstage_sim.world.collisions import collisions_of_tick
@@ -35,10 +36,9 @@ from carstage_sim.world.lane_index import LaneIndex
 from carstage_sim.world.motion import VehicleMotion
 from carstage_sim.world.overlap import is_blocked
 from carstage_sim.world.pose import Pose, Vector3, compose
-from carstage_sim.world.segment import segment_hits
-from carstage_sim.world.snapshot import (
-    Snapshot,
-)
+from carstage_sim.world.snapshot import Snapshot
+from carstage_sim.world.sockets import actor_from_socket
+from carstage_sim.world.spring_arm import RIGID, Attachment, arm_for
 from carstage_sim.world.state import ActorKind, Collision, Weather
 from carstage_sim.world.street_lights import StreetLights
 from carstage_sim.world.town_objects import TownObjects
@@ -111,6 +111,7 @@ class World:
         self.ground: Ground = neighbour.ground if neighbour else Ground(town.static_mesh)
         self._walkers = WalkerMotion(self.ground)
         self._attachments: Attachments | None = None
+        self._arm_probe: ArmProbe | None = neighbour._arm_probe if neighbour else None
         self._dead: OrderedDict[int, Actor] = OrderedDict()
         self._next_actor_id = 1
         self._last_delta_s = 0.0
@@ -188,6 +189,8 @@ class World:
         pose: Pose,
         *,
         parent_id: int = 0,
+        attachment: Attachment = RIGID,
+        wanted_id: int = 0,
     ) -> Actor:
         """Bring an actor into the world; it appears in the next frame.
 
@@ -196,23 +199,31 @@ class World:
             attributes: values that override the blueprint's; ones that it does not have are
                 ignored, and so are values of attributes that cannot be modified.
             pose: in the world, or in the parent's frame when there is a parent.
-            parent_id: actor to attach it to, rigidly; 0 for none.
+            parent_id: actor to attach it to; 0 for none.
+            attachment: how it follows its parent.
+            wanted_id: id that a recording knows it by, taken if it is above all that were given
+                out; such an actor may be where others are.
 
         Raises:
-            SpawnError: no such blueprint or parent, or something is in the way.
+            SpawnError: no such blueprint, parent or socket, or something is in the way.
         """
         blueprint = catalogue().get(type_id)
         if blueprint is None:
             raise SpawnError(f"unknown blueprint {type_id!r}")
         if parent_id and parent_id not in self.actors:
             raise SpawnError(f"unable to attach actor: parent actor {parent_id} not found")
+        if parent_id and attachment.socket:
+            self._check_socket(parent_id, attachment.socket)
         placed = compose(self.actors.pose(parent_id), pose) if parent_id else pose
         solid = blueprint.kind in (ActorKind.VEHICLE, ActorKind.WALKER)
-        if solid and not parent_id and is_blocked(self.actors, blueprint, placed):
+        free = parent_id or wanted_id
+        if solid and not free and is_blocked(self.actors, blueprint, placed):
             raise SpawnError(COLLISION_TEXT)
         merged = _merged(blueprint, attributes)
         if blueprint.kind is ActorKind.SENSOR and self._check_sensor is not None:
             self._check_sensor(type_id, merged)
+        self._next_actor_id = max(self._next_actor_id, wanted_id)
+        arm, relative = arm_for(attachment, pose) if parent_id else (None, Pose())
         actor = Actor(
             actor_id=self._new_id(),
             type_id=type_id,
@@ -223,7 +234,9 @@ class World:
             semantic_tags=blueprint.semantic_tags,
             blueprint=blueprint,
             parent_id=parent_id,
-            relative=pose if parent_id else Pose(),
+            relative=relative,
+            attachment=attachment,
+            arm=arm,
             collides=solid or type_id.startswith("static."),
         )
         if blueprint.kind is ActorKind.SENSOR:
@@ -235,6 +248,11 @@ class World:
             if parent_id:
                 self.set_simulate_physics(actor.actor_id, False)
         return actor
+
+    def _check_socket(self, parent_id: int, socket: str) -> None:
+        """Refuse a bone that the parent does not have; UE would attach to the parent's origin."""
+        if actor_from_socket(self.actors, self.live(parent_id), socket) is None:
+            raise SpawnError(f"unable to attach actor: parent {parent_id} has no bone {socket!r}")
 
     def destroy(self, actor_id: int) -> bool:
         """Take an actor out of the world; whether it lived. What rode on it stays in place."""
@@ -254,7 +272,7 @@ class World:
     def set_weather(self, weather: Weather) -> bool:
         """Change the weather; whether the street lights changed with it."""
         self.weather = weather
-        return self.street_lights.follow_sun(weather.sun_altitude_angle)
+        self.street_lights.follow_sun(weather.sun_altitude_angle)
 
     def set_pose(self, actor_id: int, pose: Pose) -> None:
         """Teleport an actor; of an attached one, move it within its parent's frame."""
@@ -464,9 +482,14 @@ class World:
     def _follow(self) -> None:
         if self._attachments is None:
             self._attachments = Attachments(self.actors)
-        self._attachments.follow(self.actors)
+        self._attachments.follow(self.actors, self._last_delta_s, self._arm_obstacle)
         for vehicle in self.actors.of_kind(ActorKind.VEHICLE):
             if vehicle.parent_id in self.actors:
+    def _arm_obstacle(self, start: Vector3, end: Vector3) -> float | None:
+        if self._arm_probe is None:  # few episodes have spring arms
+            self._arm_probe = ArmProbe(self.town.static_mesh)
+        return self._arm_probe(start, end)
+
                 pose = self.actors.pose(vehicle.actor_id)
                 self.fleet.set_transform(vehicle.actor_id, pose.location, pose.rotation_deg)
 

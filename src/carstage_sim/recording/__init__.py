@@ -1,0 +1,10 @@
+"""CARLA's recorder and replayer: logs in CARLA's own binary format, and the texts about them.
+
+A log holds what happened, not what was seen: actors that come and go, poses, controls, lights. The
+layout is that of CARLA's documentation page "Recorder binary file format".
+"""
+
+from carstage_sim.recording.deck import RecorderDeck
+from carstage_sim.recording.errors import RecordingError
+
+__all__ = ["RecorderDeck", "RecordingError"]

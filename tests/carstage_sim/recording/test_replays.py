@@ -1,0 +1,306 @@
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from carstage_sim.maps import Town
+from carstage_sim.recording import RecorderDeck
+from carstage_sim.recording.replayer import ReplayOptions
+from carstage_sim.world.controls import VehicleControl, WalkerControl
+from carstage_sim.world.pose import Pose
+from carstage_sim.world.snapshot import Snapshot
+from carstage_sim.world.state import ActorKind, Weather
+from carstage_sim.world.traffic_lights import TrafficLightState
+from carstage_sim.world.world import World
+
+CAR = "vehicle.tesla.model3"
+WALKER = "walker.pedestrian.0001"
+DELTA_S = 0.05
+
+
+def place(town: Town, index: int) -> Pose:
+    x, y, z, pitch, yaw, roll = town.spawn_points[index].tolist()
+    return Pose((x, y, z), (pitch, yaw, roll))
+
+
+@pytest.fixture(scope="module")
+def earlier(stage01: Town) -> World:
+    return World(stage01, episode_id=0)
+
+
+@pytest.fixture
+def new_world(stage01: Town, earlier: World) -> Callable[[], World]:
+    return lambda: World(stage01, episode_id=1, previous=earlier)
+
+
+@pytest.fixture
+def deck(tmp_path: Path) -> Iterator[RecorderDeck]:
+    deck = RecorderDeck(tmp_path)
+    yield deck
+    deck.end_episode()
+
+
+def tick(world: World, deck: RecorderDeck) -> Snapshot:
+    deck.before_tick(DELTA_S)
+    snapshot = world.tick(DELTA_S, 5)
+    deck.after_tick(snapshot)
+    return snapshot
+
+
+def populate(world: World) -> tuple[int, int]:
+    """Two cars, one of them the hero, and a walker that goes round in a circle."""
+    hero = world.spawn(CAR, {"role_name": "hero", "color": "1,2,3"}, place(world.town, 0))
+    other = world.spawn(CAR, {}, place(world.town, 6))
+    x, y, z = place(world.town, 12).location
+    walker = world.spawn(WALKER, {}, Pose((x, y, z + 1.0)))
+    world.control_vehicle(hero.actor_id, VehicleControl(throttle=0.6, steer=0.2))
+    world.control_vehicle(other.actor_id, VehicleControl(throttle=0.9, steer=-0.3))
+    world.control_walker(walker.actor_id, WalkerControl((0.6, 0.8, 0.0), 1.4))
+    return hero.actor_id, walker.actor_id
+
+
+def drive(world: World, deck: RecorderDeck, ticks: int) -> list[Snapshot]:
+    frames = []
+    for number in range(ticks):
+        if number == ticks // 2:
+            world.set_weather(Weather(cloudiness=80.0, sun_altitude_angle=-10.0))
+            for car in world.actors.of_kind(ActorKind.VEHICLE):
+                assert car.vehicle is not None
+                car.vehicle.light_state = 3
+        frames.append(tick(world, deck))
+    return frames
+
+
+def recording(new_world: Callable[[], World], deck: RecorderDeck, ticks: int) -> list[Snapshot]:
+    world = new_world()
+    populate(world)
+    deck.start("drive.log", world, additional_data=True)
+    frames = drive(world, deck, ticks)
+    deck.stop()
+    return frames
+
+
+def rows_of(snapshot: Snapshot, *kinds: ActorKind) -> np.ndarray:
+    return np.isin(snapshot.state.kind, kinds)
+
+
+def test_replay_in_a_fresh_world_repeats_poses_ids_lights_and_weather(
+    new_world: Callable[[], World], deck: RecorderDeck
+) -> None:
+    recorded = recording(new_world, deck, 100)
+    world = new_world()
+    deck.replay("drive.log", world, ReplayOptions())
+    for original in recorded[1:]:
+        again = tick(world, deck)
+        assert again.state.actor_id.tolist() == original.state.actor_id.tolist()
+        moving = rows_of(original, ActorKind.VEHICLE, ActorKind.WALKER)
+        apart = again.state.location[moving] - original.state.location[moving]
+        assert np.abs(apart).max() < 0.01
+        turned = again.state.rotation_deg[moving] - original.state.rotation_deg[moving]
+        assert np.abs((turned + 180.0) % 360.0 - 180.0).max() < 0.01
+        assert again.traffic_lights.state.tolist() == original.traffic_lights.state.tolist()
+        assert again.state.light_state.tolist() == original.state.light_state.tolist()
+        assert again.state.weather.cloudiness == original.state.weather.cloudiness
+        np.testing.assert_allclose(again.vehicles.control, original.vehicles.control, atol=1e-6)
+        np.testing.assert_allclose(again.walkers.speed, original.walkers.speed, atol=1e-6)
+        angle = again.state.wheel_angle_deg - original.state.wheel_angle_deg
+        assert np.abs(angle).max() < 0.01
+    assert not deck.replaying
+
+
+def test_replayed_velocities_follow_from_the_poses(
+    new_world: Callable[[], World], deck: RecorderDeck
+) -> None:
+    recorded = recording(new_world, deck, 40)
+    world = new_world()
+    deck.replay("drive.log", world, ReplayOptions())
+    again = [tick(world, deck) for _ in recorded[1:]][-1]
+    cars = rows_of(again, ActorKind.VEHICLE)
+    expected = recorded[-1].state.velocity[cars]
+    np.testing.assert_allclose(again.state.velocity[cars][:, :2], expected[:, :2], atol=0.02)
+    assert np.linalg.norm(expected[0]) > 1.0
+
+
+def test_replay_at_another_step_is_between_the_recorded_poses(
+    new_world: Callable[[], World], deck: RecorderDeck
+) -> None:
+    recorded = recording(new_world, deck, 40)
+    world = new_world()
+    deck.set_time_factor(0.5)
+    deck.replay("drive.log", world, ReplayOptions(start_s=0.5))
+    again = tick(world, deck)
+    cars = rows_of(again, ActorKind.VEHICLE)
+    middle = (recorded[10].state.location[cars] + recorded[11].state.location[cars]) / 2.0
+    np.testing.assert_allclose(again.state.location[cars], middle, atol=0.01)
+
+
+def test_negative_start_counts_from_the_end_and_a_duration_ends_the_replay(
+    new_world: Callable[[], World], deck: RecorderDeck
+) -> None:
+    recorded = recording(new_world, deck, 41)
+    world = new_world()
+    text = deck.replay("drive.log", world, ReplayOptions(start_s=-1.0, duration_s=0.5))
+    assert "Total time recorded: 2\n" in text
+    assert "Replaying from 1 s - 1.5 s (2 s) at 1.0x\n" in text
+    played = 0
+    while deck.replaying:
+        again = tick(world, deck)
+        played += 1
+    assert played == 10
+    cars = rows_of(again, ActorKind.VEHICLE)
+    np.testing.assert_allclose(
+        again.state.location[cars], recorded[30].state.location[cars], atol=0.01
+    )
+
+
+def test_actors_whose_ids_are_taken_are_mapped_to_new_ones(
+    new_world: Callable[[], World], deck: RecorderDeck, stage01: Town
+) -> None:
+    recorded = recording(new_world, deck, 20)
+    world = new_world()
+    strangers = [world.spawn(WALKER, {}, place(stage01, index)).actor_id for index in (20, 24, 28)]
+    deck.replay("drive.log", world, ReplayOptions())
+    again = tick(world, deck)
+    cars = world.actors.of_kind(ActorKind.VEHICLE)
+    assert [car.actor_id for car in cars] == [strangers[-1] + 1, strangers[-1] + 2]
+    # The recorded walker's id is a living walker's of the same type: that one plays its part.
+    assert len(world.actors.of_kind(ActorKind.WALKER)) == len(strangers)
+    now = again.state.location[rows_of(again, ActorKind.VEHICLE)]
+    then = recorded[1].state.location[rows_of(recorded[1], ActorKind.VEHICLE)]
+    np.testing.assert_allclose(now, then, atol=0.01)
+
+
+def test_actors_that_come_and_go_do_so_in_the_replay(
+    new_world: Callable[[], World], deck: RecorderDeck, stage01: Town
+) -> None:
+    world = new_world()
+    deck.start("drive.log", world, additional_data=False)
+    first = world.spawn(CAR, {}, place(stage01, 0)).actor_id
+    drive(world, deck, 10)
+    world.destroy(first)
+    second = world.spawn(CAR, {}, place(stage01, 6)).actor_id
+    drive(world, deck, 10)
+    deck.stop()
+    world = new_world()
+    deck.replay("drive.log", world, ReplayOptions())
+    alive = []
+    while deck.replaying:
+        tick(world, deck)
+        alive.append([car.actor_id for car in world.actors.of_kind(ActorKind.VEHICLE)])
+    assert alive == [[first]] * 9 + [[second]] * 10
+
+
+def test_attached_actors_ride_on_their_parents_again_and_sensors_come_on_request(
+    new_world: Callable[[], World], deck: RecorderDeck, stage01: Town
+) -> None:
+    world = new_world()
+    car = world.spawn(CAR, {}, place(stage01, 0)).actor_id
+    mount = Pose((1.0, 0.2, 2.0), (-5.0, 10.0, 0.0))
+    world.spawn("sensor.camera.rgb", {"fov": "77"}, mount, parent_id=car)
+    world.control_vehicle(car, VehicleControl(throttle=1.0))
+    deck.start("drive.log", world, additional_data=False)
+    recorded = drive(world, deck, 20)[-1]
+    deck.stop()
+    for sensors in (False, True):
+        world = new_world()
+        deck.replay("drive.log", world, ReplayOptions(sensors=sensors))
+        again = [tick(world, deck) for _ in range(19)][-1]
+        cameras = world.actors.of_kind(ActorKind.SENSOR)
+        assert len(cameras) == int(sensors)
+    assert (cameras[0].parent_id, cameras[0].attributes["fov"]) == (car, "77")
+    rows = rows_of(again, ActorKind.SENSOR)
+    np.testing.assert_allclose(again.state.location[rows], recorded.state.location[rows], atol=0.01)
+
+
+def test_ignored_hero_is_left_out(new_world: Callable[[], World], deck: RecorderDeck) -> None:
+    recording(new_world, deck, 10)
+    world = new_world()
+    deck.ignore_hero = True
+    text = deck.replay("drive.log", world, ReplayOptions())
+    tick(world, deck)
+    assert "Ignoring Hero vehicle\n" in text
+    roles = [car.attributes["role_name"] for car in world.actors.of_kind(ActorKind.VEHICLE)]
+    assert roles == ["autopilot"]
+
+
+def test_spectator_follows_the_recorded_actor(
+    new_world: Callable[[], World], deck: RecorderDeck
+) -> None:
+    recording(new_world, deck, 10)
+    world = new_world()
+    hero = world.spectator.actor_id + 1
+    deck.replay("drive.log", world, ReplayOptions(follow_id=hero, follow_offset=Pose((0, 0, 3.0))))
+    tick(world, deck)
+    above = np.subtract(
+        world.actors.pose(world.spectator.actor_id).location, world.actors.pose(hero).location
+    )
+    np.testing.assert_allclose(above, (0.0, 0.0, 3.0), atol=0.05)
+
+
+def test_stopping_a_replay_gives_back_physics_and_takes_its_actors_away_on_request(
+    new_world: Callable[[], World], deck: RecorderDeck
+) -> None:
+    recording(new_world, deck, 40)
+    for keep in (True, False):
+        world = new_world()
+        deck.replay("drive.log", world, ReplayOptions())
+        for _ in range(20):
+            tick(world, deck)
+        deck.end_replay(keep_actors=keep)
+        assert not deck.replaying
+        cars = world.actors.of_kind(ActorKind.VEHICLE)
+        assert len(cars) == (2 if keep else 0)
+        for car in cars:
+            assert (car.simulate_physics, car.collides) == (True, True)
+        for _ in range(60):
+            snapshot = tick(world, deck)
+        cars_rows = rows_of(snapshot, ActorKind.VEHICLE)
+        assert np.abs(snapshot.state.velocity[cars_rows][:, :2]).max(initial=0.0) < 0.3
+
+
+def test_traffic_lights_go_on_from_the_replayed_states_without_two_greens(
+    new_world: Callable[[], World], deck: RecorderDeck
+) -> None:
+    world = new_world()
+    for _ in range(150):  # 7.5 s of the first green are over when the recording begins
+        tick(world, deck)
+    deck.start("lights.log", world, additional_data=False)
+    for _ in range(101):
+        recorded = tick(world, deck)
+    deck.stop()
+    replayed = new_world()
+    deck.replay("lights.log", replayed, ReplayOptions())
+    while deck.replaying:
+        again = tick(replayed, deck)
+    assert again.traffic_lights.state.tolist() == recorded.traffic_lights.state.tolist()
+    for _ in range(400):
+        expected, found = tick(world, deck), tick(replayed, deck)
+        assert found.traffic_lights.state.tolist() == expected.traffic_lights.state.tolist()
+    assert TrafficLightState.GREEN in found.traffic_lights.state
+
+
+def test_same_drive_gives_the_same_bytes(
+    new_world: Callable[[], World], deck: RecorderDeck, tmp_path: Path
+) -> None:
+    recording(new_world, deck, 30)
+    first = (tmp_path / "drive.log").read_bytes()
+    recording(new_world, deck, 30)
+    assert (tmp_path / "drive.log").read_bytes() == first
+
+
+def test_a_log_that_was_cut_off_replays_to_its_last_whole_frame(
+    new_world: Callable[[], World], deck: RecorderDeck, tmp_path: Path
+) -> None:
+    recording(new_world, deck, 30)
+    path = tmp_path / "drive.log"
+    path.write_bytes(path.read_bytes()[:-700])
+    world = new_world()
+    deck.replay("drive.log", world, ReplayOptions())
+    ticks = 0
+    while deck.replaying:
+        tick(world, deck)
+        ticks += 1
+    assert 20 < ticks < 29

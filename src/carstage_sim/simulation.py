@@ -18,7 +18,7 @@ from carstage_sim.sensors.sensor import SensorRegistry
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.controls import EpisodeSettings
 from carstage_sim.world.errors import SpawnError
-from carstage_sim.world.pose import ZERO, Pose
+from carstage_sim.world.pose import ZERO, Pose, Vector3
 from carstage_sim.world.snapshot import Snapshot
 from carstage_sim.world.state import ActorKind
 from carstage_sim.world.world import World
@@ -117,6 +117,12 @@ class Simulation:
     def first_frame(self) -> Snapshot:
         """The frame that an episode begins with."""
         return self.world.freeze(self.settings.fixed_delta_seconds or 0.0)
+
+    def segment_hits(
+        self, start: Vector3, end: Vector3, at_most: int = 256
+    ) -> list[tuple[Vector3, int]]:
+        """Surfaces of town and actors that a segment meets now, nearest first, with their label."""
+        return self._sensors.segment_hits(self.world.freeze(0.0).state, start, end, at_most)
 
     def capture(
         self, snapshot: Snapshot, is_watched: Callable[[int], bool]

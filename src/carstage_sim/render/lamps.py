@@ -1,4 +1,4 @@
-"""Lamps: what glows in which state, and the light of street lamps and headlights by night."""
+"""Lamps: what glows in which state, and the light of street lamps and headlights."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.mesh import Material, TriangleMesh
+from carstage_sim.maps.street_lamps import StreetLamps
 from carstage_sim.render.jit import device
 from carstage_sim.render.materials import Glow
 
 _HEAD, _TAIL, _REVERSE = int(Glow.HEAD_LAMP), int(Glow.TAIL_LAMP), int(Glow.REVERSE_LAMP)
 _LEFT, _RIGHT = int(Glow.BLINKER_LEFT), int(Glow.BLINKER_RIGHT)
 _RED, _YELLOW, _GREEN = int(Glow.LENS_RED), int(Glow.LENS_YELLOW), int(Glow.LENS_GREEN)
-_STREET = int(Glow.STREET_LAMP)
 
 # Bits of carla.VehicleLightState, values of carla.TrafficLightState.
 _POSITION_BIT, _BEAM_BITS, _BRAKE_BIT, _RIGHT_BIT, _LEFT_BIT, _REVERSE_BIT = 1, 6, 8, 16, 32, 64
@@ -34,29 +33,26 @@ class Lamps(NamedTuple):
 
     Attributes:
         street: ``(L, 3)`` float32 world metres of the street lamps.
+        power: ``(L, 3)`` float32 linear RGB of their light, 1 for a white new lamp, 0 for one that
+            is off.
         cells: ``(X, Y, 4)`` int32 lamps near each cell, -1 for none.
         corner: ``(2,)`` float32 world x, y of the first cell's corner.
         beams: ``(B, 6)`` float32 place and direction of each vehicle's headlights.
     """
 
     street: NDArray[np.float32]
+    power: NDArray[np.float32]
     cells: NDArray[np.int32]
     corner: NDArray[np.float32]
     beams: NDArray[np.float32]
 
 
-def street_lamps(mesh: TriangleMesh | None) -> Lamps:
-    """The street lamps of a town: the middle of each piece of ``STREET_LAMP`` surface."""
-    places = np.empty((0, 3), np.float32)
-    if mesh is not None:
-        bright = mesh.material == Material.STREET_LAMP
-        middle = mesh.vertices[mesh.triangles[bright]].mean(axis=1)
-        # One lamp per patch of two metres: a lamp is made of several triangles.
-        _, first = np.unique(np.round(middle / 2.0), axis=0, return_index=True)
-        places = middle[np.sort(first)].astype(np.float32)
+def lamps_of(street: StreetLamps) -> Lamps:
+    """The street lamps of a town, all off, with the cells that they shine into."""
+    places, off = street.location.astype(np.float32), np.zeros((len(street), 3), np.float32)
     if not len(places):
         nowhere = np.full((1, 1, _PER_CELL), -1, np.int32)
-        return Lamps(places, nowhere, np.zeros(2, np.float32), np.empty((0, 6), np.float32))
+        return Lamps(places, off, nowhere, np.zeros(2, np.float32), np.empty((0, 6), np.float32))
     corner = places[:, :2].min(axis=0) - np.float32(CELL_M)
     size = np.ceil((places[:, :2].max(axis=0) + CELL_M - corner) / CELL_M).astype(int)
     cells = np.full((*size, _PER_CELL), -1, np.int32)
@@ -67,7 +63,7 @@ def street_lamps(mesh: TriangleMesh | None) -> Lamps:
             near = np.argsort(away, kind="stable")[:_PER_CELL]
             near = near[away[near] < CELL_M * 0.71 + _REACH_M]
             cells[i, j, : len(near)] = near
-    return Lamps(places, cells, corner.astype(np.float32), np.empty((0, 6), np.float32))
+    return Lamps(places, off, cells, corner.astype(np.float32), np.empty((0, 6), np.float32))
 
 
 def headlight_beams(
@@ -89,8 +85,8 @@ def headlight_beams(
 
 
 @device
-def glow(kind, bits, night, time_s):  # type: ignore[no-untyped-def]
-    """Light of a lamp, in units of what the camera shows as white, and its colour."""
+def glow(kind, bits, time_s):  # type: ignore[no-untyped-def]
+    """Light of a lamp of an actor, in units of what the camera shows as white, and its colour."""
     blink = (time_s * np.float32(1.5)) % _ONE < np.float32(0.5)
     if kind == _HEAD and bits & _BEAM_BITS:
         return np.float32(9.0), np.float32(1.0), np.float32(0.96), np.float32(0.88)
@@ -110,15 +106,13 @@ def glow(kind, bits, night, time_s):  # type: ignore[no-untyped-def]
         return np.float32(2.6), np.float32(1.0), np.float32(0.50), np.float32(0.03)
     if kind == _GREEN and bits == _GREEN_STATE:
         return np.float32(2.4), np.float32(0.06), np.float32(1.0), np.float32(0.5)
-    if kind == _STREET:
-        return np.float32(6.0) * night, np.float32(1.0), np.float32(0.85), np.float32(0.6)
     return _ZERO, _ZERO, _ZERO, _ZERO
 
 
 @device
-def lamp_light(lamps, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-def]
+def lamp_light(lamps, night, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-def]
     """Irradiance (red, green, blue) from street lamps and headlights at a place, unshadowed."""
-    warm, white = _ZERO, _ZERO
+    red, green, blue, white = _ZERO, _ZERO, _ZERO, _ZERO
     i = math.floor((x - lamps.corner[0]) / np.float32(CELL_M))
     j = math.floor((y - lamps.corner[1]) / np.float32(CELL_M))
     if 0 <= i < lamps.cells.shape[0] and 0 <= j < lamps.cells.shape[1]:
@@ -135,7 +129,10 @@ def lamp_light(lamps, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-def]
             away = math.sqrt(square)
             towards = (ax * nx + ay * ny + az * nz) / away
             edge = _ONE - square / (_REACH_M * _REACH_M)
-            warm += max(towards, _ZERO) * (az / away) * edge * edge / max(square, np.float32(1.0))
+            share = max(towards, _ZERO) * (az / away) * edge * edge / max(square, np.float32(1.0))
+            red += share * lamps.power[lamp, 0]
+            green += share * lamps.power[lamp, 1]
+            blue += share * lamps.power[lamp, 2]
     for k in range(lamps.beams.shape[0]):
         ax, ay, az = x - lamps.beams[k, 0], y - lamps.beams[k, 1], z - lamps.beams[k, 2]
         square = ax * ax + ay * ay + az * az
@@ -149,9 +146,10 @@ def lamp_light(lamps, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-def]
         cone = (ahead - np.float32(0.85)) / np.float32(0.15)
         fade = _ONE - square / np.float32(1600.0)
         white += max(towards, _ZERO) * cone * cone * fade / max(square, np.float32(12.0))
-    warm, white = warm * np.float32(24.0), white * np.float32(45.0)
+    # By day the beams are too weak to be worth their rays.
+    white *= np.float32(45.0) * night
     return (
-        warm + white,
-        warm * np.float32(0.80) + white * np.float32(0.96),
-        warm * np.float32(0.52) + white * np.float32(0.88),
+        red * np.float32(24.0) + white,
+        green * np.float32(24.0) + white * np.float32(0.96),
+        blue * np.float32(24.0) + white * np.float32(0.88),
     )

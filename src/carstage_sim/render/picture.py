@@ -11,9 +11,11 @@ from carstage_sim.render.bvh import build_tree
 from carstage_sim.render.cast import new_scratch
 from carstage_sim.render.caster import Hits, RayCaster
 from carstage_sim.render.materials import material_table
+from carstage_sim.render.overlay import draw_shapes
 from carstage_sim.render.scene import Frame, SceneStore
 from carstage_sim.render.shading import shade_rays
 from carstage_sim.render.sky import Lighting, SkyModel
+from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.state import Weather
 
 _OFFSETS = np.array([[-0.34, -0.20], [0.34, -0.14], [0.0, 0.36]], np.float32)
@@ -33,6 +35,7 @@ class Picture:
         hits: of the pixel centres, row by row.
         skip_row: instance row that rays pass through, -1 for none.
         low, high: interval of depths.
+        shapes: debug shapes to draw, None for none.
     """
 
     width: int
@@ -43,6 +46,7 @@ class Picture:
     skip_row: int
     low: float
     high: float
+    shapes: DebugShapes | None = None
 
 
 def _srgb_codes() -> NDArray[np.uint8]:
@@ -72,6 +76,12 @@ class PictureMaker:
         rays = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], np.float32)
         hits = self._caster.cast(frame.scene, np.zeros(3), rays, low=0.1, high=1000.0)
         self._shade(frame, hits, -1, 1e-3, self.sky.lighting(Weather(), 0.0))
+        line = np.array([[[2.0, 0.0, 0.0], [2.0, 1.0, 0.0]]])
+        draw_shapes(
+            line, np.ones(1, np.float32), np.zeros(1, np.bool_), np.zeros((1, 3), np.uint8),
+            focal_px=1.0, near_m=0.1,
+            depth=np.ones((2, 2), np.float32), pixels=np.zeros((2, 2, 3), np.uint8),
+        )  # fmt: skip
 
     def _shade(
         self, frame: Frame, hits: Hits, skip_row: int, pixel_angle: float, light: Lighting
@@ -80,7 +90,7 @@ class PictureMaker:
 
         def work(first: int, last: int) -> None:
             shade_rays(
-                frame.scene, new_scratch(), frame.static, frame.actors, frame.colour,
+                frame.scene, new_scratch(), frame.static, frame.actors, frame.looks, frame.colour,
                 frame.light_state,
                 self._materials, light, frame.lamps, hits.origin, hits.directions, skip_row,
                 np.float32(pixel_angle), first, last,
@@ -114,11 +124,30 @@ class PictureMaker:
             extra = self._shade(frame, hits, picture.skip_row, angle, light)
             total = extra.reshape(len(edges), len(_OFFSETS), 3).sum(axis=1) + colours[edges]
             codes.reshape(-1, 3)[edges] = self._encode(total / np.float32(len(_OFFSETS) + 1))
+        if picture.shapes is not None:
+            _draw(picture.shapes, picture, codes)
         return codes
 
     def _encode(self, colours: NDArray[np.float32]) -> NDArray[np.uint8]:
         """8-bit sRGB codes of linear display light."""
         return self._codes[(colours * np.float32(8191.0) + np.float32(0.5)).astype(np.int32)]
+
+
+def _draw(shapes: DebugShapes, picture: Picture, codes: NDArray[np.uint8]) -> None:
+    """Draw debug shapes over a picture."""
+    offset = shapes.segments - picture.hits.origin.astype(np.float64)
+    # Sums written out: a matrix product may add in another order on another machine.
+    ends = sum(offset[..., axis, None] * picture.rotation[axis] for axis in range(3))
+    draw_shapes(
+        ends,
+        shapes.size,
+        shapes.is_point,
+        shapes.colour,
+        focal_px=picture.width / (2.0 * np.tan(np.radians(picture.fov_deg) / 2.0)),
+        near_m=picture.low,
+        depth=picture.hits.t.reshape(picture.height, picture.width),
+        pixels=codes,
+    )
 
 
 def _rough(codes: NDArray[np.uint8]) -> NDArray[np.bool_]:

@@ -15,12 +15,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.maps.street_lamps import street_lamps
 from carstage_sim.mesh import Material, TriangleMesh
 from carstage_sim.render.bvh import WideTree, build_tree, triangle_blocks
 from carstage_sim.render.cast import Geometry, Scene, empty_geometry
-from carstage_sim.render.lamps import Lamps, headlight_beams, street_lamps
+from carstage_sim.render.dressing import ObjectLooks, Veil, object_looks
+from carstage_sim.render.lamps import Lamps, headlight_beams, lamps_of
 from carstage_sim.render.materials import Paint, linear_colour
 from carstage_sim.render.simd import LANES
+from carstage_sim.world.appearance import Appearance
 
 PAINTS = len(Paint)
 """Colours that an instance brings along."""
@@ -76,6 +79,7 @@ class Frame:
     Attributes:
         scene: what rays meet.
         static, actors: surfaces of the two geometries.
+        looks: what clients changed about the town's objects.
         actor_id: ``(I,)`` uint32 per instance row.
         colour: ``(I, PAINTS, 3)`` float32 linear colours per instance row.
         light_state: ``(I,)`` uint32 per instance row.
@@ -86,6 +90,7 @@ class Frame:
     scene: Scene
     static: Surfaces
     actors: Surfaces
+    looks: ObjectLooks
     actor_id: NDArray[np.uint32]
     colour: NDArray[np.float32]
     light_state: NDArray[np.uint32]
@@ -268,13 +273,32 @@ class SceneStore:
         self._models: list[_Model] = []
         self._index: dict[str, int] = {}
         self._roots: list[int] = []
-        self._lamps = street_lamps(static)
+        self._street_lamps = street_lamps(static)
+        self._lamps = lamps_of(self._street_lamps)
         self._actors: tuple[Geometry, Surfaces] = (empty_geometry(), _empty_surfaces())
         if static is None or not len(static.triangles):
             self._static, self._static_surfaces = empty_geometry(), _empty_surfaces()
         else:
             model = _model(static, cached_tree(static, cache) if cache is not None else None)
             self._static, self._static_surfaces = model.geometry, model.surfaces
+        owners = self._static_surfaces.object_id
+        self._veil = Veil(self._static, owners)
+        self._object_count = int(owners.max(initial=0))
+        self._appearance: Appearance | None = None
+        self._dress(Appearance())
+
+    def _dress(self, appearance: Appearance) -> None:
+        """Show the town as clients changed it."""
+        if appearance is self._appearance:
+            return
+        self._appearance = appearance
+        self._veil.hide(appearance.hidden)
+        self._looks = object_looks(self._object_count, self._street_lamps, appearance)
+        power = np.zeros((len(self._street_lamps), 3), np.float32)
+        if len(appearance.lamp_power):
+            gone = np.isin(self._street_lamps.object_id, list(appearance.hidden))
+            power = np.where(gone[:, None], np.float32(0), appearance.lamp_power)
+        self._lamps = self._lamps._replace(power=power)
 
     def _prepare(self, keys: Sequence[str]) -> None:
         missing = [key for key in dict.fromkeys(keys) if key not in self._index]
@@ -285,8 +309,15 @@ class SceneStore:
             geometry, surfaces, self._roots = _joined(self._models)
             self._actors = (geometry, surfaces)
 
-    def frame(self, placements: Sequence[Placement]) -> Frame:
-        """The scene with ``placements`` in it; instance row = place in the sequence."""
+    def frame(self, placements: Sequence[Placement], appearance: Appearance | None = None) -> Frame:
+        """The scene with ``placements`` in it; instance row = place in the sequence.
+
+        Args:
+            placements: the actors that can be seen.
+            appearance: what clients changed about the town; None leaves it as it was.
+        """
+        if appearance is not None:
+            self._dress(appearance)
         self._prepare([p.model for p in placements])
         count = len(placements)
         index = [self._index[p.model] for p in placements]
@@ -314,6 +345,7 @@ class SceneStore:
             ),
             static=self._static_surfaces,
             actors=self._actors[1],
+            looks=self._looks,
             actor_id=np.array([p.actor_id for p in placements], np.uint32),
             colour=linear_colour(colours),
             light_state=light_state,

@@ -11,10 +11,12 @@ from carstage_sim.render.cast import NOTHING, trace
 from carstage_sim.render.detail import ASPHALT, LEAVES, WINDOW, faded, pattern, window
 from carstage_sim.render.jit import device, kernel
 from carstage_sim.render.lamps import glow, lamp_light
+from carstage_sim.render.materials import Glow
 
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
 _OVER_PI: Any = np.float32(1 / math.pi)
+_STREET_LAMP = int(Glow.STREET_LAMP)
 
 
 @device
@@ -49,13 +51,16 @@ def _film(value):  # type: ignore[no-untyped-def]
 
 @kernel
 def shade_rays(  # type: ignore[no-untyped-def]
-    scene, scratch, static, actors, colour, light_state, materials, light, lamps, origin,
+    scene, scratch, static, actors, looks, colour, light_state, materials, light, lamps, origin,
     directions, skip, pixel_angle, first, last, t, row, triangle, weights, out,
 ):  # fmt: skip
     """Colours of the hits ``first`` to ``last``: linear display light, 0-1, into ``out (N, 3)``."""
     lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
     sun_up = light.sun[0] + light.sun[1] + light.sun[2] > np.float32(1e-6)
     wet, puddles, night, exposure = light.wetness, light.puddles, light.night, light.exposure
+    lamps_on = night > 0
+    for k in range(lamps.power.shape[0]):
+        lamps_on = lamps_on or lamps.power[k, 0] + lamps.power[k, 1] + lamps.power[k, 2] > 0
     for i in range(first, last):
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -109,6 +114,9 @@ def shade_rays(  # type: ignore[no-untyped-def]
             else:
                 cr, cg, cb = materials.colour[m, 0], materials.colour[m, 1], materials.colour[m, 2]
             kind = materials.detail[m]
+            if who < 0 and looks.paint[owner, 3] > 0:
+                cr, cg, cb = looks.paint[owner, 0], looks.paint[owner, 1], looks.paint[owner, 2]
+                kind = 0
             leaves = kind == LEAVES
             # The side that the ray met is the outside; leaves keep the normals of their crown.
             if not leaves:
@@ -202,9 +210,9 @@ def shade_rays(  # type: ignore[no-untyped-def]
                     er += light.sun[0] * sunny * np.float32(0.22)
                     eg += light.sun[1] * sunny * np.float32(0.24)
                     eb += light.sun[2] * sunny * np.float32(0.12)
-            if night > 0:
-                lr, lg, lb = lamp_light(lamps, px, py, pz, nx, ny, nz)
-                er, eg, eb = er + lr * night, eg + lg * night, eb + lb * night
+            if lamps_on:
+                lr, lg, lb = lamp_light(lamps, night, px, py, pz, nx, ny, nz)
+                er, eg, eb = er + lr, eg + lg, eb + lb
             r, g, b = cr * er * _OVER_PI, cg * eg * _OVER_PI, cb * eb * _OVER_PI
             if rough < np.float32(0.75):
                 smooth = _ONE - rough
@@ -228,7 +236,15 @@ def shade_rays(  # type: ignore[no-untyped-def]
                     r += light.sun[0] * glint
                     g += light.sun[1] * glint
                     b += light.sun[2] * glint
-            strength, sr, sg, sb = glow(materials.glow[m], bits, night, light.time_s)
+            strength, sr, sg, sb = glow(materials.glow[m], bits, light.time_s)
+            if who < 0:
+                lamp = looks.lamp[owner]
+                if lamp >= 0 and materials.glow[m] == _STREET_LAMP:
+                    strength = np.float32(6.0)
+                    sr, sg, sb = lamps.power[lamp, 0], lamps.power[lamp, 1], lamps.power[lamp, 2]
+                r += looks.glow[owner, 0] * 3 / exposure
+                g += looks.glow[owner, 1] * 3 / exposure
+                b += looks.glow[owner, 2] * 3 / exposure
             if emitted > 0:
                 strength, sr, sg, sb = (
                     emitted * np.float32(1.1),

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.world.state import Weather
+from carstage_sim.world.street_lights import LAMPS_ON_BELOW_DEG
 
 Array = NDArray[np.float64]
 
@@ -214,7 +215,7 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
     half = _clear_sky(max(altitude, np.radians(-18.0)), haze, 48, 49)
     sky = _spread(half, azimuth) + _NIGHT_SKY
     clear_up = _irradiance(sky)[0]
-    night = float(np.clip((np.radians(4.0) - altitude) / np.radians(10.0), 0.0, 1.0))
+    night = float(np.clip((np.radians(LAMPS_ON_BELOW_DEG) - altitude) / np.radians(10.0), 0.0, 1.0))
     # Clouds: lit by the sun through themselves and by the sky.
     overcast = cloud**2
     cover = np.clip((noise - (0.78 - 0.62 * cloud)) / 0.22, 0.0, 1.0) if cloud > 0 else 0 * noise

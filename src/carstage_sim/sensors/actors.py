@@ -7,15 +7,17 @@ from collections.abc import Callable
 
 import numpy as np
 
+from carstage_sim.content.doors import open_doors_mesh
 from carstage_sim.content.pedestrians import PHASES, dress_of, pedestrian_mesh
 from carstage_sim.content.props import prop_mesh
 from carstage_sim.content.street_furniture import traffic_light_mesh
 from carstage_sim.content.vehicles import vehicle_mesh
 from carstage_sim.geometry import rotation_matrix
+from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import Town
-from carstage_sim.mesh import TriangleMesh
+from carstage_sim.mesh import TriangleMesh, merge_meshes
 from carstage_sim.render.scene import Placement
-from carstage_sim.world.blueprints import catalogue
+from carstage_sim.world.blueprints import Blueprint, catalogue
 from carstage_sim.world.state import ActorKind, WorldState
 
 _STRIDE_M = 1.35
@@ -80,7 +82,8 @@ class ActorModels:
         lights = 0
         for row, kind in enumerate(state.kind.tolist()):
             if kind == ActorKind.VEHICLE:
-                key = state.type_id[row]
+                doors = 0 if state.doors is None else int(state.doors[row])
+                key = f"{state.type_id[row]}#{doors}" if doors else state.type_id[row]
             elif kind == ActorKind.WALKER:
                 key = f"{self._figure(state.type_id[row])}#{self._phase(state, row)}"
             elif kind == ActorKind.TRAFFIC_LIGHT:
@@ -134,13 +137,20 @@ class ActorModels:
             return pedestrian_mesh(name, blueprint.box_extent, phase=int(number))
         if name.startswith(_PROP):
             return prop_mesh(name, blueprint.box_extent)
-        parameters = blueprint.vehicle
-        if parameters is None:
-            return vehicle_mesh(name, blueprint.box_extent, blueprint.box_center)
-        return vehicle_mesh(
-            name,
-            blueprint.box_extent,
-            blueprint.box_center,
-            axles_m=(parameters.front_axle_x_m, parameters.rear_axle_x_m),
-            wheel_radius_m=parameters.wheels[0].radius_m,
-        )
+        return _vehicle_mesh(name, blueprint, int(number or 0))
+
+
+def _vehicle_mesh(name: str, blueprint: Blueprint, doors: int) -> TriangleMesh:
+    parameters = blueprint.vehicle
+    if parameters is None:
+        return vehicle_mesh(name, blueprint.box_extent, blueprint.box_center)
+    body = vehicle_mesh(
+        name,
+        blueprint.box_extent,
+        blueprint.box_center,
+        axles_m=(parameters.front_axle_x_m, parameters.rear_axle_x_m),
+        wheel_radius_m=parameters.wheels[0].radius_m,
+    )
+    tag = CityObjectLabel(blueprint.semantic_tags[0])
+    leaves = open_doors_mesh(blueprint.box_extent, blueprint.box_center, doors, tag)
+    return body if leaves is None else merge_meshes([body, leaves])

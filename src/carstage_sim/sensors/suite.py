@@ -6,9 +6,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 
+import numpy as np
+
 from carstage_sim.cache import cache_folder
 from carstage_sim.maps.town import Town
 from carstage_sim.mesh import TriangleMesh
+from carstage_sim.render.cast import NOTHING
 from carstage_sim.render.caster import RayCaster
 from carstage_sim.render.picture import PictureMaker
 from carstage_sim.render.scene import Frame, SceneStore
@@ -26,6 +29,7 @@ from carstage_sim.sensors.actors import ActorModels
 from carstage_sim.sensors.frames import SensorFrame, SensorRequest
 from carstage_sim.sensors.sensor import Sensor, SensorRegistry
 from carstage_sim.sensors.view import View
+from carstage_sim.world.pose import Vector3
 from carstage_sim.world.state import WorldState
 
 
@@ -118,11 +122,48 @@ class SensorSuite:
         self.last_cast_count = view.cast_count
         return frames
 
+    def segment_hits(
+        self, state: WorldState, start: Vector3, end: Vector3, at_most: int = 256
+    ) -> list[tuple[Vector3, int]]:
+        """Surfaces that a segment meets, nearest first: place in the world and semantic label.
+
+        Args:
+            state: the world to look at, actors included.
+            start, end: world metres.
+            at_most: how many surfaces to find.
+        """
+        view = self._view(state)
+        origin = np.asarray(start, np.float64)
+        along = np.asarray(end, np.float64) - origin
+        length = float(np.linalg.norm(along))
+        found: list[tuple[Vector3, int]] = []
+        if length == 0.0:
+            return found
+        direction = (along / length).astype(np.float32).reshape(1, 3)
+        passed = 0.0
+        while len(found) < at_most:
+            # From the last surface on: the distances of a long ray are too coarse for thin ones.
+            here = origin + passed * along / length
+            hits = view.rays(tuple(here.tolist()), direction, high=length - passed, owner_id=0)
+            if int(hits.row[0]) == NOTHING:
+                break
+            x, y, z = (here + float(hits.t[0]) * along / length).tolist()
+            found.append(((x, y, z), int(view.tags(hits)[0])))
+            passed += float(hits.t[0])
+        return found
+
     def _view(self, state: WorldState) -> View:
         def frame() -> Frame:
-            return self._store.frame(self._models.placements(state))
+            return self._store.frame(self._models.placements(state), state.appearance)
 
-        return View(frame, self._caster, self._pictures, state.weather, state.timestamp_s)
+        return View(
+            frame,
+            self._caster,
+            self._pictures,
+            state.weather,
+            state.timestamp_s,
+            state.debug_shapes,
+        )
 
     def _forget_absent(self, present: set[int]) -> None:
         for sensor_id in [known for known in self._sensors if known not in present]:

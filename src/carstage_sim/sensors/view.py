@@ -16,6 +16,7 @@ from carstage_sim.render.cast import STATIC
 from carstage_sim.render.caster import Hits, RayCaster
 from carstage_sim.render.picture import Picture, PictureMaker
 from carstage_sim.render.scene import Frame
+from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.state import Weather
 
 NEAR_M = 0.1
@@ -96,6 +97,7 @@ class View:
         pictures: makes colour pictures.
         weather: the tick's weather.
         time_s: simulated time.
+        shapes: debug shapes that pictures show, None for none.
     """
 
     def __init__(
@@ -105,12 +107,14 @@ class View:
         pictures: PictureMaker,
         weather: Weather,
         time_s: float,
+        shapes: DebugShapes | None = None,
     ) -> None:
         self._make_frame = make_frame
         self._caster = caster
         self._pictures = pictures
         self._weather = weather
         self._time_s = time_s
+        self._shapes = shapes
         self._casts: dict[Camera, Hits] = {}
         self._colours: dict[Camera, NDArray[np.uint8]] = {}
         self.cast_count = 0
@@ -202,6 +206,7 @@ class View:
                 skip_row=self.skipped_row(camera.owner_id, camera.location),
                 low=NEAR_M,
                 high=FAR_M,
+                shapes=self._shapes,
             )
             light = self._pictures.sky.lighting(self._weather, self._time_s)
             colours = self._pictures.paint(self.frame, picture, light)

@@ -40,6 +40,8 @@ class Dialect:
         missing_calls: calls that only later versions have.
         reopens_episode: whether the client opens a new episode after ``load_new_episode``; one that
             does not waits for the new episode's number on the stream that it already has.
+        rereads_lights: whether the client may be told to fetch the street lights again; 0.9.13
+            hangs when it is told so between a change of its own and the next frame.
         labels: semantic label of 0.9.14 and later -> this version's, where they differ.
     """
 
@@ -49,6 +51,7 @@ class Dialect:
     commands: tuple[str, ...]
     missing_calls: frozenset[str] = frozenset()
     reopens_episode: bool = False
+    rereads_lights: bool = True
     labels: Mapping[int, int] = field(default_factory=dict)
 
     @property
@@ -76,6 +79,7 @@ DIALECTS: Mapping[str, Dialect] = {
         sensors=SENSORS_0_9_13,
         commands=COMMANDS_0_9_13,
         missing_calls=CALLS_SINCE_0_9_14 | CALLS_SINCE_0_9_15 | CALLS_SINCE_0_9_16,
+        rereads_lights=False,
         labels=LABELS_0_9_13,
     ),
     "0.9.14": Dialect(

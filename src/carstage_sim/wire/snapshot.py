@@ -13,6 +13,7 @@ from carstage_sim.world.snapshot import Snapshot
 
 _EPISODE = struct.Struct("<Qdf3iI")
 _MAP_CHANGE = 1
+_PENDING_LIGHT_UPDATE = 2
 _ACTIVE = 1
 _UNION_BYTES = 54
 
@@ -97,9 +98,15 @@ def encode_snapshot(snapshot: Snapshot, dialect: Dialect, platform_timestamp_s: 
         0,
         0,
         0,
-        _MAP_CHANGE if snapshot.map_changed else 0,
+        _simulation_state(snapshot, dialect),
     )
     return header + episode + records.tobytes()
+
+
+def _simulation_state(snapshot: Snapshot, dialect: Dialect) -> int:
+    """Bits that make clients fetch the map, or the street lights, again."""
+    lights = snapshot.lights_changed and dialect.rereads_lights
+    return (_MAP_CHANGE if snapshot.map_changed else 0) | (_PENDING_LIGHT_UPDATE if lights else 0)
 
 
 def _fill_vehicles(records: np.ndarray[tuple[int], np.dtype[np.void]], snapshot: Snapshot) -> None:

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
+import numpy as np
+
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import OrientedBox
 from carstage_sim.wire.dialect import Dialect
@@ -155,6 +157,33 @@ def vehicle_control(value: Sequence[Any]) -> VehicleControl:
 def light_flags(value: int) -> int:
     """The bits of a ``VehicleLightState``."""
     return int(value) & 0xFFFF_FFFF
+
+
+def colour(value: Sequence[int]) -> tuple[int, int, int]:
+    """A ``Color``; alpha, where there is one, has no meaning here."""
+    red, green, blue = (min(max(int(part), 0), 255) for part in value[:3])
+    return red, green, blue
+
+
+def mean_colour(texture: Sequence[Any], *, full: float) -> tuple[float, float, float]:
+    """Mean linear colour of a ``Texture``.
+
+    Args:
+        texture: width, height, pixels of red, green, blue, alpha.
+        full: value of full brightness; 8-bit values (255) are sRGB, floats (1) are linear.
+
+    Raises:
+        CallError: not as many pixels as the size says, or none, or not numbers.
+    """
+    width, height, pixels = texture
+    if not pixels or len(pixels) != width * height:
+        raise CallError(f"a texture of {width} x {height} has not {len(pixels)} pixels")
+    values = np.array(pixels, np.float64)[:, :3] / full
+    if not np.isfinite(values).all():
+        raise CallError("a texture must consist of finite numbers")
+    linear = values if full == 1.0 else np.clip(values, 0.0, 1.0) ** 2.2
+    red, green, blue = np.clip(linear.mean(axis=0), 0.0, 1e3).tolist()
+    return red, green, blue
 
 
 def ackermann_control(value: Sequence[float]) -> AckermannControl:

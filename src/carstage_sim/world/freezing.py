@@ -74,6 +74,7 @@ def freeze(world: World, delta_s: float) -> Snapshot:
         vehicles=vehicles,
         walkers=walkers,
         traffic_lights=lights,
+        lights_changed=world.street_lights.changed_since_frame,
     )
 
 

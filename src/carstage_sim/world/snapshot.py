@@ -83,6 +83,7 @@ class Snapshot:
     Attributes:
         episode_id: differs between episodes of one server.
         map_changed: the first frame of an episode, which makes clients fetch the map again.
+        lights_changed: whether street lights were switched since the frame before.
     """
 
     episode_id: int
@@ -91,3 +92,4 @@ class Snapshot:
     vehicles: VehicleColumns
     walkers: WalkerColumns
     traffic_lights: TrafficLightColumns
+    lights_changed: bool = False

@@ -44,6 +44,7 @@ class StreetLights:
         lamps: as given.
         version: counts up whenever a light changes.
         day_night_cycle: whether the sun's altitude switches them.
+        changed_since_frame: whether a light changed between the frame before and this one.
     """
 
     def __init__(self, lamps: StreetLamps) -> None:
@@ -51,6 +52,8 @@ class StreetLights:
         self.lamps = lamps
         self.version = 0
         self.day_night_cycle = True
+        self.changed_since_frame = False
+        self._shown_version = 0
         self._dark = False
         self._active: NDArray[np.bool_] = np.zeros(count, np.bool_)
         self._intensity: NDArray[np.float32] = np.full(count, INTENSITY, np.float32)
@@ -108,6 +111,11 @@ class StreetLights:
         self._active[:] = self._dark
         self.version += 1
         return True
+
+    def step(self) -> None:
+        """Begin a frame."""
+        self.changed_since_frame = self.version != self._shown_version
+        self._shown_version = self.version
 
     def power(self) -> NDArray[np.float32]:
         """``(L, 3)`` float32 light of each lamp, linear RGB; a white new lamp has 1."""

@@ -45,7 +45,7 @@ class TownObjects:
         unloaded = (
             piece.object_id
             for piece in self._objects
-            if (layer := getattr(piece, "layer", 0)) and not layer & self._layers
+            if piece.layer and not piece.layer & self._layers
         )
         return frozenset(self._disabled.union(unloaded))
 

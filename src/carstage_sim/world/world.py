@@ -443,10 +443,6 @@ class World:
         self.next_stream_id += 1
         return self.next_stream_id - 1
 
-    def cast_ray(self, start: Vector3, end: Vector3) -> list[tuple[Vector3, int]]:
-        """Where a segment meets the scenery, nearest first: location and semantic label."""
-        return segment_hits(self.town.static_mesh, start, end)
-
     # The tick ------------------------------------------------------------------------------------
 
     def tick(self, delta_s: float, substeps: int = 1) -> Snapshot:
@@ -470,6 +466,7 @@ class World:
         self.collisions = collisions_of_tick(table, self.fleet)
         self.lights.step(delta_s)
         self.debug_drawing.step(self.elapsed_s)
+        self.street_lights.step()
         return self.freeze(delta_s)
 
     def _steer_by_itself(

@@ -8,8 +8,9 @@ from ray_scenes import frame_of, turned_box
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
+from carstage_sim.maps.street_lamps import street_lamps
 from carstage_sim.mesh import Material, build_mesh, merge_meshes
-from carstage_sim.render.lamps import CELL_M, headlight_beams, street_lamps
+from carstage_sim.render.lamps import CELL_M, headlight_beams, lamps_of
 from carstage_sim.render.scene import Placement
 
 pytestmark = pytest.mark.xdist_group("kernels")
@@ -25,7 +26,7 @@ def lamp_at(x, y, z=7.0):
 
 def test_each_lamp_is_found_once_and_near_its_cell():
     places = [(0.0, 0.0), (60.3, 11.1), (-41.0, 90.7)]
-    lamps = street_lamps(merge_meshes([lamp_at(x, y) for x, y in places]))
+    lamps = lamps_of(street_lamps(merge_meshes([lamp_at(x, y) for x, y in places])))
     distance = np.hypot(*(lamps.street[:, None, :2] - np.array(places)).transpose(2, 0, 1))
     assert distance.min(axis=0).max() < 0.5
     for x, y in places:
@@ -36,8 +37,8 @@ def test_each_lamp_is_found_once_and_near_its_cell():
 
 
 def test_a_town_without_lamps_has_none():
-    assert len(street_lamps(None).street) == 0
-    assert len(street_lamps(turned_box((1.0, 1.0, 1.0))).street) == 0
+    assert len(street_lamps(None)) == 0
+    assert len(street_lamps(turned_box((1.0, 1.0, 1.0)))) == 0
 
 
 def test_beams_start_at_the_front_of_vehicles_with_lights_on():

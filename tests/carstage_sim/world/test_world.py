@@ -266,13 +266,6 @@ def test_ackermann_control_reaches_its_speed_and_stops(world: World, stage01: To
     assert world.motion(car).speed == pytest.approx(0.0, abs=0.1)
 
 
-def test_ray_down_onto_a_lane_finds_the_road(world: World, stage01: Town) -> None:
-    x, y, _ = place(stage01).location
-    (location, label), *_ = world.cast_ray((x, y, 2.0), (x, y, -1.0))
-    np.testing.assert_allclose(location, (x, y, 0.0), atol=0.05)
-    assert label in (1, 24)  # road, or a marking on it
-
-
 @pytest.mark.parametrize(
     ("settings", "delta_s", "expected"),
     [

@@ -80,9 +80,20 @@ def _spawn_actor_with_parent(
     return encode_actor(call, actor)
 
 
+def destroy(call: Call, actor_id: int) -> None:
+    """Take an actor out of the world.
+
+    Raises:
+        CallError: it does not live, or belongs to the map; clients turn this into ``False``.
+    """
+    if not call.world.destroy(actor_id):
+        raise CallError("unable to destroy actor: not found")
+
+
 @handles("destroy_actor")
 def _destroy_actor(call: Call, actor_id: int) -> bool:
-    return call.world.destroy(actor_id)
+    destroy(call, actor_id)
+    return True
 
 
 @handles("get_actor_bounding_box")

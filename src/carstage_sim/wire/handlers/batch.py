@@ -8,10 +8,10 @@ from typing import Any
 
 from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
-from carstage_sim.wire.handlers.actors import described
+from carstage_sim.wire.handlers.actors import described, destroy
 from carstage_sim.wire.handlers.registry import Call, Wrapping, handles, refusal
-from carstage_sim.wire.handlers.vehicles import apply_physics
-from carstage_sim.world.errors import ActorNotFoundError
+from carstage_sim.wire.handlers.vehicles import apply_physics, vehicle_status
+from carstage_sim.world.errors import ActorTypeError
 from carstage_sim.world.state import ActorKind
 
 logger = logging.getLogger(__name__)
@@ -20,11 +20,14 @@ _FUTURE_ACTOR = 0
 
 _Command = Callable[..., None]
 _COMMANDS: dict[str, _Command] = {}
+_CALLS = {"SpawnActor": "spawn_actor"}
+"""The call that a command stands for; refusals name it, as CARLA's do."""
 
 
-def _command(name: str) -> Callable[[_Command], _Command]:
+def _command(name: str, call: str) -> Callable[[_Command], _Command]:
     def register(command: _Command) -> _Command:
         _COMMANDS[name] = command
+        _CALLS[name] = call
         return command
 
     return register
@@ -39,16 +42,17 @@ def _apply_batch(call: Call, commands: list[Any], do_tick: bool = False) -> list
 
 
 def _respond(call: Call, command: list[Any]) -> list[Any]:
+    name = ""
     try:
         ((index, body),) = command
-        return [[1, _execute(call, index, body)]]
+        names = call.session.dialect.commands
+        name = names[index] if index < len(names) else str(index)
+        return [[1, _execute(call, name, body)]]
     except Exception as error:  # noqa: BLE001 - the others of the batch are still due their answers
-        return [[0, [refusal("apply_batch", error, command)]]]
+        return [[0, [refusal(_CALLS.get(name, "apply_batch"), error, command)]]]
 
 
-def _execute(call: Call, index: int, body: list[Any]) -> int:
-    names = call.session.dialect.commands
-    name = names[index] if index < len(names) else str(index)
+def _execute(call: Call, name: str, body: list[Any]) -> int:
     if name == "SpawnActor":
         return _spawn(call, body)
     if name not in _COMMANDS:
@@ -80,98 +84,103 @@ def _spawn(call: Call, body: list[Any]) -> int:
     return actor.actor_id
 
 
-@_command("DestroyActor")
+@_command("DestroyActor", "destroy_actor")
 def _destroy(call: Call, actor_id: int) -> None:
-    if not call.world.destroy(actor_id):
-        raise ActorNotFoundError(actor_id)
+    destroy(call, actor_id)
 
 
-@_command("ApplyVehicleControl")
+@_command("ApplyVehicleControl", "apply_control_to_vehicle")
 def _vehicle_control(call: Call, actor_id: int, control: list[Any]) -> None:
+    call.world.live(actor_id)
+    vehicle_status(call, actor_id)
     call.world.control_vehicle(actor_id, values.vehicle_control(control))
 
 
-@_command("ApplyVehicleAckermannControl")
+@_command("ApplyVehicleAckermannControl", "apply_ackermann_control_to_vehicle")
 def _ackermann_control(call: Call, actor_id: int, control: list[Any]) -> None:
+    call.world.live(actor_id)
+    vehicle_status(call, actor_id)
     call.world.control_ackermann(actor_id, values.ackermann_control(control))
 
 
-@_command("ApplyWalkerControl")
+@_command("ApplyWalkerControl", "apply_control_to_walker")
 def _walker_control(call: Call, actor_id: int, control: list[Any]) -> None:
+    if call.world.live(actor_id).kind is not ActorKind.WALKER:
+        raise ActorTypeError(actor_id)
     call.world.control_walker(actor_id, values.walker_control(control))
 
 
-@_command("ApplyVehiclePhysicsControl")
+@_command("ApplyVehiclePhysicsControl", "apply_physics_control")
 def _physics_control(call: Call, actor_id: int, control: list[Any]) -> None:
     apply_physics(call, actor_id, control)
 
 
-@_command("ApplyTransform")
+@_command("ApplyTransform", "set_actor_transform")
 def _transform(call: Call, actor_id: int, transform: list[Any]) -> None:
     call.world.set_pose(actor_id, values.pose(transform))
 
 
-@_command("ApplyLocation")
+@_command("ApplyLocation", "set_actor_location")
 def _location(call: Call, actor_id: int, location: list[float]) -> None:
     call.world.set_location(actor_id, values.vector(location))
 
 
-@_command("ApplyWalkerState")
+@_command("ApplyWalkerState", "set_walker_state")
 def _walker_state(call: Call, actor_id: int, transform: list[Any], speed: float) -> None:
     call.world.place_walker(actor_id, values.pose(transform), *values.finite(speed))
 
 
-@_command("ApplyTargetVelocity")
+@_command("ApplyTargetVelocity", "set_actor_target_velocity")
 def _target_velocity(call: Call, actor_id: int, velocity: list[float]) -> None:
     call.world.set_target_velocity(actor_id, values.vector(velocity))
 
 
-@_command("ApplyTargetAngularVelocity")
+@_command("ApplyTargetAngularVelocity", "set_actor_target_angular_velocity")
 def _target_angular_velocity(call: Call, actor_id: int, velocity: list[float]) -> None:
     call.world.set_target_angular_velocity(actor_id, values.vector(velocity))
 
 
-@_command("ApplyImpulse")
+@_command("ApplyImpulse", "add_actor_impulse")
 def _impulse(call: Call, actor_id: int, impulse: list[float]) -> None:
     call.world.add_impulse(actor_id, values.vector(impulse))
 
 
-@_command("ApplyForce")
+@_command("ApplyForce", "add_actor_force")
 def _force(call: Call, actor_id: int, force: list[float]) -> None:
     call.world.add_force(actor_id, values.vector(force))
 
 
-@_command("ApplyAngularImpulse")
-@_command("ApplyTorque")
+@_command("ApplyAngularImpulse", "add_actor_angular_impulse")
+@_command("ApplyTorque", "add_actor_torque")
 def _torque(call: Call, actor_id: int, _torque: list[float]) -> None:
     call.world.live(actor_id)
 
 
-@_command("SetSimulatePhysics")
+@_command("SetSimulatePhysics", "set_actor_simulate_physics")
 def _simulate_physics(call: Call, actor_id: int, enabled: bool) -> None:
     call.world.set_simulate_physics(actor_id, bool(enabled))
 
 
-@_command("SetEnableGravity")
+@_command("SetEnableGravity", "set_actor_enable_gravity")
 def _enable_gravity(call: Call, actor_id: int, enabled: bool) -> None:
     call.world.live(actor_id).gravity = bool(enabled)
 
 
-@_command("SetAutopilot")
-@_command("ShowDebugTelemetry")
+@_command("SetAutopilot", "set_actor_autopilot")
+@_command("ShowDebugTelemetry", "show_vehicle_debug_telemetry")
 def _of_the_client(call: Call, actor_id: int, _enabled: bool) -> None:
     """The client's Traffic Manager drives; telemetry has no window to appear in."""
     call.world.live(actor_id)
 
 
-@_command("SetVehicleLightState")
+@_command("SetVehicleLightState", "set_vehicle_light_state")
 def _light_state(call: Call, actor_id: int, flags: int) -> None:
-    vehicle = call.world.live(actor_id).vehicle
-    if vehicle is not None:
-        vehicle.light_state = values.light_flags(flags)
+    call.world.live(actor_id)
+    vehicle_status(call, actor_id).light_state = values.light_flags(flags)
 
 
-@_command("SetTrafficLightState")
+@_command("SetTrafficLightState", "set_traffic_light_state")
 def _traffic_light_state(call: Call, actor_id: int, state: int) -> None:
-    if call.world.live(actor_id).kind is ActorKind.TRAFFIC_LIGHT:
-        call.world.lights.set_state(call.world.light_index(actor_id), state)
+    if call.world.live(actor_id).kind is not ActorKind.TRAFFIC_LIGHT:
+        raise ActorTypeError(actor_id)
+    call.world.lights.set_state(call.world.light_index(actor_id), state)

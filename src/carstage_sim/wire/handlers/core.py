@@ -13,6 +13,7 @@ from carstage_sim.world.errors import WorldError
 from carstage_sim.world.pose import Pose
 
 _MAP_FOLDER = "Carla/Maps"
+_ALL_LAYERS = 0xFFFF
 _ANSWER_AFTER_S = 0.1
 _REOPENED_AFTER_S = 0.3
 _GIVE_UP_S = 5.0
@@ -104,11 +105,14 @@ def _get_available_maps(call: Call) -> list[str]:
 
 
 @handles_void("load_new_episode")
-def _load_new_episode(call: Call, map_name: str, reset_settings: bool, _layers: int = 0) -> Any:
+def _load_new_episode(
+    call: Call, map_name: str, reset_settings: bool, layers: int = _ALL_LAYERS
+) -> Any:
     name = map_name.rsplit("/", 1)[-1] or call.world.town.name
     if name not in call.simulation.town_names:
         raise CallError("map not found")
     call.simulation.load(name, reset_settings=reset_settings)
+    call.world.objects.load_layers(~int(layers), False)
     if not call.session.dialect.reopens_episode:
         call.session.episode_began(0.0)
         return None
@@ -125,9 +129,14 @@ def _load_new_episode(call: Call, map_name: str, reset_settings: bool, _layers: 
     return LATER
 
 
-@handles_void("load_map_layer", "unload_map_layer")
-def _map_layers(_call: Call, _layers: int) -> None:
-    """Towns have no layers: everything stays loaded."""
+@handles_void("load_map_layer")
+def _load_map_layer(call: Call, layers: int) -> None:
+    call.world.objects.load_layers(int(layers), True)
+
+
+@handles_void("unload_map_layer")
+def _unload_map_layer(call: Call, layers: int) -> None:
+    call.world.objects.load_layers(int(layers), False)
 
 
 @handles_void("copy_opendrive_to_file")

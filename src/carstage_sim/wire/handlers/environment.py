@@ -1,4 +1,4 @@
-"""Weather, scenery, ray queries, street lights, debug drawing."""
+"""Weather, scenery and its looks, ray queries."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ from typing import Any
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import LevelObject
 from carstage_sim.wire import values
+from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
-from carstage_sim.world.pose import Pose
+from carstage_sim.world.pose import Pose, compose
+from carstage_sim.world.state import ActorKind
 from carstage_sim.world.traffic_light_actors import head_box
 
 _ANY_LABEL = 255
+_DIFFUSE, _EMISSIVE = 2, 3
+"""Of ``carla.MaterialParameter``; the others say how a surface is rough or bumpy."""
 
 
 @handles("get_weather_parameters")
@@ -21,7 +25,7 @@ def _get_weather_parameters(call: Call) -> list[Any]:
 
 @handles_void("set_weather_parameters")
 def _set_weather_parameters(call: Call, weather: list[float]) -> None:
-    call.world.weather = values.weather(weather)
+    call.world.set_weather(values.weather(weather))
 
 
 def _level_objects(call: Call, label: int) -> list[LevelObject]:
@@ -37,10 +41,19 @@ def _get_names_of_all_objects(call: Call) -> list[str]:
 
 @handles("get_all_level_BBs")
 def _get_all_level_bbs(call: Call, label: int) -> list[Any]:
+    """Boxes of scenery, light heads, vehicles and walkers, in the world."""
     boxes = [values.encode_box(piece.box) for piece in _level_objects(call, label)]
-    if label in (_ANY_LABEL, CityObjectLabel.TRAFFIC_LIGHT):
+    if label in (_ANY_LABEL, call.session.dialect.label(CityObjectLabel.TRAFFIC_LIGHT)):
         lights = zip(call.world.town.traffic_lights, call.world.light_ids, strict=True)
         boxes += [values.encode_box(head_box(site), actor_id) for site, actor_id in lights]
+    for kind in (ActorKind.VEHICLE, ActorKind.WALKER):
+        for actor in call.world.actors.of_kind(kind):
+            if label in (_ANY_LABEL, call.session.dialect.label(actor.semantic_tags[0])):
+                pose = call.world.actors.pose(actor.actor_id)
+                center = compose(pose, Pose(actor.box_center)).location
+                boxes.append(
+                    values.bounding_box(center, actor.box_extent, pose.rotation_deg, actor.actor_id)
+                )
     return boxes
 
 
@@ -59,8 +72,8 @@ def _get_environment_objects(call: Call, label: int) -> list[Any]:
 
 
 @handles_void("enable_environment_objects")
-def _enable_environment_objects(_call: Call, _object_ids: list[int], _enabled: bool) -> None:
-    """Scenery is baked into one mesh and stays visible."""
+def _enable_environment_objects(call: Call, object_ids: list[int], enabled: bool) -> None:
+    call.world.objects.enable(object_ids, bool(enabled))
 
 
 @handles("project_point")
@@ -69,7 +82,7 @@ def _project_point(
 ) -> list[Any]:
     start = values.vector(origin)
     end = tuple(o + d * range_m for o, d in zip(start, values.vector(direction), strict=True))
-    hits = call.world.cast_ray(start, values.vector(end))
+    hits = call.simulation.segment_hits(start, values.vector(end), at_most=1)
     if not hits:
         return [False, [[0.0, 0.0, 0.0], 0]]
     location, label = hits[0]
@@ -78,30 +91,35 @@ def _project_point(
 
 @handles("cast_ray")
 def _cast_ray(call: Call, start: list[float], end: list[float]) -> list[Any]:
-    hits = call.world.cast_ray(values.vector(start), values.vector(end))
+    hits = call.simulation.segment_hits(values.vector(start), values.vector(end))
     number = call.session.dialect.label
     return [[list(location), number(label)] for location, label in hits]
 
 
-@handles("query_lights_state")
-def _query_lights_state(_call: Call, _client: str) -> list[Any]:
-    """Street lamps are scenery here, none can be switched."""
-    return []
+@handles_void("apply_color_texture_to_objects")
+def _apply_color_texture(call: Call, names: list[str], parameter: int, texture: list[Any]) -> None:
+    _paint(call, names, parameter, values.mean_colour(texture, full=255.0))
 
 
-@handles_void("update_lights_state", "update_day_night_cycle")
-def _update_lights(_call: Call, *_arguments: Any) -> None:
-    """No lamps to switch."""
+@handles_void("apply_float_color_texture_to_objects")
+def _apply_float_color_texture(
+    call: Call, names: list[str], parameter: int, texture: list[Any]
+) -> None:
+    _paint(call, names, parameter, values.mean_colour(texture, full=1.0))
 
 
-@handles_void("draw_debug_shape", "clear_debug_shape", "clear_debug_string")
-def _debug_drawing(_call: Call, *_arguments: Any) -> None:
-    """There is no window to draw in; sensors never see debug shapes."""
-
-
-@handles_void("apply_color_texture_to_objects", "apply_float_color_texture_to_objects")
-def _apply_texture(_call: Call, *_arguments: Any) -> None:
-    """Surfaces are procedural and take no textures."""
+def _paint(
+    call: Call, names: list[str], parameter: int, colour: tuple[float, float, float]
+) -> None:
+    """Surfaces here have no texture coordinates: an object takes the mean colour of a texture."""
+    objects = call.world.objects
+    found = objects.named(names)
+    if not found:
+        raise CallError("unable to find Actor to apply the texture")
+    if parameter == _DIFFUSE:
+        objects.apply_paint(found, colour)
+    elif parameter == _EMISSIVE:
+        objects.apply_glow(found, colour)
 
 
 @handles("get_imui_gravity")

@@ -20,7 +20,7 @@ from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.rpc import Connection, Request, shortened
 from carstage_sim.wire.traffic_managers import TrafficManagers
 from carstage_sim.world.actors import Actor
-from carstage_sim.world.errors import WorldError
+from carstage_sim.world.errors import ActorError, WorldError
 from carstage_sim.world.world import World
 
 logger = logging.getLogger(__name__)
@@ -195,6 +195,9 @@ def refusal(name: str, error: Exception, arguments: object) -> str:
     Values of the wrong type fail where they are decoded, in this package. What fails deeper has
     passed the decoders and must not have.
     """
+    if isinstance(error, ActorError):
+        # CARLA's RespondError, its two spaces included: programs look for its words.
+        return f"Responding error from function {name}: {error.reason}.  Actor Id: {error.actor_id}"
     if isinstance(error, CallError | WorldError):
         logger.debug("%s refused: %s", name, error)
         return str(error)

@@ -1,0 +1,78 @@
+"""What clients changed about the town, as the renderer needs it: looks by object, hidden triangles.
+
+A hidden triangle's corners become zero in its leaf block, where the ray caster meets nothing: that
+costs a ray nothing, and the hierarchy stays as it is.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.maps.street_lamps import StreetLamps
+from carstage_sim.render.cast import Geometry
+from carstage_sim.world.appearance import Appearance
+
+
+class ObjectLooks(NamedTuple):
+    """Looks of level objects; row = object id, row 0 stands for what is no object.
+
+    Attributes:
+        paint: ``(O + 1, 4)`` float32 linear RGB, and 1 where it replaces the surface's colour.
+        glow: ``(O + 1, 3)`` float32 linear RGB of light that the surface emits.
+        lamp: ``(O + 1,)`` int32 street lamp that the object is, -1 for none.
+    """
+
+    paint: NDArray[np.float32]
+    glow: NDArray[np.float32]
+    lamp: NDArray[np.int32]
+
+
+def object_looks(count: int, lamps: StreetLamps, appearance: Appearance) -> ObjectLooks:
+    """The looks of ``count`` objects."""
+    looks = ObjectLooks(
+        np.zeros((count + 1, 4), np.float32),
+        np.zeros((count + 1, 3), np.float32),
+        np.full(count + 1, -1, np.int32),
+    )
+    for object_id, colour in appearance.paint.items():
+        looks.paint[object_id] = (*colour, 1.0)
+    for object_id, colour in appearance.glow.items():
+        looks.glow[object_id] = colour
+    looks.lamp[lamps.object_id] = np.arange(len(lamps), dtype=np.int32)
+    looks.lamp[0] = -1
+    return looks
+
+
+class Veil:
+    """Takes triangles of level objects out of a geometry, and puts them back.
+
+    Args:
+        geometry: changed in place.
+        object_id: ``(T,)`` of its triangles.
+    """
+
+    def __init__(self, geometry: Geometry, object_id: NDArray[np.uint32]) -> None:
+        self._geometry = geometry
+        self._object_id = object_id
+        self._hidden: frozenset[int] = frozenset()
+        self._taken: tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]] | None = None
+
+    def hide(self, object_ids: frozenset[int]) -> None:
+        """Make exactly these objects absent."""
+        if object_ids == self._hidden:
+            return
+        corners = self._geometry.corners
+        if self._taken is not None:
+            block, lane, before = self._taken
+            corners[block, :, lane] = before
+            self._taken = None
+        self._hidden = object_ids
+        if object_ids:
+            hidden = np.isin(self._object_id, np.fromiter(object_ids, np.uint32, len(object_ids)))
+            numbers = self._geometry.numbers
+            block, lane = np.nonzero((numbers >= 0) & hidden[numbers])
+            self._taken = (block, lane, corners[block, :, lane].copy())
+            corners[block, :, lane] = 0.0

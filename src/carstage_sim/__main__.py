@@ -12,7 +12,7 @@ from contextlib import ExitStack
 
 from carstage_sim.cli import Options, parse_options
 from carstage_sim.description import describe
-from carstage_sim.maps import UnknownTownError
+from carstage_sim.maps import MapCatalogue, MapFileError, MapSamplingError, UnknownTownError
 from carstage_sim.server import Server
 from carstage_sim.simulation import Simulation
 from carstage_sim.wire.dialect import dialect
@@ -27,12 +27,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parse_options(argv)
     logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     logging.getLogger("carstage_sim").setLevel(options.log_level.upper())
-    if options.describe:
-        print(json.dumps(describe(options.protocol)), flush=True)
-        return 0
     try:
-        _serve(options)
-    except (BadAddressError, PortInUseError, UnknownTownError) as error:
+        maps = MapCatalogue(options.maps, options.aliases)
+        if options.describe:
+            print(json.dumps(describe(options.protocol, maps)), flush=True)
+            return 0
+        _serve(options, maps)
+    except (
+        BadAddressError, PortInUseError, UnknownTownError, MapFileError, MapSamplingError,
+    ) as error:  # fmt: skip
         print(f"carstage_sim: {error}", file=sys.stderr)
         return _BAD_INPUT
     except KeyboardInterrupt:  # before the server was ready
@@ -40,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _serve(options: Options) -> None:
+def _serve(options: Options, maps: MapCatalogue) -> None:
     parent_pid = os.getppid() if options.exit_with_parent else None
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with ExitStack() as resources:
@@ -48,7 +51,9 @@ def _serve(options: Options) -> None:
         # are accepted only when everything is warm.
         rpc_socket = resources.enter_context(bind(options.host, options.port))
         streaming_socket = resources.enter_context(bind(options.host, options.streaming_port))
-        simulation = resources.enter_context(Simulation(options.map_name, threads=options.threads))
+        simulation = resources.enter_context(
+            Simulation(options.map_name, maps=maps, threads=options.threads)
+        )
         simulation.warm_up()
         server = resources.enter_context(
             Server(

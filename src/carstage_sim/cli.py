@@ -6,6 +6,7 @@ import argparse
 import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from carstage_sim.wire.dialect import DIALECTS
 
@@ -36,6 +37,8 @@ class Options:
     Attributes:
         port: RPC port, 0 for a free one.
         streaming_port: 0 for a free one.
+        maps: OpenDRIVE files, and folders of them, to offer.
+        aliases: names that stand for maps.
         threads: threads of the numeric kernels, None for all cores.
         frames_per_s: pace of the free run in asynchronous mode.
         exit_with_parent: end when the process that started this one is gone.
@@ -46,6 +49,8 @@ class Options:
     port: int
     streaming_port: int
     map_name: str
+    maps: tuple[Path, ...]
+    aliases: dict[str, str]
     threads: int | None
     protocol: str
     frames_per_s: float
@@ -90,6 +95,23 @@ def _parser() -> _Parser:
         help="streaming port (default: the one above --port)",
     )
     parser.add_argument("--map", dest="map_name", default="Stage01", help="map to begin with")
+    parser.add_argument(
+        "--maps",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="PATH",
+        help="an OpenDRIVE file (NAME.xodr), or a folder of them, to offer; may be repeated",
+    )
+    parser.add_argument(
+        "--alias",
+        dest="aliases",
+        type=_alias,
+        action="append",
+        default=[],
+        metavar="NAME=MAP",
+        help="let programs that ask for NAME get MAP; may be repeated",
+    )
     parser.add_argument(
         "--seed",
         type=int,
@@ -147,6 +169,8 @@ def parse_options(argv: Sequence[str] | None) -> Options:
         port=namespace.port,
         streaming_port=streaming_port,
         map_name=namespace.map_name.rsplit("/", 1)[-1],
+        maps=tuple(namespace.maps),
+        aliases=dict(namespace.aliases),
         threads=namespace.threads,
         protocol=namespace.protocol,
         frames_per_s=namespace.frames_per_s,
@@ -161,6 +185,13 @@ def _port(text: str) -> int:
     if not 0 <= value <= _HIGHEST_PORT:
         raise argparse.ArgumentTypeError(f"{value} is no port: 0 to {_HIGHEST_PORT}")
     return value
+
+
+def _alias(text: str) -> tuple[str, str]:
+    name, separator, target = text.partition("=")
+    if not (separator and name and target):
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=MAP")
+    return name, target
 
 
 def _count(text: str) -> int:

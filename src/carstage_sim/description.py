@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from carstage_sim.maps import available_towns, load_town
+from carstage_sim.maps import MapCatalogue, available_towns, load_town
 from carstage_sim.wire.dialect import DIALECTS, dialect
 from carstage_sim.world.blueprints import Attribute, Blueprint, catalogue
 
 
-def describe(protocol: str) -> dict[str, Any]:
+def describe(protocol: str, maps: MapCatalogue | None = None) -> dict[str, Any]:
     """The document that ``--describe`` prints.
+
+    Args:
+        protocol: version of the client.
+        maps: what is offered; by default the built-in towns. Only these are baked to count their
+            spawn points: of the user's own maps the number is null.
 
     Raises:
         UnknownProtocolError: no table for that version is built in.
@@ -20,8 +25,8 @@ def describe(protocol: str) -> dict[str, Any]:
         "protocol": protocol,
         "protocols": list(DIALECTS),
         "maps": [
-            {"name": name, "spawn_points": len(load_town(name).spawn_points)}
-            for name in available_towns()
+            {"name": name, "spawn_points": _spawn_points(name)}
+            for name in (maps or MapCatalogue()).names
         ],
         "blueprints": [
             _blueprint(blueprint)
@@ -29,6 +34,10 @@ def describe(protocol: str) -> dict[str, Any]:
             if spoken.offers(blueprint.id)
         ],
     }
+
+
+def _spawn_points(name: str) -> int | None:
+    return len(load_town(name).spawn_points) if name in available_towns() else None
 
 
 def _blueprint(blueprint: Blueprint) -> dict[str, Any]:

@@ -11,7 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 
-from carstage_sim.maps import available_towns, load_town
+from carstage_sim.maps import MapCatalogue
+from carstage_sim.recording import RecorderDeck
 from carstage_sim.sensors import SensorAttributeError, SensorSuite
 from carstage_sim.sensors.frames import SensorFrame, SensorRequest
 from carstage_sim.sensors.sensor import SensorRegistry
@@ -44,25 +45,35 @@ class Simulation:
 
     Args:
         town_name: the map to begin with.
+        maps: the maps that clients may load; by default the built-in ones.
         threads: threads of the numeric kernels, None for all cores.
 
     Attributes:
         world: the current episode.
         settings: episode settings; they outlive an episode unless it is loaded with a reset.
+        maps: the maps that clients may load.
         imu_gravity: m/s^2, what clients set for IMU sensors.
+        recordings: the recorder and the replayer.
 
     Raises:
         UnknownTownError: there is no map of that name.
     """
 
-    def __init__(self, town_name: str, *, threads: int | None = None) -> None:
+    def __init__(
+        self,
+        town_name: str,
+        *,
+        maps: MapCatalogue | None = None,
+        threads: int | None = None,
+    ) -> None:
         self.settings = EpisodeSettings()
         self.imu_gravity = _STANDARD_GRAVITY
-        self.town_names: tuple[str, ...] = tuple(available_towns())
+        self.recordings = RecorderDeck()
+        self.maps = maps or MapCatalogue()
         self._threads = threads
         self._watched_before = False
         self._stepped_at_s = time.monotonic()
-        self._town = load_town(town_name)
+        self._town = self.maps.load(town_name)
         self.world = self._new_world(1, None)
         self._sensors = SensorSuite(self._town, threads=threads)
 
@@ -75,6 +86,7 @@ class Simulation:
         _value: BaseException | None,
         _traceback: TracebackType | None,
     ) -> None:
+        self.recordings.end_episode()
         self._sensors.close()
 
     def warm_up(self) -> None:
@@ -82,15 +94,22 @@ class Simulation:
         self._sensors.warm_up()
 
     def load(self, town_name: str, *, reset_settings: bool) -> None:
-        """Replace the episode by a new one on a map, which may be the same."""
+        """Replace the episode by a new one on a map, which may be the same.
+
+        Raises:
+            UnknownTownError: there is no map of that name.
+            MapFileError: its file cannot be read.
+            MapSamplingError: nothing can be made of it.
+        """
         before = self.world
         if town_name != self._town.name:
-            self._town = load_town(town_name)
+            self._town = self.maps.load(town_name)
             self._sensors.close()
             self._sensors = SensorSuite(self._town, threads=self._threads)
             self._sensors.warm_up()
         else:
             self._sensors.reset()
+        self.recordings.end_episode()
         self.world = self._new_world(before.episode_id + 1, before)
         if reset_settings:
             self.settings = EpisodeSettings()
@@ -112,7 +131,10 @@ class Simulation:
             elapsed_s = now_s - self._stepped_at_s
             delta_s = min(max(elapsed_s, _SHORTEST_STEP_S), _LONGEST_STEP_S)
         self._stepped_at_s = now_s
-        return self.world.tick(delta_s, self.settings.substeps(delta_s))
+        self.recordings.before_tick(delta_s)
+        snapshot = self.world.tick(delta_s, self.settings.substeps(delta_s))
+        self.recordings.after_tick(snapshot)
+        return snapshot
 
     def first_frame(self) -> Snapshot:
         """The frame that an episode begins with."""

@@ -1,15 +1,19 @@
 """Maps: the OpenDRIVE town writer, the bake to arrays, meshes, navigation mesh, spawn points.
 
-``load_town(name)`` is the way in; what comes out is a frozen ``Town``.
+``MapCatalogue`` is the way in, ``load_town(name)`` for built-in towns; what comes out is a frozen
+``Town``.
 """
 
 from carstage_sim.maps.baking import MapSamplingError
+from carstage_sim.maps.catalogue import MapCatalogue, MapFileError
 from carstage_sim.maps.ground import GroundHeight, ground_height
 from carstage_sim.maps.loading import UnknownTownError, available_towns, load_town
 from carstage_sim.maps.town import Town
 
 __all__ = [
     "GroundHeight",
+    "MapCatalogue",
+    "MapFileError",
     "MapSamplingError",
     "Town",
     "UnknownTownError",

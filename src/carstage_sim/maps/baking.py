@@ -1,66 +1,174 @@
-"""The bake: from a street plan to a finished town."""
+"""The bake: from an OpenDRIVE text to a finished town."""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 import subprocess
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
+from carstage_sim.maps.bridges import bridge_mesh
 from carstage_sim.maps.cache import digest_of
-from carstage_sim.maps.ground_mesh import ground_mesh
-from carstage_sim.maps.layout import build_network
+from carstage_sim.maps.drape import Drape, profile_cuts
+from carstage_sim.maps.ground_mesh import LevelSurface
+from carstage_sim.maps.levels import station_levels
 from carstage_sim.maps.lights import light_sites
 from carstage_sim.maps.navmesh import navigation_file
-from carstage_sim.maps.opendrive_writer import write_opendrive
-from carstage_sim.maps.plan import TownPlan
 from carstage_sim.maps.scenery import scenery
+from carstage_sim.maps.signals import LIGHT, STOP, GovernedLane, SignalPlan, signal_plan
 from carstage_sim.maps.spawning import spawn_points
-from carstage_sim.maps.strips import Samples, crosswalks, driving_lanes, strips
-from carstage_sim.maps.surfaces import ground_layers, surfaces
+from carstage_sim.maps.strips import (
+    Crosswalk,
+    Samples,
+    Strip,
+    crosswalks,
+    driving_lanes,
+    strips,
+)
+from carstage_sim.maps.surfaces import Surfaces, ground_layers, surfaces
 from carstage_sim.maps.town import Town
-from carstage_sim.maps.walkways import walkways
+from carstage_sim.maps.walkways import joined, walkways
 from carstage_sim.mesh import merge_meshes
 
-_SAMPLING_LIMIT_S = 120.0
+_SAMPLING_LIMIT_S = 600.0
+_HILLSIDE_M = 60.0
+_HILL_CELL_M = 12.5
+_MOST_HILL_CELLS = 40_000
 
 
 class MapSamplingError(RuntimeError):
     """The client's map reader could not read an OpenDRIVE file."""
 
 
-def bake(plan: TownPlan) -> Town:
-    """Bakes a planned town; equal plans give equal towns, to the byte.
+@dataclass(frozen=True, slots=True)
+class _Level:
+    """One level of a map: its lanes, areas, heights."""
+
+    number: int
+    lanes: list[Strip]
+    ground: Surfaces
+    drape: Drape
+    cuts: list[BaseGeometry]
+    stops: list[GovernedLane]
+
+    @property
+    def extent(self) -> BaseGeometry:
+        """All that is paved."""
+        return shapely.union_all([self.ground.road, self.ground.sidewalk, self.ground.median])
+
+
+def bake(name: str, opendrive: str) -> Town:
+    """Bakes an OpenDRIVE text; equal names and texts give equal towns, to the byte.
 
     Raises:
-        MapSamplingError: if the child process that samples the OpenDRIVE file fails.
+        MapSamplingError: if the text cannot be read, or holds nothing to drive on.
     """
-    network = build_network(plan)
-    opendrive = write_opendrive(network)
-    samples = sample_in_child(opendrive, plan.name)
-    lanes = strips(samples)
-    seed = int.from_bytes(hashlib.sha256(plan.name.encode()).digest()[:8], "big")
+    samples = sample_in_child(opendrive, name)
+    plan = signal_plan(samples["record"])
+    lanes = strips(samples, station_levels(samples))
+    if not any(lane.kind == "driving" for lane in lanes):
+        raise MapSamplingError(f"map {name}: there is no driving lane in it")
+    seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
     spawn_rng, scenery_rng = np.random.default_rng(seed).spawn(2)
-    ground = surfaces(lanes, crosswalks(samples))
-    stage = scenery(ground, lanes, network, scenery_rng)
-    mesh = ground_mesh(ground_layers(ground, lanes, network, stage.pits))
+    levels = _levels(lanes, crosswalks(samples), plan)
+    base = levels[0]
+    stage = scenery(base.ground, base.lanes, plan, scenery_rng)
+    ceilings = [(level.extent, level.drape) for level in levels[1:]]
+    surface: list[LevelSurface] = []
+    for level in levels:
+        layers = ground_layers(
+            level.ground, level.lanes, plan, level.stops, [] if level.number else stage.pits
+        )
+        cuts = level.cuts if level.number else level.cuts + _land_cuts(level)
+        surface.append(
+            LevelSurface(
+                [layer for layer in layers if not layer.area.is_empty],
+                level.drape,
+                cuts,
+                () if level.number else ceilings,
+            )
+        )
+    meshes = [part.mesh for part in surface]
+    for index, level in enumerate(levels[1:], start=1):
+        others = [
+            (other.extent, surface[k]) for k, other in enumerate(levels) if other is not level
+        ]
+        meshes.append(bridge_mesh(surface[index], others))
+    stage.set_down(surface[0])
+    paths = [walkways(level.ground, level.drape, level.cuts) for level in levels]
+    walk = joined([path for path in paths if path is not None])
+
+    def height_at(x: float, y: float) -> float:
+        return float(surface[0].height(np.array([[x, y]]))[0])
+
     town = Town(
-        name=plan.name,
+        name=name,
         opendrive=opendrive,
-        geo_reference=(plan.latitude_deg, plan.longitude_deg),
+        geo_reference=plan.geo_reference,
         spawn_points=spawn_points(lanes, spawn_rng),
         lanes=driving_lanes(samples),
-        traffic_lights=light_sites(network),
-        navigation=navigation_file(walkways(ground)),
-        static_mesh=merge_meshes([mesh, *stage.meshes]),
+        traffic_lights=light_sites(plan, height_at),
+        navigation=navigation_file(walk) if walk is not None else b"",
+        static_mesh=merge_meshes([*meshes, *stage.meshes]),
         level_objects=tuple(stage.objects),
         digest="",
     )
     return dataclasses.replace(town, digest=digest_of(town))
+
+
+def _levels(lanes: list[Strip], crossings: list[Crosswalk], plan: SignalPlan) -> list[_Level]:
+    """The levels, the ground first."""
+    numbers = sorted({lane.level for lane in lanes})
+    members = {n: [lane for lane in lanes if lane.level == n] for n in numbers}
+    drapes = {n: Drape(members[n]) for n in numbers}
+    walks: dict[int, list[shapely.Polygon]] = {n: [] for n in numbers}
+    for crossing in crossings:
+        middle = np.array(crossing.area.centroid.coords)
+        walks[_nearest_level(drapes, middle, crossing.z_m)].append(crossing.area)
+    stops: dict[int, list[GovernedLane]] = {n: [] for n in numbers}
+    for signal in [*plan.of_kind(LIGHT), *plan.of_kind(STOP)]:
+        for lane in signal.lanes:
+            place = np.array([lane.stop[:2]])
+            stops[_nearest_level(drapes, place, lane.stop[2])].append(lane)
+    result: list[_Level] = []
+    above: list[BaseGeometry] = []
+    for n in reversed(numbers):
+        hidden = shapely.union_all(above) if above else None
+        ground = surfaces(members[n], walks[n], above=None, with_land=n == 0)
+        del hidden
+        result.append(_Level(n, members[n], ground, drapes[n], profile_cuts(members[n]), stops[n]))
+    return result[::-1]
+
+
+def _nearest_level(drapes: dict[int, Drape], place: NDArray[np.float64], z_m: float) -> int:
+    if len(drapes) == 1:
+        return next(iter(drapes))
+    return min(drapes, key=lambda n: abs(float(drapes[n].height(place)[0]) - z_m))
+
+
+def _land_cuts(level: _Level) -> list[BaseGeometry]:
+    """A finer grid over the land beside hilly roads, so that it can follow them."""
+    if level.drape.is_flat:
+        return []
+    near = level.ground.road.buffer(_HILLSIDE_M)
+    x0, y0, x1, y1 = near.bounds
+    cell_m = max(_HILL_CELL_M, math.sqrt(near.area / _MOST_HILL_CELLS))
+    cell_m = _HILL_CELL_M * math.ceil(cell_m / _HILL_CELL_M)
+    xs = np.arange(math.floor(x0 / cell_m), math.ceil(x1 / cell_m)) * cell_m
+    ys = np.arange(math.floor(y0 / cell_m), math.ceil(y1 / cell_m)) * cell_m
+    x, y = (part.reshape(-1) for part in np.meshgrid(xs, ys, indexing="ij"))
+    cells = shapely.box(x, y, x + cell_m, y + cell_m)
+    shapely.prepare(near)
+    return [shapely.union_all(shapely.boundary(cells[shapely.intersects(near, cells)]))]
 
 
 def sample_in_child(opendrive: str, name: str) -> Samples:

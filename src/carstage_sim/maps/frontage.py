@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.maps.strips import Strip
+from carstage_sim.maps.strips import WALKED_KINDS, Strip
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ def frontages(lanes: list[Strip], *, inside_junctions: bool = False) -> list[Fro
     """All sidewalks outside junctions, or the straight ones inside."""
     result = []
     for lane in lanes:
-        if lane.kind != "sidewalk" or (lane.junction_id != -1) != inside_junctions:
+        if lane.kind not in WALKED_KINDS or (lane.junction_id != -1) != inside_junctions:
             continue
         if inside_junctions and np.ptp(np.unwrap(lane.yaw_deg, period=360.0)) > 1.0:
             continue

@@ -1,58 +1,129 @@
-"""Traffic light sites: where the lights of a planned network stand and what triggers them."""
+"""Traffic light sites: where the lights of a map stand, what triggers them, when they are green.
+
+As in CARLA, the lights of one junction form a group, the signals of one OpenDRIVE controller are
+green together, and the controllers take turns (``TrafficLightManager.cpp``). Lights that no
+controller names take turns by approach, after the ones that have a controller.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 
-from carstage_sim.maps.layout import STOP_LINE_M
-from carstage_sim.maps.network import Light, RoadNetwork
+from carstage_sim.maps.signals import (
+    LIGHT,
+    TRIGGER_LENGTH_M,
+    Controller,
+    GovernedLane,
+    Signal,
+    SignalPlan,
+)
 from carstage_sim.maps.town import OrientedBox, TrafficLightSite
 
-KERB_HEIGHT_M = 0.15
 HEAD_HEIGHT_M = 5.4
-TRIGGER_LENGTH_M = 9.0
-"""Long enough for a vehicle at 50 km/h and 10 Hz to be seen inside and to stop past its far end
-before the junction; the client's Traffic Manager brakes while its vehicle is inside."""
 _TRIGGER_HALF_HEIGHT_M = 1.5
+_LONGEST_ARM_M = 9.0
+_SAME_PLACE_M = 0.5
+_SAME_APPROACH_DEG = 30.0
+_FIRST_LONE_GROUP = -2
+
+HeightAt = Callable[[float, float], float]
 
 
-def light_sites(network: RoadNetwork) -> tuple[TrafficLightSite, ...]:
-    """All lights, by junction and phase."""
-    return tuple(
-        _site(junction.junction_id, light)
-        for junction in network.junctions
-        for light in junction.lights
-    )
+def light_sites(plan: SignalPlan, height_at: HeightAt) -> tuple[TrafficLightSite, ...]:
+    """All lights, by junction and phase.
+
+    Args:
+        plan: what the map says.
+        height_at: height of the ground (m) at x, y, for the feet of the masts.
+    """
+    lights = {signal.signal_id: signal for signal in plan.of_kind(LIGHT)}
+    placed = _phases(lights, plan.controllers)
+    order = sorted(placed, key=lambda signal_id: (*placed[signal_id], signal_id))
+    return tuple(_site(lights[key], *placed[key], height_at) for key in order)
 
 
-def _site(junction_id: int, light: Light) -> TrafficLightSite:
-    # CARLA's light actors stand across the road: their x axis runs along the stop line, and the
-    # lenses look along -y. Client code that walks over a trigger volume's x extent relies on it.
-    facing_deg = -math.degrees(light.pole.heading_rad)
-    rotation_deg = (0.0, _wrapped_deg(facing_deg + 90.0), 0.0)
-    boxes = []
-    for index in range(1, light.arm.lanes + 1):
-        middle = light.arm.mouth.moved(
-            -(STOP_LINE_M + TRIGGER_LENGTH_M / 2), -(index - 0.5) * light.arm.lane_width_m
-        )
-        boxes.append(
-            OrientedBox(
-                center=(middle.x, -middle.y, _TRIGGER_HALF_HEIGHT_M),
-                extent=(light.arm.lane_width_m / 2, TRIGGER_LENGTH_M / 2, _TRIGGER_HALF_HEIGHT_M),
-                rotation_deg=rotation_deg,
-            )
-        )
+def _phases(
+    lights: dict[str, Signal], controllers: Iterable[Controller]
+) -> dict[str, tuple[int, int]]:
+    """Junction and phase of every light."""
+    placed: dict[str, tuple[int, int]] = {}
+    used: dict[int, int] = {}
+    for controller in controllers:
+        members = [s for s in controller.signals if s in lights and s not in placed]
+        if not members:
+            continue
+        phase = used.get(controller.junction_id, 0)
+        used[controller.junction_id] = phase + 1
+        for signal_id in members:
+            placed[signal_id] = (controller.junction_id, phase)
+    approaches: dict[int, list[tuple[float, int]]] = {}
+    lone = _FIRST_LONE_GROUP
+    for signal_id, light in sorted(lights.items()):
+        if signal_id in placed:
+            continue
+        junction_id = next((x.junction_id for x in light.lanes if x.junction_id != -1), -1)
+        if junction_id == -1:
+            placed[signal_id] = (lone, 0)
+            lone -= 1
+            continue
+        yaw = light.lanes[0].yaw_deg
+        known = approaches.setdefault(junction_id, [])
+        phase = next((p for a, p in known if abs(_wrapped(a - yaw)) < _SAME_APPROACH_DEG), -1)
+        if phase == -1:
+            phase = used.get(junction_id, 0)
+            used[junction_id] = phase + 1
+            known.append((yaw, phase))
+        placed[signal_id] = (junction_id, phase)
+    return placed
+
+
+def _site(light: Signal, junction_id: int, phase: int, height_at: HeightAt) -> TrafficLightSite:
+    x, y, _ = light.location
+    # CARLA turns its light actors by a quarter against the signal: their x axis runs along the stop
+    # line. Client code that walks over a trigger volume's x extent relies on it.
+    yaw_deg = _wrapped(light.yaw_deg + 90.0)
+    reach_m, looks_deg = 0.0, 90.0
+    if light.lanes:
+        looks_deg = _wrapped(_mean_deg(light.lanes) + 180.0 - yaw_deg)
+        middle_x = sum(lane.stop[0] for lane in light.lanes) / len(light.lanes)
+        middle_y = sum(lane.stop[1] for lane in light.lanes) / len(light.lanes)
+        angle = math.radians(yaw_deg)
+        reach_m = (middle_x - x) * math.cos(angle) + (middle_y - y) * math.sin(angle)
+        reach_m = min(max(reach_m, -_LONGEST_ARM_M), _LONGEST_ARM_M)
     return TrafficLightSite(
         sign_id=light.signal_id,
-        location=(light.pole.x, -light.pole.y, KERB_HEIGHT_M),
-        rotation_deg=rotation_deg,
-        # The pole stands right of the traffic that looks at it, so its lanes lie towards +x.
-        head=(light.reach_m, 0.0, HEAD_HEIGHT_M, -90.0),
+        location=(x, y, height_at(x, y)),
+        rotation_deg=(0.0, yaw_deg, 0.0),
+        head=(reach_m, 0.0, HEAD_HEIGHT_M, looks_deg),
         junction_id=junction_id,
-        phase=light.phase,
-        trigger=tuple(boxes),
+        phase=phase,
+        trigger=tuple(_trigger_boxes(light.lanes)),
     )
 
 
-def _wrapped_deg(angle: float) -> float:
-    return (angle + 180.0) % 360.0 - 180.0
+def _trigger_boxes(lanes: Iterable[GovernedLane]) -> list[OrientedBox]:
+    """A volume before each stop; ways on from one lane share theirs."""
+    boxes: list[OrientedBox] = []
+    for lane in lanes:
+        if any(math.dist(box.center[:2], lane.before[:2]) < _SAME_PLACE_M for box in boxes):
+            continue
+        x, y, z = lane.before
+        boxes.append(
+            OrientedBox(
+                center=(x, y, z + _TRIGGER_HALF_HEIGHT_M),
+                extent=(lane.width_m / 2, TRIGGER_LENGTH_M / 2, _TRIGGER_HALF_HEIGHT_M),
+                rotation_deg=(0.0, _wrapped(lane.before_yaw_deg + 90.0), 0.0),
+            )
+        )
+    return boxes
+
+
+def _mean_deg(lanes: tuple[GovernedLane, ...]) -> float:
+    """Mean direction of travel."""
+    angles = [math.radians(lane.yaw_deg) for lane in lanes]
+    return math.degrees(math.atan2(sum(map(math.sin, angles)), sum(map(math.cos, angles))))
+
+
+def _wrapped(angle_deg: float) -> float:
+    return (angle_deg + 180.0) % 360.0 - 180.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterable
 from pathlib import Path
 
 import carstage_sim.cache
@@ -15,16 +16,16 @@ from carstage_sim.maps.town import Town
 
 
 class UnknownTownError(LookupError):
-    """No built-in town has the name that was asked for.
+    """No town has the name that was asked for.
 
     Attributes:
         name: what was asked for.
-        nearest: the built-in town whose name is most like it.
+        nearest: the town whose name is most like it.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, available: Iterable[str] = tuple(PLANS)) -> None:
         self.name = name
-        ranked = difflib.get_close_matches(name, available_towns(), n=1, cutoff=0.0)
+        ranked = difflib.get_close_matches(name, list(available), n=1, cutoff=0.0)
         self.nearest = ranked[0]
         super().__init__(f"there is no map {name!r}; did you mean {self.nearest!r}?")
 
@@ -47,7 +48,20 @@ def load_town(name: str, *, cache_folder: Path | None = None) -> Town:
     """
     if name not in PLANS:
         raise UnknownTownError(name)
-    plan = PLANS[name]
-    opendrive = write_opendrive(build_network(plan))
+    opendrive = write_opendrive(build_network(PLANS[name]))
+    return town_from_opendrive(name, opendrive, cache_folder=cache_folder)
+
+
+def town_from_opendrive(name: str, opendrive: str, *, cache_folder: Path | None = None) -> Town:
+    """The town of an OpenDRIVE text, from the cache or baked now (seconds to minutes).
+
+    Args:
+        name: the map's short name.
+        opendrive: the file's text.
+        cache_folder: where baked towns are kept; by default in the user's cache folder.
+
+    Raises:
+        MapSamplingError: if nothing can be made of the text.
+    """
     folder = cache_folder or carstage_sim.cache.cache_folder() / "towns"
-    return cached_town(name, opendrive, lambda: bake(plan), folder)
+    return cached_town(name, opendrive, lambda: bake(name, opendrive), folder)

@@ -56,7 +56,7 @@ def street_lots(
     rng: np.random.Generator,
 ) -> list[Lot]:
     """Rows of buildings behind the sidewalks; greedy, first come first served."""
-    taken = _Taken([ground.road, ground.sidewalk.buffer(0.1), *kept_free])
+    taken = _Taken([ground.road, ground.median, ground.sidewalk.buffer(0.1), *kept_free])
     lots: list[Lot] = []
     for street in streets:
         station = -_CORNER_REACH_M

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
@@ -10,17 +12,17 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
-from carstage_sim.maps.alignment import turning
-from carstage_sim.maps.layout import STOP_LINE_M
-from carstage_sim.maps.network import RoadNetwork
-from carstage_sim.maps.strips import LaneMark, Strip
+from carstage_sim.maps.signals import GovernedLane, SignalPlan
+from carstage_sim.maps.strips import WALKED_KINDS, LaneMark, Strip
 
 DASH_M = 3.0
 DASH_GAP_M = 6.0
 STOP_LINE_WIDTH_M = 0.4
 ZEBRA_BAR_M = 0.5
 _CROSSWALK_CLEARANCE_M = 0.9
-_ARROW_FOOT_M = STOP_LINE_M + 9.0
+_ARROW_FOOT_M = 14.6
+"""Before the end of the lane: behind a crosswalk, the stop line and the first waiting car."""
+_STOP_LINE_FROM_EDGE_M = 0.1
 _DOUBLE_SPACING_M = 0.24
 
 
@@ -32,11 +34,14 @@ def lane_lines(
         [walk.buffer(_CROSSWALK_CLEARANCE_M, join_style="mitre") for walk in crosswalks]
     )
     painted: dict[bool, list[BaseGeometry]] = {False: [], True: []}
+    innermost = {(lane.road_id, lane.section_id) for lane in lanes if lane.lane_id == -1}
     for lane in lanes:
+        if lane.kind in WALKED_KINDS:
+            continue
         # Right-hand traffic: a lane's outer line is at its right edge.
-        if lane.kind == "driving":
-            painted[lane.outer.yellow] += _line(lane.offset(1.0), lane.outer, kept_clear)
-        if lane.lane_id == -1:
+        painted[lane.outer.yellow] += _line(lane.offset(1.0), lane.outer, kept_clear)
+        alone = lane.lane_id == 1 and (lane.road_id, lane.section_id) not in innermost
+        if lane.lane_id == -1 or alone:
             painted[lane.inner.yellow] += _line(lane.offset(-1.0), lane.inner, kept_clear)
     return shapely.union_all(painted[False]), shapely.union_all(painted[True])
 
@@ -64,48 +69,51 @@ def _dashes(line: shapely.LineString) -> list[BaseGeometry]:
     return [substring(line, s, s + DASH_M) for s in starts]
 
 
-def stop_lines(network: RoadNetwork) -> BaseGeometry:
-    """A bar across the inbound lanes of every signalised approach."""
+def stop_lines(stops: Sequence[GovernedLane]) -> BaseGeometry:
+    """A bar across every lane that ends at a light or a stop sign, before the stop."""
     bars = []
-    for junction in network.junctions:
-        for light in junction.lights:
-            arm = light.arm
-            corners = [
-                arm.mouth.moved(-(STOP_LINE_M - back), -side)
-                for back, side in (
-                    (0.0, 0.2),
-                    (STOP_LINE_WIDTH_M, 0.2),
-                    (STOP_LINE_WIDTH_M, arm.lanes * arm.lane_width_m - 0.1),
-                    (0.0, arm.lanes * arm.lane_width_m - 0.1),
-                )
-            ]
-            bars.append(shapely.Polygon([(c.x, -c.y) for c in corners]))
+    for lane in stops:
+        yaw = math.radians(lane.yaw_deg)
+        ahead = np.array([math.cos(yaw), math.sin(yaw)])
+        right = np.array([-ahead[1], ahead[0]])
+        far = np.array(lane.stop[:2])
+        near = far - STOP_LINE_WIDTH_M * ahead
+        side = (lane.width_m / 2 - _STOP_LINE_FROM_EDGE_M) * right
+        bars.append(shapely.Polygon([near - side, near + side, far + side, far - side]))
     return shapely.union_all(bars)
 
 
-def turn_arrows(network: RoadNetwork) -> BaseGeometry:
+def turn_arrows(lanes: list[Strip], plan: SignalPlan) -> BaseGeometry:
     """Arrows on the lanes of wide approaches: where each lane leads."""
-    roads = {road.road_id: road for road in network.roads}
+    driving = [lane for lane in lanes if lane.kind == "driving" and lane.junction_id == -1]
+    beside = Counter((lane.road_id, lane.section_id, lane.lane_id > 0) for lane in driving)
+    last: dict[tuple[int, int], Strip] = {}
+    ending: dict[tuple[int, bool], int] = {}
+    for lane in driving:
+        side, step = (lane.road_id, lane.lane_id > 0), -1 if lane.lane_id > 0 else 1
+        if step * (lane.section_id - ending.setdefault(side, lane.section_id)) >= 0:
+            ending[side] = lane.section_id
+    for lane in driving:
+        if lane.section_id == ending[lane.road_id, lane.lane_id > 0]:
+            last[lane.road_id, lane.lane_id] = lane
     arrows = []
-    for junction in network.junctions:
-        turns: dict[tuple[int, int], set[str]] = {}
-        for connection in junction.connections:
-            for source, _ in connection.lane_links:
-                turn = turning(roads[connection.connecting_road].alignment)
-                turns.setdefault((connection.incoming_road, source), set()).add(turn)
-        for arm in junction.arms:
-            if arm.lanes < 2:
-                continue
-            for index in range(1, arm.lanes + 1):
-                lane = turns.get((arm.road_id, arm.lane_id(index, inbound=True)), set())
-                foot = arm.mouth.moved(-_ARROW_FOOT_M, -(index - 0.5) * arm.lane_width_m)
-                for shape in _arrow(lane):
-                    corners = [foot.moved(forward, left) for forward, left in shape]
-                    arrows.append(shapely.Polygon([(c.x, -c.y) for c in corners]))
+    for key, lane in last.items():
+        turns = plan.turns.get(key, frozenset())
+        along_m = lane.along_m
+        station = along_m[-1] - _ARROW_FOOT_M
+        if beside[lane.road_id, lane.section_id, lane.lane_id > 0] < 2 or not turns or station < 2:
+            continue
+        x, y = (float(np.interp(station, along_m, lane.center[:, k])) for k in range(2))
+        yaw = np.radians(np.interp(station, along_m, np.unwrap(lane.yaw_deg, period=360.0)))
+        c, s = math.cos(yaw), math.sin(yaw)
+        for shape in _arrow(turns):
+            # The outlines have left positive, CARLA's y is to the right.
+            corners = [(x + f * c + left * s, y + f * s - left * c) for f, left in shape]
+            arrows.append(shapely.Polygon(corners))
     return shapely.union_all(arrows)
 
 
-def _arrow(turns: set[str]) -> list[list[tuple[float, float]]]:
+def _arrow(turns: frozenset[str]) -> list[list[tuple[float, float]]]:
     """Outlines (forward, left) in metres of an arrow with a head for every direction."""
     stem = 2.6 if "straight" in turns else 1.9
     shapes = [[(0.0, -0.08), (stem, -0.08), (stem, 0.08), (0.0, 0.08)]]

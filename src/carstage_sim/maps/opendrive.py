@@ -7,54 +7,72 @@ the server process itself stays free of the wheel.
 
 from __future__ import annotations
 
+import json
+import math
 import sys
+from collections import defaultdict
 from pathlib import Path
+from typing import Any
 
 import carla
 import numpy as np
 from lxml import etree
 
+from carstage_sim.maps.signals import TRIGGER_LENGTH_M
 from carstage_sim.maps.strips import LANE_KINDS, MARK_KINDS
 
 STEP_M = 1.0
+_COARSE_STEP_M = 2.0
+_LARGE_MAP_M = 150_000.0
+"""Maps with more road than this are sampled coarsely."""
 _END_M = 1e-4
 """Lane ends are sampled this far inside: beyond them the client has no waypoint."""
+_TURN_DEG = 45.0
 
 
 def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
-    """Samples of all lanes, about a metre apart, and the crosswalk outlines.
+    """Samples of all lanes, about a metre apart, crosswalks, signals and what lanes lead to.
 
     Returns:
         Columns of lane samples, one row each: ``location`` (N, 3) m and ``rotation_deg`` (N, 3),
         along the direction of travel, in CARLA's frame; ``width_m``, ``s_m``, ``road_id``,
         ``section_id``, ``lane_id``, ``junction_id``, ``lane_kind`` (index into ``LANE_KINDS``),
         ``speed_limit_kmh`` (0 where the file gives none); ``inner_mark`` and ``outer_mark`` (N, 2)
-        kind (index into ``MARK_KINDS``) and 1 for yellow; ``mark_width_m`` (N, 2) of those two.
-        ``crosswalk`` (M, 3): closed outlines, one after the other.
+        kind (index into ``MARK_KINDS``) and 1 for yellow; ``mark_width_m`` (N, 2) of those two;
+        ``station`` (N,): rows of one cross-section have one number, ascending along each section.
+        ``crosswalk`` (M, 3): closed outlines, one after the other. ``record``: JSON, uint8, see
+        :mod:`carstage_sim.maps.signals`.
     """
     town = carla.Map(name, opendrive)
+    root = etree.fromstring(opendrive.encode(), etree.XMLParser(huge_tree=True))
     columns: dict[str, list[object]] = {
         key: []
         for key in (
             "location", "rotation_deg", "width_m", "s_m", "road_id", "section_id", "lane_id",
             "junction_id", "lane_kind", "speed_limit_kmh", "inner_mark", "outer_mark",
-            "mark_width_m",
+            "mark_width_m", "station",
         )
     }  # fmt: skip
-    for road in etree.fromstring(opendrive.encode()).iterfind("road"):
+    roads = root.findall("road")
+    whole_m = sum(float(road.get("length")) for road in roads)
+    step_m = STEP_M if whole_m < _LARGE_MAP_M else _COARSE_STEP_M
+    first_station = 0
+    for road in roads:
         road_id, junction_id = int(road.get("id")), int(road.get("junction"))
         sections = road.findall("lanes/laneSection")
         starts = [float(section.get("s")) for section in sections] + [float(road.get("length"))]
         road_limit = road.find("type/speed")
         for section_id, section in enumerate(sections):
             begin, end = starts[section_id], starts[section_id + 1]
-            count = max(2, int(np.ceil((end - begin) / STEP_M)) + 1)
+            if end - begin < 4 * _END_M:
+                continue
+            count = max(2, math.ceil((end - begin) / step_m) + 1)
             stations = np.linspace(begin + _END_M, end - _END_M, count)
             for lane in section.iterfind("*/lane"):
-                if lane.get("type") not in LANE_KINDS:
+                if lane.get("type") not in LANE_KINDS or lane.get("id") == "0":
                     continue
                 limit = lane.find("speed") if lane.find("speed") is not None else road_limit
-                for s_m in stations:
+                for number, s_m in enumerate(stations):
                     waypoint = town.get_waypoint_xodr(road_id, int(lane.get("id")), float(s_m))
                     if waypoint is None:
                         continue
@@ -74,18 +92,143 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
                         "inner_mark": _mark(inner),
                         "outer_mark": _mark(outer),
                         "mark_width_m": (inner.width, outer.width),
+                        "station": first_station + number,
                     }
                     for key, value in row.items():
                         columns[key].append(value)
+            first_station += count
     whole = {"road_id", "section_id", "lane_id", "junction_id", "lane_kind"}
-    whole |= {"inner_mark", "outer_mark"}
+    whole |= {"inner_mark", "outer_mark", "station"}
+    pairs = {"inner_mark", "outer_mark", "mark_width_m"}
+    width = dict.fromkeys(pairs, 2) | {"location": 3, "rotation_deg": 3}
     arrays = {
-        key: np.array(values, dtype=np.int32 if key in whole else np.float64)
+        key: np.array(values, dtype=np.int32 if key in whole else np.float64).reshape(
+            (-1, width[key]) if key in width else (-1,)
+        )
         for key, values in columns.items()
     }
     outline = [(p.x, p.y, p.z) for p in town.get_crosswalks()]
     arrays["crosswalk"] = np.array(outline, dtype=np.float64).reshape(-1, 3)
+    origin = town.transform_to_geolocation(carla.Location())
+    record = {
+        "geo_reference": (origin.latitude, origin.longitude),
+        "signals": _signals(town),
+        "controllers": _controllers(root),
+        "turns": _turns(town),
+    }
+    text = json.dumps(record, sort_keys=True).encode()
+    arrays["record"] = np.frombuffer(text, dtype=np.uint8)
     return arrays
+
+
+def _signals(town: carla.Map) -> list[dict[str, Any]]:
+    """Every signal once, with all lanes that it or a reference to it governs."""
+    found: dict[str, dict[str, Any]] = {}
+    for landmark in town.get_all_landmarks():
+        entry = found.get(landmark.id)
+        if entry is None:
+            pose = landmark.transform
+            entry = found[landmark.id] = {
+                "signal_id": landmark.id,
+                "kind": landmark.type,
+                "value": _number(landmark.value, landmark.sub_type, landmark.name),
+                "location": (pose.location.x, pose.location.y, pose.location.z),
+                "yaw_deg": pose.rotation.yaw,
+                "lanes": [],
+            }
+        for first, last in landmark.get_lane_validities():
+            for lane_id in range(min(first, last), max(first, last) + 1):
+                lane = _governed(town, landmark.road_id, lane_id, landmark.s)
+                if lane is not None and lane not in entry["lanes"]:
+                    entry["lanes"].append(lane)
+    return [found[key] for key in sorted(found)]
+
+
+def _number(value: float, *texts: str) -> float:
+    """What a sign says: its value, else the digits of its subtype or name, else -1."""
+    if value > 0.0:
+        return float(value)
+    for text in texts:
+        digits = "".join(c if c.isdigit() else " " for c in text).split()
+        if digits:
+            return float(digits[0])
+    return -1.0
+
+
+def _governed(town: carla.Map, road_id: int, lane_id: int, s_m: float) -> dict[str, Any] | None:
+    """A driving lane at the place where a signal holds, and the middle of the stretch before."""
+    if lane_id == 0:
+        return None
+    point = town.get_waypoint_xodr(road_id, lane_id, s_m)
+    if point is None:
+        for inside in (s_m + 2 * _END_M, s_m - 2 * _END_M):
+            point = point or town.get_waypoint_xodr(road_id, lane_id, max(inside, 0.0))
+    if point is None or point.lane_type != carla.LaneType.Driving:
+        return None
+    earlier = point.previous(TRIGGER_LENGTH_M / 2)
+    if earlier:
+        yaw = point.transform.rotation.yaw
+        before = min(earlier, key=lambda w: abs(_wrapped(w.transform.rotation.yaw - yaw)))
+    else:
+        before = point
+    junction_id = point.junction_id if point.is_junction else -1
+    if junction_id == -1:
+        onward = [w for w in point.next(12.0) if w.is_junction]
+        junction_id = onward[0].junction_id if onward else -1
+    return {
+        "road_id": road_id,
+        "lane_id": lane_id,
+        "junction_id": junction_id,
+        "width_m": point.lane_width,
+        "stop": _place(point),
+        "before": _place(before),
+        "before_yaw_deg": before.transform.rotation.yaw,
+        "yaw_deg": point.transform.rotation.yaw,
+    }
+
+
+def _place(waypoint: carla.Waypoint) -> tuple[float, float, float]:
+    place = waypoint.transform.location
+    return place.x, place.y, place.z
+
+
+def _wrapped(angle_deg: float) -> float:
+    return (angle_deg + 180.0) % 360.0 - 180.0
+
+
+def _controllers(root: etree._Element) -> list[dict[str, Any]]:
+    """Controllers of lights in each junction, in the order in which they get green."""
+    signals = {
+        controller.get("id"): [c.get("signalId") for c in controller.iterfind("control")]
+        for controller in root.iterfind("controller")
+    }
+    found = []
+    for junction in root.iterfind("junction"):
+        named = [c for c in junction.iterfind("controller") if c.get("id") in signals]
+        # Sorting keeps the file's order where the sequence is missing or equal.
+        named.sort(key=lambda c: _kept(c.get("sequence")))
+        found += [
+            {"junction_id": int(junction.get("id")), "signals": signals[c.get("id")]} for c in named
+        ]
+    return found
+
+
+def _kept(sequence: str | None) -> int:
+    return int(sequence) if sequence and sequence.isdigit() else 0
+
+
+def _turns(town: carla.Map) -> list[tuple[int, int, list[str]]]:
+    """Road, lane and the ways on through the junction at the lane's end."""
+    found: dict[tuple[int, int], set[str]] = defaultdict(set)
+    for begin, end in town.get_topology():
+        if not begin.is_junction:
+            continue
+        angle = _wrapped(end.transform.rotation.yaw - begin.transform.rotation.yaw)
+        turn = "straight" if abs(angle) < _TURN_DEG else "right" if angle > 0 else "left"
+        for source in begin.previous(1.0):
+            if not source.is_junction:
+                found[source.road_id, source.lane_id].add(turn)
+    return [(road, lane, sorted(turns)) for (road, lane), turns in sorted(found.items())]
 
 
 def _kmh(speed: etree._Element | None) -> float:

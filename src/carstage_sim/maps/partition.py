@@ -29,7 +29,9 @@ class Partition:
     area: NDArray[np.int64]
 
 
-def partition(areas: Sequence[BaseGeometry], tile_m: float) -> Partition:
+def partition(
+    areas: Sequence[BaseGeometry], tile_m: float, cuts: Sequence[BaseGeometry] = ()
+) -> Partition:
     """Cuts the union of ``areas`` so that each place belongs to the first area that holds it.
 
     Neighbouring triangles share whole edges: there are no T-junctions.
@@ -37,8 +39,9 @@ def partition(areas: Sequence[BaseGeometry], tile_m: float) -> Partition:
     Args:
         areas: polygons, multi-polygons or empty geometries.
         tile_m: everything is cut along a grid of this width too; small faces triangulate faster.
+        cuts: lines along which faces are cut as well.
     """
-    faces = _faces(areas, tile_m)
+    faces = _faces(areas, tile_m, cuts)
     owner = _owners(faces, areas)
     faces, owner = faces[owner >= 0], owner[owner >= 0]
     parts, face = shapely.get_parts(
@@ -55,7 +58,9 @@ def partition(areas: Sequence[BaseGeometry], tile_m: float) -> Partition:
     return Partition(places, index.reshape(-1, 3), owner[face[keep]])
 
 
-def _faces(areas: Sequence[BaseGeometry], tile_m: float) -> NDArray[np.object_]:
+def _faces(
+    areas: Sequence[BaseGeometry], tile_m: float, cuts: Sequence[BaseGeometry]
+) -> NDArray[np.object_]:
     lines = [shapely.boundary(area) for area in areas if not area.is_empty]
     x0, y0, x1, y1 = shapely.union_all(lines).bounds
     lines += [
@@ -66,7 +71,7 @@ def _faces(areas: Sequence[BaseGeometry], tile_m: float) -> NDArray[np.object_]:
         shapely.LineString([(x0, y), (x1, y)])
         for y in np.arange(np.floor(y0 / tile_m) + 1, y1 / tile_m) * tile_m
     ]
-    noded = shapely.union_all(lines, grid_size=GRID_M)
+    noded = shapely.union_all([*lines, *cuts], grid_size=GRID_M)
     return np.asarray(shapely.get_parts(shapely.polygonize(shapely.get_parts(noded))))
 
 

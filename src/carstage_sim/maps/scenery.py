@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from carstage_sim.content.buildings import building_mesh
 from carstage_sim.content.solids import placed
@@ -21,10 +22,11 @@ from carstage_sim.content.street_furniture import (
 from carstage_sim.content.trees import TREE_KINDS, TreeKind, tree_mesh
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.frontage import Frontage, frontages
+from carstage_sim.maps.ground_mesh import LevelSurface
 from carstage_sim.maps.lots import Lot, skyline_lots, street_lots
-from carstage_sim.maps.network import RoadNetwork
+from carstage_sim.maps.signals import SPEED_LIMIT, SignalPlan
 from carstage_sim.maps.strips import Strip
-from carstage_sim.maps.surfaces import KERB_HEIGHT_M, Surfaces
+from carstage_sim.maps.surfaces import Surfaces
 from carstage_sim.maps.town import LevelObject, MapLayer, OrientedBox
 from carstage_sim.mesh import TriangleMesh
 
@@ -46,9 +48,19 @@ _LAYERS = {
 """Signs are no part of a layer: they stay."""
 
 
-@dataclass(frozen=True, slots=True)
-class Scenery:
-    """What stands on the ground.
+def _feet(mesh: TriangleMesh, place: tuple[float, float, float]) -> NDArray[np.float64]:
+    """``(5, 2)`` the place and the corners of the mesh's rectangle there."""
+    x, y, yaw = place
+    (x0, y0, _), (x1, y1, _) = mesh.bounds.astype(np.float64)
+    local = np.array([(0.0, 0.0), (x0, y0), (x0, y1), (x1, y0), (x1, y1)])
+    c, s = math.cos(math.radians(yaw)), math.sin(math.radians(yaw))
+    feet: NDArray[np.float64] = local @ np.array([[c, s], [-s, c]]) + np.array([x, y])
+    return feet
+
+
+@dataclass(slots=True)
+class Stage:
+    """Collects things by their place in the plan, then sets them down and numbers them.
 
     Attributes:
         meshes: in world coordinates, with object ids.
@@ -56,17 +68,12 @@ class Scenery:
         pits: squares of open soil in the sidewalks.
     """
 
-    meshes: list[TriangleMesh]
-    objects: list[LevelObject]
-    pits: list[shapely.Polygon]
-
-
-@dataclass(slots=True)
-class _Stage:
-    """Collects placed things and numbers them."""
-
+    pits: list[shapely.Polygon] = field(default_factory=list)
     meshes: list[TriangleMesh] = field(default_factory=list)
     objects: list[LevelObject] = field(default_factory=list)
+    waiting: list[tuple[str, CityObjectLabel, TriangleMesh, tuple[float, float, float]]] = field(
+        default_factory=list
+    )
 
     def put(
         self,
@@ -75,14 +82,34 @@ class _Stage:
         mesh: TriangleMesh,
         place: tuple[float, float, float],
     ) -> None:
-        x, y, yaw = place
+        """Puts a thing at x, y (m) and yaw (deg); what height that is, turns out later."""
+        self.waiting.append((name, label, mesh, place))
+
+    def set_down(self, surface: LevelSurface) -> None:
+        """Puts everything on the ground, with its lowest part on the lowest ground under it."""
+        if not self.waiting:
+            return
+        probes = np.stack([_feet(mesh, place) for _, _, mesh, place in self.waiting])
+        heights = surface.height(probes.reshape(-1, 2)).reshape(probes.shape[:2])
+        for (name, label, mesh, place), z in zip(self.waiting, heights, strict=True):
+            wide = label == CityObjectLabel.BUILDINGS
+            self._place(name, label, mesh, (*place, float(z.min() if wide else z[0])))
+
+    def _place(
+        self,
+        name: str,
+        label: CityObjectLabel,
+        mesh: TriangleMesh,
+        place: tuple[float, float, float, float],
+    ) -> None:
+        x, y, yaw, z = place
         low, high = mesh.bounds.astype(np.float64)
         middle, half = (low + high) / 2, (high - low) / 2
         c, s = math.cos(math.radians(yaw)), math.sin(math.radians(yaw))
         center = (
             x + c * middle[0] - s * middle[1],
             y + s * middle[0] + c * middle[1],
-            KERB_HEIGHT_M + middle[2],
+            z + middle[2],
         )
         number = len(self.objects) + 1
         box = OrientedBox(
@@ -93,15 +120,15 @@ class _Stage:
         self.objects.append(
             LevelObject(number, f"{name}_{number}", int(label), box, int(_LAYERS.get(label, 0)))
         )
-        self.meshes.append(placed(mesh, (x, y, KERB_HEIGHT_M), yaw_deg=yaw, object_id=number))
+        self.meshes.append(placed(mesh, (x, y, z), yaw_deg=yaw, object_id=number))
 
 
 def scenery(
-    ground: Surfaces, lanes: list[Strip], network: RoadNetwork, rng: np.random.Generator
-) -> Scenery:
-    """All that stands on the ground, drawn from ``rng``."""
+    ground: Surfaces, lanes: list[Strip], plan: SignalPlan, rng: np.random.Generator
+) -> Stage:
+    """All that stands on the ground, drawn from ``rng``; not yet set down."""
     lot_rng, house_rng, street_rng, green_rng = rng.spawn(4)
-    stage = _Stage()
+    stage = Stage()
     streets = frontages(lanes)
     # The far side of a T is a frontage too: it closes the view down the street that ends there.
     fronts = streets + frontages(lanes, inside_junctions=True)
@@ -119,19 +146,27 @@ def scenery(
         )
         label = CityObjectLabel.BUILDINGS
         stage.put(f"Building_{lot.kind.name}", label, mesh, (lot.x, lot.y, lot.yaw_deg))
-    pits: list[shapely.Polygon] = []
     for street in streets:
-        pits += _furnish(stage, street, street_rng)
-    for sign in network.speed_signs:
-        place = (sign.post.x, -sign.post.y, -math.degrees(sign.post.heading_rad))
-        mesh = speed_sign_mesh(sign.limit_kmh)
-        stage.put(f"SpeedLimit{sign.limit_kmh}", CityObjectLabel.TRAFFIC_SIGNS, mesh, place)
+        stage.pits += _furnish(stage, street, street_rng)
+    _put_signs(stage, plan)
     _plant_gardens(stage, ground, lots, green_rng)
     _plant_parks(stage, ground, green_rng)
-    return Scenery(stage.meshes, stage.objects, pits)
+    return stage
 
 
-def _furnish(stage: _Stage, street: Frontage, rng: np.random.Generator) -> list[shapely.Polygon]:
+def _put_signs(stage: Stage, plan: SignalPlan) -> None:
+    for sign in plan.of_kind(SPEED_LIMIT):
+        if sign.value <= 0.0:
+            continue
+        # Plates look against the traffic that they address.
+        facing = sign.lanes[0].yaw_deg + 180.0 if sign.lanes else sign.yaw_deg
+        place = (sign.location[0], sign.location[1], (facing + 180.0) % 360.0 - 180.0)
+        mesh = speed_sign_mesh(round(sign.value))
+        name = f"SpeedLimit{round(sign.value)}"
+        stage.put(name, CityObjectLabel.TRAFFIC_SIGNS, mesh, place)
+
+
+def _furnish(stage: Stage, street: Frontage, rng: np.random.Generator) -> list[shapely.Polygon]:
     """Trees, lamps, benches, bins and hydrants along one sidewalk; returns the tree pits."""
     # Both sides of a street have the same trees.
     species = _STREET_TREES[street.road_id % len(_STREET_TREES)]
@@ -169,7 +204,7 @@ def _turned(place: tuple[float, float, float]) -> tuple[float, float, float]:
 
 
 def _plant(
-    stage: _Stage, kind: TreeKind, place: tuple[float, float, float], rng: np.random.Generator
+    stage: Stage, kind: TreeKind, place: tuple[float, float, float], rng: np.random.Generator
 ) -> None:
     height = float(rng.uniform(*kind.height_m))
     x, y, _ = place
@@ -179,7 +214,7 @@ def _plant(
 
 
 def _plant_gardens(
-    stage: _Stage, ground: Surfaces, lots: list[Lot], rng: np.random.Generator
+    stage: Stage, ground: Surfaces, lots: list[Lot], rng: np.random.Generator
 ) -> None:
     """Trees behind the houses and around the town."""
     paved = shapely.union_all([ground.road, ground.sidewalk]).buffer(4.0)
@@ -188,7 +223,7 @@ def _plant_gardens(
     _scatter(stage, ground.road.convex_hull.buffer(_GARDEN_REACH_M), taken, _GARDEN_TREES, rng)
 
 
-def _plant_parks(stage: _Stage, ground: Surfaces, rng: np.random.Generator) -> None:
+def _plant_parks(stage: Stage, ground: Surfaces, rng: np.random.Generator) -> None:
     for park in ground.parks:
         paths = shapely.union_all([path.buffer(1.5) for path in ground.park_paths])
         _scatter(stage, park.buffer(-3.0), paths, _PARK_TREES, rng)
@@ -202,7 +237,7 @@ def _plant_parks(stage: _Stage, ground: Surfaces, rng: np.random.Generator) -> N
 
 
 def _scatter(
-    stage: _Stage,
+    stage: Stage,
     area: shapely.Polygon,
     taken: shapely.Geometry,
     count: int,

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.maps.levels import CLEARANCE_M
 from carstage_sim.maps.strips import Strip
 
 SPACING_M = 8.5
@@ -13,6 +16,8 @@ AFTER_JUNCTION_M = 8.0
 BEFORE_JUNCTION_M = 18.0
 """Room before a junction: clear of the stop line and of the light's trigger boxes."""
 HEIGHT_M = 0.5
+_NARROWEST_LANE_M = 2.0
+MOST_POINTS = 1500
 _STEP_M = 0.5
 
 
@@ -22,19 +27,39 @@ def spawn_points(lanes: list[Strip], rng: np.random.Generator) -> NDArray[np.flo
     Users take the first N of the list; in road order they would all land in one street.
     """
     rows: list[tuple[float, ...]] = []
-    places = np.empty((0, 2))
+    taken: dict[tuple[int, int], list[tuple[float, float, float]]] = {}
     for lane in lanes:
         if lane.kind != "driving" or lane.junction_id != -1:
             continue
-        steps = np.linalg.norm(np.diff(lane.center, axis=0), axis=1)
-        along_m = np.concatenate([[0.0], np.cumsum(steps)])
+        along_m = lane.along_m
         yaw = np.degrees(np.unwrap(np.radians(lane.yaw_deg)))
-        for s_m in np.arange(AFTER_JUNCTION_M, along_m[-1] - BEFORE_JUNCTION_M, _STEP_M):
-            place = np.array([np.interp(s_m, along_m, lane.center[:, k]) for k in range(2)])
-            if len(places) and np.linalg.norm(places - place, axis=1).min() < SPACING_M:
+        stations = np.arange(AFTER_JUNCTION_M, along_m[-1] - BEFORE_JUNCTION_M, _STEP_M)
+        x, y = (np.interp(stations, along_m, lane.center[:, k]) for k in range(2))
+        z = np.interp(stations, along_m, lane.z_m)
+        slope = np.gradient(lane.z_m, np.maximum(along_m, np.arange(len(along_m)) * 1e-9))
+        pitch = np.degrees(np.arctan(np.interp(stations, along_m, slope)))
+        heading = (np.interp(stations, along_m, yaw) + 180.0) % 360.0 - 180.0
+        wide = np.interp(stations, along_m, lane.width_m) >= _NARROWEST_LANE_M
+        for i in np.flatnonzero(wide).tolist():
+            place = (float(x[i]), float(y[i]), float(z[i]))
+            cell = (int(place[0] // SPACING_M), int(place[1] // SPACING_M))
+            if _is_near(place, cell, taken):
                 continue
-            places = np.vstack([places, place])
-            heading = (float(np.interp(s_m, along_m, yaw)) + 180.0) % 360.0 - 180.0
-            rows.append((float(place[0]), float(place[1]), HEIGHT_M, 0.0, heading, 0.0))
+            taken.setdefault(cell, []).append(place)
+            rows.append((*place[:2], place[2] + HEIGHT_M, float(pitch[i]), float(heading[i]), 0.0))
     points = np.array(rows, dtype=np.float64).reshape(-1, 6)
-    return points[rng.permutation(len(points))]
+    return points[rng.permutation(len(points))][:MOST_POINTS]
+
+
+def _is_near(
+    place: tuple[float, float, float],
+    cell: tuple[int, int],
+    taken: dict[tuple[int, int], list[tuple[float, float, float]]],
+) -> bool:
+    """Whether a point in this cell or beside it is too close; other levels do not count."""
+    return any(
+        math.dist(place[:2], other[:2]) < SPACING_M and abs(place[2] - other[2]) < CLEARANCE_M
+        for dx in (-1, 0, 1)
+        for dy in (-1, 0, 1)
+        for other in taken.get((cell[0] + dx, cell[1] + dy), ())
+    )

@@ -1,4 +1,4 @@
-"""Lane samples as strips: one record per lane of a road section, with its two edges."""
+"""Lane samples as strips: one record per lane of a road section and level, with its two edges."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from carstage_sim.maps.town import LaneSamples
 
@@ -17,9 +18,19 @@ Samples = Mapping[str, NDArray[np.generic]]
 DEFAULT_LIMIT_KMH = 30.0
 """Where a file gives no speed limit: zero would stop the client's Traffic Manager."""
 
-LANE_KINDS = ("driving", "shoulder", "sidewalk", "parking", "biking", "border", "median")
-"""Lane types that are sampled; the index is the code in the arrays."""
+LANE_KINDS = (
+    "driving", "shoulder", "sidewalk", "parking", "biking", "border", "median", "none", "stop",
+    "restricted", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "bus",
+    "taxi", "HOV", "curb", "walking", "special1", "special2", "special3", "roadWorks", "tram",
+    "rail", "mwyEntry", "mwyExit",
+)  # fmt: skip
+"""Lane types that are sampled, OpenDRIVE 1.4 to 1.7; the index is the code in the arrays."""
+WALKED_KINDS = frozenset({"sidewalk", "walking"})
+MEDIAN_KINDS = frozenset({"median"})
 MARK_KINDS = ("NONE", "Solid", "Broken", "SolidSolid", "SolidBroken", "BrokenSolid", "Curb")
+_NARROWEST_M = 0.02
+"""Lanes that are nowhere wider do not exist but in the file."""
+_SHORTEST_M = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +49,12 @@ class Strip:
     Attributes:
         kind: one of ``LANE_KINDS``.
         road_id, section_id, lane_id, junction_id: OpenDRIVE's; junction -1 outside junctions.
+        level: 0 on the ground, more where it crosses above other lanes.
         center: ``(N, 2)`` m, CARLA's frame.
+        z_m: ``(N,)``.
         yaw_deg: ``(N,)`` direction of travel.
         width_m: ``(N,)``.
+        station: ``(N,)`` numbers of the cross-sections.
         inner, outer: the lines towards the road's middle and away from it.
     """
 
@@ -49,9 +63,12 @@ class Strip:
     section_id: int
     lane_id: int
     junction_id: int
+    level: int
     center: NDArray[np.float64]
+    z_m: NDArray[np.float64]
     yaw_deg: NDArray[np.float64]
     width_m: NDArray[np.float64]
+    station: NDArray[np.int64]
     inner: LaneMark
     outer: LaneMark
 
@@ -63,53 +80,90 @@ class Strip:
         return line
 
     @property
-    def polygon(self) -> shapely.Polygon:
+    def along_m(self) -> NDArray[np.float64]:
+        """``(N,)`` distance along the centre."""
+        steps = np.linalg.norm(np.diff(self.center, axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    @property
+    def polygon(self) -> BaseGeometry:
         """The lane's surface."""
-        return shapely.Polygon(np.concatenate([self.offset(-1.0), self.offset(1.0)[::-1]]))
+        left, right = self.offset(-1.0), self.offset(1.0)
+        whole = shapely.Polygon(np.concatenate([left, right[::-1]]))
+        if whole.is_valid:
+            return whole
+        # A lane that bends within its own width: its edges cross, its pieces are sound.
+        corners = np.stack([left[:-1], left[1:], right[1:], right[:-1]], axis=1)
+        quads = np.asarray(shapely.multipoints(np.asarray(shapely.points(corners))))
+        pieces = np.asarray(shapely.convex_hull(quads))
+        return shapely.union_all(pieces[shapely.area(pieces) > 0.0])
 
 
-def strips(samples: Samples) -> list[Strip]:
-    """The strips of all sampled lanes, in the samples' order."""
-    keys = np.stack([samples[k] for k in ("road_id", "section_id", "lane_id")], axis=1)
+def strips(samples: Samples, level: NDArray[np.int64]) -> list[Strip]:
+    """The strips of all sampled lanes, in the samples' order, cut where the level changes.
+
+    Args:
+        samples: the lane samples.
+        level: by station, of the piece of road between it and the next.
+    """
+    names = ("road_id", "section_id", "lane_id")
+    keys = np.stack([samples[k] for k in names], axis=1).astype(np.int64)
     breaks = np.flatnonzero((keys[1:] != keys[:-1]).any(axis=1)) + 1
+    station = np.asarray(samples["station"], dtype=np.int64)
+    location = np.asarray(samples["location"], dtype=np.float64)
+    yaw = np.asarray(samples["rotation_deg"], dtype=np.float64)[:, 1]
+    width = np.asarray(samples["width_m"], dtype=np.float64)
+    mark_width = np.asarray(samples["mark_width_m"], dtype=np.float64)
+    kind, junction = samples["lane_kind"], samples["junction_id"]
+    inner, outer = samples["inner_mark"], samples["outer_mark"]
     result = []
-    for rows in np.split(np.arange(len(keys)), breaks):
-        if len(rows) < 2:
+    for lane in np.split(np.arange(len(keys)), breaks):
+        if len(lane) < 2 or width[lane].max() < _NARROWEST_M:
             continue
-        road_id, section_id, lane_id = (int(v) for v in keys[rows[0]])
-        # Samples ascend in s; travel on positive lanes descends.
-        travel = rows[::-1] if lane_id > 0 else rows
-        middle = rows[len(rows) // 2]
-        widths = np.asarray(samples["mark_width_m"], dtype=np.float64)[middle]
-        marks = [
-            LaneMark(
-                MARK_KINDS[int(samples[side][middle, 0])],
-                bool(samples[side][middle, 1]),
-                float(width) or 0.15,
+        changes = np.flatnonzero(np.diff(level[station[lane[:-1]]])) + 1
+        for piece in np.split(np.arange(len(lane) - 1), changes):
+            rows = lane[piece[0] : piece[-1] + 2]
+            ends = location[rows[-1]] - location[rows[0]]
+            if len(rows) < 2 or np.abs(ends).max() < _SHORTEST_M:
+                continue
+            road_id, section_id, lane_id = (int(v) for v in keys[rows[0]])
+            # Samples ascend in s; travel on positive lanes descends.
+            travel = rows[::-1] if lane_id > 0 else rows
+            middle = rows[len(rows) // 2]
+            marks = [
+                LaneMark(
+                    MARK_KINDS[int(side[middle, 0])],
+                    bool(side[middle, 1]),
+                    float(paint) or 0.15,
+                )
+                for side, paint in zip((inner, outer), mark_width[middle], strict=True)
+            ]
+            result.append(
+                Strip(
+                    kind=LANE_KINDS[int(kind[middle])],
+                    road_id=road_id,
+                    section_id=section_id,
+                    lane_id=lane_id,
+                    junction_id=int(junction[middle]),
+                    level=int(level[station[rows[0]]]),
+                    center=location[travel, :2],
+                    z_m=location[travel, 2],
+                    yaw_deg=yaw[travel],
+                    width_m=width[travel],
+                    station=station[travel],
+                    inner=marks[0],
+                    outer=marks[1],
+                )
             )
-            for side, width in zip(("inner_mark", "outer_mark"), widths, strict=True)
-        ]
-        result.append(
-            Strip(
-                LANE_KINDS[int(samples["lane_kind"][middle])],
-                road_id,
-                section_id,
-                lane_id,
-                int(samples["junction_id"][middle]),
-                np.asarray(samples["location"], dtype=np.float64)[travel, :2],
-                np.asarray(samples["rotation_deg"], dtype=np.float64)[travel, 1],
-                np.asarray(samples["width_m"], dtype=np.float64)[travel],
-                marks[0],
-                marks[1],
-            )
-        )
     return result
 
 
 def driving_lanes(samples: Samples) -> LaneSamples:
     """The rows of the driving lanes."""
     rows = np.flatnonzero(samples["lane_kind"] == LANE_KINDS.index("driving"))
-    column = {key: np.asarray(samples[key])[rows] for key in samples if key != "crosswalk"}
+    column = {
+        key: np.asarray(samples[key])[rows] for key in samples if key not in ("crosswalk", "record")
+    }
     posted = column["speed_limit_kmh"].astype(np.float64)
     limit = np.where(posted > 0.0, posted, DEFAULT_LIMIT_KMH)
     return LaneSamples(
@@ -125,13 +179,23 @@ def driving_lanes(samples: Samples) -> LaneSamples:
     )
 
 
-def crosswalks(samples: Samples) -> list[shapely.Polygon]:
-    """Crosswalk polygons: the flat list of corners is split where an outline closes."""
-    corners = np.asarray(samples["crosswalk"], dtype=np.float64)[:, :2]
-    result: list[shapely.Polygon] = []
+@dataclass(frozen=True, slots=True)
+class Crosswalk:
+    """A crossing on the road: its outline and the height of its middle."""
+
+    area: shapely.Polygon
+    z_m: float
+
+
+def crosswalks(samples: Samples) -> list[Crosswalk]:
+    """Crosswalks: the flat list of corners is split where an outline closes."""
+    corners = np.asarray(samples["crosswalk"], dtype=np.float64)
+    result: list[Crosswalk] = []
     begin = 0
     for i in range(1, len(corners)):
-        if i > begin + 2 and np.allclose(corners[i], corners[begin], atol=1e-3):
-            result.append(shapely.Polygon(corners[begin : i + 1]))
+        if i > begin + 2 and np.allclose(corners[i, :2], corners[begin, :2], atol=1e-3):
+            area = shapely.Polygon(corners[begin : i + 1, :2])
+            if area.is_valid and area.area > 0.5:
+                result.append(Crosswalk(area, float(corners[begin:i, 2].mean())))
             begin = i + 1
     return result

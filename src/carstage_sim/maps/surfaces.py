@@ -1,4 +1,4 @@
-"""The ground plan of a town: which piece of the plane is road, line, kerb, sidewalk or soil.
+"""The ground plan of a level: which piece of the plane is road, line, kerb, sidewalk or soil.
 
 All shapes are shapely geometries in CARLA's x, y. They may overlap; the order in which
 :func:`ground_layers` returns them decides which one wins.
@@ -6,6 +6,7 @@ All shapes are shapely geometries in CARLA's x, y. They may overlap; the order i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +16,8 @@ from shapely.geometry.base import BaseGeometry
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.markings import lane_lines, stop_lines, turn_arrows, zebra
-from carstage_sim.maps.network import RoadNetwork
-from carstage_sim.maps.strips import Strip
+from carstage_sim.maps.signals import GovernedLane, SignalPlan
+from carstage_sim.maps.strips import MEDIAN_KINDS, WALKED_KINDS, Strip
 from carstage_sim.mesh import Material
 
 KERB_HEIGHT_M = 0.15
@@ -24,8 +25,13 @@ _KERB_WIDTH_M = 0.15
 RAMP_LENGTH_M = 1.2
 _SEAM_M = 0.02
 """Strips of neighbouring roads meet within this; they are grown and shrunk by it to fuse."""
-_JUNCTION_HOLE_M2 = 600.0
-"""Smaller holes in the road surface are gaps between turning lanes, larger ones are blocks."""
+_GAP_M2 = 600.0
+_GAP_HALF_WIDTH_M = 5.0
+"""Holes in the road that are smaller than this and hold no circle of this radius are gaps between
+turning lanes; wider ones are traffic islands."""
+_ISLAND_M2 = 3000.0
+_SMALLEST_BLOCK_M2 = 600.0
+_SMALLEST_PARK_M2 = 1500.0
 _TERRAIN_MARGIN_M = 300.0
 _YARD_WIDTH_M = 17.0
 _PARK_WALK_M = 10.0
@@ -54,72 +60,106 @@ class Ramp:
 
 @dataclass(frozen=True, slots=True)
 class Surfaces:
-    """The named areas of a town's ground."""
+    """The named areas of one level.
+
+    Attributes:
+        road: all that wheels may touch.
+        gutter: its rims.
+        sidewalk, median, islands: raised areas; islands are closed in by the road.
+        blocks: land enclosed by sidewalks.
+        parks: blocks that stay green.
+        terrain: everything, out to the edge of the world; empty above the ground level.
+    """
 
     road: BaseGeometry
     gutter: BaseGeometry
     sidewalk: BaseGeometry
+    median: BaseGeometry
+    islands: BaseGeometry
     crosswalks: tuple[shapely.Polygon, ...]
     ramps: tuple[Ramp, ...]
     blocks: tuple[shapely.Polygon, ...]
-    """Land enclosed by sidewalks."""
     parks: tuple[shapely.Polygon, ...]
-    """Blocks that stay green."""
     park_paths: tuple[BaseGeometry, ...]
     terrain: shapely.Polygon
-    """Everything, out to the edge of the world."""
 
 
 @dataclass(frozen=True, slots=True)
 class Layer:
-    """One kind of ground: where, how high, what it looks like and what it is called."""
+    """One kind of ground: where, how high, what it looks like and what it is called.
+
+    Attributes:
+        height_m: above the lanes' height there.
+        ramp: gives the height above the lanes in place of ``height_m``.
+        is_land: lies between the roads at its own height, and meets them at their edges.
+    """
 
     area: BaseGeometry
     material: Material
     tag: CityObjectLabel
     height_m: float = KERB_HEIGHT_M
     ramp: Ramp | None = None
+    is_land: bool = False
 
 
-def surfaces(lanes: list[Strip], crosswalks: list[shapely.Polygon]) -> Surfaces:
-    """Fuses lane strips into areas."""
-    carriage = _fused([lane for lane in lanes if lane.kind not in ("sidewalk", "median")])
-    road = shapely.union_all(
-        [
-            shapely.Polygon(
-                part.exterior,
-                [hole for hole in part.interiors if _area(hole) >= _JUNCTION_HOLE_M2],
-            )
-            for part in shapely.get_parts(carriage)
-        ]
-    )
-    road = _on_grid(road)
-    paved = _fused([lane for lane in lanes if lane.kind == "sidewalk"])
+def surfaces(
+    lanes: list[Strip],
+    crosswalks: list[shapely.Polygon],
+    *,
+    above: BaseGeometry | None = None,
+    with_land: bool = True,
+) -> Surfaces:
+    """Fuses the lane strips of a level into areas.
+
+    Args:
+        lanes: the level's strips.
+        crosswalks: outlines on this level.
+        above: what a higher level shows already and this one leaves out.
+        with_land: for the ground level.
+    """
+    raised = WALKED_KINDS | MEDIAN_KINDS
+    carriage = _fused([lane for lane in lanes if lane.kind not in raised])
+    road = _on_grid(_without_gaps(carriage))
+    paved = _fused([lane for lane in lanes if lane.kind in WALKED_KINDS])
+    median = _fused([lane for lane in lanes if lane.kind in MEDIAN_KINDS])
+    if above is not None:
+        road, paved, median = (_on_grid(x.difference(above)) for x in (road, paved, median))
     sidewalk = _on_grid(paved.difference(road))
+    median = _on_grid(median.difference(road.union(sidewalk)))
     gutter = _fused([lane for lane in lanes if lane.kind == "shoulder"])
     lanes_only = _fused([lane for lane in lanes if lane.kind == "driving"])
     gutter = _on_grid(gutter.difference(lanes_only).intersection(road))
-    grown = road.union(sidewalk).buffer(_SEAM_M, join_style="mitre")
+    none = shapely.Polygon()
+    if not with_land:
+        return Surfaces(
+            road, gutter, sidewalk, median, none, tuple(crosswalks), (), (), (), (), none
+        )
+    grown = shapely.union_all([road, sidewalk, median]).buffer(_SEAM_M, join_style="mitre")
     both = _on_grid(grown.buffer(-_SEAM_M, join_style="mitre"))
-    blocks = tuple(
-        shapely.Polygon(hole)
-        for part in shapely.get_parts(both)
-        for hole in part.interiors
-        if _area(hole) >= _JUNCTION_HOLE_M2
-    )
+    holes = [shapely.Polygon(hole) for part in shapely.get_parts(both) for hole in part.interiors]
+    beside_walks = sidewalk.buffer(_SEAM_M)
+    shapely.prepare(beside_walks)
+    islands, blocks = [], []
+    for hole in holes:
+        if shapely.intersects(beside_walks, hole.exterior):
+            blocks += [hole] if hole.area >= _SMALLEST_BLOCK_M2 else []
+        elif hole.area < _ISLAND_M2:
+            islands.append(hole)
     # The smallest block is the park.
-    parks = (
-        tuple(sorted(blocks, key=lambda block: float(block.area))[:1]) if len(blocks) > 1 else ()
-    )
+    wide = sorted(blocks, key=lambda block: float(block.area))
+    parks = tuple([block for block in wide if block.area >= _SMALLEST_PARK_M2][:1])
+    parks = parks if len(blocks) > 1 else ()
     x0, y0, x1, y1 = both.bounds
     m = _TERRAIN_MARGIN_M
     return Surfaces(
         road=road,
         gutter=gutter,
         sidewalk=sidewalk,
+        median=median,
+        islands=_on_grid(shapely.union_all(islands)),
         crosswalks=tuple(crosswalks),
         ramps=tuple(ramp for crosswalk in crosswalks for ramp in _ramps(crosswalk, sidewalk)),
-        blocks=blocks,
+        blocks=tuple(blocks),
         parks=parks,
         park_paths=tuple(_on_grid(_paths(park)) for park in parks),
         terrain=shapely.box(x0 - m, y0 - m, x1 + m, y1 + m),
@@ -127,37 +167,52 @@ def surfaces(lanes: list[Strip], crosswalks: list[shapely.Polygon]) -> Surfaces:
 
 
 def ground_layers(
-    ground: Surfaces, lanes: list[Strip], network: RoadNetwork, pits: list[shapely.Polygon]
+    ground: Surfaces,
+    lanes: list[Strip],
+    plan: SignalPlan,
+    stops: Sequence[GovernedLane],
+    pits: list[shapely.Polygon],
 ) -> list[Layer]:
     """All kinds of ground, the ones that win first; together they cover the terrain.
 
     Args:
         ground: the areas.
         lanes: strips, for the lane lines.
-        network: for the stop lines.
+        plan: for the turns that arrows show.
+        stops: lanes with a light or a stop sign on this level.
         pits: squares of open soil around trees.
     """
     label = CityObjectLabel
     white, yellow = lane_lines(lanes, ground.crosswalks)
-    stops = stop_lines(network)
     bars = zebra(ground.crosswalks, lanes)
+    raised = shapely.union_all([ground.sidewalk, ground.median, ground.islands])
     kerb = ground.road.buffer(_KERB_WIDTH_M, join_style="mitre")
-    near_sidewalk = ground.sidewalk.buffer(_SEAM_M)
+    near_raised = raised.buffer(_SEAM_M).difference(ground.road)
+    line, road_lines = Material.LANE_MARKING_WHITE, label.ROAD_LINES
+    layers = [
+        Layer(bars, Material.CROSSWALK_WHITE, road_lines, 0.0),
+        Layer(turn_arrows(lanes, plan), line, road_lines, 0.0),
+        Layer(stop_lines(stops), line, road_lines, 0.0),
+        Layer(white, line, road_lines, 0.0),
+        Layer(yellow, Material.LANE_MARKING_YELLOW, road_lines, 0.0),
+    ]
+    layers = [
+        Layer(layer.area.intersection(ground.road), layer.material, layer.tag, 0.0)
+        for layer in layers
+    ]
     return [
-        Layer(bars, Material.CROSSWALK_WHITE, label.ROAD_LINES, 0.0),
-        Layer(turn_arrows(network), Material.LANE_MARKING_WHITE, label.ROAD_LINES, 0.0),
-        Layer(stops, Material.LANE_MARKING_WHITE, label.ROAD_LINES, 0.0),
-        Layer(white, Material.LANE_MARKING_WHITE, label.ROAD_LINES, 0.0),
-        Layer(yellow, Material.LANE_MARKING_YELLOW, label.ROAD_LINES, 0.0),
+        *layers,
         Layer(ground.gutter, Material.CONCRETE, label.ROADS, 0.0),
         Layer(ground.road, Material.ASPHALT, label.ROADS, 0.0),
         *(Layer(r.area, Material.CONCRETE, label.SIDEWALKS, ramp=r) for r in ground.ramps),
-        Layer(kerb.intersection(near_sidewalk), Material.KERB, label.SIDEWALKS),
+        Layer(kerb.intersection(near_raised), Material.KERB, label.SIDEWALKS),
         Layer(shapely.union_all(pits), Material.SOIL, label.TERRAIN),
         Layer(ground.sidewalk, Material.SIDEWALK, label.SIDEWALKS),
-        Layer(shapely.union_all(ground.park_paths), Material.SIDEWALK, label.GROUND),
-        Layer(_on_grid(_yards(ground)), Material.CONCRETE, label.GROUND),
-        Layer(ground.terrain, Material.GRASS, label.TERRAIN),
+        Layer(ground.median, Material.GRASS, label.TERRAIN),
+        Layer(ground.islands, Material.GRASS, label.TERRAIN),
+        Layer(shapely.union_all(ground.park_paths), Material.SIDEWALK, label.GROUND, is_land=True),
+        Layer(_on_grid(_yards(ground)), Material.CONCRETE, label.GROUND, is_land=True),
+        Layer(ground.terrain, Material.GRASS, label.TERRAIN, is_land=True),
     ]
 
 
@@ -188,13 +243,25 @@ def _fused(lanes: list[Strip]) -> BaseGeometry:
     return shapely.union_all(grown).buffer(-_SEAM_M, join_style="mitre")
 
 
+def _without_gaps(road: BaseGeometry) -> BaseGeometry:
+    """The road with the gaps between turning lanes closed."""
+    return shapely.union_all(
+        [
+            shapely.Polygon(part.exterior, [hole for hole in part.interiors if not _is_gap(hole)])
+            for part in shapely.get_parts(road)
+            if part.geom_type == "Polygon"
+        ]
+    )
+
+
+def _is_gap(ring: shapely.LinearRing) -> bool:
+    hole = shapely.Polygon(ring)
+    return bool(hole.area < _GAP_M2 and hole.buffer(-_GAP_HALF_WIDTH_M).is_empty)
+
+
 def _on_grid(geometry: BaseGeometry) -> BaseGeometry:
     """Without superfluous vertices, on a grid of millimetres."""
     return shapely.set_precision(geometry.simplify(0.002), 0.001)
-
-
-def _area(ring: shapely.LinearRing) -> float:
-    return float(shapely.Polygon(ring).area)
 
 
 def _ramps(crosswalk: shapely.Polygon, sidewalk: BaseGeometry) -> list[Ramp]:
@@ -204,6 +271,8 @@ def _ramps(crosswalk: shapely.Polygon, sidewalk: BaseGeometry) -> list[Ramp]:
     result = []
     for i, a in enumerate(corners):
         b = corners[(i + 1) % len(corners)]
+        if np.linalg.norm(b - a) < 2 * _SEAM_M:
+            continue
         along = (b - a) / np.linalg.norm(b - a)
         uphill = np.array([along[1], -along[0]])
         if uphill @ ((a + b) / 2 - middle) < 0:

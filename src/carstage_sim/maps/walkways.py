@@ -6,6 +6,7 @@ trees, lamps and poles; walkers keep to the rest and cross the strip at the ramp
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from carstage_sim.maps.drape import Drape
 from carstage_sim.maps.partition import Partition, partition
 from carstage_sim.maps.surfaces import KERB_HEIGHT_M, RAMP_LENGTH_M, Ramp, Surfaces
 
@@ -41,8 +43,8 @@ class Walkways:
     is_crosswalk: tuple[bool, ...]
 
 
-def walkways(ground: Surfaces) -> Walkways:
-    """The walkable polygons of a town, at the heights of its ground mesh."""
+def walkways(ground: Surfaces, drape: Drape, cuts: Sequence[BaseGeometry] = ()) -> Walkways | None:
+    """The walkable polygons of a level, at the heights of its mesh; None without any."""
     ramps = [_narrowed(ramp) for ramp in ground.ramps]
     crossings = [
         _shrunk_along_travel(walk, [r for r in ground.ramps if r.area.distance(walk) < 0.01])
@@ -54,17 +56,39 @@ def walkways(ground: Surfaces) -> Walkways:
         *(lower for lower, _ in ramps),
         shapely.union_all([paths, *(upper for _, upper in ramps)]),
     ]
-    plan = partition(areas, _TILE_M)
+    if all(area.is_empty for area in areas):
+        return None
+    plan = partition(areas, _TILE_M, cuts)
     heights: NDArray[np.float64] = np.full(len(plan.points), KERB_HEIGHT_M)
     for index, ramp in enumerate(ground.ramps, start=1):
         corners = np.unique(plan.triangles[plan.area == index])
         heights[corners] = ramp.height(plan.points[corners])
     heights[np.unique(plan.triangles[plan.area == 0])] = 0.0
+    heights += drape.height(plan.points)
     polygons, area = _convex_polygons(plan)
     return Walkways(
         points=np.concatenate([plan.points, heights[:, None]], axis=1),
         polygons=tuple(polygons),
         is_crosswalk=tuple(index == 0 for index in area),
+    )
+
+
+def joined(parts: Sequence[Walkways]) -> Walkways | None:
+    """Walkways of several levels as one; equal points become one. None without any."""
+    if len(parts) < 2:
+        return parts[0] if parts else None
+    points = np.concatenate([part.points for part in parts]).round(3)
+    places, index = np.unique(points, axis=0, return_inverse=True)
+    shifts = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
+    number = index.reshape(-1)
+    return Walkways(
+        points=places,
+        polygons=tuple(
+            tuple(int(number[corner + shift]) for corner in polygon)
+            for part, shift in zip(parts, shifts.tolist(), strict=True)
+            for polygon in part.polygons
+        ),
+        is_crosswalk=tuple(flag for part in parts for flag in part.is_crosswalk),
     )
 
 

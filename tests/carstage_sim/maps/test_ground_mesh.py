@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps import Town
+from carstage_sim.maps.drape import Drape
 from carstage_sim.maps.ground import ground_height
-from carstage_sim.maps.ground_mesh import ground_mesh
+from carstage_sim.maps.ground_mesh import LevelSurface
 from carstage_sim.maps.partition import partition
-from carstage_sim.maps.strips import DEFAULT_LIMIT_KMH
+from carstage_sim.maps.strips import DEFAULT_LIMIT_KMH, LaneMark, Strip
 from carstage_sim.maps.surfaces import Layer
 from carstage_sim.mesh import Material, TriangleMesh
 
@@ -35,6 +36,18 @@ def ground(stage01: Town) -> TriangleMesh:
         mesh.tag[rows],
         mesh.object_id[rows],
     )
+
+
+def straight_lane(length_m: float, rise_m: float = 0.0, y_m: float = 0.0) -> Strip:
+    """A lane along x that climbs evenly."""
+    x = np.linspace(0.0, length_m, int(length_m) + 1)
+    none = LaneMark("NONE", False, 0.15)
+    return Strip(
+        kind="driving", road_id=1, section_id=0, lane_id=-1, junction_id=-1, level=0,
+        center=np.stack([x, np.full_like(x, y_m)], axis=1), z_m=rise_m * x / length_m,
+        yaw_deg=np.zeros_like(x), width_m=np.full_like(x, 3.5), station=np.arange(len(x)),
+        inner=none, outer=none,
+    )  # fmt: skip
 
 
 def hits(mesh: TriangleMesh, points: np.ndarray) -> list[list[int]]:
@@ -155,12 +168,13 @@ def test_a_partition_covers_the_union_once_and_the_first_area_wins(specs):
 
 def test_layers_of_different_height_are_joined_by_a_wall():
     upper = shapely.box(2, 2, 4, 4)
-    mesh = ground_mesh(
+    mesh = LevelSurface(
         [
             Layer(upper, Material.SIDEWALK, SIDEWALKS, 0.15),
             Layer(shapely.box(0, 0, 6, 6), Material.ASPHALT, ROADS, 0.0),
-        ]
-    )
+        ],
+        Drape([straight_lane(length_m=6.0)]),
+    ).mesh
     vertical = np.abs(mesh.normals[:, 0, 2]) < 1e-6
     corners = mesh.vertices[mesh.triangles[vertical]].astype(np.float64)
     area = np.linalg.norm(

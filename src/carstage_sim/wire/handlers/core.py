@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 from typing import Any
 
+from carstage_sim.maps import MapFileError, MapSamplingError
 from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.registry import LATER, Call, handles, handles_void
 from carstage_sim.wire.token import stream_token
 from carstage_sim.world.errors import WorldError
 from carstage_sim.world.pose import Pose
+
+logger = logging.getLogger(__name__)
 
 _MAP_FOLDER = "Carla/Maps"
 _ALL_LAYERS = 0xFFFF
@@ -101,7 +105,7 @@ def _request_file(call: Call, path: str) -> bytes:
 
 @handles("get_available_maps")
 def _get_available_maps(call: Call) -> list[str]:
-    return [f"/Game/{_MAP_FOLDER}/{name}" for name in call.simulation.town_names]
+    return [f"/Game/{_MAP_FOLDER}/{name}" for name in call.simulation.maps.names]
 
 
 @handles_void("load_new_episode")
@@ -109,9 +113,14 @@ def _load_new_episode(
     call: Call, map_name: str, reset_settings: bool, layers: int = _ALL_LAYERS
 ) -> Any:
     name = map_name.rsplit("/", 1)[-1] or call.world.town.name
-    if name not in call.simulation.town_names:
+    if name not in call.simulation.maps:
+        available = ", ".join(call.simulation.maps.names)
+        logger.warning("no map %r was found; there are %s", name, available)
         raise CallError("map not found")
-    call.simulation.load(name, reset_settings=reset_settings)
+    try:
+        call.simulation.load(name, reset_settings=reset_settings)
+    except (MapFileError, MapSamplingError) as error:
+        raise CallError(str(error)) from error
     call.world.objects.load_layers(~int(layers), False)
     if not call.session.dialect.reopens_episode:
         call.session.episode_began(0.0)

@@ -101,7 +101,7 @@ def _vehicle_columns(world: World) -> VehicleColumns:
     controls = [actor.vehicle.control for actor in vehicles if actor.vehicle is not None]
     manual = np.array([control.manual_gear_shift for control in controls], np.bool_)
     location = table.location[rows]
-    light = world.lights.lights_at(location)
+    light = world.lights.lights_at(*fleet.footprints())
     ids = np.array([*world.light_ids, 0], np.uint32)  # index -1 finds the last: no light
     states = np.array([*world.lights.state, TrafficLightState.GREEN], np.uint8)
     return VehicleColumns(

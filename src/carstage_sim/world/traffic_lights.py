@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.town import TrafficLightSite
+from carstage_sim.world.trigger_boxes import TriggerBoxes
 
 GREEN_S = 10.0
 YELLOW_S = 3.0
@@ -80,7 +80,9 @@ class TrafficLightSystem:
         self._junction_of = {
             light: junction for junction in self._junctions for light in junction.lights
         }
-        self._box_light, self._box_center, self._box_axes, self._box_extent = _trigger_boxes(sites)
+        self._triggers = TriggerBoxes(
+            (index, box) for index, site in enumerate(sites) for box in site.trigger
+        )
         self.reset_all()
 
     def __len__(self) -> int:
@@ -190,24 +192,24 @@ class TrafficLightSystem:
                 return phase
         raise KeyError(index)
 
-    def lights_at(self, locations: ArrayLike) -> NDArray[np.int32]:
-        """The light that governs each place.
+    def lights_at(
+        self,
+        center: NDArray[np.float64],
+        half_size: NDArray[np.float64],
+        yaw_rad: NDArray[np.float64],
+    ) -> NDArray[np.int32]:
+        """The light that governs each vehicle.
+
+        As in CARLA (``TrafficLightComponent.cpp``) a vehicle is at a light while any part of it is
+        in one of the light's trigger volumes: from its front bumper's entry to its rear's exit.
 
         Args:
-            locations: ``(N, 3)`` world metres.
+            center, half_size, yaw_rad: the vehicles' bodies, see :meth:`TriggerBoxes.owners_at`.
 
         Returns:
-            ``(N,)`` int32 index of the light whose trigger volume holds the point (the lowest if
-            volumes overlap), or -1.
+            ``(N,)`` int32 index of a light, or -1.
         """
-        points = np.asarray(locations, dtype=np.float64).reshape(-1, 3)
-        if len(self._box_light) == 0 or len(points) == 0:
-            return np.full(len(points), -1, dtype=np.int32)
-        offset = points[:, None, :] - self._box_center[None]
-        local = np.einsum("nbi,bij->nbj", offset, self._box_axes)
-        inside = (np.abs(local) <= self._box_extent[None]).all(axis=-1)
-        first = inside.argmax(axis=1)
-        return np.where(inside.any(axis=1), self._box_light[first], -1).astype(np.int32)
+        return self._triggers.owners_at(center, half_size, yaw_rad)
 
 
 def _junctions_of(sites: Sequence[TrafficLightSite]) -> list[_Junction]:
@@ -219,15 +221,3 @@ def _junctions_of(sites: Sequence[TrafficLightSite]) -> list[_Junction]:
         _Junction([phases[phase] for phase in sorted(phases)])
         for _, phases in sorted(grouped.items())
     ]
-
-
-def _trigger_boxes(
-    sites: Sequence[TrafficLightSite],
-) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """All trigger volumes, flat: light ``(B,)``, centre ``(B, 3)``, axes ``(B, 3, 3)``, extent."""
-    boxes = [(index, box) for index, site in enumerate(sites) for box in site.trigger]
-    light = np.array([index for index, _ in boxes], dtype=np.int32)
-    center = np.array([box.center for _, box in boxes], dtype=np.float64).reshape(-1, 3)
-    extent = np.array([box.extent for _, box in boxes], dtype=np.float64).reshape(-1, 3)
-    rotation = np.array([box.rotation_deg for _, box in boxes], dtype=np.float64).reshape(-1, 3)
-    return light, center, rotation_matrix(rotation), extent

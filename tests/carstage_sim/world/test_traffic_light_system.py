@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -120,23 +122,49 @@ def test_group_is_the_junction(lights: TrafficLightSystem) -> None:
     assert lights.group(3) == [3]
 
 
-def test_lights_at_finds_the_trigger_volume_in_its_own_axes() -> None:
-    lights = TrafficLightSystem([site("1", 0, 0), site("5", 0, 1, yaw_deg=90.0)])
-    places = np.array(
-        [
-            [10.0, 3.0, 0.5],  # middle of the first
-            [13.9, 4.4, 0.5],  # near its corner
-            [14.1, 3.0, 0.5],  # past its end
-            [50.0, 6.9, 0.5],  # the second is turned: long across
-            [53.9, 3.0, 0.5],
-            [10.0, 3.0, 9.0],  # above
-        ]
-    )
-    assert lights.lights_at(places).tolist() == [0, 0, -1, 1, -1, -1]
+CAR_HALF_SIZE = np.array([2.0, 1.0])
+
+
+def lights_of(system: TrafficLightSystem, *cars: tuple[float, float, float, float]) -> list[int]:
+    """The light of cars at x, y, z with a yaw (deg)."""
+    places = np.array(cars)
+    half_size = np.tile(CAR_HALF_SIZE, (len(cars), 1))
+    return system.lights_at(places[:, :3], half_size, np.radians(places[:, 3])).tolist()
+
+
+def test_a_vehicle_is_at_a_light_from_its_bumper_s_entry_to_its_rear_s_exit() -> None:
+    # The volume reaches from 6 to 14 m along x and from 1.5 to 4.5 m across.
+    lights = TrafficLightSystem([site("1", 0, 0)])
+    along = [lights_of(lights, (x, 3.0, 0.0, 0.0))[0] for x in (3.9, 4.1, 10.0, 15.9, 16.1)]
+    assert along == [-1, 0, 0, 0, -1]
+    across = [lights_of(lights, (10.0, y, 0.0, 0.0))[0] for y in (0.4, 0.6, 5.4, 5.6)]
+    assert across == [-1, 0, 0, -1]
+    assert lights_of(lights, (10.0, 3.0, 9.0, 0.0)) == [-1]  # on a bridge above
+
+
+def test_volumes_and_vehicles_may_be_turned() -> None:
+    lights = TrafficLightSystem([site("5", 0, 1, yaw_deg=90.0)])
+    # Long across: x from 48.5 to 51.5, y from -1 to 7.
+    assert lights_of(lights, (50.0, 8.9, 0.0, 90.0), (50.0, 8.9, 0.0, 0.0)) == [0, -1]
+    # A box around the turned body would reach in, the body does not.
+    assert lights_of(lights, (53.0, -2.0, 0.0, 45.0), (52.0, -1.0, 0.0, 45.0)) == [-1, 0]
+
+
+def test_between_two_lights_the_one_ahead_governs() -> None:
+    near, far = site("1", 0, 0), replace(site("2", 1, 0), trigger=(moved(site("1", 0, 0), 8.5),))
+    for order in ([near, far], [far, near]):
+        lights = TrafficLightSystem(order)
+        assert lights_of(lights, (14.3, 3.0, 0.0, 0.0)) == [order.index(far)]
+        assert lights_of(lights, (14.3, 3.0, 0.0, 180.0)) == [order.index(near)]
+
+
+def moved(of: TrafficLightSite, x_m: float) -> OrientedBox:
+    box = of.trigger[0]
+    return replace(box, center=(box.center[0] + x_m, *box.center[1:]))
 
 
 def test_a_map_without_lights_has_none() -> None:
     lights = TrafficLightSystem([])
     lights.step(0.05)
-    assert lights.lights_at(np.zeros((3, 3))).tolist() == [-1, -1, -1]
+    assert lights_of(lights, (0, 0, 0, 0), (9, 0, 0, 0)) == [-1, -1]
     assert len(lights) == 0

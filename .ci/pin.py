@@ -13,7 +13,10 @@ from importlib import metadata
 from pathlib import Path
 
 PYPROJECT = Path(__file__).resolve().parent.parent / "pyproject.toml"
-PLATFORM = re.compile(r"( and )?platform_machine == 'x86_64' and sys_platform == 'linux'")
+PLATFORM = re.compile(
+    r"( and )?platform_machine == 'x86_64' and platform_python_implementation == 'CPython'"
+    r" and sys_platform == 'linux'"
+)
 BLOCK = re.compile(r"constraint-dependencies = \[.*?\]", re.DOTALL)
 
 

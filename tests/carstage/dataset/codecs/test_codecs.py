@@ -56,6 +56,11 @@ class TestRgbPng(CameraCodecTests):
             assert picture.getpixel((0, 0)) == (10, 20, 30)
 
 
+class TestRgbFpng(CameraCodecTests):
+    kind = "rgb"
+    name = "fpng"
+
+
 class TestRgbJpeg(CameraCodecTests):
     kind = "rgb"
     name = "jpeg"
@@ -84,6 +89,44 @@ class TestDepthPng(CameraCodecTests):
         codec = self.codec()
         contents = codec.encode({"width": 1, "height": 1}, memoryview(bytes(bgra)))
         assert codec.decode(contents)[0, 0] == pytest.approx(metres, rel=1e-7)
+
+
+class DepthInMetresTests(CameraCodecTests):
+    """Depths up to 500 m: centimetres in 16 bits end at 655 m."""
+
+    kind = "depth"
+
+    def records(self) -> list[RawRecord]:
+        return [near(camera_record(5, 7, 0)), near(camera_record(3, 16, 1))]
+
+
+def near(record: RawRecord) -> RawRecord:
+    meta, payload = record
+    bgra = np.frombuffer(payload, np.uint8).reshape(-1, 4).copy()
+    bgra[:, 0] >>= 1
+    return meta, memoryview(bgra.tobytes())
+
+
+class TestDepthPng16(DepthInMetresTests):
+    name = "png16"
+    tolerance = 0.005
+
+    def test_what_is_farther_than_the_scale_reads_as_its_end(self) -> None:
+        contents = self.codec().encode({"width": 1, "height": 1}, memoryview(b"\xff\xff\xff\xff"))
+        assert self.codec().decode(contents)[0, 0] == pytest.approx(655.35)
+
+
+class TestDepthNpz(DepthInMetresTests):
+    name = "npz"
+
+
+class TestDepthNpz16(DepthInMetresTests):
+    name = "npz16"
+    tolerance = 0.2
+
+
+class TestDepthExr(DepthInMetresTests):
+    name = "exr"
 
 
 class TestSemanticPng(CameraCodecTests):
@@ -119,6 +162,38 @@ class TestLidarBin(CodecTests):
             ({"counts": [2]}, memoryview(points.tobytes()[:-1])),
             ({"counts": [1]}, memoryview(points.tobytes())),
             ({"counts": [2]}, memoryview(nan.tobytes())),
+        ]
+
+
+class TestLidarNpz(TestLidarBin):
+    empty_is_damage = True
+
+    def codec(self) -> Codec:
+        return codec_for("lidar", "npz")[1]
+
+
+class TestLidarPly(TestLidarNpz):
+    def codec(self) -> Codec:
+        return codec_for("lidar", "ply")[1]
+
+
+class TestLidarPcd(TestLidarNpz):
+    def codec(self) -> Codec:
+        return codec_for("lidar", "pcd")[1]
+
+
+class TestLidarLaz(TestLidarNpz):
+    tolerance = 0.001
+
+    def codec(self) -> Codec:
+        return codec_for("lidar", "laz")[1]
+
+    def records(self) -> list[RawRecord]:
+        points = np.random.default_rng(0).uniform(0, 1, (40, 4)).astype("<f4")
+        points[:, :3] *= 80.0
+        return [
+            ({"counts": [30, 10]}, memoryview(points.tobytes())),
+            ({"counts": [20]}, memoryview(points[:20].tobytes())),
         ]
 
 

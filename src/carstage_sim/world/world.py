@@ -269,8 +269,8 @@ class World:
 
     # Commands ------------------------------------------------------------------------------------
 
-    def set_weather(self, weather: Weather) -> bool:
-        """Change the weather; whether the street lights changed with it."""
+    def set_weather(self, weather: Weather) -> None:
+        """Change the weather; dusk and dawn switch the street lights."""
         self.weather = weather
         self.street_lights.follow_sun(weather.sun_altitude_angle)
 
@@ -482,13 +482,13 @@ class World:
         self._attachments.follow(self.actors, self._last_delta_s, self._arm_obstacle)
         for vehicle in self.actors.of_kind(ActorKind.VEHICLE):
             if vehicle.parent_id in self.actors:
+                pose = self.actors.pose(vehicle.actor_id)
+                self.fleet.set_transform(vehicle.actor_id, pose.location, pose.rotation_deg)
+
     def _arm_obstacle(self, start: Vector3, end: Vector3) -> float | None:
         if self._arm_probe is None:  # few episodes have spring arms
             self._arm_probe = ArmProbe(self.town.static_mesh)
         return self._arm_probe(start, end)
-
-                pose = self.actors.pose(vehicle.actor_id)
-                self.fleet.set_transform(vehicle.actor_id, pose.location, pose.rotation_deg)
 
     def freeze(self, delta_s: float) -> Snapshot:
         """The current frame as an immutable snapshot."""

@@ -32,7 +32,6 @@ _QUEUED_REQUESTS = 128
 _QUEUED_BYTES = 64 << 20
 _MOST_UNFINISHED_BYTES = 256 << 20
 _UNREAD_REPLY_BYTES = 1 << 20
-_MOST_UNREAD_REPLY_BYTES = 64 << 20
 
 _shortener = reprlib.Repr()
 _shortener.maxstring = _shortener.maxother = 80
@@ -53,6 +52,7 @@ class Connection:
         splitter: cuts what it sends into messages. Only the socket thread touches it.
         waiting: its messages that are queued.
         waiting_bytes: their bytes.
+        deferred: those that were due while the client did not read its replies.
     """
 
     def __init__(self, channel: Channel, complaints: Complaints) -> None:
@@ -61,18 +61,20 @@ class Connection:
         self.splitter = MessageSplitter()
         self.waiting = 0
         self.waiting_bytes = 0
+        self.deferred: list[_Queued] = []
         self._channel = channel
         self._complaints = complaints
         self._held: list[bytes] = []
 
     @property
+    def reads(self) -> bool:
+        """Whether the client has taken most of its replies."""
+        return self._channel.unwritten_bytes <= _UNREAD_REPLY_BYTES
+
+    @property
     def may_queue(self) -> bool:
         """Whether one more of its requests may wait."""
-        return (
-            self.waiting < _QUEUED_REQUESTS
-            and self.waiting_bytes < _QUEUED_BYTES
-            and self._channel.unwritten_bytes <= _UNREAD_REPLY_BYTES
-        )
+        return self.waiting < _QUEUED_REQUESTS and self.waiting_bytes < _QUEUED_BYTES and self.reads
 
     def reply(self, request: Request, result: Any) -> None:
         """Answer a request, or keep the answer back if its call is held."""
@@ -108,8 +110,6 @@ class Connection:
             self._channel.close()
 
     def _send(self, message: bytes) -> None:
-        if self._channel.unwritten_bytes > _MOST_UNREAD_REPLY_BYTES:
-            self.drop("does not read its replies")
         self._channel.send([message])
 
 
@@ -133,6 +133,9 @@ class Disconnected:
 
 Event = Request | Disconnected
 
+_Queued = tuple[Connection, Channel, bytes | None]
+"""A message that waits, None for the end of the client."""
+
 
 class RpcServer:
     """Accepts clients and queues what they ask, in the order in which it arrived.
@@ -148,7 +151,7 @@ class RpcServer:
     def __init__(self, loop: SocketLoop, sock: socket.socket) -> None:
         warm_up()
         self._loop = loop
-        self._queue: deque[tuple[Connection, Channel, bytes | None]] = deque()
+        self._queue: deque[_Queued] = deque()
         self._filled = threading.Condition()
         self._unfinished_bytes = 0
         self._complaints = Complaints(logger)
@@ -160,9 +163,10 @@ class RpcServer:
         with self._filled:
             if not self._queue and timeout_s > 0.0:
                 self._filled.wait_for(lambda: self._queue, timeout_s)
-            if not self._queue:
+            queued = self._next()
+            if queued is None:
                 return None
-            connection, channel, message = self._queue.popleft()
+            connection, channel, message = queued
             if message is None:
                 return Disconnected(connection)
             connection.waiting -= 1
@@ -176,6 +180,23 @@ class RpcServer:
             connection.drop("speaks no msgpack-rpc", str(error))
             return None
 
+    def _next(self) -> _Queued | None:
+        """The oldest message of a client that reads what it is told. The condition is held."""
+        while self._queue:
+            queued = self._queue.popleft()
+            connection, _, message = queued
+            if message is None or (connection.reads and not connection.deferred):
+                return queued
+            connection.deferred.append(queued)
+        return None
+
+    def _resume(self, connection: Connection) -> None:
+        """Serve next what was deferred. In the loop's thread."""
+        with self._filled:
+            self._queue.extendleft(reversed(connection.deferred))
+            connection.deferred.clear()
+            self._filled.notify()
+
     def _accept(self, channel: Channel) -> None:
         connection = Connection(channel, self._complaints)
 
@@ -186,12 +207,17 @@ class RpcServer:
             if self._unfinished_bytes > _MOST_UNFINISHED_BYTES:
                 connection.drop("sends a large message while others do", "no room for it")
 
+        def written() -> None:
+            self._resume(connection)
+            self._refill(connection, channel)
+
         def closed() -> None:
+            self._resume(connection)
             self._unfinished_bytes -= connection.splitter.unfinished_bytes
             self._put(connection, channel, None)
 
         channel.on_data = received
-        channel.on_written = lambda: self._refill(connection, channel)
+        channel.on_written = written
         channel.on_close = closed
 
     def _refill(self, connection: Connection, channel: Channel) -> None:

@@ -211,6 +211,7 @@ class SocketLoop:
 
     def spoke(self, channel: Channel) -> None:
         """A channel received something. Only from the loop's thread."""
+        channel.silent = False
         self._accepted_by[channel].silent.pop(channel, None)
 
     def forget(self, channel: Channel) -> None:

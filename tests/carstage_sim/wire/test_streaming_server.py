@@ -138,6 +138,46 @@ def test_waiting_publisher_is_let_go_when(
     assert not publisher.is_alive()
 
 
+def test_subscriber_that_takes_nothing_is_dropped_when_the_patience_ends() -> None:
+    with SocketLoop("test") as loop:
+        server = StreamingServer(loop, bind("127.0.0.1", 0), patience_s=0.1)
+        with ExitStack() as opened:
+            stuck, healthy = (
+                opened.enter_context(subscribe("127.0.0.1", server.port, STREAM + number))
+                for number in range(2)
+            )
+            for number in range(2):
+                server.expect(STREAM + number)
+                assert server.listeners(STREAM + number) == 1
+            server.publish(STREAM, [bytes(LARGE)], wait=True)
+            server.publish(STREAM, [b"x"], wait=True)  # returns, because it gives the other up
+            server.publish(STREAM + 1, [b"goes on"], wait=True)
+            assert read_message(healthy) == b"goes on"
+            await_listeners(server, 0)
+            assert stuck.recv(1) == b"\0"
+        server.close()
+
+
+def test_subscriber_that_reads_slowly_but_reads_is_never_dropped() -> None:
+    with SocketLoop("test") as loop:
+        server = StreamingServer(loop, bind("127.0.0.1", 0), patience_s=0.5)
+        with subscribe("127.0.0.1", server.port, STREAM) as slow:
+            await_listeners(server, 1)
+            server.publish(STREAM, [bytes(LARGE)], wait=True)
+            publisher = threading.Thread(
+                target=server.publish, args=(STREAM, [b"x"]), kwargs={"wait": True}
+            )
+            publisher.start()
+            left, began = LARGE + 4, time.monotonic()
+            while left:
+                left -= len(slow.recv(min(left, 2 << 20), socket.MSG_WAITALL))
+                time.sleep(0.05)
+            assert time.monotonic() - began > 0.5  # longer than the patience
+            assert read_message(slow) == b"x"
+            publisher.join(10.0)
+        server.close()
+
+
 def test_subscriber_that_left_no_longer_counts(
     server: StreamingServer, subscribers: Callable[[], socket.socket]
 ) -> None:

@@ -103,7 +103,7 @@ def _site(light: Signal, junction_id: int, phase: int, height_at: HeightAt) -> T
 
 
 def _trigger_boxes(lanes: Iterable[GovernedLane]) -> list[OrientedBox]:
-    """A volume before each stop; ways on from one lane share theirs."""
+    """A volume before each stop, half as wide as the lane; ways on from one lane share theirs."""
     boxes: list[OrientedBox] = []
     for lane in lanes:
         if any(math.dist(box.center[:2], lane.before[:2]) < _SAME_PLACE_M for box in boxes):
@@ -112,7 +112,7 @@ def _trigger_boxes(lanes: Iterable[GovernedLane]) -> list[OrientedBox]:
         boxes.append(
             OrientedBox(
                 center=(x, y, z + _TRIGGER_HALF_HEIGHT_M),
-                extent=(lane.width_m / 2, TRIGGER_LENGTH_M / 2, _TRIGGER_HALF_HEIGHT_M),
+                extent=(lane.width_m / 4, TRIGGER_LENGTH_M / 2, _TRIGGER_HALF_HEIGHT_M),
                 rotation_deg=(0.0, _wrapped(lane.before_yaw_deg + 90.0), 0.0),
             )
         )

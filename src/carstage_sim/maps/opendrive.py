@@ -18,7 +18,7 @@ import carla
 import numpy as np
 from lxml import etree
 
-from carstage_sim.maps.signals import TRIGGER_LENGTH_M
+from carstage_sim.maps.signals import TRIGGER_GAP_M, TRIGGER_LENGTH_M
 from carstage_sim.maps.strips import LANE_KINDS, MARK_KINDS
 
 STEP_M = 1.0
@@ -27,6 +27,8 @@ _LARGE_MAP_M = 150_000.0
 """Maps with more road than this are sampled coarsely."""
 _END_M = 1e-4
 """Lane ends are sampled this far inside: beyond them the client has no waypoint."""
+_LONGEST_WAY_M = 100
+"""No way through a junction is longer."""
 _TURN_DEG = 45.0
 
 
@@ -165,12 +167,7 @@ def _governed(town: carla.Map, road_id: int, lane_id: int, s_m: float) -> dict[s
             point = point or town.get_waypoint_xodr(road_id, lane_id, max(inside, 0.0))
     if point is None or point.lane_type != carla.LaneType.Driving:
         return None
-    earlier = point.previous(TRIGGER_LENGTH_M / 2)
-    if earlier:
-        yaw = point.transform.rotation.yaw
-        before = min(earlier, key=lambda w: abs(_wrapped(w.transform.rotation.yaw - yaw)))
-    else:
-        before = point
+    before = _earlier(_entrance(point), TRIGGER_GAP_M + TRIGGER_LENGTH_M / 2)
     junction_id = point.junction_id if point.is_junction else -1
     if junction_id == -1:
         onward = [w for w in point.next(12.0) if w.is_junction]
@@ -185,6 +182,22 @@ def _governed(town: carla.Map, road_id: int, lane_id: int, s_m: float) -> dict[s
         "before_yaw_deg": before.transform.rotation.yaw,
         "yaw_deg": point.transform.rotation.yaw,
     }
+
+
+def _entrance(point: carla.Waypoint) -> carla.Waypoint:
+    """The point itself, or the one where its lane enters the junction that it lies in."""
+    for _ in range(_LONGEST_WAY_M):
+        if not point.is_junction:
+            break
+        point = _earlier(point, 1.0)
+    return point
+
+
+def _earlier(point: carla.Waypoint, distance_m: float) -> carla.Waypoint:
+    """The straightest way back; the point itself where the lane begins sooner."""
+    yaw = point.transform.rotation.yaw
+    behind = point.previous(distance_m)
+    return min(behind, key=lambda w: abs(_wrapped(w.transform.rotation.yaw - yaw)), default=point)
 
 
 def _place(waypoint: carla.Waypoint) -> tuple[float, float, float]:

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-TRIGGER_LENGTH_M = 9.0
-"""Long enough for a vehicle at 50 km/h and 10 Hz to be seen inside and to stop past its far end
-before the junction; the client's Traffic Manager brakes while its vehicle is inside."""
+TRIGGER_LENGTH_M = 3.0
+TRIGGER_GAP_M = 1.5
+"""As in CARLA (``TrafficLightComponent.cpp``): a vehicle that reaches into the volume is at the
+light, so it stops with its bumper between the volume's near end and the signal."""
 
 LIGHT, STOP, YIELD, SPEED_LIMIT = "1000001", "206", "205", "274"
 """Signal types that are built (LibCarla ``road/SignalType.cpp``)."""
@@ -32,7 +33,7 @@ class GovernedLane:
         junction_id: the junction that the lane lies in or leads to, -1 for none.
         width_m: of the lane.
         stop, yaw_deg: where to stop, with the direction of travel.
-        before, before_yaw_deg: the lane's middle half a trigger's length earlier.
+        before, before_yaw_deg: the middle of the trigger, on the lane outside the junction.
     """
 
     road_id: int

@@ -115,7 +115,7 @@ def test_every_inbound_lane_knows_its_light(client_map, stage01):
             assert [mark.id for mark in ahead] == [site.sign_id]
 
 
-def test_triggers_lie_before_the_junction_and_are_long_enough_to_stop_in(client_map, stage01):
+def test_triggers_are_as_large_as_carla_s_and_leave_room_for_a_crosswalk(client_map, stage01):
     for site in stage01.traffic_lights:
         for box in site.trigger:
             lane = client_map.get_waypoint(carla.Location(*box.center))
@@ -124,9 +124,9 @@ def test_triggers_lie_before_the_junction_and_are_long_enough_to_stop_in(client_
             while not current.is_junction:
                 distance, current = distance + 0.5, current.next(0.5)[0]
             assert current.get_junction().id == site.junction_id
-            assert 2 * box.extent[1] >= 6.0
+            assert 2 * box.extent[1] == pytest.approx(3.0)
             assert distance - box.extent[1] > 4.0  # room for a stop line and a crosswalk
-            assert box.extent[0] == pytest.approx(lane.lane_width / 2)
+            assert box.extent[0] == pytest.approx(lane.lane_width / 4)
 
 
 def test_every_way_into_a_junction_passes_a_trigger(client_map, stage01):

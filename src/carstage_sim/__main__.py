@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import resource
 import signal
 import sys
 from collections.abc import Sequence
@@ -46,13 +47,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _serve(options: Options, maps: MapCatalogue) -> None:
     parent_pid = os.getppid() if options.exit_with_parent else None
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    _, most_descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most_descriptors, most_descriptors))
     with ExitStack() as resources:
         # Reserved at once, so that a taken port is refused before the work of warming up; clients
         # are accepted only when everything is warm.
         rpc_socket = resources.enter_context(bind(options.host, options.port))
         streaming_socket = resources.enter_context(bind(options.host, options.streaming_port))
         simulation = resources.enter_context(
-            Simulation(options.map_name, maps=maps, threads=options.threads)
+            Simulation(options.map_name, maps=maps, threads=options.threads, loop=options.loop)
         )
         simulation.warm_up()
         server = resources.enter_context(

@@ -40,6 +40,7 @@ class Options:
         maps: OpenDRIVE files, and folders of them, to offer.
         aliases: names that stand for maps.
         threads: threads of the numeric kernels, None for all cores.
+        loop: frames that each sensor renders before it repeats them, None for no repetition.
         frames_per_s: pace of the free run in asynchronous mode.
         exit_with_parent: end when the process that started this one is gone.
         describe: print what there is, as JSON, and end.
@@ -52,6 +53,7 @@ class Options:
     maps: tuple[Path, ...]
     aliases: dict[str, str]
     threads: int | None
+    loop: int | None
     protocol: str
     frames_per_s: float
     exit_with_parent: bool
@@ -120,6 +122,12 @@ def _parser() -> _Parser:
         "seeds by its noise_seed attribute",
     )
     parser.add_argument("--threads", type=_count, help="threads that compute (default: all cores)")
+    parser.add_argument(
+        "--loop",
+        type=_count,
+        metavar="N",
+        help="each sensor renders N frames once and then sends them in turn, at any pace",
+    )
     parser.add_argument("--protocol", default="0.9.16", choices=tuple(DIALECTS))
     parser.add_argument(
         "--fps",
@@ -172,6 +180,7 @@ def parse_options(argv: Sequence[str] | None) -> Options:
         maps=tuple(namespace.maps),
         aliases=dict(namespace.aliases),
         threads=namespace.threads,
+        loop=namespace.loop,
         protocol=namespace.protocol,
         frames_per_s=namespace.frames_per_s,
         exit_with_parent=namespace.exit_with_parent,

@@ -47,6 +47,7 @@ class Simulation:
         town_name: the map to begin with.
         maps: the maps that clients may load; by default the built-in ones.
         threads: threads of the numeric kernels, None for all cores.
+        loop: how many times each sensor measures until it repeats itself, None for ever.
 
     Attributes:
         world: the current episode.
@@ -65,17 +66,19 @@ class Simulation:
         *,
         maps: MapCatalogue | None = None,
         threads: int | None = None,
+        loop: int | None = None,
     ) -> None:
         self.settings = EpisodeSettings()
         self.imu_gravity = _STANDARD_GRAVITY
         self.recordings = RecorderDeck()
         self.maps = maps or MapCatalogue()
         self._threads = threads
+        self._loop = loop
         self._watched_before = False
         self._stepped_at_s = time.monotonic()
         self._town = self.maps.load(town_name)
         self.world = self._new_world(1, None)
-        self._sensors = SensorSuite(self._town, threads=threads)
+        self._sensors = self._new_suite()
 
     def __enter__(self) -> Simulation:
         return self
@@ -105,7 +108,7 @@ class Simulation:
         if town_name != self._town.name:
             self._town = self.maps.load(town_name)
             self._sensors.close()
-            self._sensors = SensorSuite(self._town, threads=self._threads)
+            self._sensors = self._new_suite()
             self._sensors.warm_up()
         else:
             self._sensors.reset()
@@ -114,6 +117,9 @@ class Simulation:
         if reset_settings:
             self.settings = EpisodeSettings()
         logger.info("episode %d on %s", self.world.episode_id, self._town.name)
+
+    def _new_suite(self) -> SensorSuite:
+        return SensorSuite(self._town, threads=self._threads, loop=self._loop)
 
     def _new_world(self, episode_id: int, before: World | None) -> World:
         return World(self._town, episode_id, previous=before, check_sensor=self._check_sensor)

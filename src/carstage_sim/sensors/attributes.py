@@ -52,6 +52,15 @@ def flag(attributes: Mapping[str, str], name: str, *, default: bool) -> bool:
     return text == "true"
 
 
+def within(name: str, value: float, lowest: float, highest: float) -> None:
+    """Refuse a value outside of what the simulator can compute, naming the attribute.
+
+    Raises:
+        SensorAttributeError: it is below ``lowest`` or above ``highest``.
+    """
+    require(lowest <= value <= highest, f"{name} is {value:g}, not {lowest:g} to {highest:g}")
+
+
 def require(condition: bool, message: str) -> None:
     """Refuse a value.
 

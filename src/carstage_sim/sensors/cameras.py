@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.maps.town import Town
-from carstage_sim.sensors.attributes import number, require, whole
+from carstage_sim.sensors.attributes import number, require, whole, within
 from carstage_sim.sensors.frames import ImageFrame, SensorRequest
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import FAR_M, Camera, View
@@ -14,6 +14,7 @@ from carstage_sim.world.state import WorldState
 
 _DEPTH_STEPS = 2**24 - 1
 _LARGEST_SIDE_PX = 8192
+_MOST_PIXELS = 7680 * 4320
 
 
 def encode_depth(depth_m: NDArray[np.floating]) -> NDArray[np.uint8]:
@@ -68,7 +69,12 @@ class CameraSensor(MeasuringSensor):
         self.height = whole(request.attributes, "image_size_y", 600)
         self.fov_deg = number(request.attributes, "fov", 90.0)
         for name, side in (("image_size_x", self.width), ("image_size_y", self.height)):
-            require(1 <= side <= _LARGEST_SIDE_PX, f"{name} is {side}, not 1 to {_LARGEST_SIDE_PX}")
+            within(name, side, 1, _LARGEST_SIDE_PX)
+        pixels = self.width * self.height
+        require(
+            pixels <= _MOST_PIXELS,
+            f"image_size_x times image_size_y is {pixels}, above {_MOST_PIXELS} (8K UHD)",
+        )
         require(0.0 < self.fov_deg < 180.0, f"fov is {self.fov_deg}, not between 0 and 180 degrees")
 
     def camera(self, request: SensorRequest) -> Camera:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from carstage_sim.maps.town import Town
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.render.caster import Hits
-from carstage_sim.sensors.attributes import number, require, whole
+from carstage_sim.sensors.attributes import number, require, whole, within
 from carstage_sim.sensors.frames import (
     SEMANTIC_POINT,
     LidarFrame,
@@ -23,6 +23,11 @@ from carstage_sim.sensors.noise import noise_stream
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import View, turned
 from carstage_sim.world.state import WorldState
+
+_MOST_CHANNELS = 1024
+_MOST_POINTS_PER_S = 20_000_000
+_MOST_RAYS_PER_FRAME = 8_000_000
+_FASTEST_HZ = 1000.0
 
 
 def round_half_away(value: float) -> int:
@@ -70,9 +75,11 @@ class LidarGeometry:
         """Rays of a tick of ``delta_s`` seconds that begins at ``start_angle_deg``.
 
         CARLA's ``RayCastLidar.cpp``: as many rays per laser as ``points_per_second`` allows,
-        azimuths in equal steps from the start angle, folded into the field of view.
+        azimuths in equal steps from the start angle, folded into the field of view. A tick so long
+        that this machine could not hold the rays has eight million.
         """
-        per_channel = round_half_away(self.points_per_second * delta_s / self.channels)
+        wanted = round_half_away(self.points_per_second * delta_s / self.channels)
+        per_channel = min(wanted, _MOST_RAYS_PER_FRAME // self.channels)
         advance = self.rotation_frequency_hz * self.horizontal_fov_deg * delta_s
         step = advance / per_channel if per_channel else 0.0
         angles = np.fmod(start_angle_deg + np.arange(per_channel) * step, self.horizontal_fov_deg)
@@ -124,8 +131,14 @@ class RotatingLidar(MeasuringSensor):
             horizontal_fov_deg=number(a, "horizontal_fov", 360.0),
         )
         self.range_m = number(a, "range", 10.0)
-        require(self.geometry.channels >= 1, "channels must be at least 1")
-        require(self.geometry.points_per_second >= 0, "points_per_second must not be negative")
+        within("channels", self.geometry.channels, 1, _MOST_CHANNELS)
+        within("points_per_second", self.geometry.points_per_second, 0, _MOST_POINTS_PER_S)
+        within("rotation_frequency", self.geometry.rotation_frequency_hz, 0, _FASTEST_HZ)
+        for name, angle_deg in (
+            ("upper_fov", self.geometry.upper_fov_deg),
+            ("lower_fov", self.geometry.lower_fov_deg),
+        ):
+            within(name, angle_deg, -90, 90)
         require(0 < self.geometry.horizontal_fov_deg <= 360, "horizontal_fov must be in (0, 360]")
         require(self.range_m > 0, "range must be positive")
         self._angle_deg = 0.0

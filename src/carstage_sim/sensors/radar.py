@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.maps.town import Town
 from carstage_sim.render.cast import NOTHING
-from carstage_sim.sensors.attributes import number, require, whole
+from carstage_sim.sensors.attributes import number, require, whole, within
 from carstage_sim.sensors.frames import RadarFrame, SensorRequest
 from carstage_sim.sensors.noise import noise_stream
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
@@ -17,6 +17,8 @@ from carstage_sim.sensors.view import View, turned
 from carstage_sim.world.state import WorldState
 
 _TELEPORT_SPEED = 150.0
+_MOST_POINTS_PER_S = 20_000_000
+_MOST_RAYS_PER_FRAME = 8_000_000
 
 Vector = NDArray[np.float64]
 
@@ -44,7 +46,7 @@ class Radar(MeasuringSensor):
         ):
             require(0.0 <= fov_deg < 180.0, f"{name} is {fov_deg}, not in [0, 180) degrees")
         require(self.range_m > 0, "range must be positive")
-        require(self.points_per_second >= 0, "points_per_second must not be negative")
+        within("points_per_second", self.points_per_second, 0, _MOST_POINTS_PER_S)
         self._before: Vector | None = None
 
     def observe(self, state: WorldState, request: SensorRequest) -> None:
@@ -56,7 +58,7 @@ class Radar(MeasuringSensor):
 
         Even in radius and angle over the cone's elliptical section, and so dense at its centre.
         """
-        count = int(self.points_per_second * delta_s)
+        count = min(int(self.points_per_second * delta_s), _MOST_RAYS_PER_FRAME)
         radius = random.random(count)
         angle = random.random(count) * (2.0 * math.pi)
         across = math.tan(math.radians(self.horizontal_fov_deg) / 2.0)

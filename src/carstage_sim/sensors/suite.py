@@ -27,6 +27,7 @@ from carstage_sim.sensors import (  # noqa: F401 - they register themselves
 )
 from carstage_sim.sensors.actors import ActorModels
 from carstage_sim.sensors.frames import SensorFrame, SensorRequest
+from carstage_sim.sensors.looping import LoopingSensor
 from carstage_sim.sensors.sensor import Sensor, SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.pose import Vector3
@@ -43,6 +44,7 @@ class SensorSuite:
         town: the map.
         threads: threads that cast rays; default: all CPUs of this process.
         meshes: replaces the actors' meshes, for tests.
+        loop: how many times each sensor measures until it repeats itself, None for ever.
         cache: folder of stored acceleration structures; default below the user's cache.
     """
 
@@ -51,10 +53,12 @@ class SensorSuite:
         town: Town,
         *,
         threads: int | None = None,
+        loop: int | None = None,
         meshes: Callable[[str], TriangleMesh] | None = None,
         cache: Path | None = None,
     ) -> None:
         self._town = town
+        self._loop = loop
         self._caster = RayCaster(threads)
         self._models = ActorModels(town, meshes)
         self._store = SceneStore(
@@ -111,8 +115,7 @@ class SensorSuite:
         for request in requests:
             sensor = self._sensors.get(request.sensor_id)
             if sensor is None or not sensor.answers(request):
-                sensor = SensorRegistry.make(request, self._town)
-                self._sensors[request.sensor_id] = sensor
+                sensor = self._sensors[request.sensor_id] = self._made(request)
             if not sensor.is_due(state.timestamp_s):
                 sensor.observe(state, request)
                 continue
@@ -151,6 +154,12 @@ class SensorSuite:
             found.append(((x, y, z), int(view.tags(hits)[0])))
             passed += float(hits.t[0])
         return found
+
+    def _made(self, request: SensorRequest) -> Sensor:
+        sensor = SensorRegistry.make(request, self._town)
+        if self._loop is None:
+            return sensor
+        return LoopingSensor(sensor, request, self._town, self._loop)
 
     def _view(self, state: WorldState) -> View:
         def frame() -> Frame:

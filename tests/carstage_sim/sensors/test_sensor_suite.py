@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sensor_worlds import GROUND, WALL, request, state, town
 
-from carstage_sim.sensors import SensorSuite
+from carstage_sim.sensors import SensorAttributeError, SensorSuite
 from carstage_sim.sensors.sensor import SensorRegistry
 
 pytestmark = pytest.mark.xdist_group("kernels")
@@ -168,3 +168,48 @@ def test_actors_move_between_frames(suite):
     near = suite.capture(state(1, vehicles=[(3, (6.0, 0.0, 0.0), 0.0)]), [camera])[0][1]
     far = suite.capture(state(2, vehicles=[(3, (8.0, 0.0, 0.0), 0.0)]), [camera])[0][1]
     assert not np.array_equal(near.pixels, far.pixels)
+
+
+def test_looping_sensors_render_a_few_frames_and_send_them_in_turn(trees):
+    with SensorSuite(town(GROUND, WALL), threads=1, loop=3, cache=trees) as suite:
+        captures = [suite.capture(moving(frame), rig()) for frame in range(1, 4)]
+        rendered = [dict(capture) for capture in captures]
+        assert not np.array_equal(rendered[0][10].pixels, rendered[1][10].pixels)
+        for frame in range(4, 11):
+            repeated = suite.capture(moving(frame), rig())
+            assert suite.last_cast_count == 0
+            earlier = captures[(frame - 1) % 3]
+            assert [number for number, _ in repeated] == [number for number, _ in earlier]
+            assert all(a is b for (_, a), (_, b) in zip(repeated, earlier, strict=True))
+
+
+def test_looping_sensors_keep_to_their_interval(trees):
+    slow = request("camera.depth", 10, sensor_tick=0.2)
+    with SensorSuite(town(GROUND, WALL), threads=1, loop=1, cache=trees) as suite:
+        sent = [bool(suite.capture(moving(frame), [slow])) for frame in range(1, 9)]
+    assert sent == [True, False] * 4
+
+
+@pytest.mark.parametrize(
+    ("kind", "attributes", "named"),
+    [
+        ("camera.rgb", {"image_size_x": 100_000}, "image_size_x"),
+        ("camera.depth", {"image_size_y": 0}, "image_size_y"),
+        ("camera.rgb", {"image_size_x": 8192, "image_size_y": 8192}, "image_size_x"),
+        ("lidar.ray_cast", {"channels": 100_000}, "channels"),
+        ("lidar.ray_cast", {"points_per_second": 10**12}, "points_per_second"),
+        ("lidar.ray_cast_semantic", {"rotation_frequency": 1e9}, "rotation_frequency"),
+        ("lidar.ray_cast", {"upper_fov": 1e6}, "upper_fov"),
+        ("other.radar", {"points_per_second": 10**12}, "points_per_second"),
+    ],
+)
+def test_sensor_beyond_what_can_be_computed_is_refused_by_its_attribute(kind, attributes, named):
+    with pytest.raises(SensorAttributeError, match=named):
+        SensorRegistry.make(request(kind, 10, **attributes), town(GROUND))
+
+
+def test_long_tick_does_not_make_more_rays_than_fit():
+    lidar = SensorRegistry.make(
+        request("lidar.ray_cast", 10, channels=64, points_per_second=20_000_000), town(GROUND)
+    )
+    assert lidar.geometry.sweep(0.0, 60.0).per_channel * 64 <= 8_000_000

@@ -28,6 +28,9 @@ from carstage_sim.world.appearance import Appearance
 PAINTS = len(Paint)
 """Colours that an instance brings along."""
 
+PASSING = "@"
+"""A model whose key has this mark is given up as soon as no frame shows it."""
+
 _log = logging.getLogger(__name__)
 
 
@@ -301,11 +304,17 @@ class SceneStore:
         self._lamps = self._lamps._replace(power=power)
 
     def _prepare(self, keys: Sequence[str]) -> None:
-        missing = [key for key in dict.fromkeys(keys) if key not in self._index]
+        wanted = dict.fromkeys(keys)
+        past = [key for key in self._index if PASSING in key and key not in wanted]
+        if past:
+            kept = {key: self._models[i] for key, i in self._index.items() if key not in past}
+            self._models = list(kept.values())
+            self._index = {key: number for number, key in enumerate(kept)}
+        missing = [key for key in wanted if key not in self._index]
         for key in missing:
             self._index[key] = len(self._models)
             self._models.append(_model(self._mesh_of(key)))
-        if missing:
+        if (missing or past) and self._models:
             geometry, surfaces, self._roots = _joined(self._models)
             self._actors = (geometry, surfaces)
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from dataclasses import astuple
 
 import numpy as np
 
 from carstage_sim.content.doors import open_doors_mesh
-from carstage_sim.content.pedestrians import PHASES, dress_of, pedestrian_mesh
+from carstage_sim.content.figures import Pose as Joints
+from carstage_sim.content.pedestrians import dress_of, pedestrian_mesh, posed_mesh
 from carstage_sim.content.props import prop_mesh
 from carstage_sim.content.street_furniture import traffic_light_mesh
 from carstage_sim.content.vehicles import vehicle_mesh
@@ -16,14 +18,14 @@ from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import Town
 from carstage_sim.mesh import TriangleMesh, merge_meshes
-from carstage_sim.render.scene import Placement
+from carstage_sim.render.scene import PASSING, Placement
 from carstage_sim.world.blueprints import Blueprint, catalogue
+from carstage_sim.world.gait import walk_phase
 from carstage_sim.world.state import ActorKind, WorldState
 
-_STRIDE_M = 1.35
-"""Way of two steps; the legs swing with the distance walked."""
-_STANDING_M_S = 0.15
 _PROP = "static.prop."
+_POSED = 256
+"""Figures posed by clients whose joints are kept until their meshes are made."""
 _BARE_STEEL = (152, 156, 160)
 
 
@@ -72,6 +74,7 @@ class ActorModels:
         self._town = town
         self._catalogue = catalogue()
         self._figures: dict[str, str] = {}
+        self._posed: dict[str, Joints] = {}
         self._stand_ins: dict[tuple[int, tuple[float, float, float]], str] = {}
         self.mesh = meshes if meshes is not None else self._built_in
 
@@ -85,7 +88,7 @@ class ActorModels:
                 doors = 0 if state.doors is None else int(state.doors[row])
                 key = f"{state.type_id[row]}#{doors}" if doors else state.type_id[row]
             elif kind == ActorKind.WALKER:
-                key = f"{self._figure(state.type_id[row])}#{self._phase(state, row)}"
+                key = self._walker_key(state, row)
             elif kind == ActorKind.TRAFFIC_LIGHT:
                 if lights >= len(self._town.traffic_lights):
                     continue
@@ -107,6 +110,16 @@ class ActorModels:
             )
         return found
 
+    def _walker_key(self, state: WorldState, row: int) -> str:
+        figure = self._figure(state.type_id[row])
+        joints = state.figures.get(int(state.actor_id[row]))
+        if joints is None:
+            return f"{figure}#{self._phase(state, row)}"
+        digest = hashlib.sha256(b"".join(np.asarray(j).tobytes() for j in astuple(joints)))
+        key = f"{figure}{PASSING}{digest.hexdigest()[:16]}"
+        self._posed = {**self._posed, key: joints} if len(self._posed) < _POSED else {key: joints}
+        return key
+
     def _figure(self, type_id: str) -> str:
         """A blueprint of the same size and dress: figures differ in little but their colours."""
         known = self._figures.get(type_id)
@@ -119,16 +132,17 @@ class ActorModels:
 
     @staticmethod
     def _phase(state: WorldState, row: int) -> int:
-        """Phase of the walk, 0 for standing, else 1 to 8; a function of this frame alone."""
-        speed = float(np.hypot(state.velocity[row, 0], state.velocity[row, 1]))
-        if speed < _STANDING_M_S:
-            return 0
-        yaw = np.radians(state.rotation_deg[row, 1])
-        way = state.location[row, 0] * np.cos(yaw) + state.location[row, 1] * np.sin(yaw)
-        turns = float(way) / _STRIDE_M + int(state.actor_id[row]) * 0.37
-        return 1 + int(turns % 1.0 * PHASES) % PHASES
+        return walk_phase(
+            int(state.actor_id[row]),
+            state.location[row],
+            float(state.rotation_deg[row, 1]),
+            state.velocity[row],
+        )
 
     def _built_in(self, key: str) -> TriangleMesh:
+        if PASSING in key:
+            name = key.partition(PASSING)[0]
+            return posed_mesh(name, self._catalogue[name].box_extent, self._posed[key])
         name, _, number = key.partition("#")
         if name == "traffic_light":
             return traffic_light_mesh(self._town.traffic_lights[int(number)].head)

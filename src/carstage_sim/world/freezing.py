@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.content.figures import Pose as Joints
 from carstage_sim.world.snapshot import (
     Snapshot,
     TrafficLightColumns,
@@ -15,6 +16,7 @@ from carstage_sim.world.snapshot import (
 )
 from carstage_sim.world.state import ActorKind, WorldState
 from carstage_sim.world.traffic_lights import TrafficLightState
+from carstage_sim.world.walker_bones import posed_joints
 
 if TYPE_CHECKING:
     from carstage_sim.world.world import World
@@ -63,6 +65,7 @@ def freeze(world: World, delta_s: float) -> Snapshot:
         colour=table.colour,
         wheel_angle_deg=wheel_angle_deg,
         collisions=world.collisions,
+        figures=_posed_figures(world),
         doors=_open_doors(world),
         appearance=world.appearance(),
         debug_shapes=world.debug_drawing.frame,
@@ -91,6 +94,12 @@ def _open_doors(world: World) -> NDArray[np.uint8] | None:
     for row, bits in opened:
         doors[row] = bits
     return doors
+
+
+def _posed_figures(world: World) -> dict[int, Joints]:
+    posed = (walker for walker in world.actors.of_kind(ActorKind.WALKER) if walker.bones)
+    figures = ((walker.actor_id, posed_joints(world.actors, walker)) for walker in posed)
+    return {actor_id: joints for actor_id, joints in figures if joints is not None}
 
 
 def _vehicle_columns(world: World) -> VehicleColumns:

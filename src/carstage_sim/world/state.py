@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.content.figures import Pose as Joints
 from carstage_sim.world.appearance import Appearance
 from carstage_sim.world.debug_shapes import DebugShapes
 
@@ -93,6 +95,7 @@ class WorldState:
             None for all closed.
         appearance: what clients changed about the town, None for nothing and all lamps off.
         debug_shapes: what clients drew, None for nothing.
+        figures: joints of the walkers that clients pose, by actor id.
     """
 
     frame: int
@@ -115,3 +118,4 @@ class WorldState:
     doors: NDArray[np.uint8] | None = None
     appearance: Appearance | None = None
     debug_shapes: DebugShapes | None = None
+    figures: Mapping[int, Joints] = field(default_factory=dict)

@@ -10,6 +10,7 @@ from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints import catalogue
 from carstage_sim.world.errors import ActorNotFoundError
+from carstage_sim.world.spring_arm import Attachment, AttachmentType
 
 
 def encode_actor(call: Call, actor: Actor) -> list[Any]:
@@ -63,19 +64,18 @@ def _spawn_actor_with_parent(
     description: list[Any],
     transform: list[Any],
     parent_id: int,
-    _attachment: int,
-    _socket_name: str = "",
+    attachment: int,
+    socket: str = "",
 ) -> list[Any]:
-    """Every kind of attachment is rigid.
-
-    Spring arms have no lag here, so that a sensor's pose is a function of its parent's alone.
-    """
+    if attachment not in set(AttachmentType):
+        raise CallError(f"there is no attachment type {attachment}")
     type_id, attributes = described(call, description)
     actor = call.world.spawn(
         type_id,
         attributes,
         values.pose(transform),
         parent_id=parent_id,
+        attachment=Attachment(AttachmentType(attachment), str(socket)),
     )
     return encode_actor(call, actor)
 

@@ -12,6 +12,7 @@ from carstage_sim.wire.handlers.actors import described, destroy
 from carstage_sim.wire.handlers.registry import Call, Wrapping, handles, refusal
 from carstage_sim.wire.handlers.vehicles import apply_physics, vehicle_status
 from carstage_sim.world.errors import ActorTypeError
+from carstage_sim.world.spring_arm import Attachment, AttachmentType
 from carstage_sim.world.state import ActorKind
 
 logger = logging.getLogger(__name__)
@@ -63,15 +64,15 @@ def _execute(call: Call, name: str, body: list[Any]) -> int:
 
 
 def _spawn(call: Call, body: list[Any]) -> int:
-    # Versions differ in what stands between the parent and the list of commands that follow. The
-    # kind of attachment among it is uninitialised memory unless the script named one.
-    description, transform, parent, *_attachment, do_after = body
+    # Versions differ in what stands between the parent and the list of commands that follow.
+    description, transform, parent, *attachment, do_after = body
     type_id, attributes = described(call, description)
     actor = call.world.spawn(
         type_id,
         attributes,
         values.pose(transform),
         parent_id=values.optional(parent) or 0,
+        attachment=_attachment(*attachment),
     )
     for command in do_after:
         ((index, following),) = command
@@ -82,6 +83,15 @@ def _spawn(call: Call, body: list[Any]) -> int:
             # The client must learn the id of what lives now, so the answer is that of the spawn.
             logger.warning("after spawning actor %d: %s", actor.actor_id, failure[0])
     return actor.actor_id
+
+
+def _attachment(kind: int = AttachmentType.RIGID, socket: str = "") -> Attachment:
+    """What a spawn command says of the attachment.
+
+    The kind is uninitialised memory unless the script named one, so an unknown one is rigid.
+    """
+    known = kind in set(AttachmentType)
+    return Attachment(AttachmentType(kind) if known else AttachmentType.RIGID, str(socket))
 
 
 @_command("DestroyActor", "destroy_actor")

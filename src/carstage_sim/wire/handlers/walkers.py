@@ -1,11 +1,11 @@
-"""Walkers: control and poses of bones."""
+"""Walkers: control."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from carstage_sim.wire import values
-from carstage_sim.wire.handlers.registry import Call, handles, handles_void
+from carstage_sim.wire.handlers.registry import Call, handles_void
 from carstage_sim.world.errors import ActorTypeError
 from carstage_sim.world.state import ActorKind
 
@@ -15,15 +15,3 @@ def _apply_control_to_walker(call: Call, actor_id: int, control: list[Any]) -> N
     if call.world.live(actor_id).kind is not ActorKind.WALKER:
         raise ActorTypeError(actor_id)
     call.world.control_walker(actor_id, values.walker_control(control))
-
-
-@handles("get_bones_transform")
-def _get_bones_transform(call: Call, actor_id: int) -> list[Any]:
-    """Walkers have no skeleton that clients can pose."""
-    call.world.live_or_dead(actor_id)
-    return [[]]
-
-
-@handles_void("set_bones_transform", "blend_pose", "get_pose_from_animation")
-def _pose_bones(call: Call, actor_id: int, *_arguments: Any) -> None:
-    call.world.live_or_dead(actor_id)

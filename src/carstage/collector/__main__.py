@@ -11,7 +11,8 @@ from typing import List, Optional
 
 from carstage.collector.errors import CollectorError, InterruptedByRequestError
 from carstage.collector.events import EventStream
-from carstage.collector.plan import Plan, read_plan
+from carstage.collector.plan import Plan
+from carstage.collector.reading import read_plan
 from carstage.collector.stopping import StopRequest
 
 EXIT_OK = 0

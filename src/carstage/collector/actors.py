@@ -1,7 +1,7 @@
 """The other road users: vehicles at shuffled spawn points, walkers on the navigation mesh.
 
 Both begin near the ego first, where its sensors can see them, and further away when the places
-there run out.
+there run out. When all places have run out, the plan says what a shortfall means.
 """
 
 from __future__ import annotations
@@ -10,26 +10,40 @@ import difflib
 import logging
 import math
 import random
-from typing import Any, List, NamedTuple, Optional
+from typing import Any, Iterator, List, NamedTuple, Optional
 
 import carla
 
 from carstage.collector.errors import SceneError
 from carstage.collector.maps import spawn_points
-from carstage.collector.plan import CrowdPlan, EpisodeSpec
+from carstage.collector.plan import EpisodeSpec, GroupPlan
 from carstage.collector.world import WorldSession
 
 PLACES_PER_WALKER = 40
 """So many random places are drawn for each walker; those near the ego are tried first."""
 
+WARN = "warn"
+FILL = "fill"
+FILL_ROUNDS = 5
+FILL_SPACING_M = 12.0
+DROP_M = 0.5
+"""So far above the road vehicles are let down between the spawn points."""
+
+EGO_SPACE_M = 1.0
+"""A spawn point that near is the ego's own."""
+
+WALKING_M_S = 1.4
+RUNNING_M_S = 2.8
+
 _log = logging.getLogger(__name__)
 
 
 class Walker(NamedTuple):
-    """A pedestrian and the AI controller that moves it."""
+    """A pedestrian, the AI controller that moves it, and how fast it goes."""
 
     actor: Any
     controller: Any
+    speed_m_s: float
 
 
 def find_blueprint(library: Any, name: str, path: str) -> Any:
@@ -57,56 +71,90 @@ def dress(blueprint: Any, rng: random.Random) -> None:
                 blueprint.set_attribute(name, rng.choice(values))
 
 
-def spawn_vehicles(session: WorldSession, spec: EpisodeSpec) -> List[Any]:
-    """Spawn the planned vehicles, as many as find a free spawn point.
+def spawn_vehicles(session: WorldSession, spec: EpisodeSpec, start: Any) -> List[Any]:
+    """Spawn the planned vehicles, as many as find a free place.
 
     The same seed makes the same choice: spawn points are shuffled, those within the radius of the
     ego come first, blueprints are drawn from the filter's matches in the order of their ids.
 
+    Args:
+        session: the episode's world.
+        spec: the episode.
+        start: ``carla.Transform`` where the ego begins.
+
     Raises:
-        SceneError: vehicles are wanted and the filter matches no blueprint.
+        SceneError: vehicles are wanted and a filter matches no blueprint, or the shortfall that
+            the plan does not allow.
     """
+    plan = spec.vehicles
     rng = random.Random(spec.seeds["spawn"])
-    points = spawn_points(session.map)
-    free = [point for index, point in enumerate(points) if index != spec.ego_spawn_index]
-    rng.shuffle(free)
-    ego = points[spec.ego_spawn_index].location
-    free.sort(key=lambda point: not _is_near(point.location, ego, spec.vehicles.radius_m))
-    blueprints = _matching(session.world, spec.vehicles, "vehicles", "vehicle.")
+    places = _vehicle_places(session, spec, start, rng)
     vehicles: List[Any] = []
-    for point in free:
-        if len(vehicles) == spec.vehicles.count:
-            break
-        blueprint = rng.choice(blueprints)
-        dress(blueprint, rng)
-        blueprint.set_attribute("role_name", "autopilot")
-        vehicle = session.world.try_spawn_actor(blueprint, point)
-        if vehicle is not None:
-            vehicles.append(vehicle)
-            session.destroy_on_exit("vehicle %d" % vehicle.id, vehicle)
-    _report_shortfall("vehicles", spec.vehicles.count, len(vehicles))
+    for index, group in enumerate(plan.groups):
+        last = index == len(plan.groups) - 1
+        path = "vehicles" if last else "vehicles.groups[%d]" % index
+        blueprints = _matching(session.world, group, path, "vehicle.")
+        wanted = len(vehicles) + group.count
+        while len(vehicles) < wanted:
+            place = next(places, None)
+            if place is None:
+                break
+            blueprint = rng.choice(blueprints)
+            dress(blueprint, rng)
+            blueprint.set_attribute("role_name", "autopilot")
+            vehicle = session.world.try_spawn_actor(blueprint, place)
+            if vehicle is not None:
+                vehicles.append(vehicle)
+                session.destroy_on_exit("vehicle %d" % vehicle.id, vehicle)
+    _check_shortfall("vehicles", plan.count, len(vehicles), plan.shortfall)
     return vehicles
 
 
-def spawn_walkers(session: WorldSession, spec: EpisodeSpec) -> List[Walker]:
+def _vehicle_places(
+    session: WorldSession, spec: EpisodeSpec, start: Any, rng: random.Random
+) -> Iterator[Any]:
+    """Spawn points but the ego's, then, to fill up, places along the roads; near ones first."""
+    radius_m, here = spec.vehicles.radius_m, start.location
+    points = spawn_points(session.map)
+    free = [point for point in points if point.location.distance(here) > EGO_SPACE_M]
+    rng.shuffle(free)
+    free.sort(key=lambda point: not _is_near(point.location, here, radius_m))
+    yield from free
+    if spec.vehicles.shortfall == FILL:
+        between = [w.transform for w in session.map.generate_waypoints(FILL_SPACING_M)]
+        rng.shuffle(between)
+        between.sort(key=lambda place: not _is_near(place.location, here, radius_m))
+        for place in between:
+            place.location.z += DROP_M
+            yield place
+
+
+def spawn_walkers(session: WorldSession, spec: EpisodeSpec, start: Any) -> List[Walker]:
     """Spawn the planned walkers, each with its AI controller; nobody walks yet.
 
+    Args:
+        session: the episode's world.
+        spec: the episode.
+        start: ``carla.Transform`` where the ego begins.
+
     Raises:
-        SceneError: walkers are wanted and the filter matches no blueprint.
+        SceneError: walkers are wanted and the filter matches no blueprint, or the shortfall that
+            the plan does not allow.
     """
-    world = session.world
-    count = spec.pedestrians.count
+    world, plan = session.world, spec.pedestrians
     rng = random.Random(spec.seeds["walkers"])
     world.set_pedestrians_seed(spec.seeds["walkers"])
-    blueprints = _matching(world, spec.pedestrians, "pedestrians", "walker.")
+    world.set_pedestrians_cross_factor(plan.crossing_percent / 100.0)
+    blueprints = _matching(world, plan.group, "pedestrians", "walker.")
     controller_blueprint = world.get_blueprint_library().find("controller.ai.walker")
     walkers: List[Walker] = []
-    for place in _walker_places(session, spec):
-        if len(walkers) == count:
+    for place in _walker_places(session, spec, start):
+        if len(walkers) == plan.group.count:
             break
         blueprint = rng.choice(blueprints)
         if blueprint.has_attribute("is_invincible"):
             blueprint.set_attribute("is_invincible", "false")
+        speed_m_s = _speed_m_s(blueprint, rng, rng.random() < plan.running_percent / 100.0)
         place.z += 1.0
         actor = world.try_spawn_actor(blueprint, carla.Transform(place))
         if actor is None:
@@ -114,65 +162,95 @@ def spawn_walkers(session: WorldSession, spec: EpisodeSpec) -> List[Walker]:
         session.destroy_on_exit("walker %d" % actor.id, actor)
         controller = world.spawn_actor(controller_blueprint, carla.Transform(), actor)
         session.destroy_on_exit("controller %d" % controller.id, controller)
-        walkers.append(Walker(actor, controller))
-    _report_shortfall("pedestrians", count, len(walkers))
+        walkers.append(Walker(actor, controller, speed_m_s))
+    _check_shortfall("pedestrians", plan.group.count, len(walkers), plan.shortfall)
     return walkers
 
 
-def _walker_places(session: WorldSession, spec: EpisodeSpec) -> List[Any]:
-    """Random places on the navigation mesh, those near the ego first."""
-    ego = spawn_points(session.map)[spec.ego_spawn_index].location
-    drawn = [
-        session.world.get_random_location_from_navigation()
-        for _ in range(PLACES_PER_WALKER * spec.pedestrians.count)
-    ]
-    places = [place for place in drawn if place is not None]
-    if len(places) < len(drawn):
-        _log.warning("map %s has no navigation mesh: no pedestrians", spec.map)
-    places.sort(key=lambda place: not _is_near(place, ego, spec.pedestrians.radius_m))
-    return places
+def _walker_places(session: WorldSession, spec: EpisodeSpec, start: Any) -> Iterator[Any]:
+    """Random places on the navigation mesh, in each round those near the ego first."""
+    plan = spec.pedestrians
+    for _ in range(FILL_ROUNDS if plan.shortfall == FILL else 1):
+        drawn = [
+            session.world.get_random_location_from_navigation()
+            for _ in range(PLACES_PER_WALKER * plan.group.count)
+        ]
+        places = [place for place in drawn if place is not None]
+        if len(places) < len(drawn):
+            _log.warning("map %s has no navigation mesh: no pedestrians", spec.map)
+        places.sort(key=lambda place: not _is_near(place, start.location, plan.radius_m))
+        yield from places
 
 
-def _is_near(place: Any, ego: Any, radius_m: Optional[float]) -> bool:
-    return radius_m is None or math.hypot(place.x - ego.x, place.y - ego.y) <= radius_m
+def _is_near(place: Any, here: Any, radius_m: Optional[float]) -> bool:
+    return radius_m is None or math.hypot(place.x - here.x, place.y - here.y) <= radius_m
 
 
-def start_walkers(session: WorldSession, walkers: List[Walker], spec: EpisodeSpec) -> None:
+def start_walkers(session: WorldSession, walkers: List[Walker]) -> None:
     """Send the walkers on their ways; they must have been in a tick before."""
-    rng = random.Random(spec.seeds["walkers"])
     for walker in walkers:
         walker.controller.start()
         session.on_exit("controller %d" % walker.controller.id, walker.controller.stop)
         target = session.world.get_random_location_from_navigation()
         if target is not None:
             walker.controller.go_to_location(target)
-        walker.controller.set_max_speed(_walking_speed(walker.actor, rng))
+        walker.controller.set_max_speed(walker.speed_m_s)
 
 
-def _walking_speed(actor: Any, rng: random.Random) -> float:
-    """A speed of its own for each walker, m/s, around the one that its blueprint recommends."""
-    try:
-        recommended = float(actor.attributes.get("speed", ""))
-    except ValueError:
-        recommended = 1.4
-    return recommended * rng.uniform(0.8, 1.2)
+def _speed_m_s(blueprint: Any, rng: random.Random, runs: bool) -> float:
+    """A speed of its own for each walker around what its blueprint recommends.
+
+    CARLA's walkers recommend three speeds: standing, walking, running.
+    """
+    speeds = [WALKING_M_S, WALKING_M_S, RUNNING_M_S]
+    if blueprint.has_attribute("speed"):
+        recommended = [float(text) for text in blueprint.get_attribute("speed").recommended_values]
+        speeds = recommended if len(recommended) == len(speeds) else speeds
+    return speeds[2 if runs else 1] * rng.uniform(0.8, 1.2)
 
 
-def _matching(world: Any, crowd: CrowdPlan, path: str, family: str) -> List[Any]:
-    """The blueprints of a family that the crowd's filter matches, by id."""
-    library = world.get_blueprint_library().filter(crowd.filter)
+def _matching(world: Any, group: GroupPlan, path: str, family: str) -> List[Any]:
+    """The blueprints of a family that a group's filter, class and generation leave, by id."""
+    library = world.get_blueprint_library().filter(group.filter)
+    wanted = {"base_type": group.base_type, "generation": group.generation}
     blueprints = sorted(
-        (blueprint for blueprint in library if str(blueprint.id).startswith(family)),
+        (
+            blueprint
+            for blueprint in library
+            if str(blueprint.id).startswith(family)
+            and all(value is None or _is(blueprint, name, value) for name, value in wanted.items())
+        ),
         key=lambda blueprint: str(blueprint.id),
     )
-    if crowd.count and not blueprints:
+    if group.count and not blueprints:
+        asked = ["%s %s" % (name, value) for name, value in wanted.items() if value is not None]
         raise SceneError(
-            "%s.filter: no blueprint of the server matches %r." % (path, crowd.filter),
+            "%s.filter: no blueprint of the server matches %r%s."
+            % (path, group.filter, "".join(" with " + words for words in asked)),
             "Use a pattern such as vehicle.* or walker.pedestrian.*.",
         )
     return blueprints
 
 
-def _report_shortfall(what: str, wanted: int, got: int) -> None:
-    if got < wanted:
-        _log.warning("only %d of %d %s found a free place", got, wanted, what)
+def _is(blueprint: Any, name: str, value: str) -> bool:
+    """Whether an attribute has a value; case does not matter, servers differ in it."""
+    if not blueprint.has_attribute(name):
+        return False
+    attribute = blueprint.get_attribute(name)
+    if attribute.type == carla.ActorAttributeType.Int:
+        return str(attribute.as_int()) == value
+    return str(attribute.as_str()).lower() == value.lower()
+
+
+def _check_shortfall(what: str, wanted: int, got: int, policy: str) -> None:
+    if got >= wanted:
+        return
+    sentence = "only %d of %d %s found a free place" % (got, wanted, what)
+    if policy == WARN:
+        _log.warning("%s", sentence)
+        return
+    raise SceneError(
+        "%s.count: %s." % (what, sentence),
+        "Ask for fewer, widen %s.radius_m or the filter, or set %s.shortfall to warn."
+        % (what, what),
+    )

@@ -5,10 +5,8 @@ from __future__ import annotations
 import logging
 import time
 from contextlib import ExitStack
-from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Tuple
+from typing import Any, Iterator, List, Mapping, NamedTuple, Optional, Tuple
 
-from carstage.collector.actors import spawn_vehicles, spawn_walkers, start_walkers
-from carstage.collector.ego import spawn_ego
 from carstage.collector.errors import InterruptedByRequestError
 from carstage.collector.events import EventStream
 from carstage.collector.maps import geo_reference
@@ -16,20 +14,17 @@ from carstage.collector.matching import ExpectedFrame, FrameMatcher
 from carstage.collector.paths import prepare_folder
 from carstage.collector.plan import EpisodePlan, EpisodeSpec, Plan
 from carstage.collector.processing import POLL_S, ByteBudget, Pipeline
-from carstage.collector.scenario import make_scenario
+from carstage.collector.scene import Scene, build_scene
 from carstage.collector.sensors import SENSOR_KINDS
-from carstage.collector.sensors.rig import Rig
 from carstage.collector.snapshots import WorldMoment, WorldObserver
 from carstage.collector.stopping import StopRequest
 from carstage.collector.timing import (
-    CLOCKS,
-    Clock,
+    SavedFrames,
     Tick,
     patience_s,
-    saved_index,
+    skipped_ticks,
     ticks_per_segment,
 )
-from carstage.collector.waking import TickWatch
 from carstage.collector.world import WorldSession
 from carstage.collector.writing import LogWriters, expected_segments, writer_threads
 from carstage.rawlog.format import ACTOR_RECORD, FORMAT_VERSION, WORLD, SealedSegment
@@ -94,40 +89,26 @@ class EpisodeRecorder:
         timeout_s = self._plan.server.timeout_s
         with ExitStack() as stack:
             session = stack.enter_context(WorldSession(self._client, episode.spec, timeout_s))
-            scene = self._build_scene(session, episode)
+            scene = build_scene(
+                self._client,
+                session,
+                spec=episode.spec,
+                server=self._plan.server,
+                check=self._stop.check,
+            )
+            self._events.emit(
+                "actors_spawned",
+                episode_id=episode.episode_id,
+                requested=scene.requested,
+                spawned=scene.spawned,
+            )
             return self._record_scene(stack, session, scene, episode, folder)
-
-    def _build_scene(self, session: WorldSession, episode: EpisodePlan) -> _Scene:
-        """Spawn everybody and everything, in an order that depends on the plan alone."""
-        spec = episode.spec
-        self._stop.check()
-        ego = spawn_ego(session, spec)
-        vehicles = spawn_vehicles(session, spec)
-        self._stop.check()
-        walkers = spawn_walkers(session, spec)
-        watch = TickWatch(session.world, self._plan.server.traffic_manager_port)
-        session.on_exit("tick watch", watch.stop)
-        clock = CLOCKS[spec.timing.synchronous](session.world, self._plan.server.timeout_s, watch)
-        scenario = make_scenario(
-            self._client, session, spec, self._plan.server.traffic_manager_port
-        )
-        scenario.prepare()
-        clock.step()  # so that the client knows what was spawned
-        start_walkers(session, walkers, spec)
-        scenario.start(ego, vehicles)
-        rig = Rig(session, spec, ego)
-        requested = {"vehicles": spec.vehicles.count, "pedestrians": spec.pedestrians.count}
-        spawned = {"vehicles": len(vehicles), "pedestrians": len(walkers)}
-        self._events.emit(
-            "actors_spawned", episode_id=episode.episode_id, requested=requested, spawned=spawned
-        )
-        return _Scene(ego, clock, rig, requested, spawned)
 
     def _record_scene(
         self,
         stack: ExitStack,
         session: WorldSession,
-        scene: _Scene,
+        scene: Scene,
         episode: EpisodePlan,
         folder: str,
     ) -> Recorded:
@@ -156,6 +137,7 @@ class EpisodeRecorder:
                     [sensor.id for sensor in spec.sensors],
                     patience_s(spec.timing, self._plan.server.timeout_s),
                     spec.timing.skip_incomplete,
+                    spec.timing.own_timelines,
                 ),
                 budget,
                 spec.steps,
@@ -166,21 +148,25 @@ class EpisodeRecorder:
         )
         stack.callback(scene.rig.stop)
         self._warm_up(scene, pipeline, spec)
-        observer = WorldObserver(session.world, scene.ego, session.weather)
-        for tick, step in self._ticks(scene.clock, pipeline, spec.steps):
+        observer = WorldObserver(session.world, scene.ego)
+        saved = SavedFrames(spec.save_every)
+        for tick, step in self._ticks(scene, pipeline, spec.steps):
             if tick == 0:
                 header = self._header(episode, session, scene, segment_ticks, step)
                 write_episode_file(folder, header)
-            k = saved_index(tick, spec.save_every)
-            moment: WorldMoment = observer.observe(step.snapshot)
+            seen = step.snapshot is not None
+            k = saved.index(tick) if seen else None
+            moment: Optional[WorldMoment] = None
+            if seen:
+                moment = observer.observe(step.snapshot, session.weather.values)
             pipeline.expect(
-                ExpectedFrame(tick, step.frame, step.timestamp_s, k, step.tick_s, moment)
+                ExpectedFrame(tick, step.frame, step.timestamp_s, k, step.tick_s, moment, seen)
             )
             self._events.tick(episode.episode_id, tick, k, step.frame, tick == spec.steps - 1)
         self._finish(pipeline, writers, spec)
         return Recorded(spec.steps, pipeline.incomplete_ticks)
 
-    def _warm_up(self, scene: _Scene, pipeline: Pipeline, spec: EpisodeSpec) -> None:
+    def _warm_up(self, scene: Scene, pipeline: Pipeline, spec: EpisodeSpec) -> None:
         """Let traffic get going and exposure settle; the last ticks with all sensors listening.
 
         The number of ticks never depends on what arrives when, so that every attempt begins at
@@ -200,16 +186,22 @@ class EpisodeRecorder:
                 )
             if number == ticks:
                 break
-            frame = scene.clock.step().frame
+            frame = scene.step(None).frame
             if number >= begin_listening:
                 lacking = pipeline.wait_delivered(frame, WARMUP_WAIT_S)
                 if lacking:
                     _log.info("warm-up frame %d: nothing yet from %s", frame, ", ".join(lacking))
         pipeline.begin(frame)
 
-    def _ticks(self, clock: Clock, pipeline: Pipeline, steps: int) -> Iterator[Tuple[int, Tick]]:
-        """The ticks to record; a request to end is obeyed after the frame at hand is booked."""
-        for tick in range(steps):
+    def _ticks(self, scene: Scene, pipeline: Pipeline, steps: int) -> Iterator[Tuple[int, Tick]]:
+        """The ticks to record; a request to end is obeyed after the frame at hand is booked.
+
+        A server that runs on its own may have gone on by more than one frame: those in between
+        are ticks, too, of which nothing is known.
+        """
+        tick = 0
+        last: Optional[Tick] = None
+        while tick < steps:
             try:
                 self._stop.check()
                 pipeline.wait_for_room(self._stop)
@@ -218,7 +210,15 @@ class EpisodeRecorder:
                 while not pipeline.wait_booked(tick, POLL_S) and time.monotonic() < deadline_s:
                     pass
                 raise
-            yield tick, clock.step()
+            step = scene.step(tick)
+            for skipped in skipped_ticks(last, step):
+                yield tick, skipped
+                tick += 1
+                if tick == steps:
+                    return
+            yield tick, step
+            tick += 1
+            last = step
 
     def _finish(self, pipeline: Pipeline, writers: LogWriters, spec: EpisodeSpec) -> None:
         """Wait until every tick is booked and every segment sealed."""
@@ -234,7 +234,7 @@ class EpisodeRecorder:
         self,
         episode: EpisodePlan,
         session: WorldSession,
-        scene: _Scene,
+        scene: Scene,
         segment_ticks: int,
         first: Tick,
     ) -> Mapping[str, Any]:
@@ -251,6 +251,7 @@ class EpisodeRecorder:
             "geo_reference": geo_reference(session.map),
             "ego_id": scene.ego.id,
             "sensor_actor_ids": {name: actor.id for name, actor in scene.rig.actors.items()},
+            "sensor_carrier_ids": scene.rig.carrier_ids,
             "sensor_attributes": {
                 name: dict(actor.attributes) for name, actor in scene.rig.actors.items()
             },
@@ -259,13 +260,3 @@ class EpisodeRecorder:
             "requested": scene.requested,
             "spawned": scene.spawned,
         }
-
-
-class _Scene(NamedTuple):
-    """What stands in the world, ready to be recorded."""
-
-    ego: Any
-    clock: Clock
-    rig: Rig
-    requested: Dict[str, int]
-    spawned: Dict[str, int]

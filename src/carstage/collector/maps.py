@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from typing import Any, Dict, List
+from typing import Any, Dict, List, Optional, Sequence
 
 import carla
 
@@ -26,6 +26,26 @@ def find_map(client: Any, name: str) -> str:
         "map: the server has no map %r." % name,
         "Did you mean %s?" % near[0] if near else "It has: %s." % ", ".join(short),
     )
+
+
+def layers_of(names: Optional[Sequence[str]]) -> Any:
+    """``carla.MapLayer`` of the layers to load; all for None. Only ``_Opt`` maps have layers.
+
+    Raises:
+        SceneError: this client does not know one of them.
+    """
+    if names is None:
+        return carla.MapLayer.All
+    bits = int(carla.MapLayer.NONE)
+    for name in names:
+        layer = carla.MapLayer.names.get(name)
+        if layer is None:
+            raise SceneError(
+                "map.layers: this CARLA client does not know %r." % name,
+                "It knows: %s." % ", ".join(sorted(carla.MapLayer.names)),
+            )
+        bits |= int(layer)
+    return carla.MapLayer(bits)
 
 
 def spawn_points(world_map: Any) -> List[Any]:

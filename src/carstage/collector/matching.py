@@ -19,7 +19,8 @@ class ExpectedFrame(NamedTuple):
     """A tick that was made: every sensor should deliver data of its frame.
 
     ``k`` is the saved-frame index, ``None`` when this tick is not saved; ``context`` is carried
-    along untouched (the world snapshot).
+    along untouched (the world snapshot). ``seen`` is false where the server went on by itself and
+    its state of this frame never came.
     """
 
     tick: int
@@ -28,6 +29,7 @@ class ExpectedFrame(NamedTuple):
     k: Optional[int]
     tick_s: float
     context: Any
+    seen: bool = True
 
 
 class SensorOutcome(NamedTuple):
@@ -77,12 +79,20 @@ class FrameMatcher:
         sensors: names of the sensors, in the order of the ledger.
         patience_s: how long a frame is waited for.
         skip: do not wait for a frame that a sensor has passed over already (the paper's way).
+        own_timelines: sensors measure at rates of their own; in between they are ``off``.
     """
 
-    def __init__(self, sensors: Sequence[str], patience_s: float, skip: bool = False) -> None:
+    def __init__(
+        self,
+        sensors: Sequence[str],
+        patience_s: float,
+        skip: bool = False,
+        own_timelines: bool = False,
+    ) -> None:
         self._sensors = tuple(sensors)
         self._patience_s = patience_s
         self._skip = skip
+        self._own_timelines = own_timelines
         self._after_frame: Optional[int] = None
         self._early: Dict[int, Dict[str, Any]] = {}
         self._waiting: Deque[_PendingFrame] = deque()
@@ -187,6 +197,8 @@ class FrameMatcher:
 
     def _due(self, pending: _PendingFrame, now_s: float) -> bool:
         lacking = pending.lacking(self._sensors)
+        if not pending.expected.seen:
+            return True
         if not lacking or now_s >= pending.since_s + self._patience_s:
             return True
         frame = pending.expected.frame
@@ -195,9 +207,15 @@ class FrameMatcher:
     def _close(self, pending: _PendingFrame, now_s: float) -> None:
         expected = pending.expected
         waited_s = max(0.0, now_s - pending.since_s)
+        if not expected.seen:
+            self._skip_over(pending)
         for sensor in pending.lacking(self._sensors):
             newest = self.newest[sensor]
-            if newest > expected.frame:
+            if self._own_timelines:
+                pending.outcomes[sensor] = SensorOutcome(
+                    OFF, "it did not measure in this tick", waited_s
+                )
+            elif newest > expected.frame:
                 pending.outcomes[sensor] = SensorOutcome(
                     MISMATCHED, "delivered frame %d and not this one" % newest, waited_s
                 )
@@ -210,10 +228,17 @@ class FrameMatcher:
         pending.data = {}  # the writers hold it now; the row may stay open for long
         self._closed.append(pending)
 
+    def _skip_over(self, pending: _PendingFrame) -> None:
+        """Book a frame whose world is unknown: without it, data of sensors are of no use."""
+        self._dropped.extend(pending.data.values())
+        pending.data = {}
+        outcome = SensorOutcome(MISSING, "the server went on, its state never came", 0.0)
+        pending.outcomes = dict.fromkeys(self._sensors, outcome)
+
     def _settled(self, pending: _PendingFrame, now_s: float) -> bool:
-        return now_s >= pending.since_s + 2 * self._patience_s or all(
-            outcome.state in (OK, LATE) for outcome in pending.outcomes.values()
-        )
+        if now_s >= pending.since_s + 2 * self._patience_s or not pending.expected.seen:
+            return True
+        return all(outcome.state in (OK, LATE) for outcome in pending.outcomes.values())
 
     def _book_late(self, pending: _PendingFrame, sensor: str, now_s: float) -> None:
         if pending.outcomes[sensor].state == OK:

@@ -247,10 +247,11 @@ class Pipeline:
         expected = frame.expected
         moment: WorldMoment = expected.context
         at = (expected.tick, expected.frame, expected.timestamp_s)
-        if moment.new_actors:
-            table = {"actors": moment.new_actors}
-            self._writers.write(Write(WORLD, KIND_TABLE, *at, lambda: (table, b""), 0))
-        self._writers.write(Write(WORLD, KIND_DATA, *at, moment.encode, 0))
+        if expected.seen:
+            if moment.new_actors:
+                table = {"actors": moment.new_actors}
+                self._writers.write(Write(WORLD, KIND_TABLE, *at, lambda: (table, b""), 0))
+            self._writers.write(Write(WORLD, KIND_DATA, *at, moment.encode, 0))
         for sensor, datum in frame.data.items():
             if expected.k is None:
                 self._budget.give_back(datum.size_bytes)

@@ -86,23 +86,26 @@ class WorldObserver:
     Args:
         world: ``carla.World``.
         ego: the ego's ``carla.Vehicle``.
-        weather: the weather's values; the collector sets it once per episode.
     """
 
-    def __init__(self, world: Any, ego: Any, weather: Mapping[str, float]) -> None:
+    def __init__(self, world: Any, ego: Any) -> None:
         self._world = world
         self._ego = ego
-        self._weather = weather
         self._known: Set[int] = set()
         self._traffic_lights: List[Any] = []
 
-    def observe(self, snapshot: Any) -> WorldMoment:
-        """Take the truth of the tick that ``snapshot`` belongs to, before the next one."""
+    def observe(self, snapshot: Any, weather: Mapping[str, float]) -> WorldMoment:
+        """Take the truth of the tick that ``snapshot`` belongs to, before the next one.
+
+        Args:
+            snapshot: ``carla.WorldSnapshot``.
+            weather: the values that the tick was made with.
+        """
         new_actors = self._new_actors(snapshot)
         control = self._ego.get_control()
         meta = {
             "delta_s": snapshot.timestamp.delta_seconds,
-            "weather": self._weather,
+            "weather": weather,
             "ego": {
                 "id": self._ego.id,
                 "throttle": control.throttle,

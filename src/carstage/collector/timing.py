@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from contextlib import ExitStack
-from typing import Any, Dict, Iterable, NamedTuple, Optional, Type
+from typing import Any, Dict, Iterable, Iterator, NamedTuple, Optional, Type
 
 from carstage.collector.errors import RecordingError
 from carstage.collector.plan import TimingPlan
@@ -16,7 +16,10 @@ SKIP_PATIENCE_S = 1.0
 
 
 class Tick(NamedTuple):
-    """One step of the world: ``tick_s`` is the wall time that it took."""
+    """One step of the world: ``tick_s`` is the wall time that it took.
+
+    ``snapshot`` is None where the server went on and its state never came.
+    """
 
     frame: int
     timestamp_s: float
@@ -24,9 +27,36 @@ class Tick(NamedTuple):
     snapshot: Any
 
 
-def saved_index(tick: int, save_every: int) -> Optional[int]:
-    """Saved-frame index ``k`` of a tick; ``None`` when the tick is not saved."""
-    return tick // save_every if tick % save_every == 0 else None
+class SavedFrames:
+    """Counts the frames to save: the first, then one whenever ``save_every`` ticks have passed.
+
+    Where every tick is seen these are the ticks 0, n, 2n, …; where ticks were skipped, the first
+    one that is seen after it was due.
+    """
+
+    def __init__(self, save_every: int) -> None:
+        self._save_every = save_every
+        self._due_tick = 0
+        self._count = 0
+
+    def index(self, tick: int) -> Optional[int]:
+        """Saved-frame index ``k`` of a tick; ``None`` when the tick is not saved."""
+        if tick < self._due_tick:
+            return None
+        self._due_tick = (tick // self._save_every + 1) * self._save_every
+        self._count += 1
+        return self._count - 1
+
+
+def skipped_ticks(last: Optional[Tick], step: Tick) -> Iterator[Tick]:
+    """The frames between two steps that we saw nothing of; their times are interpolated."""
+    if last is None:
+        return
+    between = step.frame - last.frame
+    for number in range(1, between):
+        share = number / between
+        time_s = last.timestamp_s + share * (step.timestamp_s - last.timestamp_s)
+        yield Tick(last.frame + number, time_s, 0.0, None)
 
 
 def ticks_per_segment(fps: float, bytes_per_tick: Iterable[int]) -> int:

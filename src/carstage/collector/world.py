@@ -9,10 +9,10 @@ from typing import Any, Callable, List, Tuple
 import carla
 
 from carstage.collector.client import answers
-from carstage.collector.maps import find_map
+from carstage.collector.maps import find_map, layers_of
 from carstage.collector.plan import EpisodeSpec
 from carstage.collector.timing import apply_timing, release_timing
-from carstage.collector.weather import set_weather
+from carstage.collector.weather import Weather
 
 GIVE_BACK_TIMEOUT_S = 5.0
 
@@ -32,7 +32,7 @@ class WorldSession:
     """
 
     def __init__(self, client: Any, spec: EpisodeSpec, timeout_s: float) -> None:
-        self._client = client
+        self.client = client
         self._spec = spec
         self._timeout_s = timeout_s
         self._give_backs: List[Tuple[str, Callable[[], object]]] = []
@@ -41,8 +41,8 @@ class WorldSession:
         self.weather: Any = None
 
     def __enter__(self) -> WorldSession:
-        name = find_map(self._client, self._spec.map)
-        self.world = self._client.get_world()
+        name = find_map(self.client, self._spec.map)
+        self.world = self.client.get_world()
         original = self.world.get_settings()
         # One step after the clock is given back, so that the server carries out what was destroyed.
         self.on_exit("one more step", lambda: self.world.wait_for_tick(GIVE_BACK_TIMEOUT_S))
@@ -51,9 +51,9 @@ class WorldSession:
             # The clock first: a world that is loaded while the server runs freely has taken a
             # number of steps, of lengths that nobody planned, before it is under our clock.
             apply_timing(self.world, self._spec.timing)
-            self.world = self._client.load_world(name, reset_settings=False)
+            self.world = self.client.load_world(name, False, layers_of(self._spec.map_layers))
             apply_timing(self.world, self._spec.timing)
-            self.weather = set_weather(self.world, self._spec.weather)
+            self.weather = Weather(self.world, self._spec.weather)
             self.map = self.world.get_map()
         except BaseException:
             self._give_back()
@@ -73,7 +73,7 @@ class WorldSession:
         ``Actor.destroy`` does nothing for such an actor: the client takes it for dead.
         """
         command = carla.command.DestroyActor(actor.id)
-        self.on_exit(what, lambda: self._client.apply_batch_sync([command], False))
+        self.on_exit(what, lambda: self.client.apply_batch_sync([command], False))
 
     def _give_back(self) -> None:
         """Give everything back, whatever fails: a server that died must not hide why.
@@ -83,7 +83,7 @@ class WorldSession:
         """
         give_back_s = min(GIVE_BACK_TIMEOUT_S, self._timeout_s)
         try:
-            alive = answers(self._client, give_back_s)
+            alive = answers(self.client, give_back_s)
             while alive and self._give_backs:
                 what, give_back = self._give_backs.pop()
                 begin_s = time.monotonic()
@@ -92,9 +92,9 @@ class WorldSession:
                 except RuntimeError as error:
                     _log.warning("giving back failed (%s): %s", what, error)
                 if time.monotonic() - begin_s >= give_back_s:
-                    alive = answers(self._client, give_back_s)
+                    alive = answers(self.client, give_back_s)
             if not alive:
                 self._give_backs.clear()
                 _log.error("the server is gone: nothing can be given back")
         finally:
-            self._client.set_timeout(self._timeout_s)
+            self.client.set_timeout(self._timeout_s)

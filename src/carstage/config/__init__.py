@@ -11,11 +11,13 @@ from carstage.config.loading import (
     parse_config,
 )
 from carstage.config.model import Config
+from carstage.config.presets import RIG_PRESETS
 from carstage.config.printing import config_reference, config_schema, config_template
-from carstage.config.rig import SENSOR_KINDS, Sensor
+from carstage.config.sensors import SENSOR_KINDS, Sensor
 from carstage.config.weather import WEATHER_PRESETS
 
 __all__ = [
+    "RIG_PRESETS",
     "SENSOR_KINDS",
     "WEATHER_PRESETS",
     "Config",

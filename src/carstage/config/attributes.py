@@ -1,9 +1,9 @@
 """Attributes of sensors: friendly names with units, and the strings that CARLA wants.
 
 Every field names CARLA's attribute; that name is accepted as the key, too. What is not set stays at
-the server's own default, except where this module says otherwise: cameras always get size and field
-of view, LiDARs one full, loss-free sweep per tick. Source of names and defaults: CARLA's sensor
-reference, 0.9.16.
+the server's own default, except where a class says otherwise: cameras always get size and field of
+view. Source of names and defaults: CARLA's sensor reference, 0.9.16. Sensors that measure distances
+by rays are in ``ranging``.
 """
 
 from __future__ import annotations
@@ -14,12 +14,9 @@ from pydantic import Field, Strict, model_validator
 
 from carstage.config.fields import Section, problem, setting
 
-#: Rays of one LiDAR channel per sweep when points_per_second is ``auto``.
-RAYS_PER_CHANNEL = 1024
-
 #: Attributes that a user may not set, and what to use instead.
 _SET_BY_THE_RUN = {
-    "sensor_tick": "Use save_every to record every n-th step.",
+    "sensor_tick": "Use save_every to record every n-th step, or the sensor's rate_hz.",
     "noise_seed": "It is drawn from the run's seed.",
     "role_name": "Use the sensor's id.",
 }
@@ -209,124 +206,6 @@ class RgbAttributes(CameraAttributes):
     chromatic_aberration_offset: float | None = _optional(
         "Chromatic aberration offset", "Where fringes start.", "chromatic_aberration_offset"
     )
-
-
-def _lidar(
-    default: Any, title: str, sentence: str, carla: str, unit: str | None, **constraints: Any
-) -> Any:
-    return setting(
-        default,
-        title=title,
-        description=sentence,
-        unit=unit,
-        carla=carla,
-        group="rig",
-        **constraints,
-    )
-
-
-Positive = Annotated[float, Field(gt=0)]
-
-
-class LidarAttributes(SensorAttributes):
-    """A ray-cast LiDAR's. The defaults make one full sweep per tick without losses."""
-
-    channels: int = _lidar(64, "Channels", "Number of lasers.", "channels", None, ge=1, le=512)
-    range_m: float = _lidar(100.0, "Range", "Longest distance.", "range", "m", gt=0, le=1000)
-    points_per_second: Literal["auto"] | Annotated[int, Field(ge=1)] = _lidar(
-        "auto",
-        "Points per second",
-        f"Rays of all lasers; `auto`: {RAYS_PER_CHANNEL} per laser and step.",
-        "points_per_second",
-        "1/s",
-    )
-    rotation_frequency_hz: Literal["auto"] | Positive = _lidar(
-        "auto",
-        "Rotation frequency",
-        "Turns per second; `auto`: the frame rate, so that each step is one full sweep.",
-        "rotation_frequency",
-        "Hz",
-    )
-    upper_fov_deg: float = _lidar(
-        10.0, "Upper field of view", "Highest laser.", "upper_fov", "deg", ge=-90, le=90
-    )
-    lower_fov_deg: float = _lidar(
-        -30.0, "Lower field of view", "Lowest laser.", "lower_fov", "deg", ge=-90, le=90
-    )
-    horizontal_fov_deg: float = _lidar(
-        360.0,
-        "Horizontal field of view",
-        "Width of a sweep.",
-        "horizontal_fov",
-        "deg",
-        gt=0,
-        le=360,
-    )
-    atmosphere_attenuation_rate: float = _lidar(
-        0.004,
-        "Attenuation",
-        "Intensity is exp(-rate x distance).",
-        "atmosphere_attenuation_rate",
-        "1/m",
-        ge=0,
-    )
-    dropoff_general_rate: float = _lidar(
-        0.0,
-        "General drop-off",
-        "Share of points lost at random.",
-        "dropoff_general_rate",
-        None,
-        ge=0,
-        le=1,
-    )
-    dropoff_intensity_limit: float = _lidar(
-        0.0,
-        "Drop-off limit",
-        "Intensity above which no point is lost.",
-        "dropoff_intensity_limit",
-        None,
-        ge=0,
-        le=1,
-    )
-    dropoff_zero_intensity: float = _lidar(
-        0.0,
-        "Drop-off at zero",
-        "Share of points lost at intensity 0.",
-        "dropoff_zero_intensity",
-        None,
-        ge=0,
-        le=1,
-    )
-    noise_stddev_m: float = _lidar(
-        0.0, "Noise", "Standard deviation along the ray.", "noise_stddev", "m", ge=0
-    )
-
-    @model_validator(mode="after")
-    def _check_fan(self) -> LidarAttributes:
-        if self.lower_fov_deg > self.upper_fov_deg:
-            raise problem(
-                f"{self.lower_fov_deg:g} is above upper_fov_deg, {self.upper_fov_deg:g}.",
-                "Exchange the two.",
-                "lower_fov_deg",
-            )
-        return self
-
-    def rotation_hz(self, fps: float) -> float:
-        """Turns per second in a run at ``fps``."""
-        return fps if self.rotation_frequency_hz == "auto" else self.rotation_frequency_hz
-
-    def rays_per_second(self, fps: float) -> int:
-        """Rays of all lasers in a simulated second at ``fps``."""
-        if self.points_per_second == "auto":
-            return round(self.channels * RAYS_PER_CHANNEL * fps)
-        return self.points_per_second
-
-    def carla(self, *, fps: float, image_size: tuple[int, int]) -> dict[str, str]:
-        """CARLA's attribute strings; all of them, because CARLA's own defaults lose points."""
-        strings = super().carla(fps=fps, image_size=image_size)
-        strings["points_per_second"] = str(self.rays_per_second(fps))
-        strings["rotation_frequency"] = carla_text(float(self.rotation_hz(fps)))
-        return strings
 
 
 def _noise(title: str, carla: str, unit: str, **constraints: Any) -> Any:

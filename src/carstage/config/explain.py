@@ -8,23 +8,22 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from carstage.config.fields import unknown
-from carstage.config.rig import SENSOR_KINDS
+from carstage.config.fields import path_text, unknown
+from carstage.config.scene import SCENARIO_KINDS
+from carstage.config.sensors import SENSOR_KINDS
 from carstage.errors import ConfigError
 
 _MOST_SHOWN = 8
+#: Errors that say that a value has another shape than one alternative of several.
+_SHAPES = ("model_type", "model_attributes_type", "tuple_type")
 #: Tags of discriminated unions, which pydantic puts into the path though no key is named so.
-_TAGS = {"server": ("embedded", "carla", "remote"), "sensors": tuple(SENSOR_KINDS)}
+_TAGS = {
+    "server": ("embedded", "carla", "remote"),
+    "scenario": SCENARIO_KINDS,
+    "sensors": tuple(SENSOR_KINDS),
+}
 #: Names that pydantic gives to the alternatives of a union such as `auto` or a number.
 _ALTERNATIVE = ("literal[", "constrained-", "int", "float", "tuple[", "function-", "str")
-
-
-def path_text(path: Sequence[str | int]) -> str:
-    """``rig.sensors[1].attributes.fov_deg`` from its parts."""
-    text = ""
-    for part in path:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
-    return text
 
 
 def _clean(location: Sequence[str | int], data: Any) -> tuple[str | int, ...]:
@@ -134,7 +133,7 @@ def _explain(details: ErrorDetails, data: Any) -> tuple[tuple[str | int, ...], s
 
 
 def _tags_at(path: Sequence[str | int]) -> tuple[str, ...]:
-    return _TAGS["sensors"] if "sensors" in path else _TAGS["server"]
+    return next(tags for name, tags in _TAGS.items() if name in path)
 
 
 def config_error(error: ValidationError, data: Any) -> ConfigError:
@@ -148,6 +147,8 @@ def config_error(error: ValidationError, data: Any) -> ConfigError:
     words: dict[tuple[str | int, ...], str] = {}
     for details in error.errors(include_url=False):
         path, message, hint = _explain(details, data)
+        if path in found and path not in words and details["type"] in _SHAPES:
+            continue  # neither a word, nor a number, nor the section that it might have been
         # `auto` or a number fails once per alternative: the word first, then the number.
         word = words.pop(path, None)
         if details["type"] == "literal_error":

@@ -6,7 +6,7 @@ The same declaration drives the YAML file, its check, the reference page and, la
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, ClassVar
 
 from pydantic import (
@@ -32,6 +32,7 @@ def setting(
     unit: str | None = None,
     group: str | None = None,
     carla: str | None = None,
+    basic: bool = False,
     **constraints: Any,
 ) -> Any:
     """A pydantic field with what a form and a reference page need.
@@ -43,9 +44,10 @@ def setting(
         unit: unit of the number, such as ``m`` or ``Hz``.
         group: the section of the form.
         carla: name of CARLA's sensor attribute that it becomes; accepted as the key, too.
+        basic: most users set it; forms fold the others, the template comments them out.
         constraints: pydantic's own: ``ge``, ``le``, ``min_length``, …
     """
-    extra = {"unit": unit, "group": group, "carla": carla}
+    extra = {"unit": unit, "group": group, "carla": carla, "basic": basic or None}
     keywords: dict[str, Any] = {
         "title": f"{title} ({unit})" if unit else title,
         "description": description,
@@ -62,6 +64,14 @@ def nearest(name: object, known: Iterable[str]) -> str | None:
     lowered = {candidate.lower(): candidate for candidate in known}
     found = difflib.get_close_matches(str(name).lower(), lowered, n=1, cutoff=0.5)
     return lowered[found[0]] if found else None
+
+
+def path_text(path: Sequence[str | int]) -> str:
+    """``rig.sensors[1].attributes.fov_deg`` from its parts."""
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
 
 
 def problem(message: str, hint: str, *path: str | int) -> PydanticCustomError:

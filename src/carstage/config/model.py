@@ -6,8 +6,9 @@ from typing import Any
 
 from pydantic import model_validator
 
-from carstage.config.attributes import ImageSize, LidarAttributes
-from carstage.config.fields import Section, problem, setting, unknown
+from carstage.config.attributes import ImageSize
+from carstage.config.fields import Section, path_text, problem, setting, unknown
+from carstage.config.ranging import SweepAttributes
 from carstage.config.recording import (
     Conversion,
     EmbeddedServerConfig,
@@ -18,8 +19,10 @@ from carstage.config.recording import (
     Timing,
     check_substepping,
 )
-from carstage.config.rig import Rig, Sensor, default_rig
-from carstage.config.scene import DEFAULT_MAP, Ego, MapConfig, Pedestrians, Scenario, Vehicles
+from carstage.config.rig import Rig, default_rig
+from carstage.config.scene import DEFAULT_MAP, AutopilotScenario, Ego, MapConfig, Scenario
+from carstage.config.sensors import SPRING_ARMS, Sensor
+from carstage.config.traffic import Pedestrians, Traffic, Vehicles
 from carstage.config.weather import DEFAULT_PRESET, WeatherConfig
 
 _SLACK = 1e-9
@@ -31,6 +34,7 @@ class Config(Section):
     name: str = setting(
         "quickstart",
         title="Name",
+        basic=True,
         description="Name of the dataset.",
         group="scene",
         min_length=1,
@@ -39,6 +43,7 @@ class Config(Section):
     seed: int = setting(
         7,
         title="Seed",
+        basic=True,
         description="All random choices follow from it.",
         group="scene",
         ge=0,
@@ -47,6 +52,7 @@ class Config(Section):
     episodes: int = setting(
         1,
         title="Episodes",
+        basic=True,
         description="Number of episodes.",
         group="scene",
         ge=1,
@@ -55,6 +61,7 @@ class Config(Section):
     duration_s: float = setting(
         5.0,
         title="Duration",
+        basic=True,
         description="Simulated time of an episode after warm-up.",
         unit="s",
         group="scene",
@@ -64,6 +71,7 @@ class Config(Section):
     fps: float = setting(
         10.0,
         title="Frame rate",
+        basic=True,
         description="Steps of the world per simulated second.",
         unit="Hz",
         group="scene",
@@ -80,25 +88,41 @@ class Config(Section):
         le=100_000,
     )
     map: MapConfig = setting(
-        lambda: MapConfig(choice=DEFAULT_MAP), title="Map", description="The town.", group="scene"
+        lambda: MapConfig(choice=DEFAULT_MAP),
+        title="Map",
+        basic=True,
+        description="The town.",
+        group="scene",
     )
     weather: WeatherConfig = setting(
         lambda: WeatherConfig(choice=DEFAULT_PRESET),
         title="Weather",
+        basic=True,
         description="Sky, rain, fog and sun.",
         group="scene",
     )
     vehicles: Vehicles = setting(
-        Vehicles, title="Vehicles", description="Other vehicles.", group="traffic"
+        Vehicles, title="Vehicles", basic=True, description="Other vehicles.", group="traffic"
     )
     pedestrians: Pedestrians = setting(
-        Pedestrians, title="Pedestrians", description="Pedestrians.", group="traffic"
+        Pedestrians, title="Pedestrians", basic=True, description="Pedestrians.", group="traffic"
+    )
+    traffic: Traffic = setting(
+        Traffic, title="Driving", description="How the other vehicles drive.", group="traffic"
     )
     ego: Ego = setting(
-        Ego, title="Ego", description="The vehicle that carries the sensors.", group="ego"
+        Ego,
+        title="Ego",
+        basic=True,
+        description="The vehicle that carries the sensors.",
+        group="ego",
     )
     scenario: Scenario = setting(
-        Scenario, title="Scenario", description="What the ego does.", group="ego"
+        AutopilotScenario,
+        title="Scenario",
+        basic=True,
+        description="What the ego does.",
+        group="ego",
     )
     timing: Timing = setting(
         Timing, title="Timing", description="Synchronisation and physics time.", group="timing"
@@ -106,6 +130,7 @@ class Config(Section):
     image_size: ImageSize = setting(
         (640, 360),
         title="Image size",
+        basic=True,
         description="Width and height of cameras that do not say otherwise.",
         unit="px",
         group="rig",
@@ -113,6 +138,7 @@ class Config(Section):
     max_distance_m: float = setting(
         80.0,
         title="Maximum distance",
+        basic=True,
         description="Objects farther away get no camera labels; see labels.distance_origin.",
         unit="m",
         group="labels",
@@ -134,12 +160,19 @@ class Config(Section):
         group="labels",
     )
     labels: Labels = setting(
-        Labels, title="Labels", description="Visibility method and boxes.", group="labels"
+        Labels,
+        title="Labels",
+        basic=True,
+        description="Visibility method and boxes.",
+        group="labels",
     )
-    rig: Rig = setting(default_rig, title="Rig", description="The sensors of the ego.", group="rig")
+    rig: Rig = setting(
+        default_rig, title="Rig", basic=True, description="The sensors.", group="rig"
+    )
     server: ServerConfig = setting(
         EmbeddedServerConfig,
         title="Server",
+        basic=True,
         description="Where the world is simulated.",
         group="server",
     )
@@ -152,12 +185,15 @@ class Config(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _default_server_is_embedded(cls, data: Any) -> Any:
-        if isinstance(data, dict):
-            server = data.get("server")
-            if isinstance(server, dict) and "kind" not in server:
-                return {**data, "server": {"kind": "embedded", **server}}
-        return data
+    def _fill_in_default_kinds(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        filled = dict(data)
+        for key, kind in (("server", "embedded"), ("scenario", "autopilot")):
+            section = data.get(key)
+            if isinstance(section, dict) and "kind" not in section:
+                filled[key] = {"kind": kind, **section}
+        return filled
 
     @model_validator(mode="after")
     def _check_together(self) -> Config:
@@ -169,18 +205,7 @@ class Config(Section):
                 "duration_s",
             )
         for path, sensor in self.located_sensors():
-            attributes = sensor.attributes
-            if isinstance(attributes, LidarAttributes):
-                turns = attributes.rotation_hz(self.fps) / self.fps
-                if turns > 1.0 + _SLACK:
-                    raise problem(
-                        f"{attributes.rotation_hz(self.fps):g} Hz make {turns:g} turns in a step, "
-                        "so a sweep would overwrite itself.",
-                        f"Use `auto` or at most {self.fps:g} Hz, the frame rate.",
-                        *path,
-                        "attributes",
-                        "rotation_frequency_hz",
-                    )
+            self._check_sensor(path, sensor)
         ids = {sensor.id for sensor in self.sensors}
         cameras = {sensor.id for sensor in self.sensors if sensor.is_camera}
         for position, name in enumerate(
@@ -194,6 +219,62 @@ class Config(Section):
                 message, hint = unknown("sensor", name, ids)
                 raise problem(message, hint, "conversion", "codecs", name)
         return self
+
+    def _check_sensor(self, path: tuple[str | int, ...], sensor: Sensor) -> None:
+        attributes = sensor.attributes
+        if isinstance(attributes, SweepAttributes):
+            turns = attributes.rotation_hz(self.fps) / self.fps
+            if turns > 1.0 + _SLACK:
+                raise problem(
+                    f"{attributes.rotation_hz(self.fps):g} Hz make {turns:g} turns in a step, "
+                    "so a sweep would overwrite itself.",
+                    f"Use `auto` or at most {self.fps:g} Hz, the frame rate.",
+                    *path,
+                    "attributes",
+                    "rotation_frequency_hz",
+                )
+        if sensor.attachment in SPRING_ARMS and self._is_labelled(sensor):
+            raise problem(
+                "a spring arm swings, so labels would not fit the picture.",
+                "Use `rigid` or `follow`, or leave the camera out of labels.cameras.",
+                *path,
+                "attachment",
+            )
+        if sensor.rate_hz is not None:
+            if self.timing.sensor_sync:
+                raise problem(
+                    "sensors in step measure in every step.",
+                    "Use save_every, or set timing.sensor_sync to false.",
+                    *path,
+                    "rate_hz",
+                )
+            if sensor.rate_hz > self.fps:
+                raise problem(
+                    f"{sensor.rate_hz:g} Hz are more than the frame rate.",
+                    f"Give at most {self.fps:g}.",
+                    *path,
+                    "rate_hz",
+                )
+
+    def _is_labelled(self, sensor: Sensor) -> bool:
+        if self.labels.cameras == "all":
+            return sensor.kind == "rgb"
+        return sensor.id in self.labels.cameras
+
+    def warnings(self) -> list[str]:
+        """What may be meant and still surprises; each begins with the field's path."""
+        found = []
+        for path, sensor in self.located_sensors():
+            attributes = sensor.attributes
+            if isinstance(attributes, SweepAttributes):
+                share = attributes.rotation_hz(self.fps) / self.fps
+                if share < 1.0 - _SLACK:
+                    field = path_text((*path, "attributes", "rotation_frequency_hz"))
+                    found.append(
+                        f"{field}: at {attributes.rotation_hz(self.fps):g} Hz each file holds "
+                        f"{share:.0%} of a turn; `auto` makes whole turns."
+                    )
+        return found
 
     @property
     def steps(self) -> int:
@@ -222,6 +303,4 @@ class Config(Section):
     @property
     def labelled_cameras(self) -> tuple[str, ...]:
         """Ids of the cameras that get labels, in the rig's order."""
-        if self.labels.cameras == "all":
-            return tuple(sensor.id for sensor in self.sensors if sensor.kind == "rgb")
-        return tuple(sensor.id for sensor in self.sensors if sensor.id in self.labels.cameras)
+        return tuple(sensor.id for sensor in self.sensors if self._is_labelled(sensor))

@@ -9,7 +9,7 @@ import yaml
 from pydantic import BaseModel
 
 from carstage.config.model import Config
-from carstage.config.rig import SENSOR_KINDS
+from carstage.config.sensors import SENSOR_KINDS
 from carstage.config.weather import WEATHER_PRESETS
 
 Schema = Mapping[str, Any]
@@ -25,6 +25,7 @@ def config_template() -> str:
     """The default configuration as YAML with a comment for each key; it parses to the defaults."""
     lines = [
         "# Car-STAGE configuration. Every key may be left out; these are the defaults.",
+        "# What few change stands behind a `#`: take it away to set the key.",
         "# All keys, sensors and attributes: `carstage config schema` and docs/configuration.md.",
     ]
     lines += _template(Config(), config_schema(), 0)
@@ -183,25 +184,44 @@ def _flow(value: Any) -> str:
 
 
 def _template(section: BaseModel, root: Schema, depth: int) -> Iterator[str]:
+    """The basic keys, each below its comment; then the others on one commented line each."""
     indent = "  " * depth
     properties = root["$defs"].get(type(section).__name__, root)["properties"]
-    for key, value in section:
-        node = properties[key]
+    fields = [(key, value, properties[key]) for key, value in section]
+    for key, value, node in fields:
+        if not node.get("basic"):
+            continue
         yield f"{indent}# {_comment(node, root)}"
         if isinstance(value, BaseModel):
-            if value.model_dump(exclude_none=True):
-                yield f"{indent}{key}:"
-                yield from _template(value, root, depth + 1)
-            else:
-                yield f"{indent}{key}: {{}}"
+            yield f"{indent}{key}:"
+            yield from _template(value, root, depth + 1)
         elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
             yield f"{indent}{key}:"
             for item in value:
-                dumped = item.model_dump(mode="json", exclude_none=True, exclude_unset=False)
+                dumped = item.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
                 yield f"{indent}  - {_flow(dumped)}"
         else:
-            plain = list(value) if isinstance(value, tuple) else value
-            yield f"{indent}{key}: {_flow(plain)}"
+            yield f"{indent}{key}: {_flow(_plain(value))}"
+    for key, value, node in fields:
+        if not node.get("basic"):
+            yield from _commented(key, value, node, root, indent)
+
+
+def _commented(key: str, value: Any, node: Schema, root: Schema, indent: str) -> Iterator[str]:
+    """A key that few users set: taking away the first `#` of its line makes it count."""
+    if isinstance(value, BaseModel) and value.model_dump(exclude_none=True):
+        yield f"{indent}#{key}:  # {_text(node, root)}"
+        properties = root["$defs"][type(value).__name__]["properties"]
+        for name, below in value:
+            yield from _commented(name, below, properties[name], root, indent + "#  ")
+    else:
+        shown = {} if isinstance(value, BaseModel) else _plain(value)
+        line = f"{indent}{'' if indent.endswith('#  ') else '#'}{key}: {_flow(shown)}"
+        yield f"{line:<40}  # {_comment(node, root)}"
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
 
 
 def _comment(node: Schema, root: Schema) -> str:

@@ -118,12 +118,13 @@ class Labels(Section):
     method: Literal["stage_vo", "pixels", "both"] = setting(
         "both",
         title="Visibility method",
+        basic=True,
         description="`stage_vo`: the paper's eight corners against depth; `pixels`: instance "
         "pixels; `both`: both, side by side.",
         group="labels",
     )
     boxes: Annotated[tuple[Literal["2d", "3d"], ...], Strict(strict=False)] = setting(
-        ("2d", "3d"), title="Boxes", description="Kinds of boxes.", group="labels"
+        ("2d", "3d"), title="Boxes", basic=True, description="Kinds of boxes.", group="labels"
     )
     cameras: Literal["all"] | Names = setting(
         "all",
@@ -182,7 +183,11 @@ class EmbeddedServerConfig(Section):
     """The simulator that ships with Car-STAGE."""
 
     kind: Literal["embedded"] = setting(
-        "embedded", title="Server", description="The embedded simulator.", group="server"
+        "embedded",
+        title="Server",
+        basic=True,
+        description="The embedded simulator.",
+        group="server",
     )
     port: Port = _port("Port", "First of three ports; `auto` finds free ones.")
     threads: Literal["auto"] | Annotated[int, Field(ge=1, le=1024)] = setting(
@@ -197,7 +202,7 @@ class CarlaServerConfig(Section):
     """A CARLA release on this machine, started and stopped by the run."""
 
     kind: Literal["carla"] = setting(
-        title="Server", description="CARLA, started by the run.", group="server"
+        title="Server", basic=True, description="CARLA, started by the run.", group="server"
     )
     path: str = setting(
         title="Path",
@@ -218,7 +223,7 @@ class RemoteServerConfig(Section):
     """A CARLA server that already runs, here or elsewhere; the run does not stop it."""
 
     kind: Literal["remote"] = setting(
-        title="Server", description="CARLA that already runs.", group="server"
+        title="Server", basic=True, description="CARLA that already runs.", group="server"
     )
     host: str = setting(
         "127.0.0.1", title="Host", description="Its address.", group="server", min_length=1

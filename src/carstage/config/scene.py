@@ -1,21 +1,38 @@
-"""What stands and moves in an episode: map, traffic, ego vehicle, scenario."""
+"""What an episode plays in and what the ego does there: map, ego vehicle, scenario."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Strict, model_validator
 
-from carstage.config.fields import Names, Section, problem, setting
+from carstage.config.fields import Names, Section, problem, setting, unknown
 
 DEFAULT_MAP = "Stage01"
+#: Layers of CARLA's `_Opt` maps: ``carla.MapLayer`` of the 0.9.16 client.
+MAP_LAYERS = (
+    "Buildings",
+    "Decals",
+    "Foliage",
+    "Ground",
+    "ParkedVehicles",
+    "Particles",
+    "Props",
+    "StreetLights",
+    "Walls",
+)
 
 
 class MapConfig(Section):
     """The town of each episode."""
 
     choice: str | None = setting(
-        None, title="Map", description="The map of all episodes.", group="scene", min_length=1
+        None,
+        title="Map",
+        basic=True,
+        description="The map of all episodes.",
+        group="scene",
+        min_length=1,
     )
     random_from: Names | None = setting(
         None,
@@ -23,6 +40,12 @@ class MapConfig(Section):
         description="Maps to draw one from for each episode; `[all]` is every map of the server.",
         group="scene",
         min_length=1,
+    )
+    layers: Literal["all"] | Names = setting(
+        "all",
+        title="Layers",
+        description="Layers to load of CARLA's `_Opt` maps; other maps load whole.",
+        group="scene",
     )
 
     @model_validator(mode="before")
@@ -38,57 +61,48 @@ class MapConfig(Section):
     def _check_one(self) -> MapConfig:
         if (self.choice is None) == (self.random_from is None):
             raise problem("exactly one of choice and random_from is needed.", "Keep one.", "choice")
+        for position, name in enumerate(() if self.layers == "all" else self.layers):
+            if name not in MAP_LAYERS:
+                raise problem(*unknown("map layer", name, MAP_LAYERS), "layers", position)
         return self
 
 
-def _radius_m(who: str) -> Any:
+def _coordinate(title: str) -> Any:
     return setting(
-        80.0,
-        title=f"{who} within",
-        description="They begin within this distance of the ego first and further away when the "
-        "places there run out; null: anywhere on the map.",
-        group="traffic",
+        title=title,
+        description=f"{title} on the map, CARLA's axes.",
         unit="m",
-        gt=0,
+        group="ego",
+        ge=-100_000,
+        le=100_000,
+    )
+
+
+class Place(Section):
+    """A place on the map; the height is the road's."""
+
+    x: float = _coordinate("x")
+    y: float = _coordinate("y")
+
+
+class Stand(Place):
+    """A place on the map and a heading."""
+
+    z: float = setting(
+        0.3,
+        title="z",
+        description="Height; a little above the road.",
+        unit="m",
+        group="ego",
+        ge=-10_000,
         le=10_000,
     )
-
-
-class Vehicles(Section):
-    """Other vehicles, driven by the Traffic Manager."""
-
-    count: int = setting(
-        20,
-        title="Vehicles",
-        description="Vehicles besides the ego.",
-        group="traffic",
-        ge=0,
-        le=1000,
+    yaw_deg: float = setting(
+        0.0, title="Heading", description="Yaw.", unit="deg", group="ego", ge=-360, le=360
     )
-    filter: str = setting(
-        "vehicle.*",
-        title="Vehicle filter",
-        description="Pattern of the blueprints to draw from.",
-        group="traffic",
-        min_length=1,
-    )
-    radius_m: float | None = _radius_m("Vehicles")
 
 
-class Pedestrians(Section):
-    """Pedestrians, led by CARLA's walker controllers."""
-
-    count: int = setting(
-        10, title="Pedestrians", description="Pedestrians.", group="traffic", ge=0, le=1000
-    )
-    filter: str = setting(
-        "walker.pedestrian.*",
-        title="Pedestrian filter",
-        description="Pattern of the blueprints to draw from.",
-        group="traffic",
-        min_length=1,
-    )
-    radius_m: float | None = _radius_m("Pedestrians")
+Channel = Annotated[int, Field(ge=0, le=255)]
 
 
 class Ego(Section):
@@ -97,24 +111,86 @@ class Ego(Section):
     blueprint: str = setting(
         "vehicle.tesla.model3",
         title="Ego vehicle",
+        basic=True,
         description="Blueprint of the vehicle that carries the rig.",
         group="ego",
         min_length=1,
     )
-    spawn: Literal["random"] | Annotated[int, Field(ge=0)] = setting(
+    spawn: Literal["random"] | Annotated[int, Field(ge=0)] | Stand = setting(
         "random",
         title="Start",
-        description="Index of the map's spawn point, or `random`: drawn for each episode.",
+        basic=True,
+        description="Index of the map's spawn point, `random`: drawn for each episode, or a place "
+        "`{x, y, z, yaw_deg}`.",
         group="ego",
+    )
+    color: Literal["random"] | Annotated[tuple[Channel, Channel, Channel], Strict(strict=False)] = (
+        setting(
+            "random",
+            title="Colour",
+            description="`[red, green, blue]` from 0 to 255, or `random`: one that the blueprint "
+            "recommends.",
+            group="ego",
+        )
     )
 
 
-class Scenario(Section):
-    """What the ego does."""
+class AutopilotScenario(Section):
+    """The Traffic Manager drives the ego through town, wherever the lights lead it."""
 
     kind: Literal["autopilot"] = setting(
         "autopilot",
         title="Scenario",
-        description="`autopilot`: the Traffic Manager drives the ego through town.",
+        basic=True,
+        description="The Traffic Manager drives the ego through town.",
         group="ego",
     )
+
+
+class RouteScenario(Section):
+    """The Traffic Manager drives the ego through given places, on the shortest way by road."""
+
+    kind: Literal["route"] = setting(
+        title="Scenario", description="The ego drives through given places.", group="ego"
+    )
+    through: Annotated[tuple[Annotated[int, Field(ge=0)] | Place, ...], Strict(strict=False)] = (
+        setting(
+            title="Through",
+            description="In this order: indices of the map's spawn points, or places `{x, y}`. "
+            "After the last one the ego drives on as it likes.",
+            group="ego",
+            min_length=1,
+        )
+    )
+
+
+class HoldScenario(Section):
+    """The ego stands with its hand brake on; the others drive."""
+
+    kind: Literal["hold"] = setting(
+        title="Scenario", description="The ego stands still.", group="ego"
+    )
+
+
+class ReplayScenario(Section):
+    """All road users move as in a recorded episode; map, ego and traffic are taken from there.
+
+    Sensors, weather, labels and conversion are this configuration's own.
+    """
+
+    kind: Literal["replay"] = setting(
+        title="Scenario", description="A recorded episode once more.", group="ego"
+    )
+    episode: str = setting(
+        title="Episode",
+        description="Folder of the episode: `DATASET/episodes/<id>/<attempt>`, or `DATASET` if it "
+        "has only one.",
+        group="ego",
+        min_length=1,
+    )
+
+
+Scenario = Annotated[
+    AutopilotScenario | RouteScenario | HoldScenario | ReplayScenario, Discriminator("kind")
+]
+SCENARIO_KINDS = ("autopilot", "route", "hold", "replay")

@@ -5,9 +5,10 @@ Source: ``carla.WeatherParameters`` of the 0.9.16 client, which also knows the p
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from itertools import pairwise
+from typing import Annotated, Any, Literal
 
-from pydantic import model_validator
+from pydantic import Strict, model_validator
 
 from carstage.config.fields import Names, Section, problem, setting, unknown
 
@@ -84,12 +85,51 @@ class WeatherParameters(Section):
         return {name: float(value) for name, value in self if value is not None}
 
 
+def _check_preset(name: str, *path: str | int) -> None:
+    if name not in WEATHER_PRESETS:
+        raise problem(*unknown("weather preset", name, WEATHER_PRESETS), *path)
+
+
+class WeatherChange(Section):
+    """The weather at one moment of an episode; between two moments it changes linearly."""
+
+    at_s: float = setting(
+        title="At",
+        description="Seconds since the first recorded step.",
+        unit="s",
+        group="scene",
+        ge=0,
+        le=86_400,
+    )
+    choice: str | None = setting(
+        None,
+        title="Preset",
+        description="The weather then; left out: the weather of the moment before.",
+        group="scene",
+    )
+    parameters: WeatherParameters = setting(
+        WeatherParameters,
+        title="Parameters",
+        description="Single values then, on top.",
+        group="scene",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> WeatherChange:
+        if self.choice is None and not self.parameters.given():
+            raise problem("nothing changes.", "Give choice or parameters.", "choice")
+        if self.choice is not None:
+            _check_preset(self.choice, "choice")
+        return self
+
+
 class WeatherConfig(Section):
     """Sky, rain, fog and sun of an episode."""
 
     choice: str | None = setting(
         None,
         title="Preset",
+        basic=True,
         description="One of CARLA's weather presets, for all episodes.",
         group="scene",
     )
@@ -108,8 +148,17 @@ class WeatherConfig(Section):
     )
     lights: Lights = setting(
         "auto",
-        title="Vehicle lights",
-        description="Lights of vehicles: `auto` turns them on at night, in rain and in fog.",
+        title="Lamps",
+        basic=True,
+        description="Street lamps and vehicles' lights: `auto` turns them on when the sun is low, "
+        "and those of moving vehicles in rain and fog, too.",
+        group="scene",
+    )
+    changes: Annotated[tuple[WeatherChange, ...], Strict(strict=False)] = setting(
+        (),
+        title="Changes",
+        description="What the weather becomes at which second; it moves there in a straight line "
+        "from what it was before, and then stays.",
         group="scene",
     )
 
@@ -130,15 +179,20 @@ class WeatherConfig(Section):
             raise problem(
                 "both choice and random_from are given.", "Keep one of them.", "random_from"
             )
-        if self.choice is not None and self.choice not in WEATHER_PRESETS:
-            raise problem(
-                *unknown("weather preset", self.choice, WEATHER_PRESETS),
-                "choice",
-            )
+        if self.choice is not None:
+            _check_preset(self.choice, "choice")
         for position, name in enumerate(self.random_from or ()):
-            if name != "all" and name not in WEATHER_PRESETS:
-                message, hint = unknown("weather preset", name, WEATHER_PRESETS)
-                raise problem(message, hint, "random_from", position)
+            if name != "all":
+                _check_preset(name, "random_from", position)
+        for position, (before, after) in enumerate(pairwise(self.changes), start=1):
+            if after.at_s <= before.at_s:
+                raise problem(
+                    f"{after.at_s:g} s is not after {before.at_s:g} s, the moment before it.",
+                    "List the changes in the order of time.",
+                    "changes",
+                    position,
+                    "at_s",
+                )
         if self.choice is None and self.random_from is None:
             missing = set(WeatherParameters.model_fields) - set(self.parameters.given())
             if missing:

@@ -5,14 +5,17 @@
 
 from carstage.plan.estimate import RunEstimate, estimate_run, estimate_tick_s
 from carstage.plan.planning import ServerFacts, plan_episodes
+from carstage.plan.scenario import Recording, Track
 from carstage.plan.spec import EpisodeSpec, PoseSpec, SensorSpec
 
 __all__ = [
     "EpisodeSpec",
     "PoseSpec",
+    "Recording",
     "RunEstimate",
     "SensorSpec",
     "ServerFacts",
+    "Track",
     "estimate_run",
     "estimate_tick_s",
     "plan_episodes",

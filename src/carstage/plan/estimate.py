@@ -14,9 +14,17 @@ from carstage.plan.rig import geometry
 from carstage.plan.spec import EpisodeSpec, SensorSpec
 
 #: Bytes per pixel in the dataset by kind of camera.
-_FILE_BYTES_PER_PIXEL = {"rgb": 1.8, "depth": 0.8, "semantic": 0.05, "instance": 0.08}
-_RAW_BYTES_PER_PIXEL = 4
-_BYTES_PER_POINT = 16
+_FILE_BYTES_PER_PIXEL = {
+    "rgb": 1.8,
+    "depth": 0.8,
+    "semantic": 0.05,
+    "instance": 0.08,
+    "flow": 6.0,
+    "normals": 1.2,
+}
+_RAW_BYTES_PER_PIXEL = {"flow": 8}
+_BGRA_BYTES = 4
+_BYTES_PER_POINT = {"lidar": 16, "semantic_lidar": 24, "radar": 16}
 _BYTES_PER_ACTOR = 68
 _BYTES_PER_RECORD = 512  # header, padding, JSON
 _LABEL_BYTES = 400  # one row of the label tables after compression, generously
@@ -59,6 +67,14 @@ def estimate_run(config: Config, episodes: Sequence[EpisodeSpec]) -> RunEstimate
     )
 
 
+def road_users(spec: EpisodeSpec) -> int:
+    """Vehicles, pedestrians and the ego."""
+    if spec.scenario["kind"] == "replay":
+        return len(spec.scenario["actors"])
+    groups = sum(int(group["count"]) for group in spec.vehicles["groups"])
+    return int(spec.vehicles["count"]) + groups + int(spec.pedestrians["count"]) + 1
+
+
 def _pixels(sensor: SensorSpec) -> int:
     attributes = sensor.attributes
     return int(attributes["image_size_x"]) * int(attributes["image_size_y"])
@@ -69,20 +85,20 @@ def _rays(sensor: SensorSpec, fps: float) -> int:
 
 
 def _raw_bytes(spec: EpisodeSpec) -> int:
-    actors: int = spec.vehicles["count"] + spec.pedestrians["count"] * 2 + len(spec.sensors) + 60
+    actors = road_users(spec) + spec.pedestrians["count"] + len(spec.sensors) + 60
     per_frame = 0
     for sensor in spec.sensors:
         per_frame += _BYTES_PER_RECORD
         if "image_size_x" in sensor.attributes:
-            per_frame += _RAW_BYTES_PER_PIXEL * _pixels(sensor)
+            per_frame += _RAW_BYTES_PER_PIXEL.get(sensor.kind, _BGRA_BYTES) * _pixels(sensor)
         elif "points_per_second" in sensor.attributes:
-            per_frame += _BYTES_PER_POINT * _rays(sensor, spec.fps)
+            per_frame += _BYTES_PER_POINT[sensor.kind] * _rays(sensor, spec.fps)
     per_tick = _BYTES_PER_ACTOR * actors + 4 * _BYTES_PER_RECORD
     return spec.saved_frames * per_frame + spec.steps * per_tick
 
 
 def _dataset_bytes(spec: EpisodeSpec) -> int:
-    objects: int = spec.vehicles["count"] + spec.pedestrians["count"] + 1
+    objects = road_users(spec)
     per_frame = 0.0
     for sensor in spec.sensors:
         if sensor.labelled:
@@ -92,7 +108,7 @@ def _dataset_bytes(spec: EpisodeSpec) -> int:
         if "image_size_x" in sensor.attributes:
             per_frame += _FILE_BYTES_PER_PIXEL[sensor.kind] * _pixels(sensor)
         elif "points_per_second" in sensor.attributes:
-            per_frame += _BYTES_PER_POINT * _rays(sensor, spec.fps)
+            per_frame += _BYTES_PER_POINT[sensor.kind] * _rays(sensor, spec.fps)
         else:
             per_frame += _SMALL_SENSOR_BYTES
     return round(spec.saved_frames * (per_frame + _LABEL_BYTES * objects))

@@ -6,19 +6,21 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from typing import Any
 
 import numpy as np
 
 from carstage.config import Config
-from carstage.config.explain import path_text
-from carstage.config.fields import unknown
+from carstage.config.fields import path_text, unknown
+from carstage.config.scene import Stand
 from carstage.errors import ConfigError
 from carstage.plan.rig import plan_sensors
+from carstage.plan.scenario import Recording, plan_scenario
 from carstage.plan.spec import EpisodeSpec
 
 DIALECT = "0.9.16"
 #: Who gets a seed. The position is part of the derivation: new ones are appended.
-SEED_CONSUMERS = ("traffic_manager", "walkers", "spawn", "ego", "sensor_noise")
+SEED_CONSUMERS = ("traffic_manager", "walkers", "spawn", "ego", "sensor_noise", "driving")
 _CHOICES_STREAM = 1000
 _LARGEST_SEED = 0x7FFF_FFFF  # CARLA keeps noise seeds in signed 32-bit integers
 
@@ -38,7 +40,9 @@ class ServerFacts:
     dialect: str = DIALECT
 
 
-def plan_episodes(config: Config, facts: ServerFacts) -> tuple[EpisodeSpec, ...]:
+def plan_episodes(
+    config: Config, facts: ServerFacts, recording: Recording | None = None
+) -> tuple[EpisodeSpec, ...]:
     """The episodes of a configuration.
 
     The same configuration and facts always give the same episodes: an episode's draws depend on the
@@ -47,12 +51,14 @@ def plan_episodes(config: Config, facts: ServerFacts) -> tuple[EpisodeSpec, ...]
     Args:
         config: what the user asks for.
         facts: what the server offers.
+        recording: what scenario ``replay`` moves the road users by.
 
     Raises:
-        ConfigError: the server lacks a map, a blueprint, an attribute or a spawn point.
+        ConfigError: the server lacks a map, a blueprint, an attribute or a spawn point, or the
+            recording is shorter than the episode.
     """
     _check_blueprints(config, facts)
-    maps = _maps(config, facts)
+    maps = _maps(config, facts, recording)
     sensors = plan_sensors(config)
     substeps = config.timing.substeps(config.fps)
     episodes = []
@@ -67,10 +73,19 @@ def plan_episodes(config: Config, facts: ServerFacts) -> tuple[EpisodeSpec, ...]
                 dialect=facts.dialect,
                 index=index,
                 map=map_name,
+                map_layers=None if config.map.layers == "all" else config.map.layers,
                 weather={
                     "preset": _pick(presets, weather_draw) if presets else None,
                     "parameters": config.weather.parameters.given(),
                     "lights": config.weather.lights,
+                    "changes": [
+                        {
+                            "at_s": change.at_s,
+                            "preset": change.choice,
+                            "parameters": change.parameters.given(),
+                        }
+                        for change in config.weather.changes
+                    ],
                 },
                 steps=config.steps,
                 fps=config.fps,
@@ -85,11 +100,13 @@ def plan_episodes(config: Config, facts: ServerFacts) -> tuple[EpisodeSpec, ...]
                 },
                 vehicles=config.vehicles.model_dump(),
                 pedestrians=config.pedestrians.model_dump(),
+                traffic=config.traffic.model_dump(),
                 ego={
                     "blueprint": config.ego.blueprint,
-                    "spawn_index": _spawn_index(config, facts, map_name, spawn_draw),
+                    "color": None if config.ego.color == "random" else config.ego.color,
+                    **_start(config, facts, map_name, spawn_draw),
                 },
-                scenario=config.scenario.model_dump(),
+                scenario=plan_scenario(config, facts.maps[map_name], recording),
                 sensors=sensors,
                 labels={
                     **config.labels.model_dump(exclude={"cameras"}),
@@ -120,14 +137,16 @@ def _pick(names: Iterable[str], draw: float) -> str:
     return options[int(draw * len(options))]
 
 
-def _maps(config: Config, facts: ServerFacts) -> tuple[str, ...]:
+def _maps(config: Config, facts: ServerFacts, recording: Recording | None) -> tuple[str, ...]:
     """The maps that an episode may get.
 
     Raises:
         ConfigError: the server does not have one of them.
     """
-    if config.map.choice is not None:
-        wanted: tuple[tuple[str, str], ...] = (("map.choice", config.map.choice),)
+    if recording is not None:
+        wanted: tuple[tuple[str, str], ...] = (("scenario.episode", recording.map),)
+    elif config.map.choice is not None:
+        wanted = (("map.choice", config.map.choice),)
     elif "all" in (config.map.random_from or ()):
         return tuple(sorted(facts.maps))
     else:
@@ -143,16 +162,20 @@ def _maps(config: Config, facts: ServerFacts) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _spawn_index(config: Config, facts: ServerFacts, map_name: str, draw: float) -> int:
-    count = facts.maps[map_name]
-    if config.ego.spawn == "random":
-        return int(draw * count)
-    if config.ego.spawn >= count:
+def _start(config: Config, facts: ServerFacts, map_name: str, draw: float) -> dict[str, Any]:
+    """Where the ego begins: a spawn point, or a place of its own."""
+    count, spawn = facts.maps[map_name], config.ego.spawn
+    if isinstance(spawn, Stand):
+        place = {"x_m": spawn.x, "y_m": spawn.y, "z_m": spawn.z, "yaw_deg": spawn.yaw_deg}
+        return {"spawn_index": None, "spawn_place": place}
+    if spawn == "random":
+        return {"spawn_index": int(draw * count), "spawn_place": None}
+    if spawn >= count:
         raise ConfigError(
-            f"ego.spawn: {map_name} has no spawn point {config.ego.spawn}.",
+            f"ego.spawn: {map_name} has no spawn point {spawn}.",
             f"It has {count}, counted from 0; or use `random`.",
         )
-    return config.ego.spawn
+    return {"spawn_index": spawn, "spawn_place": None}
 
 
 def _check_blueprints(config: Config, facts: ServerFacts) -> None:
@@ -165,8 +188,13 @@ def _check_blueprints(config: Config, facts: ServerFacts) -> None:
         message, hint = unknown("blueprint", config.ego.blueprint, vehicles)
         raise ConfigError(f"ego.blueprint: {message}", hint)
     walkers = [name for name in known if name.startswith("walker.")]
+    groups = [
+        (f"vehicles.groups[{position}].filter", group.count, group.filter, vehicles)
+        for position, group in enumerate(config.vehicles.groups)
+    ]
     for path, count, pattern, names in (
         ("vehicles.filter", config.vehicles.count, config.vehicles.filter, vehicles),
+        *groups,
         ("pedestrians.filter", config.pedestrians.count, config.pedestrians.filter, walkers),
     ):
         if count and not any(fnmatchcase(name, pattern) for name in names):

@@ -10,9 +10,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from carstage.config import SENSOR_KINDS, Config, Sensor
-from carstage.config.rig import DEPTH_SUFFIX, INSTANCE_SUFFIX, Pose
+from carstage.config.attributes import carla_text
+from carstage.config.sensors import DEPTH_SUFFIX, INSTANCE_SUFFIX, Pose
 from carstage.plan.spec import PoseSpec, SensorSpec
 
+_RATE = "sensor_tick"
 _GEOMETRY = ("image_size_", "fov", "lens_")
 _TWINS = {"depth": DEPTH_SUFFIX, "instance": INSTANCE_SUFFIX}
 
@@ -44,8 +46,18 @@ def _sensor(sensor: Sensor, config: Config, labelled: bool) -> SensorSpec:
         hidden=False,
         labelled=labelled,
         pose=_pose(sensor.pose),
-        attributes=sensor.attributes.carla(fps=config.fps, image_size=config.image_size),
+        attributes=_attributes(sensor, config),
+        attach_to=sensor.attach_to,
+        attach_index=sensor.attach_index,
+        attachment=sensor.attachment,
     )
+
+
+def _attributes(sensor: Sensor, config: Config) -> dict[str, str]:
+    strings = sensor.attributes.carla(fps=config.fps, image_size=config.image_size)
+    if sensor.rate_hz is not None:
+        strings[_RATE] = carla_text(1.0 / sensor.rate_hz)
+    return strings
 
 
 def _pose(pose: Pose) -> PoseSpec:
@@ -60,26 +72,35 @@ def _pose(pose: Pose) -> PoseSpec:
     )
 
 
+def _shared(attributes: Mapping[str, str]) -> dict[str, str]:
+    """What a twin has in common with its camera: geometry, and when it measures."""
+    rate = {_RATE: attributes[_RATE]} if _RATE in attributes else {}
+    return {**geometry(attributes), **rate}
+
+
+def _view(sensor: SensorSpec) -> tuple[object, ...]:
+    """Equal for sensors that see the same at the same time."""
+    carrier = (sensor.attach_to, sensor.attach_index, sensor.attachment)
+    return (*carrier, sensor.pose, _shared(sensor.attributes))
+
+
 def _serving(camera: SensorSpec, kind: str, sensors: list[SensorSpec]) -> str:
     """Id of the sensor of ``kind`` that sees what ``camera`` sees; appended if there is none."""
-    wanted = geometry(camera.attributes)
     if camera.kind == kind:
         return camera.id
     for other in sensors:
-        if (
-            other.kind == kind
-            and other.pose == camera.pose
-            and geometry(other.attributes) == wanted
-        ):
+        if other.kind == kind and _view(other) == _view(camera):
             return other.id
-    twin = SensorSpec(
+    twin = replace(
+        camera,
         id=camera.id + _TWINS[kind],
         kind=kind,
         blueprint=SENSOR_KINDS[kind].blueprint,
         hidden=True,
         labelled=False,
-        pose=camera.pose,
-        attributes=wanted,
+        attributes=_shared(camera.attributes),
+        depth=None,
+        instance=None,
     )
     sensors.append(twin)
     return twin.id

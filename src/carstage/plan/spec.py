@@ -18,7 +18,7 @@ _ID_DIGITS = 16
 
 @dataclass(frozen=True, slots=True)
 class PoseSpec:
-    """Pose of a sensor on the ego vehicle: CARLA's left-handed axes, metres and degrees."""
+    """Pose of a sensor on its carrier, or on the map: CARLA's left-handed axes, m and degrees."""
 
     x_m: float
     y_m: float
@@ -38,6 +38,9 @@ class SensorSpec:
         hidden: recorded for the labels only, not part of the dataset.
         labelled: a camera that gets labels.
         attributes: CARLA's attribute strings.
+        attach_to: ``ego``, ``world`` or a pattern of actor types.
+        attach_index: which actor of that pattern, by distance from the ego at the start.
+        attachment: ``rigid``, ``follow``, ``spring_arm`` or ``spring_arm_ghost``.
         depth, instance: of a labelled camera: ids of the sensors with its pose and intrinsics.
     """
 
@@ -48,6 +51,9 @@ class SensorSpec:
     labelled: bool
     pose: PoseSpec
     attributes: Mapping[str, str]
+    attach_to: str = "ego"
+    attach_index: int = 0
+    attachment: str = "rigid"
     depth: str | None = None
     instance: str | None = None
 
@@ -57,6 +63,7 @@ class EpisodeSpec:
     """One episode; attributes are the keys of the JSON form.
 
     Attributes:
+        map_layers: layers of an ``_Opt`` map to load; None: all.
         steps: recorded ticks after ``warmup_ticks``; every ``save_every``-th of them is saved.
         seeds: one integer per consumer of randomness.
     """
@@ -64,6 +71,7 @@ class EpisodeSpec:
     dialect: str
     index: int
     map: str
+    map_layers: tuple[str, ...] | None
     weather: Mapping[str, Any]
     steps: int
     fps: float
@@ -72,6 +80,7 @@ class EpisodeSpec:
     timing: Mapping[str, Any]
     vehicles: Mapping[str, Any]
     pedestrians: Mapping[str, Any]
+    traffic: Mapping[str, Any]
     ego: Mapping[str, Any]
     scenario: Mapping[str, Any]
     sensors: tuple[SensorSpec, ...]
@@ -84,9 +93,7 @@ class EpisodeSpec:
 
     def to_json(self) -> dict[str, Any]:
         """The JSON form: plain dictionaries, lists, numbers and words."""
-        document = asdict(self)
-        document["sensors"] = list(document["sensors"])
-        return document
+        return _plain(asdict(self))  # type: ignore[no-any-return]
 
     def canonical_json(self) -> bytes:
         """Sorted keys, no spaces, UTF-8, floats as Python's ``repr``: equal specs, equal bytes."""
@@ -108,3 +115,10 @@ class EpisodeSpec:
     def saved_frames(self) -> int:
         """Number of saved frames: steps 0, n, 2n, …."""
         return -(-self.steps // self.save_every)
+
+
+def _plain(value: Any) -> Any:
+    """The value with lists for tuples, as it comes back from JSON."""
+    if isinstance(value, Mapping):
+        return {key: _plain(below) for key, below in value.items()}
+    return [_plain(below) for below in value] if isinstance(value, tuple | list) else value

@@ -10,12 +10,22 @@ import pytest
 
 POSE = {"x_m": 0.5, "y_m": 0.0, "z_m": 1.7, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0}
 CAMERA = {"image_size_x": "96", "image_size_y": "54", "fov": "90.0"}
+SWEEP = {
+    "channels": "8",
+    "points_per_second": "20000",
+    "rotation_frequency": "10.0",
+    "range": "60.0",
+}
 SENSORS = {
     "CAM": ("rgb", "sensor.camera.rgb", CAMERA),
     "CAM.depth": ("depth", "sensor.camera.depth", CAMERA),
     "SEMANTIC": ("semantic", "sensor.camera.semantic_segmentation", CAMERA),
     "CAM.instance": ("instance", "sensor.camera.instance_segmentation", CAMERA),
-    "LIDAR": ("lidar", "sensor.lidar.ray_cast", {"channels": "8", "points_per_second": "20000"}),
+    "LIDAR": ("lidar", "sensor.lidar.ray_cast", SWEEP),
+    "SEMANTIC_LIDAR": ("semantic_lidar", "sensor.lidar.ray_cast_semantic", SWEEP),
+    "RADAR": ("radar", "sensor.other.radar", {"points_per_second": "1500"}),
+    "FLOW": ("flow", "sensor.camera.optical_flow", CAMERA),
+    "NORMALS": ("normals", "sensor.camera.normals", CAMERA),
     "IMU": ("imu", "sensor.other.imu", {}),
     "GNSS": ("gnss", "sensor.other.gnss", {}),
 }
@@ -39,6 +49,7 @@ SPEC: dict[str, Any] = {
     },
     "vehicles": {"count": 8, "filter": "vehicle.*"},
     "pedestrians": {"count": 4, "filter": "walker.pedestrian.*"},
+    "traffic": {},
     "ego": {"blueprint": "vehicle.tesla.model3", "spawn_index": 3},
     "scenario": {"kind": "autopilot"},
     "sensors": [
@@ -53,7 +64,14 @@ SPEC: dict[str, Any] = {
         }
         for name, (kind, blueprint, attributes) in SENSORS.items()
     ],
-    "seeds": {"traffic_manager": 1, "walkers": 2, "spawn": 3, "ego": 4, "sensor_noise": 5},
+    "seeds": {
+        "traffic_manager": 1,
+        "walkers": 2,
+        "spawn": 3,
+        "ego": 4,
+        "sensor_noise": 5,
+        "driving": 6,
+    },
 }
 
 PlanMaker = Callable[..., dict[str, Any]]

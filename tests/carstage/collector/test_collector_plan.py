@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from carstage.collector.errors import PlanError
-from carstage.collector.plan import DEFAULT_QUEUE_BYTES, parse_plan, read_plan
+from carstage.collector.reading import DEFAULT_QUEUE_BYTES, parse_plan, read_plan
 
 PlanMaker = Callable[..., dict[str, Any]]
 
@@ -34,7 +34,7 @@ def test_a_plan_comes_out_as_it_was_written(make_plan: PlanMaker) -> None:
     assert spec.timing.step_s == 0.1
     assert spec.timing.synchronous
     assert not spec.timing.skip_incomplete
-    assert spec.weather.parameters == {"cloudiness": 12.5}
+    assert spec.weather.begin.parameters == {"cloudiness": 12.5}
     assert [sensor.id for sensor in spec.sensors][:2] == ["CAM", "CAM.depth"]
     assert spec.sensors[0].pose.z_m == 1.7
     assert spec.seeds["spawn"] == 3

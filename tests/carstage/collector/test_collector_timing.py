@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,13 +11,37 @@ import pytest
 from carstage.collector.errors import RecordingError
 from carstage.collector.paths import prepare_folder
 from carstage.collector.sensors import SENSOR_KINDS
-from carstage.collector.timing import MAX_SEGMENT_BYTES, saved_index, ticks_per_segment
+from carstage.collector.timing import (
+    MAX_SEGMENT_BYTES,
+    SavedFrames,
+    Tick,
+    skipped_ticks,
+    ticks_per_segment,
+)
 from carstage.collector.writing import expected_segments, writer_threads
 
 
+def saved(save_every: int, ticks: Iterable[int]) -> list[int | None]:
+    frames = SavedFrames(save_every)
+    return [frames.index(tick) for tick in ticks]
+
+
 def test_every_nth_tick_is_saved() -> None:
-    assert [saved_index(tick, 1) for tick in range(3)] == [0, 1, 2]
-    assert [saved_index(tick, 3) for tick in range(7)] == [0, None, None, 1, None, None, 2]
+    assert saved(1, range(3)) == [0, 1, 2]
+    assert saved(3, range(7)) == [0, None, None, 1, None, None, 2]
+
+
+def test_a_due_frame_that_was_skipped_is_saved_at_the_next_tick_seen() -> None:
+    assert saved(3, [0, 1, 4, 5, 6, 11, 12]) == [0, None, 1, None, 2, 3, 4]
+
+
+def test_frames_that_a_free_server_skipped_are_ticks_with_times_in_between() -> None:
+    first, later = Tick(10, 1.0, 0.1, object()), Tick(13, 1.6, 0.1, object())
+    skipped = list(skipped_ticks(first, later))
+    assert [(tick.frame, tick.snapshot) for tick in skipped] == [(11, None), (12, None)]
+    assert [tick.timestamp_s for tick in skipped] == pytest.approx([1.2, 1.4])
+    assert list(skipped_ticks(None, later)) == []
+    assert list(skipped_ticks(first, first._replace(frame=11))) == []
 
 
 @pytest.mark.parametrize(
@@ -46,14 +71,6 @@ def test_an_attempt_is_never_recorded_over(tmp_path: Path) -> None:
         prepare_folder(str(folder))
     with pytest.raises(RecordingError, match="cannot be made"):
         prepare_folder("/dev/null/a1")
-
-
-def test_the_lidar_turns_once_per_tick_by_default() -> None:
-    defaults = SENSOR_KINDS["lidar"].defaults(20.0)
-    assert defaults["rotation_frequency"] == "20.0"
-    assert defaults["range"] == "100.0"
-    assert defaults["dropoff_general_rate"] == "0.0"
-    assert int(defaults["points_per_second"]) % (20 * int(defaults["channels"])) == 0
 
 
 def test_a_cloud_keeps_its_points_per_channel() -> None:

@@ -20,7 +20,6 @@ from carstage.collector.processing import MAX_CONSECUTIVE_MISSES, ByteBudget, Pi
 from carstage.collector.sensors import SENSOR_KINDS, Sensor
 from carstage.collector.snapshots import WorldMoment
 from carstage.collector.stopping import StopRequest
-from carstage.collector.timing import saved_index
 from carstage.collector.writing import LogWriters
 from carstage.rawlog.format import WORLD, SealedSegment
 from carstage.rawlog.reader import EpisodeLog
@@ -91,7 +90,7 @@ class Recording:
 
     def tick(self, number: int, new_actors: Any = ()) -> None:
         frame = FIRST_FRAME + number
-        k = saved_index(number, self.save_every)
+        k = number // self.save_every if number % self.save_every == 0 else None
         moment = WorldMoment([], {"delta_s": 0.1}, new_actors)
         self.pipeline.expect(ExpectedFrame(number, frame, number / 10, k, 0.01, moment))
 
@@ -290,7 +289,7 @@ from types import SimpleNamespace
 sys.path.insert(0, sys.argv[2])
 from carstage.collector import events, paths, timing
 from carstage.collector.matching import ExpectedFrame, FrameMatcher
-from carstage.collector.plan import parse_plan
+from carstage.collector.reading import parse_plan
 from carstage.collector.processing import ByteBudget, Pipeline
 from carstage.collector.sensors import SENSOR_KINDS, Sensor
 from carstage.collector.snapshots import WorldMoment

@@ -22,7 +22,8 @@ from carstage.config import (
     load_demo,
     parse_config,
 )
-from carstage.config.attributes import LidarAttributes, RgbAttributes
+from carstage.config.attributes import RgbAttributes
+from carstage.config.ranging import LidarAttributes
 from carstage.config.recording import MAX_SUBSTEPS, Timing
 from carstage.errors import ConfigError
 

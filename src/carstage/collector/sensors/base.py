@@ -11,19 +11,10 @@ Attributes = Mapping[str, str]
 
 
 class Sensor(ABC):
-    """One kind of sensor: its attributes' defaults and how its data become a record.
+    """One kind of sensor: how its data become a record.
 
     Nothing here holds state; ``data`` is the ``carla`` object that the callback got.
     """
-
-    @classmethod
-    def defaults(cls, fps: float) -> Dict[str, str]:
-        """Attributes that Car-STAGE sets where the plan does not say otherwise.
-
-        ``sensor_tick`` 0 means every step: other values drift, lower rates are made by saving
-        every n-th step.
-        """
-        return {"sensor_tick": "0.0"}
 
     @classmethod
     @abstractmethod

@@ -1,23 +1,27 @@
-"""The rig: sensors spawned on the ego, listened to, and given back."""
+"""The rig: sensors spawned on their carriers, listened to, moved along, and given back."""
 
 from __future__ import annotations
 
-from typing import Any, Callable, Dict, List, Mapping, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
 import carla
 
 from carstage.collector.actors import find_blueprint
 from carstage.collector.errors import SceneError
-from carstage.collector.plan import EpisodeSpec, SensorPlan
+from carstage.collector.plan import FOLLOW, EpisodeSpec, SensorPlan
 from carstage.collector.sensors import SENSOR_KINDS
+from carstage.collector.sensors.carriers import Carriers
 from carstage.collector.world import WorldSession
 
 MAX_NOISE_SEED = 2**31 - 1
 """``noise_seed`` is an int attribute on the server."""
 
 
+_ATTACHMENTS = {"spring_arm": "SpringArm", "spring_arm_ghost": "SpringArmGhost"}
+
+
 class Rig:
-    """All sensors of an episode, hidden twins too, rigidly attached to the ego.
+    """All sensors of an episode, hidden twins too.
 
     Args:
         session: the episode's world; the sensors are destroyed before it is given back.
@@ -25,25 +29,55 @@ class Rig:
         ego: the ego's ``carla.Vehicle``.
 
     Raises:
-        SceneError: unknown blueprint or attribute.
+        SceneError: unknown blueprint, attribute or attachment, or nothing to attach to.
     """
 
     def __init__(self, session: WorldSession, spec: EpisodeSpec, ego: Any) -> None:
         self._session = session
         library = session.world.get_blueprint_library()
+        carriers = Carriers(session.world, ego)
         self.actors: Dict[str, Any] = {}
+        self.carrier_ids: Dict[str, int] = {}
         self.expected_bytes: Dict[str, int] = {}
+        self._followers: List[Tuple[Any, Any, SensorPlan]] = []
         for index, sensor in enumerate(spec.sensors):
-            blueprint = find_blueprint(library, sensor.blueprint, "sensors[%d].blueprint" % index)
+            path = "sensors[%d]" % index
+            blueprint = find_blueprint(library, sensor.blueprint, path + ".blueprint")
             for name, value in _attributes(blueprint, sensor, spec, index):
                 blueprint.set_attribute(name, value)
-            actor = session.world.spawn_actor(
-                blueprint, _transform(sensor), ego, carla.AttachmentType.Rigid
-            )
+            carrier = carriers.carrier_of(sensor, path)
+            actor = self._spawn(blueprint, sensor, carrier, path)
             session.destroy_on_exit("sensor %s" % sensor.id, actor)
             self.actors[sensor.id] = actor
+            self.carrier_ids[sensor.id] = 0 if carrier is None else int(carrier.id)
             self.expected_bytes[sensor.id] = SENSOR_KINDS[sensor.kind].expected_bytes(
                 dict(actor.attributes), spec.fps
+            )
+
+    def _spawn(self, blueprint: Any, sensor: SensorPlan, carrier: Optional[Any], path: str) -> Any:
+        world = self._session.world
+        if carrier is None:
+            return world.spawn_actor(blueprint, _transform(sensor))
+        if sensor.attachment == FOLLOW:
+            actor = world.spawn_actor(blueprint, _above(carrier, sensor))
+            self._followers.append((actor, carrier, sensor))
+            return actor
+        name = _ATTACHMENTS.get(sensor.attachment, "Rigid")
+        kind = getattr(carla.AttachmentType, name, None)
+        if kind is None:
+            raise SceneError(
+                "%s.attachment: this CARLA client has no %s." % (path, name), "Use rigid or follow."
+            )
+        return world.spawn_actor(blueprint, _transform(sensor), carrier, kind)
+
+    def move_followers(self) -> None:
+        """Bring the sensors that hover over their carriers to where those were last seen."""
+        if self._followers:
+            self._session.client.apply_batch(
+                [
+                    carla.command.ApplyTransform(actor.id, _above(carrier, sensor))
+                    for actor, carrier, sensor in self._followers
+                ]
             )
 
     def listen(self, callbacks: Mapping[str, Callable[[Any], None]]) -> None:
@@ -61,11 +95,14 @@ class Rig:
 def _attributes(
     blueprint: Any, sensor: SensorPlan, spec: EpisodeSpec, index: int
 ) -> List[Tuple[str, str]]:
-    """Our defaults where the blueprint has them, then the plan's own values."""
+    """Every step and a seed where the blueprint has them, then the plan's own values.
+
+    ``sensor_tick`` 0 means every step: other values drift, so that lower rates are made by saving
+    every n-th step wherever sensors shall be in step.
+    """
     path = "sensors[%d].attributes" % index
-    defaults = SENSOR_KINDS[sensor.kind].defaults(spec.fps)
     seed = (spec.seeds["sensor_noise"] + index) % MAX_NOISE_SEED
-    defaults["noise_seed"] = str(seed)
+    defaults = {"sensor_tick": "0.0", "noise_seed": str(seed)}
     chosen = {name: value for name, value in defaults.items() if blueprint.has_attribute(name)}
     for name, value in sensor.attributes.items():
         if not blueprint.has_attribute(name):
@@ -83,3 +120,10 @@ def _transform(sensor: SensorPlan) -> Any:
         carla.Location(pose.x_m, pose.y_m, pose.z_m),
         carla.Rotation(pitch=pose.pitch_deg, yaw=pose.yaw_deg, roll=pose.roll_deg),
     )
+
+
+def _above(carrier: Any, sensor: SensorPlan) -> Any:
+    """The pose of a sensor that follows: the carrier's place, the map's axes."""
+    transform = _transform(sensor)
+    transform.location += carrier.get_transform().location
+    return transform

@@ -1,0 +1,90 @@
+"""Scenarios in which the client's Traffic Manager drives: autopilot, route, hold."""
+
+from __future__ import annotations
+
+from typing import Any, List, Optional
+
+import carla
+
+from carstage.collector.errors import SceneError
+from carstage.collector.maps import spawn_points
+from carstage.collector.plan import EpisodeSpec
+from carstage.collector.scenario.base import Population, Scenario, scenario
+from carstage.collector.scenario.routing import RoadGraph
+from carstage.collector.scenario.traffic import TrafficDriver
+from carstage.collector.world import WorldSession
+
+
+@scenario("autopilot")
+class Autopilot(Scenario):
+    """Everybody, the ego too, drives by the client's Traffic Manager, wherever it likes."""
+
+    def __init__(
+        self, client: Any, session: WorldSession, spec: EpisodeSpec, traffic_manager_port: int
+    ) -> None:
+        super().__init__(client, session, spec, traffic_manager_port)
+        self._driver = TrafficDriver(client, session, spec, traffic_manager_port)
+
+    def prepare(self) -> None:
+        """Start the Traffic Manager."""
+        self._driver.prepare()
+
+    def start(self, population: Population) -> None:
+        """Walkers walk, vehicles drive."""
+        super().start(population)
+        self._driver.drive([population.ego, *population.vehicles], population.ego)
+
+
+@scenario("route")
+class Route(Autopilot):
+    """The ego drives through the planned places; then as it likes."""
+
+    def start(self, population: Population) -> None:
+        """Find the way by road and hand it to the Traffic Manager.
+
+        Raises:
+            SceneError: no road leads from one place to the next.
+        """
+        graph = RoadGraph(self._session.map)
+        here = population.ego.get_transform().location
+        path: List[Any] = []
+        for index, place in enumerate(self._spec.scenario["through"]):
+            there = self._location(place, index)
+            way = graph.way(here, there)
+            if way is None:
+                raise SceneError(
+                    "scenario.through[%d]: no road leads there from the place before." % index,
+                    "Choose a place that can be reached; roads have directions.",
+                )
+            path += way
+            here = there
+        super().start(population)
+        self._driver.manager().set_path(population.ego, path)
+
+    def _location(self, place: Any, index: int) -> Any:
+        if not isinstance(place, int):
+            return carla.Location(place["x_m"], place["y_m"], 0.0)
+        points = spawn_points(self._session.map)
+        if place >= len(points):
+            raise SceneError(
+                "scenario.through[%d]: map %s has no spawn point %d."
+                % (index, self._spec.map, place),
+                "Use 0 to %d." % (len(points) - 1),
+            )
+        return points[place].location
+
+
+@scenario("hold")
+class Hold(Autopilot):
+    """The ego stands with its hand brake on; the others drive."""
+
+    def start(self, population: Population) -> None:
+        """Everybody but the ego goes."""
+        Scenario.start(self, population)
+        self._ego = population.ego
+        self._ego.apply_control(carla.VehicleControl(brake=1.0, hand_brake=True))
+        self._driver.drive(population.vehicles, population.ego)
+
+    def before_step(self, tick: Optional[int]) -> None:
+        """Keep the ego's lights fit for the weather."""
+        self._lamps.light([self._ego], self._session.weather.values)

@@ -1,0 +1,111 @@
+"""The seam of the scenarios: who is in an episode, and who moves them."""
+
+from __future__ import annotations
+
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Type, TypeVar
+
+from carstage.collector.actors import Walker, spawn_vehicles, spawn_walkers, start_walkers
+from carstage.collector.ego import ego_start, spawn_ego
+from carstage.collector.errors import SceneError
+from carstage.collector.lamps import Lamps
+from carstage.collector.plan import EpisodeSpec
+from carstage.collector.world import WorldSession
+
+
+class Population(NamedTuple):
+    """Who was spawned; ``requested`` counts what was asked for."""
+
+    ego: Any
+    vehicles: List[Any]
+    walkers: List[Walker]
+    requested: Dict[str, int]
+    spawned: Dict[str, int]
+
+
+class Scenario:
+    """Spawns and drives the road users of one episode.
+
+    The calls come in this order: ``populate``, ``prepare``, a first step of the world, ``start``,
+    then ``before_step`` ahead of every further step.
+
+    Args:
+        client: ``carla.Client``.
+        session: the episode's world.
+        spec: the episode.
+        traffic_manager_port: where the client's Traffic Manager listens.
+    """
+
+    def __init__(
+        self, client: Any, session: WorldSession, spec: EpisodeSpec, traffic_manager_port: int
+    ) -> None:
+        self._client = client
+        self._session = session
+        self._spec = spec
+        self._traffic_manager_port = traffic_manager_port
+        self._lamps = Lamps(session, spec.weather.lights)
+
+    def populate(self, check: Callable[[], None]) -> Population:
+        """Spawn the planned ego, vehicles and walkers.
+
+        Args:
+            check: called between long stretches; raises when somebody asks to end.
+
+        Raises:
+            SceneError: the server lacks what is planned.
+        """
+        spec = self._spec
+        start, _ = ego_start(self._session, spec)
+        ego = spawn_ego(self._session, spec)
+        vehicles = spawn_vehicles(self._session, spec, start)
+        check()
+        walkers = spawn_walkers(self._session, spec, start)
+        return Population(
+            ego,
+            vehicles,
+            walkers,
+            {"vehicles": spec.vehicles.count, "pedestrians": spec.pedestrians.group.count},
+            {"vehicles": len(vehicles), "pedestrians": len(walkers)},
+        )
+
+    def prepare(self) -> None:
+        """Make what must be there when the episode takes its first step; nothing by default."""
+
+    def start(self, population: Population) -> None:
+        """Set everybody going, after the first step; by default lamps and walkers."""
+        self._lamps.switch_street_lamps()
+        start_walkers(self._session, population.walkers)
+
+    def before_step(self, tick: Optional[int]) -> None:
+        """Called ahead of each step: of a recorded tick, or None in the warm-up."""
+
+
+SCENARIOS: Dict[str, Type[Scenario]] = {}
+"""Kind to class, filled by :func:`scenario`."""
+
+ScenarioClass = TypeVar("ScenarioClass", bound=Type[Scenario])
+
+
+def scenario(kind: str) -> Callable[[ScenarioClass], ScenarioClass]:
+    """Class decorator that adds a kind of scenario."""
+
+    def add(cls: ScenarioClass) -> ScenarioClass:
+        SCENARIOS[kind] = cls
+        return cls
+
+    return add
+
+
+def make_scenario(
+    client: Any, session: WorldSession, spec: EpisodeSpec, traffic_manager_port: int
+) -> Scenario:
+    """The planned scenario.
+
+    Raises:
+        SceneError: unknown kind.
+    """
+    kind = spec.scenario["kind"]
+    if kind not in SCENARIOS:
+        raise SceneError(
+            "scenario.kind: %r is not known." % kind, "Known are: %s." % ", ".join(SCENARIOS)
+        )
+    return SCENARIOS[kind](client, session, spec, traffic_manager_port)

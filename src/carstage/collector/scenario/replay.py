@@ -1,0 +1,167 @@
+"""Scenario ``replay``: everybody moves as in a recorded episode, whatever sensors look on."""
+
+from __future__ import annotations
+
+import logging
+import math
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence
+
+import carla
+
+from carstage.collector.actors import find_blueprint
+from carstage.collector.errors import SceneError
+from carstage.collector.plan import EpisodeSpec
+from carstage.collector.scenario.base import Population, Scenario, scenario
+from carstage.collector.world import WorldSession
+
+DROPS_M = (0.3, 1.0, 4.0, 20.0)
+"""Heights above the recorded place to try: a spawn that touches the road or a neighbour fails."""
+
+PoseRow = Sequence[float]
+_log = logging.getLogger(__name__)
+
+
+class _Role(NamedTuple):
+    """One recorded road user: its look, and its pose at each step (None: it is not there)."""
+
+    blueprint: str
+    attributes: Dict[str, str]
+    poses: List[Optional[PoseRow]]
+
+
+@scenario("replay")
+class Replay(Scenario):
+    """Vehicles and walkers are put where they were, step by step; nobody drives them.
+
+    Vehicles have no physics meanwhile, and are told the velocity of their motion, so that the
+    world's snapshots and its sensors know it.
+    """
+
+    def __init__(
+        self, client: Any, session: WorldSession, spec: EpisodeSpec, traffic_manager_port: int
+    ) -> None:
+        super().__init__(client, session, spec, traffic_manager_port)
+        self._roles = [
+            _Role(actor["blueprint"], actor["attributes"], actor["poses"])
+            for actor in spec.scenario["actors"]
+        ]
+        self._alive: Dict[int, Any] = {}
+        self._ego: Any = None
+
+    def populate(self, check: Callable[[], None]) -> Population:
+        """Spawn everybody who is there at the first step; the ego is the first role.
+
+        Raises:
+            SceneError: the server lacks a blueprint, or has no room for the ego.
+        """
+        for index in range(len(self._roles)):
+            check()
+            self._appear(index, 0)
+        if 0 not in self._alive:
+            raise SceneError(
+                "scenario.episode: there is no room for the recorded ego at its first place.",
+                "Use the map and the server version that it was recorded with.",
+            )
+        self._ego = self._alive[0]
+        walkers = self._count("walker.", self._roles)
+        vehicles = len(self._roles) - walkers - 1
+        spawned_walkers = self._count("walker.", [self._roles[i] for i in self._alive])
+        return Population(
+            self._ego,
+            [self._alive[i] for i in sorted(self._alive) if self._is_vehicle(i) and i > 0],
+            [],
+            {"vehicles": vehicles, "pedestrians": walkers},
+            {
+                "vehicles": len(self._alive) - spawned_walkers - 1,
+                "pedestrians": spawned_walkers,
+            },
+        )
+
+    def before_step(self, tick: Optional[int]) -> None:
+        """Put everybody where they were at this step; through the warm-up, at the first one."""
+        step = tick or 0
+        commands: List[Any] = []
+        for index, role in enumerate(self._roles):
+            if tick is not None and step > 0 and role.poses[step - 1] is None:
+                self._appear(index, step)
+            if index not in self._alive:
+                continue
+            pose = role.poses[step]
+            if pose is None:
+                self._client.apply_batch_sync(
+                    [carla.command.DestroyActor(self._alive.pop(index).id)], False
+                )
+                continue
+            commands += self._motion(index, step, pose, moving=tick is not None)
+        self._client.apply_batch(commands)
+        vehicles = [self._alive[i] for i in sorted(self._alive) if self._is_vehicle(i)]
+        self._lamps.light(vehicles, self._session.weather.values)
+
+    def _motion(self, index: int, step: int, pose: PoseRow, *, moving: bool) -> List[Any]:
+        actor = self._alive[index]
+        transform = _transform(pose)
+        before = self._roles[index].poses[step - 1] if step > 0 else None
+        after = self._next_pose(index, step)
+        velocity, turn = carla.Vector3D(), carla.Vector3D()
+        if moving and before is not None:
+            velocity, turn = _rates(before, pose, self._spec.timing.step_s)
+        elif moving and after is not None:
+            velocity, turn = _rates(pose, after, self._spec.timing.step_s)
+        if not self._is_vehicle(index):
+            speed = math.hypot(velocity.x, velocity.y)
+            return [carla.command.ApplyWalkerState(actor.id, transform, speed)]
+        return [
+            carla.command.ApplyTransform(actor.id, transform),
+            carla.command.ApplyTargetVelocity(actor.id, velocity),
+            carla.command.ApplyTargetAngularVelocity(actor.id, turn),
+        ]
+
+    def _next_pose(self, index: int, step: int) -> Optional[PoseRow]:
+        poses = self._roles[index].poses
+        return poses[step + 1] if step + 1 < len(poses) else None
+
+    def _appear(self, index: int, step: int) -> None:
+        """Spawn a road user at its pose of a step, if it is there and finds room."""
+        role = self._roles[index]
+        pose = role.poses[step]
+        if pose is None:
+            return
+        library = self._session.world.get_blueprint_library()
+        path = "scenario.actors[%d].blueprint" % index
+        blueprint = find_blueprint(library, role.blueprint, path)
+        for name, value in role.attributes.items():
+            if blueprint.has_attribute(name) and blueprint.get_attribute(name).is_modifiable:
+                blueprint.set_attribute(name, value)
+        for drop_m in DROPS_M:
+            place = _transform(pose)
+            place.location.z += drop_m
+            actor = self._session.world.try_spawn_actor(blueprint, place)
+            if actor is not None:
+                break
+        else:
+            _log.warning("no room for %s at %s: it is left out", role.blueprint, pose[:3])
+            return
+        self._session.destroy_on_exit("actor %d" % actor.id, actor)
+        if self._is_vehicle(index):
+            actor.set_simulate_physics(False)
+        self._alive[index] = actor
+
+    def _is_vehicle(self, index: int) -> bool:
+        return self._roles[index].blueprint.startswith("vehicle.")
+
+    def _count(self, family: str, roles: Sequence[_Role]) -> int:
+        return sum(role.blueprint.startswith(family) for role in roles)
+
+
+def _transform(pose: PoseRow) -> Any:
+    x, y, z, pitch, yaw, roll = pose
+    return carla.Transform(carla.Location(x, y, z), carla.Rotation(pitch, yaw, roll))
+
+
+def _rates(before: PoseRow, after: PoseRow, step_s: float) -> Any:
+    """Velocity (m/s) and angular velocity (deg/s, about x, y, z) between two poses."""
+    moved = [(b - a) / step_s for a, b in zip(before[:3], after[:3])]
+    pitch, yaw, roll = (
+        ((b - a + 180.0) % 360.0 - 180.0) / step_s for a, b in zip(before[3:], after[3:])
+    )
+    return carla.Vector3D(*moved), carla.Vector3D(roll, pitch, yaw)

@@ -1,0 +1,91 @@
+"""The shortest way by road between two places, over the map's topology."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from typing import Any, Dict, List, Optional, Tuple
+
+SPACING_M = 8.0
+"""Distance between the places of a way: the Traffic Manager turns towards the next one."""
+
+Lane = Tuple[int, int, int]
+
+
+class RoadGraph:
+    """The lanes of a map, between junctions and through them, and which lane follows which.
+
+    Changes of lane are not edges: the Traffic Manager changes lanes by itself where it has to.
+
+    Args:
+        world_map: ``carla.Map``.
+    """
+
+    def __init__(self, world_map: Any) -> None:
+        self._map = world_map
+        self._next: Dict[Lane, List[Lane]] = {}
+        self._places: Dict[Lane, List[Any]] = {}
+        # CARLA's topology pairs the first waypoint of a lane with that of each lane after it.
+        for begin, successor in world_map.get_topology():
+            lane = _lane(begin)
+            if lane not in self._places:
+                waypoints = [begin, *begin.next_until_lane_end(SPACING_M)]
+                self._places[lane] = [waypoint.transform.location for waypoint in waypoints]
+            self._next.setdefault(lane, []).append(_lane(successor))
+
+    def way(self, start: Any, goal: Any) -> Optional[List[Any]]:
+        """Locations from ``start`` to ``goal``, the start left out; None where no road leads.
+
+        Args:
+            start, goal: ``carla.Location``; the nearest lanes count.
+        """
+        first, last = (_lane(self._map.get_waypoint(place)) for place in (start, goal))
+        if first not in self._places or last not in self._places:
+            return None
+        at, to = _nearest(self._places[first], start), _nearest(self._places[last], goal)
+        if first == last and at < to:
+            return [*self._places[first][at + 1 : to], goal]
+        lanes = self._shortest(first, last)
+        if lanes is None:
+            return None
+        between = [place for lane in lanes for place in self._places[lane]]
+        return [*self._places[first][at + 1 :], *between, *self._places[last][:to], goal]
+
+    def _shortest(self, first: Lane, last: Lane) -> Optional[List[Lane]]:
+        """The lanes between two, by Dijkstra's algorithm; ties go to the older entry."""
+        order = itertools.count()
+        came_from: Dict[Lane, Lane] = {}
+        queue = [(0.0, next(order), lane, first) for lane in self._next.get(first, ())]
+        while queue:
+            length_m, _, lane, before = heapq.heappop(queue)
+            if lane in came_from or lane not in self._places:
+                continue
+            came_from[lane] = before
+            if lane == last:
+                return _back(came_from, first, last)
+            length_m += _length_m(self._places[lane])
+            for following in self._next.get(lane, ()):
+                heapq.heappush(queue, (length_m, next(order), following, lane))
+        return None
+
+
+def _back(came_from: Dict[Lane, Lane], first: Lane, last: Lane) -> List[Lane]:
+    lanes = []
+    lane = came_from[last]
+    while lane != first:
+        lanes.append(lane)
+        lane = came_from[lane]
+    return lanes[::-1]
+
+
+def _length_m(places: List[Any]) -> float:
+    return float(sum(a.distance(b) for a, b in zip(places, places[1:])))
+
+
+def _nearest(places: List[Any], here: Any) -> int:
+    flat = [(place.x - here.x) ** 2 + (place.y - here.y) ** 2 for place in places]
+    return flat.index(min(flat))
+
+
+def _lane(waypoint: Any) -> Lane:
+    return (waypoint.road_id, waypoint.section_id, waypoint.lane_id)

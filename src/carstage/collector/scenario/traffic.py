@@ -1,0 +1,98 @@
+"""The client's Traffic Manager as planned: law-abiding, or with a personality for each vehicle."""
+
+from __future__ import annotations
+
+import random
+from typing import Any, Dict, List, Mapping
+
+import carla
+
+from carstage.collector.lamps import DRIVING_LIGHTS
+from carstage.collector.plan import EpisodeSpec, TrafficPlan
+from carstage.collector.world import WorldSession
+
+LAW_ABIDING: Mapping[str, float] = {
+    "ignore_lights_percent": 0.0,
+    "ignore_signs_percent": 0.0,
+    "ignore_vehicles_percent": 0.0,
+    "ignore_walkers_percent": 0.0,
+}
+
+
+def personality(traffic: TrafficPlan, rng: random.Random) -> Dict[str, float]:
+    """A vehicle's own values by name; as many draws for each vehicle, whatever is planned."""
+    drawn = {
+        name: low + rng.random() * (high - low)
+        for name, (low, high) in sorted(traffic.spreads.items())
+    }
+    return dict(LAW_ABIDING, **drawn)
+
+
+class TrafficDriver:
+    """Drives vehicles by a Traffic Manager in this process.
+
+    Args:
+        client: ``carla.Client``.
+        session: the episode's world; the Traffic Manager ends before it is given back.
+        spec: the episode.
+        port: where the Traffic Manager listens.
+    """
+
+    def __init__(self, client: Any, session: WorldSession, spec: EpisodeSpec, port: int) -> None:
+        self._client = client
+        self._session = session
+        self._spec = spec
+        self._port = port
+        self._rng = random.Random(spec.seeds["driving"])
+
+    def prepare(self) -> None:
+        """Start a seeded Traffic Manager that steps with the world.
+
+        It begins by running freely, and a cycle that has begun goes on after the switch to
+        synchronous mode: vehicles registered meanwhile would be driven one step more than the
+        others. After one synchronous step of the world it surely waits for the next.
+        """
+        manager = self.manager()
+        self._session.on_exit("traffic manager", manager.shut_down)
+        manager.set_synchronous_mode(self._spec.timing.synchronous)
+        manager.set_random_device_seed(self._spec.seeds["traffic_manager"])
+        radius_m = self._spec.traffic.hybrid_physics_radius_m
+        manager.set_hybrid_physics_mode(radius_m is not None)
+        if radius_m is not None:
+            manager.set_hybrid_physics_radius(radius_m)
+
+    def manager(self) -> Any:
+        """``carla.TrafficManager``."""
+        return self._client.get_trafficmanager(self._port)
+
+    def drive(self, vehicles: List[Any], ego: Any) -> None:
+        """Take over vehicles, the ego among them or not."""
+        manager = self.manager()
+        lights = self._spec.weather.lights
+        for vehicle in vehicles:
+            vehicle.set_autopilot(True, self._port)
+            values = personality(self._spec.traffic, self._rng)
+            if vehicle.id == ego.id and not self._spec.traffic.include_ego:
+                values = dict(LAW_ABIDING)
+            self._apply(manager, vehicle, values)
+            manager.update_vehicle_lights(vehicle, lights == "auto")
+            if lights == "on":
+                vehicle.set_light_state(carla.VehicleLightState(DRIVING_LIGHTS))
+
+    def _apply(self, manager: Any, vehicle: Any, values: Mapping[str, float]) -> None:
+        setters = {
+            "speed_difference_percent": manager.vehicle_percentage_speed_difference,
+            "distance_m": manager.distance_to_leading_vehicle,
+            "ignore_lights_percent": manager.ignore_lights_percentage,
+            "ignore_signs_percent": manager.ignore_signs_percentage,
+            "ignore_vehicles_percent": manager.ignore_vehicles_percentage,
+            "ignore_walkers_percent": manager.ignore_walkers_percentage,
+        }
+        for name, setter in setters.items():
+            if name in values:
+                setter(vehicle, values[name])
+        manager.auto_lane_change(vehicle, self._spec.traffic.lane_changes)
+        if values.get("random_lane_change_percent", 0.0) > 0.0:
+            share = values["random_lane_change_percent"]
+            manager.random_left_lanechange_percentage(vehicle, share)
+            manager.random_right_lanechange_percentage(vehicle, share)

@@ -1,0 +1,290 @@
+"""Sensors: which kinds there are, what carries them, where they sit.
+
+The table of kinds is the set of classes at the end: one class per kind, its CARLA id beside its
+attributes. A new kind is one more of them in ``AnySensor``.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, ClassVar, Literal, get_args
+
+from pydantic import Discriminator, model_validator
+
+from carstage.config.attributes import (
+    CameraAttributes,
+    GnssAttributes,
+    ImuAttributes,
+    RgbAttributes,
+    SensorAttributes,
+)
+from carstage.config.fields import Section, problem, setting
+from carstage.config.ranging import LidarAttributes, RadarAttributes, SemanticLidarAttributes
+
+#: Length of a stream's name in the raw log; hidden twins append one of these to the camera's id.
+LONGEST_STREAM_NAME = 31
+DEPTH_SUFFIX = ".depth"
+INSTANCE_SUFFIX = ".instance"
+LONGEST_SENSOR_ID = LONGEST_STREAM_NAME - len(INSTANCE_SUFFIX)
+RESERVED_IDS = frozenset({"world", "ledger"})
+EGO = "ego"
+WORLD = "world"
+SPRING_ARMS = ("spring_arm", "spring_arm_ghost")
+_ID_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+#: Families of actors that can carry a sensor.
+_CARRIERS = ("vehicle.", "walker.", "traffic.", "static.")
+_FARTHEST_M = 100_000.0
+
+
+def _metres(title: str, sentence: str) -> Any:
+    return setting(
+        0.0,
+        title=title,
+        description=sentence,
+        unit="m",
+        group="rig",
+        ge=-_FARTHEST_M,
+        le=_FARTHEST_M,
+    )
+
+
+def _degrees(title: str, sentence: str) -> Any:
+    return setting(0.0, title=title, description=sentence, unit="deg", group="rig", ge=-360, le=360)
+
+
+class Pose(Section):
+    """Where a sensor sits on what carries it; with `attach_to: world`, where on the map.
+
+    CARLA's left-handed axes from a vehicle's origin (on the ground, at its centre): x forward,
+    y right, z up; yaw turns right, pitch up, roll to the right side down, applied in CARLA's order.
+    """
+
+    x: float = _metres("x", "Forward.")
+    y: float = _metres("y", "To the right.")
+    z: float = _metres("z", "Up.")
+    roll_deg: float = _degrees("Roll", "Positive: right side down.")
+    pitch_deg: float = _degrees("Pitch", "Positive: up.")
+    yaw_deg: float = _degrees("Yaw", "Positive: to the right.")
+
+
+class Sensor(Section):
+    """What all sensors have; the base of the kinds."""
+
+    blueprint: ClassVar[str]
+    is_camera: ClassVar[bool] = False
+
+    id: str = setting(
+        title="Id",
+        description="Name of the sensor's folder; unique in the rig.",
+        group="rig",
+    )
+    kind: str
+    pose: Pose = setting(
+        Pose, title="Pose", description="Place on what carries it, or on the map.", group="rig"
+    )
+    attach_to: str = setting(
+        EGO,
+        title="Carried by",
+        description="`ego`; `world`: fixed on the map; or a pattern of actor types, such as "
+        "`vehicle.audi.*` or `traffic.traffic_light`: the one nearest to the ego at the start.",
+        group="rig",
+        min_length=1,
+    )
+    attach_index: int = setting(
+        0,
+        title="Which of them",
+        description="0: the nearest actor that attach_to matches, 1: the second nearest, …",
+        group="rig",
+        ge=0,
+        le=1000,
+    )
+    attachment: Literal["rigid", "follow", "spring_arm", "spring_arm_ghost"] = setting(
+        "rigid",
+        title="Attachment",
+        description="`rigid`; `follow`: hovers over its carrier like a drone, a step behind, and "
+        "keeps its own heading; spring arms swing and serve for unlabelled views only.",
+        group="rig",
+    )
+    rate_hz: float | None = setting(
+        None,
+        title="Own rate",
+        description="Measurements per second, without timing.sensor_sync; left out: every step.",
+        unit="Hz",
+        group="rig",
+        gt=0,
+        le=240,
+    )
+    attributes: SensorAttributes
+
+    @model_validator(mode="after")
+    def _check_id(self) -> Sensor:
+        if self.id in RESERVED_IDS:
+            raise problem(
+                f"{self.id!r} is a reserved name.", f"Call it {self.id + '_sensor'!r}.", "id"
+            )
+        if not _ID_PATTERN.fullmatch(self.id):
+            raise problem(
+                f"{self.id!r} is not a usable name.",
+                "Use letters, digits, '_', '-' and '.', beginning with a letter or digit.",
+                "id",
+            )
+        if len(self.id) > LONGEST_SENSOR_ID:
+            raise problem(
+                f"{self.id!r} has {len(self.id)} characters.",
+                f"Use at most {LONGEST_SENSOR_ID}.",
+                "id",
+            )
+        if self.id.endswith((DEPTH_SUFFIX, INSTANCE_SUFFIX, ".tag", ".parquet")):
+            raise problem(
+                f"{self.id!r} ends like the name of a derived sensor or of a file.",
+                "Use '_' instead of the last '.'.",
+                "id",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_carrier(self) -> Sensor:
+        if self.attach_to in (EGO, WORLD):
+            if self.attach_index:
+                raise problem(
+                    f"there is only one {self.attach_to}.",
+                    "Leave it out, or give attach_to a pattern of actor types.",
+                    "attach_index",
+                )
+        elif not self.attach_to.startswith(_CARRIERS):
+            raise problem(
+                f"{self.attach_to!r} names nothing that carries sensors.",
+                "Give `ego`, `world` or a pattern such as `vehicle.*` or `traffic.traffic_light`.",
+                "attach_to",
+            )
+        if self.attach_to == WORLD and self.attachment != "rigid":
+            raise problem(
+                f"a sensor that is fixed on the map cannot be attached by {self.attachment}.",
+                "Leave attachment out.",
+                "attachment",
+            )
+        return self
+
+
+def _attributes(model: type[SensorAttributes]) -> Any:
+    return setting(model, title="Attributes", description="Properties of the sensor.", group="rig")
+
+
+def _kind(description: str) -> Any:
+    return setting(title="Kind", description=description, group="rig")
+
+
+class RgbSensor(Sensor):
+    """A colour camera."""
+
+    blueprint = "sensor.camera.rgb"
+    is_camera = True
+    kind: Literal["rgb"] = _kind("Colour camera.")
+    attributes: RgbAttributes = _attributes(RgbAttributes)
+
+
+class DepthSensor(Sensor):
+    """A depth camera: distance along the optical axis."""
+
+    blueprint = "sensor.camera.depth"
+    is_camera = True
+    kind: Literal["depth"] = _kind("Depth camera.")
+    attributes: CameraAttributes = _attributes(CameraAttributes)
+
+
+class SemanticSensor(Sensor):
+    """A semantic segmentation camera: a tag per pixel."""
+
+    blueprint = "sensor.camera.semantic_segmentation"
+    is_camera = True
+    kind: Literal["semantic"] = _kind("Semantic segmentation camera.")
+    attributes: CameraAttributes = _attributes(CameraAttributes)
+
+
+class InstanceSensor(Sensor):
+    """An instance segmentation camera: a tag and an object per pixel."""
+
+    blueprint = "sensor.camera.instance_segmentation"
+    is_camera = True
+    kind: Literal["instance"] = _kind("Instance segmentation camera.")
+    attributes: CameraAttributes = _attributes(CameraAttributes)
+
+
+class FlowSensor(Sensor):
+    """An optical flow camera: how far each pixel's surface moved since the last step."""
+
+    blueprint = "sensor.camera.optical_flow"
+    is_camera = True
+    kind: Literal["flow"] = _kind("Optical flow camera.")
+    attributes: CameraAttributes = _attributes(CameraAttributes)
+
+
+class NormalsSensor(Sensor):
+    """A camera of surface normals."""
+
+    blueprint = "sensor.camera.normals"
+    is_camera = True
+    kind: Literal["normals"] = _kind("Camera of surface normals.")
+    attributes: CameraAttributes = _attributes(CameraAttributes)
+
+
+class LidarSensor(Sensor):
+    """A rotating ray-cast LiDAR."""
+
+    blueprint = "sensor.lidar.ray_cast"
+    kind: Literal["lidar"] = _kind("Rotating LiDAR.")
+    attributes: LidarAttributes = _attributes(LidarAttributes)
+
+
+class SemanticLidarSensor(Sensor):
+    """A rotating LiDAR whose points know the object that they hit."""
+
+    blueprint = "sensor.lidar.ray_cast_semantic"
+    kind: Literal["semantic_lidar"] = _kind("Semantic LiDAR.")
+    attributes: SemanticLidarAttributes = _attributes(SemanticLidarAttributes)
+
+
+class RadarSensor(Sensor):
+    """A radar: distance, direction and range rate of what its rays hit."""
+
+    blueprint = "sensor.other.radar"
+    kind: Literal["radar"] = _kind("Radar.")
+    attributes: RadarAttributes = _attributes(RadarAttributes)
+
+
+class ImuSensor(Sensor):
+    """An inertial measurement unit: acceleration, turn rate, compass."""
+
+    blueprint = "sensor.other.imu"
+    kind: Literal["imu"] = _kind("Inertial measurement unit.")
+    attributes: ImuAttributes = _attributes(ImuAttributes)
+
+
+class GnssSensor(Sensor):
+    """A satellite receiver: latitude, longitude, altitude."""
+
+    blueprint = "sensor.other.gnss"
+    kind: Literal["gnss"] = _kind("Satellite receiver.")
+    attributes: GnssAttributes = _attributes(GnssAttributes)
+
+
+AnySensor = Annotated[
+    RgbSensor
+    | DepthSensor
+    | SemanticSensor
+    | InstanceSensor
+    | FlowSensor
+    | NormalsSensor
+    | LidarSensor
+    | SemanticLidarSensor
+    | RadarSensor
+    | ImuSensor
+    | GnssSensor,
+    Discriminator("kind"),
+]
+
+_CLASSES: tuple[type[Sensor], ...] = get_args(get_args(AnySensor)[0])
+#: Class of a sensor by the short name of its kind.
+SENSOR_KINDS: dict[str, type[Sensor]] = {
+    get_args(cls.model_fields["kind"].annotation)[0]: cls for cls in _CLASSES
+}

@@ -12,7 +12,7 @@ from carstage_sim.wire.handlers.actors import described, destroy
 from carstage_sim.wire.handlers.registry import Call, Wrapping, handles, refusal
 from carstage_sim.wire.handlers.vehicles import apply_physics, vehicle_status
 from carstage_sim.world.errors import ActorTypeError
-from carstage_sim.world.spring_arm import Attachment, AttachmentType
+from carstage_sim.world.spring_arm import Attachment
 from carstage_sim.world.state import ActorKind
 
 logger = logging.getLogger(__name__)
@@ -85,13 +85,13 @@ def _spawn(call: Call, body: list[Any]) -> int:
     return actor.actor_id
 
 
-def _attachment(kind: int = AttachmentType.RIGID, socket: str = "") -> Attachment:
-    """What a spawn command says of the attachment.
+def _attachment(_kind: int = 0, socket: str = "") -> Attachment:
+    """What a spawn command says of the attachment: always rigid.
 
-    The kind is uninitialised memory unless the script named one, so an unknown one is rigid.
+    The 0.9.16 client leaves the kind uninitialised in a batch, also where a script names one (seen
+    on the wire: 88 and 144), so it cannot be told from chance.
     """
-    known = kind in set(AttachmentType)
-    return Attachment(AttachmentType(kind) if known else AttachmentType.RIGID, str(socket))
+    return Attachment(socket=str(socket))
 
 
 @_command("DestroyActor", "destroy_actor")

@@ -9,23 +9,47 @@ import threading
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from queue import Empty, Queue
 from time import monotonic
 
-_READY = re.compile(r"ready rpc=\S*:(\d+)")
+_READY = re.compile(r"ready rpc=\S*:(\d+) streaming=(\d+) .*pid=(\d+)")
 _STOP_TIMEOUT_S = 10.0
-_LOG_LINES = 40
+_TAIL_LINES = 40
+_LOG_LINES = 20_000
 
 
 class ServerError(RuntimeError):
     """The server did not start, or died; the message holds the end of its output."""
 
 
+@dataclass(frozen=True)
+class RunningServer:
+    """A server process.
+
+    Attributes:
+        port, streaming_port: where it listens on the loopback interface.
+        pid: its process.
+        log: what it has printed so far; at most the last 20,000 lines.
+    """
+
+    port: int
+    streaming_port: int
+    pid: int
+    log: deque[str]
+    process: subprocess.Popen[str]
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process runs."""
+        return self.process.poll() is None
+
+
 @contextmanager
-def running_server(
+def started_server(
     arguments: Sequence[str] = (), *, start_timeout_s: float = 180.0
-) -> Iterator[int]:
-    """Runs ``python -m carstage_sim --port 0`` and yields its port; it ends with the block.
+) -> Iterator[RunningServer]:
+    """Runs ``python -m carstage_sim --port 0``; it ends with the block.
 
     Args:
         arguments: further arguments of the server.
@@ -43,11 +67,13 @@ def running_server(
         start_new_session=True,
     )
     lines: Queue[str | None] = Queue(maxsize=10_000)
-    tail: deque[str] = deque(maxlen=_LOG_LINES)
-    reader = threading.Thread(target=_read, args=(process, lines, tail), daemon=True)
+    log: deque[str] = deque(maxlen=_LOG_LINES)
+    reader = threading.Thread(target=_read, args=(process, lines, log), daemon=True)
     reader.start()
     try:
-        yield _await_port(lines, tail, monotonic() + start_timeout_s)
+        ready = _await_ready(lines, log, monotonic() + start_timeout_s)
+        port, streaming_port, pid = (int(number) for number in ready.groups())
+        yield RunningServer(port, streaming_port, pid, log, process)
     finally:
         process.terminate()
         try:
@@ -58,12 +84,21 @@ def running_server(
         reader.join()
 
 
-def _read(process: subprocess.Popen[str], lines: Queue[str | None], tail: deque[str]) -> None:
+@contextmanager
+def running_server(
+    arguments: Sequence[str] = (), *, start_timeout_s: float = 180.0
+) -> Iterator[int]:
+    """As :func:`started_server`, for those who need its port only."""
+    with started_server(arguments, start_timeout_s=start_timeout_s) as server:
+        yield server.port
+
+
+def _read(process: subprocess.Popen[str], lines: Queue[str | None], log: deque[str]) -> None:
     """Drains the server's output, so that it never blocks on a full pipe."""
     assert process.stdout is not None
     waiting = True
     for line in process.stdout:
-        tail.append(line.rstrip())
+        log.append(line.rstrip())
         if waiting:
             lines.put(line)
             waiting = _READY.search(line) is None
@@ -71,16 +106,18 @@ def _read(process: subprocess.Popen[str], lines: Queue[str | None], tail: deque[
     lines.put(None)
 
 
-def _await_port(lines: Queue[str | None], tail: deque[str], deadline: float) -> int:
+def _await_ready(lines: Queue[str | None], log: deque[str], deadline: float) -> re.Match[str]:
     while True:
         try:
             line = lines.get(timeout=max(deadline - monotonic(), 0.0))
         except Empty:
-            raise ServerError(
-                "the server gave no ready line in time:\n" + "\n".join(tail)
-            ) from None
+            raise ServerError("the server gave no ready line in time:\n" + _tail(log)) from None
         if line is None:
-            raise ServerError("the server ended before it was ready:\n" + "\n".join(tail))
+            raise ServerError("the server ended before it was ready:\n" + _tail(log))
         found = _READY.search(line)
         if found is not None:
-            return int(found.group(1))
+            return found
+
+
+def _tail(log: deque[str]) -> str:
+    return "\n".join(list(log)[-_TAIL_LINES:])

@@ -1,0 +1,33 @@
+"""What the kernel says of a process: CPU time and memory."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+_TICKS_PER_S = os.sysconf("SC_CLK_TCK")
+_UTIME = 11
+_STIME = 12
+
+
+def cpu_s(pid: int) -> float:
+    """CPU seconds, user and system, of all threads of a process so far (proc(5), ``stat``)."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[_UTIME]) + int(fields[_STIME])) / _TICKS_PER_S
+
+
+def pss_mb(pid: int) -> float:
+    """Resident memory, with shared pages split among those who share them, in MB of 10^6 bytes."""
+    rollup = Path(f"/proc/{pid}/smaps_rollup").read_text()
+    (line,) = (line for line in rollup.splitlines() if line.startswith("Pss:"))
+    return int(line.split()[1]) * 1024 / 1e6
+
+
+def open_files(pid: int) -> int:
+    """Descriptors that a process has open."""
+    return len(os.listdir(f"/proc/{pid}/fd"))
+
+
+def threads(pid: int) -> int:
+    """Threads of a process."""
+    return len(os.listdir(f"/proc/{pid}/task"))

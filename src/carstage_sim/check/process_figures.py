@@ -25,9 +25,9 @@ def pss_mb(pid: int) -> float:
 
 def open_files(pid: int) -> int:
     """Descriptors that a process has open."""
-    return len(os.listdir(f"/proc/{pid}/fd"))
+    return sum(1 for _ in Path(f"/proc/{pid}/fd").iterdir())
 
 
 def threads(pid: int) -> int:
     """Threads of a process."""
-    return len(os.listdir(f"/proc/{pid}/task"))
+    return sum(1 for _ in Path(f"/proc/{pid}/task").iterdir())

@@ -138,7 +138,8 @@ class Simulation:
             delta_s = min(max(elapsed_s, _SHORTEST_STEP_S), _LONGEST_STEP_S)
         self._stepped_at_s = now_s
         self.recordings.before_tick(delta_s)
-        snapshot = self.world.tick(delta_s, self.settings.substeps(delta_s))
+        physics = self.settings.physics(delta_s)
+        snapshot = self.world.tick(delta_s, physics.substeps, moving_s=physics.duration_s)
         self.recordings.after_tick(snapshot)
         return snapshot
 

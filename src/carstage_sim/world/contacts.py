@@ -1,8 +1,4 @@
-"""Contacts between vehicles: boxes that touch are pushed apart and lose their closing speed.
-
-Deliberately simple: perfectly plastic, without friction or spin. It keeps a car from driving
-through another one; it is no crash model.
-"""
+"""Which boxes are in each other: vehicles, walkers and props, seen from above."""
 
 from __future__ import annotations
 
@@ -11,7 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.maps.cell_index import ranges
+
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+TOWN = -1
+"""Stands for the second body of a contact with the town."""
+
+_SAME_LEVEL_M = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,15 +23,27 @@ class Contact:
     """Two boxes that are in each other.
 
     Attributes:
-        first, second: their rows.
+        first, second: their rows; the second may be :data:`TOWN`.
         normal: unit vector in the plane from the first to the second, along the least way out.
         depth_m: length of that way.
+        point: where they touch, ``(2,)`` world metres.
+        object_id: level object of the town that is touched, 0 for none.
+        label: its semantic label.
     """
 
     first: int
     second: int
     normal: FloatArray
     depth_m: float
+    point: FloatArray
+    object_id: int = 0
+    label: int = 0
+
+
+def axes_of(yaw_rad: FloatArray) -> FloatArray:
+    """``(N, 2, 2)`` forward and right unit vectors of headings."""
+    cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.stack([np.stack([cosine, sine], -1), np.stack([-sine, cosine], -1)], axis=1)
 
 
 def find_contacts(center: FloatArray, half_size: FloatArray, yaw_rad: FloatArray) -> list[Contact]:
@@ -38,67 +54,65 @@ def find_contacts(center: FloatArray, half_size: FloatArray, yaw_rad: FloatArray
         half_size: ``(N, 2)`` half length and half width, metres.
         yaw_rad: ``(N,)`` headings.
     """
-    reach = np.linalg.norm(half_size, axis=1)
-    offset = center[None] - center[:, None]
-    near = (offset[..., 0] ** 2 + offset[..., 1] ** 2) < (reach[:, None] + reach[None]) ** 2
-    near &= np.abs(offset[..., 2]) < 2.0
-    first, second = np.nonzero(np.triu(near, k=1))
+    first, second = _near_pairs(center, np.linalg.norm(half_size, axis=1))
     if len(first) == 0:
         return []
-    forward = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=-1)
-    axes_of = np.stack([forward, np.stack([-forward[:, 1], forward[:, 0]], axis=-1)], axis=1)
-    between = offset[first, second, :2]
-    axes = np.concatenate([axes_of[first], axes_of[second]], axis=1)
-    reach_along = np.zeros(axes.shape[:2])
+    axes = axes_of(yaw_rad)
+    between = center[second, :2] - center[first, :2]
+    candidates = np.concatenate([axes[first], axes[second]], axis=1)
+    reach_along = np.zeros(candidates.shape[:2])
     for rows in (first, second):
-        projected = np.abs(np.einsum("pak,pbk->pab", axes, axes_of[rows]))
+        projected = np.abs(np.einsum("pak,pbk->pab", candidates, axes[rows]))
         reach_along += np.einsum("pab,pb->pa", projected, half_size[rows])
-    distance = np.einsum("pak,pk->pa", axes, between)
+    distance = np.einsum("pak,pk->pa", candidates, between)
     depth = reach_along - np.abs(distance)
     best = depth.argmin(axis=1)
     pairs = np.arange(len(first))
     least = depth[pairs, best]
-    normal = axes[pairs, best] * np.where(distance[pairs, best] < 0.0, -1.0, 1.0)[:, None]
+    sign = np.where(distance[pairs, best] < 0.0, -1.0, 1.0)
+    normal = candidates[pairs, best] * sign[:, None]
     return [
-        Contact(int(first[k]), int(second[k]), normal[k], float(least[k]))
+        Contact(
+            int(first[k]),
+            int(second[k]),
+            normal[k],
+            float(least[k]),
+            _touching_point(center, half_size, axes, int(first[k]), int(second[k])),
+        )
         for k in np.flatnonzero(least > 0.0)
     ]
 
 
-def resolve_contacts(
-    contacts: list[Contact],
-    location: FloatArray,
-    speed: FloatArray,
-    yaw_rad: FloatArray,
-    inverse_mass: FloatArray,
-) -> list[float]:
-    """Pushes boxes apart and takes their closing speed, in place.
+def _near_pairs(center: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
+    """Pairs of circles that overlap, the lower row first, in ascending order (sweep along x)."""
+    low = center[:, 0] - radius
+    order = np.argsort(low, kind="stable")
+    sorted_low = low[order]
+    last = np.searchsorted(sorted_low, (center[:, 0] + radius)[order], side="right")
+    begin = np.arange(1, len(order) + 1)
+    count = np.maximum(last - begin, 0)
+    one = order[np.repeat(begin - 1, count)]
+    other = order[ranges(begin, count)]
+    first, second = np.minimum(one, other), np.maximum(one, other)
+    offset = center[second] - center[first]
+    near = (offset[:, 0] ** 2 + offset[:, 1] ** 2) < (radius[first] + radius[second]) ** 2
+    near &= np.abs(offset[:, 2]) < _SAME_LEVEL_M
+    first, second = first[near], second[near]
+    ascending = np.lexsort((second, first))
+    return first[ascending], second[ascending]
 
-    Args:
-        location: ``(N, 3)``, changed in x and y.
-        speed: ``(N,)`` signed speed along the heading, changed.
-        inverse_mass: ``(N,)`` 1/kg; 0 for what cannot be pushed.
 
-    Returns:
-        Impulse (N s) along each contact's normal that the second box got, 0 where none closed in.
-    """
-    impulses = [0.0] * len(contacts)
-    for index, contact in enumerate(contacts):
-        i, j, normal = contact.first, contact.second, contact.normal
-        total = inverse_mass[i] + inverse_mass[j]
-        if total == 0.0:
-            continue
-        push = normal * (contact.depth_m / total)
-        location[i, :2] -= push * inverse_mass[i]
-        location[j, :2] += push * inverse_mass[j]
-        along_i = float(normal @ (np.cos(yaw_rad[i]), np.sin(yaw_rad[i])))
-        along_j = float(normal @ (np.cos(yaw_rad[j]), np.sin(yaw_rad[j])))
-        closing = speed[i] * along_i - speed[j] * along_j
-        # Wheels move a car only along its heading: only that part of an impulse shows.
-        give = inverse_mass[i] * along_i**2 + inverse_mass[j] * along_j**2
-        if closing > 0.0 and give > 0.0:
-            impulse = closing / give
-            speed[i] -= impulse * inverse_mass[i] * along_i
-            speed[j] += impulse * inverse_mass[j] * along_j
-            impulses[index] = float(impulse)
-    return impulses
+def _touching_point(
+    center: FloatArray, half_size: FloatArray, axes: FloatArray, first: int, second: int
+) -> FloatArray:
+    """The middle of the corners of either box that are in the other one."""
+    inside = []
+    for one, other in ((first, second), (second, first)):
+        signs = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
+        corners = center[one, :2] + (signs * half_size[one]) @ axes[one]
+        local = (corners - center[other, :2]) @ axes[other].T
+        inside.append(corners[(np.abs(local) <= half_size[other] + 1e-9).all(axis=1)])
+    found = np.concatenate(inside)
+    if len(found):
+        return np.asarray(found.mean(axis=0))
+    return np.asarray(0.5 * (center[first, :2] + center[second, :2]))

@@ -43,6 +43,16 @@ class WalkerControl:
 
 STANDING = WalkerControl(direction=ZERO)
 
+_MAX_PHYSICS_DELTA_S = 0.33333  # CARLA's DefaultEngine.ini
+
+
+@dataclass(frozen=True, slots=True)
+class PhysicsStep:
+    """The part of a tick that vehicles move in, and the number of equal steps that it takes."""
+
+    duration_s: float
+    substeps: int = 1
+
 
 @dataclass(frozen=True, slots=True)
 class EpisodeSettings:
@@ -60,12 +70,19 @@ class EpisodeSettings:
     actor_active_distance: float = 2000.0
     spectator_as_ego: bool = True
 
-    def substeps(self, delta_s: float) -> int:
-        """Physics steps within one tick of ``delta_s`` seconds."""
+    def physics(self, delta_s: float) -> PhysicsStep:
+        """How vehicles move within a tick of ``delta_s`` seconds.
+
+        As in Unreal 4 (``FPhysSubstepTask::UpdateTime``): with substepping a tick that is longer
+        than ``max_substep_delta_time * max_substeps`` moves them by that product only: simulated
+        time runs away from the physics. Without, ticks above ``MaxPhysicsDeltaTime`` do so.
+        """
         if not self.substepping or self.max_substep_delta_time <= 0.0:
-            return 1
-        wanted = math.ceil(delta_s / self.max_substep_delta_time - 1e-6)
-        return max(1, min(wanted, self.max_substeps))
+            return PhysicsStep(min(delta_s, _MAX_PHYSICS_DELTA_S), 1)
+        most = max(self.max_substeps, 1)
+        duration_s = min(delta_s, self.max_substep_delta_time * most)
+        parts = math.ceil(duration_s / self.max_substep_delta_time - 1e-6)
+        return PhysicsStep(duration_s, max(1, min(parts, most)))
 
 
 @dataclass(frozen=True, slots=True)

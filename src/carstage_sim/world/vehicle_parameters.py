@@ -60,6 +60,9 @@ class VehicleParameters:
         max_deceleration: m/s^2 at full brake.
         max_lateral_acceleration: m/s^2, what the tyres hold in a turn.
         max_reverse_speed: m/s.
+        blueprint_mass_kg: mass that ``power_per_mass`` belongs to; 0 for ``mass_kg`` itself.
+        drivetrain_efficiency: share of the engine's torque that pushes the vehicle.
+        brake_gain: share of the brakes' torque that slows it down.
         steering_curve: (speed km/h, share of the steering angle), ascending speeds.
     """
 
@@ -76,6 +79,9 @@ class VehicleParameters:
     max_deceleration: float = 9.0
     max_lateral_acceleration: float = 7.5
     max_reverse_speed: float = 8.0
+    blueprint_mass_kg: float = 0.0
+    drivetrain_efficiency: float = 1.0
+    brake_gain: float = 1.0
     torque_curve: tuple[tuple[float, float], ...] = ((0.0, 400.0), (1890.0, 500.0), (5729.0, 400.0))
     max_rpm: float = 5729.0
     moi: float = 1.0

@@ -8,6 +8,7 @@ tick over its duration, the acceleration the change of that velocity over the du
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -15,20 +16,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.world import vehicle_dynamics as dynamics
-from carstage_sim.world.contacts import Contact, find_contacts, resolve_contacts
+from carstage_sim.world.controls import VehicleControl
+from carstage_sim.world.crashes import LONGEST_WAY_M, NOTHING, Crashes, Others, centers
+from carstage_sim.world.obstacles import Obstacles
+from carstage_sim.world.riding import GroundHeight, flat_ground, follow_ground
+from carstage_sim.world.vehicle_motion import substep, tick_constants
 from carstage_sim.world.vehicle_parameters import VehicleParameters
 from carstage_sim.world.vehicle_rows import empty_rows, parameter_values
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-GroundHeight = Callable[[FloatArray], FloatArray]
-"""Height of the ground, ``(M,)`` metres, under points ``(M, 3)`` of the world."""
+LONGEST_SUBSTEP_S = 0.02
+"""Longer physics steps are split, so that the result hardly depends on the tick's length."""
 
-_STICKS_TO_GROUND_M = 0.15
 _TELEPORT_SPEED = 150.0
-_FREE_SPIN_TIME_S = 0.2
-_GEAR_SPEEDS = np.array([6.0, 11.0, 17.0])  # m/s, shift points that the snapshot's gear follows
+_MOST_SUBSTEPS = 1000
+_LIFTS_OFF = 0.1  # m/s upwards
 
 
 class VehicleFleet:
@@ -36,14 +40,18 @@ class VehicleFleet:
 
     Args:
         ground_height: height of the ground under world points; None is a plane at z = 0.
+        obstacles: what of the town vehicles run into; None for nothing.
     """
 
-    def __init__(self, ground_height: GroundHeight | None = None) -> None:
-        self._ground_height = ground_height
+    def __init__(
+        self, ground_height: GroundHeight | None = None, obstacles: Obstacles | None = None
+    ) -> None:
+        self._ground_height = ground_height or flat_ground
         self._rows = empty_rows()
         self._row_of: dict[int, int] = {}
-        self.contacts: list[tuple[Contact, float]] = []
-        """Vehicles that touched in the last tick, by row, and the impulse (N s) of each contact."""
+        self._commanded: dict[int, VehicleControl] = {}
+        self.crashes = Crashes(obstacles)
+        """What touched in the last tick."""
 
     def __len__(self) -> int:
         return len(self._row_of)
@@ -81,33 +89,40 @@ class VehicleFleet:
     @property
     def control(self) -> NDArray[np.float32]:
         """``(N, 3)`` throttle, steer, brake as last set."""
+        self._apply_commands()
         return self._rows.control
 
     @property
     def hand_brake(self) -> BoolArray:
         """``(N,)`` hand brake as last set."""
+        self._apply_commands()
         return self._rows.hand_brake
 
     @property
     def reverse(self) -> BoolArray:
         """``(N,)`` whether a reverse gear is engaged."""
+        self._apply_commands()
         return self._rows.reverse
 
     @property
-    def gear(self) -> NDArray[np.int32]:
-        """``(N,)`` gear that the automatic box would be in: -1 in reverse, else 1 to 4."""
-        forward = 1 + np.searchsorted(_GEAR_SPEEDS, np.abs(self._rows.speed), side="right")
-        return np.where(self._rows.reverse, -1, forward).astype(np.int32)
+    def speed(self) -> FloatArray:
+        """``(N,)`` m/s along the heading, negative backwards."""
+        return self._rows.speed
+
+    @property
+    def gear(self) -> NDArray[np.int64]:
+        """``(N,)`` engaged gear: -1 in reverse, 0 in neutral, 1 and up ahead."""
+        return self._rows.gear
+
+    @property
+    def manual(self) -> BoolArray:
+        """``(N,)`` whether clients shift the gears themselves."""
+        return self._rows.manual
 
     @property
     def wheel_angle_deg(self) -> FloatArray:
         """``(N,)`` angle of the front wheels, positive to the right."""
         return self._rows.wheel_angle_deg
-
-    @property
-    def inverse_mass(self) -> FloatArray:
-        """``(N,)`` 1/kg; 0 for what cannot be pushed."""
-        return np.where(self._rows.simulated, self._rows.inverse_mass, 0.0)
 
     @property
     def collides(self) -> BoolArray:
@@ -116,12 +131,8 @@ class VehicleFleet:
 
     def footprints(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Boxes of the vehicles: ``(N, 3)`` centres, ``(N, 2)`` half sizes, ``(N,)`` yaws (rad)."""
-        rows = self._rows
-        yaw_rad = np.radians(rows.rotation_deg[:, 1])
-        center = rows.location.copy()
-        center[:, 0] += rows.box_center_x * np.cos(yaw_rad)
-        center[:, 1] += rows.box_center_x * np.sin(yaw_rad)
-        return center, rows.half_size, yaw_rad
+        center, yaw_rad = centers(self._rows)
+        return center, self._rows.half_size, yaw_rad
 
     def row(self, actor_id: int) -> int:
         """Row of an actor.
@@ -156,6 +167,9 @@ class VehicleFleet:
             "airborne": True,
             "simulated": True,
             "collides": True,
+            "gravity": True,
+            "gear": 1,
+            "grip": 1.0,
             "constant_velocity": np.full(3, np.nan),
             **parameter_values(parameters),
         }
@@ -169,78 +183,101 @@ class VehicleFleet:
             KeyError: no such vehicle.
         """
         self._rows.delete(self.row(actor_id))
+        self._commanded.pop(actor_id, None)
         self._row_of = {int(i): index for index, i in enumerate(self._rows.ids)}
+
+    # Commands ------------------------------------------------------------------------------------
 
     def set_parameters(self, actor_id: int, parameters: VehicleParameters) -> None:
         """Replaces the dynamics of a vehicle (``Vehicle.apply_physics_control``)."""
-        self._rows.set(self.row(actor_id), parameter_values(parameters))
-
-    def set_control(
-        self,
-        actor_id: int,
-        throttle: float,
-        steer: float,
-        brake: float,
-        hand_brake: bool,
-        reverse: bool,
-        gear: int,
-    ) -> None:
-        """Sets the pedals and the wheel until the next call.
-
-        Args:
-            throttle, brake: 0 to 1; values outside are clamped, NaN is 0.
-            steer: -1 (left) to 1 (right).
-            gear: negative engages reverse, as ``reverse`` does; other gears are automatic.
-        """
         row = self.row(actor_id)
-        pedals = np.nan_to_num(np.array([throttle, steer, brake], dtype=np.float64))
-        self._rows.control[row] = np.clip(pedals, (0.0, -1.0, 0.0), 1.0)
-        self._rows.hand_brake[row] = hand_brake
-        self._rows.reverse[row] = reverse or gear < 0
+        self._rows.set(row, parameter_values(parameters))
+        self._rows.gear[row] = min(self._rows.gear[row], self._rows.gear_count[row])
+
+    def set_control(self, actor_id: int, control: VehicleControl) -> None:
+        """Sets the pedals, the wheel and the gear until the next call.
+
+        Pedals beyond 0 to 1 and steering beyond -1 to 1 are clamped, NaN is 0.
+
+        Raises:
+            KeyError: no such vehicle.
+        """
+        self.row(actor_id)
+        self._commanded[actor_id] = control
 
     def set_transform(self, actor_id: int, location: ArrayLike, rotation_deg: ArrayLike) -> None:
         """Puts a vehicle elsewhere.
 
-        A simulated vehicle keeps its speed along the new heading, and the jump is not motion. For
-        one with physics off the way from the last tick's pose is its motion.
+        A simulated vehicle keeps its velocity in the world (Unreal's ``TeleportPhysics``), and the
+        jump is not motion. For one with physics off the way from the last tick's pose is its
+        motion.
         """
         row, rows = self.row(actor_id), self._rows
+        velocity = self._velocity_now(row)
         rows.location[row] = location
         rows.rotation_deg[row] = rotation_deg
         if rows.simulated[row]:
             rows.origin_location[row] = location
             rows.origin_rotation_deg[row] = rotation_deg
             rows.airborne[row] = True
-            rows.fall_speed[row] = 0.0
+            self._set_velocity(row, velocity)
 
     def set_wheel_angle(self, actor_id: int, angle_deg: float) -> None:
         """Turns the front wheels of a vehicle that only :meth:`set_transform` moves."""
         self._rows.wheel_angle_deg[self.row(actor_id)] = angle_deg
 
     def set_target_velocity(self, actor_id: int, velocity: ArrayLike) -> None:
-        """Gives a vehicle a world velocity (m/s) at once; tyres keep only its part ahead."""
-        row = self.row(actor_id)
-        vector = np.asarray(velocity, dtype=np.float64)
-        forward = rotation_matrix(self._rows.rotation_deg[row])[:, 0]
-        self._rows.speed[row] = float(vector @ forward)
-        if vector[2] > 0.1:
-            self._rows.airborne[row] = True
-            self._rows.fall_speed[row] = -float(vector[2])
+        """Gives a vehicle a world velocity (m/s) at once; its tyres soon take what is sideways."""
+        self._set_velocity(self.row(actor_id), np.asarray(velocity, dtype=np.float64))
 
     def set_target_angular_velocity(self, actor_id: int, angular_velocity_deg: ArrayLike) -> None:
         """Gives a vehicle a spin (deg/s) about the vertical, which its tyres soon take away."""
         spin = float(np.asarray(angular_velocity_deg, dtype=np.float64)[2])
-        self._rows.free_yaw_rate[self.row(actor_id)] = np.radians(spin)
+        self._rows.spin[self.row(actor_id)] = np.radians(spin)
+
+    def add_impulse(
+        self, actor_id: int, impulse: ArrayLike, location: ArrayLike | None = None
+    ) -> None:
+        """Pushes a vehicle at once.
+
+        Args:
+            impulse: N s, world.
+            location: where, world metres; None for the middle of the vehicle. Beside the middle it
+                makes the vehicle spin about the vertical; it never pitches or rolls.
+        """
+        row, rows = self.row(actor_id), self._rows
+        vector = np.asarray(impulse, dtype=np.float64)
+        self._set_velocity(row, self._velocity_now(row) + vector * rows.inverse_mass[row])
+        rows.spin[row] += self._moment(row, vector, location) * rows.inverse_inertia[row]
+
+    def add_angular_impulse(self, actor_id: int, about_vertical: float) -> None:
+        """Makes a vehicle spin at once (N m s about the vertical, positive to the right)."""
+        row = self.row(actor_id)
+        self._rows.spin[row] += about_vertical * self._rows.inverse_inertia[row]
+
+    def add_force(self, actor_id: int, force: ArrayLike, location: ArrayLike | None = None) -> None:
+        """Pushes a vehicle with a force (N, world) during the next step, as an impulse does."""
+        row = self.row(actor_id)
+        vector = np.asarray(force, dtype=np.float64)
+        self._rows.force[row] += vector
+        self._rows.torque_up[row] += self._moment(row, vector, location)
+
+    def add_torque(self, actor_id: int, about_vertical: float) -> None:
+        """Turns a vehicle with a torque (N m about the vertical) during the next step."""
+        self._rows.torque_up[self.row(actor_id)] += about_vertical
 
     def set_simulate_physics(self, actor_id: int, enabled: bool) -> None:
         """Switches the dynamics of a vehicle; off, only :meth:`set_transform` moves it."""
         row, rows = self.row(actor_id), self._rows
         if enabled and not rows.simulated[row]:
-            forward = rotation_matrix(rows.rotation_deg[row])[:, 0]
-            rows.speed[row] = float(rows.velocity[row] @ forward)
-            rows.fall_speed[row] = 0.0
             rows.airborne[row] = True
+            rows.spin[row] = rows.turn_rate[row] = 0.0
+            self._set_velocity(row, rows.velocity[row])
         rows.simulated[row] = enabled
+
+    def set_gravity(self, actor_id: int, enabled: bool) -> None:
+        """Whether a vehicle falls."""
+        self._rows.gravity[self.row(actor_id)] = enabled
 
     def set_collides(self, actor_id: int, enabled: bool) -> None:
         """Whether a vehicle pushes others and is pushed."""
@@ -249,149 +286,147 @@ class VehicleFleet:
     def set_constant_velocity(self, actor_id: int, velocity: ArrayLike | None) -> None:
         """Holds a velocity (m/s, in the vehicle's frame) whatever the pedals say; None ends it."""
         row = self.row(actor_id)
+        if velocity is None and not np.isnan(self._rows.constant_velocity[row, 0]):
+            self._rows.slide[row] = 0.0
         value = np.full(3, np.nan) if velocity is None else np.asarray(velocity, dtype=np.float64)
         self._rows.constant_velocity[row] = value
 
-    def step(self, delta_s: float, substeps: int) -> None:
-        """Moves every vehicle by ``delta_s`` seconds in ``substeps`` equal parts.
+    def set_grip(self, puddles_percent: float, zone_friction: FloatArray) -> None:
+        """Sets how well tyres hold until the next call.
+
+        Args:
+            puddles_percent: how much water is on the road, ``precipitation_deposits``.
+            zone_friction: ``(N,)`` tyre friction that a friction trigger imposes; NaN outside.
+        """
+        rows = self._rows
+        friction = np.where(np.isnan(zone_friction), rows.tire_friction, zone_friction)
+        rows.grip = dynamics.grip(friction, puddles_percent)
+
+    def _set_velocity(self, row: int, velocity: FloatArray) -> None:
+        """Velocity of a vehicle's origin, world m/s."""
+        rows = self._rows
+        forward, right, _ = rotation_matrix(rows.rotation_deg[row]).T
+        turn = rows.turn_rate[row] + rows.spin[row]
+        rows.speed[row] = float(velocity @ forward)
+        rows.slide[row] = float(velocity @ right) + turn * rows.rear_axle_x[row]
+        if rows.airborne[row]:
+            rows.vertical_speed[row] = velocity[2]
+        else:
+            climb = float(velocity[2] - rows.speed[row] * forward[2])
+            if climb > _LIFTS_OFF:
+                rows.airborne[row] = True
+                rows.vertical_speed[row] = velocity[2]
+
+    def _velocity_now(self, row: int) -> FloatArray:
+        """Velocity of a vehicle's origin, with all commands since the last step; world m/s."""
+        rows = self._rows
+        forward, right, _ = rotation_matrix(rows.rotation_deg[row]).T
+        turn = rows.turn_rate[row] + rows.spin[row]
+        aside = rows.slide[row] - turn * rows.rear_axle_x[row]
+        velocity = rows.speed[row] * forward + aside * right
+        if rows.airborne[row]:
+            velocity[2] = rows.vertical_speed[row]
+        return np.asarray(velocity)
+
+    def _moment(self, row: int, force: FloatArray, location: ArrayLike | None) -> float:
+        if location is None:
+            return 0.0
+        x, y = (np.asarray(location, dtype=np.float64) - self._rows.location[row])[:2]
+        return float(x * force[1] - y * force[0])
+
+    # The step ------------------------------------------------------------------------------------
+
+    def step(
+        self,
+        delta_s: float,
+        substeps: int,
+        *,
+        moving_s: float | None = None,
+        others: Others = NOTHING,
+        before_substep: Callable[[float], None] | None = None,
+    ) -> None:
+        """Moves every vehicle by one tick.
+
+        Args:
+            delta_s: the tick's duration.
+            substeps: equal parts to split it into, at least; more where they would be too long.
+            moving_s: seconds that the physics take part in, all of the tick by default.
+            others: what else can be hit.
+            before_substep: called with the duration of each part before it, for controllers.
 
         Raises:
             ValueError: a duration or a count that is not positive.
         """
         if not delta_s > 0.0 or substeps < 1:
             raise ValueError(f"cannot step {delta_s} s in {substeps} parts")
+        moving_s = delta_s if moving_s is None else moving_s
         rows = self._rows
-        self.contacts = []
+        self.crashes.begin(others)
         if len(rows.ids) == 0:
             return
-        for _ in range(substeps):
-            self._substep(delta_s / substeps)
-        self._part()
-        self._account(delta_s)
+        self._apply_commands()
+        fastest = float((np.abs(rows.speed) + np.abs(rows.slide)).max())
+        parts = max(
+            substeps,
+            math.ceil(moving_s / LONGEST_SUBSTEP_S - 1e-6),
+            math.ceil(fastest * moving_s / LONGEST_WAY_M),
+        )
+        parts = min(parts, max(substeps, _MOST_SUBSTEPS))
+        part_s = moving_s / parts
+        began_at = rows.location.copy()
+        constants, way_m = tick_constants(rows), 0.0
+        for index in range(parts):
+            if before_substep is not None:
+                before_substep(part_s)
+                if self._apply_commands():
+                    constants = tick_constants(rows)
+            substep(rows, constants, part_s)
+            way_m += float((np.abs(rows.speed) + np.abs(rows.slide)).max()) * part_s
+            if way_m + fastest * part_s > LONGEST_WAY_M or index == parts - 1:
+                self.crashes.look(rows)
+                way_m = 0.0
+        follow_ground(rows, self._ground_height, began_at, moving_s)
+        rows.force[:] = 0.0
+        rows.torque_up[:] = 0.0
+        self._account(delta_s, moving_s)
 
-    def _substep(self, dt_s: float) -> None:
+    def _apply_commands(self) -> bool:
+        """Writes the controls since the last call into their rows; whether there were any."""
+        if not self._commanded:
+            return False
         rows = self._rows
-        rolling = rows.simulated & ~rows.airborne
-        throttle, steer, brake = rows.control.astype(np.float64).T
-        pitch_rad, yaw_rad, _ = np.radians(rows.rotation_deg).T
-        speed = dynamics.next_speed(
-            rows.speed,
-            throttle=throttle,
-            brake=brake,
-            hand_brake=rows.hand_brake,
-            direction=np.where(rows.reverse, -1.0, 1.0),
-            slope_acceleration=-dynamics.GRAVITY * np.sin(pitch_rad),
-            max_acceleration=rows.max_acceleration,
-            power_per_mass=rows.power_per_mass,
-            max_deceleration=rows.max_deceleration,
-            max_reverse_speed=rows.max_reverse_speed,
-            drag_per_mass=rows.drag_per_mass,
-            dt_s=dt_s,
-        )
-        speed = np.where(rolling, speed, rows.speed)
-        held = ~np.isnan(rows.constant_velocity[:, 0])
-        speed = np.where(held, rows.constant_velocity[:, 0], speed)
-        sideways = np.where(held, rows.constant_velocity[:, 1], 0.0)
+        at = np.array([self._row_of[actor_id] for actor_id in self._commanded])
+        controls = self._commanded.values()
+        pedals = np.array([(c.throttle, c.steer, c.brake) for c in controls], np.float64)
+        rows.control[at] = np.clip(np.nan_to_num(pedals), (0.0, -1.0, 0.0), 1.0)
+        flags = np.array([(c.hand_brake, c.reverse, c.manual_gear_shift) for c in controls])
+        rows.hand_brake[at], rows.reverse[at], rows.manual[at] = flags.T
+        chosen = np.array([c.gear for c in controls], np.int64)
+        rows.manual_gear[at] = chosen
+        before = rows.gear[at]
+        chosen = np.clip(chosen, -1, rows.gear_count[at])
+        gear = np.where(rows.manual[at], chosen, np.maximum(before, 1))
+        gear = np.where(rows.reverse[at], -1, gear)
+        shifts = (gear != before) & (gear > 0) & (before > 0)
+        rows.shift_left_s[at] = np.where(shifts, rows.shift_time[at], rows.shift_left_s[at])
+        rows.gear[at] = gear
+        self._commanded.clear()
+        return True
 
-        share = dynamics.steering_share(rows.steering_curve, speed)
-        angle_deg = dynamics.next_steer_angle(
-            rows.wheel_angle_deg, steer * share * rows.max_steer_deg, dt_s
-        )
-        wheelbase = rows.front_axle_x - rows.rear_axle_x
-        rate = dynamics.yaw_rate(speed, angle_deg, wheelbase, rows.max_lateral_acceleration)
-        rate = np.where(rows.airborne, 0.0, rate) + rows.free_yaw_rate
-
-        heading = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=-1)
-        rear = rows.location[:, :2] + rows.rear_axle_x[:, None] * heading
-        rear = rear + dynamics.arc_displacement(speed * np.cos(pitch_rad), yaw_rad, rate, dt_s)
-        rear = rear + (sideways * dt_s)[:, None] * np.stack(
-            [-heading[:, 1], heading[:, 0]], axis=-1
-        )
-        yaw_rad = yaw_rad + rate * dt_s
-        heading = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=-1)
-        location = rear - rows.rear_axle_x[:, None] * heading
-
-        moved = rows.simulated
-        rows.speed = np.where(moved, speed, rows.speed)
-        rows.wheel_angle_deg = np.where(moved, angle_deg, rows.wheel_angle_deg)
-        rows.free_yaw_rate = rows.free_yaw_rate * np.exp(-dt_s / _FREE_SPIN_TIME_S)
-        rows.location[:, :2] = np.where(moved[:, None], location, rows.location[:, :2])
-        yaw_deg = (np.degrees(yaw_rad) + 180.0) % 360.0 - 180.0
-        rows.rotation_deg[:, 1] = np.where(moved, yaw_deg, rows.rotation_deg[:, 1])
-        self._follow_ground(dt_s)
-
-    def _part(self) -> None:
-        """Keeps vehicles out of each other."""
-        rows = self._rows
-        center, half_size, yaw_rad = self.footprints()
-        contacts = [
-            contact
-            for contact in find_contacts(center, half_size, yaw_rad)
-            if rows.collides[contact.first] and rows.collides[contact.second]
-        ]
-        impulses = resolve_contacts(contacts, rows.location, rows.speed, yaw_rad, self.inverse_mass)
-        self.contacts = list(zip(contacts, impulses, strict=True))
-
-    def _follow_ground(self, dt_s: float) -> None:
-        """Height, pitch and roll from the ground under the wheels; free fall above it."""
-        rows = self._rows
-        ground, pitch_deg, roll_deg = self._ground_plane()
-        fall = np.where(rows.airborne, rows.fall_speed + dynamics.GRAVITY * dt_s, 0.0)
-        height = rows.location[:, 2] - fall * dt_s
-        stays_up = rows.airborne & (height > ground)
-        leaves = ~rows.airborne & (height > ground + _STICKS_TO_GROUND_M)
-        airborne = stays_up | leaves
-        on_ground = rows.simulated & ~airborne
-        rows.fall_speed = np.where(airborne, fall, 0.0)
-        rows.airborne = airborne
-        rows.location[:, 2] = np.where(
-            on_ground, ground, np.where(rows.simulated, height, rows.location[:, 2])
-        )
-        rows.rotation_deg[:, 0] = np.where(on_ground, pitch_deg, rows.rotation_deg[:, 0])
-        rows.rotation_deg[:, 2] = np.where(on_ground, roll_deg, rows.rotation_deg[:, 2])
-
-    def _ground_plane(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Height at the origin, pitch and roll (deg) of the plane through the four wheels."""
-        rows = self._rows
-        count = len(rows.ids)
-        if self._ground_height is None:
-            zero = np.zeros(count)
-            return zero, zero, zero
-        yaw_rad = np.radians(rows.rotation_deg[:, 1])
-        forward = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=-1)
-        right = np.stack([-forward[:, 1], forward[:, 0]], axis=-1)
-        wheels = np.empty((4, count, 3))
-        wheels[:, :, 2] = rows.location[:, 2]
-        corners = (
-            (rows.front_axle_x, -rows.half_track),
-            (rows.front_axle_x, rows.half_track),
-            (rows.rear_axle_x, -rows.half_track),
-            (rows.rear_axle_x, rows.half_track),
-        )
-        for corner, (x, y) in enumerate(corners):
-            wheels[corner, :, :2] = rows.location[:, :2] + x[:, None] * forward + y[:, None] * right
-        z = self._ground_height(wheels.reshape(-1, 3)).reshape(4, count)
-        front, rear = 0.5 * (z[0] + z[1]), 0.5 * (z[2] + z[3])
-        left, right_side = 0.5 * (z[0] + z[2]), 0.5 * (z[1] + z[3])
-        wheelbase = rows.front_axle_x - rows.rear_axle_x
-        pitch = np.degrees(np.arctan2(front - rear, wheelbase))
-        # Two-wheelers have no track: they stay upright.
-        roll = np.degrees(np.arctan2(left - right_side, np.maximum(2.0 * rows.half_track, 0.1)))
-        height = rear + (front - rear) * (-rows.rear_axle_x / wheelbase)
-        return height, pitch, roll
-
-    def _account(self, delta_s: float) -> None:
+    def _account(self, delta_s: float, moving_s: float) -> None:
         """Velocities and accelerations of the tick, from where each vehicle was and is."""
         rows = self._rows
-        velocity = (rows.location - rows.origin_location) / delta_s
-        jumped = np.linalg.norm(velocity, axis=1) > _TELEPORT_SPEED
-        velocity = np.where(jumped[:, None], 0.0, velocity)
-        rows.acceleration = (velocity - rows.velocity) / delta_s
+        took_s = np.where(rows.simulated, moving_s, delta_s)[:, None]
+        velocity = (rows.location - rows.origin_location) / took_s
+        jumped = np.einsum("nk,nk->n", velocity, velocity) > _TELEPORT_SPEED**2
+        if jumped.any():
+            velocity[jumped] = 0.0
+        rows.acceleration = (velocity - rows.velocity) / took_s
         rows.velocity = velocity
         turned = rotation_matrix(rows.rotation_deg) @ np.swapaxes(
             rotation_matrix(rows.origin_rotation_deg), 1, 2
         )
-        rows.angular_velocity_deg = np.degrees(_rotation_vector(turned)) / delta_s
+        rows.angular_velocity_deg = np.degrees(_rotation_vector(turned)) / took_s
         rows.angular_velocity_deg[jumped] = 0.0
         rows.origin_location = rows.location.copy()
         rows.origin_rotation_deg = rows.rotation_deg.copy()

@@ -6,11 +6,10 @@ give the same frames. One thread owns a world.
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-
-import numpy as np
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.street_lamps import street_lamps
@@ -21,18 +20,18 @@ from carstage_sim.world.appearance import AppearanceKeeper
 from carstage_sim.world.arm_probe import ArmProbe
 from carstage_sim.world.attachments import Attachments
 from carstage_sim.world.blueprints import Blueprint, catalogue
-from carstage_sim.world.collisions import collisions_of_tick
 from carstage_sim.world.controls import (
     AckermannControl,
     AckermannSettings,
+    PhysicsStep,
     VehicleControl,
     WalkerControl,
 )
 from carstage_sim.world.debug_shapes import DebugDrawing
 from carstage_sim.world.errors import ActorNotFoundError, SpawnError, WorldError
 from carstage_sim.world.freezing import freeze
-from carstage_sim.world.ground import Ground
 from carstage_sim.world.lane_index import LaneIndex
+from carstage_sim.world.mechanics import Mechanics, Terrain, terrain_of
 from carstage_sim.world.motion import VehicleMotion
 from carstage_sim.world.overlap import is_blocked
 from carstage_sim.world.pose import Pose, Vector3, compose
@@ -46,11 +45,11 @@ from carstage_sim.world.traffic_light_actors import traffic_light_actor
 from carstage_sim.world.traffic_lights import TrafficLightSystem
 from carstage_sim.world.vehicle_parameters import VehicleParameters
 from carstage_sim.world.vehicles import VehicleFleet
-from carstage_sim.world.walkers import WalkerMotion
 
 _REMEMBERED_DEAD = 4096
 _FIRST_STREAM = 1
 _SPECTATOR_HEIGHT_M = 20.0
+_M2_PER_CM2 = 1e-4
 COLLISION_TEXT = "Spawn failed because of collision at spawn position"
 
 
@@ -77,8 +76,7 @@ class World:
         debug_drawing: what clients drew into the world.
         appearance: gives how the town looks now.
         stream_id: stream of this episode's snapshots.
-        lanes, ground: lookups of the map.
-        collisions: what touched in the last tick.
+        lanes, terrain: lookups of the map.
     """
 
     def __init__(
@@ -95,7 +93,6 @@ class World:
         self.elapsed_s = 0.0
         self.weather = Weather()
         self.actors = ActorTable()
-        self.fleet = VehicleFleet()
         self.lights = TrafficLightSystem(town.traffic_lights)
         self.street_lights = StreetLights(street_lamps(town.static_mesh))
         self.objects = TownObjects(town.level_objects)
@@ -108,18 +105,23 @@ class World:
         self.light_ids: tuple[int, ...] = ()
         neighbour = previous if previous is not None and previous.town is town else None
         self.lanes: LaneIndex = neighbour.lanes if neighbour else LaneIndex(town.lanes)
-        self.ground: Ground = neighbour.ground if neighbour else Ground(town.static_mesh)
-        self._walkers = WalkerMotion(self.ground)
+        self.terrain: Terrain = neighbour.terrain if neighbour else terrain_of(town)
+        self._mechanics = Mechanics(self.terrain, self.actors, self.objects)
+        self.fleet: VehicleFleet = self._mechanics.fleet
         self._attachments: Attachments | None = None
         self._arm_probe: ArmProbe | None = neighbour._arm_probe if neighbour else None
         self._dead: OrderedDict[int, Actor] = OrderedDict()
         self._next_actor_id = 1
         self._last_delta_s = 0.0
-        self.collisions: tuple[Collision, ...] = ()
         if previous is not None:
             for actor in [*previous._dead.values(), *previous.actors]:
                 self._remember(actor)
         self._populate()
+
+    @property
+    def collisions(self) -> tuple[Collision, ...]:
+        """What touched in the last tick."""
+        return self._mechanics.collisions
 
     def _populate(self) -> None:
         for site in self.town.traffic_lights:
@@ -262,7 +264,6 @@ class World:
         self.actors.remove(actor_id)
         if actor.vehicle is not None:
             self.fleet.remove(actor_id)
-        self._walkers.forget(actor_id)
         self._remember(actor)
         self._attachments = None
         return True
@@ -296,7 +297,7 @@ class World:
         vehicle = self.live(actor_id).vehicle
         if vehicle is not None:
             vehicle.control, vehicle.ackermann = control, None
-            self._drive(actor_id, control)
+            self.fleet.set_control(actor_id, control)
 
     def control_ackermann(self, actor_id: int, control: AckermannControl) -> None:
         """Let the vehicle's own controller follow a steering angle and a speed."""
@@ -314,17 +315,6 @@ class World:
             vehicle.ackermann_settings = settings
             if vehicle.ackermann is not None:
                 vehicle.ackermann.gains = settings
-
-    def _drive(self, actor_id: int, control: VehicleControl) -> None:
-        self.fleet.set_control(
-            actor_id,
-            control.throttle,
-            control.steer,
-            control.brake,
-            control.hand_brake,
-            control.reverse,
-            control.gear if control.manual_gear_shift else int(not control.reverse),
-        )
 
     def control_walker(self, actor_id: int, control: WalkerControl) -> None:
         """Set where a walker goes and how fast."""
@@ -371,18 +361,36 @@ class World:
         if self.live(actor_id).vehicle is not None:
             self.fleet.set_constant_velocity(actor_id, velocity)
 
-    def add_impulse(self, actor_id: int, impulse: Vector3) -> None:
-        """Push a vehicle (N s, world)."""
-        actor = self.live(actor_id)
-        if actor.vehicle is not None:
-            mass_kg = self.parameters(actor).mass_kg
-            velocity = self.fleet.velocity[self.fleet.row(actor_id)]
-            self.fleet.set_target_velocity(actor_id, velocity + np.asarray(impulse) / mass_kg)
+    def set_enable_gravity(self, actor_id: int, enabled: bool) -> None:
+        """Whether an actor falls; one that was destroyed may be named."""
+        actor = self.live_or_dead(actor_id)
+        actor.gravity = enabled
+        if actor.vehicle is not None and actor_id in self.actors:
+            self.fleet.set_gravity(actor_id, enabled)
 
-    def add_force(self, actor_id: int, force: Vector3) -> None:
-        """Push a vehicle with a force (N, world) during the next tick, as long as the last one."""
-        x, y, z = (component * self._last_delta_s for component in force)
-        self.add_impulse(actor_id, (x, y, z))
+    def add_impulse(self, actor_id: int, impulse: Vector3, location: Vector3 | None = None) -> None:
+        """Push a vehicle (N s, world), beside its middle if a place in the world is given."""
+        if self.live(actor_id).vehicle is not None:
+            self.fleet.add_impulse(actor_id, impulse, location)
+
+    def add_force(self, actor_id: int, force: Vector3, location: Vector3 | None = None) -> None:
+        """Push a vehicle with a force (N, world) during the next tick."""
+        if self.live(actor_id).vehicle is not None:
+            self.fleet.add_force(actor_id, force, location)
+
+    def add_angular_impulse(self, actor_id: int, impulse: Vector3) -> None:
+        """Make a vehicle spin about the vertical, in CARLA's unit of kg cm^2 degrees per second.
+
+        Unreal's ``AddAngularImpulseInDegrees`` gets the client's vector as it is. Vehicles keep to
+        the road plane: the other two axes have no effect.
+        """
+        if self.live(actor_id).vehicle is not None:
+            self.fleet.add_angular_impulse(actor_id, math.radians(impulse[2]) * _M2_PER_CM2)
+
+    def add_torque(self, actor_id: int, torque: Vector3) -> None:
+        """Turn a vehicle about the vertical during the next tick (kg cm^2 degrees per s^2)."""
+        if self.live(actor_id).vehicle is not None:
+            self.fleet.add_torque(actor_id, math.radians(torque[2]) * _M2_PER_CM2)
 
     def set_parameters(self, actor_id: int, parameters: VehicleParameters) -> None:
         """Replace a vehicle's physics."""
@@ -445,36 +453,40 @@ class World:
 
     # The tick ------------------------------------------------------------------------------------
 
-    def tick(self, delta_s: float, substeps: int = 1) -> Snapshot:
-        """Advance the world by ``delta_s`` seconds and freeze the new frame."""
+    def tick(self, delta_s: float, substeps: int = 1, *, moving_s: float | None = None) -> Snapshot:
+        """Advance the world and freeze the new frame.
+
+        Args:
+            delta_s: simulated seconds.
+            substeps: physics steps, at least.
+            moving_s: seconds that vehicles move for; all by default.
+        """
         self.frame += 1
         self.elapsed_s += delta_s
         self._last_delta_s = delta_s
-        table = self.actors
-        for actor in table.of_kind(ActorKind.VEHICLE):
-            if actor.vehicle is not None and actor.vehicle.ackermann is not None:
-                self._steer_by_itself(actor, actor.vehicle, actor.vehicle.ackermann)
-        self.fleet.step(delta_s, substeps)
-        rows = np.searchsorted(table.actor_id, self.fleet.ids)
-        table.location[rows] = self.fleet.location
-        table.rotation_deg[rows] = self.fleet.rotation_deg
-        table.velocity[rows] = self.fleet.velocity
-        table.angular_velocity_deg[rows] = self.fleet.angular_velocity_deg
-        table.acceleration[rows] = self.fleet.acceleration
-        self._walkers.step(table, table.of_kind(ActorKind.WALKER), delta_s)
+        physics = PhysicsStep(delta_s if moving_s is None else moving_s, substeps)
+        steered = [
+            (actor, actor.vehicle, actor.vehicle.ackermann)
+            for actor in self.actors.of_kind(ActorKind.VEHICLE)
+            if actor.vehicle is not None and actor.vehicle.ackermann is not None
+        ]
+
+        def steer(part_s: float) -> None:
+            for actor, vehicle, controller in steered:
+                speed = float(self.fleet.speed[self.fleet.row(actor.actor_id)])
+                vehicle.control = controller.step(speed, self.parameters(actor), part_s)
+                self.fleet.set_control(actor.actor_id, vehicle.control)
+
+        self._mechanics.step(
+            delta_s, physics, self.weather.precipitation_deposits, steer if steered else None
+        )
+        for actor_id in self._mechanics.fallen():
+            self.destroy(actor_id)
         self._follow()
-        self.collisions = collisions_of_tick(table, self.fleet)
         self.lights.step(delta_s)
         self.debug_drawing.step(self.elapsed_s)
         self.street_lights.step()
         return self.freeze(delta_s)
-
-    def _steer_by_itself(
-        self, actor: Actor, vehicle: VehicleStatus, controller: AckermannController
-    ) -> None:
-        motion, parameters = self.motion(actor), self.parameters(actor)
-        vehicle.control = controller.step(motion, parameters, self._last_delta_s)
-        self._drive(actor.actor_id, vehicle.control)
 
     def _follow(self) -> None:
         if self._attachments is None:

@@ -73,6 +73,8 @@ def trial_of_a_collision(port: int) -> dict[str, Any]:
         entry = (event.frame, event.actor.id == car.id, event.other_actor.type_id, along)
         met.setdefault(event.other_actor.id, entry)
     struck = others.get(timeout=20.0)
+    while struck.other_actor.id != car.id:  # the walker, pushed ahead by the car
+        struck = others.get(timeout=20.0)
     for events in (own, others):
         events.sensor.stop()  # type: ignore[attr-defined]
     return {

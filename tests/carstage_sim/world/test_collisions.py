@@ -9,8 +9,8 @@ import pytest
 
 from carstage_sim.maps import Town
 from carstage_sim.world.actors import Actor
-from carstage_sim.world.collisions import SENSOR_TYPE, WALKER_MASS_KG
 from carstage_sim.world.pose import Pose, compose
+from carstage_sim.world.solids import WALKER_MASS_KG
 from carstage_sim.world.state import Collision
 from carstage_sim.world.world import World
 
@@ -67,7 +67,7 @@ def test_a_walker_that_is_run_over_is_reported_while_a_sensor_could_tell(world: 
     car, walker = ahead(world, WALKER, 6.0)
     drive(world, car, 8.0)
     assert first_collisions(world, 5) == ()
-    world.spawn(SENSOR_TYPE, {}, Pose(), parent_id=car.actor_id)
+    world.spawn("sensor.other.collision", {}, Pose(), parent_id=car.actor_id)
     (collision,) = first_collisions(world)
     assert (collision.first_id, collision.second_id) == (car.actor_id, walker.actor_id)
     mass_kg = world.parameters(car).mass_kg
@@ -79,7 +79,7 @@ def test_a_walker_that_is_run_over_is_reported_while_a_sensor_could_tell(world: 
 
 def test_a_walker_whose_collisions_are_off_is_not_reported(world: World) -> None:
     car, walker = ahead(world, WALKER, 6.0)
-    world.spawn(SENSOR_TYPE, {}, Pose(), parent_id=car.actor_id)
+    world.spawn("sensor.other.collision", {}, Pose(), parent_id=car.actor_id)
     world.set_collides(walker.actor_id, False)
     drive(world, car, 8.0)
     assert first_collisions(world) == ()

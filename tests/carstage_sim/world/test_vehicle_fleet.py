@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from carstage_sim.world.blueprints import catalogue
+from carstage_sim.world.controls import VehicleControl
 from carstage_sim.world.vehicle_parameters import VehicleParameters
 from carstage_sim.world.vehicles import VehicleFleet
 
@@ -41,7 +42,7 @@ def drive(
     hand_brake: bool = False,
     reverse: bool = False,
 ) -> None:
-    fleet.set_control(7, throttle, steer, brake, hand_brake, reverse, 0)
+    fleet.set_control(7, VehicleControl(throttle, steer, brake, hand_brake, reverse))
     for _ in range(round(seconds / DELTA_S)):
         fleet.step(DELTA_S, SUBSTEPS)
 
@@ -63,7 +64,7 @@ def test_velocity_is_displacement_and_acceleration_is_change_of_velocity(
 ) -> None:
     fleet = fleet_of_one()
     for throttle, steer, brake, hand_brake, reverse in commands:
-        fleet.set_control(7, throttle, steer, brake, hand_brake, reverse, 0)
+        fleet.set_control(7, VehicleControl(throttle, steer, brake, hand_brake, reverse))
         location, velocity = fleet.location.copy(), fleet.velocity.copy()
         fleet.step(delta_s, SUBSTEPS)
         np.testing.assert_allclose(fleet.velocity, (fleet.location - location) / delta_s)
@@ -84,7 +85,7 @@ def test_brake_never_reverses_and_holds_at_rest(
 ) -> None:
     fleet = fleet_of_one(type_id)
     fleet.set_target_velocity(7, (speed, 0.0, 0.0))
-    fleet.set_control(7, 0.0, steer, brake, False, False, 0)
+    fleet.set_control(7, VehicleControl(0.0, steer, brake, False, False))
     for _ in range(40):
         fleet.step(0.1, 3)
         rolled = forward_speed(fleet)
@@ -187,7 +188,7 @@ def slope(points: NDArray[np.float64]) -> NDArray[np.float64]:
 def test_pitch_roll_and_height_follow_the_ground() -> None:
     fleet = VehicleFleet(slope)
     fleet.add(7, parameters(), (20.0, 10.0, 1.5), (0.0, 0.0, 0.0))
-    fleet.set_control(7, 0.0, 0.0, 1.0, False, False, 0)
+    fleet.set_control(7, VehicleControl(0.0, 0.0, 1.0, False, False))
     fleet.step(DELTA_S, SUBSTEPS)
     fleet.step(DELTA_S, SUBSTEPS)
     assert fleet.location[0, 2] == pytest.approx(1.5)
@@ -195,7 +196,7 @@ def test_pitch_roll_and_height_follow_the_ground() -> None:
     # Positive roll lowers the right side.
     assert fleet.rotation_deg[0, 2] == pytest.approx(math.degrees(math.atan(0.05)), rel=1e-3)
     np.testing.assert_array_equal(fleet.velocity[0], 0.0)
-    fleet.set_control(7, 0.0, 0.0, 0.0, False, False, 0)
+    fleet.set_control(7, VehicleControl(0.0, 0.0, 0.0, False, False))
     for _ in range(20):
         fleet.step(DELTA_S, SUBSTEPS)
     assert fleet.velocity[0, 0] < -0.3
@@ -208,7 +209,7 @@ def test_teleport_is_not_motion_but_a_moved_kinematic_vehicle_has_velocity() -> 
     np.testing.assert_array_equal(fleet.velocity[0], 0.0)
     fleet.set_simulate_physics(7, False)
     fleet.set_transform(7, (100.0, 0.5, 0.0), (0.0, 90.0, 0.0))
-    fleet.set_control(7, 1.0, 0.0, 0.0, False, False, 0)
+    fleet.set_control(7, VehicleControl(1.0, 0.0, 0.0, False, False))
     fleet.step(DELTA_S, SUBSTEPS)
     np.testing.assert_allclose(fleet.velocity[0], (0.0, 10.0, 0.0))
     np.testing.assert_allclose(fleet.location[0], (100.0, 0.5, 0.0))
@@ -248,7 +249,7 @@ def test_equal_commands_give_equal_bytes_whatever_else_is_in_the_fleet() -> None
     crowded.step(DELTA_S, SUBSTEPS)
     for tick in range(100):
         for fleet in (alone, crowded):
-            fleet.set_control(7, 0.6, math.sin(tick / 9.0), 0.0, False, False, 0)
+            fleet.set_control(7, VehicleControl(0.6, math.sin(tick / 9.0), 0.0, False, False))
             fleet.step(DELTA_S, SUBSTEPS)
     row = crowded.row(7)
     assert crowded.location[row].tobytes() == alone.location[0].tobytes()
@@ -257,5 +258,5 @@ def test_equal_commands_give_equal_bytes_whatever_else_is_in_the_fleet() -> None
 
 def test_controls_out_of_range_are_clamped_and_nan_is_zero() -> None:
     fleet = fleet_of_one()
-    fleet.set_control(7, 3.0, -9.0, math.nan, False, False, 0)
+    fleet.set_control(7, VehicleControl(3.0, -9.0, math.nan, False, False))
     np.testing.assert_array_equal(fleet.control[0], (1.0, -1.0, 0.0))

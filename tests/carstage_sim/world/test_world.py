@@ -279,4 +279,4 @@ def test_ackermann_control_reaches_its_speed_and_stops(world: World, stage01: To
 def test_substeps_are_as_long_as_allowed(
     settings: EpisodeSettings, delta_s: float, expected: int
 ) -> None:
-    assert settings.substeps(delta_s) == expected
+    assert settings.physics(delta_s).substeps == expected

@@ -119,7 +119,7 @@ def _set_actor_simulate_physics(call: Call, actor_id: int, enabled: bool) -> Non
 
 @handles_void("set_actor_enable_gravity")
 def _set_actor_enable_gravity(call: Call, actor_id: int, enabled: bool) -> None:
-    call.world.live_or_dead(actor_id).gravity = bool(enabled)
+    call.world.set_enable_gravity(actor_id, bool(enabled))
 
 
 @handles_void("set_actor_collisions")
@@ -167,19 +167,23 @@ def _add_actor_force(call: Call, actor_id: int, force: list[float]) -> None:
 
 @handles_void("add_actor_impulse_at_location")
 def _add_actor_impulse_at_location(
-    call: Call, actor_id: int, impulse: list[float], _location: list[float]
+    call: Call, actor_id: int, impulse: list[float], location: list[float]
 ) -> None:
-    call.world.add_impulse(actor_id, values.vector(impulse))
+    call.world.add_impulse(actor_id, values.vector(impulse), values.vector(location))
 
 
 @handles_void("add_actor_force_at_location")
 def _add_actor_force_at_location(
-    call: Call, actor_id: int, force: list[float], _location: list[float]
+    call: Call, actor_id: int, force: list[float], location: list[float]
 ) -> None:
-    call.world.add_force(actor_id, values.vector(force))
+    call.world.add_force(actor_id, values.vector(force), values.vector(location))
 
 
-@handles_void("add_actor_torque", "add_actor_angular_impulse")
-def _add_actor_torque(call: Call, actor_id: int, _torque: list[float]) -> None:
-    """Vehicles keep to the road plane; a torque on them has no effect."""
-    call.world.live_or_dead(actor_id)
+@handles_void("add_actor_angular_impulse")
+def _add_actor_angular_impulse(call: Call, actor_id: int, impulse: list[float]) -> None:
+    call.world.add_angular_impulse(actor_id, values.vector(impulse))
+
+
+@handles_void("add_actor_torque")
+def _add_actor_torque(call: Call, actor_id: int, torque: list[float]) -> None:
+    call.world.add_torque(actor_id, values.vector(torque))

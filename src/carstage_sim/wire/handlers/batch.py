@@ -161,9 +161,13 @@ def _force(call: Call, actor_id: int, force: list[float]) -> None:
 
 
 @_command("ApplyAngularImpulse", "add_actor_angular_impulse")
+def _angular_impulse(call: Call, actor_id: int, impulse: list[float]) -> None:
+    call.world.add_angular_impulse(actor_id, values.vector(impulse))
+
+
 @_command("ApplyTorque", "add_actor_torque")
-def _torque(call: Call, actor_id: int, _torque: list[float]) -> None:
-    call.world.live(actor_id)
+def _torque(call: Call, actor_id: int, torque: list[float]) -> None:
+    call.world.add_torque(actor_id, values.vector(torque))
 
 
 @_command("SetSimulatePhysics", "set_actor_simulate_physics")
@@ -173,7 +177,8 @@ def _simulate_physics(call: Call, actor_id: int, enabled: bool) -> None:
 
 @_command("SetEnableGravity", "set_actor_enable_gravity")
 def _enable_gravity(call: Call, actor_id: int, enabled: bool) -> None:
-    call.world.live(actor_id).gravity = bool(enabled)
+    call.world.live(actor_id)
+    call.world.set_enable_gravity(actor_id, bool(enabled))
 
 
 @_command("SetAutopilot", "set_actor_autopilot")

@@ -10,6 +10,7 @@ from types import MappingProxyType
 from carstage_sim.world.blueprints.model import Blueprint
 from carstage_sim.world.blueprints.props import prop_blueprints
 from carstage_sim.world.blueprints.sensors import sensor_blueprints
+from carstage_sim.world.blueprints.triggers import trigger_blueprints
 from carstage_sim.world.blueprints.vehicles import vehicle_blueprints
 from carstage_sim.world.blueprints.walkers import walker_blueprints
 
@@ -20,6 +21,7 @@ def catalogue() -> Mapping[str, Blueprint]:
     families = (
         *prop_blueprints(),
         *sensor_blueprints(),
+        *trigger_blueprints(),
         *vehicle_blueprints(),
         *walker_blueprints(),
     )

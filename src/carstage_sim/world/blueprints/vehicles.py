@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.world.blueprints.model import Attribute, AttributeType, Blueprint
+from carstage_sim.world.powertrain import calibrated
 from carstage_sim.world.state import ActorKind
 from carstage_sim.world.vehicle_parameters import Vector3, VehicleParameters, Wheel
 
@@ -178,12 +179,12 @@ def _parameters(row: _Row) -> VehicleParameters:
         half_width_m=row.extent[1],
     )
     if row.base_type == _TRUCK and row.name != "tesla.cybertruck":
-        return replace(base, max_acceleration=3.0, power_per_mass=30.0, max_deceleration=8.0)
-    if row.base_type == _BUS:
-        return replace(base, max_acceleration=2.8, power_per_mass=25.0, max_deceleration=8.0)
-    if row.base_type == _BIKE:
-        return replace(base, max_acceleration=2.5, power_per_mass=14.0, max_reverse_speed=1.5)
-    return base
+        base = replace(base, max_acceleration=3.0, power_per_mass=30.0, max_deceleration=8.0)
+    elif row.base_type == _BUS:
+        base = replace(base, max_acceleration=2.8, power_per_mass=25.0, max_deceleration=8.0)
+    elif row.base_type == _BIKE:
+        base = replace(base, max_acceleration=2.5, power_per_mass=14.0, max_reverse_speed=1.5)
+    return calibrated(base)
 
 
 def _attributes(row: _Row) -> tuple[Attribute, ...]:

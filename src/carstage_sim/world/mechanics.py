@@ -1,0 +1,128 @@
+"""The mechanics of an episode: everything that moves in a tick, and what touches on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from carstage_sim.maps.ground import Ground
+from carstage_sim.maps.town import Town
+from carstage_sim.world.actors import ActorTable
+from carstage_sim.world.collisions import collisions_of_tick
+from carstage_sim.world.controls import PhysicsStep
+from carstage_sim.world.friction_zones import TYPE_ID as FRICTION_TRIGGER
+from carstage_sim.world.friction_zones import zone_friction
+from carstage_sim.world.obstacles import Obstacles
+from carstage_sim.world.solids import Solids
+from carstage_sim.world.state import ActorKind, Collision
+from carstage_sim.world.town_objects import TownObjects
+from carstage_sim.world.vehicles import VehicleFleet
+from carstage_sim.world.walkers import WalkerMotion
+
+KILL_HEIGHT_M = -10485.75
+"""What falls below is destroyed: Unreal's default ``KillZ`` of a level."""
+
+
+@dataclass(frozen=True, slots=True)
+class Terrain:
+    """What of a town things stand on and run into; built once and shared by its episodes."""
+
+    ground: Ground
+    obstacles: Obstacles
+
+
+def terrain_of(town: Town) -> Terrain:
+    """Reads the terrain out of a town's mesh (some tenths of a second)."""
+    ground = Ground(town.static_mesh)
+    return Terrain(ground, Obstacles(town.static_mesh, ground))
+
+
+class Mechanics:
+    """Steps vehicles and walkers and writes their motion into the table of actors.
+
+    Args:
+        terrain: of the town.
+        table: the actors.
+        objects: tells which of the town's objects clients took away.
+
+    Attributes:
+        fleet: dynamics of the vehicles.
+        collisions: what touched in the last tick.
+    """
+
+    def __init__(self, terrain: Terrain, table: ActorTable, objects: TownObjects) -> None:
+        self.fleet = VehicleFleet(terrain.ground.height_below, terrain.obstacles)
+        self.collisions: tuple[Collision, ...] = ()
+        self._obstacles = terrain.obstacles
+        self._walkers = WalkerMotion(terrain.ground, terrain.obstacles)
+        self._table = table
+        self._objects = objects
+        self._hidden: frozenset[int] = frozenset()
+        self._hidden_version = -1
+
+    def step(
+        self,
+        delta_s: float,
+        physics: PhysicsStep,
+        puddles_percent: float,
+        before_substep: Callable[[float], None] | None = None,
+    ) -> None:
+        """One tick.
+
+        Args:
+            delta_s: its duration.
+            physics: how much of it vehicles move, and in how many parts.
+            puddles_percent: water on the road.
+            before_substep: called with the duration of each part before it, for controllers.
+        """
+        table, fleet = self._table, self.fleet
+        self._hide_objects()
+        solids = Solids(table)
+        if len(fleet):
+            self._set_grip(puddles_percent)
+        fleet.step(
+            delta_s,
+            physics.substeps,
+            moving_s=physics.duration_s,
+            others=solids.others,
+            before_substep=before_substep,
+        )
+        rows = np.searchsorted(table.actor_id, fleet.ids)
+        table.location[rows] = fleet.location
+        table.rotation_deg[rows] = fleet.rotation_deg
+        table.velocity[rows] = fleet.velocity
+        table.angular_velocity_deg[rows] = fleet.angular_velocity_deg
+        table.acceleration[rows] = fleet.acceleration
+        touches = fleet.crashes.touches
+        walkers = table.of_kind(ActorKind.WALKER)
+        if touches:
+            self._walkers.knock(walkers, *solids.pushed(table))
+        self._walkers.step(table, walkers, delta_s)
+        ids = [*fleet.ids.tolist(), *(actor.actor_id for actor in solids.actors)]
+        self.collisions = collisions_of_tick(touches, ids)
+
+    def fallen(self) -> list[int]:
+        """Ids of vehicles and walkers that have left the world downwards."""
+        low = self._table.location[:, 2] < KILL_HEIGHT_M
+        low &= np.isin(self._table.kind, (ActorKind.VEHICLE, ActorKind.WALKER))
+        return [int(actor_id) for actor_id in self._table.actor_id[low]]
+
+    def _hide_objects(self) -> None:
+        # The obstacles are shared by episodes: what an earlier one hid is not hidden in this one.
+        if self._objects.version == self._hidden_version:
+            return
+        self._hidden_version = self._objects.version
+        self._obstacles.hide(self._objects.hidden())
+
+    def _set_grip(self, puddles_percent: float) -> None:
+        triggers = [
+            actor
+            for actor in self._table.of_kind(ActorKind.OTHER)
+            if actor.type_id == FRICTION_TRIGGER
+        ]
+        friction = np.full(len(self.fleet), np.nan)
+        if triggers:
+            friction = zone_friction(triggers, self._table, *self.fleet.footprints())
+        self.fleet.set_grip(puddles_percent, friction)

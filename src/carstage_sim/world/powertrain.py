@@ -1,0 +1,130 @@
+"""From the throttle to the wheels: torque curve, gear box and brakes of a fleet.
+
+The engine turns with the driven wheels (no clutch slip), so its speed follows from the vehicle's
+and the gear's ratio. What it pushes a vehicle of mass m with, at the wheels of radius r, through
+the total ratio R, while it must also turn its own moment of inertia J, is the textbook's
+``a = efficiency T R / (r (m + J R² / r²))`` (Rajamani, "Vehicle Dynamics and Control", chapter 5).
+The efficiency is set once per blueprint, so that full throttle in first gear gives the blueprint's
+``max_acceleration``; whatever a client then changes shows as it does in that formula.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carstage_sim.world.vehicle_parameters import VehicleParameters
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+MAX_GEARS = 10
+"""Forward gears that count; a client may send more."""
+CURVE_POINTS = 24
+"""Samples of a torque curve, from standstill to the highest engine speed."""
+
+_REVERSE_RATIO = 4.0  # PhysX's default; CARLA's physics control has no field for it
+_HYSTERESIS = 1.05  # how far above a gear's lower shift point its upper one is at least
+_LAST_SHIFT = 0.97  # of the highest engine speed
+_RPM = 60.0 / (2.0 * np.pi)
+
+
+def calibrated(parameters: VehicleParameters) -> VehicleParameters:
+    """Parameters of a blueprint whose drive and brakes give its stated accelerations."""
+    unscaled = gear_values(replace(parameters, drivetrain_efficiency=1.0))
+    pull = np.asarray(unscaled["force_per_torque"])[1] * np.asarray(unscaled["torque"]).max()
+    brake = sum(wheel.max_brake_torque / wheel.radius_m for wheel in parameters.wheels)
+    return replace(
+        parameters,
+        blueprint_mass_kg=parameters.mass_kg,
+        drivetrain_efficiency=float(parameters.max_acceleration / pull),
+        brake_gain=parameters.max_deceleration * parameters.mass_kg / brake,
+    )
+
+
+def gear_values(parameters: VehicleParameters) -> dict[str, ArrayLike]:
+    """The columns of engine and gear box; index 0 of the gears is reverse, 1 the first gear."""
+    gears = parameters.forward_gears[:MAX_GEARS]
+    ratios = np.zeros(MAX_GEARS + 1)
+    ratios[0] = _REVERSE_RATIO
+    ratios[1 : len(gears) + 1] = [gear.ratio for gear in gears]
+    ratios = np.abs(ratios * parameters.final_ratio)
+    driven = [w for w in parameters.wheels if w.max_steer_angle_deg == 0.0] or parameters.wheels
+    radius_m = sum(wheel.radius_m for wheel in driven) / len(driven)
+    mass_kg = parameters.mass_kg + max(parameters.moi, 0.0) * (ratios / radius_m) ** 2
+    rpm_per_speed = ratios / radius_m * _RPM
+    max_rpm = max(parameters.max_rpm, 1.0)
+    down, up = np.zeros(MAX_GEARS + 1), np.full(MAX_GEARS + 1, np.inf)
+    for index, gear in enumerate(gears, start=1):
+        if index > 1:
+            down[index] = gear.down_ratio * max_rpm / rpm_per_speed[index]
+        if index < len(gears):
+            # A shift that would be taken back at once is none.
+            back = gears[index].down_ratio * _HYSTERESIS * ratios[index] / ratios[index + 1]
+            share = min(max(gear.up_ratio, back), _LAST_SHIFT)
+            up[index] = share * max_rpm / rpm_per_speed[index]
+    rpm = np.linspace(0.0, max_rpm, CURVE_POINTS)
+    speeds, torques = np.array(sorted(parameters.torque_curve), dtype=np.float64).T
+    losses = max(parameters.damping_rate_full_throttle, 0.0) * rpm / _RPM
+    return {
+        "torque": np.maximum(np.interp(rpm, speeds, torques) - losses, 0.0),
+        "max_rpm": max_rpm,
+        "rpm_per_speed": rpm_per_speed,
+        "force_per_torque": parameters.drivetrain_efficiency * ratios / (radius_m * mass_kg),
+        "gear_count": len(gears),
+        "shift_up_speed": up,
+        "shift_down_speed": down,
+        "shift_time": max(parameters.gear_switch_time_s, 0.0),
+        "auto_box": parameters.use_gear_autobox,
+    }
+
+
+def drive_acceleration(
+    speed: FloatArray,
+    gear: IntArray,
+    *,
+    torque: FloatArray,
+    max_rpm: FloatArray,
+    rpm_per_speed: FloatArray,
+    force_per_torque: FloatArray,
+) -> FloatArray:
+    """Acceleration at full throttle, ``(N,)`` m/s², of any gear but neutral (there it is 0).
+
+    Args:
+        speed: ``(N,)`` m/s, of any sign.
+        gear: ``(N,)`` -1 for reverse, 0 for neutral.
+        torque: ``(N, 24)`` N m from standstill to ``max_rpm``.
+        rpm_per_speed, force_per_torque: ``(N, 11)`` by gear, index 0 for reverse.
+    """
+    rows = np.arange(len(speed))
+    index = np.maximum(gear, 0)
+    share = np.abs(speed) * rpm_per_speed[rows, index] / max_rpm
+    position = np.minimum(share, 1.0) * (CURVE_POINTS - 1.001)
+    low = position.astype(np.intp)
+    part = position - low
+    pull = torque[rows, low] * (1.0 - part) + torque[rows, low + 1] * part
+    works = (share < 1.0) & (gear != 0)
+    return np.asarray(np.where(works, pull * force_per_torque[rows, index], 0.0))
+
+
+def shifted(
+    gear: IntArray,
+    speed: FloatArray,
+    ready: NDArray[np.bool_],
+    *,
+    shift_up_speed: FloatArray,
+    shift_down_speed: FloatArray,
+) -> IntArray:
+    """The gears after an automatic box has looked at the speed; at most one up or down.
+
+    Args:
+        ready: ``(N,)`` whether a box may shift now: it is automatic, in a forward gear, and not in
+            the middle of a shift.
+    """
+    rows, index = np.arange(len(gear)), np.maximum(gear, 0)
+    magnitude = np.abs(speed)
+    up = (magnitude > shift_up_speed[rows, index]).astype(gear.dtype)
+    down = (magnitude < shift_down_speed[rows, index]).astype(gear.dtype)
+    return np.where(ready, gear + up - down, gear)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from carstage_sim.maps import MapCatalogue, available_towns, load_town
+from carstage_sim.maps import MapCatalogue, available_towns, spawn_point_count
 from carstage_sim.wire.dialect import DIALECTS, dialect
 from carstage_sim.world.blueprints import Attribute, Blueprint, catalogue
 
@@ -14,8 +14,8 @@ def describe(protocol: str, maps: MapCatalogue | None = None) -> dict[str, Any]:
 
     Args:
         protocol: version of the client.
-        maps: what is offered; by default the built-in towns. Only these are baked to count their
-            spawn points: of the user's own maps the number is null.
+        maps: what is offered; by default the built-in towns. Only of these are the spawn points
+            counted: of the user's own maps the number is null.
 
     Raises:
         UnknownProtocolError: no table for that version is built in.
@@ -37,7 +37,7 @@ def describe(protocol: str, maps: MapCatalogue | None = None) -> dict[str, Any]:
 
 
 def _spawn_points(name: str) -> int | None:
-    return len(load_town(name).spawn_points) if name in available_towns() else None
+    return spawn_point_count(name) if name in available_towns() else None
 
 
 def _blueprint(blueprint: Blueprint) -> dict[str, Any]:

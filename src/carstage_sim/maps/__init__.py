@@ -7,7 +7,12 @@
 from carstage_sim.maps.baking import MapSamplingError
 from carstage_sim.maps.catalogue import MapCatalogue, MapFileError
 from carstage_sim.maps.ground import GroundHeight, ground_height
-from carstage_sim.maps.loading import UnknownTownError, available_towns, load_town
+from carstage_sim.maps.loading import (
+    UnknownTownError,
+    available_towns,
+    load_town,
+    spawn_point_count,
+)
 from carstage_sim.maps.town import Town
 
 __all__ = [
@@ -20,4 +25,5 @@ __all__ = [
     "available_towns",
     "ground_height",
     "load_town",
+    "spawn_point_count",
 ]

@@ -34,8 +34,7 @@ def cached_town(name: str, opendrive: str, bake: Callable[[], Town], folder: Pat
         bake: makes the town.
         folder: created if missing.
     """
-    digest = hashlib.sha256(f"{_code_digest()}\n{opendrive}".encode()).hexdigest()
-    path = folder / f"{name}-{digest[:32]}.npz"
+    path = folder / f"{_key(name, opendrive)}.npz"
     try:
         return load(path)
     except (OSError, KeyError, ValueError, zipfile.BadZipFile):
@@ -44,6 +43,32 @@ def cached_town(name: str, opendrive: str, bake: Callable[[], Town], folder: Pat
     folder.mkdir(parents=True, exist_ok=True)
     save(town, path)
     return town
+
+
+def cached_count(name: str, opendrive: str, count: Callable[[], int], folder: Path) -> int:
+    """A number that follows from a map's text and the code, from the cache or counted now.
+
+    Args:
+        name, opendrive, folder: as for :func:`cached_town`.
+        count: counts.
+    """
+    path = folder / f"{_key(name, opendrive)}.spawn_points"
+    try:
+        return int(path.read_text(encoding="ascii"))
+    except (OSError, ValueError):
+        # Not there, or not whole: it is counted anew.
+        number = count()
+    folder.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=folder, prefix=path.name, suffix=".part")
+    with os.fdopen(handle, "w", encoding="ascii") as file:
+        file.write(str(number))
+    Path(temporary).replace(path)
+    return number
+
+
+def _key(name: str, opendrive: str) -> str:
+    digest = hashlib.sha256(f"{_code_digest()}\n{opendrive}".encode()).hexdigest()
+    return f"{name}-{digest[:32]}"
 
 
 @cache

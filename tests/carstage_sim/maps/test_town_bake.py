@@ -16,17 +16,16 @@ from carstage_sim.maps import (
     UnknownTownError,
     available_towns,
     load_town,
+    spawn_point_count,
 )
 from carstage_sim.maps.baking import bake, sample_in_child
 from carstage_sim.maps.cache import cached_town, digest_of, load, save
-from carstage_sim.maps.layout import build_network
-from carstage_sim.maps.opendrive_writer import write_opendrive
-from carstage_sim.maps.plan import PLANS, STAGE01
+from carstage_sim.maps.writer import PLANS, opendrive_of
 
 
 def test_a_fresh_bake_equals_the_cached_town(stage01):
-    opendrive = write_opendrive(build_network(STAGE01))
-    assert bake(STAGE01.name, opendrive).digest == stage01.digest
+    opendrive = opendrive_of(PLANS["Stage01"])
+    assert bake("Stage01", opendrive).digest == stage01.digest
 
 
 def test_a_saved_town_is_read_back_whole(stage01, tmp_path):
@@ -50,6 +49,16 @@ def test_a_cache_hit_does_not_bake(stage01, tmp_path):
     assert len(bakes) == 1
     cached_town("T", "<b/>", make, tmp_path / "towns")
     assert len(bakes) == 2
+
+
+def test_spawn_points_can_be_counted_without_a_bake(stage01, tmp_path):
+    assert spawn_point_count("Stage01", cache_folder=tmp_path) == len(stage01.spawn_points)
+    (kept,) = tmp_path.iterdir()
+    assert kept.read_text() == str(len(stage01.spawn_points))
+    kept.write_text("7")
+    assert spawn_point_count("Stage01", cache_folder=tmp_path) == 7
+    kept.write_text("")
+    assert spawn_point_count("Stage01", cache_folder=tmp_path) == len(stage01.spawn_points)
 
 
 def test_a_damaged_cache_file_is_replaced(stage01, tmp_path):
@@ -140,6 +149,6 @@ def test_nothing_stands_on_the_road(stage01):
 
 
 def test_two_bakes_of_an_altered_plan_differ(stage01):
-    other = dataclasses.replace(STAGE01, kerb_radius_m=9.0)
-    text = write_opendrive(build_network(other))
+    other = dataclasses.replace(PLANS["Stage01"], kerb_radius_m=9.0)
+    text = opendrive_of(other)
     assert bake(other.name, text).digest != stage01.digest

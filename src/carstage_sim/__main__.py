@@ -28,6 +28,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parse_options(argv)
     logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     logging.getLogger("carstage_sim").setLevel(options.log_level.upper())
+    if options.log_level == "warning":
+        # A bake takes a while; whoever waits wants to know for what.
+        logging.getLogger("carstage_sim.maps.baking").setLevel(logging.INFO)
     try:
         maps = MapCatalogue(options.maps, options.aliases)
         if options.describe:

@@ -4,8 +4,9 @@
 ``Town``.
 """
 
-from carstage_sim.maps.baking import MapSamplingError
+from carstage_sim.maps.baking import BakeOptions
 from carstage_sim.maps.catalogue import MapCatalogue, MapFileError
+from carstage_sim.maps.checking import MapSamplingError
 from carstage_sim.maps.ground import GroundHeight, ground_height
 from carstage_sim.maps.loading import (
     UnknownTownError,
@@ -16,6 +17,7 @@ from carstage_sim.maps.loading import (
 from carstage_sim.maps.town import Town
 
 __all__ = [
+    "BakeOptions",
     "GroundHeight",
     "MapCatalogue",
     "MapFileError",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import logging
 import math
 import subprocess
 import sys
@@ -16,8 +17,9 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from carstage_sim.maps.bridges import bridge_mesh
+from carstage_sim.maps.bridges import bridge_mesh, wall_mesh
 from carstage_sim.maps.cache import digest_of
+from carstage_sim.maps.checking import MapSamplingError, check_opendrive
 from carstage_sim.maps.drape import Drape, profile_cuts
 from carstage_sim.maps.ground_mesh import LevelSurface
 from carstage_sim.maps.levels import station_levels
@@ -39,14 +41,30 @@ from carstage_sim.maps.town import Town
 from carstage_sim.maps.walkways import joined, walkways
 from carstage_sim.mesh import merge_meshes
 
+logger = logging.getLogger(__name__)
+
 _SAMPLING_LIMIT_S = 600.0
 _HILLSIDE_M = 60.0
 _HILL_CELL_M = 12.5
 _MOST_HILL_CELLS = 40_000
 
 
-class MapSamplingError(RuntimeError):
-    """The client's map reader could not read an OpenDRIVE file."""
+@dataclass(frozen=True, slots=True)
+class BakeOptions:
+    """What to make of a map beside its roads.
+
+    Attributes:
+        scenery: buildings, trees and furniture.
+        navigation: where pedestrians walk.
+        wall_height_m: of walls along the outer edges of the roads, 0 for none.
+    """
+
+    scenery: bool = True
+    navigation: bool = True
+    wall_height_m: float = 0.0
+
+
+EVERYTHING = BakeOptions()
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,28 +84,35 @@ class _Level:
         return shapely.union_all([self.ground.road, self.ground.sidewalk, self.ground.median])
 
 
-def bake(name: str, opendrive: str) -> Town:
-    """Bakes an OpenDRIVE text; equal names and texts give equal towns, to the byte.
+def bake(name: str, opendrive: str, options: BakeOptions = EVERYTHING) -> Town:
+    """Bakes an OpenDRIVE text; equal names, texts and options give equal towns, to the byte.
 
     Raises:
         MapSamplingError: if the text cannot be read, or holds nothing to drive on.
     """
+    logger.info("baking %s: reading the lanes", name)
+    check_opendrive(name, opendrive)
     samples = sample_in_child(opendrive, name)
     plan = signal_plan(samples["record"])
     lanes = strips(samples, station_levels(samples))
     if not any(lane.kind == "driving" for lane in lanes):
-        raise MapSamplingError(f"map {name}: there is no driving lane in it")
+        raise MapSamplingError(
+            f"map {name}: it has no lane of type driving that CARLA's client finds; see whether "
+            "its roads have lane sections with a width"
+        )
     seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
     spawn_rng, scenery_rng = np.random.default_rng(seed).spawn(2)
     levels = _levels(lanes, crosswalks(samples), plan)
     base = levels[0]
-    stage = scenery(base.ground, base.lanes, plan, scenery_rng)
+    logger.info("baking %s: %d lanes on %d levels; scenery", name, len(lanes), len(levels))
+    bridges = [level.extent for level in levels[1:]]
+    stage = scenery(base.ground, base.lanes, plan, bridges, scenery_rng, bare=not options.scenery)
+    logger.info("baking %s: ground", name)
     ceilings = [(level.extent, level.drape) for level in levels[1:]]
     surface: list[LevelSurface] = []
     for level in levels:
-        layers = ground_layers(
-            level.ground, level.lanes, plan, level.stops, [] if level.number else stage.pits
-        )
+        pits, buildings = ([], []) if level.number else (stage.pits, stage.buildings)
+        layers = ground_layers(level.ground, level.lanes, plan, level.stops, pits, buildings)
         cuts = level.cuts if level.number else level.cuts + _land_cuts(level)
         surface.append(
             LevelSurface(
@@ -104,7 +129,11 @@ def bake(name: str, opendrive: str) -> Town:
         ]
         meshes.append(bridge_mesh(surface[index], others))
     stage.set_down(surface[0])
-    paths = [walkways(level.ground, level.drape, level.cuts) for level in levels]
+    if options.wall_height_m > 0.0:
+        meshes += [wall_mesh(part, options.wall_height_m) for part in surface]
+    logger.info("baking %s: %d objects; navigation", name, len(stage.objects))
+    walked = levels if options.navigation else []
+    paths = [walkways(level.ground, level.drape, level.cuts) for level in walked]
     walk = joined([path for path in paths if path is not None])
 
     def height_at(x: float, y: float) -> float:
@@ -140,11 +169,8 @@ def _levels(lanes: list[Strip], crossings: list[Crosswalk], plan: SignalPlan) ->
             place = np.array([lane.stop[:2]])
             stops[_nearest_level(drapes, place, lane.stop[2])].append(lane)
     result: list[_Level] = []
-    above: list[BaseGeometry] = []
     for n in reversed(numbers):
-        hidden = shapely.union_all(above) if above else None
-        ground = surfaces(members[n], walks[n], above=None, with_land=n == 0)
-        del hidden
+        ground = surfaces(members[n], walks[n], with_land=n == 0)
         result.append(_Level(n, members[n], ground, drapes[n], profile_cuts(members[n]), stops[n]))
     return result[::-1]
 

@@ -42,6 +42,14 @@ def bridge_mesh(
     return merge_meshes(parts)
 
 
+def wall_mesh(surface: LevelSurface, height_m: float) -> TriangleMesh:
+    """Upright walls along all edges of the paved ground of a level."""
+    edges = surface.paved_outline
+    up = np.array([0.0, 0.0, height_m])
+    quads = np.stack([edges[:, 0], edges[:, 1], edges[:, 1] + up, edges[:, 0] + up], axis=1)
+    return _quads(quads, CityObjectLabel.WALLS)
+
+
 def _is_seam(
     edges: NDArray[np.float64], neighbours: list[tuple[BaseGeometry, LevelSurface]]
 ) -> NDArray[np.bool_]:

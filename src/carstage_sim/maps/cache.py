@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import hashlib
 import importlib.metadata
@@ -9,6 +10,7 @@ import json
 import os
 import tempfile
 import zipfile
+from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -22,6 +24,8 @@ from carstage_sim.maps.town import LaneSamples, LevelObject, OrientedBox, Town, 
 from carstage_sim.mesh import TriangleMesh
 
 _SOURCES = ("maps", "content", "mesh.py", "labels.py", "geometry.py")
+_KEPT_OF_A_NAME = 3
+_MOST_BYTES = 6_000_000_000
 _PACKAGES = ("carla", "numpy", "shapely")
 
 
@@ -36,13 +40,40 @@ def cached_town(name: str, opendrive: str, bake: Callable[[], Town], folder: Pat
     """
     path = folder / f"{_key(name, opendrive)}.npz"
     try:
-        return load(path)
+        town = load(path)
     except (OSError, KeyError, ValueError, zipfile.BadZipFile):
         # Not there, or not whole: the bake replaces it.
         town = bake()
-    folder.mkdir(parents=True, exist_ok=True)
-    save(town, path)
+        folder.mkdir(parents=True, exist_ok=True)
+        save(town, path)
+        prune(folder)
+    else:
+        _mark_used(path)
     return town
+
+
+def prune(folder: Path) -> None:
+    """Removes towns that were not used for longest: old ones of a name, and beyond a total size."""
+    files = []
+    for path in folder.glob("*.npz"):
+        with contextlib.suppress(FileNotFoundError):  # another server prunes too
+            status = path.stat()
+            files.append((status.st_mtime_ns, status.st_size, path))
+    kept_of: Counter[str] = Counter()
+    total = 0
+    for _, size, path in sorted(files, reverse=True):
+        name = path.stem.rpartition("-")[0]
+        if kept_of[name] < _KEPT_OF_A_NAME and total + size <= _MOST_BYTES:
+            kept_of[name] += 1
+            total += size
+        else:
+            path.unlink(missing_ok=True)
+
+
+def _mark_used(path: Path) -> None:
+    # A shared cache may be read-only: then its order of use stays unknown.
+    with contextlib.suppress(OSError):
+        os.utime(path)
 
 
 def cached_count(name: str, opendrive: str, count: Callable[[], int], folder: Path) -> int:

@@ -13,6 +13,8 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from carstage_sim.maps.baking import BakeOptions
+from carstage_sim.maps.checking import MapSamplingError
 from carstage_sim.maps.loading import (
     UnknownTownError,
     available_towns,
@@ -22,6 +24,9 @@ from carstage_sim.maps.loading import (
 from carstage_sim.maps.town import Town
 
 logger = logging.getLogger(__name__)
+
+GENERATED = "OpenDriveMap"
+"""What CARLA calls the map that a client's ``generate_opendrive_world`` makes."""
 
 _SUFFIX = ".xodr"
 _CARLA_TOWN = re.compile(r"Town\d\d(HD)?(_Opt)?")
@@ -58,7 +63,7 @@ class MapCatalogue:
             for path in _maps_in(source):
                 self._files.setdefault(path.stem, path)
         self._aliases = dict(aliases or {})
-        self._texts: dict[str, str] = {}
+        self._generated: dict[str, tuple[str, BakeOptions]] = {}
         self._cache_folder = cache_folder
         self._announced: set[str] = set()
         for alias, name in self._aliases.items():
@@ -74,7 +79,7 @@ class MapCatalogue:
         return tuple(dict.fromkeys([*available_towns(), *self._files, *self._aliases]))
 
     def _true_name(self, name: str) -> str | None:
-        if name in self._texts or name in self._files or name in available_towns():
+        if name in self._generated or name in self._files or name in available_towns():
             return name
         return None
 
@@ -113,14 +118,30 @@ class MapCatalogue:
         if true != name and name not in self._announced:
             self._announced.add(name)
             logger.warning("there is no map %s: %s stands in for it", name, true)
-        if true in self._texts:
-            town = town_from_opendrive(true, self._texts[true], cache_folder=self._cache_folder)
+        if true in self._generated:
+            text, options = self._generated[true]
+            town = town_from_opendrive(true, text, options, cache_folder=self._cache_folder)
         elif true in self._files:
-            text = _read(self._files[true])
-            town = town_from_opendrive(true, text, cache_folder=self._cache_folder)
+            town = self._from_file(true, self._files[true])
         else:
             town = load_town(true, cache_folder=self._cache_folder)
         return town if true == name else dataclasses.replace(town, name=name)
+
+    def _from_file(self, name: str, path: Path) -> Town:
+        text = _read(path)
+        try:
+            return town_from_opendrive(name, text, cache_folder=self._cache_folder)
+        except MapSamplingError as error:
+            raise MapSamplingError(f"{path}: {error}") from error
+
+    def generate(self, opendrive: str, options: BakeOptions) -> None:
+        """Bakes a text that a client sent; it can then be loaded as ``OpenDriveMap``.
+
+        Raises:
+            MapSamplingError: nothing can be made of it; what was generated before stays.
+        """
+        town_from_opendrive(GENERATED, opendrive, options, cache_folder=self._cache_folder)
+        self._generated[GENERATED] = (opendrive, options)
 
 
 def _maps_in(source: Path) -> list[Path]:

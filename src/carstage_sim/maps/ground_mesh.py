@@ -37,6 +37,7 @@ class LevelSurface:
     Attributes:
         mesh: what is seen.
         outline: ``(E, 2, 3)`` edges that only one triangle has.
+        paved_outline: the same of the surface without its land.
     """
 
     def __init__(
@@ -67,6 +68,8 @@ class LevelSurface:
             )
             self.mesh = merge_meshes([flat, steps])
         self.outline = _outline(plan.triangles, xyz)
+        paved = ~np.array([layer.is_land for layer in layers])[plan.area]
+        self.paved_outline = _outline(plan.triangles[paved], xyz[paved])
         self._xyz = xyz
         self._constant_m = float(xyz[0, 0, 2]) if np.ptp(xyz[..., 2]) < _SAME_HEIGHT_M else None
         self._tree: shapely.STRtree | None = None

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import carstage_sim.cache
-from carstage_sim.maps.baking import bake, sample_in_child
+from carstage_sim.maps.baking import EVERYTHING, BakeOptions, bake, sample_in_child
 from carstage_sim.maps.cache import cached_count, cached_town
 from carstage_sim.maps.levels import station_levels
 from carstage_sim.maps.spawning import spawn_points
@@ -78,16 +78,24 @@ def spawn_point_count(name: str, *, cache_folder: Path | None = None) -> int:
     return cached_count(name, opendrive, count, folder)
 
 
-def town_from_opendrive(name: str, opendrive: str, *, cache_folder: Path | None = None) -> Town:
+def town_from_opendrive(
+    name: str,
+    opendrive: str,
+    options: BakeOptions = EVERYTHING,
+    *,
+    cache_folder: Path | None = None,
+) -> Town:
     """The town of an OpenDRIVE text, from the cache or baked now (seconds to minutes).
 
     Args:
         name: the map's short name.
         opendrive: the file's text.
+        options: what to make of it beside the roads.
         cache_folder: where baked towns are kept; by default in the user's cache folder.
 
     Raises:
         MapSamplingError: if nothing can be made of the text.
     """
     folder = cache_folder or carstage_sim.cache.cache_folder() / "towns"
-    return cached_town(name, opendrive, lambda: bake(name, opendrive), folder)
+    key = f"{name} {options}\n{opendrive}"
+    return cached_town(name, key, lambda: bake(name, opendrive, options), folder)

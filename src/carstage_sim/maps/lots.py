@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,9 @@ _WIDTHS_M = (24.0, 20.0, 16.0, 12.0)
 _DEPTH_M = (11.0, 14.0)
 _SKYLINE_M = (45.0, 130.0)
 _SKYLINE_BUILDINGS = 16
+_TOWN_LOTS = 40
+_TOWN_EDGE_M = 40.0
+_FROM_LANES_M = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +60,9 @@ def street_lots(
     rng: np.random.Generator,
 ) -> list[Lot]:
     """Rows of buildings behind the sidewalks; greedy, first come first served."""
-    taken = _Taken([ground.road, ground.median, ground.sidewalk.buffer(0.1), *kept_free])
+    taken = _Taken(
+        [ground.road.buffer(_FROM_LANES_M), ground.median, ground.sidewalk.buffer(0.1), *kept_free]
+    )
     lots: list[Lot] = []
     for street in streets:
         station = -_CORNER_REACH_M
@@ -73,12 +79,21 @@ def street_lots(
     return lots
 
 
-def skyline_lots(ground: Surfaces, lots: list[Lot], rng: np.random.Generator) -> list[Lot]:
-    """Tall buildings some way outside the town's last street."""
-    taken = _Taken([ground.road.union(ground.sidewalk).convex_hull.buffer(30.0)])
+def skyline_lots(
+    ground: Surfaces,
+    lots: list[Lot],
+    kept_free: Sequence[shapely.Geometry],
+    rng: np.random.Generator,
+) -> list[Lot]:
+    """Tall buildings some way outside a town's last street; none where there is no town."""
+    if len(lots) < _TOWN_LOTS:
+        return []
+    built_up = shapely.union_all([lot.footprint for lot in lots]).convex_hull.buffer(_TOWN_EDGE_M)
+    hull = ground.road.intersection(built_up).convex_hull
+    paved = shapely.union_all([ground.road, ground.sidewalk, *kept_free])
+    taken = _Taken([hull.buffer(30.0), paved.buffer(30.0)])
     for lot in lots:
         taken.add(lot.footprint)
-    hull = ground.road.convex_hull
     result: list[Lot] = []
     for number in range(_SKYLINE_BUILDINGS):
         ring = hull.buffer(float(rng.uniform(*_SKYLINE_M))).exterior

@@ -23,6 +23,7 @@ _CROSSWALK_CLEARANCE_M = 0.9
 _ARROW_FOOT_M = 14.6
 """Before the end of the lane: behind a crosswalk, the stop line and the first waiting car."""
 _STOP_LINE_FROM_EDGE_M = 0.1
+_SAME_STOP_M = 2.2
 _DOUBLE_SPACING_M = 0.24
 
 
@@ -72,7 +73,12 @@ def _dashes(line: shapely.LineString) -> list[BaseGeometry]:
 def stop_lines(stops: Sequence[GovernedLane]) -> BaseGeometry:
     """A bar across every lane that ends at a light or a stop sign, before the stop."""
     bars = []
-    for lane in stops:
+    taken: list[tuple[float, ...]] = []
+    # Ways on from one lane have stops close to each other; the first one counts.
+    for lane in sorted(stops, key=lambda lane: (lane.road_id, lane.lane_id)):
+        if any(math.dist(lane.stop[:2], other) < _SAME_STOP_M for other in taken):
+            continue
+        taken.append(lane.stop[:2])
         yaw = math.radians(lane.yaw_deg)
         ahead = np.array([math.cos(yaw), math.sin(yaw)])
         right = np.array([-ahead[1], ahead[0]])

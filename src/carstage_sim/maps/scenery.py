@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from carstage_sim.content.buildings import building_mesh
 from carstage_sim.content.solids import placed
@@ -39,6 +41,9 @@ _STREET_TREES = [kind for kind in TREE_KINDS if not kind.cone]
 _GARDEN_TREES = 32
 _PARK_TREES = 25
 _GARDEN_REACH_M = 90.0
+_M2_PER_TREE = 7000.0
+_MOST_TREES = 300
+_BRIDGE_CLEARANCE_M = 3.0
 _LAYERS = {
     CityObjectLabel.BUILDINGS: MapLayer.BUILDINGS,
     CityObjectLabel.VEGETATION: MapLayer.FOLIAGE,
@@ -66,9 +71,11 @@ class Stage:
         meshes: in world coordinates, with object ids.
         objects: what the ids mean.
         pits: squares of open soil in the sidewalks.
+        buildings: their footprints.
     """
 
     pits: list[shapely.Polygon] = field(default_factory=list)
+    buildings: list[shapely.Polygon] = field(default_factory=list)
     meshes: list[TriangleMesh] = field(default_factory=list)
     objects: list[LevelObject] = field(default_factory=list)
     waiting: list[tuple[str, CityObjectLabel, TriangleMesh, tuple[float, float, float]]] = field(
@@ -124,16 +131,35 @@ class Stage:
 
 
 def scenery(
-    ground: Surfaces, lanes: list[Strip], plan: SignalPlan, rng: np.random.Generator
+    ground: Surfaces,
+    lanes: list[Strip],
+    plan: SignalPlan,
+    bridges: list[BaseGeometry],
+    rng: np.random.Generator,
+    *,
+    bare: bool = False,
 ) -> Stage:
-    """All that stands on the ground, drawn from ``rng``; not yet set down."""
+    """All that stands on the ground, drawn from ``rng``; not yet set down.
+
+    Args:
+        ground, lanes: of the ground level.
+        plan: for the signs.
+        bridges: areas of the levels above, kept free below.
+        rng: draws what and where.
+        bare: signs only.
+    """
     lot_rng, house_rng, street_rng, green_rng = rng.spawn(4)
     stage = Stage()
+    _put_signs(stage, plan)
+    if bare:
+        return stage
     streets = frontages(lanes)
     # The far side of a T is a frontage too: it closes the view down the street that ends there.
     fronts = streets + frontages(lanes, inside_junctions=True)
-    lots = street_lots(fronts, ground, list(ground.parks), lot_rng)
-    lots += skyline_lots(ground, lots, lot_rng)
+    free = [bridge.buffer(_BRIDGE_CLEARANCE_M) for bridge in bridges]
+    lots = street_lots(fronts, ground, [*ground.parks, *free], lot_rng)
+    lots += skyline_lots(ground, lots, free, lot_rng)
+    stage.buildings = [lot.footprint for lot in lots]
     for lot in lots:
         mesh = building_mesh(
             lot.kind,
@@ -148,8 +174,7 @@ def scenery(
         stage.put(f"Building_{lot.kind.name}", label, mesh, (lot.x, lot.y, lot.yaw_deg))
     for street in streets:
         stage.pits += _furnish(stage, street, street_rng)
-    _put_signs(stage, plan)
-    _plant_gardens(stage, ground, lots, green_rng)
+    _plant_gardens(stage, ground, lots, free, green_rng)
     _plant_parks(stage, ground, green_rng)
     return stage
 
@@ -214,13 +239,20 @@ def _plant(
 
 
 def _plant_gardens(
-    stage: Stage, ground: Surfaces, lots: list[Lot], rng: np.random.Generator
+    stage: Stage,
+    ground: Surfaces,
+    lots: list[Lot],
+    kept_free: Sequence[BaseGeometry],
+    rng: np.random.Generator,
 ) -> None:
     """Trees behind the houses and around the town."""
-    paved = shapely.union_all([ground.road, ground.sidewalk]).buffer(4.0)
-    taken = shapely.union_all([paved, *ground.parks, *(lot.footprint.buffer(3.5) for lot in lots)])
+    paved = shapely.union_all([ground.road, ground.sidewalk, ground.median, *kept_free])
+    houses = [lot.footprint.buffer(3.5) for lot in lots]
+    taken = shapely.union_all([paved.buffer(4.0), *ground.parks, *houses])
     shapely.prepare(taken)
-    _scatter(stage, ground.road.convex_hull.buffer(_GARDEN_REACH_M), taken, _GARDEN_TREES, rng)
+    area = ground.road.convex_hull.buffer(_GARDEN_REACH_M)
+    count = min(max(_GARDEN_TREES, round(area.area / _M2_PER_TREE)), _MOST_TREES)
+    _scatter(stage, area, taken, count, rng)
 
 
 def _plant_parks(stage: Stage, ground: Surfaces, rng: np.random.Generator) -> None:

@@ -30,6 +30,8 @@ _GAP_HALF_WIDTH_M = 5.0
 """Holes in the road that are smaller than this and hold no circle of this radius are gaps between
 turning lanes; wider ones are traffic islands."""
 _ISLAND_M2 = 3000.0
+_WIDEST_GUTTER_M = 1.2
+"""Wider shoulders are paved like the lanes beside them."""
 _SMALLEST_BLOCK_M2 = 600.0
 _SMALLEST_PARK_M2 = 1500.0
 _TERRAIN_MARGIN_M = 300.0
@@ -106,7 +108,6 @@ def surfaces(
     lanes: list[Strip],
     crosswalks: list[shapely.Polygon],
     *,
-    above: BaseGeometry | None = None,
     with_land: bool = True,
 ) -> Surfaces:
     """Fuses the lane strips of a level into areas.
@@ -114,7 +115,6 @@ def surfaces(
     Args:
         lanes: the level's strips.
         crosswalks: outlines on this level.
-        above: what a higher level shows already and this one leaves out.
         with_land: for the ground level.
     """
     raised = WALKED_KINDS | MEDIAN_KINDS
@@ -122,11 +122,10 @@ def surfaces(
     road = _on_grid(_without_gaps(carriage))
     paved = _fused([lane for lane in lanes if lane.kind in WALKED_KINDS])
     median = _fused([lane for lane in lanes if lane.kind in MEDIAN_KINDS])
-    if above is not None:
-        road, paved, median = (_on_grid(x.difference(above)) for x in (road, paved, median))
     sidewalk = _on_grid(paved.difference(road))
     median = _on_grid(median.difference(road.union(sidewalk)))
-    gutter = _fused([lane for lane in lanes if lane.kind == "shoulder"])
+    rims = [x for x in lanes if x.kind == "shoulder" and x.width_m.max() <= _WIDEST_GUTTER_M]
+    gutter = _fused(rims)
     lanes_only = _fused([lane for lane in lanes if lane.kind == "driving"])
     gutter = _on_grid(gutter.difference(lanes_only).intersection(road))
     none = shapely.Polygon()
@@ -172,6 +171,7 @@ def ground_layers(
     plan: SignalPlan,
     stops: Sequence[GovernedLane],
     pits: list[shapely.Polygon],
+    buildings: list[shapely.Polygon],
 ) -> list[Layer]:
     """All kinds of ground, the ones that win first; together they cover the terrain.
 
@@ -181,6 +181,7 @@ def ground_layers(
         plan: for the turns that arrows show.
         stops: lanes with a light or a stop sign on this level.
         pits: squares of open soil around trees.
+        buildings: footprints; the blocks that they stand in have paved rims.
     """
     label = CityObjectLabel
     white, yellow = lane_lines(lanes, ground.crosswalks)
@@ -211,14 +212,19 @@ def ground_layers(
         Layer(ground.median, Material.GRASS, label.TERRAIN),
         Layer(ground.islands, Material.GRASS, label.TERRAIN),
         Layer(shapely.union_all(ground.park_paths), Material.SIDEWALK, label.GROUND, is_land=True),
-        Layer(_on_grid(_yards(ground)), Material.CONCRETE, label.GROUND, is_land=True),
+        Layer(_on_grid(_yards(ground, buildings)), Material.CONCRETE, label.GROUND, is_land=True),
         Layer(ground.terrain, Material.GRASS, label.TERRAIN, is_land=True),
     ]
 
 
-def _yards(ground: Surfaces) -> BaseGeometry:
+def _yards(ground: Surfaces, buildings: list[shapely.Polygon]) -> BaseGeometry:
     """The paved rim of built-up blocks, on which the houses stand."""
-    built = [block for block in ground.blocks if block not in ground.parks]
+    tree = shapely.STRtree(buildings)
+    built = [
+        block
+        for block in ground.blocks
+        if block not in ground.parks and len(tree.query(block, predicate="intersects"))
+    ]
     inner = [block.buffer(-_YARD_WIDTH_M, join_style="mitre") for block in built]
     return shapely.union_all(built).difference(shapely.union_all(inner))
 

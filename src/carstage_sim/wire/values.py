@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from carstage_sim.labels import CityObjectLabel
+from carstage_sim.maps import BakeOptions
 from carstage_sim.maps.town import OrientedBox
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.errors import CallError
@@ -222,6 +223,21 @@ def settings(value: Sequence[Any]) -> EpisodeSettings:
     if not 0.0 <= step_s <= _LONGEST_STEP_S:
         raise CallError(f"fixed_delta_seconds must be 0 to {_LONGEST_STEP_S:g}, got {step_s:g}")
     return decoded
+
+
+def bake_options(value: Sequence[Any]) -> BakeOptions:
+    """``OpendriveGenerationParameters``: what counts here of its seven fields.
+
+    The mesh follows the roads by itself, junctions are always closed and smooth, and the ground is
+    always seen, so the fields about these change nothing.
+    """
+    _, _, wall_height, _, _, _, enable_pedestrian_navigation = value[:7]
+    (wall_height_m,) = finite(wall_height)
+    return BakeOptions(
+        scenery=False,
+        navigation=bool(enable_pedestrian_navigation),
+        wall_height_m=max(wall_height_m, 0.0),
+    )
 
 
 def encode_settings(value: EpisodeSettings) -> Value:

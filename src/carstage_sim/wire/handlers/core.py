@@ -149,8 +149,12 @@ def _unload_map_layer(call: Call, layers: int) -> None:
 
 
 @handles_void("copy_opendrive_to_file")
-def _copy_opendrive_to_file(_call: Call, _opendrive: str, _parameters: list[Any]) -> None:
-    raise CallError("this server cannot build a world from OpenDRIVE; load one of its own maps")
+def _copy_opendrive_to_file(call: Call, opendrive: str, parameters: list[Any]) -> None:
+    """The first half of ``generate_opendrive_world``; the map is loaded by a call that follows."""
+    try:
+        call.simulation.maps.generate(opendrive, values.bake_options(parameters))
+    except MapSamplingError as error:
+        raise CallError(f"opendrive could not be correctly parsed: {error}") from error
 
 
 @handles("tick_cue")

@@ -1,0 +1,96 @@
+"""Refuses what is no usable OpenDRIVE text, in words, before the client's reader sees it.
+
+The client's reader skips what it does not understand and dies of some of it; none of that tells a
+user what to mend.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lxml import etree
+
+MOST_ROADS = 20_000
+
+
+class MapSamplingError(RuntimeError):
+    """Nothing can be made of an OpenDRIVE text; the message says why and what to do."""
+
+
+def check_opendrive(name: str, opendrive: str) -> None:
+    """Looks for what the reader cannot survive.
+
+    Args:
+        name: the map's, for the message.
+        opendrive: the text.
+
+    Raises:
+        MapSamplingError: with the reason and the way out.
+    """
+    try:
+        root = etree.fromstring(opendrive.encode(), etree.XMLParser(huge_tree=True))
+    except etree.XMLSyntaxError as error:
+        raise MapSamplingError(f"map {name}: no well-formed XML: {error}") from error
+    if etree.QName(root).localname != "OpenDRIVE":
+        raise MapSamplingError(
+            f"map {name}: the document is a <{etree.QName(root).localname}>, not an <OpenDRIVE>"
+        )
+    if etree.QName(root).namespace:
+        raise MapSamplingError(
+            f"map {name}: its elements are in the namespace {etree.QName(root).namespace}, which "
+            "CARLA does not read; remove the xmlns attribute"
+        )
+    roads = root.findall("road")
+    if not roads:
+        raise MapSamplingError(f"map {name}: there is no <road> in it")
+    if len(roads) > MOST_ROADS:
+        raise MapSamplingError(
+            f"map {name}: {len(roads)} roads are too many for one town (at most {MOST_ROADS}); cut "
+            "the map into pieces"
+        )
+    seen: set[int] = set()
+    for road in roads:
+        road_id = _whole(name, road, "id", "road")
+        if road_id in seen:
+            raise MapSamplingError(f"map {name}: two roads have the id {road_id}")
+        seen.add(road_id)
+        where = f"road {road_id}"
+        _whole(name, road, "junction", where)
+        if _number(name, road, "length", where) <= 0.0:
+            raise MapSamplingError(f"map {name}, {where}: its length is not above 0")
+        pieces = road.findall("planView/geometry")
+        if not pieces:
+            raise MapSamplingError(f"map {name}, {where}: it has no <planView><geometry>")
+        for piece in pieces:
+            for attribute in ("s", "x", "y", "hdg", "length"):
+                _number(name, piece, attribute, f"{where}, geometry")
+        if road.find("lanes/laneSection") is None:
+            raise MapSamplingError(f"map {name}, {where}: it has no <lanes><laneSection>")
+        for lane in road.iterfind("lanes/laneSection/*/lane"):
+            _whole(name, lane, "id", f"{where}, lane")
+
+
+def _number(name: str, element: etree._Element, attribute: str, where: str) -> float:
+    text = element.get(attribute)
+    try:
+        value = float(text) if text is not None else math.nan
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise MapSamplingError(f"map {name}, {where}: {attribute}={text!r} is no number")
+    return value
+
+
+def _whole(name: str, element: etree._Element, attribute: str, where: str) -> int:
+    text = element.get(attribute)
+    try:
+        return int(text) if text is not None else _missing(name, attribute, where)
+    except ValueError as error:
+        raise MapSamplingError(
+            f"map {name}, {where}: {attribute}={text!r} is no whole number, and CARLA reads no "
+            "other; number the map's elements"
+        ) from error
+
+
+def _missing(name: str, attribute: str, where: str) -> int:
+    raise MapSamplingError(f"map {name}, {where}: it has no {attribute}")

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from carstage_sim.check.client_process import TrialError, run_trial
 from carstage_sim.check.server_process import ServerError, running_server
 from carstage_sim.check.traffic.judging import judge
 from carstage_sim.check.traffic.recording import Recording
-from carstage_sim.check.traffic.trial import traffic_trial
+from carstage_sim.check.traffic.trial import free_flow_trial, traffic_trial
 from carstage_sim.check.verdict import Campaign, Verdict
 
 _START_TIMEOUT_S = 900.0
-_WALL_PER_SIMULATED_S = 8.0
+_WALL_PER_SIMULATED_S = 12.0
+_LONE_VEHICLES = 20
+_LONE_S = 60.0
 
 
 def drive(
@@ -36,8 +39,19 @@ def drive(
         TrialError: the drive failed or took too long.
     """
     arguments = ("--map", town, *server_arguments)
+    lone = min(vehicles, _LONE_VEHICLES)
     with running_server(arguments, start_timeout_s=_START_TIMEOUT_S) as port:
-        return run_trial(
+        free_flow = run_trial(
+            free_flow_trial,
+            port,
+            vehicles=lone,
+            seconds=_LONE_S,
+            fps=fps,
+            seed=seed,
+            base_types=tuple(base_types),
+            timeout_s=300.0 + _WALL_PER_SIMULATED_S * _LONE_S,
+        )
+        recording = run_trial(
             traffic_trial,
             port,
             vehicles=vehicles,
@@ -46,9 +60,12 @@ def drive(
             fps=fps,
             seed=seed,
             base_types=tuple(base_types),
-            save_to=save_to,
             timeout_s=300.0 + _WALL_PER_SIMULATED_S * seconds,
         )
+    recording = replace(recording, free_flow=free_flow)
+    if save_to is not None:
+        recording.save(save_to)
+    return recording
 
 
 def check_traffic(

@@ -14,18 +14,15 @@ from carstage_sim.check.traffic.recording import RED, Partner, Recording
 from carstage_sim.check.traffic.standing import STOOD_S, longest_stand_s
 from carstage_sim.check.verdict import Figure, Verdict
 
-TRAFFIC_MANAGER_SHARE = 0.7
-"""The Traffic Manager drives 30 percent below the limit unless told otherwise."""
-
 _MAX_NOTES = 40
 
 
 def judge(recording: Recording) -> Verdict:
     """The figures of one town.
 
-    Free flow is the speed at which the Traffic Manager would drive on an empty road without lights:
-    70 percent of the limit at each place. The share of it that is reached is the sum of all speeds
-    over the sum of free flow at the same places and times, with all waiting at red lights in it.
+    Free flow is the mean speed of vehicles of the same Traffic Manager in the same town that meet
+    neither red lights nor each other. The share of it that is reached is measured over all vehicles
+    and the whole drive, with all waiting at red lights in it.
 
     A vehicle is stuck if the Traffic Manager removed it (which it does after 90 s) or it stood for
     over 60 s without a red light at the head of its queue. It is off the road when its middle is
@@ -37,9 +34,8 @@ def judge(recording: Recording) -> Verdict:
     stood_s = longest_stand_s(recording)
     stuck = removed | (stood_s > STOOD_S)
     mean_speed = float(recording.speed[present].mean(dtype=np.float64) * 3.6)
-    free_flow = TRAFFIC_MANAGER_SHARE * float(
-        recording.speed_limit_kmh[present].mean(dtype=np.float64)
-    )
+    limit_kmh = float(recording.speed_limit_kmh[present].mean(dtype=np.float64))
+    free_flow = 3.6 * recording.free_flow
     minutes = recording.vehicle_minutes
     vehicles = collision_pairs(recording, Partner.VEHICLE)
     scenery = collision_pairs(recording, Partner.SCENERY)
@@ -61,6 +57,7 @@ def judge(recording: Recording) -> Verdict:
             Figure("stuck_percent", 100.0 * float(stuck.mean()), "<=", 2.0),
             Figure("mean_speed_kmh", mean_speed),
             Figure("free_flow_kmh", free_flow),
+            Figure("mean_speed_limit_kmh", limit_kmh),
             Figure("mean_speed_percent_of_free_flow", 100.0 * mean_speed / free_flow, ">=", 50.0),
             Figure("collisions_between_vehicles", len(vehicles)),
             Figure("collisions_with_scenery", len(scenery)),

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from time import monotonic
+
+import numpy as np
 
 from carstage_sim.check.session import spawn_traffic, spawn_walkers, synchronous_session
 from carstage_sim.check.traffic.recorder import Recorder
 from carstage_sim.check.traffic.recording import Recording
 
 _REPORT_EVERY_S = 15.0
+_SETTING_OFF_S = 10.0
 
 
 def traffic_trial(
@@ -22,7 +24,6 @@ def traffic_trial(
     fps: int,
     seed: int,
     base_types: tuple[str, ...],
-    save_to: Path | None = None,
 ) -> Recording:
     """Lets the client's Traffic Manager drive, and records."""
     ticks = round(seconds * fps)
@@ -37,12 +38,34 @@ def traffic_trial(
                 session.clock.tick()
                 recorder.sample()
                 progress.report(tick / fps)
-        recording = recorder.recording(
+        return recorder.recording(
             ticks_per_s=ticks / progress.elapsed_s, wake_ups=session.clock.wake_ups
         )
-    if save_to is not None:
-        recording.save(save_to)
-    return recording
+
+
+def free_flow_trial(
+    port: int, *, vehicles: int, seconds: float, fps: int, seed: int, base_types: tuple[str, ...]
+) -> float:
+    """Mean speed (m/s) of vehicles that neither see lights nor each other nor can touch.
+
+    They are the same Traffic Manager's, with its own way of slowing down in turns and before
+    lights of any colour. The first seconds, in which they set off, do not count.
+    """
+    speeds = []
+    with synchronous_session(port, delta_s=1.0 / fps, seed=seed) as session:
+        drivers = spawn_traffic(session, vehicles, base_types)
+        for driver in drivers:
+            driver.set_collisions(False)
+            session.traffic_manager.ignore_lights_percentage(driver, 100.0)
+            session.traffic_manager.ignore_signs_percentage(driver, 100.0)
+            session.traffic_manager.ignore_vehicles_percentage(driver, 100.0)
+        for tick in range(round((_SETTING_OFF_S + seconds) * fps)):
+            session.clock.tick()
+            if tick >= _SETTING_OFF_S * fps:
+                snapshot = session.world.get_snapshot()
+                states = [snapshot.find(driver.id) for driver in drivers]
+                speeds += [state.get_velocity().length() for state in states if state is not None]
+    return float(np.mean(speeds))
 
 
 class _Progress:

@@ -32,10 +32,14 @@ def test_good_traffic_passes() -> None:
     assert verdict.ok, verdict.text()
 
 
-def test_free_flow_is_seventy_percent_of_the_limit() -> None:
+def test_the_mean_speed_is_held_against_free_flow_not_the_limit() -> None:
     figures = {figure.name: figure.value for figure in judge(flowing()).figures}
-    assert figures["free_flow_kmh"] == pytest.approx(25.2)
+    assert figures["mean_speed_limit_kmh"] == pytest.approx(36.0)
     assert figures["mean_speed_percent_of_free_flow"] == pytest.approx(100 * 6 / 7, rel=0.01)
+
+
+def test_speed_without_a_known_free_flow_does_not_pass() -> None:
+    assert failed(judge(flowing(free_flow=float("nan")))) == ["mean_speed_percent_of_free_flow"]
 
 
 def test_a_removed_vehicle_counts_as_stuck() -> None:

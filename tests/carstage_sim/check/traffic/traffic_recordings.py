@@ -51,6 +51,7 @@ def recording(x: Any, *, light_state: Any = None, **columns: Any) -> Recording:
         "building_yaw_deg": np.zeros(0),
         "ticks_per_s": 100.0,
         "wake_ups": 0,
+        "free_flow": 7.0,
     }
     return Recording(**{**values, **columns})
 

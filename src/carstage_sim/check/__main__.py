@@ -29,8 +29,6 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="100 vehicles and 50 walkers for 600 s in each of the stages and of CARLA's towns",
     )
-    traffic.add_argument("--towns", nargs="+", metavar="TOWN", help="drive in these instead")
-    traffic.add_argument("--maps", type=Path, help="folder with OpenDRIVE files of CARLA's towns")
     traffic.add_argument("--vehicles", type=int, help="in each town (default 30)")
     traffic.add_argument("--walkers", type=int, help="in each town (default 0)")
     traffic.add_argument("--seconds", type=float, help="simulated, in each town (default 120)")
@@ -49,11 +47,16 @@ def _parser() -> argparse.ArgumentParser:
     determinism.add_argument("--tries", type=int, default=2)
 
     walkers = checks.add_parser("walkers", help="pedestrians keep to where they may walk")
-    walkers.add_argument("--walkers", type=int, default=20)
-    walkers.add_argument("--seconds", type=float, default=60.0, help="simulated")
+    walkers.add_argument(
+        "--full", action="store_true", help="50 walkers in each of the stages and of CARLA's towns"
+    )
+    walkers.add_argument("--walkers", type=int, help="in each town (default 20)")
+    walkers.add_argument("--seconds", type=float, default=60.0, help="simulated, in each town")
 
-    for check in (determinism, walkers):
-        check.add_argument("--map", help="map that the server starts with")
+    determinism.add_argument("--map", help="map that the server starts with")
+    for check in (traffic, walkers):
+        check.add_argument("--towns", nargs="+", metavar="TOWN", help="these and no others")
+        check.add_argument("--maps", type=Path, help="folder with OpenDRIVE files of CARLA's towns")
     for check in (traffic, determinism, walkers):
         check.add_argument("--fps", type=int, default=20)
         check.add_argument("--seed", type=int, default=7)
@@ -61,12 +64,20 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _towns(arguments: argparse.Namespace, maps: Path | None) -> Sequence[str]:
+    if arguments.towns:
+        towns: Sequence[str] = arguments.towns
+        return towns
+    if not arguments.full:
+        return STAGES[:1]
+    return (*STAGES, *(CARLA_TOWNS if maps is not None else ()))
+
+
 def _traffic(arguments: argparse.Namespace) -> Campaign:
     vehicles, walkers, seconds = (100, 50, 600.0) if arguments.full else (30, 0, 120.0)
     with carla_maps(arguments.maps) as maps:
-        whole = (*STAGES, *(CARLA_TOWNS if maps is not None else ()))
         return check_traffic(
-            arguments.towns or (whole if arguments.full else STAGES[:1]),
+            _towns(arguments, maps),
             vehicles=vehicles if arguments.vehicles is None else arguments.vehicles,
             walkers=walkers if arguments.walkers is None else arguments.walkers,
             seconds=seconds if arguments.seconds is None else arguments.seconds,
@@ -78,29 +89,36 @@ def _traffic(arguments: argparse.Namespace) -> Campaign:
         )
 
 
-def _run(arguments: argparse.Namespace) -> Verdict | Campaign:
-    if arguments.check == "traffic":
-        return _traffic(arguments)
-    server_arguments = ("--map", arguments.map) if arguments.map else ()
-    checks: dict[str, Callable[[], Verdict]] = {
-        "determinism": lambda: check_determinism(
-            ticks=arguments.ticks,
-            vehicles=arguments.vehicles,
-            walkers=arguments.walkers,
-            tries=arguments.tries,
-            fps=arguments.fps,
-            seed=arguments.seed,
-            server_arguments=server_arguments,
-        ),
-        "walkers": lambda: check_walkers(
-            walkers=arguments.walkers,
+def _walkers(arguments: argparse.Namespace) -> Campaign:
+    walkers = 50 if arguments.full else 20
+    with carla_maps(arguments.maps) as maps:
+        return check_walkers(
+            _towns(arguments, maps),
+            walkers=walkers if arguments.walkers is None else arguments.walkers,
             seconds=arguments.seconds,
             fps=arguments.fps,
             seed=arguments.seed,
-            server_arguments=server_arguments,
-        ),
-    }
-    return checks[arguments.check]()
+            server_arguments=() if maps is None else ("--maps", str(maps)),
+        )
+
+
+def _determinism(arguments: argparse.Namespace) -> Verdict:
+    return check_determinism(
+        ticks=arguments.ticks,
+        vehicles=arguments.vehicles,
+        walkers=arguments.walkers,
+        tries=arguments.tries,
+        fps=arguments.fps,
+        seed=arguments.seed,
+        server_arguments=("--map", arguments.map) if arguments.map else (),
+    )
+
+
+_CHECKS: dict[str, Callable[[argparse.Namespace], Verdict | Campaign]] = {
+    "traffic": _traffic,
+    "determinism": _determinism,
+    "walkers": _walkers,
+}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -108,7 +126,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = _parser().parse_args(argv)
     verdict: Verdict | Campaign
     try:
-        verdict = _run(arguments)
+        verdict = _CHECKS[arguments.check](arguments)
     except (ServerError, TrialError) as error:
         print(error, file=sys.stderr)
         verdict = Verdict(arguments.check, (), (str(error),), completed=False)

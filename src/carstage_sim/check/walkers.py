@@ -1,7 +1,9 @@
-"""Do pedestrians walk where they may? Twenty of them under the client's AI controllers."""
+"""Do pedestrians walk where they may, and not through walls? The client's AI controllers walk."""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import carla
@@ -11,22 +13,33 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from carstage_sim.check.client_process import run_trial
-from carstage_sim.check.server_process import running_server
+from carstage_sim.check.client_process import TrialError, run_trial
+from carstage_sim.check.server_process import ServerError, running_server
 from carstage_sim.check.session import spawn_walkers, synchronous_session
-from carstage_sim.check.verdict import Figure, Verdict
+from carstage_sim.check.verdict import Campaign, Figure, Verdict
+from carstage_sim.world.overlap import footprint_corners
 
 TOLERANCE_M = 0.5
 WALKED_M = 10.0
+_START_TIMEOUT_S = 900.0
+_MAX_EVENTS = 20
 
 
 @dataclass(slots=True)
 class WalkerFigures:
-    """What a trial measured; ``outside`` counts samples off sidewalks and crosswalks."""
+    """What a trial measured.
+
+    Attributes:
+        outside: samples off sidewalks and crosswalks.
+        in_walls: samples inside a building's or a wall's box.
+        crossed: walkers that were on a crosswalk, off every sidewalk.
+        walked: walkers that came farther than :data:`WALKED_M`.
+    """
 
     walkers: int
     samples: int = 0
     outside: int = 0
+    in_walls: int = 0
     farthest_outside_m: float = 0.0
     crossed: int = 0
     walked: int = 0
@@ -62,6 +75,23 @@ def walkable_surface(carla_map: carla.Map) -> tuple[BaseGeometry, BaseGeometry]:
     return sidewalks, shapely.union_all(crosswalk_polygons(carla_map.get_crosswalks()))
 
 
+def walls(world: carla.World) -> BaseGeometry:
+    """Outlines of all buildings and walls, seen from above."""
+    boxes = [
+        box
+        for label in (carla.CityObjectLabel.Buildings, carla.CityObjectLabel.Walls)
+        for box in world.get_level_bbs(label)
+    ]
+    if not boxes:
+        return MultiPolygon()
+    corners = footprint_corners(
+        np.array([(box.location.x, box.location.y) for box in boxes]),
+        np.array([(box.extent.x, box.extent.y) for box in boxes]),
+        np.array([box.rotation.yaw for box in boxes]),
+    )
+    return shapely.union_all(shapely.polygons(corners))
+
+
 def _sidewalk_waypoints(carla_map: carla.Map) -> list[carla.Waypoint]:
     """Samples of the sidewalk lanes beside every driving lane, each once."""
     found: dict[tuple[int, int, int, int], carla.Waypoint] = {}
@@ -84,7 +114,9 @@ def walkers_trial(port: int, *, walkers: int, seconds: float, fps: int, seed: in
     with synchronous_session(port, delta_s=1.0 / fps, seed=seed) as session:
         sidewalks, crosswalks = walkable_surface(session.world.get_map())
         allowed = shapely.union(sidewalks, crosswalks)
-        shapely.prepare(allowed)
+        solid = walls(session.world)
+        for surface in (allowed, solid):
+            shapely.prepare(surface)
         actors = spawn_walkers(session, walkers)
         figures = WalkerFigures(walkers)
         distance = np.zeros(walkers)
@@ -104,6 +136,7 @@ def walkers_trial(port: int, *, walkers: int, seconds: float, fps: int, seed: in
             off = np.asarray(shapely.distance(points, allowed))
             figures.samples += len(actors)
             figures.outside += int((off > TOLERANCE_M).sum())
+            figures.in_walls += int(shapely.intersects(points, solid).sum())
             worst = int(np.nanargmax(off))
             if off[worst] > max(figures.farthest_outside_m, TOLERANCE_M):
                 x, y = places[worst]
@@ -128,35 +161,52 @@ def _place(state: carla.ActorSnapshot | None) -> tuple[float, float]:
 
 
 def check_walkers(
+    towns: Sequence[str] = ("Stage01",),
     *,
     walkers: int = 20,
     seconds: float = 60.0,
     fps: int = 20,
     seed: int = 7,
-    server_arguments: tuple[str, ...] = (),
-) -> Verdict:
-    """Starts a server, lets pedestrians walk, and judges where they went."""
-    with running_server(server_arguments) as port:
-        figures = run_trial(
-            walkers_trial,
-            port,
-            walkers=walkers,
-            seconds=seconds,
-            fps=fps,
-            seed=seed,
-            timeout_s=120.0 + 4.0 * seconds,
-        )
+    server_arguments: Sequence[str] = (),
+) -> Campaign:
+    """A verdict for each town, where pedestrians walk on a server of their own."""
+    verdicts = []
+    for number, town in enumerate(towns, 1):
+        print(f"walkers in {town} ({number} of {len(towns)})", file=sys.stderr, flush=True)
+        arguments = ("--map", town, *server_arguments)
+        try:
+            with running_server(arguments, start_timeout_s=_START_TIMEOUT_S) as port:
+                figures = run_trial(
+                    walkers_trial,
+                    port,
+                    walkers=walkers,
+                    seconds=seconds,
+                    fps=fps,
+                    seed=seed,
+                    timeout_s=300.0 + 8.0 * seconds,
+                )
+        except (ServerError, TrialError) as error:
+            verdicts.append(Verdict(f"walkers in {town}", (), (str(error),), completed=False))
+        else:
+            verdicts.append(judge(town, figures))
+        print(verdicts[-1].text(), file=sys.stderr, flush=True)
+    return Campaign("walkers", dict(zip(towns, verdicts, strict=True)))
+
+
+def judge(town: str, figures: WalkerFigures) -> Verdict:
+    """The figures of a trial beside their targets."""
     return Verdict(
-        "walkers",
+        f"walkers in {town}",
         (
             Figure("walkers", figures.walkers),
             Figure("alive", figures.alive, "==", figures.walkers),
             Figure("samples", figures.samples),
             Figure("samples_off_the_walkable_surface", figures.outside, "==", 0),
             Figure("farthest_off_m", figures.farthest_outside_m, "<=", TOLERANCE_M),
+            Figure("samples_inside_walls", figures.in_walls, "==", 0),
             Figure("walked_over_10_m", figures.walked, ">=", round(0.8 * figures.walkers)),
             Figure("used_a_crosswalk", figures.crossed),
             Figure("mean_distance_m", figures.mean_distance_m),
         ),
-        figures.events,
+        figures.events[:_MAX_EVENTS],
     )

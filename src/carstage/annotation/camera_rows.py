@@ -64,7 +64,7 @@ def camera_rows(
     camera: LabelledCamera,
     evidence: ImageEvidence,
     keys: Mapping[str, Any],
-    ego_id: int,
+    carrier_id: int,
     settings: LabelSettings,
     has_points: NDArray[np.bool_],
 ) -> list[CameraRow]:
@@ -75,7 +75,7 @@ def camera_rows(
         camera: with its intrinsics.
         evidence: what it saw.
         keys: ``k`` and ``timestamp_s``.
-        ego_id: actor id of the ego, which is never labelled for a camera.
+        carrier_id: the actor that the camera sits on, which is not labelled for it; 0: none.
         settings: what the spec asks for.
         has_points: ``(N,)`` whether enough LiDAR points lie in each box.
     """
@@ -89,7 +89,7 @@ def camera_rows(
     keep = scene.valid & within_distance(
         scene.world_from_box[:, :3, 3], origin, settings.max_distance_m
     )
-    keep &= np.array([fact.info.id != ego_id for fact in scene.facts], dtype=np.bool_)
+    keep &= np.array([fact.info.id != carrier_id for fact in scene.facts], dtype=np.bool_)
     chosen = np.flatnonzero(keep)
     corners = _to_optical(optical, scene.corners[chosen])
     outlines: list[Silhouette] = []

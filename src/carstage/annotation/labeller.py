@@ -17,6 +17,7 @@ from carstage.annotation.ego_row import EpisodeFacts, ego_row
 from carstage.annotation.lidar_counts import count_points
 from carstage.annotation.object_rows import VisiblePixels, object_rows
 from carstage.annotation.pixels import ImageEvidence
+from carstage.annotation.pose_rows import pose_rows
 from carstage.annotation.rig import LabelledCamera, Mount
 from carstage.annotation.scene import ActorFacts, Scene, build_scene
 from carstage.annotation.settings import LabelSettings
@@ -63,11 +64,13 @@ class FrameLabels:
         objects: one per vehicle and pedestrian.
         camera_objects: one per labelled camera and object that its image can hold.
         ego: the ego record; empty when ego motion was not asked for.
+        sensor_poses: one per sensor of the dataset.
     """
 
     objects: list[dict[str, Any]]
     camera_objects: list[dict[str, Any]]
     ego: dict[str, Any]
+    sensor_poses: list[dict[str, Any]]
 
 
 class EpisodeLabeller:
@@ -108,6 +111,11 @@ class EpisodeLabeller:
                 for sensor in sensors
                 if sensor.get("kind") == "lidar"
             }
+            self._mounts = [
+                Mount.from_spec(sensor, actor_ids) for sensor in sensors if not sensor.get("hidden")
+            ]
+            on_ego = dict.fromkeys((sensor["id"] for sensor in sensors), self._ego_id)
+            self._carriers: Mapping[str, int] = header.get("sensor_carrier_ids", on_ego)
         except KeyError as error:
             raise AnnotationError(
                 f"The raw log's episode.json lacks {error}.", "Record the episode again."
@@ -167,7 +175,7 @@ class EpisodeLabeller:
                 continue
             evidence = self._evidence(camera, images[camera_id], world.tick)
             for found in camera_rows(
-                scene, camera, evidence, keys, self._ego_id, self._settings, has_points
+                scene, camera, evidence, keys, self._too_near(camera), self._settings, has_points
             ):
                 camera_objects.append(found.row)
                 if found.pixels is not None:
@@ -190,7 +198,12 @@ class EpisodeLabeller:
             ego = ego_row(
                 world, ego_row_index, keys, self._episode, acceleration_valid=acceleration_valid
             )
-        return FrameLabels(objects, camera_objects, ego)
+        poses = pose_rows(scene, self._mounts, self._carriers, keys)
+        return FrameLabels(objects, camera_objects, ego, poses)
+
+    def _too_near(self, camera: LabelledCamera) -> int:
+        """The actor that a camera sits on and does not label; 0 where it hovers or stands free."""
+        return self._carriers.get(camera.mount.sensor_id, 0) if camera.mount.rigid else 0
 
     def _ego_row(self, world: WorldFrame) -> int:
         try:

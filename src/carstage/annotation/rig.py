@@ -21,23 +21,49 @@ _PINHOLE_ATTRIBUTES: Final = {
     "lens_x_size": 0.08,
     "lens_y_size": 0.08,
 }
-_DEFAULT_SIZE: Final = ("800", "600")
-_DEFAULT_FOV: Final = "90.0"
+EGO: Final = "ego"
+#: Attachments that keep a sensor where it was put on its carrier.
+_RIGID: Final = "rigid"
+
+
+def camera_geometry(attributes: Mapping[str, str]) -> tuple[int, int, float]:
+    """Width and height (px) and horizontal field of view (deg) from a camera's attributes.
+
+    Raises:
+        AnnotationError: one is missing or no number; plans always name them.
+    """
+    try:
+        width, height = int(attributes["image_size_x"]), int(attributes["image_size_y"])
+        return width, height, float(attributes["fov"])
+    except (KeyError, ValueError) as error:
+        raise AnnotationError(
+            f"A camera's size or field of view is not in its attributes: {error}.",
+            "Plan the episode again.",
+        ) from error
 
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """A sensor's place on the ego.
+    """A sensor's place on what carries it.
 
     Attributes:
         sensor_id: its name in the spec.
         actor_id: its actor on the server; None when not recorded.
-        ego_from_sensor: ``(4, 4)``.
+        attach_to: ``ego``, ``world`` or a pattern of actor types.
+        rigid: whether it keeps its place on its carrier.
+        carrier_from_sensor: ``(4, 4)``; of a sensor that follows, without the carrier's rotation.
     """
 
     sensor_id: str
     actor_id: int | None
-    ego_from_sensor: FloatArray
+    attach_to: str
+    rigid: bool
+    carrier_from_sensor: FloatArray
+
+    @property
+    def on_ego(self) -> bool:
+        """Whether it sits rigidly on the ego."""
+        return self.attach_to == EGO and self.rigid
 
     @classmethod
     def from_spec(cls, sensor: Mapping[str, Any], actor_ids: Mapping[str, int]) -> Mount:
@@ -48,11 +74,17 @@ class Mount:
         return cls(
             sensor_id=sensor["id"],
             actor_id=actor_ids.get(sensor["id"]),
-            ego_from_sensor=pose_matrix(location, rotation),
+            attach_to=sensor.get("attach_to", EGO),
+            rigid=sensor.get("attachment", _RIGID) == _RIGID,
+            carrier_from_sensor=pose_matrix(location, rotation),
         )
 
     def world_from_sensor(self, world: WorldFrame, world_from_ego: FloatArray) -> FloatArray:
-        """``(4, 4)`` pose of this frame: the snapshot's, else the ego's times the mount."""
+        """``(4, 4)`` pose of this frame: the snapshot's, else the ego's times the mount.
+
+        Raises:
+            AnnotationError: the snapshot lacks a sensor that does not sit on the ego.
+        """
         if self.actor_id is not None:
             try:
                 row = world.row(self.actor_id)
@@ -60,7 +92,13 @@ class Mount:
                 pass
             else:
                 return pose_matrix(world.location[row], world.rotation_deg[row])
-        return np.asarray(world_from_ego @ self.ego_from_sensor, dtype=np.float64)
+        if not self.on_ego:
+            raise AnnotationError(
+                f"Sensor {self.sensor_id} is not in the snapshot of tick {world.tick}, and its "
+                "place does not follow from the ego's.",
+                "Record the episode again.",
+            )
+        return np.asarray(world_from_ego @ self.carrier_from_sensor, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,10 +137,8 @@ class LabelledCamera:
                 f"Labelled camera {sensor['id']} has no depth camera in the spec.",
                 "Plan the episode again: labelled cameras get a hidden depth twin.",
             )
+        width, height, fov_deg = camera_geometry(attributes)
         try:
-            width = int(attributes.get("image_size_x", _DEFAULT_SIZE[0]))
-            height = int(attributes.get("image_size_y", _DEFAULT_SIZE[1]))
-            fov_deg = float(attributes.get("fov", _DEFAULT_FOV))
             pinhole = all(
                 float(attributes.get(name, default)) == default
                 for name, default in _PINHOLE_ATTRIBUTES.items()

@@ -326,15 +326,37 @@ EGO_COLUMNS: tuple[Column, ...] = (
     Column("altitude_m", "f64", "m", "of the pivot, from the map's geo reference"),
 )
 
+SENSOR_POSE_COLUMNS: tuple[Column, ...] = (
+    _K,
+    _TIMESTAMP,
+    Column("sensor_id", "str", "", "the sensor"),
+    Column(
+        "carrier_track_id",
+        "i64",
+        "",
+        "the actor that carries it; null: fixed on the map",
+        nullable=True,
+    ),
+    Column("location", "f64[3]", "m", "of the sensor, world"),
+    Column("rotation_deg", "f64[3]", "deg", "pitch, yaw, roll of the sensor, world (left-handed)"),
+    Column(
+        "ego_from_sensor",
+        "f64[16]",
+        "",
+        "4x4 rows: sensor axes to the ego actor's, left-handed",
+    ),
+)
+
 TABLES: dict[str, tuple[Column, ...]] = {
     "objects.parquet": OBJECT_COLUMNS,
     "camera_objects.parquet": CAMERA_OBJECT_COLUMNS,
     "ego.parquet": EGO_COLUMNS,
+    "sensor_poses.parquet": SENSOR_POSE_COLUMNS,
 }
 
 
 def markdown() -> str:
-    """The three tables as Markdown, as they stand in ``docs/formats/dataset.md``."""
+    """The tables as Markdown, as they stand in ``docs/formats/dataset.md``."""
     lines: list[str] = []
     for file, columns in TABLES.items():
         lines += [

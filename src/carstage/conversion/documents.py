@@ -8,9 +8,10 @@ from typing import Any
 
 import pyarrow as pa
 
+from carstage.annotation.rig import Mount, camera_geometry
 from carstage.conversion.sensors import SensorPlan
 from carstage.errors import ConversionError
-from carstage.geometry import intrinsics, pose_matrix
+from carstage.geometry import intrinsics
 from carstage.rawlog.clock import elapsed_s, is_synchronous
 from carstage.rawlog.reader import ActorInfo
 
@@ -54,21 +55,19 @@ def calibration_document(
     sensors = {}
     for written in plan.written:
         sensor = by_id[written.id]
-        pose, attributes = sensor["pose"], sensor["attributes"]
-        ego_from_sensor = pose_matrix(
-            [pose["x_m"], pose["y_m"], pose["z_m"]],
-            [pose["pitch_deg"], pose["yaw_deg"], pose["roll_deg"]],
-        )
+        attributes = sensor["attributes"]
+        mount = Mount.from_spec(sensor, {})
         entry: dict[str, Any] = {
             "kind": sensor["kind"],
             "blueprint": sensor["blueprint"],
             "attributes": dict(attributes),
-            "ego_from_sensor": ego_from_sensor.tolist(),
+            "attach_to": mount.attach_to,
+            "attachment": sensor.get("attachment", "rigid"),
+            "carrier_from_sensor": mount.carrier_from_sensor.tolist(),
+            "ego_from_sensor": mount.carrier_from_sensor.tolist() if mount.on_ego else None,
         }
         if sensor["blueprint"].startswith("sensor.camera."):
-            width = int(attributes.get("image_size_x", "800"))
-            height = int(attributes.get("image_size_y", "600"))
-            fov_deg = float(attributes.get("fov", "90.0"))
+            width, height, fov_deg = camera_geometry(attributes)
             entry |= {
                 "width": width,
                 "height": height,

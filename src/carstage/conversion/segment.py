@@ -107,6 +107,7 @@ def label_segment(raw_folder: Path, segment: int) -> None:
         rows["objects.parquet"] += labels.objects
         rows["camera_objects.parquet"] += labels.camera_objects
         rows["ego.parquet"] += [labels.ego] if labels.ego else []
+        rows["sensor_poses.parquet"] += labels.sensor_poses
     folder = raw_folder / LABEL_PARTS
     folder.mkdir(exist_ok=True)
     for name, columns in TABLES.items():
@@ -157,12 +158,11 @@ def _data(log: EpisodeLog, stream: str, segment: int) -> list[Record]:
 
 
 def _row(log: EpisodeLog, sensor: RecordedSensor, record: Record, k: int) -> dict[str, Any]:
-    rows = ROW_SENSORS[sensor.kind]
-    values = np.frombuffer(record.payload, "<f8")
-    if len(values) != rows.width or not np.isfinite(values).all():
-        raise _bad_record(sensor, record, f"{rows.width} finite numbers are needed")
     time_s = elapsed_s(log.header, record.tick, record.timestamp_s)
-    return rows.row(k, time_s, values.tolist())
+    try:
+        return ROW_SENSORS[sensor.kind].row(k, time_s, record.payload)
+    except ValueError as error:
+        raise _bad_record(sensor, record, str(error)) from error
 
 
 def _bad_record(sensor: RecordedSensor, record: Record, why: str) -> ConversionError:

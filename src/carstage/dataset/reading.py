@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,10 @@ class SensorCalibration:
         kind: short name of the kind, such as ``rgb``.
         blueprint: CARLA's blueprint id.
         attributes: the blueprint's attributes as they were set.
-        ego_from_sensor: ``(4, 4)`` pose on the ego vehicle, CARLA's left-handed axes (m).
+        attach_to: ``ego``, ``world`` or a pattern of actor types.
+        attachment: ``rigid``, ``follow`` or a spring arm.
+        ego_from_sensor: ``(4, 4)`` pose on the ego vehicle, CARLA's left-handed axes (m); NaN
+            where it changes from frame to frame, see ``Sensor.calibration_at``.
         codec: name of the codec of its files.
         labelled: whether ``camera_objects.parquet`` has rows of it.
         depth: the depth sensor of the dataset with the same pose and intrinsics, if there is one.
@@ -47,6 +50,8 @@ class SensorCalibration:
     kind: str
     blueprint: str
     attributes: Mapping[str, str]
+    attach_to: str
+    attachment: str
     ego_from_sensor: NDArray[np.float64]
     codec: str
     labelled: bool
@@ -61,6 +66,11 @@ class SensorCalibration:
     def is_camera(self) -> bool:
         """Whether it takes images."""
         return self.width > 0
+
+    @property
+    def on_ego(self) -> bool:
+        """Whether it sits rigidly on the ego vehicle."""
+        return self.attach_to == "ego" and self.attachment == "rigid"
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +87,23 @@ class Calibration:
 
 
 class Sensor:
-    """The data of one sensor of one episode."""
+    """The data of one sensor of one episode.
 
-    def __init__(self, folder: Path, calibration: SensorCalibration) -> None:
+    Args:
+        folder: the episode's.
+        calibration: the sensor's.
+        poses: gives the sensor's poses by frame; asked for sensors that are not on the ego.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        calibration: SensorCalibration,
+        poses: Callable[[str], Mapping[int, NDArray[np.float64]]],
+    ) -> None:
         self.calibration = calibration
         self._folder = folder
+        self._poses = poses
         rows = calibration.kind in ROW_SENSORS
         self._codec = None if rows else codec_for(calibration.kind, calibration.codec)[1]
 
@@ -94,6 +116,19 @@ class Sensor:
     def kind(self) -> str:
         """Short name of its kind, such as ``rgb``."""
         return self.calibration.kind
+
+    def calibration_at(self, k: int) -> SensorCalibration:
+        """The calibration with ``ego_from_sensor`` as it was in frame ``k``.
+
+        Raises:
+            DatasetError: ``sensor_poses.parquet`` does not tell.
+        """
+        if self.calibration.on_ego:
+            return self.calibration
+        pose = self._poses(self.id).get(k)
+        if pose is None:
+            raise DatasetError(f"sensor_poses.parquet has no row of {self.id} in frame {k}.")
+        return replace(self.calibration, ego_from_sensor=pose)
 
     def paths(self, k: int) -> tuple[Path, ...]:
         """The files of frame ``k``; of a row-wise sensor the table that holds it."""
@@ -108,8 +143,10 @@ class Sensor:
         Returns:
             ``rgb`` ``(H, W, 3)`` uint8; ``depth`` ``(H, W)`` float32, metres along the optical
             axis; ``semantic`` ``(H, W)`` uint8 tags; ``instance`` ``(H, W, 2)`` uint16 id, tag;
-            ``lidar`` ``(N, 4)`` float32 x, y, z, intensity; ``imu`` ``(7,)`` and ``gnss`` ``(3,)``
-            float64 in the order of their columns.
+            ``flow`` ``(H, W, 2)`` float32 pixels right and down since the step before;
+            ``normals`` ``(H, W, 3)`` uint8; ``lidar`` ``(N, 4)`` float32 x, y, z, intensity;
+            ``semantic_lidar`` ``(N,)`` of ``SEMANTIC_POINT``; ``radar`` ``(N, 4)`` float32,
+            ``imu`` ``(7,)`` and ``gnss`` ``(3,)`` float64 in the order of their columns.
 
         Raises:
             DatasetError: the frame is missing or damaged.
@@ -135,7 +172,7 @@ class Sensor:
 
     @cached_property
     def table(self) -> pa.Table:
-        """All frames of a row-wise sensor (``imu``, ``gnss``).
+        """All frames of a row-wise sensor (``imu``, ``gnss``, ``radar``).
 
         Raises:
             DatasetError: the sensor has no table, or it is damaged.
@@ -144,13 +181,13 @@ class Sensor:
             raise DatasetError(f"Sensor {self.id} of kind {self.kind} has files, not a table.")
         return read_table(self.paths(0)[0])
 
-    def _row(self, k: int) -> NDArray[np.float64]:
+    def _row(self, k: int) -> NDArray[Any]:
         table = self.table
         rows = np.flatnonzero(table["k"].to_numpy() == k)
         if len(rows) != 1:
             raise DatasetError(f"Sensor {self.id} has {len(rows)} rows for frame {k}.")
-        values = [table[name][int(rows[0])].as_py() for name, _ in ROW_SENSORS[self.kind].columns]
-        return np.hstack(values).astype(np.float64)
+        row = table.slice(int(rows[0]), 1).to_pylist()[0]
+        return ROW_SENSORS[self.kind].array(row)
 
 
 class Episode:
@@ -217,8 +254,25 @@ class Episode:
                     f"Episode {self.id} has no sensor {sensor_id!r}.",
                     f"Sensors: {', '.join(known)}.",
                 )
-            self._sensors[sensor_id] = Sensor(self.folder, known[sensor_id])
+            self._sensors[sensor_id] = Sensor(self.folder, known[sensor_id], self._poses_of)
         return self._sensors[sensor_id]
+
+    def sensor_poses(self) -> pa.Table:
+        """``sensor_poses.parquet``: one row per frame and sensor."""
+        return read_table(self.folder / "sensor_poses.parquet")
+
+    @cached_property
+    def _poses(self) -> Mapping[str, Mapping[int, NDArray[np.float64]]]:
+        """``ego_from_sensor`` by sensor and frame."""
+        poses: dict[str, dict[int, NDArray[np.float64]]] = {}
+        columns = ["k", "sensor_id", "ego_from_sensor"]
+        for row in self.sensor_poses().select(columns).to_pylist():
+            pose = np.array(row["ego_from_sensor"]).reshape(4, 4)
+            poses.setdefault(row["sensor_id"], {})[row["k"]] = pose
+        return poses
+
+    def _poses_of(self, sensor_id: str) -> Mapping[int, NDArray[np.float64]]:
+        return self._poses.get(sensor_id, {})
 
     def objects(self) -> pa.Table:
         """``objects.parquet``: one row per frame and object."""
@@ -285,7 +339,8 @@ def _read_document(path: Path, version: int) -> dict[str, Any]:
 
 
 def _calibration(name: str, entry: Mapping[str, Any]) -> SensorCalibration:
-    pose = np.array(entry["ego_from_sensor"], np.float64)
+    given = entry["ego_from_sensor"]
+    pose = np.full((4, 4), np.nan) if given is None else np.array(given, np.float64)
     if pose.shape != (4, 4):
         raise ValueError(f"ego_from_sensor of {name} has shape {pose.shape}")
     return SensorCalibration(
@@ -293,6 +348,8 @@ def _calibration(name: str, entry: Mapping[str, Any]) -> SensorCalibration:
         kind=entry["kind"],
         blueprint=entry["blueprint"],
         attributes=entry["attributes"],
+        attach_to=entry["attach_to"],
+        attachment=entry["attachment"],
         ego_from_sensor=pose,
         codec=entry["files"],
         labelled=entry["labelled"],

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from carstage.dataset.whole import whole_file
 from carstage.errors import DatasetError
@@ -29,11 +31,6 @@ class RowSensor:
     columns: tuple[tuple[str, int], ...]
 
     @property
-    def width(self) -> int:
-        """Number of float64 in a frame."""
-        return sum(count for _, count in self.columns)
-
-    @property
     def schema(self) -> pa.Schema:
         """``k``, ``timestamp_s`` and the columns; those of several values as fixed-size lists."""
         fields: list[pa.Field[Any]] = [
@@ -41,24 +38,67 @@ class RowSensor:
             pa.field("timestamp_s", pa.float64(), nullable=False),
         ]
         for name, count in self.columns:
-            type_ = pa.float64() if count == 1 else vector(count)
-            fields.append(pa.field(name, type_, nullable=False))
+            fields.append(pa.field(name, self._type(count), nullable=False))
         return pa.schema(fields)
 
-    def row(self, k: int, timestamp_s: float, values: Sequence[float]) -> dict[str, Any]:
-        """One row of the table from a frame's values in file order."""
+    def row(self, k: int, timestamp_s: float, payload: memoryview) -> dict[str, Any]:
+        """One row of the table from a record's payload.
+
+        Raises:
+            ValueError: it does not have the right number of finite numbers.
+        """
+        values = self._values(payload)
+        if not np.isfinite(values).all():
+            raise ValueError("a value is not finite")
         row: dict[str, Any] = {"k": k, "timestamp_s": timestamp_s}
         start = 0
         for name, count in self.columns:
             part = values[start : start + count]
-            row[name] = part[0] if count == 1 else list(part)
+            row[name] = part[0].tolist() if count == 1 else part.tolist()
             start += count
         return row
+
+    def array(self, row: Mapping[str, Any]) -> NDArray[Any]:
+        """The frame's numbers in the order of the columns."""
+        return np.hstack([row[name] for name, _ in self.columns]).astype(np.float64)
+
+    def _type(self, count: int) -> pa.DataType:
+        return pa.float64() if count == 1 else vector(count)
+
+    def _values(self, payload: memoryview) -> NDArray[Any]:
+        values = np.frombuffer(payload, "<f8")
+        width = sum(count for _, count in self.columns)
+        if len(values) != width:
+            raise ValueError(f"{width} numbers are needed, not {len(values)}")
+        return values
+
+
+@dataclass(frozen=True, slots=True)
+class DetectionSensor(RowSensor):
+    """A sensor whose frame is any number of detections: each column is a list, one entry for each.
+
+    The columns stand in the order of the record's float32.
+    """
+
+    def array(self, row: Mapping[str, Any]) -> NDArray[Any]:
+        """``(N, columns)`` float32."""
+        return np.array([row[name] for name, _ in self.columns], np.float32).T
+
+    def _type(self, count: int) -> pa.DataType:
+        return pa.list_(pa.field("element", pa.float32(), nullable=False))
+
+    def _values(self, payload: memoryview) -> NDArray[Any]:
+        if len(payload) % (4 * len(self.columns)):
+            raise ValueError(f"{len(payload)} bytes are no whole number of detections")
+        return np.frombuffer(payload, "<f4").reshape(-1, len(self.columns)).T
 
 
 ROW_SENSORS: dict[str, RowSensor] = {
     "imu": RowSensor((("accelerometer", 3), ("gyroscope", 3), ("compass_rad", 1))),
     "gnss": RowSensor((("latitude_deg", 1), ("longitude_deg", 1), ("altitude_m", 1))),
+    "radar": DetectionSensor(
+        (("range_rate_m_s", 1), ("azimuth_rad", 1), ("altitude_rad", 1), ("depth_m", 1))
+    ),
 }
 """Sensor kinds that become one Parquet file per episode, ``sensors/<id>.parquet``."""
 

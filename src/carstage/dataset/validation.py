@@ -224,8 +224,8 @@ class _EpisodeChecks:
         data: Mapping[str, NDArray[Any]],
     ) -> None:
         for sensor in self._episode.sensors:
-            camera = sensor.calibration
-            if camera.labelled:
+            if sensor.calibration.labelled:
+                camera = sensor.calibration_at(k)
                 instance = data.get(camera.instance) if camera.instance else None
                 check_silhouettes(
                     camera,
@@ -244,11 +244,11 @@ class _EpisodeChecks:
         for lidar in (sensor for sensor in sensors if sensor.kind == "lidar"):
             points = data[lidar.id]
             self._figures.points_in_boxes += check_point_counts(
-                points, lidar.calibration, k, boxes, self._findings
+                points, lidar.calibration_at(k), k, boxes, self._findings
             )
             for camera in (sensor for sensor in sensors if sensor.kind == "depth"):
                 found = compare_with_depth(
-                    points, lidar.calibration, data[camera.id], camera.calibration
+                    points, lidar.calibration_at(k), data[camera.id], camera.calibration_at(k)
                 )
                 check_share(found, lidar.id, camera.id, self._findings, frame=k)
                 for totals in (

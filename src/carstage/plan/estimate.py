@@ -86,14 +86,14 @@ def _rays(sensor: SensorSpec, fps: float) -> int:
 
 def _raw_bytes(spec: EpisodeSpec) -> int:
     actors = road_users(spec) + spec.pedestrians["count"] + len(spec.sensors) + 60
-    per_frame = 0
+    per_frame: int = 0
     for sensor in spec.sensors:
         per_frame += _BYTES_PER_RECORD
         if "image_size_x" in sensor.attributes:
             per_frame += _RAW_BYTES_PER_PIXEL.get(sensor.kind, _BGRA_BYTES) * _pixels(sensor)
         elif "points_per_second" in sensor.attributes:
             per_frame += _BYTES_PER_POINT[sensor.kind] * _rays(sensor, spec.fps)
-    per_tick = _BYTES_PER_ACTOR * actors + 4 * _BYTES_PER_RECORD
+    per_tick: int = _BYTES_PER_ACTOR * actors + 4 * _BYTES_PER_RECORD
     return spec.saved_frames * per_frame + spec.steps * per_tick
 
 

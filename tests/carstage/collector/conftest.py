@@ -25,7 +25,6 @@ SENSORS = {
     "SEMANTIC_LIDAR": ("semantic_lidar", "sensor.lidar.ray_cast_semantic", SWEEP),
     "RADAR": ("radar", "sensor.other.radar", {"points_per_second": "1500"}),
     "FLOW": ("flow", "sensor.camera.optical_flow", CAMERA),
-    "NORMALS": ("normals", "sensor.camera.normals", CAMERA),
     "IMU": ("imu", "sensor.other.imu", {}),
     "GNSS": ("gnss", "sensor.other.gnss", {}),
 }

@@ -81,6 +81,7 @@ class Collector:
         return {"synchronous": synchronous, "step_s": step_s, "actors": actors}
 
 
+NO_BUS = {"count": 1, "filter": "vehicle.audi.*", "base_type": "bus"}
 GIVEN_BACK = {"synchronous": False, "step_s": None, "actors": []}
 
 
@@ -131,7 +132,10 @@ def test_every_frame_of_every_kind_is_recorded(
     for row in rows:
         assert list(row["sensors"]) == sorted(sensor["id"] for sensor in sensors)
         assert {outcome["state"] for outcome in row["sensors"].values()} == {"ok"}
-    sizes = {"rgb": 96 * 54 * 4, "depth": 96 * 54 * 4, "semantic": 96 * 54 * 4, "imu": 56}
+    pixels = 96 * 54
+    sizes = {"rgb": 4 * pixels, "depth": 4 * pixels, "semantic": 4 * pixels, "flow": 8 * pixels}
+    sizes["imu"] = 56
+    point_bytes = {"lidar": 16, "semantic_lidar": 24}
     for sensor in sensors:
         assert log.sealed_segments(sensor["id"]) == (0, 1)
         records = [r for index in (0, 1) for r in log.read_segment(sensor["id"], index)]
@@ -139,9 +143,13 @@ def test_every_frame_of_every_kind_is_recorded(
         for record in records:
             size = sizes.get(sensor["kind"])
             assert size is None or record.payload.nbytes == size
-            if sensor["kind"] == "lidar":
-                assert record.payload.nbytes == 16 * sum(record.meta["counts"]) > 0
+            if sensor["kind"] in point_bytes:
+                points = sum(record.meta["counts"])
+                assert record.payload.nbytes == point_bytes[sensor["kind"]] * points > 0
                 assert len(record.meta["counts"]) == 8
+            if sensor["kind"] == "radar":
+                assert record.payload.nbytes % 16 == 0
+                assert record.payload.nbytes > 0
 
 
 def test_the_world_of_each_frame_is_recorded(
@@ -184,7 +192,7 @@ def test_the_same_plan_gives_the_same_bytes_in_one_process_and_in_another(
     assert collector.run(make_plan(*folders[:2]))[0] == 0
     assert collector.run(make_plan(folders[2]))[0] == 0
     first, *others = (truth(folder) for folder in folders)
-    assert len(first) == 2 * 8
+    assert len(first) == 2 * (len(make_plan()["episodes"][0]["spec"]["sensors"]) + 1)
     for other in others:
         assert other == first
 
@@ -284,6 +292,19 @@ def test_a_starter_that_is_gone_ends_the_recording(
             *("scene", r"ego.spawn_index: 9999"),
         ),
         ({"vehicles": {"count": 1, "filter": "boat.*"}}, "scene", "vehicles.filter"),
+        (
+            {"vehicles": {"count": 1, "filter": "vehicle.*", "groups": [NO_BUS]}},
+            *("scene", "vehicles.groups[0].filter"),
+        ),
+        (
+            {"vehicles": {"count": 400, "filter": "vehicle.*", "shortfall": "fail"}},
+            *("scene", "vehicles.count: only"),
+        ),
+        (
+            {"scenario": {"kind": "route", "through": [5000]}},
+            *("scene", "scenario.through[0]: map Stage01 has no spawn point 5000"),
+        ),
+        ({"map_layers": ["Bildings"]}, "scene", "map.layers: this CARLA client does not know"),
         ({"vehicles": {"count": 1, "filter": "sensor.*"}}, "scene", "vehicles.filter"),
         ({"scenario": {"kind": "parade"}}, "scene", "scenario.kind: 'parade' is not known"),
         (

@@ -57,7 +57,7 @@ def test_every_requested_sensor_has_its_files_and_no_hidden_one(converted: Path)
         assert f"sensors/INST_FRONT/{k:06d}.tag.png" in names
         assert f"sensors/LIDAR_TOP/{k:06d}.bin" in names
     assert {"sensors/IMU.parquet", "sensors/GNSS.parquet"} <= names
-    assert len(names) == 6 * 7 + 2 + 6
+    assert len(names) == 6 * 7 + 2 + 7
     assert not any("CAM_LEFT.depth" in name for name in names)
 
 

@@ -78,7 +78,8 @@ def test_every_label_column_survives_parquet(name: str, tmp_path: object) -> Non
 
 def test_equal_tables_are_equal_bytes_whatever_metadata_and_chunks_they_have(tmp_path) -> None:
     schema = ROW_SENSORS["imu"].schema
-    rows = [ROW_SENSORS["imu"].row(k, k / 10, [0.5 * k] * 7) for k in range(40)]
+    payloads = [memoryview(np.full(7, 0.5 * k).tobytes()) for k in range(40)]
+    rows = [ROW_SENSORS["imu"].row(k, k / 10, payload) for k, payload in enumerate(payloads)]
     whole = pa.Table.from_pylist(rows, schema=schema)
     parts = pa.concat_tables(
         pa.Table.from_pylist(rows[i : i + 7], schema=schema) for i in range(0, 40, 7)

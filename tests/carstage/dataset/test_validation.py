@@ -50,7 +50,7 @@ def test_an_undamaged_dataset_is_valid_and_its_figures_say_what_was_compared(who
     assert report.problems == ()
     assert progress == [(k, 6) for k in range(1, 7)]
     figures = json.loads(report.to_json())["figures"]
-    assert (figures["episodes"], figures["frames"], figures["files"]) == (1, 6, 6 * 7 + 8)
+    assert (figures["episodes"], figures["frames"], figures["files"]) == (1, 6, 6 * 7 + 9)
     assert figures["hull"]["pixels"] > 5000
     assert figures["hull"]["pixels_outside"] == 0
     pair = figures["lidar_depth"]["LIDAR_TOP / DEPTH_FRONT"]

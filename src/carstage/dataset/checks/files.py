@@ -11,7 +11,13 @@ from carstage.dataset.reading import Episode
 from carstage.dataset.tables import ROW_SENSORS
 
 DOCUMENTS = ("episode.json", "calibration.json")
-TABLES = ("frames.parquet", "objects.parquet", "camera_objects.parquet", "ego.parquet")
+TABLES = (
+    "frames.parquet",
+    "objects.parquet",
+    "camera_objects.parquet",
+    "ego.parquet",
+    "sensor_poses.parquet",
+)
 
 
 class VerifiedFiles:

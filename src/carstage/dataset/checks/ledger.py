@@ -45,13 +45,14 @@ def saved_times_s(ledger: pa.Table) -> dict[int, float]:
 def check_ledger(episode: Episode, ledger: pa.Table, findings: Findings) -> None:
     """Check ``frames.parquet`` against the spec.
 
-    The declared mode decides: with ``on_incomplete: wait`` any state but ``ok`` and ``off`` is an
-    error, with ``skip`` a warning; in synchronous mode timestamps are ``tick / fps`` and the
-    server's frame numbers consecutive, else both only have to increase.
+    The declared mode decides: in synchronous mode with sensors in step and ``on_incomplete: wait``
+    any state but ``ok`` and ``off`` is an error, else a warning; in synchronous mode timestamps are
+    ``tick / fps`` and the server's frame numbers consecutive, else both only have to increase.
     """
     spec = episode.spec
     timing, every = spec["timing"], int(spec["save_every"])
-    waits, synchronous = timing["on_incomplete"] == "wait", timing["mode"] == "sync"
+    synchronous = timing["mode"] == "sync"
+    waits = timing["on_incomplete"] == "wait" and synchronous and timing["sensor_sync"]
     ticks = ledger["tick"].to_pylist()
     if ticks != list(range(int(spec["steps"]))):
         findings.add(
@@ -63,7 +64,7 @@ def check_ledger(episode: Episode, ledger: pa.Table, findings: Findings) -> None
         findings.add(
             "frames_missing", f"{len(saved)} frames are in the ledger, {episode.frames} committed"
         )
-    if waits and saved != list(range(-(-int(spec["steps"]) // every))):
+    if synchronous and saved != list(range(-(-int(spec["steps"]) // every))):
         findings.add(
             "frames_missing",
             f"{len(saved)} frames are saved; {spec['steps']} steps, every {every} saved, "
@@ -113,7 +114,7 @@ def _check_time(ledger: pa.Table, fps: float, synchronous: bool, findings: Findi
 def check_row_sensors(
     episode: Episode, ledger: pa.Table, recorded: dict[str, list[int]], findings: Findings
 ) -> None:
-    """Check the tables of IMU and GNSS: a row for each recorded frame, at the ledger's time.
+    """Check the tables of IMU, GNSS and radar: a row for each recorded frame, at the ledger's time.
 
     Raises:
         DatasetError: a table is missing or damaged.

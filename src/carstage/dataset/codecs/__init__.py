@@ -3,7 +3,14 @@
 Importing this package registers the built-in codecs. How to add one: ``docs/formats/dataset.md``.
 """
 
-from carstage.dataset.codecs import depth, images, points  # noqa: F401  (they register themselves)
+from carstage.dataset.codecs import (  # noqa: F401  (they register themselves)
+    depth,
+    flow,
+    images,
+    points,
+    semantic_points,
+)
 from carstage.dataset.codecs.codec import Codec, codec_for, codec_names, register
+from carstage.dataset.codecs.semantic_points import SEMANTIC_POINT
 
-__all__ = ["Codec", "codec_for", "codec_names", "register"]
+__all__ = ["SEMANTIC_POINT", "Codec", "codec_for", "codec_names", "register"]

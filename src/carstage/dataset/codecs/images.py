@@ -31,6 +31,7 @@ class RgbBuffer:
 
 
 @register("rgb", "png", default=True)
+@register("normals", "png", default=True)
 class RgbPng(Codec):
     """8-bit RGB; decodes to ``(H, W, 3)`` uint8."""
 

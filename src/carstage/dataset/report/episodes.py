@@ -159,10 +159,11 @@ class _Pictures:
             return None
 
     def boxes_3d(self, sensor: Sensor, frames: list[int]) -> str:
-        camera, figures = sensor.calibration, []
+        figures = []
         for k in frames:
             if (image := self._read(sensor, k)) is None:
                 continue
+            camera = sensor.calibration_at(k)
             visible = {row["track_id"] for row in self._rows[k, sensor.id]}
             boxes = [(b, self._colour(b)) for b in self._boxes.get(k, []) if b.track_id in visible]
             picture = draw_boxes_3d(image, camera, boxes)
@@ -202,7 +203,7 @@ class _Pictures:
         lidars = [sensor for sensor in self._episode.sensors if sensor.kind == "lidar"]
         for k in frames:
             clouds = [
-                transform_points(lidar.calibration.ego_from_sensor, points[:, :3])
+                transform_points(lidar.calibration_at(k).ego_from_sensor, points[:, :3])
                 for lidar in lidars
                 if (points := self._read(lidar, k)) is not None
             ]

@@ -17,6 +17,7 @@ from carstage_sim.render.picture import PictureMaker
 from carstage_sim.render.scene import Frame, SceneStore
 from carstage_sim.sensors import (  # noqa: F401 - they register themselves
     cameras,
+    cosmos,
     dvs,
     events,
     flow,
@@ -112,6 +113,7 @@ class SensorSuite:
         self._last_frame = state.frame
         frames: list[tuple[int, SensorFrame]] = []
         view = self._view(state)
+        views = {frozenset[int](): view}
         for request in requests:
             sensor = self._sensors.get(request.sensor_id)
             if sensor is None or not sensor.answers(request):
@@ -119,10 +121,12 @@ class SensorSuite:
             if not sensor.is_due(state.timestamp_s):
                 sensor.observe(state, request)
                 continue
-            reported = sensor.report(state, request, view)
+            if request.ignored not in views:
+                views[request.ignored] = self._view(state, view, request.ignored)
+            reported = sensor.report(state, request, views[request.ignored])
             frames.extend((request.sensor_id, frame) for frame in reported)
         self._forget_absent({request.sensor_id for request in requests})
-        self.last_cast_count = view.cast_count
+        self.last_cast_count = sum(one.cast_count for one in views.values())
         return frames
 
     def segment_hits(
@@ -161,8 +165,17 @@ class SensorSuite:
             return sensor
         return LoopingSensor(sensor, request, self._town, self._loop)
 
-    def _view(self, state: WorldState) -> View:
+    def _view(
+        self,
+        state: WorldState,
+        whole: View | None = None,
+        ignored: frozenset[int] = frozenset(),
+    ) -> View:
+        """The view of a tick, or of its ``whole`` without some actors."""
+
         def frame() -> Frame:
+            if whole is not None:
+                return whole.frame.without(ignored)
             return self._store.frame(self._models.placements(state), state.appearance)
 
         return View(

@@ -510,7 +510,7 @@ class World:
 def _merged(blueprint: Blueprint, attributes: Mapping[str, str]) -> dict[str, str]:
     return {
         attribute.id: attributes.get(attribute.id, attribute.value)
-        if attribute.modifiable
+        if attribute.modifiable and attribute.kept
         else attribute.value
         for attribute in blueprint.attributes
     }

@@ -25,6 +25,7 @@ def test_library_lists_the_families_that_the_simulator_produces() -> None:
         "sensor.camera.instance_segmentation",
         "sensor.camera.normals",
         "sensor.camera.optical_flow",
+        "sensor.camera.cosmos_visualization",
         "sensor.lidar.ray_cast",
         "sensor.lidar.ray_cast_semantic",
         "sensor.other.imu",
@@ -106,3 +107,10 @@ def test_children_are_smaller_and_slower() -> None:
 def test_an_unknown_attribute_is_named() -> None:
     with pytest.raises(KeyError, match=r"tesla\.model3.*wings"):
         catalogue()["vehicle.tesla.model3"].attribute("wings")
+
+
+def test_wheelchairs_may_be_asked_for_on_every_walker_as_carlas_example_does() -> None:
+    for walker in WALKERS:
+        assert walker.attribute("can_use_wheelchair").value == "false"
+        wish = walker.attribute("use_wheelchair")
+        assert (wish.modifiable, wish.restrict, wish.kept) == (True, False, False)

@@ -28,6 +28,7 @@ class Attribute:
         recommended: values that the client offers; the default is the first of them.
         modifiable: whether a client may set it before it spawns.
         restrict: whether only recommended values are allowed.
+        kept: whether an actor gets the value that a client set; else it has the default.
     """
 
     id: str
@@ -36,6 +37,7 @@ class Attribute:
     recommended: tuple[str, ...] = ()
     modifiable: bool = True
     restrict: bool = False
+    kept: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -146,6 +146,7 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
     "sensor.camera.instance_segmentation": _CAMERA,
     "sensor.camera.normals": _CAMERA,
     "sensor.camera.optical_flow": _CAMERA,
+    "sensor.camera.cosmos_visualization": _CAMERA,
     "sensor.camera.dvs": _CAMERA + _POST_PROCESS + _DVS,
     "sensor.lidar.ray_cast": _LIDAR,
     "sensor.lidar.ray_cast_semantic": _SEMANTIC_LIDAR,

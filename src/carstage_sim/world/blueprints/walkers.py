@@ -49,6 +49,9 @@ def _pedestrian(number: int) -> Blueprint:
             Attribute("speed", AttributeType.FLOAT, speeds[0], speeds),
             Attribute("is_invincible", AttributeType.BOOL, "true", ("true",)),
             Attribute("can_use_wheelchair", AttributeType.BOOL, "false", modifiable=False),
+            # Scripts set it on whoever has the attribute above, whatever its value; nobody here has
+            # a wheelchair, so it stays as it is.
+            Attribute("use_wheelchair", AttributeType.BOOL, "false", ("false",), kept=False),
             Attribute("ros_name", text, f"walker.pedestrian.{number:04d}"),
         ),
         kind=ActorKind.WALKER,

@@ -1,0 +1,127 @@
+"""The control picture for video models (``sensor.camera.cosmos_visualization``, 0.9.16).
+
+CARLA's draws what a model must keep on black: boxes around traffic, lights and signs, and poles as
+lines (``CosmosControlSensor.cpp`` of its plugin, whose colours these are). Its routes, stop lines
+and crosswalks are not drawn here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.geometry import pose_matrix, rotation_matrix
+from carstage_sim.labels import CityObjectLabel
+from carstage_sim.maps.town import Town
+from carstage_sim.render.overlay import draw_shapes
+from carstage_sim.sensors.cameras import CameraSensor
+from carstage_sim.sensors.frames import ImageFrame, SensorRequest
+from carstage_sim.sensors.sensor import SensorRegistry
+from carstage_sim.sensors.view import View
+from carstage_sim.world.blueprints import catalogue
+from carstage_sim.world.state import ActorKind, WorldState
+
+Rgb = tuple[int, int, int]
+
+_LIGHT: Rgb = (109, 144, 136)
+_SIGN: Rgb = (214, 144, 137)
+_POLE: Rgb = (58, 4, 124)
+_VEHICLE: Rgb = (255, 0, 0)
+_WALKER: Rgb = (0, 255, 0)
+_BOX_LINE_M = 0.10
+_POLE_LINE_M = 0.20
+_NEAR_M = 0.1
+_FAR_M = 150.0
+
+_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
+_EDGES = [
+    (a, b)
+    for a in range(8)
+    for b in range(a + 1, 8)
+    if np.abs(_CORNERS[a] - _CORNERS[b]).sum() == 2
+]
+"""Corners that differ in one coordinate."""
+
+
+@SensorRegistry.register("sensor.camera.cosmos_visualization")
+class CosmosCamera(CameraSensor):
+    """Lines around what moves and what rules it."""
+
+    def __init__(self, request: SensorRequest, town: Town) -> None:
+        super().__init__(request, town)
+        self._blueprints = catalogue()
+        self._scenery = _scenery(town)
+
+    def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
+        """The lines on black, alpha 255."""
+        ends, width, colour = self._lines(state, request.owner_id)
+        offset = ends - np.asarray(request.location)
+        near = np.linalg.norm(offset, axis=2).min(axis=1) < _FAR_M
+        rotation = rotation_matrix(request.rotation_deg)
+        # Sums written out: a matrix product may add in another order on another machine.
+        seen = sum(offset[near][..., axis, None] * rotation[axis] for axis in range(3))
+        picture = np.zeros((self.height, self.width, 3), np.uint8)
+        draw_shapes(
+            np.asarray(seen, np.float64).reshape(-1, 2, 3),
+            width[near],
+            np.zeros(int(near.sum()), np.bool_),
+            colour[near],
+            focal_px=self.width / (2.0 * np.tan(np.radians(self.fov_deg) / 2.0)),
+            near_m=_NEAR_M,
+            depth=np.full((self.height, self.width), np.inf, np.float32),
+            pixels=picture,
+        )
+        pixels = np.full((self.height, self.width, 4), 255, np.uint8)
+        pixels[..., :3] = picture[..., ::-1]
+        return self.image(pixels)
+
+    def _lines(
+        self, state: WorldState, owner_id: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8]]:
+        parts = [self._scenery]
+        for row, kind in enumerate(state.kind.tolist()):
+            if kind not in (ActorKind.VEHICLE, ActorKind.WALKER):
+                continue
+            blueprint = self._blueprints.get(state.type_id[row])
+            if blueprint is None or int(state.actor_id[row]) == owner_id:
+                continue
+            matrix = pose_matrix(state.location[row], state.rotation_deg[row])
+            colour = _VEHICLE if kind == ActorKind.VEHICLE else _WALKER
+            parts.append(_box(matrix, blueprint.box_center, blueprint.box_extent, colour))
+        ends, width, colours = zip(*parts, strict=True)
+        return np.concatenate(ends), np.concatenate(width), np.concatenate(colours)
+
+
+_Lines = tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8]]
+
+
+def _box(
+    world_from_box: NDArray[np.float64],
+    center: tuple[float, float, float],
+    extent: tuple[float, float, float],
+    colour: Rgb,
+) -> _Lines:
+    corners = _CORNERS * extent + center
+    placed = corners @ world_from_box[:3, :3].T + world_from_box[:3, 3]
+    ends = np.array([[placed[a], placed[b]] for a, b in _EDGES])
+    count = len(_EDGES)
+    return ends, np.full(count, _BOX_LINE_M, np.float32), np.full((count, 3), colour, np.uint8)
+
+
+def _scenery(town: Town) -> _Lines:
+    """Boxes of lights and signs, and poles that stand upright."""
+    nothing = np.empty((0, 2, 3)), np.empty(0, np.float32), np.empty((0, 3), np.uint8)
+    parts: list[_Lines] = [nothing]
+    boxed = {CityObjectLabel.TRAFFIC_LIGHT: _LIGHT, CityObjectLabel.TRAFFIC_SIGNS: _SIGN}
+    for piece in town.level_objects:
+        box, label = piece.box, CityObjectLabel(piece.label)
+        if label in boxed:
+            matrix = pose_matrix(box.center, box.rotation_deg)
+            parts.append(_box(matrix, (0.0, 0.0, 0.0), box.extent, boxed[label]))
+        elif label is CityObjectLabel.POLES and box.extent[2] >= max(box.extent[:2]):
+            up = np.array([0.0, 0.0, box.extent[2]])
+            line = np.stack([box.center - up, box.center + up])[None]
+            width = np.full(1, _POLE_LINE_M, np.float32)
+            parts.append((line, width, np.array([_POLE], np.uint8)))
+    ends, widths, colours = zip(*parts, strict=True)
+    return np.concatenate(ends), np.concatenate(widths), np.concatenate(colours)

@@ -1,0 +1,48 @@
+"""The control picture of 0.9.16: boxes as lines on black."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from sensor_worlds import GROUND, request, state, town
+
+from carstage_sim.labels import CityObjectLabel
+from carstage_sim.maps.town import LevelObject, OrientedBox, Town
+from carstage_sim.sensors.cosmos import CosmosCamera
+from carstage_sim.sensors.frames import SensorRequest
+
+RED, SIGN = (255, 0, 0), (214, 144, 137)
+
+
+def picture(place: Town, world, frame_request: SensorRequest) -> np.ndarray:
+    """``(H, W, 3)`` RGB; no ray is cast, so there is no view."""
+    return CosmosCamera(frame_request, place).measure(world, frame_request, None).pixels[..., 2::-1]
+
+
+def test_vehicles_are_red_boxes_on_black_and_the_carrier_is_not_drawn() -> None:
+    place = town(GROUND)
+    world = state(1, vehicles=[(7, (12.0, 0.0, 0.0), 0.0), (8, (0.0, 0.0, 0.0), 0.0)])
+    drawn = picture(place, world, request("camera.cosmos_visualization", owner_id=8))
+    rows, columns = np.nonzero(drawn[..., 0] > 100)
+    # 12 m ahead, less half a length, a car of 2.2 m is 32 px / 9.6 m wide in a picture of 64 px.
+    assert 5 < columns.max() - columns.min() < 14
+    assert rows.min() >= 24  # below the camera's height
+    assert drawn[..., 1].max() == 0
+    assert (drawn == 0).mean() > 0.9
+    alone = picture(place, state(1), request("camera.cosmos_visualization"))
+    assert alone.max() == 0
+
+
+def test_signs_are_boxes_and_only_upright_poles_are_lines() -> None:
+    level = [
+        LevelObject(1, "sign", CityObjectLabel.TRAFFIC_SIGNS,
+                    OrientedBox((8.0, 0.0, 2.0), (0.05, 0.4, 0.4), (0.0, 0.0, 0.0))),
+        LevelObject(2, "arm", CityObjectLabel.POLES,
+                    OrientedBox((8.0, 3.0, 4.0), (0.1, 2.0, 0.1), (0.0, 0.0, 0.0))),
+    ]  # fmt: skip
+    place = replace(town(GROUND), level_objects=tuple(level))
+    drawn = picture(place, state(1), request("camera.cosmos_visualization"))
+    brightest = drawn.reshape(-1, 3)[drawn.reshape(-1, 3).sum(axis=1).argmax()]
+    assert np.abs(brightest.astype(int) - SIGN).max() < 60
+    assert not (drawn[..., 2] > drawn[..., 0] + 20).any()  # nothing in the poles' violet

@@ -173,6 +173,20 @@ def config_check(
         result(text)
 
 
+@config_app.command("presets")
+@command
+def config_presets(json: Json = False, debug: Debug = False) -> None:
+    """List the rigs that ship with Car-STAGE, for `rig: {preset: NAME}`."""
+    del debug
+    from carstage.cli.describe import describe_presets
+
+    summary, text = describe_presets()
+    if json:
+        result_json(summary)
+    else:
+        result(text)
+
+
 @config_app.command("schema")
 @command
 def config_schema_(debug: Debug = False) -> None:

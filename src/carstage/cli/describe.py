@@ -10,19 +10,24 @@ if TYPE_CHECKING:
     from carstage.dataset import Problem, ValidationReport
 
 
+#: `config check` cannot know how many spawn points a map has.
+_ANY_SPAWN_POINT = 1 << 30
+
+
 def describe_config(config: Config) -> tuple[dict[str, Any], str]:
     """What a configuration would record: for programs and for people."""
     from carstage.plan.estimate import estimate_run
     from carstage.plan.planning import ServerFacts, plan_episodes
-    from carstage.runs.preflight import size_text
+    from carstage.runs.preflight import recording_of, size_text
 
     # Sizes do not depend on the map: the server's own list is asked when the run starts.
+    recording = recording_of(config)
     names = [config.map.choice, *(config.map.random_from or ())]
-    spawn_points = config.ego.spawn + 1 if isinstance(config.ego.spawn, int) else 1
+    names += [] if recording is None else [recording.map]
     facts = ServerFacts(
-        maps={name.rsplit("/", 1)[-1]: spawn_points for name in names if name is not None}
+        maps={name.rsplit("/", 1)[-1]: _ANY_SPAWN_POINT for name in names if name is not None}
     )
-    episodes = plan_episodes(config, facts)
+    episodes = plan_episodes(config, facts, recording)
     estimate = estimate_run(config, episodes)
     hidden = sum(sensor.hidden for sensor in episodes[0].sensors)
     summary = {
@@ -34,13 +39,36 @@ def describe_config(config: Config) -> tuple[dict[str, Any], str]:
         "dataset_bytes": estimate.dataset_bytes,
         "peak_bytes": estimate.peak_bytes,
         "duration_s": round(estimate.duration_s),
+        "warnings": config.warnings(),
     }
     text = (
         f"{config.name}: {len(episodes)} x {config.saved_frames} frames, "
         f"{len(config.sensors)} sensors (and {hidden} hidden ones for labels), about "
         f"{size_text(estimate.dataset_bytes)}, {size_text(estimate.peak_bytes)} at most on the way."
     )
+    for warning in config.warnings():
+        text += f"\nwarning: {warning}"
     return summary, text
+
+
+def describe_presets() -> tuple[dict[str, Any], str]:
+    """The rigs of `rig.preset`: for programs and for people."""
+    from collections import Counter
+
+    from carstage.config import RIG_PRESETS
+
+    presets, lines = {}, []
+    for name, rig in RIG_PRESETS.items():
+        sensors = rig.sensors()
+        counts = Counter(sensor.kind for sensor in sensors)
+        presets[name] = {
+            "title": rig.title,
+            "source": rig.source,
+            "sensors": [sensor.model_dump(mode="json", exclude_none=True) for sensor in sensors],
+        }
+        kinds = ", ".join(f"{count} {kind}" for kind, count in counts.items())
+        lines.append(f"{name}: {rig.title} ({kinds}).\n    Source: {rig.source}.")
+    return presets, "\n".join(lines)
 
 
 def describe_problem(problem: Problem) -> str:

@@ -9,7 +9,8 @@ import yaml
 from pydantic import BaseModel
 
 from carstage.config.model import Config
-from carstage.config.sensors import SENSOR_KINDS
+from carstage.config.presets import RIG_PRESETS
+from carstage.config.sensors import SENSOR_KINDS, Sensor
 from carstage.config.weather import WEATHER_PRESETS
 
 Schema = Mapping[str, Any]
@@ -51,7 +52,13 @@ def config_reference() -> str:
         if key == "rig":
             parts += _rig_reference(schema)
             continue
+        shown: dict[str, str] = {}
         for title, section in _sections(key, node, schema):
+            name = str(section.get("title"))
+            if name in shown:
+                parts += ["", f"## {title}", "", f"As `{shown[name]}`."]
+                continue
+            shown[name] = title
             parts += ["", f"## {title}", "", _text(section), "", *_table(section, schema, "")]
             if key == "weather" and title == "weather":
                 parts += ["", f"Presets: {', '.join(f'`{name}`' for name in WEATHER_PRESETS)}."]
@@ -62,6 +69,14 @@ def _rig_reference(schema: Schema) -> Iterator[str]:
     definitions = schema["$defs"]
     rig = definitions["Rig"]
     yield from ("", "## rig", "", _text(rig), "", *_table(rig, schema, ""))
+    yield from ("", "### Presets", "", "| preset | what | source |", "|---|---|---|")
+    for name, preset in RIG_PRESETS.items():
+        yield f"| `{name}` | {preset.title} | {preset.source} |"
+    yield from ("", "### rig.sensors[]", "", "What every sensor has beside its attributes.", "")
+    shared = [key for key in Sensor.model_fields if key not in ("kind", "attributes")]
+    properties = definitions["ImuSensor"]["properties"]
+    section = {**definitions["ImuSensor"], "properties": {key: properties[key] for key in shared}}
+    yield from _table(section, schema, "")
     yield from ("", "### rig.sensors[].pose", "", _text(definitions["Pose"]), "")
     yield from _table(definitions["Pose"], schema, "")
     yield from ("", "### Sensor kinds", "", "| kind | CARLA | what |", "|---|---|---|")
@@ -87,6 +102,8 @@ def _sections(path: str, node: Schema, root: Schema) -> Iterator[tuple[str, Sche
         return
     for alternative in node.get("anyOf", [node]):
         section = _resolve(alternative, root)
+        if section.get("type") == "array" and "items" in section:
+            yield from _sections(f"{path}[]", section["items"], root)
         if section.get("type") == "object" and "properties" in section:
             yield path, section
             for key, below in section["properties"].items():

@@ -28,14 +28,24 @@ _EPISODE_KEYS = (
     "requested",
     "spawned",
 )
+_ROAD_USERS = ("vehicle.", "walker.")
 # A server's clock is a sum of steps that it keeps in float32: allow it a hundredth of a step, and
 # what rounding each step can add up to.
 _CLOCK_TOLERANCE_STEPS = 0.01
 _CLOCK_DRIFT = 1e-6
 
 
-def episode_document(header: Mapping[str, Any], plan: SensorPlan, frames: int) -> dict[str, Any]:
-    """``episode.json`` of the dataset: the raw log's header without facts of a try or machine."""
+def episode_document(
+    header: Mapping[str, Any], plan: SensorPlan, frames: int, actors: Mapping[int, ActorInfo]
+) -> dict[str, Any]:
+    """``episode.json`` of the dataset: the raw log's header without facts of a try or machine.
+
+    Args:
+        header: the raw log's ``episode.json``.
+        plan: which sensors the dataset has.
+        frames: number of saved frames.
+        actors: everybody that the world log names.
+    """
     document = {key: header[key] for key in _EPISODE_KEYS}
     ids = header["sensor_actor_ids"]
     return {
@@ -43,6 +53,11 @@ def episode_document(header: Mapping[str, Any], plan: SensorPlan, frames: int) -
         **document,
         "sensor_actor_ids": {s.id: ids[s.id] for s in plan.written if s.id in ids},
         "frames": frames,
+        "actors": {
+            str(actor.id): {"type_id": actor.type_id, "attributes": dict(actor.attributes)}
+            for actor in sorted(actors.values(), key=lambda actor: actor.id)
+            if actor.type_id.startswith(_ROAD_USERS)
+        },
     }
 
 

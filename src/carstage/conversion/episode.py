@@ -161,14 +161,15 @@ class EpisodeConversion:
         self.attempt_folder.mkdir(parents=True, exist_ok=True)
         self._write_row_sensors(self._segments(log))
         self._merge_labels(self._segments(log))
-        ego = log.actors().get(int(log.header["ego_id"]))
+        actors = log.actors()
+        ego = actors.get(int(log.header["ego_id"]))
         if ego is None:
             raise ConversionError(
                 f"Episode {log.header['episode_id']}: the world log never names the ego vehicle.",
                 "Record the episode again.",
             )
         documents = {
-            "episode.json": episode_document(log.header, self._plan, frames),
+            "episode.json": episode_document(log.header, self._plan, frames, actors),
             "calibration.json": calibration_document(log.header, self._plan, ego),
         }
         for name, document in documents.items():

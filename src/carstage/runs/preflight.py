@@ -11,8 +11,9 @@ from pathlib import Path
 from carstage.config import Config
 from carstage.config.fields import unknown
 from carstage.config.recording import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
+from carstage.config.scene import ReplayScenario
 from carstage.errors import BadInputError, ConfigError
-from carstage.plan import RunEstimate
+from carstage.plan import Recording, RunEstimate
 
 PORTS_PER_SERVER = 3
 _HOST = "127.0.0.1"
@@ -99,6 +100,19 @@ def check_codecs(config: Config) -> None:
         if codec not in known:
             message, hint = unknown("codec", codec, known)
             raise ConfigError(f"conversion.codecs.{sensor_id}: {message}", hint)
+
+
+def recording_of(config: Config) -> Recording | None:
+    """The recorded episode that scenario ``replay`` plays again; None for other scenarios.
+
+    Raises:
+        ConfigError: there is no such episode.
+    """
+    if not isinstance(config.scenario, ReplayScenario):
+        return None
+    from carstage.dataset.recording import read_recording
+
+    return read_recording(config.scenario.episode)
 
 
 def _existing(path: Path) -> Path:

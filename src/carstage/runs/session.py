@@ -32,7 +32,13 @@ from carstage.runs.interruption import Interruption
 from carstage.runs.landing import Job, Landing
 from carstage.runs.lane import POLL_S, ServerLane
 from carstage.runs.outcome import Nobody, RunObserver, RunResult
-from carstage.runs.preflight import check_codecs, check_disk, check_output, check_server
+from carstage.runs.preflight import (
+    check_codecs,
+    check_disk,
+    check_output,
+    check_server,
+    recording_of,
+)
 from carstage.runs.servers import ServerSetup
 from carstage.storage import Store, open_store
 
@@ -69,12 +75,14 @@ def run(
     watcher: RunObserver = observer or Nobody()
     out = Path(out).expanduser().absolute()
     with Interruption(watcher.say) as interruption:
+        for warning in config.warnings():
+            watcher.say(warning)
         check_output(out)
         check_codecs(config)
         check_server(config)
         setup = ServerSetup(config)
         with setup.facts() as facts:
-            episodes = plan_episodes(config, facts)
+            episodes = plan_episodes(config, facts, recording_of(config))
             store = open_store(out)
             present = store.committed() if (out / "dataset.json").exists() else {}
             todo = [spec for spec in episodes if spec.episode_id not in present]

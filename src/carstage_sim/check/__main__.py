@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from carstage_sim.check.budget import add_budget, check_budget
 from carstage_sim.check.client_process import TrialError
 from carstage_sim.check.determinism import check_determinism
 from carstage_sim.check.server_process import ServerError
@@ -57,6 +58,7 @@ def _parser() -> argparse.ArgumentParser:
     for check in (traffic, walkers):
         check.add_argument("--towns", nargs="+", metavar="TOWN", help="these and no others")
         check.add_argument("--maps", type=Path, help="folder with OpenDRIVE files of CARLA's towns")
+    add_budget(checks)
     for check in (traffic, determinism, walkers):
         check.add_argument("--fps", type=int, default=20)
         check.add_argument("--seed", type=int, default=7)
@@ -117,6 +119,9 @@ def _determinism(arguments: argparse.Namespace) -> Verdict:
 _CHECKS: dict[str, Callable[[argparse.Namespace], Verdict | Campaign]] = {
     "traffic": _traffic,
     "determinism": _determinism,
+    "budget": lambda arguments: check_budget(
+        ticks=arguments.ticks, seed=arguments.seed, town=arguments.map
+    ),
     "walkers": _walkers,
 }
 

@@ -1,4 +1,4 @@
-"""Which triangles of the plane are near a place: a grid of cells that name what reaches into them."""
+"""Which triangles of the plane are near a place: a grid of cells names what reaches into each."""
 
 from __future__ import annotations
 
@@ -43,13 +43,15 @@ class CellIndex:
         return count, self._entries[ranges(first, count)]
 
     def within(self, low: FloatArray, high: FloatArray) -> tuple[IntArray, IntArray]:
-        """Pairs of rectangles and what may reach into them, in order, each pair once.
+        """Pairs of rectangles and what may reach into them.
+
+        A triangle that reaches into several cells of a rectangle comes several times.
 
         Args:
             low, high: ``(M, 2)`` corners of rectangles.
 
         Returns:
-            Rows of the rectangles and of the triangles.
+            Rows of the rectangles, ascending, and of the triangles.
         """
         first = np.floor((low - self._low) / self._cell_m).astype(np.int64)
         last = np.floor((high - self._low) / self._cell_m).astype(np.int64)
@@ -63,10 +65,7 @@ class CellIndex:
         number = x * self._shape[1] + y
         start = self._start[number]
         count = self._start[number + 1] - start
-        total = max(len(self._entries), 1)
-        pairs = np.repeat(owner, count) * total + self._entries[ranges(start, count)]
-        pairs = np.unique(pairs)
-        return pairs // total, pairs % total
+        return np.repeat(owner, count), self._entries[ranges(start, count)]
 
     def _rasterised(self, corners: FloatArray) -> tuple[IntArray, IntArray]:
         """Cell numbers and the triangles that reach into them; corners in units of cells.

@@ -16,6 +16,7 @@ TOWN = -1
 """Stands for the second body of a contact with the town."""
 
 _SAME_LEVEL_M = 2.0
+_CORNERS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,15 +72,14 @@ def find_contacts(center: FloatArray, half_size: FloatArray, yaw_rad: FloatArray
     least = depth[pairs, best]
     sign = np.where(distance[pairs, best] < 0.0, -1.0, 1.0)
     normal = candidates[pairs, best] * sign[:, None]
+    touching = np.flatnonzero(least > 0.0)
+    first, second = first[touching], second[touching]
+    points = _touching_points(center, half_size, axes, first, second)
     return [
-        Contact(
-            int(first[k]),
-            int(second[k]),
-            normal[k],
-            float(least[k]),
-            _touching_point(center, half_size, axes, int(first[k]), int(second[k])),
+        Contact(i, j, normal[k], depth_m, point)
+        for i, j, k, depth_m, point in zip(
+            first.tolist(), second.tolist(), touching, least[touching].tolist(), points, strict=True
         )
-        for k in np.flatnonzero(least > 0.0)
     ]
 
 
@@ -102,17 +102,25 @@ def _near_pairs(center: FloatArray, radius: FloatArray) -> tuple[IntArray, IntAr
     return first[ascending], second[ascending]
 
 
-def _touching_point(
-    center: FloatArray, half_size: FloatArray, axes: FloatArray, first: int, second: int
+def _touching_points(
+    center: FloatArray,
+    half_size: FloatArray,
+    axes: FloatArray,
+    first: IntArray,
+    second: IntArray,
 ) -> FloatArray:
-    """The middle of the corners of either box that are in the other one."""
-    inside = []
+    """``(P, 2)`` middles of the corners of either box of each pair that are in the other one.
+
+    Boxes that cross without a corner in each other touch in the middle between their centres.
+    """
+    total, count = np.zeros((len(first), 2)), np.zeros(len(first))
     for one, other in ((first, second), (second, first)):
-        signs = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
-        corners = center[one, :2] + (signs * half_size[one]) @ axes[one]
-        local = (corners - center[other, :2]) @ axes[other].T
-        inside.append(corners[(np.abs(local) <= half_size[other] + 1e-9).all(axis=1)])
-    found = np.concatenate(inside)
-    if len(found):
-        return np.asarray(found.mean(axis=0))
-    return np.asarray(0.5 * (center[first, :2] + center[second, :2]))
+        reach = _CORNERS * half_size[one][:, None]
+        corners = center[one, None, :2] + np.einsum("pca,pak->pck", reach, axes[one])
+        local = np.einsum("pck,pak->pca", corners - center[other, None, :2], axes[other])
+        inside = (np.abs(local) <= half_size[other][:, None] + 1e-9).all(axis=2)
+        total += (corners * inside[..., None]).sum(axis=1)
+        count += inside.sum(axis=1)
+    between = 0.5 * (center[first, :2] + center[second, :2])
+    some = (count > 0.0)[:, None]
+    return np.where(some, total / np.maximum(count, 1.0)[:, None], between)

@@ -53,17 +53,17 @@ def resolve(contacts: Sequence[Contact], bodies: Bodies) -> FloatArray:
         ``(len(contacts), 2)`` impulse (N s, world) that the second body of each contact got; zero
         where none closed in.
     """
-    total = np.zeros((len(contacts), 2))
-    along = [0.0] * len(contacts)
-    leaving = [max(_closing(contact, bodies) - _BOUNCES_ABOVE, 0.0) for contact in contacts]
+    state: dict[int, list[float]] = {}
+    solvers = [_Solver(contact, state, bodies) for contact in contacts]
     for _ in range(_PASSES):
-        for index, contact in enumerate(contacts):
-            change = _impulse(contact, bodies, along[index], RESTITUTION * leaving[index])
-            along[index] += float(change @ contact.normal)
-            total[index] += change
+        for solver in solvers:
+            solver.apply()
+    for row, (x, y, spin) in state.items():
+        bodies.velocity[row] = x, y
+        bodies.spin[row] = spin
     for contact in contacts:
         _part(contact, bodies)
-    return total
+    return np.array([solver.impulse for solver in solvers]).reshape(-1, 2)
 
 
 def _part(contact: Contact, bodies: Bodies) -> None:
@@ -80,50 +80,69 @@ def _inverse_masses(contact: Contact, bodies: Bodies) -> tuple[float, float]:
     return float(bodies.inverse_mass[contact.first]), second
 
 
-def _levers(contact: Contact, bodies: Bodies) -> list[tuple[int, float, FloatArray]]:
-    """Row, sign and arm to the point of contact, of the bodies that an impulse changes."""
-    rows = [(contact.first, -1.0)]
-    if contact.second != TOWN:
-        rows.append((contact.second, 1.0))
-    return [(row, sign, contact.point - bodies.center[row, :2]) for row, sign in rows]
+class _Solver:
+    """One contact, with its bodies' state in plain floats: there are few, and numpy is slow at one.
 
+    Args:
+        contact: the contact.
+        state: velocity x, y and spin of each body that is touched, by row; shared by all contacts.
+        bodies: gives places, masses and inertias.
+    """
 
-def _parting_velocity(contact: Contact, bodies: Bodies) -> FloatArray:
-    """Velocity (m/s) of the second body at the point of contact, as the first one sees it."""
-    velocity = np.zeros(2)
-    for row, sign, arm in _levers(contact, bodies):
-        spin = bodies.spin[row]
-        velocity += sign * (bodies.velocity[row] + spin * np.array([-arm[1], arm[0]]))
-    return velocity
+    def __init__(self, contact: Contact, state: dict[int, list[float]], bodies: Bodies) -> None:
+        self._normal: tuple[float, float] = tuple(contact.normal.tolist())
+        self._levers: list[tuple[list[float], float, float, float, float, float]] = []
+        self.push_so_far = 0.0
+        self.impulse = [0.0, 0.0]
+        x, y = contact.point.tolist()
+        for row, sign in ((contact.first, -1.0), (contact.second, 1.0)):
+            if row == TOWN:
+                continue
+            if row not in state:
+                state[row] = [*bodies.velocity[row].tolist(), float(bodies.spin[row])]
+            arm_x = x - float(bodies.center[row, 0])
+            arm_y = y - float(bodies.center[row, 1])
+            mass, inertia = float(bodies.inverse_mass[row]), float(bodies.inverse_inertia[row])
+            self._levers.append((state[row], sign, arm_x, arm_y, mass, inertia))
+        nx, ny = self._normal
+        self._give = self._yielding(nx, ny)
+        self._give_aside = self._yielding(-ny, nx)
+        self._leaving = RESTITUTION * max(self._closing() - _BOUNCES_ABOVE, 0.0)
 
-
-def _closing(contact: Contact, bodies: Bodies) -> float:
-    return -float(_parting_velocity(contact, bodies) @ contact.normal)
-
-
-def _impulse(contact: Contact, bodies: Bodies, so_far: float, leaving: float) -> FloatArray:
-    """Applies one more impulse at a contact and returns it."""
-    normal = contact.normal
-    tangent = np.array([-normal[1], normal[0]])
-    levers = _levers(contact, bodies)
-    velocity = _parting_velocity(contact, bodies)
-    give = [
-        sum(
-            bodies.inverse_mass[row]
-            + (arm[0] * axis[1] - arm[1] * axis[0]) ** 2 * bodies.inverse_inertia[row]
-            for row, _, arm in levers
+    def _yielding(self, x: float, y: float) -> float:
+        """How much velocity at the point of contact an impulse along an axis gives, 1/kg."""
+        return sum(
+            mass + (arm_x * y - arm_y * x) ** 2 * inertia
+            for _, _, arm_x, arm_y, mass, inertia in self._levers
         )
-        for axis in (normal, tangent)
-    ]
-    if give[0] <= 0.0:
-        return np.zeros(2)
-    wanted = (leaving - float(velocity @ normal)) / give[0]
-    push = max(so_far + wanted, 0.0) - so_far
-    bound = FRICTION * abs(push)
-    rub = min(max(-float(velocity @ tangent) / give[1], -bound), bound) if give[1] > 0.0 else 0.0
-    impulse = push * normal + rub * tangent
-    for row, sign, arm in levers:
-        bodies.velocity[row] += sign * impulse * bodies.inverse_mass[row]
-        torque = arm[0] * impulse[1] - arm[1] * impulse[0]
-        bodies.spin[row] += sign * torque * bodies.inverse_inertia[row]
-    return np.asarray(impulse)
+
+    def _parting(self) -> tuple[float, float]:
+        """Velocity of the second body at the point of contact, as the first one sees it, m/s."""
+        x = y = 0.0
+        for (vx, vy, spin), sign, arm_x, arm_y, _, _ in self._levers:
+            x += sign * (vx - spin * arm_y)
+            y += sign * (vy + spin * arm_x)
+        return x, y
+
+    def _closing(self) -> float:
+        x, y = self._parting()
+        return -(x * self._normal[0] + y * self._normal[1])
+
+    def apply(self) -> None:
+        """Adds the impulse that this contact still needs; it never pulls."""
+        if self._give <= 0.0:
+            return
+        nx, ny = self._normal
+        x, y = self._parting()
+        wanted = (self._leaving - (x * nx + y * ny)) / self._give
+        push = max(self.push_so_far + wanted, 0.0) - self.push_so_far
+        self.push_so_far += push
+        bound = FRICTION * abs(push)
+        rub = min(max(-(y * nx - x * ny) / self._give_aside, -bound), bound)
+        jx, jy = push * nx - rub * ny, push * ny + rub * nx
+        for body, sign, arm_x, arm_y, mass, inertia in self._levers:
+            body[0] += sign * jx * mass
+            body[1] += sign * jy * mass
+            body[2] += sign * (arm_x * jy - arm_y * jx) * inertia
+        self.impulse[0] += jx
+        self.impulse[1] += jy

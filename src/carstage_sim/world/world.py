@@ -329,8 +329,9 @@ class World:
         x, y, z = pose.location
         middle = (x, y, z + walker.box_extent[2])
         self.actors.set_pose(actor_id, replace(pose, location=middle))
-        x, y, _ = rotation_matrix(pose.rotation_deg)[:, 0].tolist()
-        walker.walker = WalkerControl((x, y, 0.0), speed)
+        pitch, yaw, _ = (math.radians(angle) for angle in pose.rotation_deg)
+        ahead = (math.cos(pitch) * math.cos(yaw), math.cos(pitch) * math.sin(yaw), 0.0)
+        walker.walker = WalkerControl(ahead, speed)
 
     def set_simulate_physics(self, actor_id: int, enabled: bool) -> None:
         """Whether the dynamics move an actor."""

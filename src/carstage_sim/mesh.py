@@ -54,6 +54,13 @@ class Material(IntEnum):
     LICENCE_PLATE = 37
     CROSSWALK_WHITE = 38
     SHOE = 39
+    PAINT_WHITE = 40
+    """Paints of parked vehicles, which are no instances."""
+    PAINT_SILVER = 41
+    PAINT_GREY = 42
+    PAINT_BLACK = 43
+    PAINT_BLUE = 44
+    PAINT_RED = 45
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from carstage_sim.content.solids import box, disc, quad_mesh, tube
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.mesh import Material, TriangleMesh, merge_meshes
+from carstage_sim.mesh import Material, TriangleMesh, build_mesh, merge_meshes
 
 _LIGHT, _POLE = CityObjectLabel.TRAFFIC_LIGHT, CityObjectLabel.POLES
 _SIGN, _STATIC = CityObjectLabel.TRAFFIC_SIGNS, CityObjectLabel.STATIC
@@ -19,6 +19,7 @@ _LENSES = (Material.LIGHT_RED, Material.LIGHT_YELLOW, Material.LIGHT_GREEN)
 _LENS_RADIUS_M = 0.12
 _LENS_SPACING_M = 0.32
 _SECOND_HEAD_HEIGHT_M = 3.0
+_PLATE_HEIGHT_M = 2.35
 
 
 def traffic_light_mesh(head: tuple[float, float, float, float]) -> TriangleMesh:
@@ -121,18 +122,61 @@ def speed_sign_mesh(limit_kmh: int) -> TriangleMesh:
     return merge_meshes(parts)
 
 
+def stop_sign_mesh() -> TriangleMesh:
+    """A red octagon with a white rim that says STOP; it looks along +x."""
+    angle = np.radians(22.5 + 45.0 * np.arange(8))
+    rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    parts = [
+        tube([(0, 0, 0), (0, 0, 2.7)], 0.035, Material.METAL, _POLE, sides=6),
+        _plate(0.40 * rim, 0.046, Material.METAL, back=True),
+        _plate(0.40 * rim, 0.05, Material.SIGN_WHITE),
+        _plate(0.37 * rim, 0.056, Material.SIGN_RED),
+    ]
+    for place, letter in enumerate("STOP"):
+        middle = np.array([0.062, 0.24 - 0.16 * place, _PLATE_HEIGHT_M])
+        parts.append(_figure(letter, middle, Material.SIGN_WHITE))
+    return merge_meshes(parts)
+
+
+def yield_sign_mesh() -> TriangleMesh:
+    """A white triangle with a red rim, tip down; it looks along +x."""
+    angle = np.radians(-90.0 + 120.0 * np.arange(3))
+    rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return merge_meshes(
+        [
+            tube([(0, 0, 0), (0, 0, 2.7)], 0.035, Material.METAL, _POLE, sides=6),
+            _plate(0.52 * rim, 0.046, Material.METAL, back=True),
+            _plate(0.52 * rim, 0.05, Material.SIGN_RED),
+            _plate(0.32 * rim, 0.056, Material.SIGN_WHITE),
+        ]
+    )
+
+
+def _plate(rim: np.ndarray, x: float, material: Material, *, back: bool = False) -> TriangleMesh:
+    """A convex plate across x; ``rim`` is (N, 2) left and up of its middle."""
+    points = np.stack([np.full(len(rim), x), rim[:, 0], _PLATE_HEIGHT_M + rim[:, 1]], axis=1)
+    ring = np.arange(1, len(rim) - 1)
+    fan = np.stack([np.zeros_like(ring), ring, ring + 1], axis=1)
+    face = np.array([-1.0 if back else 1.0, 0.0, 0.0])
+    normals = np.broadcast_to(face, (*fan.shape, 3))
+    return build_mesh(points, fan, material, _SIGN, normals=normals)
+
+
 _SEGMENTS = {
     "0": "abcdef", "1": "bc", "2": "abged", "3": "abgcd", "4": "fgbc", "5": "afgcd", "6": "afgedc",
-    "7": "abc", "8": "abcdefg", "9": "abcfgd",
+    "7": "abc", "8": "abcdefg", "9": "abcfgd", "S": "afgcd", "T": "am", "O": "abcdef", "P": "abefg",
 }  # fmt: skip
 _SEGMENT_BOX = {
     "a": (0.0, 1.0, True), "b": (-1.0, 0.5, False), "c": (-1.0, -0.5, False),
     "d": (0.0, -1.0, True), "e": (1.0, -0.5, False), "f": (1.0, 0.5, False), "g": (0.0, 0.0, True),
+    "m": (0.0, 0.0, False),
 }  # fmt: skip
 """Place (to the left, up) in half widths and half heights of a figure, and whether it lies."""
 
 
-def _figure(figure: str, middle: np.ndarray) -> TriangleMesh:
+def _figure(
+    figure: str, middle: np.ndarray, material: Material = Material.PLASTIC_DARK
+) -> TriangleMesh:
     half_width, half_height, stroke = 0.045, 0.1, 0.014
     quads = []
     for name in _SEGMENTS[figure]:
@@ -140,9 +184,11 @@ def _figure(figure: str, middle: np.ndarray) -> TriangleMesh:
         y, z = left * half_width, up * half_height
         dy = half_width + stroke if lies else stroke
         dz = stroke if lies else half_height / 2 + stroke
+        if name == "m":
+            dz = half_height + stroke
         quads.append([(0, y - dy, z - dz), (0, y + dy, z - dz), (0, y + dy, z + dz),
                       (0, y - dy, z + dz)])  # fmt: skip
-    return quad_mesh(np.array(quads) + middle, Material.PLASTIC_DARK, _SIGN)
+    return quad_mesh(np.array(quads) + middle, material, _SIGN)
 
 
 def bench_mesh() -> TriangleMesh:
@@ -159,7 +205,7 @@ def bin_mesh() -> TriangleMesh:
     """A litter bin."""
     return merge_meshes(
         [
-            tube([(0, 0, 0.08), (0, 0, 0.9)], [0.22, 0.26], Material.PLASTIC_DARK, _STATIC),
+            tube([(0, 0, 0.0), (0, 0, 0.9)], [0.22, 0.26], Material.PLASTIC_DARK, _STATIC),
             tube([(0, 0, 0.9), (0, 0, 1.0)], [0.28, 0.2], Material.METAL, _STATIC),
         ]
     )

@@ -216,9 +216,10 @@ def sample_in_child(opendrive: str, name: str) -> Samples:
                 f"map {name}: sampling took longer than {_SAMPLING_LIMIT_S:.0f} s"
             ) from error
         if done.returncode != 0 or not target.exists():
+            words = done.stderr.strip().splitlines()[-1:] or [f"it ended with {done.returncode}"]
             raise MapSamplingError(
-                f"map {name}: the map reader ended with code {done.returncode}: "
-                f"{done.stderr.strip()[-800:]}"
+                f"map {name}: CARLA's own reader gives up on it: {words[0][:400]}; "
+                f"carla.Map({name!r}, text) shows the same in any program"
             )
         with np.load(target) as arrays:
             return {key: arrays[key] for key in arrays.files}

@@ -93,7 +93,7 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
                         "speed_limit_kmh": _kmh(limit),
                         "inner_mark": _mark(inner),
                         "outer_mark": _mark(outer),
-                        "mark_width_m": (inner.width, outer.width),
+                        "mark_width_m": (_mark_width(inner), _mark_width(outer)),
                         "station": first_station + number,
                     }
                     for key, value in row.items():
@@ -251,17 +251,28 @@ def _kmh(speed: etree._Element | None) -> float:
     return float(speed.get("max")) * factor
 
 
-def _mark(marking: carla.LaneMarking) -> tuple[int, int]:
+def _mark(marking: carla.LaneMarking | None) -> tuple[int, int]:
+    if marking is None:
+        return 0, 0
     kind = str(marking.type)
     # Kinds without a drawing of their own (botts dots, grass …) are left blank.
     code = MARK_KINDS.index(kind) if kind in MARK_KINDS else 0
     return code, int(str(marking.color) == "Yellow")
 
 
+def _mark_width(marking: carla.LaneMarking | None) -> float:
+    return 0.0 if marking is None else float(marking.width)
+
+
 def main(arguments: list[str]) -> int:
-    """Reads the first path, writes the second."""
+    """Reads the first path, writes the second; says on stderr in one line why it cannot."""
     source, target = Path(arguments[0]), Path(arguments[1])
-    np.savez(target, allow_pickle=False, **sample(source.read_text(encoding="utf-8"), source.stem))
+    try:
+        arrays = sample(source.read_text(encoding="utf-8"), source.stem)
+    except (RuntimeError, ValueError, TypeError, LookupError, AttributeError) as error:
+        sys.stderr.write(f"{type(error).__name__}: {error}\n")
+        return 1
+    np.savez(target, allow_pickle=False, **arrays)
     return 0
 
 

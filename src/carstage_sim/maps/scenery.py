@@ -19,14 +19,17 @@ from carstage_sim.content.street_furniture import (
     bus_shelter_mesh,
     hydrant_mesh,
     speed_sign_mesh,
+    stop_sign_mesh,
     street_lamp_mesh,
+    yield_sign_mesh,
 )
 from carstage_sim.content.trees import TREE_KINDS, TreeKind, tree_mesh
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.frontage import Frontage, frontages
 from carstage_sim.maps.ground_mesh import LevelSurface
 from carstage_sim.maps.lots import Lot, skyline_lots, street_lots
-from carstage_sim.maps.signals import SPEED_LIMIT, SignalPlan
+from carstage_sim.maps.parking import parked_vehicles
+from carstage_sim.maps.signals import SPEED_LIMIT, STOP, YIELD, SignalPlan
 from carstage_sim.maps.strips import Strip
 from carstage_sim.maps.surfaces import Surfaces
 from carstage_sim.maps.town import LevelObject, MapLayer, OrientedBox
@@ -49,6 +52,9 @@ _LAYERS = {
     CityObjectLabel.VEGETATION: MapLayer.FOLIAGE,
     CityObjectLabel.POLES: MapLayer.STREET_LIGHTS,
     CityObjectLabel.STATIC: MapLayer.PROPS,
+    CityObjectLabel.CAR: MapLayer.PARKED_VEHICLES,
+    CityObjectLabel.TRUCK: MapLayer.PARKED_VEHICLES,
+    CityObjectLabel.WALLS: MapLayer.WALLS,
 }
 """Signs are no part of a layer: they stay."""
 
@@ -148,7 +154,7 @@ def scenery(
         rng: draws what and where.
         bare: signs only.
     """
-    lot_rng, house_rng, street_rng, green_rng = rng.spawn(4)
+    lot_rng, house_rng, street_rng, green_rng, parking_rng = rng.spawn(5)
     stage = Stage()
     _put_signs(stage, plan)
     if bare:
@@ -174,21 +180,27 @@ def scenery(
         stage.put(f"Building_{lot.kind.name}", label, mesh, (lot.x, lot.y, lot.yaw_deg))
     for street in streets:
         stage.pits += _furnish(stage, street, street_rng)
+    for vehicle in parked_vehicles(lanes, ground, parking_rng):
+        name = "Parked_" + vehicle.kind.type_id.removeprefix("vehicle.").replace(".", "_")
+        stage.put(name, vehicle.kind.label, vehicle.mesh, vehicle.place)
     _plant_gardens(stage, ground, lots, free, green_rng)
     _plant_parks(stage, ground, green_rng)
     return stage
 
 
 def _put_signs(stage: Stage, plan: SignalPlan) -> None:
-    for sign in plan.of_kind(SPEED_LIMIT):
-        if sign.value <= 0.0:
-            continue
+    label = CityObjectLabel.TRAFFIC_SIGNS
+    for sign in plan.signals:
         # Plates look against the traffic that they address.
-        facing = sign.lanes[0].yaw_deg + 180.0 if sign.lanes else sign.yaw_deg
+        facing = (sign.lanes[0].yaw_deg if sign.lanes else sign.yaw_deg) + 180.0
         place = (sign.location[0], sign.location[1], (facing + 180.0) % 360.0 - 180.0)
-        mesh = speed_sign_mesh(round(sign.value))
-        name = f"SpeedLimit{round(sign.value)}"
-        stage.put(name, CityObjectLabel.TRAFFIC_SIGNS, mesh, place)
+        if sign.kind == SPEED_LIMIT and sign.value > 0.0:
+            limit = round(sign.value)
+            stage.put(f"SpeedLimit{limit}", label, speed_sign_mesh(limit), place)
+        elif sign.kind == STOP:
+            stage.put("StopSign", label, stop_sign_mesh(), place)
+        elif sign.kind == YIELD:
+            stage.put("YieldSign", label, yield_sign_mesh(), place)
 
 
 def _furnish(stage: Stage, street: Frontage, rng: np.random.Generator) -> list[shapely.Polygon]:

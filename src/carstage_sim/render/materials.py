@@ -122,6 +122,12 @@ LOOKS: dict[Material, Look] = {
     Material.LICENCE_PLATE: Look((224, 224, 218), 0.5, 0.05),
     Material.CROSSWALK_WHITE: Look((218, 218, 212), 0.7, 0.04, Detail.MARKING),
     Material.SHOE: Look((34, 30, 28), 0.8, 0.03),
+    Material.PAINT_WHITE: Look((236, 236, 232), 0.17, 0.05),
+    Material.PAINT_SILVER: Look((176, 180, 184), 0.17, 0.05),
+    Material.PAINT_GREY: Look((92, 96, 100), 0.17, 0.05),
+    Material.PAINT_BLACK: Look((18, 18, 20), 0.17, 0.05),
+    Material.PAINT_BLUE: Look((30, 56, 112), 0.17, 0.05),
+    Material.PAINT_RED: Look((128, 20, 22), 0.17, 0.05),
 }
 
 

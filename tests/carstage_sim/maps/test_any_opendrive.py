@@ -1,0 +1,135 @@
+"""Maps that are not ours: what little they may hold, and what must come out all the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+import small_maps
+
+from carstage_sim.labels import CityObjectLabel
+from carstage_sim.maps import BakeOptions, MapSamplingError, Town
+from carstage_sim.maps.baking import bake
+from carstage_sim.maps.ground import Ground
+from carstage_sim.maps.loading import town_from_opendrive
+from carstage_sim.maps.town import MapLayer
+
+BARE = BakeOptions(scenery=False)
+
+
+@pytest.fixture(scope="module")
+def bridge() -> Town:
+    return bake("Bridge", small_maps.crossing_on_two_levels(), BARE)
+
+
+def test_one_road_without_junction_sidewalk_or_reference_becomes_a_town():
+    town = bake("Country", small_maps.one_road())
+    assert len(town.spawn_points) > 10
+    assert town.traffic_lights == ()
+    assert town.navigation == b""
+    # What the client itself takes for the origin of such a map.
+    assert town.geo_reference == pytest.approx((42.0, 2.0))
+    assert not [entry for entry in town.level_objects if entry.layer == MapLayer.BUILDINGS]
+    on_road = town.lanes.location[::10]
+    assert Ground(town.static_mesh).highest(on_road[:, :2]) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_road_surface_follows_a_hill():
+    town = bake("Hill", small_maps.hill_road(), BARE)
+    lanes = town.lanes.location
+    assert np.ptp(lanes[:, 2]) == pytest.approx(6.0, abs=0.01)
+    surface = Ground(town.static_mesh).highest(lanes[:, :2])
+    assert np.abs(surface - lanes[:, 2]).max() < 0.02
+    # The land meets the road at its edge and ends up between the heights of the road.
+    land = town.static_mesh.tag == CityObjectLabel.TERRAIN
+    heights = town.static_mesh.vertices[town.static_mesh.triangles[land]][..., 2]
+    assert heights.min() > -0.01
+    assert heights.max() < 6.01
+
+
+def test_spawn_points_stand_above_their_lane_and_slope_with_it():
+    town = bake("Hill", small_maps.hill_road(), BARE)
+    points = town.spawn_points
+    nearest = [
+        np.linalg.norm(town.lanes.location[:, :2] - point[:2], axis=1).argmin() for point in points
+    ]
+    height = points[:, 2] - town.lanes.location[nearest, 2]
+    assert height == pytest.approx(0.5, abs=0.05)
+    assert np.abs(points[:, 3]).max() > 3.0
+
+
+def test_a_road_that_crosses_above_another_is_a_bridge(bridge):
+    ground = Ground(bridge.static_mesh)
+    middle = np.array([[1.7, 1.7]])
+    assert ground.highest(middle) == pytest.approx(6.0, abs=0.02)
+    mesh = bridge.static_mesh
+    above = np.linalg.norm(mesh.vertices[:, :2] - middle[0], axis=1) < 3.0
+    flat = mesh.vertices[above][:, 2]
+    assert ((flat < 0.05) | (flat > 4.9)).all(), "something stands between the two roads"
+    assert (mesh.tag == CityObjectLabel.BRIDGE).any()
+    assert (mesh.tag == CityObjectLabel.GUARD_RAIL).any()
+
+
+def test_land_covers_no_road_and_lies_below_bridges(bridge):
+    mesh = bridge.static_mesh
+    land = mesh.vertices[mesh.triangles[mesh.tag == CityObjectLabel.TERRAIN]].astype(np.float64)
+    tree = shapely.STRtree(shapely.polygons(land[..., :2]))
+    lower, upper = (bridge.lanes.location[bridge.lanes.road_id == road] for road in (1, 2))
+    assert len(tree.query(shapely.points(lower[:, :2]), predicate="within")[0]) == 0
+    ground = Ground(mesh)
+    assert ground.highest(upper[:, :2]) == pytest.approx(upper[:, 2], abs=0.02)
+
+
+def test_parked_vehicles_keep_clear_of_driving_lanes():
+    town = bake("Street", small_maps.parking_street())
+    parked = [entry for entry in town.level_objects if entry.layer == MapLayer.PARKED_VEHICLES]
+    assert len(parked) > 8
+    for entry in parked:
+        assert entry.label in (CityObjectLabel.CAR, CityObjectLabel.TRUCK)
+        inner_edge = abs(entry.box.center[1]) - entry.box.extent[1]
+        assert inner_edge >= 3.5 + 0.3
+        assert entry.box.center[2] - entry.box.extent[2] == pytest.approx(0.0, abs=0.03)
+
+
+def test_everything_stands_on_the_ground():
+    town = bake("Street", small_maps.parking_street())
+    ground = Ground(town.static_mesh)
+    for entry in town.level_objects:
+        lowest = entry.box.center[2] - entry.box.extent[2]
+        x, y, _ = entry.box.center
+        reach = max(entry.box.extent[:2])
+        below = ground.highest(np.array([(x, y), (x, y - reach), (x, y + reach)]))
+        assert np.abs(below - lowest).min() < 0.03, entry.name
+
+
+def test_lights_without_controllers_take_turns_by_approach():
+    signals = small_maps.light(7, 190, (-1, -1)) + small_maps.light(8, 190, (-1, -1), -9.0)
+    town = bake("Lit", small_maps.document(small_maps.road(1, 0, 0, 0, 200, signals=signals)), BARE)
+    assert {site.sign_id for site in town.traffic_lights} == {"7", "8"}
+    assert len({site.junction_id for site in town.traffic_lights}) == 2
+    for site in town.traffic_lights:
+        (box,) = site.trigger
+        assert box.center[0] < 190.0
+        assert abs(box.center[1] - 1.75) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("no xml at all", "no well-formed XML"),
+        ("<OpenDRIVE>", "no well-formed XML"),
+        ("<svg/>", "not an <OpenDRIVE>"),
+        ('<OpenDRIVE xmlns="http://x"/>', "remove the xmlns"),
+        ("<OpenDRIVE><header/></OpenDRIVE>", "no <road>"),
+        (small_maps.one_road().replace('id="1"', 'id="main"', 1), "no whole number"),
+        (small_maps.one_road().replace('length="200"', 'length="nan"'), "is no number"),
+        (small_maps.one_road().replace("planView", "view"), "no <planView>"),
+        (small_maps.one_road().replace('type="driving"', 'type="sidewalk"'), "type driving"),
+        (small_maps.document(*2 * [small_maps.road(1, 0, 0, 0, 9)]), "two roads"),
+    ],
+)
+def test_a_broken_map_is_refused_with_its_name_and_reason(text, reason, tmp_path):
+    with pytest.raises(MapSamplingError, match=reason) as caught:
+        town_from_opendrive("Broken", text, cache_folder=tmp_path)
+    assert "Broken" in str(caught.value)
+    assert list(tmp_path.iterdir()) == []

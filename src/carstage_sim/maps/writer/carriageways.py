@@ -279,7 +279,7 @@ class Carriageway:
     def _branch(
         self, junction_id: int, source: tuple[Road, int, Pose2], target: tuple[Road, int, Pose2]
     ) -> tuple[Road, Connection]:
-        """One lane with the shoulder at its right.
+        """One lane with the shoulder at its right, and a ramp's paved edge at its left.
 
         Args:
             junction_id: where.
@@ -287,7 +287,11 @@ class Carriageway:
         """
         (before, first, begin), (after, last, end) = source, target
         alignment = connect(begin, end)
+        edges_m = _left_edge_m(before), _left_edge_m(after)
         lanes = []
+        if any(edges_m):
+            width = eased(0.0, length_m(alignment), edges_m)
+            lanes.append(Lane(1, LaneKind.SHOULDER, (width,)))
         for i, kind in enumerate((LaneKind.DRIVING, LaneKind.SHOULDER)):
             enters, leaves = -first - i, -last - i
             widths_m = _constant_width(before, enters), _constant_width(after, leaves)
@@ -317,6 +321,12 @@ class Carriageway:
         )
         links = tuple((ln.predecessor, ln.lane_id) for ln in lanes if ln.predecessor is not None)
         return road, Connection(before.road_id, road.road_id, links)
+
+
+def _left_edge_m(road: Road) -> float:
+    """Width of the pavement left of a road's reference line."""
+    left = [lane for lane in road.sections[0].lanes if lane.lane_id > 0]
+    return sum(lane.width[0].a for lane in left if lane.kind is LaneKind.SHOULDER)
 
 
 def _constant_width(road: Road, lane_id: int) -> float:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from carstage_sim.check.traffic.recording import Partner, Recording
-from carstage_sim.world.overlap import overlaps
+from carstage_sim.maps.town import OrientedBox
+from carstage_sim.world.trigger_boxes import TriggerBoxes
 
 WINDOW_S = 5.0
 HIT_SPEED = 0.5  # m/s; a walker may well walk into a car that stands
@@ -60,30 +61,30 @@ def walkers_hit(recording: Recording) -> list[tuple[int, int, int]]:
 
 def inside_buildings(recording: Recording) -> list[tuple[int, int]]:
     """Vehicles whose box was inside a building's, each once: the first tick and its row."""
+    rotation = np.stack([np.zeros(len(recording.building_yaw_deg))] * 3, axis=1)
+    rotation[:, 1] = recording.building_yaw_deg
+    buildings = TriggerBoxes(
+        (number, OrientedBox(tuple(center), tuple(extent), tuple(turn)))
+        for number, (center, extent, turn) in enumerate(
+            zip(
+                recording.building_center.tolist(),
+                recording.building_extent.tolist(),
+                rotation.tolist(),
+                strict=True,
+            )
+        )
+    )
     looks = recording.every(_LOOK_EVERY_S)
-    found = []
-    middle = recording.location[looks] + np.array([0.0, 0.0, 1.0])
-    for center, extent, yaw_deg in zip(
-        recording.building_center,
-        recording.building_extent,
-        recording.building_yaw_deg.tolist(),
-        strict=True,
-    ):
-        reach = np.linalg.norm(extent[:2]) + 8.0
-        for step, row in np.argwhere(
-            np.linalg.norm(middle[..., :2] - center[:2], axis=-1) < reach
-        ).tolist():
-            box = recording.box_extent[row] * np.array([1.0, 1.0, 0.1])
-            if overlaps(
-                middle[step, row],
-                box,
-                float(recording.yaw_deg[looks][step, row]),
-                center[None],
-                extent[None],
-                np.array([yaw_deg]),
-            )[0]:
-                found.append((step * looks.step, row))
     first: dict[int, int] = {}
-    for tick, row in sorted(found):
-        first.setdefault(row, tick)
+    for step, (location, yaw_deg) in enumerate(
+        zip(recording.location[looks], recording.yaw_deg[looks], strict=True)
+    ):
+        there = np.flatnonzero(~np.isnan(yaw_deg))
+        inside = buildings.owners_at(
+            location[there].astype(np.float64),
+            recording.box_extent[there, :2].astype(np.float64),
+            np.radians(yaw_deg[there]),
+        )
+        for row in there[inside >= 0].tolist():
+            first.setdefault(row, step * looks.step)
     return sorted((tick, row) for row, tick in first.items())

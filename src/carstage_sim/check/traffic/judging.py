@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from carstage_sim.check.traffic.collisions import (
@@ -9,7 +11,7 @@ from carstage_sim.check.traffic.collisions import (
     inside_buildings,
     walkers_hit,
 )
-from carstage_sim.check.traffic.passages import passages
+from carstage_sim.check.traffic.passages import Passage, passages
 from carstage_sim.check.traffic.recording import RED, Partner, Recording
 from carstage_sim.check.traffic.standing import STOOD_S, longest_stand_s
 from carstage_sim.check.verdict import Figure, Verdict
@@ -37,14 +39,11 @@ def judge(recording: Recording) -> Verdict:
     limit_kmh = float(recording.speed_limit_kmh[present].mean(dtype=np.float64))
     free_flow = 3.6 * recording.free_flow
     minutes = recording.vehicle_minutes
-    vehicles = collision_pairs(recording, Partner.VEHICLE)
-    scenery = collision_pairs(recording, Partner.SCENERY)
-    walkers = walkers_hit(recording)
+    found = _find(recording)
     driven = passages(recording)
     run = [passage for passage in driven if passage.state == RED]
     offset, outside = recording.lane_offset_m, ~recording.in_junction
     off_road = np.asarray((offset > recording.lane_half_width_m).any(axis=0))
-    buildings = inside_buildings(recording)
     return Verdict(
         f"traffic in {recording.town}",
         (
@@ -59,32 +58,51 @@ def judge(recording: Recording) -> Verdict:
             Figure("free_flow_kmh", free_flow),
             Figure("mean_speed_limit_kmh", limit_kmh),
             Figure("mean_speed_percent_of_free_flow", 100.0 * mean_speed / free_flow, ">=", 50.0),
-            Figure("collisions_between_vehicles", len(vehicles)),
-            Figure("collisions_with_scenery", len(scenery)),
+            Figure("collisions_between_vehicles", len(found.vehicles)),
+            Figure("collisions_with_scenery", len(found.scenery)),
             Figure(
                 "collisions_per_100_vehicle_minutes",
-                100.0 * (len(vehicles) + len(scenery)) / minutes,
+                100.0 * (len(found.vehicles) + len(found.scenery)) / minutes,
                 "<=",
                 1.0,
             ),
-            Figure("collisions_with_walkers", len(walkers)),
+            Figure("collisions_with_walkers", len(found.walkers)),
             Figure(
                 "collisions_with_walkers_per_1000_vehicle_minutes",
-                1000.0 * len(walkers) / minutes,
+                1000.0 * len(found.walkers) / minutes,
                 "<=",
                 1.0,
             ),
             Figure("mean_lateral_error_m", float(np.nanmean(offset[outside])), "<=", 0.3),
             Figure("mean_lateral_error_in_junctions_m", _mean(offset[recording.in_junction])),
             Figure("vehicles_off_the_road", int(off_road.sum()), "==", 0),
-            Figure("vehicles_inside_buildings", len(buildings), "==", 0),
+            Figure("vehicles_inside_buildings", len(found.buildings), "==", 0),
             Figure("stop_lines_passed", len(driven)),
             Figure("red_lights_run", len(run)),
             Figure("red_lights_run_per_200", 200.0 * len(run) / max(len(driven), 1), "<=", 1.0),
             Figure("ticks_per_s", recording.ticks_per_s),
             Figure("lost_wake_ups_of_the_client", recording.wake_ups),
         ),
-        _notes(recording, stuck, stood_s, off_road)[:_MAX_NOTES],
+        _notes(recording, found, run, stuck, stood_s, off_road)[:_MAX_NOTES],
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """Collisions and intrusions, as ``collisions`` lists them."""
+
+    vehicles: list[tuple[int, int, int]]
+    scenery: list[tuple[int, int, int]]
+    walkers: list[tuple[int, int, int]]
+    buildings: list[tuple[int, int]]
+
+
+def _find(recording: Recording) -> _Found:
+    return _Found(
+        collision_pairs(recording, Partner.VEHICLE),
+        collision_pairs(recording, Partner.SCENERY),
+        walkers_hit(recording),
+        inside_buildings(recording),
     )
 
 
@@ -94,7 +112,12 @@ def _mean(values: np.ndarray) -> float:
 
 
 def _notes(
-    recording: Recording, stuck: np.ndarray, stood_s: np.ndarray, off_road: np.ndarray
+    recording: Recording,
+    found: _Found,
+    run: list[Passage],
+    stuck: np.ndarray,
+    stood_s: np.ndarray,
+    off_road: np.ndarray,
 ) -> list[str]:
     """Where and when it went wrong, for whoever has to mend it."""
     row_of = {int(actor): row for row, actor in enumerate(recording.vehicle_id)}
@@ -112,29 +135,19 @@ def _notes(
         last = int(np.flatnonzero(present[:, row])[-1])
         what = "stood" if present[-1, row] else "was removed after it stood"
         notes.append(f"{name(row)} {what} {stood_s[row]:.0f} s; last seen {place(last, row)}")
-    for kind in (Partner.VEHICLE, Partner.SCENERY):
-        for tick, one, other in collision_pairs(recording, kind):
-            row = row_of.get(one, row_of.get(other, 0))
-            partner = other if row_of.get(one) == row else one
-            notes.append(
-                f"{name(row)} hit {kind.name.lower()} {partner}; {place(max(tick, 0), row)}"
-            )
-    notes += [
-        f"{name(row)} hit walker {walker}; {place(tick, row)}"
-        for tick, row, walker in walkers_hit(recording)
-    ]
+    for what, pairs in (("vehicle", found.vehicles), ("scenery", found.scenery)):
+        for tick, one, other in pairs:
+            row, partner = (row_of[other], one) if one not in row_of else (row_of[one], other)
+            notes.append(f"{name(row)} hit {what} {partner}; {place(max(tick, 0), row)}")
+    notes += [f"{name(v)} hit walker {walker}; {place(t, v)}" for t, v, walker in found.walkers]
     notes += [
         f"{name(p.vehicle)} passed light {recording.signal_id[p.signal]} under red; "
         f"{place(p.tick, p.vehicle)}"
-        for p in passages(recording)
-        if p.state == RED
+        for p in run
     ]
     over = recording.lane_offset_m > recording.lane_half_width_m
     for row in np.flatnonzero(off_road).tolist():
         tick = int(recording.lane_tick[np.flatnonzero(over[:, row])[0]])
         notes.append(f"{name(row)} left its lane; {place(tick, row)}")
-    notes += [
-        f"{name(row)} was inside a building; {place(tick, row)}"
-        for tick, row in inside_buildings(recording)
-    ]
+    notes += [f"{name(row)} was inside a building; {place(t, row)}" for t, row in found.buildings]
     return notes

@@ -10,7 +10,10 @@ from pathlib import Path
 from carstage_sim.check.budget import add_budget, check_budget
 from carstage_sim.check.client_process import TrialError
 from carstage_sim.check.determinism import check_determinism
+from carstage_sim.check.fuzz import add_fuzz
+from carstage_sim.check.memory import add_memory
 from carstage_sim.check.server_process import ServerError
+from carstage_sim.check.streaming import add_streaming
 from carstage_sim.check.traffic import check_traffic
 from carstage_sim.check.traffic.towns import CARLA_TOWNS, STAGES, carla_maps
 from carstage_sim.check.verdict import Campaign, Verdict
@@ -54,11 +57,19 @@ def _parser() -> argparse.ArgumentParser:
     walkers.add_argument("--walkers", type=int, help="in each town (default 20)")
     walkers.add_argument("--seconds", type=float, default=60.0, help="simulated, in each town")
 
-    determinism.add_argument("--map", help="map that the server starts with")
+    api = checks.add_parser("api", help="every name of the client does what the table says")
+    api.add_argument("--only", default="", metavar="PART", help="names that contain this")
+    api.add_argument("--verbose", action="store_true", help="say which trial is on")
+    api.add_argument("--write", type=Path, metavar="FILE", help="write the table as Markdown")
+    api.add_argument("--json", action="store_true", help="last line is a JSON object")
+
+    for check in (determinism, api):
+        check.add_argument("--map", help="map that the server starts with")
     for check in (traffic, walkers):
         check.add_argument("--towns", nargs="+", metavar="TOWN", help="these and no others")
         check.add_argument("--maps", type=Path, help="folder with OpenDRIVE files of CARLA's towns")
-    add_budget(checks)
+    for add in (add_budget, add_fuzz, add_streaming, add_memory):
+        add(checks)
     for check in (traffic, determinism, walkers):
         check.add_argument("--fps", type=int, default=20)
         check.add_argument("--seed", type=int, default=7)
@@ -116,13 +127,28 @@ def _determinism(arguments: argparse.Namespace) -> Verdict:
     )
 
 
+def _api(arguments: argparse.Namespace) -> Verdict:
+    # Its trials are many modules: other checks need not wait for them.
+    from carstage_sim.check.api import api_page, check_api
+
+    if arguments.write is not None:
+        arguments.write.write_text(api_page())
+    return check_api(
+        server_arguments=("--map", arguments.map) if arguments.map else (),
+        only=arguments.only,
+        verbose=arguments.verbose,
+    )
+
+
 _CHECKS: dict[str, Callable[[argparse.Namespace], Verdict | Campaign]] = {
     "traffic": _traffic,
     "determinism": _determinism,
     "budget": lambda arguments: check_budget(
         ticks=arguments.ticks, seed=arguments.seed, town=arguments.map
     ),
+    "api": _api,
     "walkers": _walkers,
+    **dict.fromkeys(("fuzz", "streaming", "memory"), lambda arguments: arguments.run(arguments)),
 }
 
 

@@ -47,7 +47,7 @@ class RunningServer:
 
 @contextmanager
 def started_server(
-    arguments: Sequence[str] = (), *, start_timeout_s: float = 180.0
+    arguments: Sequence[str] = (), *, start_timeout_s: float = 300.0
 ) -> Iterator[RunningServer]:
     """Runs ``python -m carstage_sim --port 0``; it ends with the block.
 
@@ -86,7 +86,7 @@ def started_server(
 
 @contextmanager
 def running_server(
-    arguments: Sequence[str] = (), *, start_timeout_s: float = 180.0
+    arguments: Sequence[str] = (), *, start_timeout_s: float = 300.0
 ) -> Iterator[int]:
     """As :func:`started_server`, for those who need its port only."""
     with started_server(arguments, start_timeout_s=start_timeout_s) as server:

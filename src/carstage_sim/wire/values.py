@@ -17,6 +17,7 @@ from carstage_sim.maps import BakeOptions
 from carstage_sim.maps.town import OrientedBox
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.errors import CallError
+from carstage_sim.wire.rpc import shortened
 from carstage_sim.wire.token import stream_token
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints import AttributeType, Blueprint
@@ -32,6 +33,7 @@ from carstage_sim.world.state import Weather
 Value = list[Any]
 
 _LONGEST_STEP_S = 60.0
+_MOST_SUBSTEPS = 1000
 _LARGEST = 1e9
 
 
@@ -214,15 +216,37 @@ def settings(value: Sequence[Any]) -> EpisodeSettings:
     """``EpisodeSettings``, of any version's length.
 
     Raises:
-        CallError: a step that no tick can take.
+        CallError: a value of another kind than its field, or a step that no tick can take.
     """
-    known = list(value[: len(fields(EpisodeSettings))])
-    known[2] = optional(known[2])
-    decoded = EpisodeSettings(*known)
-    (step_s, _) = finite(decoded.fixed_delta_seconds or 0.0, decoded.max_substep_delta_time)
+    names = [field.name for field in fields(EpisodeSettings)]
+    given = dict(zip(names, value, strict=False))
+    step = optional(given.pop("fixed_delta_seconds"))
+    step_s = None if step is None else _step(step)
+    like = EpisodeSettings()
+    others: dict[str, Any] = {
+        name: _like(name, getattr(like, name), setting) for name, setting in given.items()
+    }
+    decoded = EpisodeSettings(fixed_delta_seconds=step_s, **others)
+    if not 0 <= decoded.max_substeps <= _MOST_SUBSTEPS:
+        raise CallError(f"max_substeps must be 0 to {_MOST_SUBSTEPS}, got {decoded.max_substeps}")
+    return decoded
+
+
+def _step(value: float) -> float:
+    (step_s,) = finite(value)
     if not 0.0 <= step_s <= _LONGEST_STEP_S:
         raise CallError(f"fixed_delta_seconds must be 0 to {_LONGEST_STEP_S:g}, got {step_s:g}")
-    return decoded
+    return step_s
+
+
+def _like(name: str, default: bool | float, value: Any) -> bool | float:
+    """A setting of the type of its default, because it goes back to clients, which want that."""
+    if isinstance(default, bool) or isinstance(value, bool):
+        if type(default) is not type(value):
+            raise CallError(f"{name} cannot be {shortened(value)}")
+        return bool(value)
+    (number,) = finite(value)
+    return int(number) if isinstance(default, int) else number
 
 
 def bake_options(value: Sequence[Any]) -> BakeOptions:

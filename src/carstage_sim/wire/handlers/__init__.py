@@ -15,7 +15,7 @@ from carstage_sim.wire.handlers import (
     vehicles,
     walkers,
 )
-from carstage_sim.wire.handlers.registry import Call, Session, known_calls, serve
+from carstage_sim.wire.handlers.registry import Call, Session, known_calls, parameters_of, serve
 
 __all__ = [
     "Call",
@@ -27,6 +27,7 @@ __all__ = [
     "debug_shapes",
     "environment",
     "known_calls",
+    "parameters_of",
     "recorder",
     "sensors",
     "serve",

@@ -161,6 +161,12 @@ def known_calls() -> frozenset[str]:
     return frozenset(_HANDLERS)
 
 
+def parameters_of(name: str) -> list[tuple[str, str]]:
+    """Names and annotations of the arguments that a call takes from a client."""
+    given = list(inspect.signature(_HANDLERS[name].handler).parameters.values())[1:]
+    return [(parameter.name, str(parameter.annotation)) for parameter in given]
+
+
 def serve(session: Session, request: Request) -> None:
     """Run the handler of a request and answer it.
 

@@ -20,8 +20,15 @@ from carstage_sim.world.walker_bones import (
     pose_from_animation,
 )
 
+_LAMPS = {
+    f"{end}-blinker-{side}-1": (along, across)
+    for end, along in (("front", 0.92), ("back", -0.92))
+    for side, across in (("r", 0.8), ("l", -0.8))
+}
+"""Lamps of a vehicle (named as in ``PythonAPI/examples/get_component_test.py``), in box extents."""
+
 _COMPONENTS = {
-    ActorKind.VEHICLE: ("VehicleMesh", "MovementComp", "VehicleBounds"),
+    ActorKind.VEHICLE: ("VehicleMesh", "MovementComp", "VehicleBounds", *_LAMPS),
     ActorKind.WALKER: ("CollisionCylinder", "Arrow", "CharMoveComp", "CharacterMesh0"),
 }
 """Components of UE's ``AWheeledVehicle`` and ``ACharacter``, which CARLA's actors are."""
@@ -93,6 +100,10 @@ def _actor_from_component(actor: Actor, component: str) -> Pose:
         raise CallError(f"Component not found: Component Name: {component}")
     if component == "VehicleBounds":
         return Pose(actor.box_center)
+    if component in _LAMPS:
+        along, across = _LAMPS[component]
+        (x, y, z), (length, width, _) = actor.box_center, actor.box_extent
+        return Pose((x + along * length, y + across * width, z))
     if component == "CharacterMesh0":
         return Pose((0.0, 0.0, -actor.box_extent[2]))
     return Pose()

@@ -194,3 +194,31 @@ def test_same_trouble_is_logged_once_with_a_count(caplog: pytest.LogCaptureFixtu
     time.sleep(0.06)
     complaints.warn("it rains", "still")
     assert "4 more" in caplog.records[-1].getMessage()
+
+
+def test_call_that_nobody_waits_for_is_answered_too(client: RawClient) -> None:
+    # rpclib keeps a promise per call until an answer comes.
+    clouds = [[True], [20.0] + [0.0] * 13]
+    client.socket.sendall(msgpack.packb([0, 4711, "set_weather_parameters", clouds]))
+    assert msgpack.unpackb(client.socket.recv(100))[:2] == [1, 4711]
+
+
+@pytest.mark.parametrize("port", ["port", "streaming_port"])
+def test_reset_connection_costs_nobody_else_anything(
+    simulator: RunningSimulator, client: RawClient, port: str
+) -> None:
+    address = (simulator.host, getattr(simulator, port))
+    with socket.create_connection(address, timeout=20.0) as leaving:
+        leaving.sendall(struct.pack("<I", 1))
+        leaving.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    for _ in range(3):
+        client.value("tick_cue")
+
+
+def test_settings_come_back_to_clients_in_the_types_that_they_decode(client: RawClient) -> None:
+    before = client.value("get_episode_settings")
+    for index, value in ((0, "yes"), (1, 0.5), (3, None), (5, "x"), (5, 10**6), (7, 1), (8, "y")):
+        wrong = [*before[:index], value, *before[index + 1 :]]
+        error, ((kind, *_),) = client.call("set_episode_settings", wrong)
+        assert (error, kind) == (None, 0)
+    assert client.value("get_episode_settings") == before

@@ -21,6 +21,8 @@ import carla
 from carstage_sim.check.ticking import WatchedClock, wake_traffic_manager
 
 _TIMEOUT_S = 60.0
+_STRETCH_M = 9.0
+_DROP_M = 0.5
 
 
 def free_port() -> int:
@@ -79,8 +81,10 @@ def spawn_traffic(
 ) -> list[carla.Vehicle]:
     """Spawns vehicles at shuffled spawn points and hands them to the Traffic Manager, in one batch.
 
+    Where the map has fewer spawn points, the rest start on free stretches of its lanes.
+
     Raises:
-        RuntimeError: fewer spawn points than vehicles, or a spawn was refused.
+        RuntimeError: no room for so many vehicles, or a spawn was refused.
     """
     library = session.world.get_blueprint_library().filter("vehicle.*")
     blueprints = sorted(
@@ -88,9 +92,11 @@ def spawn_traffic(
         key=lambda blueprint: str(blueprint.id),
     )
     points = session.world.get_map().get_spawn_points()
-    if len(points) < count:
-        raise RuntimeError(f"the map has {len(points)} spawn points, {count} are needed")
     session.random.shuffle(points)
+    if len(points) < count:
+        points += _free_stretches(session.world.get_map(), points, count - len(points))
+    if len(points) < count:
+        raise RuntimeError(f"the map has room for {len(points)} vehicles, {count} are needed")
     port = session.traffic_manager.get_port()
     batch = []
     for point in points[:count]:
@@ -108,6 +114,25 @@ def spawn_traffic(
         ids.append(response.actor_id)
     session.clock.tick()
     return [session.world.get_actor(actor_id) for actor_id in ids]
+
+
+def _free_stretches(
+    town: carla.Map, taken: Sequence[carla.Transform], count: int
+) -> list[carla.Transform]:
+    """Up to ``count`` places on lanes, outside junctions, with room to all others."""
+    places = [point.location for point in taken]
+    found: list[carla.Transform] = []
+    for waypoint in town.generate_waypoints(_STRETCH_M):
+        if len(found) == count:
+            break
+        pose = waypoint.transform
+        crosses = waypoint.is_junction or any(w.is_junction for w in waypoint.next(_STRETCH_M))
+        if crosses or min(map(pose.location.distance, places), default=_STRETCH_M) < _STRETCH_M:
+            continue
+        pose.location.z += _DROP_M
+        places.append(pose.location)
+        found.append(pose)
+    return found
 
 
 def spawn_walkers(session: Session, count: int) -> list[carla.Walker]:

@@ -109,14 +109,11 @@ def _add_road(root: etree._Element, road: Road) -> None:
     for crosswalk in road.crosswalks:
         _add_crosswalk(objects, crosswalk)
     signals = _add(element, "signals")
-    for signal in road.signals:
-        if signal.is_light:
-            _add_signal(signals, signal)
+    # The schema wants all signals before the first reference.
+    for signal in sorted(road.signals, key=lambda signal: not signal.is_light):
+        _add_signal(signals, signal)
     for place in road.references:
         _add_reference(signals, place)
-    for signal in road.signals:
-        if not signal.is_light:
-            _add_signal(signals, signal)
 
 
 def _add_section(lanes: etree._Element, section: LaneSection, road: Road) -> None:

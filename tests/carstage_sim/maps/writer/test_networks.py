@@ -8,12 +8,14 @@ from collections import Counter
 from itertools import pairwise
 
 import pytest
+from lxml import etree
 
 from carstage_sim.maps.writer import PLANS, opendrive_of
 from carstage_sim.maps.writer.alignment import Pose2, pose_at
 from carstage_sim.maps.writer.elevation import grade, height_m
 from carstage_sim.maps.writer.layout import build_network
 from carstage_sim.maps.writer.network import Lane, LaneKind, Road, RoadNetwork
+from carstage_sim.maps.writer.opendrive_text import write_opendrive
 from carstage_sim.maps.writer.plan import Street, StreetProfile, TownPlan
 
 STEEPEST = 0.085
@@ -165,6 +167,13 @@ def test_numbers_are_unique(network):
 def test_equal_plans_give_equal_text():
     for plan in PLANS.values():
         assert opendrive_of(dataclasses.replace(plan)) == opendrive_of(plan)
+
+
+def test_signals_come_before_references_as_the_schema_wants(network):
+    root = etree.fromstring(write_opendrive(network).encode())
+    for signals in root.iterfind("road/signals"):
+        tags = [node.tag for node in signals]
+        assert tags == sorted(tags)
 
 
 def test_a_street_that_would_end_nowhere_is_refused():

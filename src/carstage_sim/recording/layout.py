@@ -28,6 +28,10 @@ UNKNOWN_DURATION_S: Final = -1.0
 """The duration of a log's last frame: no later one tells it."""
 
 
+GAMMA: Final = 2.2
+"""Colours of street lamps are linear in a log and sRGB for clients."""
+
+
 class Packet(IntEnum):
     """Numbers of the packets. Readers skip what they do not know."""
 

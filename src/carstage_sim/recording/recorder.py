@@ -24,6 +24,7 @@ from carstage_sim.recording.events import (
 )
 from carstage_sim.recording.layout import (
     FRAME,
+    GAMMA,
     NO_ACTOR,
     RECORDS,
     UNKNOWN_DURATION_S,
@@ -37,6 +38,7 @@ from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints.model import AttributeType
 from carstage_sim.world.snapshot import Snapshot
 from carstage_sim.world.state import ActorKind, Collision, Weather
+from carstage_sim.world.street_lights import LightState
 from carstage_sim.world.world import World
 
 _SYMBOLIC_DATE = 0
@@ -64,6 +66,9 @@ class Recorder:
         self._known: NDArray[np.uint32] = np.zeros(0, np.uint32)
         self._rolled_deg: dict[int, NDArray[np.float64]] = {}
         self._weather: Weather | None = None
+        self._doors: dict[int, int] = {}
+        self._lamps: dict[int, LightState] = {}
+        self._lamp_version = -1
         self._collision_count = 0
         self._frames = 0
         self._elapsed_s = 0.0
@@ -135,6 +140,8 @@ class Recorder:
             self._positions(snapshot),
             self._lights(snapshot),
             *self._vehicles(snapshot),
+            self._door_changes(snapshot),
+            self._lamp_changes(),
             self._weather_change(state.weather),
         ]
         if self._additional:
@@ -250,6 +257,42 @@ class Recorder:
             WheelPose(number, angle_deg if wheel.max_steer_angle_deg else 0.0, turned_deg)
             for number, (wheel, turned_deg) in enumerate(zip(wheels, rolled.tolist(), strict=True))
         ]
+
+    def _door_changes(self, snapshot: Snapshot) -> bytes:
+        """Doors that were opened or closed since the last frame."""
+        state, changes = snapshot.state, []
+        for row in snapshot.vehicles.rows.tolist():
+            actor_id = int(state.actor_id[row])
+            bits = 0 if state.doors is None else int(state.doors[row])
+            changed = bits ^ self._doors.get(actor_id, 0)
+            self._doors[actor_id] = bits
+            changes += [
+                (actor_id, door, bool(bits >> door & 1)) for door in range(8) if changed >> door & 1
+            ]
+        if not changes:
+            return b""
+        ids, doors, opened = zip(*changes, strict=True)
+        return _rows(Packet.VEHICLE_DOOR, id=ids, door=doors, open=opened)
+
+    def _lamp_changes(self) -> bytes:
+        """All street lamps at first, then those that changed; colours are linear, as UE's are."""
+        lights = self._world.street_lights
+        if lights.version == self._lamp_version:
+            return b""
+        self._lamp_version = lights.version
+        changed = [lamp for lamp in lights.states() if lamp != self._lamps.get(lamp.light_id)]
+        self._lamps.update((lamp.light_id, lamp) for lamp in changed)
+        if not changed:
+            return b""
+        colours = np.array([lamp.colour for lamp in changed]) / 255.0
+        return _rows(
+            Packet.SCENE_LIGHT,
+            id=[lamp.light_id for lamp in changed],
+            intensity=[lamp.intensity for lamp in changed],
+            colour=np.concatenate([colours**GAMMA, np.ones((len(changed), 1))], axis=1),
+            on=[lamp.active for lamp in changed],
+            type=[lamp.group for lamp in changed],
+        )
 
     def _weather_change(self, weather: Weather) -> bytes:
         if weather == self._weather:

@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.recording.events import ActorAdded, actors_added, bones, pose_of_ue, wheels
-from carstage_sim.recording.layout import Packet, records
+from carstage_sim.recording.layout import GAMMA, Packet, records
 from carstage_sim.recording.log import RecordingLog
 from carstage_sim.world.controls import VehicleControl, WalkerControl
 from carstage_sim.world.errors import SpawnError
 from carstage_sim.world.pose import ZERO, Pose, compose
 from carstage_sim.world.state import ActorKind, Weather
+from carstage_sim.world.street_lights import LightState
 from carstage_sim.world.walker_bones import pose_bones
 from carstage_sim.world.world import World
 
@@ -155,6 +156,10 @@ class Replayer:
                 elif kind == Packet.EVENT_DEL:
                     for row in records(Packet.EVENT_DEL, payload):
                         self._remove(int(row["id"]))
+                elif kind == Packet.VEHICLE_DOOR:
+                    self._move_doors(records(Packet.VEHICLE_DOOR, payload))
+                elif kind == Packet.SCENE_LIGHT:
+                    self._switch_lamps(records(Packet.SCENE_LIGHT, payload))
                 elif kind == Packet.WEATHER:
                     for row in records(Packet.WEATHER, payload):
                         self._world.set_weather(Weather(*row["values"].tolist()))
@@ -200,6 +205,30 @@ class Replayer:
         actor_id = self._mapped.pop(recorded_id, 0)
         if actor_id:
             self._world.destroy(actor_id)
+
+    def _move_doors(self, rows: NDArray[np.void]) -> None:
+        for row in rows:
+            actor = self._world.actors.get(self._mapped.get(int(row["id"]), 0))
+            if actor is not None and actor.vehicle is not None:
+                bit = 1 << int(row["door"])
+                doors = actor.vehicle.open_doors & ~bit
+                actor.vehicle.open_doors = doors | bit if row["open"] else doors
+
+    def _switch_lamps(self, rows: NDArray[np.void]) -> None:
+        lamps = []
+        for row in rows:
+            codes = np.rint(np.clip(row["colour"][:3], 0.0, 1.0) ** (1.0 / GAMMA) * 255.0)
+            red, green, blue = codes.astype(int).tolist()
+            lamps.append(
+                LightState(
+                    int(row["id"]),
+                    float(row["intensity"]),
+                    int(row["type"]),
+                    (red, green, blue),
+                    bool(row["on"]),
+                )
+            )
+        self._world.street_lights.apply(lamps)
 
     def _light_at(self, pose: Pose) -> int:
         """The light at a recorded place, to the centimetre; 0 where the map has none."""

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -304,3 +305,29 @@ def test_a_log_that_was_cut_off_replays_to_its_last_whole_frame(
         tick(world, deck)
         ticks += 1
     assert 20 < ticks < 29
+
+
+def test_doors_and_street_lamps_are_replayed(
+    new_world: Callable[[], World], deck: RecorderDeck
+) -> None:
+    world = new_world()
+    hero, _ = populate(world)
+    deck.start("evening.log", world, additional_data=False)
+    for number in range(12):
+        if number == 6:
+            status = world.live(hero).vehicle
+            assert status is not None
+            status.open_doors = 0b101
+            lamp = world.street_lights.states()[0]
+            world.street_lights.apply([replace(lamp, intensity=500.0, colour=(255, 10, 30))])
+        recorded = tick(world, deck)
+    deck.stop()
+    expected = world.street_lights.states()
+    world = new_world()
+    deck.replay("evening.log", world, ReplayOptions())
+    while deck.replaying:
+        again = tick(world, deck)
+    assert again.state.doors is not None
+    assert recorded.state.doors is not None
+    assert again.state.doors.tolist() == recorded.state.doors.tolist()
+    assert world.street_lights.states() == expected

@@ -21,6 +21,7 @@ from carstage_sim.world.arm_probe import ArmProbe
 from carstage_sim.world.attachments import Attachments
 from carstage_sim.world.blueprints import Blueprint, catalogue
 from carstage_sim.world.controls import (
+    STANDING,
     AckermannControl,
     AckermannSettings,
     PhysicsStep,
@@ -28,7 +29,12 @@ from carstage_sim.world.controls import (
     WalkerControl,
 )
 from carstage_sim.world.debug_shapes import DebugDrawing
-from carstage_sim.world.errors import ActorNotFoundError, SpawnError, WorldError
+from carstage_sim.world.errors import (
+    ActorNotFoundError,
+    ActorTypeError,
+    SpawnError,
+    WorldError,
+)
 from carstage_sim.world.freezing import freeze
 from carstage_sim.world.lane_index import LaneIndex
 from carstage_sim.world.mechanics import Mechanics, Terrain, terrain_of
@@ -49,6 +55,7 @@ from carstage_sim.world.vehicles import VehicleFleet
 _REMEMBERED_DEAD = 4096
 _FIRST_STREAM = 1
 _SPECTATOR_HEIGHT_M = 20.0
+LIFE_SPAN_AFTER_DEATH_S = 10.0
 _M2_PER_CM2 = 1e-4
 COLLISION_TEXT = "Spawn failed because of collision at spawn position"
 
@@ -111,6 +118,7 @@ class World:
         self._attachments: Attachments | None = None
         self._arm_probe: ArmProbe | None = neighbour._arm_probe if neighbour else None
         self._dead: OrderedDict[int, Actor] = OrderedDict()
+        self._dying: dict[int, float] = {}
         self._next_actor_id = 1
         self._last_delta_s = 0.0
         if previous is not None:
@@ -267,6 +275,26 @@ class World:
         self._remember(actor)
         self._attachments = None
         return True
+
+    def kill_walker(self, actor_id: int) -> None:
+        """Let a walker lie where it was hit; it goes after ten seconds (CARLA's ``WalkerBase.h``).
+
+        Raises:
+            ActorNotFoundError: it does not live.
+            ActorTypeError: it is no walker.
+        """
+        walker = self.live(actor_id)
+        if walker.kind is not ActorKind.WALKER:
+            raise ActorTypeError(actor_id)
+        walker.walker = STANDING
+        self._dying.setdefault(actor_id, self.elapsed_s + LIFE_SPAN_AFTER_DEATH_S)
+
+    def _bury(self) -> None:
+        """Take out the walkers that have lain long enough."""
+        ends = self.elapsed_s + 1e-6  # time is a sum of steps
+        for actor_id in [one for one, end_s in self._dying.items() if end_s <= ends]:
+            del self._dying[actor_id]
+            self.destroy(actor_id)
 
     # Commands ------------------------------------------------------------------------------------
 
@@ -483,6 +511,7 @@ class World:
         )
         for actor_id in self._mechanics.fallen():
             self.destroy(actor_id)
+        self._bury()
         self._follow()
         self.lights.step(delta_s)
         self.debug_drawing.step(self.elapsed_s)

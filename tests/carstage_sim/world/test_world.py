@@ -13,7 +13,7 @@ from carstage_sim.world.controls import (
     VehicleControl,
     WalkerControl,
 )
-from carstage_sim.world.errors import ActorNotFoundError, SpawnError
+from carstage_sim.world.errors import ActorNotFoundError, ActorTypeError, SpawnError
 from carstage_sim.world.pose import Pose, compose
 from carstage_sim.world.snapshot import Snapshot
 from carstage_sim.world.traffic_lights import TrafficLightState
@@ -280,3 +280,22 @@ def test_substeps_are_as_long_as_allowed(
     settings: EpisodeSettings, delta_s: float, expected: int
 ) -> None:
     assert settings.physics(delta_s).substeps == expected
+
+
+def test_a_killed_walker_lies_for_ten_seconds_and_goes(world: World) -> None:
+    walker = world.spawn(WALKER, {}, Pose((0.0, 0.0, 1.0)))
+    world.control_walker(walker.actor_id, WalkerControl((1.0, 0.0, 0.0), 2.0))
+    world.kill_walker(walker.actor_id)
+    world.tick(5.0)
+    lies = world.actors.pose(walker.actor_id).location
+    world.kill_walker(walker.actor_id)  # killing it again gives it no more time
+    world.tick(4.9)
+    assert world.actors.pose(walker.actor_id).location == lies
+    world.tick(0.1)
+    assert walker.actor_id not in world.actors
+
+
+def test_only_walkers_can_be_killed(world: World, stage01: Town) -> None:
+    car = world.spawn(CAR, {}, place(stage01, 0))
+    with pytest.raises(ActorTypeError):
+        world.kill_walker(car.actor_id)

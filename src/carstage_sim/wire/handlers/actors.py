@@ -132,7 +132,7 @@ def _set_actor_dead(call: Call, actor_id: int) -> None:
     actor = call.live(actor_id)
     if actor is None:
         raise ActorNotFoundError(actor_id)
-    call.world.set_simulate_physics(actor_id, False)
+    call.world.kill_walker(actor_id)
 
 
 @handles_void("set_actor_target_velocity")

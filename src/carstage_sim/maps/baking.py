@@ -24,7 +24,7 @@ from carstage_sim.maps.drape import Drape, profile_cuts
 from carstage_sim.maps.ground_mesh import LevelSurface
 from carstage_sim.maps.levels import station_levels
 from carstage_sim.maps.lights import light_sites
-from carstage_sim.maps.navmesh import navigation_file
+from carstage_sim.maps.navmesh import fits_in_a_tile, navigation_file
 from carstage_sim.maps.scenery import scenery
 from carstage_sim.maps.signals import LIGHT, STOP, GovernedLane, SignalPlan, signal_plan
 from carstage_sim.maps.spawning import spawn_points
@@ -38,7 +38,7 @@ from carstage_sim.maps.strips import (
 )
 from carstage_sim.maps.surfaces import Surfaces, ground_layers, surfaces
 from carstage_sim.maps.town import Town
-from carstage_sim.maps.walkways import joined, walkways
+from carstage_sim.maps.walkways import Walkways, joined, walkways
 from carstage_sim.mesh import merge_meshes
 
 logger = logging.getLogger(__name__)
@@ -146,12 +146,21 @@ def bake(name: str, opendrive: str, options: BakeOptions = EVERYTHING) -> Town:
         spawn_points=spawn_points(lanes, spawn_rng),
         lanes=driving_lanes(samples),
         traffic_lights=light_sites(plan, height_at),
-        navigation=navigation_file(walk) if walk is not None else b"",
+        navigation=_navigation(name, walk),
         static_mesh=merge_meshes([*meshes, *stage.meshes]),
         level_objects=tuple(stage.objects),
         digest="",
     )
     return dataclasses.replace(town, digest=digest_of(town))
+
+
+def _navigation(name: str, walk: Walkways | None) -> bytes:
+    if walk is None:
+        return b""
+    if not fits_in_a_tile(walk):
+        logger.warning("map %s has too many sidewalks for pedestrian navigation: it has none", name)
+        return b""
+    return navigation_file(walk)
 
 
 def _levels(lanes: list[Strip], crossings: list[Crosswalk], plan: SignalPlan) -> list[_Level]:

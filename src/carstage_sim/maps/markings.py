@@ -102,8 +102,14 @@ def turn_arrows(lanes: list[Strip], plan: SignalPlan) -> BaseGeometry:
     for lane in driving:
         if lane.section_id == ending[lane.road_id, lane.lane_id > 0]:
             last[lane.road_id, lane.lane_id] = lane
+    # Where all go straight on (ramps that join, roads that are numbered anew), none needs telling.
+    turning = {
+        (road, lane > 0) for (road, lane), turns in plan.turns.items() if turns - {"straight"}
+    }
     arrows = []
     for key, lane in last.items():
+        if (lane.road_id, lane.lane_id > 0) not in turning:
+            continue
         turns = plan.turns.get(key, frozenset())
         along_m = lane.along_m
         station = along_m[-1] - _ARROW_FOOT_M

@@ -30,6 +30,12 @@ _LINK_BYTES = 12
 _NO_LINK = 0xFFFFFFFF
 _AGENT_HEIGHT_M, _AGENT_RADIUS_M, _AGENT_CLIMB_M = 1.8, 0.3, 0.3
 _MOST_CORNERS = 6
+_MOST_NUMBERS = 0xFFFF
+
+
+def fits_in_a_tile(walk: Walkways) -> bool:
+    """Whether points and polygons can be numbered with 16 bits."""
+    return len(walk.points) <= _MOST_NUMBERS and len(walk.polygons) < _MOST_NUMBERS
 
 
 def navigation_file(walk: Walkways) -> bytes:
@@ -38,7 +44,7 @@ def navigation_file(walk: Walkways) -> bytes:
     Raises:
         ValueError: if the walkways do not fit in one Detour tile.
     """
-    if len(walk.points) > 0xFFFF or len(walk.polygons) >= 0xFFFF:
+    if not fits_in_a_tile(walk):
         raise ValueError(f"{len(walk.points)} points do not fit in one navigation tile")
     points = walk.points[:, [0, 2, 1]].astype("<f4")
     low, high = points.min(axis=0), points.max(axis=0)

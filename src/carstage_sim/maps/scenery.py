@@ -44,6 +44,8 @@ _STREET_TREES = [kind for kind in TREE_KINDS if not kind.cone]
 _GARDEN_TREES = 32
 _PARK_TREES = 25
 _GARDEN_REACH_M = 90.0
+_STEEPEST_LOT_M = 1.5
+"""Difference of height under a building that its foot may bridge."""
 _M2_PER_TREE = 7000.0
 _MOST_TREES = 300
 _BRIDGE_CLEARANCE_M = 3.0
@@ -99,13 +101,18 @@ class Stage:
         self.waiting.append((name, label, mesh, place))
 
     def set_down(self, surface: LevelSurface) -> None:
-        """Puts everything on the ground, with its lowest part on the lowest ground under it."""
+        """Puts everything on the ground, with its lowest part on the lowest ground under it.
+
+        Houses for which the ground is too steep are not built.
+        """
         if not self.waiting:
             return
         probes = np.stack([_feet(mesh, place) for _, _, mesh, place in self.waiting])
         heights = surface.height(probes.reshape(-1, 2)).reshape(probes.shape[:2])
         for (name, label, mesh, place), z in zip(self.waiting, heights, strict=True):
             wide = label == CityObjectLabel.BUILDINGS
+            if wide and np.ptp(z) > _STEEPEST_LOT_M:
+                continue
             self._place(name, label, mesh, (*place, float(z.min() if wide else z[0])))
 
     def _place(

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections import Counter
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from lxml import etree
@@ -192,6 +194,28 @@ def test_a_lane_without_a_turn_of_its_own_is_refused():
     )
     with pytest.raises(ValueError, match="lane 1 of road 1 leads nowhere"):
         build_network(TownPlan("Narrowing", 0.0, 0.0, streets))
+
+
+def test_the_documentation_counts_what_the_towns_have(network):
+    text = (Path(__file__).parents[4] / "docs" / "simulator.md").read_text()
+    (row,) = re.findall(rf"^\| `{network.name}` \| [^`|]+\|.*$", text, flags=re.MULTILINE)
+    cells = [cell.strip() for cell in row.split("|")[3:-1]]
+    lane_m = 0.0
+    for road in network.roads:
+        ends = [section.start_m for section in road.sections[1:]] + [road.length_m]
+        for section, end in zip(road.sections, ends, strict=True):
+            driving = sum(lane.kind is LaneKind.DRIVING for lane in section.lanes)
+            lane_m += 0.0 if road.junction_id != -1 else driving * (end - section.start_m)
+    signalised = [junction for junction in network.junctions if junction.controllers]
+    heights = [height_m(r.heights, r.length_m * k / 20) for r in network.roads for k in range(21)]
+    relief = max(heights) - min(heights)
+    assert cells == [
+        f"{lane_m / 1000:.1f} km",
+        str(len(network.junctions)),
+        str(len(signalised)),
+        str(sum(len(junction.controllers) for junction in signalised)),
+        f"{relief:.1f} m" if relief else "level",
+    ]
 
 
 def test_stage02_has_what_a_hilly_town_has():

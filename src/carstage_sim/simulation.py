@@ -172,7 +172,7 @@ class Simulation:
                 continue
             pose = self.world.actors.pose(sensor.actor_id)
             watched[sensor.actor_id] = (sensor, pose)
-            requests.append(_request(sensor, pose))
+            requests.append(_request(sensor, pose, self.imu_gravity))
         if not requests and not self._watched_before:
             return []
         self._watched_before = bool(requests)  # one capture of nothing lets the suite forget
@@ -192,7 +192,7 @@ class Simulation:
             raise SpawnError(f"{type_id}: {error}") from error
 
 
-def _request(sensor: Actor, pose: Pose) -> SensorRequest:
+def _request(sensor: Actor, pose: Pose, gravity: float) -> SensorRequest:
     return SensorRequest(
         sensor_id=sensor.actor_id,
         type_id=sensor.type_id,
@@ -200,4 +200,6 @@ def _request(sensor: Actor, pose: Pose) -> SensorRequest:
         location=pose.location,
         rotation_deg=pose.rotation_deg,
         owner_id=sensor.parent_id,
+        ignored=sensor.ignored,
+        gravity=gravity,
     )

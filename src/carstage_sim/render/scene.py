@@ -8,7 +8,7 @@ import logging
 import os
 import zipfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -113,12 +113,19 @@ class Frame:
                 return int(row)
         return -1
 
+    def without(self, actor_ids: frozenset[int]) -> Frame:
+        """The same frame, but rays pass through some actors."""
+        gone = np.isin(self.actor_id, np.fromiter(actor_ids, np.uint32, len(actor_ids)))
+        return replace(self, scene=self._of_rows(np.nonzero(~gone)[0])) if gone.any() else self
+
     def only(self, rows: NDArray[np.intp]) -> Scene:
         """The scene of some instances without the town; the rows keep their numbers."""
+        return self._of_rows(rows)._replace(static=empty_geometry())
+
+    def _of_rows(self, rows: NDArray[np.intp]) -> Scene:
         scene = self.scene
         top = _top(scene.rotation[rows], scene.position[rows], self.bounds[rows])
         return scene._replace(
-            static=empty_geometry(),
             top_planes=top.planes,
             top_children=top.children,
             top_row=rows[top.order[top.leaf_first]].astype(np.int32),

@@ -22,6 +22,8 @@ class SensorRequest:
         attributes: all attributes as strings, as the client set them over the blueprint's defaults.
         location, rotation_deg: the sensor's world pose in this frame (m; pitch, yaw, roll in deg).
         owner_id: actor that it is attached to, 0 for none.
+        ignored: ids of the actors that it looks through.
+        gravity: m/s^2 that an IMU feels at rest.
     """
 
     sensor_id: int
@@ -30,6 +32,8 @@ class SensorRequest:
     location: tuple[float, float, float]
     rotation_deg: tuple[float, float, float]
     owner_id: int
+    ignored: frozenset[int] = frozenset()
+    gravity: float = 9.81
 
 
 @dataclass(frozen=True, slots=True)

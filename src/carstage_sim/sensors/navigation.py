@@ -88,7 +88,7 @@ class Imu(MeasuringSensor):
         self.observe(state, request)
         rotation = rotation_matrix(request.rotation_deg)
         random = noise_stream(self.seed, request, state)
-        force = self._acceleration() + np.array([0.0, 0.0, GRAVITY_M_S2])
+        force = self._acceleration() + np.array([0.0, 0.0, request.gravity])
         accelerometer = force @ rotation + random.normal(0.0, 1.0, 3) * self.accel_stddev
         turn = np.zeros(3)
         (rows,) = np.nonzero(state.actor_id == request.owner_id)

@@ -65,6 +65,7 @@ class Actor:
         attachment: how it follows its parent.
         arm: the spring arm that carries it.
         stream_id: stream of its data, 0 for what is no sensor.
+        ignored: of a sensor, the ids of actors that it looks through.
         simulate_physics: whether the dynamics move it.
         collides: whether spawning onto it is refused.
         bones: the pose that a client gave a walker's bones, None for its walk.
@@ -83,6 +84,7 @@ class Actor:
     attachment: Attachment = RIGID
     arm: SpringArm | None = None
     stream_id: int = 0
+    ignored: frozenset[int] = frozenset()
     simulate_physics: bool = True
     gravity: bool = True
     collides: bool = True

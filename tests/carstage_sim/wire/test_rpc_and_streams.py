@@ -142,7 +142,7 @@ def test_queries_about_a_destroyed_vehicle_are_answered(client: RawClient) -> No
     vehicle_id, *_ = spawn(client, "vehicle.tesla.model3", free_place(client))
     box = client.value("get_actor_bounding_box", vehicle_id)
     assert client.value("destroy_actor", vehicle_id) is True
-    assert client.value("destroy_actor", vehicle_id) is False
+    assert client.value("destroy_actor", vehicle_id) == ["unable to destroy actor: not found"]
     assert client.value("get_actor_bounding_box", vehicle_id) == box
     assert client.value("get_vehicle_light_state", vehicle_id) == [0]
     assert client.value("get_physics_control", vehicle_id)[11] > 0.0

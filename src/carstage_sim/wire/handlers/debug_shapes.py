@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from carstage_sim.wire import values
@@ -24,22 +25,39 @@ def _draw_debug_shape(call: Call, shape: list[Any]) -> None:
         place, size = body
         (size,) = values.finite(size)
         drawing.point(values.vector(place), _PIXELS_PER_SIZE * size, rgb, now_s, life_s)
-    elif kind == 1:
-        drawing.lines([_segment(body)], *values.finite(body[2]), rgb, now_s, life_s)
-    elif kind == 2:
-        line, head_m = body
-        strokes = arrow(*_segment(line), *values.finite(head_m))
-        drawing.lines(strokes, *values.finite(line[2]), rgb, now_s, life_s)
-    elif kind == 3:
-        box, rotation, thickness = body
-        edges = box_edges(values.vector(box[0]), values.vector(box[1]), values.vector(rotation))
-        drawing.lines(edges, *values.finite(thickness), rgb, now_s, life_s)
+    elif kind in _LINES:
+        segments, width_m = _LINES[kind](body)
+        drawing.lines(segments, width_m, rgb, now_s, life_s)
     elif not 4 <= kind <= 8:
         raise CallError(f"no debug shape has the number {kind}")
 
 
-def _segment(line: list[Any]) -> Segment:
-    return values.vector(line[0]), values.vector(line[1])
+def _line(body: list[Any]) -> tuple[list[Segment], float]:
+    begin, end, thickness = body
+    (width_m,) = values.finite(thickness)
+    return [(values.vector(begin), values.vector(end))], width_m
+
+
+def _arrow(body: list[Any]) -> tuple[list[Segment], float]:
+    line, head = body
+    (head_m,) = values.finite(head)
+    ((segment,), width_m) = _line(line)
+    return arrow(*segment, head_m), width_m
+
+
+def _box(body: list[Any]) -> tuple[list[Segment], float]:
+    box, rotation, thickness = body
+    (width_m,) = values.finite(thickness)
+    edges = box_edges(values.vector(box[0]), values.vector(box[1]), values.vector(rotation))
+    return edges, width_m
+
+
+_LINES: dict[int, Callable[[list[Any]], tuple[list[Segment], float]]] = {
+    1: _line,
+    2: _arrow,
+    3: _box,
+}
+"""Lines, and their width in metres, of the shapes that consist of lines, by their number."""
 
 
 @handles_void("clear_debug_shape")

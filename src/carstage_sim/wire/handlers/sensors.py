@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 from carstage_sim.wire.token import stream_token
 
@@ -20,9 +19,8 @@ def _is_sensor_enabled_for_ros(_call: Call, _stream_id: int) -> bool:
 
 
 @handles_void("set_ignored_vehicles")
-def _set_ignored_vehicles(call: Call, actor_id: int, _ignored: list[int]) -> None:
-    call.world.live_or_dead(actor_id)
-    raise CallError("this server cannot hide vehicles from a sensor")
+def _set_ignored_vehicles(call: Call, actor_id: int, ignored: list[int]) -> None:
+    call.world.live_or_dead(actor_id).ignored = frozenset(int(one) for one in ignored)
 
 
 @handles("get_gbuffer_token")

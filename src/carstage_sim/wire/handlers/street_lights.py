@@ -22,17 +22,14 @@ def _query_lights_state(call: Call, _client: str) -> list[Any]:
 def _update_lights_state(
     call: Call, _client: str, states: list[list[Any]], _discard_client: bool = False
 ) -> None:
-    call.world.street_lights.apply(
-        [
-            LightState(
-                int(light_id),
-                *values.finite(intensity),
-                group=int(group) & 0xFF,
-                colour=values.colour(colour),
-                active=bool(active),
-            )
-            for light_id, _location, intensity, group, colour, active in states
-        ]
+    call.world.street_lights.apply([_light_state(state) for state in states])
+
+
+def _light_state(state: list[Any]) -> LightState:
+    light_id, _location, intensity, group, colour, active = state
+    (intensity,) = values.finite(intensity)
+    return LightState(
+        int(light_id), intensity, int(group) & 0xFF, values.colour(colour), bool(active)
     )
 
 

@@ -1,0 +1,170 @@
+"""What clients change about the town is seen: objects, paint, lamps, debug shapes, open doors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sensor_worlds import GROUND, WALL, box, request, state, town
+
+from carstage_sim.labels import CityObjectLabel
+from carstage_sim.mesh import Material
+from carstage_sim.sensors import SensorSuite
+from carstage_sim.world.appearance import Appearance
+from carstage_sim.world.debug_shapes import DebugDrawing, arrow, box_edges
+from carstage_sim.world.state import Weather
+from carstage_sim.world.street_lights import INTENSITY
+
+pytestmark = pytest.mark.xdist_group("kernels")
+
+_WALL_ID = 5
+_LAMP_ID = 2
+_LAMP = box(
+    (4.8, -0.3, 4.9), (5.2, 0.3, 5.0), Material.STREET_LAMP, CityObjectLabel.POLES, _LAMP_ID
+)
+_NIGHT = Weather(sun_altitude_angle=-60.0)
+
+
+@pytest.fixture(scope="module")
+def suite(tmp_path_factory):
+    with SensorSuite(
+        town(GROUND, WALL, _LAMP), threads=1, cache=tmp_path_factory.mktemp("trees")
+    ) as built:
+        yield built
+
+
+@pytest.fixture
+def look(suite):
+    """Gives the picture of a camera, or another sensor's frame, in a world with changes."""
+    suite.reset()
+
+    def capture(kind="camera.rgb", vehicles=(), weather=None, ignored=(), **changes):
+        suite.reset()
+        world = replace(state(vehicles=list(vehicles), weather=weather), **changes)
+        attributes = {"channels": 8, "points_per_second": 8000} if "lidar" in kind else {}
+        asked = replace(request(kind, **attributes), ignored=frozenset(ignored))
+        ((_, frame),) = suite.capture(world, [asked])
+        return frame.pixels[..., :3].astype(int) if kind.startswith("camera") else frame
+
+    return capture
+
+
+def test_a_hidden_object_is_gone_for_every_sensor_and_comes_back(look, suite):
+    hidden = Appearance(hidden=frozenset({_WALL_ID}))
+    tags = look("camera.semantic_segmentation", appearance=Appearance())[..., 2]
+    without = look("camera.semantic_segmentation", appearance=hidden)[..., 2]
+    back = look("camera.semantic_segmentation", appearance=Appearance())[..., 2]
+    assert (tags == CityObjectLabel.BUILDINGS).mean() > 0.1
+    assert not (without == CityObjectLabel.BUILDINGS).any()
+    assert (back == tags).all()
+    through = suite.segment_hits(
+        replace(state(), appearance=hidden), (0.0, 0.0, 2.0), (60.0, 0.0, 2.0)
+    )
+    assert through == []
+
+
+def test_a_segment_meets_all_surfaces_in_order(suite):
+    hits = suite.segment_hits(
+        replace(state(), appearance=Appearance()), (0.0, 0.0, 2.0), (60.0, 0.0, 2.0)
+    )
+    assert [round(place[0], 3) for place, _ in hits] == [10.0, 11.0]
+    assert {label for _, label in hits} == {CityObjectLabel.BUILDINGS}
+
+
+def test_paint_and_glow_replace_the_look_of_one_object(look):
+    plain = look(appearance=Appearance())
+    red = look(appearance=Appearance(paint={_WALL_ID: (1.0, 0.0, 0.0)}))
+    ground, wall = np.s_[40:, :], np.s_[5:20, 45:60]
+    assert (red[ground] == plain[ground]).mean() > 0.95
+    assert (red[wall][..., 2] > red[wall][..., 0] + 40).all()
+    green = look(weather=_NIGHT, appearance=Appearance(glow={_WALL_ID: (0.0, 1.0, 0.0)}))
+    assert (green[wall][..., 1] > 150).all()
+
+
+def test_a_lamp_lights_the_ground_in_its_colour_while_it_is_on(look):
+    def ground(power):
+        lamp = Appearance(lamp_power=np.array([power], np.float32))
+        return look(weather=_NIGHT, appearance=lamp)[36:44].mean(axis=(0, 1))
+
+    off, white, red = ground((0, 0, 0)), ground((1, 1, 1)), ground((1, 0, 0))
+    assert white.min() > off.max() + 10
+    assert red[2] > red[0] + 10
+
+
+def test_a_hidden_lamp_gives_no_light(look):
+    power = np.ones((1, 3), np.float32)
+    lit = look(weather=_NIGHT, appearance=Appearance(lamp_power=power))
+    gone = look(
+        weather=_NIGHT, appearance=Appearance(lamp_power=power, hidden=frozenset({_LAMP_ID}))
+    )
+    assert gone[36:44].mean() < lit[36:44].mean() - 5
+
+
+def test_debug_lines_are_seen_by_colour_cameras_alone_and_hide_behind_walls(look):
+    drawing = DebugDrawing()
+    drawing.lines([((6.0, -1.0, 2.0), (6.0, 1.0, 2.0))], 0.2, (255, 0, 0), 0.0, 1.0)
+    drawing.step(0.0)
+    plain, drawn = look(), look(debug_shapes=drawing.frame)
+    red = (drawn[..., 2] > 200) & (drawn[..., 1] < 60) & (drawn[..., 0] < 60)
+    assert 6 <= red.sum() <= 60
+    assert (plain[~red] == drawn[~red]).mean() > 0.98
+    assert (look("camera.depth") == look("camera.depth", debug_shapes=drawing.frame)).all()
+    drawing.clear()
+    drawing.lines([((12.0, -1.0, 2.0), (12.0, 1.0, 2.0))], 0.2, (255, 0, 0), 0.0, 1.0)
+    drawing.step(0.0)
+    assert (look(debug_shapes=drawing.frame) == plain).all()
+
+
+def test_a_point_has_its_size_in_pixels_at_any_distance(look):
+    sizes = []
+    for distance in (3.0, 9.0):
+        drawing = DebugDrawing()
+        drawing.point((distance, 0.0, 2.0), 6.0, (0, 0, 255), 0.0, -1.0)
+        drawing.step(0.0)
+        drawn = look(debug_shapes=drawing.frame)
+        sizes.append(int(((drawn[..., 0] > 200) & (drawn[..., 2] < 60)).sum()))
+    assert sizes == [36, 36]
+
+
+def test_an_ignored_vehicle_is_looked_through_by_its_sensor_only(look):
+    vehicles = [(3, (5.0, 0.0, 0.0), 90.0)]
+    seen = look("camera.semantic_segmentation", vehicles)[..., 2]
+    ignored = look("camera.semantic_segmentation", vehicles, ignored=(3,))[..., 2]
+    assert (seen == CityObjectLabel.CAR).sum() > 50
+    assert not (ignored == CityObjectLabel.CAR).any()
+
+
+def test_an_open_door_stands_off_the_body(look):
+    vehicles = [(3, (6.0, 0.0, 0.0), 0.0)]
+    shut = look("camera.semantic_segmentation", vehicles)
+    opened = look("camera.semantic_segmentation", vehicles, doors=np.array([15], np.uint8))
+    car = CityObjectLabel.CAR
+    assert (opened[..., 2] == car).sum() > (shut[..., 2] == car).sum() + 10
+
+
+def test_shapes_live_as_long_as_they_were_given():
+    drawing = DebugDrawing()
+    for life_s in (-1.0, 0.1, 0.0):
+        drawing.point((life_s, 0.0, 0.0), 1.0, (0, 0, 0), 0.0, life_s)
+    alive = []
+    for frame in range(1, 5):
+        drawing.step(frame * 0.05)
+        shapes = drawing.frame
+        alive.append([] if shapes is None else shapes.segments[:, 0, 0].tolist())
+    assert alive == [[-1.0, 0.1, 0.0], [0.1, 0.0], [0.0], [0.0]]
+
+
+def test_arrows_and_boxes_consist_of_lines():
+    shaft, *head = arrow((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), 0.2)
+    assert shaft == ((0.0, 0.0, 0.0), (2.0, 0.0, 0.0))
+    assert all(end == (2.0, 0.0, 0.0) for _, end in head)
+    assert np.allclose([start[0] for start, _ in head], 1.8)
+    edges = box_edges((0.0, 0.0, 1.0), (2.0, 1.0, 1.0), (0.0, 90.0, 0.0))
+    assert len(edges) == 12
+    ends = np.array(edges).reshape(-1, 3)
+    assert np.allclose(np.abs(ends).max(axis=0), [1.0, 2.0, 2.0])
+
+
+def test_a_new_lamp_has_its_full_intensity():
+    assert INTENSITY > 0.0

@@ -11,13 +11,12 @@ from carstage_sim.check.client_process import TrialError, run_trial
 from carstage_sim.check.server_process import ServerError, running_server
 from carstage_sim.check.traffic.judging import judge
 from carstage_sim.check.traffic.recording import Recording
-from carstage_sim.check.traffic.trial import free_flow_trial, traffic_trial
+from carstage_sim.check.traffic.trial import lone_vehicles_trial, traffic_trial
 from carstage_sim.check.verdict import Campaign, Verdict
 
 _START_TIMEOUT_S = 900.0
 _WALL_PER_SIMULATED_S = 12.0
 _LONE_VEHICLES = 20
-_LONE_S = 60.0
 
 
 def drive(
@@ -29,6 +28,7 @@ def drive(
     fps: int,
     seed: int,
     base_types: Sequence[str] = ("car",),
+    lone_seconds: float = 60.0,
     server_arguments: Sequence[str] = (),
     save_to: Path | None = None,
 ) -> Recording:
@@ -39,17 +39,17 @@ def drive(
         TrialError: the drive failed or took too long.
     """
     arguments = ("--map", town, *server_arguments)
-    lone = min(vehicles, _LONE_VEHICLES)
+    lone = min(max(vehicles // 2, 1), _LONE_VEHICLES)
     with running_server(arguments, start_timeout_s=_START_TIMEOUT_S) as port:
-        free_flow = run_trial(
-            free_flow_trial,
+        free_flow, with_lights = run_trial(
+            lone_vehicles_trial,
             port,
             vehicles=lone,
-            seconds=_LONE_S,
+            seconds=lone_seconds,
             fps=fps,
             seed=seed,
             base_types=tuple(base_types),
-            timeout_s=300.0 + _WALL_PER_SIMULATED_S * _LONE_S,
+            timeout_s=300.0 + _WALL_PER_SIMULATED_S * lone_seconds,
         )
         recording = run_trial(
             traffic_trial,
@@ -62,7 +62,7 @@ def drive(
             base_types=tuple(base_types),
             timeout_s=300.0 + _WALL_PER_SIMULATED_S * seconds,
         )
-    recording = replace(recording, free_flow=free_flow)
+    recording = replace(recording, free_flow=free_flow, free_flow_with_lights=with_lights)
     if save_to is not None:
         recording.save(save_to)
     return recording
@@ -77,6 +77,7 @@ def check_traffic(
     fps: int = 20,
     seed: int = 7,
     base_types: Sequence[str] = ("car",),
+    lone_seconds: float = 60.0,
     server_arguments: Sequence[str] = (),
     save_in: Path | None = None,
 ) -> Campaign:
@@ -85,6 +86,7 @@ def check_traffic(
     Args:
         towns: maps, in this order.
         vehicles, walkers, seconds, fps, seed, base_types: of the drive in each town.
+        lone_seconds: simulated time in which free flow is measured.
         server_arguments: further arguments of the servers, such as ``--maps DIR``.
         save_in: folder for the recordings; they are not kept without one.
     """
@@ -100,6 +102,7 @@ def check_traffic(
                 fps=fps,
                 seed=seed,
                 base_types=base_types,
+                lone_seconds=lone_seconds,
                 server_arguments=server_arguments,
                 save_to=save_in / f"{town}.npz" if save_in is not None else None,
             )

@@ -56,6 +56,7 @@ def judge(recording: Recording) -> Verdict:
             Figure("stuck_percent", 100.0 * float(stuck.mean()), "<=", 2.0),
             Figure("mean_speed_kmh", mean_speed),
             Figure("free_flow_kmh", free_flow),
+            Figure("alone_with_lights_kmh", 3.6 * recording.free_flow_with_lights),
             Figure("mean_speed_limit_kmh", limit_kmh),
             Figure("mean_speed_percent_of_free_flow", 100.0 * mean_speed / free_flow, ">=", 50.0),
             Figure("collisions_between_vehicles", len(found.vehicles)),

@@ -57,7 +57,8 @@ class Recording:
             two actor ids, and a :class:`Partner`.
         building_center, building_extent: ``(B, 3)`` boxes of the buildings.
         building_yaw_deg: ``(B,)``.
-        free_flow: mean speed (m/s) of vehicles alone, see ``free_flow_trial``; NaN for unknown.
+        free_flow, free_flow_with_lights: mean speeds (m/s) of vehicles that do not meet others, see
+            ``lone_vehicles_trial``; NaN for unknown.
         ticks_per_s: of wall time.
         wake_ups: lost notifications of the Traffic Manager that were made up for.
     """
@@ -93,6 +94,7 @@ class Recording:
     ticks_per_s: float
     wake_ups: int
     free_flow: float = float("nan")
+    free_flow_with_lights: float = float("nan")
 
     @property
     def seconds(self) -> float:

@@ -43,29 +43,43 @@ def traffic_trial(
         )
 
 
-def free_flow_trial(
+def lone_vehicles_trial(
     port: int, *, vehicles: int, seconds: float, fps: int, seed: int, base_types: tuple[str, ...]
-) -> float:
-    """Mean speed (m/s) of vehicles that neither see lights nor each other nor can touch.
+) -> tuple[float, float]:
+    """Mean speeds (m/s) of vehicles that neither see nor can touch each other.
 
     They are the same Traffic Manager's, with its own way of slowing down in turns and before
     lights of any colour. The first seconds, in which they set off, do not count.
+
+    Args:
+        port: the server's.
+        vehicles: how many of each sort.
+        seconds, fps, seed, base_types: of the drive.
+
+    Returns:
+        The speed of those that ignore lights and signs, which is free flow, and of those that stop
+        at red: what the lights alone leave of it.
     """
     speeds = []
     with synchronous_session(port, delta_s=1.0 / fps, seed=seed) as session:
-        drivers = spawn_traffic(session, vehicles, base_types)
-        for driver in drivers:
+        drivers = spawn_traffic(session, 2 * vehicles, base_types)
+        manager = session.traffic_manager
+        for number, driver in enumerate(drivers):
             driver.set_collisions(False)
-            session.traffic_manager.ignore_lights_percentage(driver, 100.0)
-            session.traffic_manager.ignore_signs_percentage(driver, 100.0)
-            session.traffic_manager.ignore_vehicles_percentage(driver, 100.0)
+            manager.ignore_vehicles_percentage(driver, 100.0)
+            if number < vehicles:
+                manager.ignore_lights_percentage(driver, 100.0)
+                manager.ignore_signs_percentage(driver, 100.0)
         for tick in range(round((_SETTING_OFF_S + seconds) * fps)):
             session.clock.tick()
             if tick >= _SETTING_OFF_S * fps:
                 snapshot = session.world.get_snapshot()
                 states = [snapshot.find(driver.id) for driver in drivers]
-                speeds += [state.get_velocity().length() for state in states if state is not None]
-    return float(np.mean(speeds))
+                speeds.append(
+                    [np.nan if state is None else state.get_velocity().length() for state in states]
+                )
+    mean = np.nanmean(speeds, axis=0)
+    return float(mean[:vehicles].mean()), float(mean[vehicles:].mean())
 
 
 class _Progress:

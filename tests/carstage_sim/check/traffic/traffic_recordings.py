@@ -52,6 +52,7 @@ def recording(x: Any, *, light_state: Any = None, **columns: Any) -> Recording:
         "ticks_per_s": 100.0,
         "wake_ups": 0,
         "free_flow": 7.0,
+        "free_flow_with_lights": 5.0,
     }
     return Recording(**{**values, **columns})
 

@@ -18,7 +18,8 @@ from carstage_sim.recording.errors import NotALogError, RecordingError
 from carstage_sim.recording.folder import check_writable, log_path, recordings_folder
 from carstage_sim.recording.log import RecordingLog
 from carstage_sim.recording.recorder import Recorder
-from carstage_sim.recording.replayer import Replayer, ReplayOptions
+from carstage_sim.recording.replay_cast import ReplayOptions
+from carstage_sim.recording.replayer import Replayer
 from carstage_sim.world.snapshot import Snapshot
 from carstage_sim.world.world import World
 

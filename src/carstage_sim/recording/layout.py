@@ -107,6 +107,16 @@ def records_packet(kind: Packet, records: NDArray[np.void]) -> bytes:
     return packet(kind, struct.pack("<H", len(records)) + records.tobytes())
 
 
+def rows_packet(kind: Packet, **columns: Any) -> bytes:
+    """A packet of records, given by their columns."""
+    count = len(next(iter(columns.values())))
+    rows = np.zeros(count, RECORDS[kind])
+    for name, column in columns.items():
+        if count:
+            rows[name] = column
+    return records_packet(kind, rows)
+
+
 def records(kind: Packet, payload: bytes) -> NDArray[np.void]:
     """The records of a packet; a count that promises more than there is counts what there is."""
     dtype = RECORDS[kind]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.geometry import pose_matrix
+from carstage_sim.recording.changes import Changes
 from carstage_sim.recording.errors import RecordingError
 from carstage_sim.recording.events import (
     CM_PER_M,
@@ -24,21 +25,18 @@ from carstage_sim.recording.events import (
 )
 from carstage_sim.recording.layout import (
     FRAME,
-    GAMMA,
     NO_ACTOR,
-    RECORDS,
     UNKNOWN_DURATION_S,
     VERSION,
     LogInfo,
     Packet,
     packet,
-    records_packet,
+    rows_packet,
 )
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints.model import AttributeType
 from carstage_sim.world.snapshot import Snapshot
-from carstage_sim.world.state import ActorKind, Collision, Weather
-from carstage_sim.world.street_lights import LightState
+from carstage_sim.world.state import ActorKind, Collision
 from carstage_sim.world.world import World
 
 _SYMBOLIC_DATE = 0
@@ -65,10 +63,7 @@ class Recorder:
         self._additional = additional_data
         self._known: NDArray[np.uint32] = np.zeros(0, np.uint32)
         self._rolled_deg: dict[int, NDArray[np.float64]] = {}
-        self._weather: Weather | None = None
-        self._doors: dict[int, int] = {}
-        self._lamps: dict[int, LightState] = {}
-        self._lamp_version = -1
+        self._changes = Changes(world.street_lights)
         self._collision_count = 0
         self._frames = 0
         self._elapsed_s = 0.0
@@ -130,8 +125,8 @@ class Recorder:
         parts = [
             packet(Packet.VISUAL_TIME, struct.pack("<d", state.timestamp_s)),
             actors_added_packet([self._added(actor) for actor in added]),
-            _rows(Packet.EVENT_DEL, id=gone),
-            _rows(
+            rows_packet(Packet.EVENT_DEL, id=gone),
+            rows_packet(
                 Packet.EVENT_PARENT,
                 id=[actor.actor_id for actor in attached],
                 parent=[actor.parent_id for actor in attached],
@@ -140,9 +135,7 @@ class Recorder:
             self._positions(snapshot),
             self._lights(snapshot),
             *self._vehicles(snapshot),
-            self._door_changes(snapshot),
-            self._lamp_changes(),
-            self._weather_change(state.weather),
+            *self._changes.since_the_last_frame(snapshot),
         ]
         if self._additional:
             parts += self._additional_data(snapshot, added)
@@ -172,7 +165,7 @@ class Recorder:
         pairs = [self._pair(collision) for collision in collisions]
         first = self._collision_count
         self._collision_count += len(pairs)
-        return _rows(
+        return rows_packet(
             Packet.COLLISION,
             id=np.arange(first, self._collision_count),
             first=[pair[0] for pair in pairs],
@@ -205,7 +198,7 @@ class Recorder:
         """Poses of vehicles, walkers and others; sensors and lights have none in a log."""
         state = snapshot.state
         rows = np.isin(state.kind, (ActorKind.OTHER, ActorKind.VEHICLE, ActorKind.WALKER))
-        return _rows(
+        return rows_packet(
             Packet.POSITION,
             id=state.actor_id[rows],
             location=state.location[rows] * CM_PER_M,
@@ -215,7 +208,7 @@ class Recorder:
     @staticmethod
     def _lights(snapshot: Snapshot) -> bytes:
         lights = snapshot.traffic_lights
-        return _rows(
+        return rows_packet(
             Packet.STATE,
             id=snapshot.state.actor_id[lights.rows],
             frozen=lights.frozen,
@@ -228,7 +221,7 @@ class Recorder:
         state, vehicles, walkers = snapshot.state, snapshot.vehicles, snapshot.walkers
         ids = state.actor_id[vehicles.rows]
         return [
-            _rows(
+            rows_packet(
                 Packet.ANIM_VEHICLE,
                 id=ids,
                 steer=vehicles.control[:, 1],
@@ -237,8 +230,8 @@ class Recorder:
                 hand_brake=vehicles.hand_brake,
                 gear=vehicles.gear,
             ),
-            _rows(Packet.ANIM_WALKER, id=state.actor_id[walkers.rows], speed=walkers.speed),
-            _rows(Packet.VEHICLE_LIGHT, id=ids, state=state.light_state[vehicles.rows]),
+            rows_packet(Packet.ANIM_WALKER, id=state.actor_id[walkers.rows], speed=walkers.speed),
+            rows_packet(Packet.VEHICLE_LIGHT, id=ids, state=state.light_state[vehicles.rows]),
             wheels_packet(
                 (actor_id, self._wheels(snapshot, row, actor_id))
                 for row, actor_id in zip(vehicles.rows.tolist(), ids.tolist(), strict=True)
@@ -258,56 +251,12 @@ class Recorder:
             for number, (wheel, turned_deg) in enumerate(zip(wheels, rolled.tolist(), strict=True))
         ]
 
-    def _door_changes(self, snapshot: Snapshot) -> bytes:
-        """Doors that were opened or closed since the last frame."""
-        state, changes = snapshot.state, []
-        for row in snapshot.vehicles.rows.tolist():
-            actor_id = int(state.actor_id[row])
-            bits = 0 if state.doors is None else int(state.doors[row])
-            changed = bits ^ self._doors.get(actor_id, 0)
-            self._doors[actor_id] = bits
-            changes += [
-                (actor_id, door, bool(bits >> door & 1)) for door in range(8) if changed >> door & 1
-            ]
-        if not changes:
-            return b""
-        ids, doors, opened = zip(*changes, strict=True)
-        return _rows(Packet.VEHICLE_DOOR, id=ids, door=doors, open=opened)
-
-    def _lamp_changes(self) -> bytes:
-        """All street lamps at first, then those that changed; colours are linear, as UE's are."""
-        lights = self._world.street_lights
-        if lights.version == self._lamp_version:
-            return b""
-        self._lamp_version = lights.version
-        changed = [lamp for lamp in lights.states() if lamp != self._lamps.get(lamp.light_id)]
-        self._lamps.update((lamp.light_id, lamp) for lamp in changed)
-        if not changed:
-            return b""
-        colours = np.array([lamp.colour for lamp in changed]) / 255.0
-        return _rows(
-            Packet.SCENE_LIGHT,
-            id=[lamp.light_id for lamp in changed],
-            intensity=[lamp.intensity for lamp in changed],
-            colour=np.concatenate([colours**GAMMA, np.ones((len(changed), 1))], axis=1),
-            on=[lamp.active for lamp in changed],
-            type=[lamp.group for lamp in changed],
-        )
-
-    def _weather_change(self, weather: Weather) -> bytes:
-        if weather == self._weather:
-            return b""
-        self._weather = weather
-        return _rows(
-            Packet.WEATHER, values=[[getattr(weather, field.name) for field in fields(Weather)]]
-        )
-
     def _additional_data(self, snapshot: Snapshot, added: list[Actor]) -> list[bytes]:
         """What CARLA writes when a client asks for additional data."""
         state, lights = snapshot.state, self._world.lights
         moving = np.isin(state.kind, (ActorKind.VEHICLE, ActorKind.WALKER))
         parts = [
-            _rows(
+            rows_packet(
                 Packet.KINEMATICS,
                 id=state.actor_id[moving],
                 linear=state.velocity[moving],
@@ -322,7 +271,7 @@ class Recorder:
         index = [self._world.light_index(actor_id) for actor_id in new_lights]
         return [
             *parts,
-            _rows(
+            rows_packet(
                 Packet.TRAFFIC_LIGHT_TIME,
                 id=new_lights,
                 green=lights.green_s[index],
@@ -346,7 +295,7 @@ class Recorder:
             self._in_world(actor, actor.box_center) if volumes else actor.box_center
             for actor in actors
         ]
-        return _rows(
+        return rows_packet(
             kind,
             id=[actor.actor_id for actor in actors],
             origin=np.array(centers).reshape(-1, 3) * CM_PER_M,
@@ -364,13 +313,3 @@ class Recorder:
         pose = self._world.actors.pose(actor.actor_id)
         x, y, z, _ = (pose_matrix(pose.location, pose.rotation_deg) @ [*place, 1.0]).tolist()
         return (x, y, z)
-
-
-def _rows(kind: Packet, **columns: object) -> bytes:
-    """A packet of records, given by columns."""
-    count = len(next(iter(columns.values())))  # type: ignore[arg-type]
-    rows = np.zeros(count, RECORDS[kind])
-    for name, column in columns.items():
-        if count:
-            rows[name] = column
-    return records_packet(kind, rows)

@@ -9,7 +9,7 @@ import pytest
 
 from carstage_sim.maps import Town
 from carstage_sim.recording import RecorderDeck
-from carstage_sim.recording.replayer import ReplayOptions
+from carstage_sim.recording.replay_cast import ReplayOptions
 from carstage_sim.world.controls import VehicleControl, WalkerControl
 from carstage_sim.world.pose import Pose
 from carstage_sim.world.snapshot import Snapshot

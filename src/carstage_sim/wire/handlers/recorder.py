@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from carstage_sim.recording import RecordingError
-from carstage_sim.recording.replayer import FOLLOWING, ReplayOptions
+from carstage_sim.recording.replay_cast import FOLLOWING, ReplayOptions
 from carstage_sim.wire import values
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 

@@ -97,7 +97,8 @@ def actor_from_bone(table: ActorTable, walker: Actor, name: str) -> FloatArray |
 
 def posed_joints(table: ActorTable, walker: Actor) -> Joints | None:
     """Joints of a walker's figure where a client poses it; None for one that just walks."""
-    if walker.bones is None or walker.bones.blend <= 0.0:
+    pose = walker.bones
+    if pose is None or pose.blend <= 0.0 or not pose.relative:
         return None
     return joints_of(component_transforms(_shown(table, walker)), walker.box_extent[2])
 

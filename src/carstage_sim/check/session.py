@@ -94,7 +94,7 @@ def spawn_traffic(
     points = session.world.get_map().get_spawn_points()
     session.random.shuffle(points)
     if len(points) < count:
-        points += _free_stretches(session.world.get_map(), points, count - len(points))
+        points += free_stretches(session.world.get_map(), points, count - len(points))
     if len(points) < count:
         raise RuntimeError(f"the map has room for {len(points)} vehicles, {count} are needed")
     port = session.traffic_manager.get_port()
@@ -116,7 +116,7 @@ def spawn_traffic(
     return [session.world.get_actor(actor_id) for actor_id in ids]
 
 
-def _free_stretches(
+def free_stretches(
     town: carla.Map, taken: Sequence[carla.Transform], count: int
 ) -> list[carla.Transform]:
     """Up to ``count`` places on lanes, outside junctions, with room to all others."""

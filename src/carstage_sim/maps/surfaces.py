@@ -218,7 +218,7 @@ def ground_layers(
 
 
 def _yards(ground: Surfaces, buildings: list[shapely.Polygon]) -> BaseGeometry:
-    """The paved rim of built-up blocks, on which the houses stand."""
+    """The paved rim of built-up blocks behind their sidewalks, on which the houses stand."""
     tree = shapely.STRtree(buildings)
     built = [
         block
@@ -226,7 +226,9 @@ def _yards(ground: Surfaces, buildings: list[shapely.Polygon]) -> BaseGeometry:
         if block not in ground.parks and len(tree.query(block, predicate="intersects"))
     ]
     inner = [block.buffer(-_YARD_WIDTH_M, join_style="mitre") for block in built]
-    return shapely.union_all(built).difference(shapely.union_all(inner))
+    rim = shapely.union_all(built).difference(shapely.union_all(inner))
+    # A block may border on country roads, too, where nobody builds.
+    return rim.intersection(ground.sidewalk.buffer(_YARD_WIDTH_M + 1.0, join_style="mitre"))
 
 
 def _paths(park: shapely.Polygon) -> BaseGeometry:

@@ -164,16 +164,13 @@ class EpisodeLabeller:
         keys = {"k": k, "timestamp_s": time_s, "episode_id": self._episode_id}
         acceleration_valid = world.tick > 0 or self._first_tick_has_past
         points = self._count_lidar_points(scene, lidar)
-        has_points = np.ones(len(scene.facts), dtype=np.bool_)
-        if lidar and self._settings.min_lidar_points > 0:
-            totals = [sum(n for _, n in points.get(f.info.id, [])) for f in scene.facts]
-            has_points = np.array(totals, dtype=np.int64) >= self._settings.min_lidar_points
         camera_objects: list[dict[str, Any]] = []
         pixels: dict[int, VisiblePixels] = {}
         for camera_id, camera in self._cameras.items():
             if camera_id not in images:
                 continue
             evidence = self._evidence(camera, images[camera_id], world.tick)
+            has_points = self._has_points(scene, camera, points)
             for found in camera_rows(
                 scene, camera, evidence, keys, self._too_near(camera), self._settings, has_points
             ):
@@ -200,6 +197,31 @@ class EpisodeLabeller:
             )
         poses = pose_rows(scene, self._mounts, self._carriers, keys)
         return FrameLabels(objects, camera_objects, ego, poses)
+
+    def _has_points(
+        self,
+        scene: Scene,
+        camera: LabelledCamera,
+        points: Mapping[int, list[tuple[str, int]]],
+    ) -> NDArray[np.bool_]:
+        """``(N,)`` whether enough points of LiDARs beside the camera lie in each box.
+
+        Only LiDARs with the camera's own carrier count: what a camera over another street sees,
+        the ego's LiDAR need not hit. Without one, every object has enough.
+        """
+        carrier = self._carriers.get(camera.mount.sensor_id)
+        beside = {name for name in self._lidars if self._carriers.get(name) == carrier}
+        least = self._settings.min_lidar_points
+        totals = np.zeros(len(scene.facts), dtype=np.int64)
+        counted = set()
+        for i, fact in enumerate(scene.facts):
+            for name, count in points.get(fact.info.id, ()):
+                if name in beside:
+                    totals[i] += count
+                    counted.add(name)
+        if not counted or least <= 0:
+            return np.ones(len(scene.facts), dtype=np.bool_)
+        return totals >= least
 
     def _too_near(self, camera: LabelledCamera) -> int:
         """The actor that a camera sits on and does not label; 0 where it hovers or stands free."""

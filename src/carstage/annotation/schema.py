@@ -281,7 +281,8 @@ CAMERA_OBJECT_COLUMNS: tuple[Column, ...] = (
         "visible",
         "bool",
         "",
-        "the verdict of labels.method (`both`: pixels), and enough LiDAR points if the rig has one",
+        "the verdict of labels.method (`both`: pixels), and enough points of the LiDARs that the "
+        "camera's carrier has, if any",
     ),
     Column("crosses_near", "bool", "", "reaches behind the near plane; `truncated` is saturated"),
     Column("pinhole", "bool", "", "the camera has no lens distortion, so that projection holds"),

@@ -148,7 +148,8 @@ class Config(Section):
     min_lidar_points: int = setting(
         5,
         title="Minimum LiDAR points",
-        description="Fewer points on an object make it not visible; 0 switches the rule off.",
+        description="Fewer points of the LiDARs beside a camera make an object not visible to it; "
+        "0 switches the rule off.",
         group="labels",
         ge=0,
         le=1_000_000,

@@ -178,14 +178,16 @@ class Traffic(Section):
         for name, value in self:
             if isinstance(value, bool) or value is None or name == "hybrid_physics_radius_m":
                 continue
-            low, high = value if isinstance(value, tuple) else (value, value)
             least, most = _BOUNDS.get(name, (0.0, 100.0))
-            if low > high:
-                raise problem(f"{low:g} is above {high:g}.", "Write [low, high].", name)
-            if low < least:
-                raise problem(f"{low:g} is too small.", f"Give at least {least:g}.", name)
-            if high > most:
-                raise problem(f"{high:g} is too large.", f"Give at most {most:g}.", name)
+            ends = value if isinstance(value, tuple) else (value,)
+            for position, end in enumerate(ends):
+                path = (name, position) if isinstance(value, tuple) else (name,)
+                if end < least:
+                    raise problem(f"{end:g} is too small.", f"Give at least {least:g}.", *path)
+                if end > most:
+                    raise problem(f"{end:g} is too large.", f"Give at most {most:g}.", *path)
+            if ends[0] > ends[-1]:
+                raise problem(f"{ends[0]:g} is above {ends[-1]:g}.", "Write [low, high].", name)
         return self
 
 

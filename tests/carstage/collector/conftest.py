@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
+from running_collector import END_S, Collector
 
 POSE = {"x_m": 0.5, "y_m": 0.0, "z_m": 1.7, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0}
 CAMERA = {"image_size_x": "96", "image_size_y": "54", "fov": "90.0"}
@@ -106,3 +108,15 @@ def make_plan() -> PlanMaker:
         )
 
     return make
+
+
+@pytest.fixture
+def collector(simulator: Any, tmp_path: Path) -> Iterator[Collector]:
+    home = tmp_path / "home"
+    home.mkdir()
+    made = Collector(simulator.port, tmp_path, home)
+    yield made
+    for process in made.processes:
+        if process.poll() is None:
+            process.kill()
+        process.communicate(timeout=END_S)

@@ -221,3 +221,40 @@ def test_nothing_is_waited_for_without_end(skip: bool) -> None:
     frames.advance(2 * PATIENCE_S)
     assert len(frames.take_rows()) == 3
     assert frames.idle
+
+
+def test_a_frame_that_the_server_skipped_is_missing_in_every_sensor_at_once() -> None:
+    frames = matcher()
+    frames.offer("a", 100, "a0", 0.0)
+    frames.expect(tick(0)._replace(seen=False), 0.1)
+    frames.advance(0.1)
+    (row,) = frames.take_rows()
+    assert states(row) == {"a": "missing", "b": "missing"}
+    assert "never came" in str(row.sensors["a"].reason)
+    assert frames.take_joined()[0].data == {}
+    assert frames.take_dropped() == ["a0"]
+    assert frames.idle
+
+
+def test_a_sensor_with_its_own_timeline_is_off_between_its_measurements() -> None:
+    frames = FrameMatcher(["a", "b"], PATIENCE_S, skip=True, own_timelines=True)
+    frames.begin(99)
+    for number in range(3):
+        frames.expect(tick(number), number)
+        frames.offer("a", 100 + number, number, number)
+    frames.offer("b", 102, "b2", 2.0)
+    frames.advance(2.0)
+    assert [list(joined.data) for joined in frames.take_joined()] == [["a"], ["a"], ["a", "b"]]
+    frames.advance(2.0 + 2 * PATIENCE_S)
+    assert [states(row)["b"] for row in frames.take_rows()] == ["off", "off", "ok"]
+    assert frames.misses == {"a": 0, "b": 0}
+
+
+def test_data_of_an_own_timeline_that_come_too_late_are_still_told_apart() -> None:
+    frames = FrameMatcher(["a"], PATIENCE_S, skip=True, own_timelines=True)
+    frames.begin(99)
+    frames.expect(tick(0), 0.0)
+    frames.advance(PATIENCE_S)
+    frames.offer("a", 100, "a0", PATIENCE_S + 1.0)
+    frames.advance(PATIENCE_S + 1.0)
+    assert states(frames.take_rows()[0]) == {"a": "late"}

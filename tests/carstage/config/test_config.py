@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from math import isclose
 from typing import Any
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
 from carstage.config import (
+    RIG_PRESETS,
     SENSOR_KINDS,
     WEATHER_PRESETS,
     Config,
@@ -166,6 +169,72 @@ REFUSED = {
         "rig.sensors[1].attributes.lower_fov_deg: ",
         "Exchange",
     ),
+    "carrier of nobody": (
+        ONE % "rgb, attach_to: ego_vehicle",
+        "rig.sensors[1].attach_to: ",
+        "`world`",
+    ),
+    "second ego": (ONE % "rgb, attach_index: 1", "rig.sensors[1].attach_index: ", "only one ego"),
+    "arm on the map": (
+        ONE % "imu, attach_to: world, attachment: follow",
+        "rig.sensors[1].attachment: ",
+        "Leave attachment out",
+    ),
+    "labelled on a spring arm": (
+        ONE % "rgb, attachment: spring_arm",
+        "rig.sensors[1].attachment: ",
+        "labels.cameras",
+    ),
+    "own rate in step": (ONE % "imu, rate_hz: 2", "rig.sensors[1].rate_hz: ", "sensor_sync"),
+    "own rate above the world's": (
+        "timing: {sensor_sync: false}\n" + ONE % "imu, rate_hz: 20",
+        "rig.sensors[1].rate_hz: ",
+        "at most 10",
+    ),
+    "rig preset": ("rig: {preset: kiti}", "rig.preset: ", "'kitti'"),
+    "changes backwards": (
+        "weather: {changes: [{at_s: 3, choice: WetNoon}, {at_s: 2, choice: ClearNoon}]}",
+        "weather.changes[1].at_s: ",
+        "order of time",
+    ),
+    "change of nothing": (
+        "weather: {changes: [{at_s: 3}]}",
+        "weather.changes[0].choice: ",
+        "Give choice",
+    ),
+    "change to nowhere": (
+        "weather: {changes: [{at_s: 3, choice: WetMoon}]}",
+        "weather.changes[0].choice: ",
+        "'WetNoon'",
+    ),
+    "map layer": ("map: {layers: [Bildings]}", "map.layers[0]: ", "'Buildings'"),
+    "scenario": ("scenario: {kind: replai}", "scenario.kind: ", "'replay'"),
+    "route to nowhere": ("scenario: {kind: route}", "scenario.through: ", "Add it"),
+    "route by half a place": (
+        "scenario: {kind: route, through: [{x: 3}]}",
+        "scenario.through[0].y: ",
+        "Add it",
+    ),
+    "replay of nothing": ("scenario: {kind: replay}", "scenario.episode: ", "Add it"),
+    "spread upside down": (
+        "traffic: {speed_difference_percent: [20, -10]}",
+        "traffic.speed_difference_percent: ",
+        "[low, high]",
+    ),
+    "chance above all": (
+        "traffic: {ignore_lights_percent: 101}",
+        "traffic.ignore_lights_percent: ",
+        "at most 100",
+    ),
+    "chance in words": (
+        "traffic: {ignore_lights_percent: often}",
+        "traffic.ignore_lights_percent: ",
+        "a number",
+    ),
+    "group of nobody": ("vehicles: {groups: [{count: 0}]}", "vehicles.groups[0].count: ", "1"),
+    "shortfall": ("vehicles: {shortfall: ignore}", "vehicles.shortfall: ", "Known: "),
+    "colour": ("ego: {color: [1, 2]}", "ego.color[2]: ", "Add it"),
+    "start without a place": ("ego: {spawn: {x: 1}}", "ego.spawn.y: ", "Add it"),
     "camera to label": ("labels: {cameras: [CAM_FRNT]}", "labels.cameras[0]: ", "'CAM_FRONT'"),
     "codec of nobody": (
         "conversion: {codecs: {CAM_FRNT: png}}",
@@ -327,6 +396,55 @@ def test_presets_are_those_of_the_client() -> None:
         if isinstance(getattr(carla.WeatherParameters, name), carla.WeatherParameters)
     }
     assert set(WEATHER_PRESETS) == client - {"Default"}
+
+
+def test_a_template_with_every_key_taken_in_is_still_the_defaults() -> None:
+    lines = config_template().splitlines()
+    commented = [line for line in lines if re.match(r" *#[a-z]|#  [a-z_]+:", line)]
+    assert len(commented) > 40
+    taken_in = "\n".join(
+        re.sub(r"^( *)#", r"\1", line) if line in commented else line for line in lines
+    )
+    config = parse_config(taken_in.replace("\nrandom_from: null", ""))
+    assert config == Config()
+
+
+def test_the_template_shows_the_basics_without_a_comment_sign() -> None:
+    shown = set(yaml.safe_load(config_template()))
+    assert shown >= {"name", "fps", "map", "weather", "vehicles", "ego", "rig", "server"}
+    assert not shown & {"timing", "traffic", "conversion"}
+
+
+@pytest.mark.parametrize("name", RIG_PRESETS)
+def test_preset_rigs_are_valid_and_name_their_source(name: str) -> None:
+    config = parse_config(f"rig: {{preset: {name}}}")
+    assert len(config.sensors) >= 4
+    assert RIG_PRESETS[name].source
+    assert config.warnings() == []
+
+
+def test_preset_rigs_have_the_sensors_of_their_models() -> None:
+    def count(name: str, kind: str) -> int:
+        return sum(sensor.kind == kind for sensor in RIG_PRESETS[name].sensors())
+
+    assert [count("kitti", kind) for kind in ("rgb", "lidar")] == [2, 1]
+    assert [count("nuscenes", kind) for kind in ("rgb", "lidar", "radar")] == [6, 1, 5]
+    assert [count("waymo", kind) for kind in ("rgb", "lidar")] == [5, 5]
+    assert [count("paper", kind) for kind in ("rgb", "lidar", "semantic_lidar")] == [4, 1, 1]
+    left, right = (s for s in RIG_PRESETS["kitti"].sensors() if s.kind == "rgb")
+    assert right.pose.y - left.pose.y == pytest.approx(0.54)
+
+
+def test_a_partial_sweep_is_warned_of_with_its_field() -> None:
+    config = parse_config(ONE % "lidar, attributes: {rotation_frequency: 5}")
+    (warning,) = config.warnings()
+    assert warning.startswith("rig.sensors[1].attributes.rotation_frequency_hz: ")
+    assert "50%" in warning
+    assert parse_config(ONE % "semantic_lidar").warnings() == []
+
+
+def test_short_scenario_is_the_autopilot() -> None:
+    assert parse_config("scenario: {}").scenario.kind == "autopilot"
 
 
 def test_kinds_have_distinct_blueprints() -> None:

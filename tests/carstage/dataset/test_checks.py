@@ -108,3 +108,17 @@ def test_a_missing_or_damaged_table_is_a_dataset_error(tmp_path) -> None:
     (tmp_path / "x.parquet").write_bytes(b"PAR1 this is none PAR1")
     with pytest.raises(DatasetError, match="damaged"):
         read_table(tmp_path / "x.parquet")
+
+
+def test_a_radar_frame_is_a_row_of_lists_and_comes_back_as_it_was() -> None:
+    radar = ROW_SENSORS["radar"]
+    detections = np.array([[-2.5, 0.1, 0.05, 30.0], [1.0, -0.2, 0.0, 12.0]], "<f4")
+    row = radar.row(3, 0.3, memoryview(detections.tobytes()))
+    assert row["range_rate_m_s"] == [-2.5, 1.0]
+    table = pa.Table.from_pylist([row, radar.row(4, 0.4, memoryview(b""))], schema=radar.schema)
+    np.testing.assert_array_equal(radar.array(table.to_pylist()[0]), detections)
+    assert radar.array(table.to_pylist()[1]).shape == (0, 4)
+    with pytest.raises(ValueError, match="no whole number of detections"):
+        radar.row(0, 0.0, memoryview(bytes(20)))
+    with pytest.raises(ValueError, match="not finite"):
+        radar.row(0, 0.0, memoryview(np.full(4, np.nan, "<f4").tobytes()))

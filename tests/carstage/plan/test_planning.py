@@ -7,13 +7,21 @@ import json
 from dataclasses import fields, replace
 from typing import get_args
 
+import numpy as np
 import pytest
 
 from carstage.annotation.settings import LabelSettings
 from carstage.config import Config, load_demo, parse_config
 from carstage.config.recording import Labels
 from carstage.errors import ConfigError
-from carstage.plan import EpisodeSpec, ServerFacts, estimate_run, plan_episodes
+from carstage.plan import (
+    EpisodeSpec,
+    Recording,
+    ServerFacts,
+    Track,
+    estimate_run,
+    plan_episodes,
+)
 from carstage.plan.planning import SEED_CONSUMERS
 
 CAMERA = {"role_name", "image_size_x", "image_size_y", "fov", "iso"}
@@ -235,3 +243,84 @@ def test_every_label_setting_can_be_asked_for() -> None:
 def test_label_settings_have_one_set_of_defaults() -> None:
     planned = LabelSettings.from_spec(plan()[0].to_json())
     assert planned == replace(LabelSettings(), min_lidar_points=5)
+
+
+def test_twins_hang_where_their_camera_hangs() -> None:
+    planned = sensors(
+        "rig: {sensors: [{id: A, kind: rgb, attachment: follow, pose: {z: 30}}, "
+        "{id: B, kind: rgb, pose: {z: 30}}, {id: C, kind: depth, attach_to: world, pose: {z: 30}}]}"
+    )
+    assert planned["A"].depth == "A.depth"
+    assert planned["B"].depth == "B.depth"
+    assert planned["A.depth"].attachment == planned["A.instance"].attachment == "follow"
+    assert planned["B.depth"].attachment == "rigid"
+    assert planned["C"].attach_to == "world"
+
+
+def test_twins_measure_when_their_camera_does() -> None:
+    planned = sensors(
+        "{timing: {sensor_sync: false}, rig: {sensors: [{id: A, kind: rgb, rate_hz: 2}]}}"
+    )
+    assert planned["A"].attributes["sensor_tick"] == "0.5"
+    assert planned["A.depth"].attributes["sensor_tick"] == "0.5"
+
+
+def test_changes_of_the_weather_are_planned_with_their_times() -> None:
+    spec = plan("weather: {choice: WetNoon, changes: [{at_s: 2, parameters: {wetness: 5}}]}")[0]
+    assert spec.weather["preset"] == "WetNoon"
+    assert spec.to_json()["weather"]["changes"] == [
+        {"at_s": 2.0, "preset": None, "parameters": {"wetness": 5.0}}
+    ]
+
+
+def test_the_ego_may_begin_at_a_place_of_its_own() -> None:
+    ego = plan("ego: {spawn: {x: 1, y: 2, yaw_deg: 90}, color: [1, 2, 3]}")[0].to_json()["ego"]
+    assert ego["spawn_index"] is None
+    assert ego["spawn_place"] == {"x_m": 1.0, "y_m": 2.0, "z_m": 0.3, "yaw_deg": 90.0}
+    assert ego["color"] == [1, 2, 3]
+
+
+def test_a_route_through_a_spawn_point_that_is_not_there_is_refused() -> None:
+    assert plan("scenario: {kind: route, through: [99]}")[0].scenario["through"] == [99]
+    with pytest.raises(
+        ConfigError, match=r"scenario\.through\[1\]: the map has no spawn point 100"
+    ):
+        plan("scenario: {kind: route, through: [{x: 1, y: 2}, 100]}")
+
+
+def recording(**changes: object) -> Recording:
+    times_s = np.arange(11) / 10
+    poses = np.zeros((11, 6))
+    poses[:, 0] = 10.0 * times_s
+    poses[:, 4] = (175.0 + 10.0 * np.arange(11) + 180.0) % 360.0 - 180.0
+    ego = Track("vehicle.tesla.model3", {"color": "1,2,3"}, True, times_s, poses)
+    late = Track("vehicle.audi.tt", {}, False, times_s[4:], poses[4:])
+    return replace(Recording("abc", "Stage01", 1.0, (ego, late)), **changes)
+
+
+def replay(text: str, **changes: object) -> EpisodeSpec:
+    config = parse_config("{scenario: {kind: replay, episode: x}, map: Town02, " + text + "}")
+    return plan_episodes(config, MAPS_ONLY, recording(**changes))[0]
+
+
+def test_a_replay_has_a_pose_for_every_step_by_the_short_way_round() -> None:
+    spec = replay("fps: 20, duration_s: 1")
+    ego, late = spec.scenario["actors"]
+    assert spec.map == "Stage01"
+    assert len(ego["poses"]) == 20
+    assert ego["poses"][1] == [0.5, 0.0, 0.0, 0.0, -180.0, 0.0]
+    assert ego["attributes"] == {"color": "1,2,3"}
+    assert late["poses"][7] is None
+    assert late["poses"][8] is not None
+
+
+def test_a_replay_longer_than_its_recording_is_refused() -> None:
+    assert len(replay("fps: 10, duration_s: 1.1").scenario["actors"][0]["poses"]) == 11
+    with pytest.raises(ConfigError, match=r"duration_s: .* ends after 1 s") as caught:
+        replay("fps: 10, duration_s: 1.2")
+    assert "1.1 s" in caught.value.hint
+
+
+def test_a_replay_on_a_server_without_its_map_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"scenario\.episode: unknown map 'Atlantis'"):
+        replay("fps: 10, duration_s: 1", map="Atlantis")

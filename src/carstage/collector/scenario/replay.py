@@ -33,8 +33,8 @@ class _Role(NamedTuple):
 class Replay(Scenario):
     """Vehicles and walkers are put where they were, step by step; nobody drives them.
 
-    Vehicles have no physics meanwhile, and are told the velocity of their motion, so that the
-    world's snapshots and its sensors know it.
+    They have no physics meanwhile, and are told the velocity of their motion, so that the world's
+    snapshots and its sensors know it.
     """
 
     def __init__(
@@ -142,8 +142,7 @@ class Replay(Scenario):
             _log.warning("no room for %s at %s: it is left out", role.blueprint, pose[:3])
             return
         self._session.destroy_on_exit("actor %d" % actor.id, actor)
-        if self._is_vehicle(index):
-            actor.set_simulate_physics(False)
+        actor.set_simulate_physics(False)
         self._alive[index] = actor
 
     def _is_vehicle(self, index: int) -> bool:

@@ -6,8 +6,8 @@ import heapq
 import itertools
 from typing import Any, Dict, List, Optional, Tuple
 
-SPACING_M = 8.0
-"""Distance between the places of a way: the Traffic Manager turns towards the next one."""
+SPACING_M = 4.0
+"""Distance between the places of a lane that are looked at."""
 
 Lane = Tuple[int, int, int]
 
@@ -25,16 +25,22 @@ class RoadGraph:
         self._map = world_map
         self._next: Dict[Lane, List[Lane]] = {}
         self._places: Dict[Lane, List[Any]] = {}
+        self._in_junction: Dict[Lane, bool] = {}
         # CARLA's topology pairs the first waypoint of a lane with that of each lane after it.
         for begin, successor in world_map.get_topology():
             lane = _lane(begin)
             if lane not in self._places:
                 waypoints = [begin, *begin.next_until_lane_end(SPACING_M)]
                 self._places[lane] = [waypoint.transform.location for waypoint in waypoints]
+                self._in_junction[lane] = bool(begin.is_junction)
             self._next.setdefault(lane, []).append(_lane(successor))
 
     def way(self, start: Any, goal: Any) -> Optional[List[Any]]:
-        """Locations from ``start`` to ``goal``, the start left out; None where no road leads.
+        """Places for ``TrafficManager.set_path`` from ``start`` to ``goal``; None: no road leads.
+
+        One place near the begin of each lane behind a junction, and the goal. Where a road forks,
+        the Traffic Manager takes the branch whose *end* is nearest to the next place of its path
+        (LibCarla, ``LocalizationStage::ImportPath``): a place within a junction would mislead it.
 
         Args:
             start, goal: ``carla.Location``; the nearest lanes count.
@@ -44,12 +50,12 @@ class RoadGraph:
             return None
         at, to = _nearest(self._places[first], start), _nearest(self._places[last], goal)
         if first == last and at < to:
-            return [*self._places[first][at + 1 : to], goal]
+            return [goal]
         lanes = self._shortest(first, last)
         if lanes is None:
             return None
-        between = [place for lane in lanes for place in self._places[lane]]
-        return [*self._places[first][at + 1 :], *between, *self._places[last][:to], goal]
+        marked = [lane for lane in lanes if not self._in_junction[lane]]
+        return [self._places[lane][:2][-1] for lane in marked] + [goal]
 
     def _shortest(self, first: Lane, last: Lane) -> Optional[List[Lane]]:
         """The lanes between two, by Dijkstra's algorithm; ties go to the older entry."""

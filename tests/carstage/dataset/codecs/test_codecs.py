@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from PIL import Image
 
-from carstage.dataset.codecs import Codec, codec_for, codec_names
+from carstage.dataset.codecs import SEMANTIC_POINT, Codec, codec_for, codec_names
 from carstage.dataset.codecs.png import PngPacker, unpack_png
 from carstage.errors import BadInputError
 from carstage.testing.codec import CodecTests, RawRecord
@@ -54,6 +54,80 @@ class TestRgbPng(CameraCodecTests):
         with Image.open(io.BytesIO(content)) as picture:
             assert picture.mode == "RGB"
             assert picture.getpixel((0, 0)) == (10, 20, 30)
+
+
+class TestNormalsPng(CameraCodecTests):
+    kind = "normals"
+
+
+class TestFlowNpz(CodecTests):
+    def codec(self) -> Codec:
+        return codec_for("flow")[1]
+
+    def record(self, height: int, width: int, seed: int) -> RawRecord:
+        shares = np.random.default_rng(seed).normal(size=(height, width, 2)).astype("<f4")
+        return {"width": width, "height": height, "fov_deg": 90.0}, memoryview(shares.tobytes())
+
+    def records(self) -> list[RawRecord]:
+        return [self.record(5, 7, 0), self.record(5, 7, 1), self.record(1, 1, 2)]
+
+    def bad_records(self) -> list[RawRecord]:
+        meta, payload = self.record(4, 4, 0)
+        return [
+            (meta, payload[:-8]),
+            ({**meta, "width": 5}, payload),
+            ({**meta, "height": 0}, payload),
+        ]
+
+    def test_shares_of_half_the_image_become_pixels_right_and_down(self) -> None:
+        shares = np.array([[[0.5, -0.25]] * 4] * 2, "<f4")
+        flow = self.codec().raw_array({"width": 4, "height": 2}, memoryview(shares.tobytes()))
+        assert flow.shape == (2, 4, 2)
+        assert flow[0, 0].tolist() == [1.0, 0.25]
+
+
+class SemanticLidarCodecTests(CodecTests):
+    name: str
+    empty_is_damage = False
+
+    def codec(self) -> Codec:
+        return codec_for("semantic_lidar", self.name)[1]
+
+    def records(self) -> list[RawRecord]:
+        rng = np.random.default_rng(1)
+        made = []
+        for count in (3, 40):
+            points = np.zeros(count, SEMANTIC_POINT)
+            for field in ("x", "y", "z", "cos_incidence"):
+                points[field] = rng.normal(size=count)
+            points["object_idx"] = rng.integers(0, 2**32, count)
+            points["object_tag"] = rng.integers(0, 29, count)
+            made.append(({"counts": [count]}, memoryview(points.tobytes())))
+        return made
+
+    def bad_records(self) -> list[RawRecord]:
+        meta, payload = self.records()[0]
+        bad = np.frombuffer(payload, SEMANTIC_POINT).copy()
+        bad["x"] = np.nan
+        return [(meta, payload[:-4]), ({"counts": [4]}, payload), (meta, memoryview(bad.tobytes()))]
+
+    def test_ids_stay_whole_numbers(self) -> None:
+        _, payload = self.records()[1]
+        points = self.codec().decode(self.codec().encode({}, payload))
+        assert points["object_idx"].dtype == np.uint32
+        assert (
+            points["object_idx"].tobytes()
+            == np.frombuffer(payload, SEMANTIC_POINT)["object_idx"].tobytes()
+        )
+
+
+class TestSemanticLidarBin(SemanticLidarCodecTests):
+    name = "bin"
+
+
+class TestSemanticLidarNpz(SemanticLidarCodecTests):
+    name = "npz"
+    empty_is_damage = True
 
 
 class TestRgbFpng(CameraCodecTests):

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from carstage_sim.maps.writer.alignment import (
     Alignment,
+    Point,
     Pose2,
     length_m,
     snapped,
@@ -43,7 +44,7 @@ DIRECTIONS = ("right", "straight", "left")
 def add_crossing(
     builder: NetworkBuilder,
     junction_id: int,
-    center: Pose2,
+    center: Point,
     arms: Sequence[Arm],
     control: Control,
     height_m: float,
@@ -53,7 +54,7 @@ def add_crossing(
     Args:
         builder: takes all of it.
         junction_id: its number.
-        center: where the arms point; only the place counts.
+        center: where the arms point.
         arms: two or more.
         control: who waits.
         height_m: the junction is level.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from dataclasses import dataclass, field
 
-from carstage_sim.maps.writer.alignment import Point, Pose2
+from carstage_sim.maps.writer.alignment import Point
 from carstage_sim.maps.writer.arms import Arm, setbacks
 from carstage_sim.maps.writer.builder import NetworkBuilder
 from carstage_sim.maps.writer.junctions import add_crossing
@@ -35,8 +35,7 @@ def build_network(plan: TownPlan) -> RoadNetwork:
             add_roundabout(builder, node.circle, ids, node.arms, node.height_m)
         else:
             junction_id, control = node.streets[0].junction_id, node.crossing.control
-            middle = Pose2(*node.center, 0.0)
-            add_crossing(builder, junction_id, middle, node.arms, control, node.height_m)
+            add_crossing(builder, junction_id, node.center, node.arms, control, node.height_m)
     return builder.network(plan.name, plan.latitude_deg, plan.longitude_deg)
 
 

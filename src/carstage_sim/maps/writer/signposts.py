@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from carstage_sim.maps.writer.alignment import (
+    Point,
     Pose2,
     pose_at,
     project,
@@ -43,7 +44,7 @@ _PRIORITY_SIGN_SIZE_M = 0.9
 def add_lights(
     builder: NetworkBuilder,
     junction_id: int,
-    center: Pose2,
+    center: Point,
     arms: Sequence[Arm],
     paths: list[Road],
 ) -> list[Controller]:
@@ -165,7 +166,7 @@ def add_crosswalk(builder: NetworkBuilder, arm: Arm) -> None:
     )
 
 
-def _pole(arm: Arm, center: Pose2, arms: Sequence[Arm]) -> Pose2:
+def _pole(arm: Arm, center: Point, arms: Sequence[Arm]) -> Pose2:
     """The foot of an approach's light; it heads the way that the lenses look."""
     lenses_rad = snapped_heading(arm.mouth.heading_rad + math.pi)
     right_m = arm.inbound.kerb_m + POLE_FROM_KERB_M
@@ -175,7 +176,7 @@ def _pole(arm: Arm, center: Pose2, arms: Sequence[Arm]) -> Pose2:
         return Pose2(foot.x, foot.y, lenses_rad)
     # Across a T: behind the far kerb of the street that runs through.
     through = next(a for a in arms if a is not arm)
-    forward, _ = arm.mouth.local(center.point)
+    forward, _ = arm.mouth.local(center)
     angle = wrapped(through.mouth.heading_rad - arm.mouth.heading_rad)
     kerb_m = max(through.inbound.kerb_m, through.outbound.kerb_m) + POLE_FROM_KERB_M
     forward += kerb_m / abs(math.sin(angle)) - right_m / math.tan(angle)

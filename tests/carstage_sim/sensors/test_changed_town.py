@@ -103,7 +103,7 @@ def test_a_hidden_lamp_gives_no_light(look):
 
 def test_debug_lines_are_seen_by_colour_cameras_alone_and_hide_behind_walls(look):
     drawing = DebugDrawing()
-    drawing.lines([((6.0, -1.0, 2.0), (6.0, 1.0, 2.0))], 0.2, (255, 0, 0), 0.0, 1.0)
+    drawing.lines([((6.0, -1.0, 2.0), (6.0, 1.0, 2.0))], 0.6, (255, 0, 0), 0.0, 1.0)
     drawing.step(0.0)
     plain, drawn = look(), look(debug_shapes=drawing.frame)
     red = (drawn[..., 2] > 200) & (drawn[..., 1] < 60) & (drawn[..., 0] < 60)
@@ -111,7 +111,7 @@ def test_debug_lines_are_seen_by_colour_cameras_alone_and_hide_behind_walls(look
     assert (plain[~red] == drawn[~red]).mean() > 0.98
     assert (look("camera.depth") == look("camera.depth", debug_shapes=drawing.frame)).all()
     drawing.clear()
-    drawing.lines([((12.0, -1.0, 2.0), (12.0, 1.0, 2.0))], 0.2, (255, 0, 0), 0.0, 1.0)
+    drawing.lines([((12.0, -1.0, 2.0), (12.0, 1.0, 2.0))], 0.6, (255, 0, 0), 0.0, 1.0)
     drawing.step(0.0)
     assert (look(debug_shapes=drawing.frame) == plain).all()
 

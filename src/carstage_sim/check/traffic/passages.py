@@ -1,4 +1,8 @@
-"""Passages of stop lines, and under which state of the light each was begun."""
+"""Entries into junctions with lights, and under which state of the light each was begun.
+
+The line is where the lane enters the junction; where a map paints a stop line before it, a vehicle
+that stands between the two has run nothing.
+"""
 
 from __future__ import annotations
 

@@ -15,6 +15,8 @@ from carstage_sim.check.traffic.recording import NO_LIGHT, FloatArray, Partner, 
 
 _LANES_EVERY_S = 1.0
 _SENSOR = "sensor.other.collision"
+_STEP_M = 0.5
+_STEPS_TO_JUNCTION = 60
 
 
 class Recorder:
@@ -154,10 +156,11 @@ class Recorder:
         )
 
     def _stop_lines(self) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
-        """Where the lanes of each light enter its junction, as the client finds them."""
+        """Where the lanes that the client finds for each light enter the junction."""
         signal, pose, width = [], [], []
         for row, light in enumerate(self._lights):
-            for waypoint in light.get_stop_waypoints():
+            for stop in light.get_stop_waypoints():
+                waypoint = _entrance(stop)
                 place = waypoint.transform.location
                 signal.append(row)
                 pose.append((place.x, place.y, place.z, waypoint.transform.rotation.yaw))
@@ -167,6 +170,19 @@ class Recorder:
             np.array(pose, np.float64).reshape(-1, 4),
             np.array(width, np.float64),
         )
+
+
+def _entrance(stop: carla.Waypoint) -> carla.Waypoint:
+    """The last place of a lane before the junction; the stop itself where none is near."""
+    waypoint = stop
+    for _ in range(_STEPS_TO_JUNCTION):
+        onward = waypoint.next(_STEP_M)
+        if not onward:
+            break
+        if onward[0].is_junction:
+            return waypoint
+        waypoint = onward[0]
+    return stop
 
 
 def _vectors(of: Any) -> FloatArray:

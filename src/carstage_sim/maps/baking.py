@@ -27,6 +27,7 @@ from carstage_sim.maps.lights import light_sites
 from carstage_sim.maps.navmesh import fits_in_a_tile, navigation_file
 from carstage_sim.maps.scenery import scenery
 from carstage_sim.maps.signals import LIGHT, STOP, GovernedLane, SignalPlan, signal_plan
+from carstage_sim.maps.signs import sign_sites
 from carstage_sim.maps.spawning import spawn_points
 from carstage_sim.maps.strips import (
     Crosswalk,
@@ -150,6 +151,7 @@ def bake(name: str, opendrive: str, options: BakeOptions = EVERYTHING) -> Town:
         static_mesh=merge_meshes([*meshes, *stage.meshes]),
         level_objects=tuple(stage.objects),
         digest="",
+        traffic_signs=sign_sites(plan, height_at),
     )
     return dataclasses.replace(town, digest=digest_of(town))
 

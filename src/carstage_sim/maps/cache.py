@@ -20,7 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import carstage_sim
-from carstage_sim.maps.town import LaneSamples, LevelObject, OrientedBox, Town, TrafficLightSite
+from carstage_sim.maps.town import (
+    LaneSamples,
+    LevelObject,
+    OrientedBox,
+    Town,
+    TrafficLightSite,
+    TrafficSignSite,
+)
 from carstage_sim.mesh import TriangleMesh
 
 _SOURCES = ("maps", "content", "mesh.py", "labels.py", "geometry.py")
@@ -124,6 +131,7 @@ def arrays_of(town: Town) -> dict[str, NDArray[Any]]:
         "opendrive": town.opendrive,
         "geo_reference": town.geo_reference,
         "traffic_lights": [dataclasses.asdict(site) for site in town.traffic_lights],
+        "traffic_signs": [dataclasses.asdict(site) for site in town.traffic_signs],
         "level_objects": [dataclasses.asdict(entry) for entry in town.level_objects],
     }
     text = json.dumps(record, sort_keys=True).encode()
@@ -186,11 +194,22 @@ def load(path: Path) -> Town:
                 for entry in record["level_objects"]
             ),
             digest=str(arrays["digest"]),
+            traffic_signs=tuple(_sign(site) for site in record["traffic_signs"]),
         )
 
 
 def _box(entry: dict[str, list[float]]) -> OrientedBox:
     return OrientedBox(**{key: (v[0], v[1], v[2]) for key, v in entry.items()})
+
+
+def _sign(entry: dict[str, Any]) -> TrafficSignSite:
+    return TrafficSignSite(
+        sign_id=entry["sign_id"],
+        type_id=entry["type_id"],
+        location=tuple(entry["location"]),
+        rotation_deg=tuple(entry["rotation_deg"]),
+        trigger=tuple(_box(box) for box in entry["trigger"]),
+    )
 
 
 def _light(entry: dict[str, Any]) -> TrafficLightSite:

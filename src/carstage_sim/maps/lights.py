@@ -98,11 +98,11 @@ def _site(light: Signal, junction_id: int, phase: int, height_at: HeightAt) -> T
         head=(reach_m, 0.0, HEAD_HEIGHT_M, looks_deg),
         junction_id=junction_id,
         phase=phase,
-        trigger=tuple(_trigger_boxes(light.lanes)),
+        trigger=tuple(trigger_boxes(light.lanes)),
     )
 
 
-def _trigger_boxes(lanes: Iterable[GovernedLane]) -> list[OrientedBox]:
+def trigger_boxes(lanes: Iterable[GovernedLane]) -> list[OrientedBox]:
     """A volume before each stop, half as wide as the lane; ways on from one lane share theirs."""
     boxes: list[OrientedBox] = []
     for lane in lanes:

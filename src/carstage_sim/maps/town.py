@@ -72,6 +72,24 @@ class TrafficLightSite:
     trigger: tuple[OrientedBox, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class TrafficSignSite:
+    """A sign that clients see as an actor; its post and plate are scenery.
+
+    Attributes:
+        sign_id: the OpenDRIVE signal's id.
+        type_id: ``traffic.stop`` or ``traffic.yield``.
+        location, rotation_deg: pose of the actor.
+        trigger: the volumes where it holds, on each lane.
+    """
+
+    sign_id: str
+    type_id: str
+    location: tuple[float, float, float]
+    rotation_deg: tuple[float, float, float]
+    trigger: tuple[OrientedBox, ...]
+
+
 class MapLayer(IntFlag):
     """``carla.MapLayer``: parts of a map that clients can take away and bring back."""
 
@@ -119,6 +137,7 @@ class Town:
         static_mesh: roads, markings, sidewalks, buildings, trees, street furniture.
         level_objects: the objects that ``static_mesh.object_id - 1`` points into.
         digest: sha256 (hex) of what was baked; caches and the client's file names carry it.
+        traffic_signs: signs that are actors, by id.
     """
 
     name: str
@@ -131,3 +150,4 @@ class Town:
     static_mesh: TriangleMesh
     level_objects: tuple[LevelObject, ...]
     digest: str
+    traffic_signs: tuple[TrafficSignSite, ...] = ()

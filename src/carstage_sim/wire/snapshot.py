@@ -90,6 +90,7 @@ def encode_snapshot(snapshot: Snapshot, dialect: Dialect, platform_timestamp_s: 
     _fill_vehicles(records, snapshot)
     _fill_walkers(records, snapshot)
     _fill_traffic_lights(records, snapshot)
+    _fill_traffic_signs(records, snapshot)
     header = sensor_header(dialect.world_observer, state.frame, state.timestamp_s, Pose())
     episode = _EPISODE.pack(
         snapshot.episode_id,
@@ -133,6 +134,17 @@ def _fill_walkers(records: np.ndarray[tuple[int], np.dtype[np.void]], snapshot: 
     for name in ("direction", "speed", "jump"):
         union[name] = getattr(columns, name)
     records["union"][columns.rows] = union.view(f"V{_UNION_BYTES}")
+
+
+def _fill_traffic_signs(
+    records: np.ndarray[tuple[int], np.dtype[np.void]], snapshot: Snapshot
+) -> None:
+    columns = snapshot.traffic_signs
+    if columns is not None:
+        # A sign's union is the first field of a light's.
+        union = np.zeros(len(columns.rows), TRAFFIC_LIGHT)
+        union["sign_id"] = [sign_id.encode() for sign_id in columns.sign_id]
+        records["union"][columns.rows] = union.view(f"V{_UNION_BYTES}")
 
 
 def _fill_traffic_lights(

@@ -11,6 +11,7 @@ from carstage_sim.content.figures import Pose as Joints
 from carstage_sim.world.snapshot import (
     Snapshot,
     TrafficLightColumns,
+    TrafficSignColumns,
     VehicleColumns,
     WalkerColumns,
 )
@@ -77,6 +78,7 @@ def freeze(world: World, delta_s: float) -> Snapshot:
         vehicles=vehicles,
         walkers=walkers,
         traffic_lights=lights,
+        traffic_signs=_sign_columns(world),
         lights_changed=world.street_lights.changed_since_frame,
     )
 
@@ -135,6 +137,13 @@ def _walker_columns(world: World) -> WalkerColumns:
         speed=np.array([c.speed for c in controls], np.float32),
         jump=np.array([c.jump for c in controls], np.bool_),
     )
+
+
+def _sign_columns(world: World) -> TrafficSignColumns | None:
+    if not world.sign_ids:
+        return None
+    names = tuple(site.sign_id for site in world.town.traffic_signs)
+    return TrafficSignColumns(world.actors.rows(world.sign_ids), names)
 
 
 def _light_columns(world: World) -> TrafficLightColumns:

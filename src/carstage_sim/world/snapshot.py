@@ -77,6 +77,14 @@ class TrafficLightColumns:
 
 
 @dataclass(frozen=True, slots=True)
+class TrafficSignColumns:
+    """What a snapshot says of traffic signs: their ``rows`` and OpenDRIVE ids."""
+
+    rows: NDArray[np.intp]
+    sign_id: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Snapshot:
     """A frame: what the world-observer message is encoded from.
 
@@ -92,4 +100,5 @@ class Snapshot:
     vehicles: VehicleColumns
     walkers: WalkerColumns
     traffic_lights: TrafficLightColumns
+    traffic_signs: TrafficSignColumns | None = None
     lights_changed: bool = False

@@ -1,4 +1,4 @@
-"""Traffic lights as actors: pose, trigger volume and head boxes of a site."""
+"""Traffic lights and signs as actors: pose, trigger volume and head boxes of a site."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from carstage_sim.geometry import pose_matrix, rotation_deg
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.maps.town import OrientedBox, TrafficLightSite
+from carstage_sim.maps.town import OrientedBox, TrafficLightSite, TrafficSignSite
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.pose import Pose
 from carstage_sim.world.state import ActorKind
@@ -30,6 +30,22 @@ def traffic_light_actor(actor_id: int, site: TrafficLightSite) -> tuple[Actor, P
     return actor, Pose(site.location, site.rotation_deg)
 
 
+def traffic_sign_actor(actor_id: int, site: TrafficSignSite) -> tuple[Actor, Pose]:
+    """The actor of a sign. Its box is the trigger volume, as ``carla.TrafficSign`` has it."""
+    center, extent = _trigger_in_actor_frame(site)
+    actor = Actor(
+        actor_id=actor_id,
+        type_id=site.type_id,
+        kind=ActorKind.TRAFFIC_SIGN,
+        attributes={},
+        box_center=center,
+        box_extent=extent,
+        semantic_tags=(CityObjectLabel.TRAFFIC_SIGNS,),
+        collides=False,
+    )
+    return actor, Pose(site.location, site.rotation_deg)
+
+
 def head_box(site: TrafficLightSite) -> OrientedBox:
     """The box around the light head, in the world."""
     x, y, z, yaw_deg = site.head
@@ -42,7 +58,7 @@ def head_box(site: TrafficLightSite) -> OrientedBox:
 
 
 def _trigger_in_actor_frame(
-    site: TrafficLightSite,
+    site: TrafficLightSite | TrafficSignSite,
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Centre and half sizes of the smallest box, in the actor's axes, around all its volumes."""
     actor_from_world = np.linalg.inv(pose_matrix(site.location, site.rotation_deg))

@@ -47,13 +47,14 @@ from carstage_sim.world.spring_arm import RIGID, Attachment, arm_for
 from carstage_sim.world.state import ActorKind, Collision, Weather
 from carstage_sim.world.street_lights import StreetLights
 from carstage_sim.world.town_objects import TownObjects
-from carstage_sim.world.traffic_light_actors import traffic_light_actor
+from carstage_sim.world.traffic_light_actors import traffic_light_actor, traffic_sign_actor
 from carstage_sim.world.traffic_lights import TrafficLightSystem
 from carstage_sim.world.vehicle_parameters import VehicleParameters
 from carstage_sim.world.vehicles import VehicleFleet
 
 _REMEMBERED_DEAD = 4096
 _FIRST_STREAM = 1
+_OF_THE_MAP = frozenset({ActorKind.TRAFFIC_LIGHT, ActorKind.TRAFFIC_SIGN})
 _SPECTATOR_HEIGHT_M = 20.0
 LIFE_SPAN_AFTER_DEATH_S = 10.0
 _M2_PER_CM2 = 1e-4
@@ -148,6 +149,10 @@ class World:
         )
         self.spectator = spectator
         self._add(spectator, Pose((x, y, z + _SPECTATOR_HEIGHT_M), (-45.0, 0.0, 0.0)))
+        signs = [traffic_sign_actor(self._new_id(), site) for site in self.town.traffic_signs]
+        for sign, pose in signs:
+            self._add(sign, pose)
+        self.sign_ids = tuple(sign.actor_id for sign, _ in signs)
 
     def _new_id(self) -> int:
         self._next_actor_id += 1
@@ -267,7 +272,7 @@ class World:
     def destroy(self, actor_id: int) -> bool:
         """Take an actor out of the world; whether it lived. What rode on it stays in place."""
         actor = self.actors.get(actor_id)
-        if actor is None or actor is self.spectator or actor.kind is ActorKind.TRAFFIC_LIGHT:
+        if actor is None or actor is self.spectator or actor.kind in _OF_THE_MAP:
             return False
         self.actors.remove(actor_id)
         if actor.vehicle is not None:

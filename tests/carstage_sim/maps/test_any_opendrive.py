@@ -13,6 +13,8 @@ from carstage_sim.maps.baking import bake
 from carstage_sim.maps.ground import Ground
 from carstage_sim.maps.loading import town_from_opendrive
 from carstage_sim.maps.town import MapLayer
+from carstage_sim.world.state import ActorKind
+from carstage_sim.world.world import World
 
 BARE = BakeOptions(scenery=False)
 
@@ -133,3 +135,25 @@ def test_a_broken_map_is_refused_with_its_name_and_reason(text, reason, tmp_path
         town_from_opendrive("Broken", text, cache_folder=tmp_path)
     assert "Broken" in str(caught.value)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_stop_and_yield_signs_become_actors_with_a_trigger_before_them():
+    stop = small_maps.light(5, 150, (-1, -1)).replace("1000001", "206")
+    give_way = small_maps.light(6, 100, (-1, -1)).replace("1000001", "205")
+    text = small_maps.document(small_maps.road(1, 0, 0, 0, 200, signals=stop + give_way))
+    town = bake("Signed", text, BARE)
+    found = {site.sign_id: site for site in town.traffic_signs}
+    assert {key: site.type_id for key, site in found.items()} == {
+        "5": "traffic.stop",
+        "6": "traffic.yield",
+    }
+    (box,) = found["5"].trigger
+    assert 145.0 < box.center[0] < 150.0
+    assert [entry.name.split("_")[0] for entry in town.level_objects] == ["StopSign", "YieldSign"]
+    world = World(town, 1)
+    snapshot = world.freeze(0.0)
+    assert snapshot.traffic_signs is not None
+    assert snapshot.traffic_signs.sign_id == ("5", "6")
+    sign = world.actors.of_kind(ActorKind.TRAFFIC_SIGN)[0]
+    assert sign.type_id == "traffic.stop"
+    assert not world.destroy(sign.actor_id)

@@ -76,6 +76,19 @@ def test_a_client_builds_a_world_from_its_own_opendrive(client):
         client.generate_opendrive_world("<OpenDRIVE/>", parameters)
 
 
+def test_the_client_sees_signs_as_actors_with_their_landmarks_ids(client):
+    stop = small_maps.light(5, 150, (-1, -1)).replace("1000001", "206")
+    text = small_maps.document(small_maps.road(1, 0, 0, 0, 200, signals=stop))
+    world = client.generate_opendrive_world(text, carla.OpendriveGenerationParameters())
+    (sign,) = world.get_actors().filter("traffic.stop")
+    (landmark,) = world.get_map().get_all_landmarks_of_type("206")
+    assert isinstance(sign, carla.TrafficSign)
+    assert sign.get_location().distance_2d(landmark.transform.location) < 0.01
+    trigger = sign.get_transform().transform(sign.trigger_volume.location)
+    assert 145.0 < trigger.x < 150.0
+    assert trigger.y == pytest.approx(1.75, abs=0.1)
+
+
 def test_a_world_is_loaded_only_if_it_is_another(client):
     first = client.load_world("Street").id
     client.load_world_if_different("Street")

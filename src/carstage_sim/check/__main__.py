@@ -14,7 +14,7 @@ from carstage_sim.check.fuzz import add_fuzz
 from carstage_sim.check.memory import add_memory
 from carstage_sim.check.server_process import ServerError
 from carstage_sim.check.streaming import add_streaming
-from carstage_sim.check.traffic import check_traffic
+from carstage_sim.check.traffic import check_traffic, judge_saved
 from carstage_sim.check.traffic.towns import CARLA_TOWNS, STAGES, carla_maps
 from carstage_sim.check.verdict import Campaign, Verdict
 from carstage_sim.check.walkers import check_walkers
@@ -37,6 +37,7 @@ def _parser() -> argparse.ArgumentParser:
     traffic.add_argument("--walkers", type=int, help="in each town (default 0)")
     traffic.add_argument("--seconds", type=float, help="simulated, in each town (default 120)")
     traffic.add_argument("--save", type=Path, help="folder to keep recordings in")
+    traffic.add_argument("--judge", type=Path, help="judge a folder's recordings, drive nowhere")
     traffic.add_argument(
         "--base-types",
         nargs="+",
@@ -87,6 +88,8 @@ def _towns(arguments: argparse.Namespace, maps: Path | None) -> Sequence[str]:
 
 
 def _traffic(arguments: argparse.Namespace) -> Campaign:
+    if arguments.judge is not None:
+        return judge_saved(arguments.judge)
     vehicles, walkers, seconds = (100, 50, 600.0) if arguments.full else (30, 0, 120.0)
     with carla_maps(arguments.maps) as maps:
         return check_traffic(

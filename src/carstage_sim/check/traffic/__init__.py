@@ -4,8 +4,8 @@
 read it, ``judging`` sets the figures beside their targets, ``campaign`` goes from town to town.
 """
 
-from carstage_sim.check.traffic.campaign import check_traffic, drive
+from carstage_sim.check.traffic.campaign import check_traffic, drive, judge_saved
 from carstage_sim.check.traffic.judging import judge
 from carstage_sim.check.traffic.recording import Recording
 
-__all__ = ["Recording", "check_traffic", "drive", "judge"]
+__all__ = ["Recording", "check_traffic", "drive", "judge", "judge_saved"]

@@ -112,3 +112,9 @@ def check_traffic(
             verdicts.append(judge(recording))
         print(verdicts[-1].text(), file=sys.stderr, flush=True)
     return Campaign("traffic", dict(zip(towns, verdicts, strict=True)))
+
+
+def judge_saved(folder: Path) -> Campaign:
+    """Verdicts on recordings that an earlier drive saved, without driving again."""
+    recordings = [Recording.load(path) for path in sorted(folder.glob("*.npz"))]
+    return Campaign("traffic", {recording.town: judge(recording) for recording in recordings})

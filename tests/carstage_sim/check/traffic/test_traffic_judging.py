@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from traffic_recordings import collisions, recording
 
+from carstage_sim.check.traffic.campaign import judge_saved
 from carstage_sim.check.traffic.judging import judge
 from carstage_sim.check.traffic.recording import Recording
 from carstage_sim.check.verdict import Verdict
@@ -98,7 +99,8 @@ def test_each_fault_fails_its_figure(columns: dict[str, Any], figure: str) -> No
     assert len(verdict.notes) >= 1 or figure == "mean_lateral_error_m"
 
 
-def test_a_saved_recording_is_judged_alike(tmp_path: Path) -> None:
-    kept = replace(flowing(), town="Kept")
-    kept.save(tmp_path / "kept.npz")
-    assert judge(Recording.load(tmp_path / "kept.npz")) == judge(kept)
+def test_saved_recordings_are_judged_alike(tmp_path: Path) -> None:
+    kept = [replace(flowing(), town=town) for town in ("Kept", "Alike")]
+    for recording_of_town in kept:
+        recording_of_town.save(tmp_path / f"{recording_of_town.town}.npz")
+    assert judge_saved(tmp_path).verdicts == {one.town: judge(one) for one in kept}

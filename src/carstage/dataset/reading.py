@@ -35,6 +35,7 @@ class SensorCalibration:
         attributes: the blueprint's attributes as they were set.
         attach_to: ``ego``, ``world`` or a pattern of actor types.
         attachment: ``rigid``, ``follow`` or a spring arm.
+        carrier_from_sensor: ``(4, 4)`` pose on what carries it, on the map for ``world``.
         ego_from_sensor: ``(4, 4)`` pose on the ego vehicle, CARLA's left-handed axes (m); NaN
             where it changes from frame to frame, see ``Sensor.calibration_at``.
         codec: name of the codec of its files.
@@ -52,6 +53,7 @@ class SensorCalibration:
     attributes: Mapping[str, str]
     attach_to: str
     attachment: str
+    carrier_from_sensor: NDArray[np.float64]
     ego_from_sensor: NDArray[np.float64]
     codec: str
     labelled: bool
@@ -350,6 +352,7 @@ def _calibration(name: str, entry: Mapping[str, Any]) -> SensorCalibration:
         attributes=entry["attributes"],
         attach_to=entry["attach_to"],
         attachment=entry["attachment"],
+        carrier_from_sensor=np.array(entry["carrier_from_sensor"], np.float64),
         ego_from_sensor=pose,
         codec=entry["files"],
         labelled=entry["labelled"],

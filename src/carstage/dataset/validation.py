@@ -39,11 +39,13 @@ from carstage.dataset.checks.silhouettes import (
     check_silhouettes,
     visible_objects,
 )
+from carstage.dataset.codecs.semantic_points import points_xyz
 from carstage.dataset.reading import Dataset, Episode, Sensor
 from carstage.dataset.tables import ROW_SENSORS
 from carstage.errors import CarStageError
 
 REPORT_FORMAT = 1
+_LIDARS = ("lidar", "semantic_lidar")
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,11 +243,12 @@ class _EpisodeChecks:
         self, k: int, boxes: list[LabelledBox], data: Mapping[str, NDArray[Any]]
     ) -> None:
         sensors = [sensor for sensor in self._episode.sensors if sensor.id in data]
-        for lidar in (sensor for sensor in sensors if sensor.kind == "lidar"):
-            points = data[lidar.id]
-            self._figures.points_in_boxes += check_point_counts(
-                points, lidar.calibration_at(k), k, boxes, self._findings
-            )
+        for lidar in (sensor for sensor in sensors if sensor.kind in _LIDARS):
+            points = points_xyz(data[lidar.id])
+            if lidar.kind == "lidar":
+                self._figures.points_in_boxes += check_point_counts(
+                    points, lidar.calibration_at(k), k, boxes, self._findings
+                )
             for camera in (sensor for sensor in sensors if sensor.kind == "depth"):
                 found = compare_with_depth(
                     points, lidar.calibration_at(k), data[camera.id], camera.calibration_at(k)

@@ -19,6 +19,7 @@ CAMERA = SensorCalibration(
     attributes={},
     attach_to="ego",
     attachment="rigid",
+    carrier_from_sensor=np.eye(4),
     ego_from_sensor=np.eye(4),
     codec="png",
     labelled=True,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +57,7 @@ class RangingFigures:
 
 
 def compare_with_depth(
-    points: NDArray[np.float32],
+    points: NDArray[np.floating[Any]],
     lidar: SensorCalibration,
     depth_m: NDArray[np.float32],
     camera: SensorCalibration,
@@ -84,7 +85,7 @@ def compare_with_depth(
     of what the camera sees.
 
     Args:
-        points: ``(N, 4)`` float32 in the LiDAR's axes.
+        points: ``(N, 3)`` or wider in the LiDAR's axes.
         lidar: the LiDAR's calibration.
         depth_m: ``(H, W)`` float32.
         camera: the depth camera's calibration.
@@ -182,7 +183,7 @@ def check_share(
 
 
 def check_point_counts(
-    points: NDArray[np.float32],
+    points: NDArray[np.floating[Any]],
     lidar: SensorCalibration,
     k: int,
     boxes: Sequence[LabelledBox],

@@ -24,6 +24,13 @@ SEMANTIC_POINT = np.dtype(
 """A point: position in CARLA's sensor axes (m), cosine of incidence, actor id, semantic tag."""
 
 
+def points_xyz(points: NDArray[Any]) -> NDArray[np.float64]:
+    """``(N, 3)`` positions of the points of a LiDAR or a semantic LiDAR."""
+    if points.dtype.names is None:
+        return points[:, :3].astype(np.float64)
+    return np.column_stack([points[name] for name in "xyz"]).astype(np.float64)
+
+
 @register("semantic_lidar", "bin", default=True)
 class SemanticLidarBin(Codec):
     """The points as they were measured; decodes to ``(N,)`` of ``SEMANTIC_POINT``."""

@@ -43,6 +43,9 @@ _VIEW_RANGE_M = 50.0
 _RING_STEP_M = 10.0
 _FAR_M = 120.0
 _NEAR_M = 1.5
+_APPROACHING: RgbColour = (255, 70, 70)
+_RECEDING: RgbColour = (90, 140, 255)
+_STANDING: RgbColour = (240, 240, 240)
 _GOLDEN_RATIO = 0.6180339887498949
 
 
@@ -180,14 +183,41 @@ def instance_view(instance: NDArray[np.uint16]) -> Image.Image:
     return Image.fromarray(np.where(moves[..., None], colours, grey[..., None]))
 
 
+def flow_view(flow_px: NDArray[np.float32]) -> Image.Image:
+    """Optical flow as colours: the hue is its direction, the brightness its length.
+
+    The longest twentieth of the flow is as bright as it gets (at least 1 px).
+    """
+    u, v = flow_px[..., 0], flow_px[..., 1]
+    length = np.hypot(u, v)
+    brightest = max(1.0, float(np.percentile(length, 95.0)))
+    hue = (np.arctan2(v, u) / (2.0 * np.pi)) % 1.0
+    value = np.clip(length / brightest, 0.0, 1.0)
+    hsv = np.stack([hue * 255.0, np.full_like(hue, 200.0), value * 255.0], axis=-1)
+    return Image.fromarray(hsv.astype(np.uint8), mode="HSV").convert("RGB")
+
+
+def radar_xyz(detections: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Points ``(N, 3)`` in the radar's axes (m) of rows of range rate, azimuth, altitude, depth."""
+    _, azimuth, altitude, depth = detections.astype(np.float64).T
+    flat = depth * np.cos(altitude)
+    return np.column_stack(
+        [flat * np.cos(azimuth), flat * np.sin(azimuth), depth * np.sin(altitude)]
+    )
+
+
 def birds_eye_view(
-    points_ego: NDArray[np.float64], boxes: Sequence[tuple[LabelledBox, RgbColour]]
+    points_ego: NDArray[np.float64],
+    boxes: Sequence[tuple[LabelledBox, RgbColour]],
+    radar: Sequence[tuple[NDArray[np.float64], NDArray[np.float32]]] = (),
 ) -> Image.Image:
-    """LiDAR points and boxes from above, ego in the middle, forward up; rings every 10 m.
+    """Points and boxes from above, ego in the middle, forward up; rings every 10 m.
 
     Args:
         points_ego: ``(N, 3)`` in the ego actor's frame (m), coloured by height.
         boxes: with their colours.
+        radar: by radar, ``(N, 3)`` in the ego actor's frame and ``(N,)`` range rates (m/s): red
+            dots approach, blue ones recede, white ones do neither.
     """
     scale = _VIEW_PX / (2 * _VIEW_RANGE_M)
 
@@ -208,6 +238,10 @@ def birds_eye_view(
         middle = _VIEW_PX / 2
         draw.ellipse((middle - r, middle - r, middle + r, middle + r), outline=(44, 48, 60))
         draw.text((middle + 3, middle - r - 11), f"{radius_m:.0f} m", fill=(110, 116, 132))
+    for places, rates in radar:
+        for (x, y), rate in zip(pixels(places[:, :2]).tolist(), rates.tolist(), strict=True):
+            colour = _RECEDING if rate > 0.5 else _APPROACHING if rate < -0.5 else _STANDING
+            draw.ellipse((x - 2, y - 2, x + 2, y + 2), fill=colour)
     for box, colour in boxes:
         corners = box_corners(box.ego_from_box, box.extent)
         outline = [tuple(p) for p in pixels(corners[[0, 4, 6, 2, 0], :2]).tolist()]

@@ -14,6 +14,7 @@ from PIL import Image
 
 from carstage.dataset.checks.findings import Findings
 from carstage.dataset.checks.labels import LabelledBox, LabelTables, labelled_boxes
+from carstage.dataset.codecs.semantic_points import points_xyz
 from carstage.dataset.reading import Episode, Sensor
 from carstage.dataset.report import html
 from carstage.dataset.report.drawing import (
@@ -24,7 +25,9 @@ from carstage.dataset.report.drawing import (
     depth_view,
     draw_boxes_2d,
     draw_boxes_3d,
+    flow_view,
     instance_view,
+    radar_xyz,
     semantic_view,
 )
 from carstage.dataset.tables import ROW_SENSORS
@@ -61,11 +64,11 @@ def episode_section(episode: Episode, description: Mapping[str, Any]) -> str:
     middle = pictures.fullest_frames(None, VIEW_FRAMES)
     views = pictures.views(middle)
     if views:
-        parts.append(f'<h3>Depth, semantics, instances</h3><div class="grid">{views}</div>')
+        parts.append(f'<h3>Other views</h3><div class="grid">{views}</div>')
     birds_eye = pictures.birds_eye(middle)
     if birds_eye:
         parts.append(
-            "<h3>LiDAR from above</h3>"
+            "<h3>LiDAR and radar from above</h3>"
             '<p class="soft">Forward is up; points are coloured by height; boxes are all labelled '
             f'objects.</p><div class="grid wide">{birds_eye}</div>'
         )
@@ -116,6 +119,8 @@ class _Pictures:
             "depth": depth_view,
             "semantic": partial(semantic_view, palette=palette),
             "instance": instance_view,
+            "flow": flow_view,
+            "normals": Image.fromarray,
         }
         tables = LabelTables.load(episode)
         self._boxes = labelled_boxes(tables, Findings(episode.id))
@@ -200,21 +205,38 @@ class _Pictures:
 
     def birds_eye(self, frames: list[int]) -> str:
         figures = []
-        lidars = [sensor for sensor in self._episode.sensors if sensor.kind == "lidar"]
         for k in frames:
             clouds = [
-                transform_points(lidar.calibration_at(k).ego_from_sensor, points[:, :3])
-                for lidar in lidars
-                if (points := self._read(lidar, k)) is not None
+                cloud for s in self._episode.sensors if (cloud := self._cloud(s, k)) is not None
             ]
-            if clouds:
+            radar = [
+                (
+                    transform_points(s.calibration_at(k).ego_from_sensor, radar_xyz(found)),
+                    found[:, 0],
+                )
+                for s in self._episode.sensors
+                if s.kind == "radar" and (found := self._read(s, k)) is not None
+            ]
+            if clouds or radar:
                 boxes = [(box, self._colour(box)) for box in self._boxes.get(k, [])]
-                picture = birds_eye_view(np.concatenate(clouds), boxes)
-                caption = f"frame {k}: {sum(map(len, clouds)):,} points"
+                points = np.concatenate([np.empty((0, 3)), *clouds])
+                picture = birds_eye_view(points, boxes, radar)
+                caption = f"frame {k}: {len(points):,} points"
+                if radar:
+                    caption += f", {sum(len(rates) for _, rates in radar)} radar detections"
                 figures.append(
                     html.figure(data_uri(picture, _BIRDS_EYE_PX, lossless=True), caption)
                 )
         return "".join(figures)
+
+    def _cloud(self, sensor: Sensor, k: int) -> NDArray[np.float64] | None:
+        """``(N, 3)`` points of a LiDAR in the ego actor's frame; None for what is no LiDAR."""
+        if sensor.kind not in ("lidar", "semantic_lidar"):
+            return None
+        points = self._read(sensor, k)
+        if points is None:
+            return None
+        return transform_points(sensor.calibration_at(k).ego_from_sensor, points_xyz(points))
 
     def _colour(self, box: LabelledBox) -> RgbColour:
         return (255, 255, 255) if box.is_ego else class_colour(self._classes[box.track_id])
@@ -233,13 +255,22 @@ def _rig(episode: Episode) -> str:
     rows = []
     for sensor in episode.sensors:
         c = sensor.calibration
-        x, y, z = c.ego_from_sensor[:3, 3]
+        x, y, z = c.carrier_from_sensor[:3, 3]
+        carrier = c.attach_to if c.attachment == "rigid" else f"{c.attach_to}, {c.attachment}"
         image = f"{c.width}×{c.height}, {c.fov_deg:g}°" if c.is_camera else ""
         rows.append(
-            (sensor.id, sensor.kind, f"{x:.2f}, {y:.2f}, {z:.2f}", image, c.codec,
+            (sensor.id, sensor.kind, carrier, f"{x:.2f}, {y:.2f}, {z:.2f}", image, c.codec,
              html.size(sizes[sensor.id]))
         )  # fmt: skip
-    head = ("Sensor", "Kind", "Position x, y, z (m)", "Image, field of view", "Files", "Size")
+    head = (
+        "Sensor",
+        "Kind",
+        "Carried by",
+        "Position x, y, z (m)",
+        "Image, field of view",
+        "Files",
+        "Size",
+    )
     return "<h3>Rig</h3>" + html.table(head, rows)
 
 

@@ -180,6 +180,23 @@ def test_unknown_map_is_refused_and_the_world_stays(client: RawClient) -> None:
     assert client.value("get_episode_info") == before
 
 
+def test_refusals_name_call_reason_and_actor_in_the_words_of_carla(client: RawClient) -> None:
+    light_id = client.value("get_actors_by_id", list(range(1, 5)))[0][0]
+    for call, arguments, reason in (
+        ("get_physics_control", (999_999,), "Actor could not be found in the registry"),
+        ("get_physics_control", (light_id,), "Actor does not match the expected type"),
+        ("set_traffic_light_state", (999_999, 0), "Actor could not be found in the registry"),
+    ):
+        actor_id = arguments[0]
+        text = f"Responding error from function {call}: {reason}.  Actor Id: {actor_id}"
+        assert client.value(call, *arguments) == [text]
+    _, (((failed, (text,)),),) = client.call(
+        "apply_batch", [[[6, [999_999, [[0.0] * 3, [0.0] * 3]]]]], False
+    )
+    assert failed == 0
+    assert text.startswith("Responding error from function set_actor_transform: ")
+
+
 def test_spawning_onto_a_vehicle_is_refused_in_the_words_of_carla(client: RawClient) -> None:
     place = free_place(client)
     spawn(client, "vehicle.tesla.model3", place)

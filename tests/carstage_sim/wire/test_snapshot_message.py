@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -181,3 +182,13 @@ def test_traffic_light_union_is_decoded_by_hand(message: bytes) -> None:
     sign_id, *rest = struct.unpack("<32sffffI?B", union)
     assert sign_id.rstrip(b"\0") == b"10072"
     assert rest == [10.0, 3.0, 2.0, 1.25, 2, True, 1]
+
+
+@pytest.mark.parametrize(("version", "told"), [("0.9.13", 0), ("0.9.14", 2), ("0.9.16", 2)])
+def test_switched_street_lights_are_told_to_clients_that_may_ask_again(
+    version: str, told: int
+) -> None:
+    switched = replace(three_actors(), map_changed=False, lights_changed=True)
+    payload = encode_snapshot(switched, dialect(version), platform_timestamp_s=0.0)
+    *_, flags = struct.unpack_from("<Qdf3iI", payload, HEADER_BYTES)
+    assert flags == told

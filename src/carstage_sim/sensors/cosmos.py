@@ -22,6 +22,8 @@ from carstage_sim.world.blueprints import catalogue
 from carstage_sim.world.state import ActorKind, WorldState
 
 Rgb = tuple[int, int, int]
+_Lines = tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8]]
+"""Ends ``(L, 2, 3)`` in the world, widths in metres and colours of lines."""
 
 _LIGHT: Rgb = (109, 144, 136)
 _SIGN: Rgb = (214, 144, 137)
@@ -54,7 +56,7 @@ class CosmosCamera(CameraSensor):
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
         """The lines on black, alpha 255."""
-        ends, width, colour = self._lines(state, request.owner_id)
+        ends, width, colour = self._lines(state)
         offset = ends - np.asarray(request.location)
         near = np.linalg.norm(offset, axis=2).min(axis=1) < _FAR_M
         rotation = rotation_matrix(request.rotation_deg)
@@ -75,24 +77,19 @@ class CosmosCamera(CameraSensor):
         pixels[..., :3] = picture[..., ::-1]
         return self.image(pixels)
 
-    def _lines(
-        self, state: WorldState, owner_id: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8]]:
+    def _lines(self, state: WorldState) -> _Lines:
         parts = [self._scenery]
         for row, kind in enumerate(state.kind.tolist()):
             if kind not in (ActorKind.VEHICLE, ActorKind.WALKER):
                 continue
             blueprint = self._blueprints.get(state.type_id[row])
-            if blueprint is None or int(state.actor_id[row]) == owner_id:
+            if blueprint is None:
                 continue
             matrix = pose_matrix(state.location[row], state.rotation_deg[row])
             colour = _VEHICLE if kind == ActorKind.VEHICLE else _WALKER
             parts.append(_box(matrix, blueprint.box_center, blueprint.box_extent, colour))
         ends, width, colours = zip(*parts, strict=True)
         return np.concatenate(ends), np.concatenate(width), np.concatenate(colours)
-
-
-_Lines = tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8]]
 
 
 def _box(

@@ -81,6 +81,27 @@ def follow_ground(
         rows.rotation_deg[stands, column] = (target + lag)[stands]
 
 
+def time_to_land(rows: VehicleRows, ground: GroundHeight) -> FloatArray:
+    """Seconds until each vehicle stands on the ground, ``(N,)``; 0 for those that do.
+
+    Controls must work from then on and not from the next tick, or a long tick would cost a vehicle
+    that was just spawned more of its drive than a short one.
+    """
+    waits = np.where(rows.airborne, np.inf, 0.0)
+    if not rows.airborne.any():
+        return waits
+    yaw = np.radians(rows.rotation_deg[:, 1])
+    forward = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
+    right = np.stack([-forward[:, 1], forward[:, 0]], axis=-1)
+    height = rows.location[:, 2]
+    found, _, _, carried = _road_plane(rows, ground, forward, right, height, height)
+    above = np.maximum(height - found, 0.0)
+    rise = rows.vertical_speed
+    lands = rows.airborne & carried & (rows.gravity | ((above < _AT_REST_M) & (rise <= 0.0)))
+    falls = (rise + np.sqrt(rise**2 + 2.0 * GRAVITY * above)) / GRAVITY
+    return np.where(lands, falls, waits)
+
+
 def _road_plane(
     rows: VehicleRows,
     ground: GroundHeight,

@@ -14,12 +14,18 @@ from carstage_sim.world.vehicle_rows import VehicleRows
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+_INSTANT_S = 1e-9
+
 
 @dataclass(frozen=True, slots=True)
 class TickConstants:
-    """What stays the same over the physics steps of a tick; ``(N,)`` each."""
+    """What stays the same over the physics steps of a tick; ``(N,)`` each.
 
-    rolling: BoolArray
+    Attributes:
+        lands_in_s: when wheels begin to work, infinite where they do not within the tick.
+    """
+
+    lands_in_s: FloatArray
     held: BoolArray
     throttle: FloatArray
     wheel_target_deg: FloatArray
@@ -34,8 +40,12 @@ class TickConstants:
     shifts_itself: BoolArray
 
 
-def tick_constants(rows: VehicleRows) -> TickConstants:
-    """Reads pedals, forces and the slope for the physics steps to come."""
+def tick_constants(rows: VehicleRows, lands_in_s: FloatArray) -> TickConstants:
+    """Reads pedals, forces and the slope for the physics steps to come.
+
+    Args:
+        lands_in_s: ``(N,)`` seconds until vehicles stand on the ground, 0 for those that do.
+    """
     throttle, steer, brake = rows.control.astype(np.float64).T
     pitch, yaw, _ = np.radians(rows.rotation_deg).T
     along = rows.force[:, 0] * np.cos(yaw) + rows.force[:, 1] * np.sin(yaw)
@@ -50,7 +60,7 @@ def tick_constants(rows: VehicleRows) -> TickConstants:
         braking + np.where(rows.hand_brake, hand_brake, 0.0), rows.max_deceleration * rows.grip
     )
     return TickConstants(
-        rolling=rows.simulated & ~rows.airborne,
+        lands_in_s=np.where(rows.simulated, lands_in_s, np.inf),
         held=~np.isnan(rows.constant_velocity[:, 0]),
         throttle=throttle,
         wheel_target_deg=steer * rows.max_steer_deg,
@@ -68,14 +78,19 @@ def tick_constants(rows: VehicleRows) -> TickConstants:
     )
 
 
-def substep(rows: VehicleRows, tick: TickConstants, dt_s: float) -> None:
-    """Moves every simulated vehicle in the plane by ``dt_s`` seconds, in place."""
+def substep(rows: VehicleRows, tick: TickConstants, elapsed_s: float, dt_s: float) -> None:
+    """Moves every simulated vehicle in the plane by ``dt_s`` seconds, in place.
+
+    Args:
+        elapsed_s: seconds of the tick that are over.
+    """
+    rolling = tick.lands_in_s <= elapsed_s + _INSTANT_S
     before = rows.speed
-    speed = _next_speed(rows, tick, dt_s)
+    speed = _next_speed(rows, tick, rolling, dt_s)
     slide, spin = rows.slide + tick.sideways_force * dt_s, rows.spin + tick.spin_force * dt_s
     sliding = bool(slide.any() or spin.any())
     if sliding:
-        tyres = np.where(tick.rolling, dt_s, 0.0)
+        tyres = np.where(rolling, dt_s, 0.0)
         slide = dynamics.slowed(slide, rows.max_lateral_acceleration * rows.grip * tyres, 1.0)
         turning = dynamics.spin_friction(rows.max_lateral_acceleration * rows.grip, tick.wheelbase)
         spin = dynamics.slowed(spin, turning * tyres, 1.0)
@@ -88,7 +103,7 @@ def substep(rows: VehicleRows, tick: TickConstants, dt_s: float) -> None:
     share = dynamics.steering_share(rows.steering_curve, speed)
     angle_deg = dynamics.next_steer_angle(rows.wheel_angle_deg, share * tick.wheel_target_deg, dt_s)
     rate = dynamics.yaw_rate(speed, angle_deg, tick.wheelbase, tick.lateral_limit, rows.understeer)
-    rate = np.where(tick.rolling, rate, 0.0)
+    rate = np.where(rolling, rate, 0.0)
 
     yaw = np.radians(rows.rotation_deg[:, 1])
     turn = rate + spin
@@ -114,7 +129,9 @@ def substep(rows: VehicleRows, tick: TickConstants, dt_s: float) -> None:
     rows.wheel_angle_deg = np.where(moves, angle_deg, rows.wheel_angle_deg)
 
 
-def _next_speed(rows: VehicleRows, tick: TickConstants, dt_s: float) -> FloatArray:
+def _next_speed(
+    rows: VehicleRows, tick: TickConstants, rolling: BoolArray, dt_s: float
+) -> FloatArray:
     """Speeds after the engine, the brakes and the slope have worked; shifts gears on the way."""
     speed = rows.speed
     magnitude = np.abs(speed)
@@ -154,7 +171,7 @@ def _next_speed(rows: VehicleRows, tick: TickConstants, dt_s: float) -> FloatArr
         dt_s=dt_s,
     )
     in_air = speed + (tick.slope_and_forces - rows.drag_per_mass * speed * magnitude) * dt_s
-    return np.where(tick.rolling, after, in_air)
+    return np.where(rolling, after, in_air)
 
 
 def _turned_back(

@@ -19,7 +19,7 @@ from carstage_sim.world import vehicle_dynamics as dynamics
 from carstage_sim.world.controls import VehicleControl
 from carstage_sim.world.crashes import LONGEST_WAY_M, NOTHING, Crashes, Others, centers
 from carstage_sim.world.obstacles import Obstacles
-from carstage_sim.world.riding import GroundHeight, flat_ground, follow_ground
+from carstage_sim.world.riding import GroundHeight, flat_ground, follow_ground, time_to_land
 from carstage_sim.world.vehicle_motion import substep, tick_constants
 from carstage_sim.world.vehicle_parameters import VehicleParameters
 from carstage_sim.world.vehicle_rows import empty_rows, parameter_values
@@ -379,13 +379,14 @@ class VehicleFleet:
         parts = min(parts, max(substeps, _MOST_SUBSTEPS))
         part_s = moving_s / parts
         began_at = rows.location.copy()
-        constants, way_m = tick_constants(rows), 0.0
+        lands_in_s = time_to_land(rows, self._ground_height)
+        constants, way_m = tick_constants(rows, lands_in_s), 0.0
         for index in range(parts):
             if before_substep is not None:
                 before_substep(part_s)
                 if self._apply_commands():
-                    constants = tick_constants(rows)
-            substep(rows, constants, part_s)
+                    constants = tick_constants(rows, lands_in_s)
+            substep(rows, constants, index * part_s, part_s)
             way_m += float((np.abs(rows.speed) + np.abs(rows.slide)).max()) * part_s
             if way_m + fastest * part_s > LONGEST_WAY_M or index == parts - 1:
                 self.crashes.look(rows)

@@ -70,6 +70,15 @@ def plain(*more: TriangleMesh) -> TriangleMesh:
     return merge_meshes([sheet((-500.0, -500.0), (500.0, 500.0)), *more])
 
 
+def hills() -> TriangleMesh:
+    """A plain, and from x = 0 on a road that waves by half a metre up and down every 40 m."""
+    wave = [
+        sheet((x, -50.0), (x + 2.0, 50.0), lambda px, _y: 0.5 * math.sin(px * 2.0 * math.pi / 40.0))
+        for x in np.arange(-20.0, 400.0, 2.0)
+    ]
+    return merge_meshes([sheet((-500.0, -500.0), (-20.0, 500.0)), *wave])
+
+
 def fleet_on(mesh: TriangleMesh) -> VehicleFleet:
     """An empty fleet in a world of triangles."""
     ground = Ground(mesh)

@@ -29,13 +29,13 @@ from carstage_sim.maps.writer.plan import Interchange, Motorway
 from carstage_sim.maps.writer.ramps import RampEnd, Terminal, add_ramp
 from carstage_sim.maps.writer.signposts import post_limit
 
-OPENING_M = 60.0
+OPENING_M = 80.0
 """Over this length the outer lane splits in two."""
-DECELERATION_M = 110.0
-FORK_M = 50.0
+DECELERATION_M = 100.0
+FORK_M = 75.0
 """Over this length a ramp leaves the carriageway, or joins it."""
 ACCELERATION_M = 150.0
-MERGING_M = 70.0
+MERGING_M = 90.0
 _RAMP_APART_M = 4.6
 """Between a ramp and the outermost lane, where the ramp's own road begins."""
 _RAMP_ANGLE_RAD = math.radians(5.0)
@@ -314,7 +314,8 @@ class Carriageway:
             alignment=alignment,
             sections=(LaneSection(0.0, lanes),),
             center_mark=None,
-            speed_limit_kmh=max(before.speed_limit_kmh, after.speed_limit_kmh),
+            # Midway between the motorway's limit and a ramp's.
+            speed_limit_kmh=10 * round((before.speed_limit_kmh + after.speed_limit_kmh) / 20),
             junction_id=junction_id,
             predecessor=RoadLink("road", before.road_id, "end"),
             successor=RoadLink("road", after.road_id, "start"),

@@ -48,6 +48,8 @@ def add_crossing(
     arms: Sequence[Arm],
     control: Control,
     height_m: float,
+    *,
+    turn_limit_kmh: int | None = None,
 ) -> None:
     """A junction with its paths, crosswalks, lights or signs.
 
@@ -58,12 +60,13 @@ def add_crossing(
         arms: two or more.
         control: who waits.
         height_m: the junction is level.
+        turn_limit_kmh: on paths that turn.
 
     Raises:
         ValueError: if two arms lie in one direction, or a lane would lead nowhere.
     """
     order = sorted(arms, key=lambda arm: wrapped(arm.mouth.heading_rad))
-    paths = crossing_paths(builder, junction_id, order, height_m)
+    paths = crossing_paths(builder, junction_id, order, height_m, turn_limit_kmh)
     _require_ways(junction_id, order, [connection for _, connection in paths], paths)
     lights = []
     if control is Control.SIGNALS:
@@ -80,7 +83,11 @@ def add_crossing(
 
 
 def crossing_paths(
-    builder: NetworkBuilder, junction_id: int, arms: Sequence[Arm], height_m: float
+    builder: NetworkBuilder,
+    junction_id: int,
+    arms: Sequence[Arm],
+    height_m: float,
+    turn_limit_kmh: int | None,
 ) -> list[tuple[Road, Connection]]:
     """One connecting road per pair of arms; a straight one carries all its lanes."""
     paths: list[tuple[Road, Connection]] = []
@@ -115,6 +122,7 @@ def crossing_paths(
                     height_m,
                     lanes=(first_in, first_out, count),
                     along_kerb=along_kerb,
+                    limit_kmh=None if way == "straight" else turn_limit_kmh,
                 )
             )
     return paths
@@ -130,6 +138,7 @@ def path(
     *,
     lanes: tuple[int, int, int],
     along_kerb: bool,
+    limit_kmh: int | None = None,
 ) -> tuple[Road, Connection]:
     """A connecting road with all its lanes running forward.
 
@@ -140,6 +149,7 @@ def path(
         height_m: it is level.
         lanes: number of its first lane in the source and in the target, and how many it has.
         along_kerb: whether gutter and sidewalk go with it.
+        limit_kmh: where the slower of the two roads is too fast.
     """
     first_in, first_out, count = lanes
     size_m = length_m(alignment)
@@ -160,13 +170,14 @@ def path(
         )
         for i, (kind, widths_m, before, after) in enumerate(specs)
     )
+    limits_kmh = source.speed_limit_kmh, target.speed_limit_kmh, limit_kmh
     road = Road(
         road_id=road_id,
         alignment=alignment,
         heights=level(height_m),
         sections=(LaneSection(0.0, made),),
         center_mark=None,
-        speed_limit_kmh=min(source.speed_limit_kmh, target.speed_limit_kmh),
+        speed_limit_kmh=min(limit for limit in limits_kmh if limit is not None),
         junction_id=junction_id,
         predecessor=RoadLink("road", source.road_id, source.contact),
         successor=RoadLink("road", target.road_id, target.contact),

@@ -35,7 +35,15 @@ def build_network(plan: TownPlan) -> RoadNetwork:
             add_roundabout(builder, node.circle, ids, node.arms, node.height_m)
         else:
             junction_id, control = node.streets[0].junction_id, node.crossing.control
-            add_crossing(builder, junction_id, node.center, node.arms, control, node.height_m)
+            add_crossing(
+                builder,
+                junction_id,
+                node.center,
+                node.arms,
+                control,
+                node.height_m,
+                turn_limit_kmh=plan.turn_limit_kmh,
+            )
     return builder.network(plan.name, plan.latitude_deg, plan.longitude_deg)
 
 

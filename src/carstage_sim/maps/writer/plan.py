@@ -128,7 +128,7 @@ class Interchange:
     """
 
     station_m: float
-    ramp_reach_m: float = 230.0
+    ramp_reach_m: float = 245.0
     terminal_m: float = 75.0
     ramp_limit_kmh: int = 50
 
@@ -172,6 +172,9 @@ class TownPlan:
         hills: what the ground is made of; none make a plain.
         motorways: around or beside the streets.
         kerb_radius_m: radius of the kerb at the corners of crossings.
+        turn_limit_kmh: limit on paths that turn at a crossing, where the streets' own limits are
+            too fast for it: the client's Traffic Manager speeds up within a turn and then swings
+            into the opposite lane. None leaves those of the streets.
     """
 
     name: str
@@ -183,6 +186,7 @@ class TownPlan:
     hills: tuple[Hill, ...] = ()
     motorways: tuple[Motorway, ...] = ()
     kerb_radius_m: float = 8.0
+    turn_limit_kmh: int | None = None
 
     def ground_m(self, point: Point) -> float:
         """Height of the ground."""

@@ -92,6 +92,7 @@ STAGE02 = TownPlan(
     "Stage02",
     latitude_deg=48.8,
     longitude_deg=9.2,
+    turn_limit_kmh=20,
     streets=_STREETS,
     crossings=tuple(
         Crossing(_PLACES[name], control)

@@ -56,6 +56,7 @@ STAGE03 = TownPlan(
     "Stage03",
     latitude_deg=50.1,
     longitude_deg=8.6,
+    turn_limit_kmh=20,
     streets=(
         *grid_streets(
             columns=(-230.0, -110.0, 0.0, 105.0, 225.0),

@@ -196,6 +196,16 @@ def test_a_lane_without_a_turn_of_its_own_is_refused():
         build_network(TownPlan("Narrowing", 0.0, 0.0, streets))
 
 
+@pytest.mark.parametrize("name", ["Stage02", "Stage03"])
+def test_paths_through_junctions_are_no_faster_than_their_curves_allow(name):
+    """The client's Traffic Manager would swing into the lane beside."""
+    for road in build_network(PLANS[name]).roads:
+        for piece in road.alignment if road.junction_id != -1 else ():
+            if piece.curvature_per_m:
+                sideways = (road.speed_limit_kmh / 3.6) ** 2 * abs(piece.curvature_per_m)
+                assert sideways < 6.0, f"road {road.road_id}"
+
+
 def test_the_documentation_counts_what_the_towns_have(network):
     text = (Path(__file__).parents[4] / "docs" / "simulator.md").read_text()
     (row,) = re.findall(rf"^\| `{network.name}` \| [^`|]+\|.*$", text, flags=re.MULTILINE)
@@ -223,7 +233,7 @@ def test_stage02_has_what_a_hilly_town_has():
     kinds = {lane.kind for r in network.roads for s in r.sections for lane in s.lanes}
     assert {LaneKind.PARKING, LaneKind.BIKING, LaneKind.SIDEWALK} <= kinds
     assert 25 <= len(network.junctions) <= 40
-    assert {road.speed_limit_kmh for road in network.roads} == {30, 50, 60}
+    assert {r.speed_limit_kmh for r in network.roads if r.junction_id == -1} == {30, 50, 60}
     signs = Counter(s.type_code for road in network.roads for s in road.signals)
     assert signs["206"] >= 5
     assert signs["205"] >= 5

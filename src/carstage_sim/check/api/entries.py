@@ -31,7 +31,7 @@ class Entry:
         support: how far they are served.
         sentence: what the trial sees happen; for a limited name, what is different from CARLA.
         act: does it and raises ``AssertionError`` when the effect is not there.
-        alone: whether it replaces the episode, so that nothing may run beside it.
+        alone: whether it replaces the episode or the Traffic Manager; it is played after others.
     """
 
     names: tuple[str, ...]

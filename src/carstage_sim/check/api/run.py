@@ -107,8 +107,8 @@ def check_api(
     """
     known = list(entries())
     chosen = [k for k, e in enumerate(known) if not only or any(only in name for name in e.names)]
-    # What replaces the episode runs last, each in a process of its own: a Traffic Manager that
-    # lives across a map load can end the 0.9.16 client.
+    # What replaces the episode or the Traffic Manager runs last, each in a process of its own: what
+    # others hold would not outlive it.
     together = [k for k in chosen if not known[k].alone]
     groups = [together, *([k] for k in chosen if known[k].alone)]
     outcomes: list[Outcome] = []

@@ -115,7 +115,8 @@ class Stage:
             if isinstance(actor, carla.Sensor) and actor.is_listening():
                 actor.stop()
             actor.destroy()
-        self.ticks()
+        if spawned:
+            self.ticks()
 
     # Sensors -------------------------------------------------------------------------------------
 

@@ -96,7 +96,9 @@ def _settings(stage: Stage) -> None:
 @works("WorldSettings.no_rendering_mode")
 def _no_rendering(stage: Stage) -> None:
     """Cameras are silent while rendering is off, and send pictures afterwards."""
-    camera = stage.spawn("sensor.camera.rgb", carla.Transform(carla.Location(z=20.0)))
+    above = carla.Transform(carla.Location(z=20.0))
+    size = {"image_size_x": "64", "image_size_y": "48"}
+    camera = stage.spawn("sensor.camera.rgb", above, None, **size)
     before, settings = stage.world.get_settings(), stage.world.get_settings()
     settings.no_rendering_mode = True
     stage.world.apply_settings(settings)

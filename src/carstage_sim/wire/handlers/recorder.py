@@ -14,7 +14,7 @@ from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 @handles("start_recorder")
 def _start_recorder(call: Call, name: str, additional_data: bool = False) -> str:
     deck = call.simulation.recordings
-    return deck.start(name, call.world, additional_data=bool(additional_data))
+    return deck.start(str(name), call.world, additional_data=bool(additional_data))
 
 
 @handles_void("stop_recorder")
@@ -24,13 +24,18 @@ def _stop_recorder(call: Call) -> None:
 
 @handles("show_recorder_file_info")
 def _show_recorder_file_info(call: Call, name: str, show_all: bool) -> str:
-    return _text(lambda: call.simulation.recordings.file_info(name, show_all=bool(show_all)))
+    return _text(lambda: call.simulation.recordings.file_info(str(name), show_all=bool(show_all)))
 
 
 @handles("show_recorder_collisions")
 def _show_recorder_collisions(call: Call, name: str, first: int, second: int) -> str:
     deck = call.simulation.recordings
-    return _text(lambda: deck.collisions(name, chr(first), chr(second)))
+    return _text(lambda: deck.collisions(str(name), _category(first), _category(second)))
+
+
+def _category(letter: int) -> str:
+    """A category of actors, which clients send as the number of its letter."""
+    return chr(int(letter) & 0x7F)
 
 
 @handles("show_recorder_actors_blocked")
@@ -38,7 +43,7 @@ def _show_recorder_actors_blocked(
     call: Call, name: str, min_time_s: float, min_distance_cm: float
 ) -> str:
     deck = call.simulation.recordings
-    return _text(lambda: deck.actors_blocked(name, float(min_time_s), float(min_distance_cm)))
+    return _text(lambda: deck.actors_blocked(str(name), float(min_time_s), float(min_distance_cm)))
 
 
 @handles("replay_file")
@@ -56,11 +61,11 @@ def _replay_file(
     options = ReplayOptions(
         start_s,
         duration_s,
-        follow_id=follow_id,
+        follow_id=int(follow_id),
         follow_offset=values.pose(offset) if offset is not None else FOLLOWING,
         sensors=bool(replay_sensors),
     )
-    deck = call.simulation.recordings
+    deck, name = call.simulation.recordings, str(name)
     return _text(lambda: _replay(call, name, deck.map_of(name), options))
 
 

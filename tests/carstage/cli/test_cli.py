@@ -101,6 +101,21 @@ def test_config_schema_is_json() -> None:
     assert schema["properties"]["fps"]["unit"] == "Hz"
 
 
+def test_config_presets_lists_the_rigs_with_their_sources() -> None:
+    text = invoke("config", "presets").stdout
+    assert text.startswith("demo: ")
+    assert "nuscenes: nuScenes' six cameras" in text
+    document = json.loads(invoke("config", "presets", "--json").stdout)
+    assert len(document["kitti"]["sensors"]) == 5
+    assert "IJRR 2013" in document["kitti"]["source"]
+
+
+def test_config_check_warns_of_partial_sweeps(config: Path) -> None:
+    sensors = "[{id: L, kind: lidar, attributes: {rotation_frequency_hz: 5}}]"
+    config.write_text(f"rig: {{sensors: {sensors}}}\n")
+    assert "warning: rig.sensors[0].attributes" in invoke("config", "check", config).stdout
+
+
 def test_config_check_says_what_would_be_recorded(config: Path) -> None:
     ended = invoke("config", "check", config, "--set", "episodes=3", "--json")
     assert ended.exit_code == 0, ended.stderr

@@ -108,8 +108,17 @@ class Replay(Scenario):
         elif moving and after is not None:
             velocity, turn = _rates(pose, after, self._spec.timing.step_s)
         if not self._is_vehicle(index):
-            speed = math.hypot(velocity.x, velocity.y)
-            return [carla.command.ApplyWalkerState(actor.id, transform, speed)]
+            # Not ApplyWalkerState, which takes the place of the feet as navigation gives it. The
+            # control is for the gait: a CARLA server also lets it carry the walker a step on.
+            speed_m_s = math.hypot(velocity.x, velocity.y)
+            ahead = carla.Vector3D()
+            if speed_m_s > 0.0:
+                ahead = carla.Vector3D(velocity.x / speed_m_s, velocity.y / speed_m_s, 0.0)
+            walk = carla.WalkerControl(ahead, speed_m_s, False)
+            return [
+                carla.command.ApplyTransform(actor.id, transform),
+                carla.command.ApplyWalkerControl(actor.id, walk),
+            ]
         return [
             carla.command.ApplyTransform(actor.id, transform),
             carla.command.ApplyTargetVelocity(actor.id, velocity),

@@ -16,6 +16,8 @@ from carstage_sim.check.traffic.recording import RED, Partner, Recording
 from carstage_sim.check.traffic.standing import STOOD_S, longest_stand_s
 from carstage_sim.check.verdict import Figure, Verdict
 
+OFF_ROAD_M = 0.25
+"""A vehicle that changes lanes is half a lane from both middles, and a bit more in a bend."""
 _MAX_NOTES = 40
 
 
@@ -28,7 +30,7 @@ def judge(recording: Recording) -> Verdict:
 
     A vehicle is stuck if the Traffic Manager removed it (which it does after 90 s) or it stood for
     over 60 s without a red light at the head of its queue. It is off the road when its middle is
-    outside the driving lane that is nearest to it.
+    more than :data:`OFF_ROAD_M` outside the driving lane that is nearest to it.
     """
     present = recording.present
     count = present.shape[1]
@@ -43,7 +45,8 @@ def judge(recording: Recording) -> Verdict:
     driven = passages(recording)
     run = [passage for passage in driven if passage.state == RED]
     offset, outside = recording.lane_offset_m, ~recording.in_junction
-    off_road = np.asarray((offset > recording.lane_half_width_m).any(axis=0))
+    over = offset > recording.lane_half_width_m + OFF_ROAD_M
+    off_road = np.asarray(over.any(axis=0))
     return Verdict(
         f"traffic in {recording.town}",
         (
@@ -146,7 +149,7 @@ def _notes(
         f"{place(p.tick, p.vehicle)}"
         for p in run
     ]
-    over = recording.lane_offset_m > recording.lane_half_width_m
+    over = recording.lane_offset_m > recording.lane_half_width_m + OFF_ROAD_M
     for row in np.flatnonzero(off_road).tolist():
         tick = int(recording.lane_tick[np.flatnonzero(over[:, row])[0]])
         notes.append(f"{name(row)} left its lane; {place(tick, row)}")

@@ -52,6 +52,11 @@ def test_a_removed_vehicle_counts_as_stuck() -> None:
     assert "was removed" in verdict.notes[0]
 
 
+def test_changing_lanes_is_not_leaving_the_road() -> None:
+    between = np.where(np.arange(TICKS)[:, None] == 9, [[1.8, 0.0]], 0.0)
+    assert judge(flowing(lane_offset_m=between)).ok
+
+
 def test_a_jam_is_stuck_and_slow() -> None:
     assert failed(judge(recording(np.zeros((TICKS, 1))))) == [
         "stuck_percent",
@@ -70,7 +75,7 @@ def test_a_jam_is_stuck_and_slow() -> None:
         ),
         ({"lane_offset_m": np.full((TICKS, 2), 0.4)}, "mean_lateral_error_m"),
         (
-            {"lane_offset_m": np.where(np.arange(TICKS)[:, None] == 9, [[2.0, 0.0]], 0.0)},
+            {"lane_offset_m": np.where(np.arange(TICKS)[:, None] == 9, [[2.1, 0.0]], 0.0)},
             "vehicles_off_the_road",
         ),
         (

@@ -45,6 +45,8 @@ from carstage_sim.mesh import merge_meshes
 logger = logging.getLogger(__name__)
 
 _SAMPLING_LIMIT_S = 600.0
+_SAMPLING_S_PER_MB = 120.0
+"""Beyond the first megabytes; a busy machine may take ten times what a free one takes."""
 _HILLSIDE_M = 60.0
 _HILL_CELL_M = 12.5
 _MOST_HILL_CELLS = 40_000
@@ -218,13 +220,15 @@ def sample_in_child(opendrive: str, name: str) -> Samples:
         source, target = Path(folder) / f"{name}.xodr", Path(folder) / "samples.npz"
         source.write_text(opendrive, encoding="utf-8")
         command = [sys.executable, "-m", "carstage_sim.maps.opendrive", str(source), str(target)]
+        limit_s = max(_SAMPLING_LIMIT_S, _SAMPLING_S_PER_MB * len(opendrive) / 1e6)
         try:
             done = subprocess.run(
-                command, capture_output=True, text=True, timeout=_SAMPLING_LIMIT_S, check=False
+                command, capture_output=True, text=True, timeout=limit_s, check=False
             )
         except subprocess.TimeoutExpired as error:
             raise MapSamplingError(
-                f"map {name}: sampling took longer than {_SAMPLING_LIMIT_S:.0f} s"
+                f"map {name}: reading its lanes took longer than {limit_s:.0f} s; cut the map into "
+                f"pieces, or try again on a machine that is less busy"
             ) from error
         if done.returncode != 0 or not target.exists():
             words = done.stderr.strip().splitlines()[-1:] or [f"it ended with {done.returncode}"]

@@ -8,7 +8,7 @@ controller names take turns by approach, after the ones that have a controller.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 from carstage_sim.maps.signals import (
     LIGHT,
@@ -44,13 +44,14 @@ def light_sites(plan: SignalPlan, height_at: HeightAt) -> tuple[TrafficLightSite
 
 
 def _phases(
-    lights: dict[str, Signal], controllers: Iterable[Controller]
+    lights: dict[str, Signal], controllers: Sequence[Controller]
 ) -> dict[str, tuple[int, int]]:
     """Junction and phase of every light."""
     placed: dict[str, tuple[int, int]] = {}
     used: dict[int, int] = {}
-    for controller in controllers:
-        members = [s for s in controller.signals if s in lights and s not in placed]
+    own = _own_controllers(controllers)
+    for number, controller in enumerate(controllers):
+        members = [s for s in dict.fromkeys(controller.signals) if s in lights and own[s] == number]
         if not members:
             continue
         phase = used.get(controller.junction_id, 0)
@@ -76,6 +77,21 @@ def _phases(
             known.append((yaw, phase))
         placed[signal_id] = (junction_id, phase)
     return placed
+
+
+def _own_controllers(controllers: Sequence[Controller]) -> dict[str, int]:
+    """The controller of each signal, by its place in the list.
+
+    A file may name a signal under several controllers (junction 532 of CARLA's Town10HD does); the
+    one with the fewest signals counts, so that the signal shares its green with as few as can be.
+    """
+    own: dict[str, int] = {}
+    others = [len(set(controller.signals)) for controller in controllers]
+    for number, controller in enumerate(controllers):
+        for signal_id in controller.signals:
+            if signal_id not in own or others[number] < others[own[signal_id]]:
+                own[signal_id] = number
+    return own
 
 
 def _site(light: Signal, junction_id: int, phase: int, height_at: HeightAt) -> TrafficLightSite:

@@ -39,16 +39,16 @@ def test_every_light_stands_governs_a_lane_and_has_its_turn(town10):
 
 def test_lights_of_different_controllers_are_never_green_together(town10):
     root = etree.fromstring(town10.opendrive.encode())
-    controller = {
-        control.get("signalId"): element.get("id")
+    members = [
+        {control.get("signalId") for control in element.iterfind("control")}
         for element in root.iterfind("controller")
-        for control in element.iterfind("control")
-    }
-    users: dict[tuple[int, int], set[str | None]] = {}
+    ]
+    users: dict[tuple[int, int], set[str]] = {}
     for site in town10.traffic_lights:
-        users.setdefault((site.junction_id, site.phase), set()).add(controller.get(site.sign_id))
-    assert len(users) > 12
-    assert all(len(names) == 1 for names in users.values())
+        users.setdefault((site.junction_id, site.phase), set()).add(site.sign_id)
+    assert len(users) >= len(members)
+    for together in users.values():
+        assert len(together) == 1 or any(together <= named for named in members)
 
 
 def test_spawn_points_lie_on_lanes_and_ground(town10):

@@ -228,7 +228,9 @@ def _yards(ground: Surfaces, buildings: list[shapely.Polygon]) -> BaseGeometry:
     inner = [block.buffer(-_YARD_WIDTH_M, join_style="mitre") for block in built]
     rim = shapely.union_all(built).difference(shapely.union_all(inner))
     # A block may border on country roads, too, where nobody builds.
-    return rim.intersection(ground.sidewalk.buffer(_YARD_WIDTH_M + 1.0, join_style="mitre"))
+    # The limit keeps the pointed end of a sidewalk from reaching far along such a road.
+    near = ground.sidewalk.buffer(_YARD_WIDTH_M + 1.0, join_style="mitre", mitre_limit=1.5)
+    return rim.intersection(near)
 
 
 def _paths(park: shapely.Polygon) -> BaseGeometry:

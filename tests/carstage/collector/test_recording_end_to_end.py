@@ -226,10 +226,6 @@ def test_a_starter_that_is_gone_ends_the_recording(
             *("scene", "vehicles.groups[0].filter"),
         ),
         (
-            {"vehicles": {"count": 400, "filter": "vehicle.*", "shortfall": "fail"}},
-            *("scene", "vehicles.count: only"),
-        ),
-        (
             {"scenario": {"kind": "route", "through": [5000]}},
             *("scene", "scenario.through[0]: map Stage01 has no spawn point 5000"),
         ),

@@ -175,18 +175,6 @@ def test_a_replay_moves_everybody_as_recorded(
     assert collector.left_on_server() == GIVEN_BACK
 
 
-def test_places_between_the_spawn_points_fill_a_shortfall(
-    collector: Collector, make_plan: PlanMaker, tmp_path: Path
-) -> None:
-    vehicles = {"count": 220, "filter": "vehicle.mini.*", "shortfall": "fill"}
-    plan = make_plan(
-        tmp_path / "raw", steps=1, warmup_ticks=0, sensors=[GNSS], vehicles=vehicles,
-        pedestrians=NOBODY,
-    )  # fmt: skip
-    log = record(collector, plan, tmp_path / "raw")
-    assert log.header["spawned"]["vehicles"] == 220
-
-
 def test_a_sensor_with_its_own_rate_is_off_in_between(
     collector: Collector, make_plan: PlanMaker, tmp_path: Path
 ) -> None:

@@ -1,7 +1,7 @@
-"""Entries into junctions with lights, and under which state of the light each was begun.
+"""Passages of stop lines, and under which state of the light each was begun.
 
-The line is where the lane enters the junction; where a map paints a stop line before it, a vehicle
-that stands between the two has run nothing.
+A stop line is where the light's signal holds: on the painted line, or else where the lane enters
+the junction.
 """
 
 from __future__ import annotations

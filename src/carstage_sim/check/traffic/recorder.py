@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from contextlib import ExitStack
 from pathlib import Path
@@ -16,7 +17,8 @@ from carstage_sim.check.traffic.recording import NO_LIGHT, FloatArray, Partner, 
 _LANES_EVERY_S = 1.0
 _SENSOR = "sensor.other.collision"
 _STEP_M = 0.5
-_STEPS_TO_JUNCTION = 60
+_STEPS_TO_JUNCTION = 200
+_SAME_LINE_M = 1.0
 
 
 class Recorder:
@@ -156,14 +158,20 @@ class Recorder:
         )
 
     def _stop_lines(self) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
-        """Where the lanes that the client finds for each light enter the junction."""
-        signal, pose, width = [], [], []
+        """Where each light's signal holds on its lanes, but not inside the junction."""
+        signal: list[int] = []
+        pose: list[tuple[float, float, float, float]] = []
+        width: list[float] = []
         for row, light in enumerate(self._lights):
-            for stop in light.get_stop_waypoints():
-                waypoint = _entrance(stop)
+            for lane in light.get_affected_lane_waypoints():
+                waypoint = _outside_junction(lane)
                 place = waypoint.transform.location
+                line = (place.x, place.y, place.z, waypoint.transform.rotation.yaw)
+                # Several ways through a junction may begin on one lane.
+                if any(math.dist(line[:2], other[:2]) < _SAME_LINE_M for other in pose):
+                    continue
                 signal.append(row)
-                pose.append((place.x, place.y, place.z, waypoint.transform.rotation.yaw))
+                pose.append(line)
                 width.append(waypoint.lane_width)
         return (
             np.array(signal, np.int64),
@@ -172,17 +180,14 @@ class Recorder:
         )
 
 
-def _entrance(stop: carla.Waypoint) -> carla.Waypoint:
-    """The last place of a lane before the junction; the stop itself where none is near."""
-    waypoint = stop
+def _outside_junction(waypoint: carla.Waypoint) -> carla.Waypoint:
+    """The place itself, or the last one of its lane before the junction that it lies in."""
     for _ in range(_STEPS_TO_JUNCTION):
-        onward = waypoint.next(_STEP_M)
-        if not onward:
+        behind = waypoint.previous(_STEP_M) if waypoint.is_junction else []
+        if not behind:
             break
-        if onward[0].is_junction:
-            return waypoint
-        waypoint = onward[0]
-    return stop
+        waypoint = behind[0]
+    return waypoint
 
 
 def _vectors(of: Any) -> FloatArray:

@@ -47,7 +47,7 @@ class Recording:
         signal_id: ``(L,)`` actor ids of the lights.
         signal_state: ``(T, L)``.
         stop_signal: ``(K,)`` row of the light that a stop line belongs to.
-        stop_pose: ``(K, 4)`` x, y, z and yaw (deg) of the lane where it enters the junction.
+        stop_pose: ``(K, 4)`` x, y, z and yaw (deg) of the lane there.
         stop_width_m: ``(K,)`` width of that lane.
         lane_tick: ``(S,)`` ticks at which lanes were looked up.
         lane_offset_m: ``(S, N)`` distance from the middle of the nearest driving lane.

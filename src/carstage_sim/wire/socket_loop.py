@@ -89,8 +89,14 @@ class _Listener:
             self._complaints.warn("too many connections", f"{peer} is the one above {self._most}")
             connection.close()
             return
+        try:
+            channel = self._opened(connection, str(peer))
+        except OSError as error:  # gone again already
+            logger.debug("connection of %s: %s", peer, error)
+            connection.close()
+            return
         self.count += 1
-        self.silent[self._opened(connection, str(peer))] = None
+        self.silent[channel] = None
 
     def _drop_silent(self) -> bool:
         """Close the connection that has been open longest without ever sending anything."""

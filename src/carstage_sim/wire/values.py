@@ -220,8 +220,8 @@ def settings(value: Sequence[Any]) -> EpisodeSettings:
     """
     names = [field.name for field in fields(EpisodeSettings)]
     given = dict(zip(names, value, strict=False))
-    step = optional(given.pop("fixed_delta_seconds"))
-    step_s = None if step is None else _step(step)
+    fixed, *step = given.pop("fixed_delta_seconds")
+    step_s = _step(*step) if fixed else None
     like = EpisodeSettings()
     others: dict[str, Any] = {
         name: _like(name, getattr(like, name), setting) for name, setting in given.items()
@@ -269,6 +269,18 @@ def encode_settings(value: EpisodeSettings) -> Value:
     encoded = [getattr(value, field.name) for field in fields(EpisodeSettings)]
     encoded[2] = encode_optional(value.fixed_delta_seconds)
     return encoded
+
+
+def duration(seconds: float) -> float:
+    """Seconds that something lasts.
+
+    Raises:
+        CallError: negative, or no number.
+    """
+    (seconds,) = finite(seconds)
+    if seconds < 0.0:
+        raise CallError(f"nothing lasts {seconds:g} s")
+    return seconds
 
 
 def optional(value: Sequence[Any]) -> Any:

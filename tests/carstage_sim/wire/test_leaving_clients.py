@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
-import textwrap
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from client_scripts import client_process
 from raw_client import RawClient
 
 from carstage_sim.check.session import free_port
@@ -26,18 +23,13 @@ pytestmark = pytest.mark.end_to_end
 SYNCHRONOUS = [True, False, [True, 0.05], True, 0.01, 10, 0.0, True, 3000.0, 2000.0, True]
 FREE = [False, False, [False], True, 0.01, 10, 0.0, True, 3000.0, 2000.0, True]
 
-BEGIN = """
-import sys, threading
-import carla
-client = carla.Client("127.0.0.1", int(sys.argv[1]))
-client.set_timeout(20.0)
-world = client.get_world()
+SYNCHRONOUS_SETTINGS = """
 settings = world.get_settings()
 settings.synchronous_mode = True
 settings.fixed_delta_seconds = 0.05
 """
 TICKING_WITH_TRAFFIC = (
-    BEGIN
+    SYNCHRONOUS_SETTINGS
     + """
 world.apply_settings(settings)
 manager = client.get_trafficmanager(int(sys.argv[2]))
@@ -48,9 +40,7 @@ print("ready", flush=True)
 sys.stdin.read()
 """
 )
-WATCHING_A_CAMERA = (
-    BEGIN
-    + """
+WATCHING_A_CAMERA = """
 camera = world.get_blueprint_library().find("sensor.camera.semantic_segmentation")
 camera.set_attribute("image_size_x", "1280")
 camera.set_attribute("image_size_y", "960")
@@ -59,27 +49,6 @@ sensor.listen(lambda image: print(image.frame, flush=True))
 print("ready", flush=True)
 sys.stdin.read()
 """
-)
-
-
-@contextmanager
-def client_process(script: str, home: Path, *arguments: object) -> Iterator[subprocess.Popen[str]]:
-    """A process with the real wheel, once it has said that it is ready."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", textwrap.dedent(script), *map(str, arguments)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        env={"HOME": str(home)},
-    )
-    try:
-        assert process.stdout is not None
-        while (line := process.stdout.readline()) != "ready\n":
-            assert line, "the client ended before it was ready"
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
 
 
 def await_that(holds: Callable[[], bool], within_s: float = 20.0) -> None:

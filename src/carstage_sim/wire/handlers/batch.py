@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from carstage_sim.wire import values
+from carstage_sim.wire.argument_types import argument_check
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.actors import described, destroy
 from carstage_sim.wire.handlers.registry import Call, Wrapping, handles, refusal
@@ -21,6 +22,7 @@ _FUTURE_ACTOR = 0
 
 _Command = Callable[..., None]
 _COMMANDS: dict[str, _Command] = {}
+_CHECKS: dict[str, Callable[[str, Sequence[Any]], None]] = {}
 _CALLS = {"SpawnActor": "spawn_actor"}
 """The call that a command stands for; refusals name it, as CARLA's do."""
 
@@ -28,6 +30,7 @@ _CALLS = {"SpawnActor": "spawn_actor"}
 def _command(name: str, call: str) -> Callable[[_Command], _Command]:
     def register(command: _Command) -> _Command:
         _COMMANDS[name] = command
+        _CHECKS[name] = argument_check(command)
         _CALLS[name] = call
         return command
 
@@ -59,6 +62,7 @@ def _execute(call: Call, name: str, body: list[Any]) -> int:
     if name not in _COMMANDS:
         raise CallError(f"command {name} is not supported")
     actor_id = int(body[0])
+    _CHECKS[name](name, body)
     _COMMANDS[name](call, *body)
     return actor_id
 

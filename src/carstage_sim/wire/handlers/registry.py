@@ -6,14 +6,14 @@ the bare value; the wrapping that the client expects is decided at registration.
 
 from __future__ import annotations
 
-import inspect
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Final, TypeVar
 
 from carstage_sim.simulation import Simulation
+from carstage_sim.wire.argument_types import argument_check, client_parameters
 from carstage_sim.wire.complaints import Complaints
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.errors import CallError
@@ -59,7 +59,8 @@ class Session:
         episode_began: publishes the first frame of a new episode; the free run pauses for some
             seconds after it.
         after: runs something in the simulation thread, after some seconds.
-        expect_subscriber: tells that a client is about to subscribe to a sensor's stream.
+        expect_subscriber: tells that a client is about to subscribe to a stream, and perhaps within
+            how many seconds.
     """
 
     simulation: Simulation
@@ -69,7 +70,7 @@ class Session:
     request_tick: Callable[[Call | None], None]
     episode_began: Callable[[float], None]
     after: Callable[[float, Callable[[], None]], None]
-    expect_subscriber: Callable[[int], None]
+    expect_subscriber: Callable[..., None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,12 +116,11 @@ class Call:
 
 @dataclass(frozen=True, slots=True)
 class _Handled:
-    """A handler, how its value is wrapped, and how many arguments a client may give it."""
+    """A handler, how its value is wrapped, and what refuses arguments that do not fit it."""
 
     handler: Handler
     wrapping: Wrapping
-    fewest: int
-    most: float
+    check: Callable[[str, Sequence[Any]], None]
 
 
 _HANDLERS: dict[str, _Handled] = {}
@@ -132,14 +132,7 @@ def handles(name: str, wrapping: Wrapping = Wrapping.VALUE) -> Callable[[_H], _H
     def register(handler: _H) -> _H:
         if name in _HANDLERS:
             raise ValueError(f"two handlers for {name}")
-        given = list(inspect.signature(handler).parameters.values())[1:]
-        unbounded = any(parameter.kind is parameter.VAR_POSITIONAL for parameter in given)
-        fewest = sum(
-            parameter.default is parameter.empty and parameter.kind is not parameter.VAR_POSITIONAL
-            for parameter in given
-        )
-        most = float("inf") if unbounded else len(given)
-        _HANDLERS[name] = _Handled(handler, wrapping, fewest, most)
+        _HANDLERS[name] = _Handled(handler, wrapping, argument_check(handler))
         return handler
 
     return register
@@ -163,7 +156,7 @@ def known_calls() -> frozenset[str]:
 
 def parameters_of(name: str) -> list[tuple[str, str]]:
     """Names and annotations of the arguments that a call takes from a client."""
-    given = list(inspect.signature(_HANDLERS[name].handler).parameters.values())[1:]
+    given = client_parameters(_HANDLERS[name].handler)
     return [(parameter.name, str(parameter.annotation)) for parameter in given]
 
 
@@ -186,8 +179,7 @@ def serve(session: Session, request: Request) -> None:
     call = Call(session, request)
     handled = _HANDLERS[request.name]
     try:
-        if not handled.fewest <= count <= handled.most:
-            raise CallError(f"{request.name} takes {handled.fewest} arguments, got {count}")
+        handled.check(request.name, request.arguments)
         value = handled.handler(call, *request.arguments)
         if value is not LATER:
             call.answer(value)

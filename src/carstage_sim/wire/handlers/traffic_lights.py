@@ -30,17 +30,17 @@ def _set_traffic_light_state(call: Call, actor_id: int, state: int) -> None:
 
 @handles_void("set_traffic_light_green_time")
 def _set_traffic_light_green_time(call: Call, actor_id: int, duration_s: float) -> None:
-    call.world.lights.set_times(_index(call, actor_id), green=float(duration_s))
+    call.world.lights.set_times(_index(call, actor_id), green=values.duration(duration_s))
 
 
 @handles_void("set_traffic_light_yellow_time")
 def _set_traffic_light_yellow_time(call: Call, actor_id: int, duration_s: float) -> None:
-    call.world.lights.set_times(_index(call, actor_id), yellow=float(duration_s))
+    call.world.lights.set_times(_index(call, actor_id), yellow=values.duration(duration_s))
 
 
 @handles_void("set_traffic_light_red_time")
 def _set_traffic_light_red_time(call: Call, actor_id: int, duration_s: float) -> None:
-    call.world.lights.set_times(_index(call, actor_id), red=float(duration_s))
+    call.world.lights.set_times(_index(call, actor_id), red=values.duration(duration_s))
 
 
 @handles_void("freeze_traffic_light")

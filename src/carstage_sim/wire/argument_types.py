@@ -1,0 +1,67 @@
+"""Arguments of the types that a handler declares, as rpclib demands them of C++ functions.
+
+A handler's annotations say what it takes. Clients encode C++ types, so an ``int`` never arrives as
+a float and a flag never as a number; what does is not from a client.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from carstage_sim.wire.errors import CallError
+from carstage_sim.wire.rpc import shortened
+
+_LARGEST = 1e9
+
+
+def _is_number(value: Any) -> bool:
+    return type(value) in (int, float) and math.isfinite(value) and abs(value) <= _LARGEST
+
+
+_FITS: dict[str, Callable[[Any], bool]] = {
+    "bool": lambda value: type(value) is bool,
+    "int": lambda value: type(value) is int,
+    "float": _is_number,
+    "str": lambda value: isinstance(value, str),
+    "list": lambda value: isinstance(value, list),
+}
+_WORDS = {"float": f"a finite number up to {_LARGEST:g}"}
+
+
+def client_parameters(handler: Callable[..., Any]) -> list[inspect.Parameter]:
+    """The parameters of a handler that a client fills: all but the first, which is the call."""
+    return list(inspect.signature(handler).parameters.values())[1:]
+
+
+def argument_check(handler: Callable[..., Any]) -> Callable[[str, Sequence[Any]], None]:
+    """A function that refuses arguments which do not fit a handler's number and types.
+
+    It takes the name of the call and the client's arguments, and raises :class:`CallError`.
+    Annotations other than flags, numbers, text and lists are left to the handler.
+    """
+    parameters = client_parameters(handler)
+    unbounded = any(parameter.kind is parameter.VAR_POSITIONAL for parameter in parameters)
+    positional = [p for p in parameters if p.kind is not p.VAR_POSITIONAL]
+    fewest = sum(parameter.default is parameter.empty for parameter in positional)
+    most = math.inf if unbounded else len(positional)
+    kinds = [_kind(str(parameter.annotation)) for parameter in positional]
+
+    def check(name: str, arguments: Sequence[Any]) -> None:
+        if not fewest <= len(arguments) <= most:
+            raise CallError(f"{name} takes {fewest} arguments, got {len(arguments)}")
+        for position, (kind, argument) in enumerate(zip(kinds, arguments, strict=False), start=1):
+            if kind in _FITS and not _FITS[kind](argument):
+                wanted = _WORDS.get(kind, kind)
+                raise CallError(
+                    f"argument {position} of {name} must be {wanted}, got {shortened(argument)}"
+                )
+
+    return check
+
+
+def _kind(annotation: str) -> str:
+    """``list`` of ``list[float]``; of a choice of types nothing that is checked."""
+    return "" if "|" in annotation else annotation.partition("[")[0]

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import argparse
 import math
+import random
+from collections.abc import Callable
 
 import carla
 
@@ -17,7 +19,7 @@ from carstage_sim.check.calibration import slowness
 from carstage_sim.check.client_process import run_trial
 from carstage_sim.check.process_figures import cpu_s
 from carstage_sim.check.server_process import started_server
-from carstage_sim.check.session import Session, spawn_walkers, synchronous_session
+from carstage_sim.check.session import spawn_walkers, synchronous_session
 from carstage_sim.check.verdict import Figure, Verdict
 
 FLEETS: tuple[tuple[int, int, float], ...] = ((100, 50, 6.0), (500, 0, 20.0))
@@ -44,36 +46,36 @@ def places(world: carla.World) -> list[carla.Transform]:
     return found
 
 
-def _spawn_vehicles(session: Session, count: int, *, autopilot: bool) -> list[int]:
-    library = session.world.get_blueprint_library().filter("vehicle.*")
+def _spawn_vehicles(
+    client: carla.Client, world: carla.World, count: int, *, driver_port: int = 0, seed: int
+) -> list[int]:
+    chance, library = random.Random(seed), world.get_blueprint_library().filter("vehicle.*")
     cars = sorted(
         (b for b in library if b.get_attribute("base_type").as_str() == "car"),
         key=lambda blueprint: str(blueprint.id),
     )
-    port = session.traffic_manager.get_port()
-    free = places(session.world)
+    free = places(world)
     spawned: list[int] = []
     while len(spawned) < count and free:
         wanted = count - len(spawned)
-        batch = [
-            carla.command.SpawnActor(session.random.choice(cars), place) for place in free[:wanted]
-        ]
-        if autopilot:
-            driver = carla.command.SetAutopilot(carla.command.FutureActor, True, port)
+        batch = [carla.command.SpawnActor(chance.choice(cars), place) for place in free[:wanted]]
+        if driver_port:
+            driver = carla.command.SetAutopilot(carla.command.FutureActor, True, driver_port)
             batch = [command.then(driver) for command in batch]
         del free[:wanted]
         # Places where somebody stands already are refused.
-        answers = session.client.apply_batch_sync(batch, False)
+        answers = client.apply_batch_sync(batch, False)
         spawned += [answer.actor_id for answer in answers if not answer.error]
     if len(spawned) < count:
         raise RuntimeError(f"the map has room for {len(spawned)} vehicles, {count} are needed")
-    session.clock.tick()
     return spawned
 
 
-def _follow_lanes(session: Session, ids: list[int]) -> None:
+def _follow_lanes(
+    client: carla.Client, world: carla.World, town: carla.Map, ids: list[int]
+) -> None:
     """Sends all vehicles controls that keep them slowly on their lanes."""
-    town, snapshot = session.world.get_map(), session.world.get_snapshot()
+    snapshot = world.get_snapshot()
     batch = []
     for actor_id in ids:
         state = snapshot.find(actor_id)
@@ -87,26 +89,52 @@ def _follow_lanes(session: Session, ids: list[int]) -> None:
             throttle=0.0 if too_fast else 0.4, steer=max(-0.7, min(0.7, off / 70.0))
         )
         batch.append(carla.command.ApplyVehicleControl(actor_id, control))
-    session.client.apply_batch(batch)
+    client.apply_batch(batch)
 
 
 def budget_trial(
     port: int, server_pid: int, *, vehicles: int, walkers: int, ticks: int, seed: int
 ) -> float:
     """CPU milliseconds of the server per tick; runs in the client's process."""
-    autopilot = vehicles <= _MOST_ON_AUTOPILOT
+    if vehicles > _MOST_ON_AUTOPILOT:
+        return _without_traffic_manager(port, server_pid, vehicles, ticks, seed)
     with synchronous_session(port, delta_s=_DELTA_S, seed=seed) as session:
-        ids = _spawn_vehicles(session, vehicles, autopilot=autopilot)
+        driver_port = session.traffic_manager.get_port()
+        _spawn_vehicles(session.client, session.world, vehicles, driver_port=driver_port, seed=seed)
+        session.clock.tick()
         if walkers:
             spawn_walkers(session, walkers)
-        before = 0.0
-        for tick in range(_WARM_UP_TICKS + ticks):
-            if tick == _WARM_UP_TICKS:
-                before = cpu_s(server_pid)
-            if not autopilot:
-                _follow_lanes(session, ids)
-            session.clock.tick()
-        return (cpu_s(server_pid) - before) / ticks * 1e3
+        return _cpu_ms_per_tick(server_pid, ticks, session.clock.tick)
+
+
+def _without_traffic_manager(
+    port: int, server_pid: int, vehicles: int, ticks: int, seed: int
+) -> float:
+    client = carla.Client("127.0.0.1", port)
+    client.set_timeout(60.0)
+    world = client.get_world()
+    settings = world.get_settings()
+    settings.synchronous_mode = True
+    settings.fixed_delta_seconds = _DELTA_S
+    world.apply_settings(settings)
+    ids = _spawn_vehicles(client, world, vehicles, seed=seed)
+    town = world.get_map()
+    world.tick()
+
+    def drive_on() -> None:
+        _follow_lanes(client, world, town, ids)
+        world.tick()
+
+    return _cpu_ms_per_tick(server_pid, ticks, drive_on)
+
+
+def _cpu_ms_per_tick(server_pid: int, ticks: int, tick: Callable[[], object]) -> float:
+    for _ in range(_WARM_UP_TICKS):
+        tick()
+    before = cpu_s(server_pid)
+    for _ in range(ticks):
+        tick()
+    return (cpu_s(server_pid) - before) / ticks * 1e3
 
 
 def check_budget(*, ticks: int = 200, seed: int = 7, town: str = "Stage01") -> Verdict:

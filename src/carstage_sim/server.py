@@ -209,6 +209,7 @@ class Server:
         before it gives up the old one, and mixes the two up (and crashes) if they have one number.
         """
         current = self._dialect.episode_stream(self._simulation.world.stream_id)
+        self._streams.listeners(current)  # which waits for who is about to subscribe
         older = [i for i in self._older_streams if self._streams.listeners(i) and i != current]
         self._older_streams = [*older, current]
         return self._older_streams

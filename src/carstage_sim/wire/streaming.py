@@ -29,6 +29,8 @@ logger = logging.getLogger(__name__)
 _HANDSHAKE_BYTES = 4
 _POLL_S = 0.5
 _SUBSCRIBED_WITHIN_S = 0.25
+SNAPSHOTS_SUBSCRIBED_WITHIN_S = 2.0
+"""A client that misses the snapshot of its own tick waits for it until it gives up."""
 _PATIENCE_S = 4.0
 """Less than the 5 s that clients wait for an answer unless told otherwise."""
 
@@ -61,7 +63,7 @@ class StreamingServer:
         """Let go of a publisher that waits for a slow subscriber."""
         self._ended.set()
 
-    def expect(self, stream_id: int) -> None:
+    def expect(self, stream_id: int, within_s: float = _SUBSCRIBED_WITHIN_S) -> None:
         """Expect one more subscriber of a stream: a client was just told where to find it.
 
         Clients subscribe in a thread of their own. A script that listens and ticks at once would
@@ -71,7 +73,7 @@ class StreamingServer:
         with self._lock:
             self._awaited = {i: due for i, due in self._awaited.items() if due[1] > now_s}
             count, _ = self._awaited.get(stream_id, (0, now_s))
-            self._awaited[stream_id] = (count + 1, now_s + _SUBSCRIBED_WITHIN_S)
+            self._awaited[stream_id] = (count + 1, now_s + within_s)
 
     def listeners(self, stream_id: int) -> int:
         """How many connections are subscribed to a stream, after those expected a moment ago."""

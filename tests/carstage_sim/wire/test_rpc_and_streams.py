@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import socket
 import struct
+import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import pytest
@@ -85,6 +87,24 @@ def test_snapshot_is_published_before_the_tick_is_answered(
         (size,) = struct.unpack("<I", stream.recv(4))
         assert size > 84
         assert struct.unpack("<QQ", stream.recv(16))[1] == frame
+
+
+def test_tick_waits_for_a_client_that_was_just_told_where_the_snapshots_are(
+    simulator: RunningSimulator, client: RawClient
+) -> None:
+    stream_id = snapshot_stream(client)
+    client.value("get_sensor_token", stream_id)
+    with ThreadPoolExecutor(1) as threads:
+        begun = threading.Event()
+
+        def subscribe_late() -> socket.socket:
+            begun.wait(0.5)  # never set: a client whose thread is slow
+            return subscribe(simulator.host, simulator.streaming_port, stream_id)
+
+        late = threads.submit(subscribe_late)
+        frame = client.value("tick_cue")
+        with late.result() as stream:
+            assert struct.unpack_from("<Q", read_message(stream), 8) == (frame,)
 
 
 def read_what_was_on_its_way(stream: socket.socket) -> None:
@@ -175,7 +195,7 @@ def test_reload_gives_another_episode_id(client: RawClient) -> None:
 
 def test_unknown_map_is_refused_and_the_world_stays(client: RawClient) -> None:
     before = client.value("get_episode_info")
-    _, ((failed, message),) = client.call("load_new_episode", "Town77", True, 0xFFFF)
+    _, ((failed, message),) = client.call("load_new_episode", "Atlantis", True, 0xFFFF)
     assert (failed, message) == (True, ["map not found"])
     assert client.value("get_episode_info") == before
 

@@ -20,6 +20,17 @@ def slowness() -> float:
     return min(_kernel() for _ in range(3)) / REFERENCE_CPU_S
 
 
+def crowding() -> float:
+    """Wall time of the kernel over its CPU time: how much of a core a busy process gets, inverted.
+
+    1 on an idle machine; 3 where programs that run now leave it a third of a core.
+    """
+    began = time.perf_counter()
+    cpu_began = time.process_time()
+    _kernel()
+    return max((time.perf_counter() - began) / (time.process_time() - cpu_began), 1.0)
+
+
 def _kernel() -> float:
     generator = np.random.default_rng(0)
     values = generator.random(2_000_000)

@@ -9,7 +9,6 @@ import pytest
 from carstage_sim.wire.argument_types import argument_check
 from carstage_sim.wire.errors import CallError
 
-
 NOWHERE: list[float] = []
 
 

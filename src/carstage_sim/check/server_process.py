@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 import subprocess
 import sys
 import threading
@@ -44,6 +46,11 @@ class RunningServer:
         """Whether the process runs."""
         return self.process.poll() is None
 
+    def abort(self) -> None:
+        """End a server that hangs; its log then tells where each of its threads was."""
+        self.process.send_signal(signal.SIGABRT)
+        self.process.wait(_STOP_TIMEOUT_S)
+
 
 @contextmanager
 def started_server(
@@ -65,6 +72,7 @@ def started_server(
         stderr=subprocess.STDOUT,
         text=True,
         start_new_session=True,
+        env={**os.environ, "PYTHONFAULTHANDLER": "1"},
     )
     lines: Queue[str | None] = Queue(maxsize=10_000)
     log: deque[str] = deque(maxlen=_LOG_LINES)

@@ -176,7 +176,7 @@ class RpcServer:
             self._loop.call(lambda: self._refill(connection, channel))
         try:
             return _request(connection, message)
-        except (ValueError, msgpack.UnpackException) as error:
+        except (ValueError, TypeError, msgpack.UnpackException) as error:
             connection.drop("speaks no msgpack-rpc", str(error))
             return None
 

@@ -58,8 +58,19 @@ def await_that(holds: Callable[[], bool]) -> None:
         msgpack.packb({"not": "a request"}),
         msgpack.packb([2, "a notification", []]),
         msgpack.packb([0, 1, 2, 3]),
+        b"\x81\x80\x00",
     ],
-    ids=["array", "string", "bytes", "nesting", "no msgpack", "map", "notification", "numbers"],
+    ids=[
+        "array",
+        "string",
+        "bytes",
+        "nesting",
+        "no msgpack",
+        "map",
+        "notification",
+        "numbers",
+        "a map as a key",
+    ],
 )
 def test_what_is_no_request_ends_its_connection_and_nothing_else(
     simulator: RunningSimulator, client: RawClient, sent: bytes

@@ -24,6 +24,7 @@ from carstage_sim.check.verdict import Figure, Verdict
 LONGEST_TICK_S = 15.0
 MOST_GROWTH_MB = 300.0
 _OVERLAP = 6
+_LOG_TAIL = 60
 _CLOSED_WITHIN_S = 20.0
 
 
@@ -60,6 +61,8 @@ class _Campaign:
                 self.peak_mb = max(self.peak_mb, pss_mb(self._server.pid))
 
     def _goes_on(self, calls: int | None, until_s: float | None) -> bool:
+        if self.unanswered:
+            return False
         wanted = calls is None or self.calls < calls or len(self.done) < len(ALL)
         return wanted and (until_s is None or time.monotonic() < until_s)
 
@@ -74,8 +77,9 @@ class _Campaign:
         )
         try:
             ALL[name](rude)
-        except UnansweredError as error:
-            self.unanswered.append(f"{name}: {error}")
+        except (UnansweredError, ConnectionError, TimeoutError) as error:
+            last = "; ".join(rude.last)
+            self.unanswered.append(f"{name}: {error!r}; its last calls: {last}")
         self.calls += rude.calls
         self.done[name] += 1
 
@@ -120,10 +124,14 @@ def check_fuzz(*, seconds: float | None = None, calls: int | None = 5000, seed: 
             files_before, before_mb = open_files(server.pid), pss_mb(server.pid)
             campaign.run(calls, until_s)
         (healthy,) = found
+        if campaign.unanswered and server.alive:
+            server.abort()
         alive = server.alive
         missing = run_trial(newcomer_trial, server.port, timeout_s=300.0) if alive else ["a server"]
         files_left = _files_left(server, files_before) if alive else -1
         growth_mb = pss_mb(server.pid) - before_mb if alive else -1.0
+        if not alive:
+            missing += [f"exit status {server.process.poll()}", *list(server.log)[-_LOG_TAIL:]]
         tracebacks = [line for line in server.log if line.startswith("Traceback")]
         lines = len(server.log)
     return Verdict(

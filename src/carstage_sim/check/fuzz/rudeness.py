@@ -10,6 +10,7 @@ import random
 import select
 import socket
 import struct
+from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -24,6 +25,8 @@ _REPLY_TIMEOUT_S = 30.0
 _FLOOD_BYTES = 256 << 10
 _SMALL_BUFFER = 4096
 _MOST_SPAWNED = 40
+_REMEMBERED = 3
+_REMEMBERED_CHARACTERS = 500
 _LARGEST_ID = 1_000_000
 
 Rudeness = Callable[["Rude"], None]
@@ -45,6 +48,7 @@ class Rude:
         spawned: ids of actors that rude clients brought into the world.
         opened: what stays open for a while.
         calls: how many requests were sent one by one.
+        last: the last of them, for who has to find out what they did.
     """
 
     port: int
@@ -54,6 +58,7 @@ class Rude:
     spawned: list[int]
     opened: ExitStack = field(default_factory=ExitStack)
     calls: int = 0
+    last: deque[str] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
 
     def connect(self, port: int | None = None) -> socket.socket:
         """A connection to the RPC port, or to another."""
@@ -69,6 +74,7 @@ class Rude:
             UnansweredError: none came in time, or the connection was closed.
         """
         self.calls += 1
+        self.last.append(f"{name}{str(arguments)[:_REMEMBERED_CHARACTERS]}")
         connection.settimeout(_REPLY_TIMEOUT_S)
         connection.sendall(self.requests.packed(name, arguments, self.calls))
         unpacker = msgpack.Unpacker(strict_map_key=False, unicode_errors="surrogateescape")

@@ -9,7 +9,7 @@ from typing import Any
 import carla
 
 from carstage_sim.check.client_process import run_trial
-from carstage_sim.check.process_figures import open_files, pss_mb, threads
+from carstage_sim.check.process_figures import open_files, rss_mb, threads
 from carstage_sim.check.server_process import started_server
 from carstage_sim.check.session import Session, spawn_traffic, synchronous_session
 from carstage_sim.check.verdict import Figure, Verdict
@@ -106,7 +106,7 @@ def _sampled(name: str, steps: int, server_pid: int, step: Any) -> Phase:
     for number in range(steps):
         step()
         if (number + 1) % every == 0:
-            phase.samples_mb.append(pss_mb(server_pid))
+            phase.samples_mb.append(rss_mb(server_pid))
     return phase
 
 
@@ -140,7 +140,7 @@ def check_memory(
 ) -> Verdict:
     """Samples the server's memory through three phases and judges how flat each was."""
     with started_server(("--map", "Stage01")) as server:
-        before_mb = pss_mb(server.pid)
+        before_mb = rss_mb(server.pid)
         phases = run_trial(
             memory_trial,
             server.port,

@@ -16,10 +16,14 @@ def cpu_s(pid: int) -> float:
     return (int(fields[_UTIME]) + int(fields[_STIME])) / _TICKS_PER_S
 
 
-def pss_mb(pid: int) -> float:
-    """Resident memory, with shared pages split among those who share them, in MB of 10^6 bytes."""
-    rollup = Path(f"/proc/{pid}/smaps_rollup").read_text()
-    (line,) = (line for line in rollup.splitlines() if line.startswith("Pss:"))
+def rss_mb(pid: int) -> float:
+    """Resident memory in MB of 10^6 bytes.
+
+    Not the proportional set: that changes whenever another process with the same libraries starts
+    or ends.
+    """
+    status = Path(f"/proc/{pid}/status").read_text()
+    (line,) = (line for line in status.splitlines() if line.startswith("VmRSS:"))
     return int(line.split()[1]) * 1024 / 1e6
 
 

@@ -17,7 +17,7 @@ from carstage_sim.check.client_process import TrialError, run_trial
 from carstage_sim.check.fuzz.healthy import HealthyFigures, healthy_trial, newcomer_trial
 from carstage_sim.check.fuzz.requests import Requests
 from carstage_sim.check.fuzz.rudeness import ALL, Rude, UnansweredError
-from carstage_sim.check.process_figures import open_files, pss_mb
+from carstage_sim.check.process_figures import open_files, rss_mb
 from carstage_sim.check.server_process import RunningServer, started_server
 from carstage_sim.check.verdict import Figure, Verdict
 
@@ -58,7 +58,7 @@ class _Campaign:
                         open_ones.pop(self._rng.randrange(len(open_ones))).close()
                     if not self._server.alive or not self._goes_on(calls, until_s):
                         break
-                self.peak_mb = max(self.peak_mb, pss_mb(self._server.pid))
+                self.peak_mb = max(self.peak_mb, rss_mb(self._server.pid))
 
     def _goes_on(self, calls: int | None, until_s: float | None) -> bool:
         if self.unanswered:
@@ -121,7 +121,7 @@ def check_fuzz(*, seconds: float | None = None, calls: int | None = 5000, seed: 
         campaign = _Campaign(server, seed)
         until_s = None if seconds is None else time.monotonic() + seconds
         with _healthy_client(server.port) as found:
-            files_before, before_mb = open_files(server.pid), pss_mb(server.pid)
+            files_before, before_mb = open_files(server.pid), rss_mb(server.pid)
             campaign.run(calls, until_s)
         (healthy,) = found
         if campaign.unanswered and server.alive:
@@ -129,7 +129,7 @@ def check_fuzz(*, seconds: float | None = None, calls: int | None = 5000, seed: 
         alive = server.alive
         missing = run_trial(newcomer_trial, server.port, timeout_s=300.0) if alive else ["a server"]
         files_left = _files_left(server, files_before) if alive else -1
-        growth_mb = pss_mb(server.pid) - before_mb if alive else -1.0
+        growth_mb = rss_mb(server.pid) - before_mb if alive else -1.0
         if not alive:
             missing += [f"exit status {server.process.poll()}", *list(server.log)[-_LOG_TAIL:]]
         tracebacks = [line for line in server.log if line.startswith("Traceback")]

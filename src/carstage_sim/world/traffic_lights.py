@@ -3,6 +3,10 @@
 As in CARLA, the lights of one junction form a group; one phase of it is green at a time, then
 yellow, then red for ``red_s`` seconds before the next phase starts. ``red_s`` is thus the clearing
 time, not how long a light stays red.
+
+Unlike CARLA's, the signals are actuated, as most in real cities are: a green that nobody uses ends
+early when somebody waits elsewhere at the junction, and phases that nobody waits for are left out.
+While nobody is about, or once a client has set a light of the junction, the cycle is CARLA's.
 """
 
 from __future__ import annotations
@@ -20,6 +24,12 @@ from carstage_sim.world.trigger_boxes import TriggerBoxes
 GREEN_S = 10.0
 YELLOW_S = 3.0
 RED_S = 2.0
+LEAST_GREEN_S = 3.0
+GAP_S = 1.0
+"""A green ends early when for so long nobody was before it."""
+
+_ROUNDING_S = 1e-6
+"""Time is a sum of steps: without this, 200 times 0.05 s would fall short of 10 s."""
 
 
 class TrafficLightState(IntEnum):
@@ -41,12 +51,24 @@ _NEXT = {
 
 @dataclass(slots=True)
 class _Junction:
-    """The cycle of one junction: which phase is on, in which part, for how long."""
+    """The cycle of one junction: which phase is on, in which part, for how long.
+
+    Attributes:
+        unused_s: for how long nobody has been before the lights of the active phase.
+        is_led_by_client: whether a client set a light here; the cycle then is of fixed lengths.
+    """
 
     phases: list[list[int]]
     active: int = 0
     part: TrafficLightState = TrafficLightState.GREEN
     elapsed_s: float = 0.0
+    unused_s: float = 0.0
+    is_led_by_client: bool = False
+
+    @property
+    def is_actuated(self) -> bool:
+        """Whether vehicles act on the cycle."""
+        return len(self.phases) > 1 and not self.is_led_by_client
 
     @property
     def lights(self) -> list[int]:
@@ -88,23 +110,41 @@ class TrafficLightSystem:
     def __len__(self) -> int:
         return len(self.state)
 
-    def step(self, delta_s: float) -> None:
-        """Advances the cycles of all junctions that are not frozen."""
+    def step(self, delta_s: float, has_vehicles: NDArray[np.bool_] | None = None) -> None:
+        """Advances the cycles of all junctions that are not frozen.
+
+        Args:
+            delta_s: by so much.
+            has_vehicles: ``(L,)`` whether anybody is before each light; None for nobody anywhere.
+        """
         if self.led:
             return
         self.elapsed_s = np.where(self.frozen, self.elapsed_s, self.elapsed_s + delta_s)
         for junction in self._junctions:
             if not self.frozen[junction.lights[0]]:
-                self._advance(junction, delta_s)
+                wanted = [False] * len(junction.phases)
+                if has_vehicles is not None and junction.is_actuated:
+                    wanted = [bool(has_vehicles[phase].any()) for phase in junction.phases]
+                self._advance(junction, delta_s, wanted)
 
-    def _advance(self, junction: _Junction, delta_s: float) -> None:
+    def _advance(self, junction: _Junction, delta_s: float, wanted: list[bool]) -> None:
+        """Advances one cycle; ``wanted`` tells of each phase whether anybody is before it."""
         junction.elapsed_s += delta_s
-        # Time is a sum of steps: without the tolerance 200 x 0.05 s would fall short of 10 s.
-        while junction.elapsed_s + 1e-6 >= self._duration_s(junction):
+        junction.unused_s = 0.0 if wanted[junction.active] else junction.unused_s + delta_s
+        if junction.part == TrafficLightState.GREEN and any(wanted):
+            green_s = self._duration_s(junction)
+            if not any(wanted[: junction.active] + wanted[junction.active + 1 :]):
+                junction.elapsed_s = min(junction.elapsed_s, green_s)
+                return
+            is_unused = junction.unused_s + _ROUNDING_S >= GAP_S
+            if is_unused and junction.elapsed_s + _ROUNDING_S >= LEAST_GREEN_S:
+                junction.elapsed_s = max(junction.elapsed_s, green_s)
+        while junction.elapsed_s + _ROUNDING_S >= self._duration_s(junction):
             junction.elapsed_s = max(junction.elapsed_s - self._duration_s(junction), 0.0)
             junction.part = _NEXT[junction.part]
             if junction.part == TrafficLightState.GREEN:
-                junction.active = (junction.active + 1) % len(junction.phases)
+                junction.active = _next_phase(junction.active, wanted)
+                junction.unused_s = 0.0
             self._show(junction.phases[junction.active], junction.part, junction.elapsed_s)
 
     def _duration_s(self, junction: _Junction) -> float:
@@ -123,6 +163,7 @@ class TrafficLightSystem:
 
     def set_state(self, index: int, state: int) -> None:
         """Shows a state at one light until its junction's cycle next changes it."""
+        self._junction_of[index].is_led_by_client = True
         self._show([index], TrafficLightState(state), 0.0)
 
     def show(self, index: int, state: int, elapsed_s: float) -> None:
@@ -153,6 +194,7 @@ class TrafficLightSystem:
             ValueError: a negative duration.
         """
         lights = self._phase_of(index)
+        self._junction_of[index].is_led_by_client = True
         for column, value in ((self.green_s, green), (self.yellow_s, yellow), (self.red_s, red)):
             if value is None:
                 continue
@@ -179,6 +221,7 @@ class TrafficLightSystem:
 
     def _reset(self, junction: _Junction) -> None:
         junction.active, junction.part, junction.elapsed_s = 0, TrafficLightState.GREEN, 0.0
+        junction.unused_s = 0.0
         self._show(junction.lights, TrafficLightState.RED, 0.0)
         self._show(junction.phases[0], TrafficLightState.GREEN, 0.0)
 
@@ -210,6 +253,15 @@ class TrafficLightSystem:
             ``(N,)`` int32 index of a light, or -1.
         """
         return self._triggers.owners_at(center, half_size, yaw_rad)
+
+
+def _next_phase(active: int, wanted: list[bool]) -> int:
+    """The next phase that somebody waits for; the next one when that is nobody."""
+    for step in range(1, len(wanted) + 1):
+        phase = (active + step) % len(wanted)
+        if wanted[phase]:
+            return phase
+    return (active + 1) % len(wanted)
 
 
 def _junctions_of(sites: Sequence[TrafficLightSite]) -> list[_Junction]:

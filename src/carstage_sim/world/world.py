@@ -17,6 +17,7 @@ from carstage_sim.maps.town import Town
 from carstage_sim.world.ackermann import AckermannController
 from carstage_sim.world.actors import Actor, ActorTable, VehicleStatus
 from carstage_sim.world.appearance import AppearanceKeeper
+from carstage_sim.world.approaches import Approaches
 from carstage_sim.world.arm_probe import ArmProbe
 from carstage_sim.world.attachments import Attachments
 from carstage_sim.world.blueprints import Blueprint, catalogue
@@ -113,6 +114,9 @@ class World:
         self.light_ids: tuple[int, ...] = ()
         neighbour = previous if previous is not None and previous.town is town else None
         self.lanes: LaneIndex = neighbour.lanes if neighbour else LaneIndex(town.lanes)
+        self._approaches: Approaches = (
+            neighbour._approaches if neighbour else Approaches(town.traffic_lights, town.lanes)
+        )
         self.terrain: Terrain = neighbour.terrain if neighbour else terrain_of(town)
         self._mechanics = Mechanics(self.terrain, self.actors, self.objects)
         self.fleet: VehicleFleet = self._mechanics.fleet
@@ -518,7 +522,8 @@ class World:
             self.destroy(actor_id)
         self._bury()
         self._follow()
-        self.lights.step(delta_s)
+        before_lights = self._approaches.with_vehicles(self.lanes.nearest(self.fleet.location))
+        self.lights.step(delta_s, before_lights)
         self.debug_drawing.step(self.elapsed_s)
         self.street_lights.step()
         return self.freeze(delta_s)

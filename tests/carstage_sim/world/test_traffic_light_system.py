@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 
 from carstage_sim.maps.town import OrientedBox, TrafficLightSite
-from carstage_sim.world.traffic_lights import TrafficLightState, TrafficLightSystem
+from carstage_sim.world.traffic_lights import (
+    GAP_S,
+    LEAST_GREEN_S,
+    TrafficLightState,
+    TrafficLightSystem,
+)
 
 RED, YELLOW, GREEN = TrafficLightState.RED, TrafficLightState.YELLOW, TrafficLightState.GREEN
 
@@ -76,6 +81,67 @@ def test_elapsed_time_counts_from_each_lights_own_change(lights: TrafficLightSys
     run(lights, 12.0)
     assert lights.elapsed_s[0] == pytest.approx(2.0)
     assert lights.elapsed_s[1] == pytest.approx(12.0)
+
+
+def run_with(lights: TrafficLightSystem, seconds: float, *waiting: int) -> None:
+    has_vehicles = np.isin(np.arange(len(lights)), waiting)
+    for _ in range(round(seconds / 0.05)):
+        lights.step(0.05, has_vehicles)
+
+
+def test_a_green_that_nobody_uses_ends_early_when_somebody_waits(
+    lights: TrafficLightSystem,
+) -> None:
+    run_with(lights, LEAST_GREEN_S - 0.05, 1)
+    assert lights.state[0] == GREEN
+    run_with(lights, 0.05, 1)
+    assert lights.state[0] == YELLOW
+    run_with(lights, 5.0, 1)
+    assert lights.state[:3].tolist() == [RED, GREEN, RED]
+
+
+def test_a_green_lasts_its_time_while_others_wait_too(lights: TrafficLightSystem) -> None:
+    run_with(lights, 9.95, 0, 1)
+    assert lights.state[0] == GREEN
+    run_with(lights, 0.05, 0, 1)
+    assert lights.state[0] == YELLOW
+
+
+def test_a_gap_in_the_queue_shorter_than_its_limit_does_not_end_a_green(
+    lights: TrafficLightSystem,
+) -> None:
+    run_with(lights, 5.0, 0, 1)
+    run_with(lights, GAP_S - 0.05, 1)
+    run_with(lights, 1.0, 0, 1)
+    assert lights.state[0] == GREEN
+
+
+def test_a_green_stays_while_nobody_waits_elsewhere_and_ends_when_somebody_comes(
+    lights: TrafficLightSystem,
+) -> None:
+    run_with(lights, 30.0, 0)
+    assert lights.state[0] == GREEN
+    run_with(lights, 0.05, 0, 1)
+    assert lights.state[0] == YELLOW
+
+
+def test_phases_that_nobody_waits_for_are_left_out() -> None:
+    lights = TrafficLightSystem([site(str(n), 1, n) for n in range(3)])
+    run_with(lights, 10.0 + 5.0, 0, 2)
+    assert lights.state.tolist() == [RED, RED, GREEN]
+
+
+def test_once_a_client_set_a_light_the_junctions_cycle_has_fixed_lengths(
+    lights: TrafficLightSystem,
+) -> None:
+    lights.set_times(0, green=10.0)
+    run_with(lights, 9.95, 1)
+    assert lights.state[0] == GREEN
+
+
+def test_a_light_alone_keeps_its_cycle(lights: TrafficLightSystem) -> None:
+    run_with(lights, 10.0, 3)
+    assert lights.state[3] == YELLOW
 
 
 def test_times_hold_for_the_whole_phase(lights: TrafficLightSystem) -> None:

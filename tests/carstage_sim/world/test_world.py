@@ -192,6 +192,29 @@ def test_streams_are_never_numbered_twice(stage01: Town) -> None:
     assert following.spawn(CAMERA, {}, Pose()).stream_id > following.stream_id > first
 
 
+def test_who_stands_at_a_light_that_turns_red_is_away_from_it_for_one_frame(
+    world: World, stage01: Town
+) -> None:
+    light = int(np.flatnonzero(world.lights.state == TrafficLightState.GREEN)[0])
+    site = stage01.traffic_lights[light]
+    x, y, _ = site.trigger[0].center
+    car = world.spawn(CAR, {}, Pose((x, y, 0.2), site.trigger[0].rotation_deg))
+    world.control_vehicle(car.actor_id, VehicleControl(hand_brake=True))
+    world.lights.set_times(light, green=1.0, yellow=1.0)
+    seen = []
+    for _ in range(60):
+        columns = ticks(world, 1).vehicles
+        state = (int(columns.light_id[0]) == world.light_ids[light], int(columns.light_state[0]))
+        if state not in seen[-1:]:
+            seen.append(state)
+    assert seen == [
+        (True, TrafficLightState.GREEN),
+        (True, TrafficLightState.YELLOW),
+        (False, TrafficLightState.GREEN),
+        (True, TrafficLightState.RED),
+    ]
+
+
 def test_vehicle_in_a_trigger_has_the_light_and_outside_has_none(
     world: World, stage01: Town
 ) -> None:
@@ -200,7 +223,7 @@ def test_vehicle_in_a_trigger_has_the_light_and_outside_has_none(
     inside = Pose((x, y, 0.2), site.trigger[0].rotation_deg)
     car = world.spawn(CAR, {}, inside)
     world.lights.set_state(0, TrafficLightState.RED)
-    columns = world.freeze(DELTA_S).vehicles
+    columns = ticks(world, 1).vehicles
     assert columns.light_id.tolist() == [world.light_ids[0]]
     assert columns.light_state.tolist() == [TrafficLightState.RED]
     world.set_pose(car.actor_id, Pose((x, y, 100.0)))

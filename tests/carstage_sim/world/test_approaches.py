@@ -1,0 +1,37 @@
+"""Detectors of signals: vehicles that come to a light are noticed, those that leave are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from carstage_sim.maps import Town
+from carstage_sim.world.approaches import Approaches
+from carstage_sim.world.lane_index import LaneIndex
+
+
+@pytest.fixture(scope="module")
+def approaches(stage01: Town) -> Approaches:
+    return Approaches(stage01.traffic_lights, stage01.lanes)
+
+
+def noticed(town: Town, approaches: Approaches, place: np.ndarray) -> list[int]:
+    samples = LaneIndex(town.lanes).nearest(place[None])
+    return [int(light) for light in np.flatnonzero(approaches.with_vehicles(samples))]
+
+
+@pytest.mark.parametrize(("metres", "is_noticed"), [(-2.0, True), (15.0, True), (50.0, False)])
+def test_every_light_notices_who_comes_to_it(
+    stage01: Town, approaches: Approaches, metres: float, is_noticed: bool
+) -> None:
+    lanes = LaneIndex(stage01.lanes)
+    for light, site in enumerate(stage01.traffic_lights):
+        for box in site.trigger:
+            here = lanes.nearest(np.array([box.center]))[0]
+            yaw = np.radians(stage01.lanes.rotation_deg[here, 1])
+            place = np.array(box.center) - metres * np.array([np.cos(yaw), np.sin(yaw), 0.0])
+            assert (light in noticed(stage01, approaches, place)) == is_noticed
+
+
+def test_nobody_on_the_road_is_noticed_by_nobody(stage01: Town, approaches: Approaches) -> None:
+    assert not approaches.with_vehicles(np.zeros(0, np.int32)).any()

@@ -109,7 +109,7 @@ def _healthy_client(port: int) -> Iterator[list[HealthyFigures]]:
             found.append(HealthyFigures(wrong=[str(error)]))
 
 
-def check_fuzz(*, seconds: float | None = None, calls: int | None = 5000, seed: int = 7) -> Verdict:
+def check_fuzz(*, seconds: float | None = None, calls: int | None = 2000, seed: int = 7) -> Verdict:
     """Is everybody well after all that?
 
     Args:
@@ -176,14 +176,14 @@ def add_fuzz(checks: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     """Adds the check to a command line."""
     parser = checks.add_parser("fuzz", help="rude clients harm neither the server nor others")
     parser.add_argument("--seconds", type=float, help="how long (default: until --calls)")
-    parser.add_argument("--calls", type=int, help="how many (default 20000, none with --seconds)")
+    parser.add_argument("--calls", type=int, help="how many (default 2000, none with --seconds)")
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--json", action="store_true", help="last line is a JSON object")
 
     def run(arguments: argparse.Namespace) -> Verdict:
         calls = arguments.calls
         if calls is None and arguments.seconds is None:
-            calls = 20_000
+            calls = 2_000
         return check_fuzz(seconds=arguments.seconds, calls=calls, seed=arguments.seed)
 
     parser.set_defaults(run=run)

@@ -20,6 +20,8 @@ from carstage_sim.check.verdict import Campaign, Figure, Verdict
 from carstage_sim.world.overlap import footprint_corners
 
 TOLERANCE_M = 0.5
+OVERHANG_M = 0.6
+"""Awnings and balconies, which are in a building's box, reach so far over who walks below."""
 WALKED_M = 10.0
 _START_TIMEOUT_S = 900.0
 _MAX_EVENTS = 20
@@ -31,7 +33,7 @@ class WalkerFigures:
 
     Attributes:
         outside: samples off sidewalks and crosswalks.
-        in_walls: samples inside a building's or a wall's box.
+        in_walls: samples inside a building or a wall.
         crossed: walkers that were on a crosswalk, off every sidewalk.
         walked: walkers that came farther than :data:`WALKED_M`.
     """
@@ -76,7 +78,7 @@ def walkable_surface(carla_map: carla.Map) -> tuple[BaseGeometry, BaseGeometry]:
 
 
 def walls(world: carla.World) -> BaseGeometry:
-    """Outlines of all buildings and walls, seen from above."""
+    """Outlines of all buildings and walls, seen from above, without what overhangs."""
     boxes = [
         box
         for label in (carla.CityObjectLabel.Buildings, carla.CityObjectLabel.Walls)
@@ -89,7 +91,8 @@ def walls(world: carla.World) -> BaseGeometry:
         np.array([(box.extent.x, box.extent.y) for box in boxes]),
         np.array([box.rotation.yaw for box in boxes]),
     )
-    return shapely.union_all(shapely.polygons(corners))
+    boxes_from_above = shapely.polygons(corners)
+    return shapely.union_all(shapely.buffer(boxes_from_above, -OVERHANG_M, join_style="mitre"))
 
 
 def _sidewalk_waypoints(carla_map: carla.Map) -> list[carla.Waypoint]:

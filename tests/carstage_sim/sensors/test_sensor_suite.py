@@ -72,6 +72,7 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(suite):
     frames = suite.capture(state(1, **WORLD), rig())
     assert [sensor_id for sensor_id, _ in frames] == [r.sensor_id for r in rig()]
     assert SensorRegistry.known() == (
+        "sensor.camera.cosmos_visualization",
         "sensor.camera.depth",
         "sensor.camera.dvs",
         "sensor.camera.instance_segmentation",

@@ -26,6 +26,9 @@ def drive_of(port: int, fps: int) -> tuple[float, float, float, float]:
     settings = world.get_settings()
     settings.synchronous_mode = True
     settings.fixed_delta_seconds = 1.0 / fps
+    # All that physics depends on: the server is shared, and settings outlive episodes.
+    settings.substepping = True
+    settings.max_substep_delta_time, settings.max_substeps = 0.01, 10
     world.apply_settings(settings)
     world = client.reload_world(False)
     KEPT.extend((client, world))

@@ -34,7 +34,7 @@ def freeze(world: World, delta_s: float) -> Snapshot:
     """
     table = world.actors
     count = len(table)
-    vehicles = _vehicle_columns(world, delta_s)
+    vehicles = _vehicle_columns(world)
     walkers = _walker_columns(world)
     lights = _light_columns(world)
 
@@ -106,7 +106,7 @@ def _posed_figures(world: World) -> dict[int, Joints]:
     return {actor_id: joints for actor_id, joints in figures if joints is not None}
 
 
-def _vehicle_columns(world: World, delta_s: float) -> VehicleColumns:
+def _vehicle_columns(world: World) -> VehicleColumns:
     table, fleet = world.actors, world.fleet
     # The fleet's rows are in the order of spawning, which is the table's order too.
     vehicles = table.of_kind(ActorKind.VEHICLE)
@@ -114,7 +114,7 @@ def _vehicle_columns(world: World, delta_s: float) -> VehicleColumns:
     controls = [actor.vehicle.control for actor in vehicles if actor.vehicle is not None]
     manual = np.array([control.manual_gear_shift for control in controls], np.bool_)
     location = table.location[rows]
-    light = _governing_lights(world, delta_s)
+    light = _governing_lights(world)
     ids = np.array([*world.light_ids, 0], np.uint32)  # index -1 finds the last: no light
     states = np.array([*world.lights.state, TrafficLightState.GREEN], np.uint8)
     return VehicleColumns(
@@ -130,7 +130,7 @@ def _vehicle_columns(world: World, delta_s: float) -> VehicleColumns:
     )
 
 
-def _governing_lights(world: World, delta_s: float) -> NDArray[np.int32]:
+def _governing_lights(world: World) -> NDArray[np.int32]:
     """Index of the light that each vehicle is at, -1 for none.
 
     Who stands in a trigger when its light turns red is out of it for that one frame. The Traffic
@@ -140,10 +140,9 @@ def _governing_lights(world: World, delta_s: float) -> NDArray[np.int32]:
     """
     lights, fleet = world.lights, world.fleet
     light = lights.lights_at(*fleet.footprints())
-    turned_red = (lights.state == TrafficLightState.RED) & (lights.elapsed_s < delta_s)
     stands = np.abs(fleet.speed) < _STANDING_MPS
     # Index -1 finds the last, which stands for no light.
-    light[stands & np.append(turned_red, False)[light]] = -1
+    light[stands & np.append(lights.turned_red, False)[light]] = -1
     return light
 
 

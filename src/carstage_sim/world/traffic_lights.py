@@ -86,6 +86,7 @@ class TrafficLightSystem:
         elapsed_s: ``(L,)`` float64 seconds since each light's state last changed.
         green_s, yellow_s, red_s: ``(L,)`` float64 durations; equal within a phase.
         frozen: ``(L,)`` bool.
+        turned_red: ``(L,)`` bool, whether the last step found a light red that was not before.
         led: whether a replay shows the states (:meth:`show`), and the cycles wait.
     """
 
@@ -97,6 +98,7 @@ class TrafficLightSystem:
         self.yellow_s: NDArray[np.float64] = np.full(count, YELLOW_S)
         self.red_s: NDArray[np.float64] = np.full(count, RED_S)
         self.frozen: NDArray[np.bool_] = np.zeros(count, dtype=np.bool_)
+        self.turned_red: NDArray[np.bool_] = np.zeros(count, dtype=np.bool_)
         self.led = False
         self._junctions = _junctions_of(sites)
         self._junction_of = {
@@ -106,6 +108,7 @@ class TrafficLightSystem:
             (index, box) for index, site in enumerate(sites) for box in site.trigger
         )
         self.reset_all()
+        self._was_red: NDArray[np.bool_] = self.state == TrafficLightState.RED
 
     def __len__(self) -> int:
         return len(self.state)
@@ -117,8 +120,13 @@ class TrafficLightSystem:
             delta_s: by so much.
             has_vehicles: ``(L,)`` whether anybody is before each light; None for nobody anywhere.
         """
-        if self.led:
-            return
+        if not self.led:
+            self._advance_all(delta_s, has_vehicles)
+        is_red = self.state == TrafficLightState.RED
+        self.turned_red = is_red & ~self._was_red
+        self._was_red = is_red
+
+    def _advance_all(self, delta_s: float, has_vehicles: NDArray[np.bool_] | None) -> None:
         self.elapsed_s = np.where(self.frozen, self.elapsed_s, self.elapsed_s + delta_s)
         for junction in self._junctions:
             if not self.frozen[junction.lights[0]]:

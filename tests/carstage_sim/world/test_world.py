@@ -215,6 +215,17 @@ def test_who_stands_at_a_light_that_turns_red_is_away_from_it_for_one_frame(
     ]
 
 
+def test_who_stands_at_a_frozen_red_light_stays_at_it(world: World, stage01: Town) -> None:
+    site = stage01.traffic_lights[0]
+    x, y, _ = site.trigger[0].center
+    world.spawn(CAR, {}, Pose((x, y, 0.2), site.trigger[0].rotation_deg))
+    world.lights.freeze_all(True)
+    world.lights.set_state(0, TrafficLightState.RED)
+    ticks(world, 1)
+    for _ in range(5):
+        assert ticks(world, 1).vehicles.light_id.tolist() == [world.light_ids[0]]
+
+
 def test_vehicle_in_a_trigger_has_the_light_and_outside_has_none(
     world: World, stage01: Town
 ) -> None:
@@ -223,7 +234,7 @@ def test_vehicle_in_a_trigger_has_the_light_and_outside_has_none(
     inside = Pose((x, y, 0.2), site.trigger[0].rotation_deg)
     car = world.spawn(CAR, {}, inside)
     world.lights.set_state(0, TrafficLightState.RED)
-    columns = ticks(world, 1).vehicles
+    columns = ticks(world, 2).vehicles
     assert columns.light_id.tolist() == [world.light_ids[0]]
     assert columns.light_state.tolist() == [TrafficLightState.RED]
     world.set_pose(car.actor_id, Pose((x, y, 100.0)))

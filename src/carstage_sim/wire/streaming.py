@@ -28,7 +28,7 @@ logger = logging.getLogger(__name__)
 
 _HANDSHAKE_BYTES = 4
 _POLL_S = 0.5
-_SUBSCRIBED_WITHIN_S = 0.25
+SENSORS_SUBSCRIBED_WITHIN_S = 0.25
 SNAPSHOTS_SUBSCRIBED_WITHIN_S = 2.0
 """A client that misses the snapshot of its own tick waits for it until it gives up."""
 _PATIENCE_S = 4.0
@@ -63,7 +63,7 @@ class StreamingServer:
         """Let go of a publisher that waits for a slow subscriber."""
         self._ended.set()
 
-    def expect(self, stream_id: int, within_s: float = _SUBSCRIBED_WITHIN_S) -> None:
+    def expect(self, stream_id: int, within_s: float = SENSORS_SUBSCRIBED_WITHIN_S) -> None:
         """Expect one more subscriber of a stream: a client was just told where to find it.
 
         Clients subscribe in a thread of their own. A script that listens and ticks at once would

@@ -13,6 +13,8 @@ import carla
 
 _DELTA_S = 0.05
 _TIMEOUT_S = 60.0
+_MOST_WAITING = 256
+"""Data of one sensor that may wait; each tick takes what has come."""
 _PACE_S = 0.02
 _HEIGHT_M = 30.0
 
@@ -54,7 +56,7 @@ def healthy_trial(port: int, *, ready: str, until: str) -> HealthyFigures:
     camera.set_attribute("image_size_y", "64")
     sensors = [world.spawn_actor(camera, place)]
     sensors.append(world.spawn_actor(library.find("sensor.other.gnss"), place))
-    arrived: list[queue.Queue[Any]] = [queue.Queue() for _ in sensors]
+    arrived: list[queue.Queue[Any]] = [queue.Queue(_MOST_WAITING) for _ in sensors]
     for sensor, data in zip(sensors, arrived, strict=True):
         sensor.listen(data.put)
     figures = HealthyFigures()

@@ -10,7 +10,10 @@ from carstage_sim.maps import MapFileError, MapSamplingError
 from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.registry import LATER, Call, handles, handles_void
-from carstage_sim.wire.streaming import SNAPSHOTS_SUBSCRIBED_WITHIN_S
+from carstage_sim.wire.streaming import (
+    SENSORS_SUBSCRIBED_WITHIN_S,
+    SNAPSHOTS_SUBSCRIBED_WITHIN_S,
+)
 from carstage_sim.wire.token import stream_token
 from carstage_sim.world.errors import WorldError
 from carstage_sim.world.pose import Pose
@@ -42,7 +45,7 @@ def _get_episode_info(call: Call) -> list[Any]:
 @handles("get_sensor_token")
 def _get_sensor_token(call: Call, stream_id: int) -> list[bytes]:
     if stream_id != call.world.stream_id:
-        call.session.expect_subscriber(stream_id)
+        call.session.expect_subscriber(stream_id, SENSORS_SUBSCRIBED_WITHIN_S)
     else:
         call.session.expect_subscriber(stream_id, SNAPSHOTS_SUBSCRIBED_WITHIN_S)
         if call.connection.held_calls:

@@ -59,8 +59,8 @@ class Session:
         episode_began: publishes the first frame of a new episode; the free run pauses for some
             seconds after it.
         after: runs something in the simulation thread, after some seconds.
-        expect_subscriber: tells that a client is about to subscribe to a stream, and within how many
-            seconds.
+        expect_subscriber: tells that a client is about to subscribe to a stream, and within how
+            many seconds.
     """
 
     simulation: Simulation

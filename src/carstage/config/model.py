@@ -22,6 +22,7 @@ from carstage.config.recording import (
 from carstage.config.rig import Rig, default_rig
 from carstage.config.scene import DEFAULT_MAP, AutopilotScenario, Ego, MapConfig, Scenario
 from carstage.config.sensors import SPRING_ARMS, Sensor
+from carstage.config.supervision import Supervision
 from carstage.config.traffic import Pedestrians, Traffic, Vehicles
 from carstage.config.weather import DEFAULT_PRESET, WeatherConfig
 
@@ -175,6 +176,12 @@ class Config(Section):
         title="Server",
         basic=True,
         description="Where the world is simulated.",
+        group="server",
+    )
+    supervision: Supervision = setting(
+        Supervision,
+        title="Supervision",
+        description="When a server or collector counts as lost.",
         group="server",
     )
     conversion: Conversion = setting(

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import Discriminator, Field, Strict
 
 from carstage.config.fields import Names, Section, problem, setting
+from carstage.config.supervision import restart_every as _restart_every
 
 #: CARLA's bounds of physics sub-steps (documentation of the synchronous mode and the time step).
 MAX_SUBSTEPS = 16
@@ -196,6 +197,7 @@ class EmbeddedServerConfig(Section):
         description="Threads that draw; `auto`: all cores.",
         group="server",
     )
+    restart_every: int = _restart_every()
 
 
 class CarlaServerConfig(Section):
@@ -217,6 +219,7 @@ class CarlaServerConfig(Section):
         description="More arguments of the start script.",
         group="server",
     )
+    restart_every: int = _restart_every()
 
 
 class RemoteServerConfig(Section):

@@ -102,7 +102,8 @@ WHOLE: dict[str, Any] = {
             {"id": "FLOW", "kind": "flow", "attributes": {"image_size": [32, 18]}},
         ],
     },
-    "server": {"kind": "embedded", "port": 3000, "threads": 1},
+    "server": {"kind": "embedded", "port": 3000, "threads": 1, "restart_every": 2},
+    "supervision": {"hang_s": 30.0, "server_memory": 4000, "collector_memory": "auto"},
     "conversion": {"mode": "streaming", "workers": 1, "codecs": {"CAM": "png"}},
     "output": {"keep_raw": True},
 }

@@ -6,13 +6,13 @@ Clients up to 0.9.13 number the labels otherwise than those from 0.9.14 on (CARL
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
 from carstage.errors import AnnotationError
+from carstage.releases import NEWEST, Release, release_of
 
 Rgb = tuple[int, int, int]
 
@@ -95,35 +95,30 @@ _NEW_FROM_OLD: Final = (
 )  # fmt: skip
 
 
-def server_release(version: str) -> tuple[int, int, int]:
-    """``(0, 9, 16)`` of a version text such as ``0.9.16`` or ``0.9.16-dirty``.
+def server_release(version: str) -> Release:
+    """The release of a server that reports ``0.9.16`` or ``0.9.16-dirty``.
 
     Raises:
-        AnnotationError: when it does not begin with three numbers.
+        AnnotationError: when the text holds no three numbers.
     """
-    match = re.match(r"(\d+)\.(\d+)\.(\d+)", version)
-    if match is None:
+    release = release_of(version)
+    if release is None:
         raise AnnotationError(
-            f"The server's version {version!r} is not of the form 0.9.16.",
+            f"The server's version {version!r} is not of the form {NEWEST}.",
             "Record again from a released CARLA server.",
         )
-    major, minor, patch = match.groups()
-    return int(major), int(minor), int(patch)
+    return release
 
 
 def tag_table(server_version: str) -> Mapping[int, Tag]:
     """The tags that a server of this version writes.
 
+    A server newer than all known ones gets the newest table; whether it fits, the self-test finds.
+
     Raises:
-        AnnotationError: for CARLA on Unreal Engine 5 (0.10), whose numbers are not known here.
+        AnnotationError: the text is no version.
     """
-    release = server_release(server_version)
-    if release >= (0, 10, 0):
-        raise AnnotationError(
-            f"The semantic tags of CARLA {server_version} are not known.",
-            "Use a server of 0.9.13 to 0.9.16.",
-        )
-    return TAGS_0_9_14 if release >= (0, 9, 14) else TAGS_0_9_13
+    return TAGS_0_9_14 if server_release(server_version) >= (0, 9, 14) else TAGS_0_9_13
 
 
 def new_tag(old_tag: int) -> int:

@@ -9,7 +9,11 @@ import platform
 import sys
 from typing import List, Optional
 
-from carstage.collector.errors import CollectorError, InterruptedByRequestError
+from carstage.collector.errors import (
+    CollectorError,
+    InterruptedByRequestError,
+    writing_failed,
+)
 from carstage.collector.events import EventStream
 from carstage.collector.plan import Plan
 from carstage.collector.reading import read_plan
@@ -76,7 +80,8 @@ def _run(plan_path: str, events: EventStream, stop: StopRequest) -> int:
 def _record(plan: Plan, events: EventStream, stop: StopRequest) -> int:
     # Only now: a bad plan is refused even where no carla wheel is installed.
     try:
-        from carstage.collector.client import answers, check_versions, client_version, connect
+        from carstage.collector.client import answers, client_version, connect, versions
+        from carstage.collector.dialect import check_versions
         from carstage.collector.episode import EpisodeRecorder, Versions
     except ImportError as error:
         raise CollectorError(
@@ -90,11 +95,10 @@ def _record(plan: Plan, events: EventStream, stop: StopRequest) -> int:
         python=platform.python_version(),
     )
     client = connect(plan.server, stop)
-    versions = Versions(
-        *check_versions(client, [episode.spec.dialect for episode in plan.episodes])
-    )
-    events.emit("connected", server_version=versions.server, map=client.get_world().get_map().name)
-    recorder = EpisodeRecorder(client, versions, plan, events, stop)
+    ends = Versions(*versions(client))
+    check_versions(*ends, [episode.spec.dialect for episode in plan.episodes])
+    events.emit("connected", server_version=ends.server, map=client.get_world().get_map().name)
+    recorder = EpisodeRecorder(client, ends, plan, events, stop)
     code = EXIT_OK
     for episode in plan.episodes:
         try:
@@ -126,6 +130,8 @@ def _record(plan: Plan, events: EventStream, stop: StopRequest) -> int:
 
 
 def _report(error: BaseException, events: EventStream) -> None:
+    if isinstance(error, OSError):
+        error = writing_failed(error)
     if isinstance(error, CollectorError):
         events.emit("error", kind=error.kind, message=error.message, hint=error.hint)
     else:

@@ -1,23 +1,21 @@
-"""The connection to the server: retries with a deadline, versions compared before anything else."""
+"""The connection to the server: retries with a deadline."""
 
 from __future__ import annotations
 
 import logging
-import re
 import time
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any, Iterable, Tuple
+from typing import Any, Tuple
 
 import carla
 
-from carstage.collector.errors import ConnectionFailedError, VersionMismatchError
+from carstage.collector.errors import ConnectionFailedError
 from carstage.collector.plan import ServerPlan
 from carstage.collector.stopping import StopRequest
 
 RETRY_INTERVAL_S = 0.2
 PROBE_TIMEOUT_S = 2.0
 
-_NUMBERS = re.compile(r"(\d+)\.(\d+)\.(\d+)")
 _log = logging.getLogger(__name__)
 
 
@@ -70,32 +68,6 @@ def answers(client: Any, timeout_s: float) -> bool:
     return True
 
 
-def check_versions(client: Any, dialects: Iterable[str]) -> Tuple[str, str]:
-    """Compare client, server and the planned dialects; return client's and server's version.
-
-    Raises:
-        VersionMismatchError: they differ in their numbers.
-    """
-    ours = client.get_client_version()
-    server_version = client.get_server_version()
-    numbers = release_numbers(ours)
-    if release_numbers(server_version) != numbers:
-        raise VersionMismatchError(
-            "The server is CARLA %s, the carla wheel of this Python is %s."
-            % (server_version, ours),
-            "Run the collector under a Python that has the wheel of the server's version.",
-        )
-    for dialect in dialects:
-        if release_numbers(dialect) != numbers:
-            raise VersionMismatchError(
-                "The episode is planned for CARLA %s, the server is %s."
-                % (dialect, server_version),
-                "Plan the run anew for this server.",
-            )
-    return ours, server_version
-
-
-def release_numbers(text: str) -> Tuple[int, ...]:
-    """The release's numbers of a version text: ``0.9.15-dirty`` is ``(0, 9, 15)``."""
-    match = _NUMBERS.search(text)
-    return tuple(int(number) for number in match.groups()) if match else ()
+def versions(client: Any) -> Tuple[str, str]:
+    """What client and server say that they are."""
+    return str(client.get_client_version()), str(client.get_server_version())

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+
+OUT_OF_SPACE = frozenset((errno.ENOSPC, errno.EDQUOT, errno.EFBIG))
+"""No space on the disk, none left of the user's quota, a file larger than may be."""
+
 
 class CollectorError(Exception):
     """Base of the collector's errors.
@@ -49,6 +54,21 @@ class RecordingError(CollectorError):
     """The recording itself broke: a sensor died, a frame was lost, the disk refused."""
 
     kind = "recording"
+
+
+class DiskFullError(RecordingError):
+    """There is no space left for the recording."""
+
+    kind = "disk"
+
+
+def writing_failed(error: OSError) -> RecordingError:
+    """The error to raise when the raw log cannot be written."""
+    kind = DiskFullError if error.errno in OUT_OF_SPACE else RecordingError
+    return kind(
+        "Writing the raw log failed: %s." % error,
+        "Check the space and the rights of the output folder.",
+    )
 
 
 class InterruptedByRequestError(CollectorError):

@@ -6,6 +6,7 @@ from typing import Any, Mapping, Sequence
 
 import carla
 
+from carstage.collector.dialect import set_day_night_cycle
 from carstage.collector.world import WorldSession
 
 # Angles and thresholds of the Traffic Manager's vehicle lights (LibCarla, VehicleLightStage and
@@ -48,8 +49,7 @@ class Lamps:
     def switch_street_lamps(self) -> None:
         """``auto`` leaves them to the server, which lights them when the sun is low."""
         manager = self._session.world.get_lightmanager()
-        if hasattr(manager, "set_day_night_cycle"):  # clients before 0.9.14 lack it
-            manager.set_day_night_cycle(self._mode == "auto")
+        set_day_night_cycle(manager, self._mode == "auto")
         if self._mode == "auto":
             return
         lamps = manager.get_all_lights(carla.LightGroup.Street)

@@ -11,7 +11,7 @@ import time
 from queue import Empty, SimpleQueue
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple, Type
 
-from carstage.collector.errors import RecordingError
+from carstage.collector.errors import RecordingError, writing_failed
 from carstage.collector.matching import OFF, OK, ExpectedFrame, FrameMatcher, JoinedFrame, LedgerRow
 from carstage.collector.sensors.base import Sensor
 from carstage.collector.snapshots import WorldMoment
@@ -134,10 +134,11 @@ class Pipeline:
         error = self._failures[0] if self._failures else None
         if isinstance(error, RecordingError):
             raise error
+        if isinstance(error, OSError):
+            raise writing_failed(error) from error
         if error is not None:
             raise RecordingError(
-                "Writing the raw log failed: %s." % error,
-                "Check the space and the rights of the output folder.",
+                "Recording failed: %s." % error, "See the collector's log."
             ) from error
 
     def callback(self, sensor: str) -> Callable[[Any], None]:

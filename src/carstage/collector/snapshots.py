@@ -151,13 +151,6 @@ def actor_row(actor: Any) -> Dict[str, Any]:
     }
 
 
-def weather_values(weather: Any) -> Dict[str, float]:
-    """The values of a ``carla.WeatherParameters``; older clients know 13 of the 14."""
-    return {
-        name: float(getattr(weather, name)) for name in WEATHER_PARAMETERS if hasattr(weather, name)
-    }
-
-
 def _box(actor: Any) -> Dict[str, List[float]]:
     # Asking for the box of a sensor or a controller is a call to the server that may fail there.
     if not actor.type_id.startswith(_WITH_BOX):

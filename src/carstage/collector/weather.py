@@ -7,9 +7,10 @@ from typing import Any, Dict, List, Mapping, Sequence, Tuple
 
 import carla
 
+from carstage.collector.dialect import weather_values
 from carstage.collector.errors import SceneError
 from carstage.collector.plan import WeatherMoment, WeatherPlan
-from carstage.collector.snapshots import WEATHER_PARAMETERS, weather_values
+from carstage.collector.snapshots import WEATHER_PARAMETERS
 
 Values = Dict[str, float]
 
@@ -70,7 +71,8 @@ class Weather:
             setattr(weather, name, value)
         self._world.set_weather(weather)
         self._planned = values
-        self.values = weather_values(weather)  # as the client rounds them, and the server gets them
+        # As the client rounds them, and the server gets them.
+        self.values = weather_values(weather, WEATHER_PARAMETERS)
 
 
 def planned_timeline(plan: WeatherPlan) -> Timeline:
@@ -79,7 +81,8 @@ def planned_timeline(plan: WeatherPlan) -> Timeline:
     Raises:
         SceneError: unknown preset or parameter.
     """
-    values = _values(plan.begin, weather_values(carla.WeatherParameters()), "weather")
+    usual = weather_values(carla.WeatherParameters(), WEATHER_PARAMETERS)
+    values = _values(plan.begin, usual, "weather")
     moments: List[Tuple[float, Values]] = [(0.0, values)]
     for index, change in enumerate(plan.changes):
         values = _values(change, values, "weather.changes[%d]" % index)
@@ -99,8 +102,10 @@ def _values(moment: WeatherMoment, before: Values, path: str) -> Values:
         }
         if moment.preset not in presets:
             raise _unknown(path + ".preset", moment.preset, presets)
-        values = weather_values(presets[moment.preset])
+        values = weather_values(presets[moment.preset], WEATHER_PARAMETERS)
     for name, value in moment.parameters.items():
+        if name in WEATHER_PARAMETERS and name not in values and value == 0.0:
+            continue  # an older client lacks it, and its weather has none of it
         if name not in WEATHER_PARAMETERS or name not in values:
             raise _unknown(path + ".parameters", name, values)
         values[name] = value

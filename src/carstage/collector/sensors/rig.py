@@ -7,6 +7,7 @@ from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 import carla
 
 from carstage.collector.actors import find_blueprint
+from carstage.collector.dialect import attachment_type, is_listening
 from carstage.collector.errors import SceneError
 from carstage.collector.plan import FOLLOW, EpisodeSpec, SensorPlan
 from carstage.collector.sensors import SENSOR_KINDS
@@ -63,7 +64,7 @@ class Rig:
             self._followers.append((actor, carrier, sensor))
             return actor
         name = _ATTACHMENTS.get(sensor.attachment, "Rigid")
-        kind = getattr(carla.AttachmentType, name, None)
+        kind = attachment_type(name)
         if kind is None:
             raise SceneError(
                 "%s.attachment: this CARLA client has no %s." % (path, name), "Use rigid or follow."
@@ -88,7 +89,7 @@ class Rig:
     def stop(self) -> None:
         """Stop listening; stopping what never listened does nothing."""
         for actor in self.actors.values():
-            if actor.is_listening:
+            if is_listening(actor):
                 actor.stop()
 
 

@@ -36,6 +36,10 @@ class ServerError(CarStageError, RuntimeError):
     """A CARLA server did not start, answer, or stay alive; carries the tail of its log."""
 
 
+class ServerEndedError(ServerError):
+    """A server ended by itself while it started."""
+
+
 class CollectorError(CarStageError, RuntimeError):
     """Recording an episode failed."""
 
@@ -54,6 +58,10 @@ class ConversionError(CarStageError, RuntimeError):
 
 class StorageError(CarStageError, RuntimeError):
     """The store refused, lost or would silently overwrite something."""
+
+
+class DiskFullError(StorageError):
+    """There is no space left where the run writes; another attempt would end alike."""
 
 
 class EpisodeExistsError(StorageError, FileExistsError):

@@ -132,8 +132,6 @@ def _record(plan: Plan, events: EventStream, stop: StopRequest) -> int:
 def _report(error: BaseException, events: EventStream) -> None:
     if isinstance(error, OSError):
         error = writing_failed(error)
-    if isinstance(error, OSError):
-        error = writing_failed(error)
     if isinstance(error, CollectorError):
         events.emit("error", kind=error.kind, message=error.message, hint=error.hint)
     else:

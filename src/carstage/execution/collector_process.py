@@ -33,6 +33,7 @@ class CollectorProcess:
         plan_path: where the plan is written.
         log_path: file that its standard error is appended to.
         python: interpreter with the ``carla`` wheel that fits the server.
+        module: what it runs; another one speaks the same way (measurements have such clients).
     """
 
     def __init__(
@@ -42,11 +43,13 @@ class CollectorProcess:
         plan_path: Path,
         log_path: Path,
         python: str = sys.executable,
+        module: str = "carstage.collector",
     ) -> None:
         self._plan = plan
         self._plan_path = plan_path
         self._log_path = log_path
         self._python = python
+        self._module = module
         self._process: subprocess.Popen[bytes] | None = None
         self._buffer = b""
         self._log_start = 0
@@ -61,7 +64,7 @@ class CollectorProcess:
                 [
                     self._python,
                     "-m",
-                    "carstage.collector",
+                    self._module,
                     str(self._plan_path),
                     "--exit-with-input",
                 ],

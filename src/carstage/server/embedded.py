@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -35,6 +35,7 @@ class EmbeddedServer(OwnedServer):
         log_path: file that its output is appended to; None uses a temporary one.
         timeout_s: how long it may take until it is ready.
         environment: added to its environment.
+        arguments: further ones of ``carstage sim``, such as ``("--loop", "2")``.
     """
 
     kind: ClassVar[str] = "embedded"
@@ -49,6 +50,7 @@ class EmbeddedServer(OwnedServer):
         log_path: Path | None = None,
         timeout_s: float = START_S,
         environment: Mapping[str, str] | None = None,
+        arguments: Sequence[str] = (),
     ) -> None:
         super().__init__()
         self._map_name = map_name
@@ -58,6 +60,7 @@ class EmbeddedServer(OwnedServer):
         self._log_path = log_path
         self._timeout_s = timeout_s
         self._environment = environment
+        self._arguments = tuple(arguments)
 
     def start(self) -> Endpoint:
         """Start it and wait for its ready line."""
@@ -96,7 +99,7 @@ class EmbeddedServer(OwnedServer):
             command += ["--map", self._map_name]
         if self._threads is not None:
             command += ["--threads", str(self._threads)]
-        return command
+        return [*command, *self._arguments]
 
     def _not_ready(self, process: ServerProcess, after_s: float) -> ServerError:
         where = f"{self._host}:{self._port or 'auto'}"

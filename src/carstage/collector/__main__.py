@@ -31,13 +31,13 @@ def main(arguments: Optional[List[str]] = None) -> int:
 
     0 all recorded; 1 one failed; 2 bad plan; 130 ended by a signal after finishing the frame.
     """
-    options = _options(arguments)
+    options = parse_options(arguments)
     logging.basicConfig(
         stream=sys.stderr, level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s"
     )
     stop = StopRequest()
     stop.on_signals()
-    events = EventStream(_private_stdout(), stop)
+    events = EventStream(private_stdout(), stop)
     if options.exit_with_input:
         stop.on_closed_input(sys.stdin.fileno())
     code = _run(options.plan, events, stop)
@@ -45,7 +45,8 @@ def main(arguments: Optional[List[str]] = None) -> int:
     return code
 
 
-def _options(arguments: Optional[List[str]]) -> argparse.Namespace:
+def parse_options(arguments: Optional[List[str]]) -> argparse.Namespace:
+    """The command line of the collector, and of clients that stand in for it."""
     parser = argparse.ArgumentParser(prog="python -m carstage.collector", description=main.__doc__)
     parser.add_argument("plan", help="the plan, JSON; see docs/formats/run-folder.md")
     parser.add_argument(
@@ -56,7 +57,7 @@ def _options(arguments: Optional[List[str]]) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def _private_stdout() -> int:
+def private_stdout() -> int:
     """A descriptor of standard output for events alone; the client prints there too."""
     sys.stdout.flush()
     private = os.dup(1)

@@ -180,6 +180,41 @@ def _port(title: str, sentence: str) -> Any:
     return setting("auto", title=title, description=sentence, group="server")
 
 
+SelfTest = Literal["auto", "on", "off", "require"]
+
+
+def _self_test() -> Any:
+    return setting(
+        "auto",
+        title="Self-test",
+        description="Check before the run that the server's pictures, poses, codes and tags are "
+        "what the labels take them for: `on`, `off`, or `require`, which refuses a server that "
+        "fails; `auto`: `off` for the embedded simulator, `on` for others.",
+        group="server",
+    )
+
+
+def _client_python() -> Any:
+    return setting(
+        "auto",
+        title="Client's Python",
+        description="Interpreter with the carla wheel of the server's version; `auto` finds it on "
+        "PATH, among pyenv's versions and uv's.",
+        group="server",
+        min_length=1,
+    )
+
+
+def _create_client_env() -> Any:
+    return setting(
+        False,
+        title="Create the client's Python",
+        description="Where `auto` finds none, let uv make an environment with that wheel in the "
+        "cache folder.",
+        group="server",
+    )
+
+
 class EmbeddedServerConfig(Section):
     """The simulator that ships with Car-STAGE."""
 
@@ -197,6 +232,15 @@ class EmbeddedServerConfig(Section):
         description="Threads that draw; `auto`: all cores.",
         group="server",
     )
+    carla_version: Literal["0.9.13", "0.9.14", "0.9.15", "0.9.16"] = setting(
+        "0.9.16",
+        title="CARLA version",
+        description="The version of CARLA that it speaks and numbers its tags like.",
+        group="server",
+    )
+    client_python: str = _client_python()
+    create_client_env: bool = _create_client_env()
+    self_test: SelfTest = _self_test()
     restart_every: int = _restart_every()
 
 
@@ -219,6 +263,9 @@ class CarlaServerConfig(Section):
         description="More arguments of the start script.",
         group="server",
     )
+    client_python: str = _client_python()
+    create_client_env: bool = _create_client_env()
+    self_test: SelfTest = _self_test()
     restart_every: int = _restart_every()
 
 
@@ -234,6 +281,9 @@ class RemoteServerConfig(Section):
     port: Annotated[int, Field(ge=1, le=65_533)] = setting(
         2000, title="Port", description="Its RPC port.", group="server"
     )
+    client_python: str = _client_python()
+    create_client_env: bool = _create_client_env()
+    self_test: SelfTest = _self_test()
 
 
 ServerConfig = Annotated[

@@ -14,11 +14,19 @@ from types import TracebackType
 from typing import Any
 
 from carstage.errors import CollectorError
+from carstage.execution import borrowed
 
 _READ_BYTES = 1 << 16
 _LONGEST_LINE_BYTES = 1 << 20
 _STOP_S = 20.0
 _TAIL_BYTES = 4000
+
+
+def interpreter_command(python: str, module: str) -> list[str]:
+    """The command that runs a module of ``carstage`` with an interpreter, up to its arguments."""
+    if python == sys.executable:
+        return [python, "-m", module]
+    return [python, borrowed.__file__, module]
 
 
 class CollectorProcess:
@@ -62,9 +70,7 @@ class CollectorProcess:
             self._log_start = log.tell()
             self._process = subprocess.Popen(
                 [
-                    self._python,
-                    "-m",
-                    self._module,
+                    *interpreter_command(self._python, self._module),
                     str(self._plan_path),
                     "--exit-with-input",
                 ],

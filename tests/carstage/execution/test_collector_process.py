@@ -6,6 +6,7 @@ import json
 import os
 import selectors
 import stat
+import venv
 from pathlib import Path
 from typing import Any
 
@@ -130,3 +131,19 @@ def wait_for_first(collector: CollectorProcess) -> str:
         selector.register(collector, selectors.EVENT_READ)
         assert selector.select(DEADLINE_S)
         return str(collector.read_events()[0]["event"])
+
+
+def test_collector_runs_in_a_python_that_lacks_carstage(tmp_path: Path) -> None:
+    venv.create(tmp_path / "env", symlinks=True)
+    plan = {"plan_version": 0}
+    collector = CollectorProcess(
+        plan,
+        plan_path=tmp_path / "plan.json",
+        log_path=tmp_path / "collector.log",
+        python=str(tmp_path / "env" / "bin" / "python"),
+    )
+    with collector as child:
+        refused, finished = listen(child)
+        assert child.wait(DEADLINE_S) == 2
+    assert refused["kind"] == "plan"
+    assert finished["exit_code"] == 2

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.jit import device
 from carstage_sim.maps.street_lamps import StreetLamps
-from carstage_sim.render.jit import device
 from carstage_sim.render.materials import Glow
 
 _HEAD, _TAIL, _REVERSE = int(Glow.HEAD_LAMP), int(Glow.TAIL_LAMP), int(Glow.REVERSE_LAMP)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from carstage_sim.jit import device, kernel
 from carstage_sim.render.cast import NOTHING, trace
 from carstage_sim.render.detail import ASPHALT, LEAVES, WINDOW, faded, pattern, window
-from carstage_sim.render.jit import device, kernel
 from carstage_sim.render.lamps import glow, lamp_light
 from carstage_sim.render.materials import Glow
 

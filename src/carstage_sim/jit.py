@@ -1,0 +1,72 @@
+"""How kernels are compiled, and where their machine code is kept between runs.
+
+Every kernel runs without the interpreter lock and without a threading layer of numba's own: the
+renderer hands bands of rays to its own few threads, so no kernel may be ``parallel=True``. None is
+compiled with ``fastmath``: the same input gives the same bits.
+
+Numba looks only at the file of the outermost function when it decides whether cached code is stale;
+an edited callee or constant in another file would go unnoticed. So code is kept in a folder whose
+name is a hash over all sources beside the kernel's own, and a kernel only calls what lies in its
+own folder: an edit there compiles that folder's kernels anew, and no others.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding as llvm
+import numba
+
+from carstage_sim.cache import cache_folder
+
+
+@cache
+def kernel_cache_key(package: Path) -> str:
+    """Hash over the sources in a folder, this module, numba's version and the CPU."""
+    digest = hashlib.sha256()
+    for source in (Path(__file__), *sorted(package.glob("*.py"))):
+        digest.update(source.name.encode())
+        digest.update(source.read_bytes())
+    cpu = f"{llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
+    digest.update(f"{numba.__version__} {cpu}".encode())
+    return digest.hexdigest()[:16]
+
+
+def kernel_cache(package: Path) -> Path:
+    """Where machine code of the kernels in exactly this state of a folder is kept."""
+    return cache_folder() / "kernels" / f"{package.name}-{kernel_cache_key(package)}"
+
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+_FAST: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+
+
+def _cached(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
+    """Numba reads where to keep machine code when it decorates a function."""
+    config: Any = numba.config  # whose names are made at run time
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(kernel_cache(Path(function.__code__.co_filename).parent))
+    try:
+        compiled: Callable[..., Any] = numba.njit(cache=True, **_FAST, **options)(function)
+    finally:
+        config.CACHE_DIR = before
+    return compiled
+
+
+builder: Decorator = _cached
+"""Decorator of functions that make arrays and that Python calls."""
+
+kernel: Decorator = partial(_cached, _nrt=False)
+"""Decorator of functions that Python calls and that only use arrays they are given.
+
+Without numba's run time they count no references: in code that touches a dozen arrays for every
+ray, the atomic counters would cost as much as the ray.
+"""
+
+device: Decorator = partial(numba.njit, _nrt=False, **_FAST)
+"""Decorator of functions that only kernels call; compiled into each kernel that uses them."""

@@ -1,0 +1,78 @@
+"""Machine code of kernels is used again for exactly the sources that it was compiled from."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import sys
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any
+
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+import carstage_sim
+from carstage_sim import jit
+from carstage_sim.cache import CACHE_VARIABLE
+
+KERNEL = """
+from carstage_sim.jit import kernel
+from kernels_of_a_test.callee import FACTOR
+
+@kernel
+def scaled(value):
+    return FACTOR * value
+"""
+
+
+def imported_again(name: str) -> ModuleType:
+    for loaded in [known for known in sys.modules if known.startswith("kernels_of_a_test")]:
+        del sys.modules[loaded]
+    jit.kernel_cache_key.cache_clear()
+    importlib.invalidate_caches()
+    return importlib.import_module(name)
+
+
+def test_an_edit_beside_a_kernel_compiles_it_anew_and_one_elsewhere_does_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package, elsewhere = tmp_path / "kernels_of_a_test", tmp_path / "elsewhere"
+    for folder in (package, elsewhere):
+        folder.mkdir()
+        (folder / "__init__.py").touch()
+    (package / "outer.py").write_text(KERNEL)
+    (package / "callee.py").write_text("FACTOR = 2\n")
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.syspath_prepend(tmp_path)
+    first = imported_again("kernels_of_a_test.outer").scaled
+    assert (first(3), sum(first.stats.cache_misses.values())) == (6, 1)
+    (elsewhere / "__init__.py").write_text("EDITED = True\n")
+    same = imported_again("kernels_of_a_test.outer").scaled
+    assert (same(3), sum(same.stats.cache_hits.values())) == (6, 1)
+    (package / "callee.py").write_text("FACTOR = 5\n")
+    edited = imported_again("kernels_of_a_test.outer").scaled
+    assert edited(3) == 15
+
+
+def callees(function: FunctionType) -> list[Dispatcher]:
+    """Compiled functions that a function names."""
+    named: list[Any] = [function.__globals__.get(name) for name in function.__code__.co_names]
+    return [value for value in named if isinstance(value, Dispatcher)]
+
+
+def test_kernels_only_call_what_lies_in_their_own_folder() -> None:
+    found = 0
+    for info in pkgutil.walk_packages(carstage_sim.__path__, "carstage_sim."):
+        if info.name.endswith("__main__") or ".check" in info.name:
+            continue
+        module = importlib.import_module(info.name)
+        for value in vars(module).values():
+            if isinstance(value, Dispatcher) and value.py_func.__module__ == info.name:
+                package = info.name.rpartition(".")[0]
+                for callee in callees(value.py_func):
+                    assert callee.py_func.__module__.rpartition(".")[0] == package, value
+                    found += 1
+    assert found

@@ -4,9 +4,10 @@ As in CARLA, the lights of one junction form a group; one phase of it is green a
 yellow, then red for ``red_s`` seconds before the next phase starts. ``red_s`` is thus the clearing
 time, not how long a light stays red.
 
-Unlike CARLA's, the signals are actuated, as most in real cities are: a green that nobody uses ends
-early when somebody waits elsewhere at the junction, and phases that nobody waits for are left out.
-While nobody is about, or once a client has set a light of the junction, the cycle is CARLA's.
+Unlike CARLA's, the signals are actuated, as most in real cities are: a green lasts while it is used,
+up to a limit when somebody waits elsewhere at the junction, ends early when nobody uses it, and
+phases that nobody waits for are left out. ``green_s`` then has no say. While nobody is about, or
+once a client has set a light of the junction, the cycle is CARLA's.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ YELLOW_S = 3.0
 RED_S = 2.0
 LEAST_GREEN_S = 3.0
 GAP_S = 1.0
-"""A green ends early when for so long nobody was before it."""
+"""An actuated green ends when for so long nobody was before it, and somebody waits elsewhere."""
+LONGEST_GREEN_S = 40.0
+"""An actuated green that is used ends when somebody has waited elsewhere for so long."""
 
 _ROUNDING_S = 1e-6
 """Time is a sum of steps: without this, 200 times 0.05 s would fall short of 10 s."""
@@ -55,6 +58,7 @@ class _Junction:
 
     Attributes:
         unused_s: for how long nobody has been before the lights of the active phase.
+        called_s: for how long somebody has been before another one.
         is_led_by_client: whether a client set a light here; the cycle then is of fixed lengths.
     """
 
@@ -63,6 +67,7 @@ class _Junction:
     part: TrafficLightState = TrafficLightState.GREEN
     elapsed_s: float = 0.0
     unused_s: float = 0.0
+    called_s: float = 0.0
     is_led_by_client: bool = False
 
     @property
@@ -140,19 +145,17 @@ class TrafficLightSystem:
         junction.elapsed_s += delta_s
         junction.unused_s = 0.0 if wanted[junction.active] else junction.unused_s + delta_s
         if junction.part == TrafficLightState.GREEN and any(wanted):
+            ends = _green_ends(junction, delta_s, wanted)
             green_s = self._duration_s(junction)
-            if not any(wanted[: junction.active] + wanted[junction.active + 1 :]):
-                junction.elapsed_s = min(junction.elapsed_s, green_s)
+            junction.elapsed_s = green_s if ends else min(junction.elapsed_s, green_s)
+            if not ends:
                 return
-            is_unused = junction.unused_s + _ROUNDING_S >= GAP_S
-            if is_unused and junction.elapsed_s + _ROUNDING_S >= LEAST_GREEN_S:
-                junction.elapsed_s = max(junction.elapsed_s, green_s)
         while junction.elapsed_s + _ROUNDING_S >= self._duration_s(junction):
             junction.elapsed_s = max(junction.elapsed_s - self._duration_s(junction), 0.0)
             junction.part = _NEXT[junction.part]
             if junction.part == TrafficLightState.GREEN:
                 junction.active = _next_phase(junction.active, wanted)
-                junction.unused_s = 0.0
+                junction.unused_s = junction.called_s = 0.0
             self._show(junction.phases[junction.active], junction.part, junction.elapsed_s)
 
     def _duration_s(self, junction: _Junction) -> float:
@@ -261,6 +264,16 @@ class TrafficLightSystem:
             ``(N,)`` int32 index of a light, or -1.
         """
         return self._triggers.owners_at(center, half_size, yaw_rad)
+
+
+def _green_ends(junction: _Junction, delta_s: float, wanted: list[bool]) -> bool:
+    """Whether a green gives way: it is unused, or others have waited long enough."""
+    called = any(wanted[: junction.active] + wanted[junction.active + 1 :])
+    junction.called_s = junction.called_s + delta_s if called else 0.0
+    is_unused = junction.unused_s + _ROUNDING_S >= GAP_S
+    if is_unused and junction.elapsed_s + _ROUNDING_S >= LEAST_GREEN_S:
+        return called
+    return junction.called_s + _ROUNDING_S >= LONGEST_GREEN_S
 
 
 def _next_phase(active: int, wanted: list[bool]) -> int:

@@ -11,6 +11,7 @@ from carstage_sim.maps.town import OrientedBox, TrafficLightSite
 from carstage_sim.world.traffic_lights import (
     GAP_S,
     LEAST_GREEN_S,
+    LONGEST_GREEN_S,
     TrafficLightState,
     TrafficLightSystem,
 )
@@ -100,10 +101,13 @@ def test_a_green_that_nobody_uses_ends_early_when_somebody_waits(
     assert lights.state[:3].tolist() == [RED, GREEN, RED]
 
 
-def test_a_green_lasts_its_time_while_others_wait_too(lights: TrafficLightSystem) -> None:
-    run_with(lights, 9.95, 0, 1)
+def test_a_used_green_lasts_until_others_have_waited_long(lights: TrafficLightSystem) -> None:
+    run_with(lights, 20.0, 0)
+    run_with(lights, LONGEST_GREEN_S - 0.05, 0, 1)
     assert lights.state[0] == GREEN
     run_with(lights, 0.05, 0, 1)
+    assert lights.state[0] == YELLOW
+    run_with(lights, 2.95, 0, 1)
     assert lights.state[0] == YELLOW
 
 
@@ -116,18 +120,18 @@ def test_a_gap_in_the_queue_shorter_than_its_limit_does_not_end_a_green(
     assert lights.state[0] == GREEN
 
 
-def test_a_green_stays_while_nobody_waits_elsewhere_and_ends_when_somebody_comes(
+def test_a_green_stays_while_nobody_waits_elsewhere_and_ends_when_only_others_are_left(
     lights: TrafficLightSystem,
 ) -> None:
-    run_with(lights, 30.0, 0)
+    run_with(lights, 3 * LONGEST_GREEN_S, 0)
     assert lights.state[0] == GREEN
-    run_with(lights, 0.05, 0, 1)
+    run_with(lights, GAP_S, 1)
     assert lights.state[0] == YELLOW
 
 
 def test_phases_that_nobody_waits_for_are_left_out() -> None:
     lights = TrafficLightSystem([site(str(n), 1, n) for n in range(3)])
-    run_with(lights, 10.0 + 5.0, 0, 2)
+    run_with(lights, LONGEST_GREEN_S + 5.0, 0, 2)
     assert lights.state.tolist() == [RED, RED, GREEN]
 
 

@@ -4,9 +4,9 @@ As in CARLA, the lights of one junction form a group; one phase of it is green a
 yellow, then red for ``red_s`` seconds before the next phase starts. ``red_s`` is thus the clearing
 time, not how long a light stays red.
 
-Unlike CARLA's, the signals are actuated, as most in real cities are: a green lasts while it is used,
-up to a limit when somebody waits elsewhere at the junction, ends early when nobody uses it, and
-phases that nobody waits for are left out. ``green_s`` then has no say. While nobody is about, or
+Unlike CARLA's, the signals are actuated, as most in real cities are: a green lasts while it is
+used, up to a limit when somebody waits elsewhere at the junction, ends early when nobody uses it,
+and phases that nobody waits for are left out. ``green_s`` then has no say. While nobody is about, or
 once a client has set a light of the junction, the cycle is CARLA's.
 """
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 
-from carstage_sim.maps import MapCatalogue
+from carstage_sim.maps import BackgroundBakes, Bake, MapCatalogue
 from carstage_sim.recording import RecorderDeck
 from carstage_sim.sensors import SensorAttributeError, SensorSuite
 from carstage_sim.sensors.frames import SensorFrame, SensorRequest
@@ -53,6 +53,7 @@ class Simulation:
         world: the current episode.
         settings: episode settings; they outlive an episode unless it is loaded with a reset.
         maps: the maps that clients may load.
+        bakes: makes those that are not in the cache while the world runs on.
         imu_gravity: m/s^2, what clients set for IMU sensors.
         recordings: the recorder and the replayer.
 
@@ -72,10 +73,12 @@ class Simulation:
         self.imu_gravity = _STANDARD_GRAVITY
         self.recordings = RecorderDeck()
         self.maps = maps or MapCatalogue()
+        self.bakes = BackgroundBakes(self.maps.cache_folder)
         self._threads = threads
         self._loop = loop
         self._watched_before = False
         self._stepped_at_s = time.monotonic()
+        self._source = self.maps.source(town_name)
         self._town = self.maps.load(town_name)
         self.world = self._new_world(1, None)
         self._sensors = self._new_suite()
@@ -89,12 +92,24 @@ class Simulation:
         _value: BaseException | None,
         _traceback: TracebackType | None,
     ) -> None:
+        self.bakes.close()
         self.recordings.end_episode()
         self._sensors.close()
 
     def warm_up(self) -> None:
         """Compile and run every kernel once, so that no client waits for a compiler."""
         self._sensors.warm_up()
+
+    def prepare(self, town_name: str) -> Bake:
+        """Begin to bake a map, unless it can be loaded at once; the world may run on meanwhile.
+
+        Raises:
+            UnknownTownError: there is no map of that name.
+            MapFileError: its file cannot be read.
+            MapSamplingError: nothing can be made of it.
+        """
+        source = self.maps.source(town_name)
+        return Bake(source, finished=True) if source == self._source else self.bakes.begin(source)
 
     def load(self, town_name: str, *, reset_settings: bool) -> None:
         """Replace the episode by a new one on a map, which may be the same.
@@ -105,8 +120,10 @@ class Simulation:
             MapSamplingError: nothing can be made of it.
         """
         before = self.world
-        if town_name != self._town.name:
+        source = self.maps.source(town_name)
+        if source != self._source or town_name != self._town.name:
             self._town = self.maps.load(town_name)
+            self._source = source
             self._sensors.close()
             self._sensors = self._new_suite()
             self._sensors.warm_up()

@@ -4,8 +4,9 @@
 ``Town``.
 """
 
+from carstage_sim.maps.background import BackgroundBakes, Bake
 from carstage_sim.maps.baking import BakeOptions
-from carstage_sim.maps.catalogue import MapCatalogue, MapFileError
+from carstage_sim.maps.catalogue import MapCatalogue, MapFileError, generated_source
 from carstage_sim.maps.checking import MapSamplingError
 from carstage_sim.maps.ground import GroundHeight, ground_height
 from carstage_sim.maps.loading import (
@@ -17,6 +18,8 @@ from carstage_sim.maps.loading import (
 from carstage_sim.maps.town import Town
 
 __all__ = [
+    "BackgroundBakes",
+    "Bake",
     "BakeOptions",
     "GroundHeight",
     "MapCatalogue",
@@ -25,6 +28,7 @@ __all__ = [
     "Town",
     "UnknownTownError",
     "available_towns",
+    "generated_source",
     "ground_height",
     "load_town",
     "spawn_point_count",

@@ -14,12 +14,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from carstage_sim.maps.baking import BakeOptions
-from carstage_sim.maps.checking import MapSamplingError
 from carstage_sim.maps.loading import (
+    TownSource,
     UnknownTownError,
     available_towns,
-    load_town,
-    town_from_opendrive,
+    built_in_source,
+    is_baked,
+    town_of,
 )
 from carstage_sim.maps.town import Town
 
@@ -47,6 +48,9 @@ class MapCatalogue:
         aliases: names that stand for maps.
         cache_folder: where baked towns are kept; by default in the user's cache folder.
 
+    Attributes:
+        cache_folder: as given.
+
     Raises:
         MapFileError: a source is missing or holds no map, or an alias leads nowhere.
     """
@@ -63,8 +67,8 @@ class MapCatalogue:
             for path in _maps_in(source):
                 self._files.setdefault(path.stem, path)
         self._aliases = dict(aliases or {})
-        self._generated: dict[str, tuple[str, BakeOptions]] = {}
-        self._cache_folder = cache_folder
+        self._generated: dict[str, TownSource] = {}
+        self.cache_folder = cache_folder
         self._announced: set[str] = set()
         for alias, name in self._aliases.items():
             if self._true_name(name) is None:
@@ -118,30 +122,41 @@ class MapCatalogue:
         if true != name and name not in self._announced:
             self._announced.add(name)
             logger.warning("there is no map %s: %s stands in for it", name, true)
-        if true in self._generated:
-            text, options = self._generated[true]
-            town = town_from_opendrive(true, text, options, cache_folder=self._cache_folder)
-        elif true in self._files:
-            town = self._from_file(true, self._files[true])
-        else:
-            town = load_town(true, cache_folder=self._cache_folder)
+        town = town_of(self.source(true), cache_folder=self.cache_folder)
         return town if true == name else dataclasses.replace(town, name=name)
 
-    def _from_file(self, name: str, path: Path) -> Town:
-        text = _read(path)
-        try:
-            return town_from_opendrive(name, text, cache_folder=self._cache_folder)
-        except MapSamplingError as error:
-            raise MapSamplingError(f"{path}: {error}") from error
+    def source(self, name: str) -> TownSource:
+        """What the map that answers to a name is baked from.
 
-    def generate(self, opendrive: str, options: BakeOptions) -> None:
-        """Bakes a text that a client sent; it can then be loaded as ``OpenDriveMap``.
+        Raises:
+            UnknownTownError: there is no such map.
+            MapFileError: its file cannot be read.
+        """
+        true = self.resolve(name)
+        if true in self._generated:
+            return self._generated[true]
+        if true in self._files:
+            path = self._files[true]
+            return TownSource(true, _read(path), origin=str(path))
+        return built_in_source(true)
+
+    def is_baked(self, source: TownSource) -> bool:
+        """Whether a map need not be baked before it is loaded."""
+        return is_baked(source, cache_folder=self.cache_folder)
+
+    def generate(self, source: TownSource) -> None:
+        """Bakes what a client sent; it can then be loaded under its name.
 
         Raises:
             MapSamplingError: nothing can be made of it; what was generated before stays.
         """
-        town_from_opendrive(GENERATED, opendrive, options, cache_folder=self._cache_folder)
-        self._generated[GENERATED] = (opendrive, options)
+        town_of(source, cache_folder=self.cache_folder)
+        self._generated[source.name] = source
+
+
+def generated_source(opendrive: str, options: BakeOptions) -> TownSource:
+    """The source of a map that a client sent; it will be ``OpenDriveMap``."""
+    return TownSource(GENERATED, opendrive, options)
 
 
 def _maps_in(source: Path) -> list[Path]:

@@ -4,18 +4,38 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 import carstage_sim.cache
 from carstage_sim.maps.baking import EVERYTHING, BakeOptions, bake, sample_in_child
-from carstage_sim.maps.cache import cached_count, cached_town
+from carstage_sim.maps.cache import cached_count, cached_town, town_path
+from carstage_sim.maps.checking import MapSamplingError
 from carstage_sim.maps.levels import station_levels
 from carstage_sim.maps.spawning import spawn_points
 from carstage_sim.maps.strips import strips
 from carstage_sim.maps.town import Town
 from carstage_sim.maps.writer import PLANS, opendrive_of
+
+
+@dataclass(frozen=True, slots=True)
+class TownSource:
+    """All that a town is baked from.
+
+    Attributes:
+        name: the map's short name.
+        opendrive: the file's text.
+        options: what to make of it beside the roads.
+        origin: where the text comes from, for messages; empty if nobody needs to be told.
+    """
+
+    name: str
+    opendrive: str
+    options: BakeOptions = EVERYTHING
+    origin: str = ""
 
 
 class UnknownTownError(LookupError):
@@ -38,6 +58,18 @@ def available_towns() -> tuple[str, ...]:
     return tuple(PLANS)
 
 
+@cache
+def built_in_source(name: str) -> TownSource:
+    """What a built-in town is baked from.
+
+    Raises:
+        UnknownTownError: if there is no such town.
+    """
+    if name not in PLANS:
+        raise UnknownTownError(name)
+    return TownSource(name, opendrive_of(PLANS[name]))
+
+
 def load_town(name: str, *, cache_folder: Path | None = None) -> Town:
     """A built-in town, from the cache or baked now (some seconds).
 
@@ -49,9 +81,7 @@ def load_town(name: str, *, cache_folder: Path | None = None) -> Town:
         UnknownTownError: if there is no such town.
         MapSamplingError: if the bake's child process fails.
     """
-    if name not in PLANS:
-        raise UnknownTownError(name)
-    return town_from_opendrive(name, opendrive_of(PLANS[name]), cache_folder=cache_folder)
+    return town_of(built_in_source(name), cache_folder=cache_folder)
 
 
 def spawn_point_count(name: str, *, cache_folder: Path | None = None) -> int:
@@ -68,14 +98,13 @@ def spawn_point_count(name: str, *, cache_folder: Path | None = None) -> int:
     if name not in PLANS:
         raise UnknownTownError(name)
     opendrive = opendrive_of(PLANS[name])
-    folder = cache_folder or carstage_sim.cache.cache_folder() / "towns"
 
     def count() -> int:
         samples = sample_in_child(opendrive, name)
         lanes = strips(samples, station_levels(samples))
         return len(spawn_points(lanes, np.random.default_rng(0)))
 
-    return cached_count(name, opendrive, count, folder)
+    return cached_count(name, opendrive, count, _folder(cache_folder))
 
 
 def town_from_opendrive(
@@ -96,6 +125,38 @@ def town_from_opendrive(
     Raises:
         MapSamplingError: if nothing can be made of the text.
     """
-    folder = cache_folder or carstage_sim.cache.cache_folder() / "towns"
-    key = f"{name} {options}\n{opendrive}"
-    return cached_town(name, key, lambda: bake(name, opendrive, options), folder)
+    return town_of(TownSource(name, opendrive, options), cache_folder=cache_folder)
+
+
+def town_of(source: TownSource, *, cache_folder: Path | None = None) -> Town:
+    """The town of a source, from the cache or baked now (seconds to minutes).
+
+    Args:
+        source: what it is baked from.
+        cache_folder: where baked towns are kept; by default in the user's cache folder.
+
+    Raises:
+        MapSamplingError: if nothing can be made of the text.
+    """
+    name, text, options = source.name, source.opendrive, source.options
+    try:
+        return cached_town(
+            name, _key(source), lambda: bake(name, text, options), _folder(cache_folder)
+        )
+    except MapSamplingError as error:
+        if not source.origin:
+            raise
+        raise MapSamplingError(f"{source.origin}: {error}") from error
+
+
+def is_baked(source: TownSource, *, cache_folder: Path | None = None) -> bool:
+    """Whether :func:`town_of` need not bake."""
+    return town_path(source.name, _key(source), _folder(cache_folder)).exists()
+
+
+def _key(source: TownSource) -> str:
+    return f"{source.name} {source.options}\n{source.opendrive}"
+
+
+def _folder(given: Path | None) -> Path:
+    return given or carstage_sim.cache.cache_folder() / "towns"

@@ -67,6 +67,11 @@ class Connection:
         self._held: list[bytes] = []
 
     @property
+    def closed(self) -> bool:
+        """Whether the client is gone."""
+        return self._channel.closed
+
+    @property
     def reads(self) -> bool:
         """Whether the client has taken most of its replies."""
         return self._channel.unwritten_bytes <= _UNREAD_REPLY_BYTES

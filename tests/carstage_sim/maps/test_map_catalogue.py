@@ -8,7 +8,13 @@ import os
 import pytest
 import small_maps
 
-from carstage_sim.maps import BakeOptions, MapCatalogue, MapFileError, UnknownTownError
+from carstage_sim.maps import (
+    BakeOptions,
+    MapCatalogue,
+    MapFileError,
+    UnknownTownError,
+    generated_source,
+)
 from carstage_sim.maps.cache import prune
 from carstage_sim.maps.checking import MapSamplingError
 
@@ -86,9 +92,10 @@ def test_a_broken_file_is_refused_by_its_path_and_leaves_no_cache(folder, tmp_pa
 
 def test_a_generated_map_is_bare_and_a_broken_one_leaves_the_last(tmp_path):
     catalogue = MapCatalogue(cache_folder=tmp_path)
-    catalogue.generate(small_maps.parking_street(), BakeOptions(scenery=False, wall_height_m=1.0))
+    walled = BakeOptions(scenery=False, wall_height_m=1.0)
+    catalogue.generate(generated_source(small_maps.parking_street(), walled))
     with pytest.raises(MapSamplingError):
-        catalogue.generate("<OpenDRIVE/>", BakeOptions())
+        catalogue.generate(generated_source("<OpenDRIVE/>", BakeOptions()))
     town = catalogue.load("OpenDriveMap")
     assert town.level_objects == ()
     assert (town.static_mesh.tag == 4).any()

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import logging
+from collections.abc import Callable
 from typing import Any
 
-from carstage_sim.maps import MapFileError, MapSamplingError
+from carstage_sim.maps import Bake, MapFileError, MapSamplingError, generated_source
 from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.registry import LATER, Call, handles, handles_void
@@ -25,6 +26,7 @@ _ALL_LAYERS = 0xFFFF
 _ANSWER_AFTER_S = 0.1
 _REOPENED_AFTER_S = 0.3
 _GIVE_UP_S = 5.0
+_BAKE_POLL_S = 0.05
 _HELD_WHILE_REOPENING = frozenset(
     {"get_episode_settings", "get_weather_parameters", "get_vehicle_light_states"}
 )
@@ -124,10 +126,37 @@ def _load_new_episode(
         logger.warning("no map %r was found; there are %s", name, available)
         raise CallError("map not found")
     try:
+        bake = call.simulation.prepare(name)
+    except (MapFileError, MapSamplingError) as error:
+        raise CallError(str(error)) from error
+    return _once_finished(call, bake, lambda: _load(call, bake, name, reset_settings, int(layers)))
+
+
+def _once_finished(call: Call, bake: Bake, go_on: Callable[[], Any]) -> Any:
+    """Go on at once if a town is there; otherwise the world runs on until it is."""
+    if bake.finished:
+        return go_on()
+
+    def look() -> None:
+        call.simulation.bakes.advance()
+        if call.connection.closed:
+            logger.info("who asked for %s is gone: it is baked, not loaded", bake.source.name)
+        elif bake.finished:
+            call.conclude(go_on)
+        else:
+            call.session.after(_BAKE_POLL_S, look)
+
+    call.session.after(_BAKE_POLL_S, look)
+    return LATER
+
+
+def _load(call: Call, bake: Bake, name: str, reset_settings: bool, layers: int) -> Any:
+    try:
+        bake.result()
         call.simulation.load(name, reset_settings=reset_settings)
     except (MapFileError, MapSamplingError) as error:
         raise CallError(str(error)) from error
-    call.world.objects.load_layers(~int(layers), False)
+    call.world.objects.load_layers(~layers, False)
     if not call.session.dialect.reopens_episode:
         call.session.episode_began(0.0)
         return None
@@ -155,12 +184,26 @@ def _unload_map_layer(call: Call, layers: int) -> None:
 
 
 @handles_void("copy_opendrive_to_file")
-def _copy_opendrive_to_file(call: Call, opendrive: str, parameters: list[Any]) -> None:
+def _copy_opendrive_to_file(call: Call, opendrive: str, parameters: list[Any]) -> Any:
     """The first half of ``generate_opendrive_world``; the map is loaded by a call that follows."""
+    source = generated_source(opendrive, values.bake_options(parameters))
     try:
-        call.simulation.maps.generate(opendrive, values.bake_options(parameters))
+        bake = call.simulation.bakes.begin(source)
     except MapSamplingError as error:
-        raise CallError(f"opendrive could not be correctly parsed: {error}") from error
+        raise _unparsed(error) from error
+    return _once_finished(call, bake, lambda: _generate(call, bake))
+
+
+def _generate(call: Call, bake: Bake) -> None:
+    try:
+        bake.result()
+        call.simulation.maps.generate(bake.source)
+    except MapSamplingError as error:
+        raise _unparsed(error) from error
+
+
+def _unparsed(error: MapSamplingError) -> CallError:
+    return CallError(f"opendrive could not be correctly parsed: {error}")
 
 
 @handles("tick_cue")

@@ -104,6 +104,15 @@ class Call:
         actor = self.world.live_or_dead(actor_id)
         return actor if actor.actor_id in self.world.actors else None
 
+    def conclude(self, handle: Callable[[], Any]) -> None:
+        """Answer with what ``handle`` returns, or with the failure that it raises."""
+        try:
+            value = handle()
+            if value is not LATER:
+                self.answer(value)
+        except Exception as error:  # noqa: BLE001 - every failure becomes a reply
+            self.fail(refusal(self.request.name, error, self.request.arguments))
+
     def answer(self, value: Any) -> None:
         """Send a value as this call's reply."""
         self.connection.reply(self.request, _wrapped(_HANDLERS[self.request.name].wrapping, value))
@@ -176,15 +185,14 @@ def serve(session: Session, request: Request) -> None:
             f"{count + 1}.",  # rpclib counts the metadata too
         )
         return
-    call = Call(session, request)
     handled = _HANDLERS[request.name]
-    try:
+
+    def handle() -> Any:
         handled.check(request.name, request.arguments)
-        value = handled.handler(call, *request.arguments)
-        if value is not LATER:
-            call.answer(value)
-    except Exception as error:  # noqa: BLE001 - every failure becomes a reply
-        call.fail(refusal(request.name, error, request.arguments))
+        return handled.handler(call, *request.arguments)
+
+    call = Call(session, request)
+    call.conclude(handle)
 
 
 def refusal(name: str, error: Exception, arguments: object) -> str:

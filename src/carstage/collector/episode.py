@@ -116,7 +116,7 @@ class EpisodeRecorder:
         bytes_per_tick = dict(scene.rig.expected_bytes)
         bytes_per_tick[WORLD] = ACTOR_RECORD.size * EXPECTED_ACTORS
         segment_ticks = ticks_per_segment(spec.fps, bytes_per_tick.values())
-        budget = ByteBudget(self._plan.queue_bytes)
+        budget = ByteBudget(self._plan.queue_bytes, sum(scene.rig.expected_bytes.values()))
         failures: List[BaseException] = []
         writers = stack.enter_context(
             LogWriters(
@@ -127,6 +127,11 @@ class EpisodeRecorder:
                 budget.give_back,
                 lambda sealed: self._announce(episode, sealed),
                 failures.append,
+                {
+                    sensor.id: self._plan.raw_store
+                    for sensor in spec.sensors
+                    if SENSOR_KINDS[sensor.kind].one_size
+                },
             )
         )
         pipeline = stack.enter_context(
@@ -162,7 +167,15 @@ class EpisodeRecorder:
             pipeline.expect(
                 ExpectedFrame(tick, step.frame, step.timestamp_s, k, step.tick_s, moment, seen)
             )
-            self._events.tick(episode.episode_id, tick, k, step.frame, tick == spec.steps - 1)
+            self._events.tick(
+                episode.episode_id,
+                tick == spec.steps - 1,
+                tick=tick,
+                k=k,
+                frame=step.frame,
+                queued_bytes=pipeline.queued_bytes,
+                waited_s=pipeline.waited_s,
+            )
         self._finish(pipeline, writers, spec)
         return Recorded(spec.steps, pipeline.incomplete_ticks)
 

@@ -54,9 +54,9 @@ class EventStream:
                 self._reader_gone = True
                 self._stop.request("nobody reads its events any more")
 
-    def tick(self, episode_id: str, tick: int, k: Optional[int], frame: int, last: bool) -> None:
+    def tick(self, episode_id: str, last: bool, **fields: Any) -> None:
         """Print a ``tick`` event unless one was printed a moment ago; the last one always."""
         now_s = self._clock_s()
         if last or self._last_tick_s is None or now_s - self._last_tick_s >= TICK_INTERVAL_S:
             self._last_tick_s = now_s
-            self.emit("tick", episode_id=episode_id, tick=tick, k=k, frame=frame)
+            self.emit("tick", episode_id=episode_id, **fields)

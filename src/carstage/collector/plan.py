@@ -215,9 +215,11 @@ class Plan:
         sensor_warmup_ticks: sensors are listened to from that many ticks before the first saved
             one; ``None`` listens through the whole warm-up, as a camera with automatic exposure
             needs.
+        raw_store: how payloads of cameras are stored, see ``carstage.rawlog.writing``.
     """
 
     server: ServerPlan
     queue_bytes: int
+    raw_store: str
     sensor_warmup_ticks: Optional[int]
     episodes: Tuple[EpisodePlan, ...]

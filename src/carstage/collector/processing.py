@@ -28,11 +28,14 @@ class ByteBudget:
     """Counts the bytes of sensor data that are in memory; the tick waits when there are too many.
 
     Args:
-        limit_bytes: what may wait for the disk. The frame that comes next may go over it.
+        limit_bytes: what may wait for the disk.
+        tick_bytes: what one more tick will bring; there is room for it when it fits into the limit,
+            or when nothing waits.
     """
 
-    def __init__(self, limit_bytes: int) -> None:
+    def __init__(self, limit_bytes: int, tick_bytes: int = 0) -> None:
         self._limit_bytes = limit_bytes
+        self._tick_bytes = tick_bytes
         self._held_bytes = 0
         self._changed = threading.Condition()
 
@@ -55,7 +58,10 @@ class ByteBudget:
     def wait_for_room(self, timeout_s: float) -> bool:
         """Wait until there is room, at most ``timeout_s``; return whether there is."""
         with self._changed:
-            return self._changed.wait_for(lambda: self._held_bytes <= self._limit_bytes, timeout_s)
+            return self._changed.wait_for(self._has_room, timeout_s)
+
+    def _has_room(self) -> bool:
+        return not self._held_bytes or self._held_bytes + self._tick_bytes <= self._limit_bytes
 
 
 class _Datum(NamedTuple):
@@ -109,6 +115,7 @@ class Pipeline:
         self._newest: Dict[str, int] = dict.fromkeys(sensors, -1)
         self._booked_ticks = 0
         self._incomplete_ticks = 0
+        self._waited_s = 0.0
         self._failures = [] if failures is None else failures
         self._thread = threading.Thread(target=self._run, name="matcher")
 
@@ -116,6 +123,16 @@ class Pipeline:
     def incomplete_ticks(self) -> int:
         """Ticks booked so far with a sensor that is neither ok nor off."""
         return self._incomplete_ticks
+
+    @property
+    def queued_bytes(self) -> int:
+        """Sensor data in memory now."""
+        return self._budget.held_bytes
+
+    @property
+    def waited_s(self) -> float:
+        """How long ticks had to wait for room, in sum."""
+        return self._waited_s
 
     def __enter__(self) -> Pipeline:
         self._thread.start()
@@ -171,11 +188,15 @@ class Pipeline:
             RecordingError: something broke in another thread.
             InterruptedByRequestError: somebody asked to end.
         """
-        while not self._budget.wait_for_room(POLL_S):
-            self.check()
-            stop.check()
-            if not self._strict:
-                self._inbox.put(_FORGET_EARLY)
+        begin_s = self._clock_s()
+        try:
+            while not self._budget.wait_for_room(POLL_S):
+                self.check()
+                stop.check()
+                if not self._strict:
+                    self._inbox.put(_FORGET_EARLY)
+        finally:
+            self._waited_s += self._clock_s() - begin_s
         self.check()
 
     def wait_delivered(self, frame: int, timeout_s: float) -> Tuple[str, ...]:

@@ -30,6 +30,7 @@ from carstage.collector.plan import (
 )
 from carstage.collector.sensors import SENSOR_KINDS
 from carstage.rawlog.format import LEDGER, WORLD, check_stream_name
+from carstage.rawlog.writing import CHUNKLOG, RAW_STORES
 
 PLAN_VERSION = 1
 SPEC_VERSION = 1
@@ -93,6 +94,7 @@ def parse_plan(value: Any) -> Plan:
         queue_bytes=plan.integer("queue_bytes", 1)
         if "queue_bytes" in plan
         else DEFAULT_QUEUE_BYTES,
+        raw_store=plan.text("raw_store", RAW_STORES) if "raw_store" in plan else CHUNKLOG,
         sensor_warmup_ticks=plan.integer("sensor_warmup_ticks", 0)
         if "sensor_warmup_ticks" in plan
         else None,

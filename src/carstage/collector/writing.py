@@ -7,7 +7,7 @@ from queue import SimpleQueue
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from carstage.rawlog.format import LEDGER, Buffer, SealedSegment
-from carstage.rawlog.writing import StreamWriter
+from carstage.rawlog.writing import CHUNKLOG, StreamWriter
 
 Content = Callable[[], Tuple[Mapping[str, Any], Buffer]]
 
@@ -53,6 +53,7 @@ class LogWriters:
         on_written: called with ``size_bytes`` of each record once it is with the kernel.
         on_sealed: called with each sealed segment, from the writer's thread.
         on_failure: called with the error that ended a writer.
+        stores: how payloads of a stream are stored, where not in its records.
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class LogWriters:
         on_written: Callable[[int], None],
         on_sealed: Callable[[SealedSegment], None],
         on_failure: Callable[[BaseException], None],
+        stores: Optional[Mapping[str, str]] = None,
     ) -> None:
         self._on_written = on_written
         self._on_sealed = on_sealed
@@ -81,7 +83,10 @@ class LogWriters:
         for number, stream in enumerate(by_size):
             self._lane_of[stream] = lanes[number % len(lanes)]
         for stream, size in [*expected_segment_bytes.items(), (LEDGER, 0)]:
-            self._writers[stream] = StreamWriter(folder, stream, ticks_per_segment, size)
+            store = (stores or {}).get(stream, CHUNKLOG)
+            self._writers[stream] = StreamWriter(
+                folder, stream, ticks_per_segment, size, store=store
+            )
 
     @property
     def streams(self) -> Sequence[str]:

@@ -323,6 +323,13 @@ class Output(Section):
         description="Keep the raw logs after they have been converted and verified.",
         group="output",
     )
+    raw_store: Literal["chunklog", "mmap"] = setting(
+        "chunklog",
+        title="Raw store",
+        description="Raw pictures in the log's records, or in memory-mapped files, one per camera "
+        "and second (`mmap`, the paper's).",
+        group="output",
+    )
 
 
 def check_substepping(timing: Timing, fps: float) -> None:

@@ -31,7 +31,7 @@ def test_ticks_are_told_ten_times_a_second_and_the_last_one_always(tmp_path: Pat
         events = EventStream(file.fileno(), StopRequest(), clock_s=lambda: now_s)
         for tick in range(100):
             now_s = tick * 0.03125
-            events.tick("id", tick, tick, tick + 7, last=tick == 99)
+            events.tick("id", tick == 99, tick=tick, k=tick, frame=tick + 7)
     told = [json.loads(line)["tick"] for line in (tmp_path / "events").read_text().splitlines()]
     assert told == [*range(0, 100, 4), 99]
 

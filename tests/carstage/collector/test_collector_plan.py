@@ -68,6 +68,7 @@ SPEC = "episodes/0/spec/"
         ("server/port", True, r"server\.port: must be a whole number"),
         ("server/timeout_s", 0, r"server\.timeout_s: must be above 0"),
         ("queue_bytes", 0, "queue_bytes: 0 is out of range"),
+        ("raw_store", "tape", "raw_store: 'tape' is not known"),
         ("episodes", [], "episodes: is empty"),
         ("episodes/0/attempt", "", r"episodes\[0\]\.attempt: must be a text"),
         (SPEC + "spec_version", 9, r"spec\.spec_version: 9 is not known"),

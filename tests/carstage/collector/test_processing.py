@@ -208,6 +208,36 @@ def test_the_tick_waits_while_too_many_bytes_wait_for_the_disk(tmp_path: Path) -
         running.finish()
 
 
+def test_there_is_room_for_a_tick_only_if_all_of_it_fits() -> None:
+    budget = ByteBudget(100, tick_bytes=60)
+    budget.take(40)
+    assert budget.wait_for_room(0.0)
+    budget.take(1)
+    assert not budget.wait_for_room(0.0)
+
+
+def test_a_tick_larger_than_the_budget_is_let_in_when_nothing_waits() -> None:
+    budget = ByteBudget(100, tick_bytes=300)
+    assert budget.wait_for_room(0.0)
+    budget.take(300)
+    assert not budget.wait_for_room(0.0)
+    budget.give_back(300)
+    assert budget.wait_for_room(0.0)
+
+
+def test_how_long_ticks_waited_and_what_is_queued_is_counted(tmp_path: Path) -> None:
+    with recording(tmp_path, steps=1, limit_bytes=60) as running:
+        running.pipeline.wait_for_room(running.stop)
+        before_s = running.pipeline.waited_s
+        running.camera(picture(FIRST_FRAME))
+        running.camera(picture(FIRST_FRAME + 1))
+        assert running.pipeline.queued_bytes == 96
+        threading.Timer(0.2, running.stop.request, ["test"]).start()
+        with pytest.raises(InterruptedByRequestError):
+            running.pipeline.wait_for_room(running.stop)
+        assert running.pipeline.waited_s > before_s
+
+
 def test_a_server_that_runs_on_while_the_tick_waits_does_not_block_it_for_ever(
     tmp_path: Path,
 ) -> None:

@@ -130,11 +130,15 @@ def test_only_planned_frames_are_saved(
     collector: Collector, make_plan: PlanMaker, tmp_path: Path
 ) -> None:
     folder = tmp_path / "raw"
-    assert collector.run(make_plan(folder, steps=10, save_every=4))[0] == 0
+    plan = make_plan(folder, steps=10, save_every=4)
+    plan["raw_store"] = "mmap"
+    assert collector.run(plan)[0] == 0
     log = EpisodeLog(folder)
     assert [row["k"] for row in log.ledger()] == [0, None, None, None, 1, None, None, None, 2, None]
     assert [record.tick for record in log.read_segment("CAM", 0)] == [0, 4, 8]
     assert len(log.world_frames(0)) == 10
+    assert (folder / "CAM" / "000000.raw").stat().st_size == 3 * 4 * 96 * 54
+    assert not (folder / "LIDAR" / "000000.raw").exists()
 
 
 def test_a_termination_signal_gives_everything_back_and_ends_with_130(

@@ -14,7 +14,12 @@ class Sensor(ABC):
     """One kind of sensor: how its data become a record.
 
     Nothing here holds state; ``data`` is the ``carla`` object that the callback got.
+
+    Attributes:
+        one_size: every payload has the same size, so that a file of equal slots can hold them.
     """
+
+    one_size = False
 
     @classmethod
     @abstractmethod

@@ -12,6 +12,7 @@ class Camera(Sensor):
     """A picture of ``4 W H`` bytes, BGRA, row major, exactly as the client hands it out."""
 
     bytes_per_pixel = 4
+    one_size = True
 
     @classmethod
     def expected_bytes(cls, attributes: Attributes, fps: float) -> int:

@@ -9,6 +9,8 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import socket
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,6 +18,7 @@ from pathlib import Path
 
 from carstage.errors import StorageError
 from carstage.runs.folder import FINAL_STATES, is_alive
+from carstage.runs.orphans import end_orphans
 from carstage.storage import Store
 
 _ATTEMPT = re.compile(r"a([1-9][0-9]*)")
@@ -56,10 +59,14 @@ class DeadRun:
 
     Attributes:
         attempts: (episode id, attempt) of what it had begun and neither committed nor removed.
+        begun_s: Unix time at which its process began.
+        foreign: whether it was on another machine, whose processes are not for us to end.
     """
 
     folder: Path
     attempts: tuple[tuple[str, str], ...]
+    begun_s: float
+    foreign: bool = False
 
 
 def dead_runs(out: Path) -> Iterator[DeadRun]:
@@ -72,11 +79,21 @@ def dead_runs(out: Path) -> Iterator[DeadRun]:
         if not isinstance(status, dict) or status.get("state") in FINAL_STATES or is_alive(status):
             continue
         folder = status_path.parent
-        yield DeadRun(folder, tuple(sorted(_begun(folder / "events.jsonl", out))))
+        yield DeadRun(
+            folder,
+            tuple(sorted(_begun(folder / "events.jsonl", out))),
+            float(status.get("pid_started") or time.time()),
+            status.get("host", socket.gethostname()) != socket.gethostname(),
+        )
 
 
 def remove_leftovers(run: DeadRun, store: Store) -> None:
-    """Remove a dead run's raw recordings and unfinished attempts, and mark it as interrupted."""
+    """Remove what a dead run has left, and mark it as interrupted.
+
+    First its processes, which could still write; then its raw recordings and unfinished attempts.
+    """
+    if not run.foreign:
+        end_orphans(run.folder.name, run.begun_s)
     for episode_id, attempt in run.attempts:
         with suppress(StorageError):  # it was committed after all: it stays
             store.discard_attempt(episode_id, attempt)

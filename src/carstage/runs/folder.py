@@ -5,22 +5,27 @@ from __future__ import annotations
 import json
 import os
 import secrets
+import socket
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from io import FileIO
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
 import psutil
 
 from carstage.config import Config, dump_config
 from carstage.plan import EpisodeSpec
+from carstage.runs.disk import disk_error
 
 FORMAT_VERSION = 1
 State = Literal["planning", "starting", "recording", "converting", "done", "failed", "interrupted"]
 FINAL_STATES = ("done", "failed", "interrupted")
+FOREIGN_SILENCE_S = 900.0
+"""Age of the heartbeat at which a run on another machine counts as dead; clocks may differ."""
 
 
 @dataclass(slots=True)
@@ -53,6 +58,7 @@ class RunStatus:
     Attributes:
         pid_started: Unix time at which the process of the run began: a pid alone may be another's.
         heartbeat: Unix time of the last write.
+        host: name of the machine that the run is on; folders may be shared by several.
     """
 
     run_id: str
@@ -63,6 +69,7 @@ class RunStatus:
     episodes: EpisodeCounts
     current: CurrentEpisode | None = None
     message: str | None = None
+    host: str = field(default_factory=socket.gethostname)
 
     def to_json(self) -> dict[str, Any]:
         """The content of the file."""
@@ -80,9 +87,13 @@ class RunFolder:
         stamp = time.strftime("%Y%m%d-%H%M%S", time.gmtime())
         self.run_id = f"{stamp}-{secrets.token_hex(3)}"
         self.path = out / "runs" / self.run_id
-        self.logs.mkdir(parents=True)
-        self.raw.mkdir()
-        self._events: IO[str] = (self.path / "events.jsonl").open("a", encoding="utf-8")
+        self._torn = False
+        try:
+            self.logs.mkdir(parents=True)
+            self.raw.mkdir()
+            self._events: FileIO = (self.path / "events.jsonl").open("ab", buffering=0)
+        except OSError as error:
+            raise disk_error(error, f"the run's folder {self.path}") from error
 
     def __enter__(self) -> RunFolder:
         return self
@@ -132,8 +143,17 @@ class RunFolder:
         """Append one event, with its time unless it brings one; returns the line's content."""
         line = {"time": fields.get("time", time.time()), "event": event}
         line.update({key: value for key, value in fields.items() if key not in line})
-        self._events.write(json.dumps(line, ensure_ascii=False) + "\n")
-        self._events.flush()
+        data = (json.dumps(line, ensure_ascii=False) + "\n").encode()
+        try:
+            # Unbuffered: of a line that finds no room, nothing stays to be tried again.
+            if self._torn:
+                self._events.write(b"\n")
+            self._torn = True
+            while data:
+                data = data[self._events.write(data) :]
+            self._torn = False
+        except OSError as error:
+            raise disk_error(error, f"{self.path / 'events.jsonl'}") from error
         return line
 
 
@@ -147,7 +167,13 @@ def process_start_time(pid: int) -> float:
 
 
 def is_alive(status: Mapping[str, Any]) -> bool:
-    """Whether the process of a run, by its ``status.json``, still exists."""
+    """Whether the process of a run, by its ``status.json``, still exists.
+
+    Of a run on another machine only its heartbeat can be seen from here.
+    """
+    host = status.get("host")
+    if host is not None and host != socket.gethostname():
+        return time.time() - float(status.get("heartbeat", 0.0)) < FOREIGN_SILENCE_S
     try:
         started = process_start_time(int(status["pid"]))
     except (psutil.Error, KeyError, TypeError, ValueError):
@@ -157,5 +183,11 @@ def is_alive(status: Mapping[str, Any]) -> bool:
 
 def _replace(path: Path, document: Mapping[str, Any]) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", "utf-8")
-    temporary.replace(path)
+    try:
+        temporary.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", "utf-8")
+        temporary.replace(path)
+    except OSError as error:
+        raise disk_error(error, str(path)) from error
+    finally:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)

@@ -4,16 +4,28 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from carstage.conversion import EpisodeConversion
-from carstage.errors import StorageError
+from carstage.errors import CarStageError, StorageError
 from carstage.plan import EpisodeSpec
+from carstage.runs.disk import disk_error
 from carstage.storage import Store
+
+
+@contextmanager
+def _disk_errors(what: str) -> Iterator[None]:
+    """Tell errors of the file system as ours, those of the converters' processes too."""
+    try:
+        yield
+    except OSError as error:
+        if isinstance(error, CarStageError):
+            raise
+        raise disk_error(error, what) from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +76,10 @@ class Landing:
         )
 
     @property
+    def _what(self) -> str:
+        return f"episode {self.job.episode_id}, attempt {self.attempt},"
+
+    @property
     def frames_done(self) -> int:
         """Saved frames that are converted."""
         return self._conversion.frames_done
@@ -78,7 +94,8 @@ class Landing:
 
     def convert_all(self) -> None:
         """Hand everything that is recorded to the conversion."""
-        self._conversion.scan()
+        with _disk_errors(self._what):
+            self._conversion.scan()
 
     def is_ready(self) -> bool:
         """Whether all frames are converted.
@@ -86,7 +103,8 @@ class Landing:
         Raises:
             CarStageError: converting one failed.
         """
-        self._conversion.raise_if_failed()
+        with _disk_errors(self._what):
+            self._conversion.raise_if_failed()
         return self._conversion.frames_done >= self.job.spec.saved_frames
 
     def commit(self) -> None:
@@ -96,17 +114,18 @@ class Landing:
             EpisodeExistsError: another run was faster; the attempt is removed.
             CarStageError: converting or committing failed.
         """
-        self._conversion.finish()
-        header = json.loads((self.raw_folder / "episode.json").read_bytes())
-        self._store.commit(
-            self.job.episode_id,
-            self.attempt,
-            frames=self.job.spec.saved_frames,
-            versions={
-                "client": str(header["client_version"]),
-                "server": str(header["server_version"]),
-            },
-        )
+        with _disk_errors(self._what):
+            self._conversion.finish()
+            header = json.loads((self.raw_folder / "episode.json").read_bytes())
+            self._store.commit(
+                self.job.episode_id,
+                self.attempt,
+                frames=self.job.spec.saved_frames,
+                versions={
+                    "client": str(header["client_version"]),
+                    "server": str(header["server_version"]),
+                },
+            )
 
     def remove_raw(self) -> None:
         """Remove the raw recording."""

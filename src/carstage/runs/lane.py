@@ -1,7 +1,8 @@
 """A lane: one server, and a collector on it for each attempt.
 
 Each attempt has a collector process of its own, so that nothing of one episode (client, Traffic
-Manager, sensors) can leak into the next, and a crash costs one attempt.
+Manager, sensors) can leak into the next, and a crash costs one attempt. After an attempt that broke
+off, the server is replaced: what it still holds, and whether it is sound, nobody knows.
 """
 
 from __future__ import annotations
@@ -17,24 +18,36 @@ from functools import partial
 from types import TracebackType
 from typing import Any, Protocol
 
-from carstage.errors import CarStageError, CollectorError, ServerError
+from carstage.errors import (
+    CarStageError,
+    CollectorError,
+    ConversionError,
+    ServerEndedError,
+    StorageError,
+)
 from carstage.execution import CollectorProcess
 from carstage.plan import estimate_tick_s
+from carstage.runs.disk import disk_error
+from carstage.runs.explaining import (
+    FinalCollectorError,
+    LostServerError,
+    explain_end,
+    explain_loss,
+)
 from carstage.runs.folder import RunFolder
 from carstage.runs.interruption import Interruption
 from carstage.runs.landing import Job, Landing
 from carstage.runs.servers import ServerSetup
+from carstage.runs.watching import AttemptWatch, Limits
 from carstage.server import Endpoint, Server
 
 POLL_S = 0.2
 _STALL_S = 600.0
 _STOP_S = 20.0
 _LAST_WORDS_S = 3.0
-_CALL_TIMEOUT_S = 20.0
 _CALL_TIMEOUT_TICKS = 30
 _QUEUE_BYTES = 256 * 1024 * 1024
-#: The collector's errors that another attempt would only repeat.
-_FINAL_KINDS = frozenset({"plan", "scene", "version"})
+_START_TRIES = 2
 
 
 class LaneHost(Protocol):
@@ -52,15 +65,15 @@ class LaneHost(Protocol):
     def waiting(self, what: str) -> AbstractContextManager[None]:
         """A stretch without ``poll``; the heartbeat goes on, and a long one is explained."""
 
-    def recorded(self, landing: Landing) -> None:
-        """An attempt is recorded completely."""
+    def recorded(self, landing: Landing, incomplete_ticks: int) -> bool:
+        """An attempt is recorded to its end; returns whether it may land."""
 
     def attempt_failed(self, landing: Landing, error: CarStageError, *, final: bool) -> None:
         """An attempt failed; ``final``: another one would, too."""
 
 
-class _FinalCollectorError(CollectorError):
-    """The collector refused the episode; another attempt would end alike."""
+#: Errors that say nothing against the server.
+_LEAVE_THE_SERVER = (FinalCollectorError, ConversionError, StorageError)
 
 
 class ServerLane:
@@ -92,6 +105,7 @@ class ServerLane:
         self._clock_s = clock_s
         self._server: Server | None = None
         self._endpoint: Endpoint | None = None
+        self._recorded_on_server = 0
 
     def __enter__(self) -> ServerLane:
         return self
@@ -115,24 +129,35 @@ class ServerLane:
         with self._interruption.held():
             landing = self._host.begin(job)
         try:
-            self._record(landing, endpoint)
-        except CarStageError as error:
+            incomplete_ticks = self._record(landing, endpoint)
+        except (CarStageError, OSError) as problem:
+            error = problem if isinstance(problem, CarStageError) else self._disk_error(problem)
             with self._interruption.held():
                 landing.give_up()
+                if not isinstance(error, _LEAVE_THE_SERVER):
+                    self._stop_server(at_once=isinstance(error, LostServerError))
                 self._host.attempt_failed(
-                    landing, error, final=isinstance(error, _FinalCollectorError)
+                    landing, error, final=isinstance(error, FinalCollectorError)
                 )
         else:
-            self._host.recorded(landing)
+            self._recorded_on_server += 1
+            with self._interruption.held():
+                if not self._host.recorded(landing, incomplete_ticks):
+                    self._stop_server()
+
+    def _disk_error(self, error: OSError) -> StorageError:
+        return disk_error(error, f"in {self._folder.path}")
 
     def _running_endpoint(self) -> Endpoint:
-        if self._server is not None and not self._server.alive():
-            self._stop_server()
+        """Where the server is; it is started, or replaced when it ended or its time is over."""
+        if self._server is not None:
+            worn_out = 0 < self._setup.restart_every <= self._recorded_on_server
+            if worn_out or not self._server.alive():
+                self._stop_server()
         if self._server is None or self._endpoint is None:
-            self._interruption.check()
-            with self._host.waiting("The server is starting; its first start compiles a while."):
-                server, endpoint = self._setup.start(self._folder.logs / "server.log")
+            server, endpoint = self._start_server()
             self._server, self._endpoint = server, endpoint
+            self._recorded_on_server = 0
             self._host.heard(
                 {
                     "event": "server_started",
@@ -144,14 +169,36 @@ class ServerLane:
             )
         return self._endpoint
 
-    def _stop_server(self) -> None:
+    def _start_server(self) -> tuple[Server, Endpoint]:
+        """Start it; once more when it ended by itself, as large servers now and then do."""
+        tries_left = _START_TRIES
+        while True:
+            self._interruption.check()
+            tries_left -= 1
+            try:
+                with self._host.waiting(
+                    "The server is starting; its first start compiles a while."
+                ):
+                    return self._setup.start(self._folder.logs / "server.log")
+            except ServerEndedError as error:
+                if not tries_left:
+                    raise
+                self._host.heard({"event": "server_lost", "reason": str(error)})
+            except OSError as error:
+                raise self._disk_error(error) from error
+
+    def _stop_server(self, *, at_once: bool = False) -> None:
         server, self._server, self._endpoint = self._server, None, None
         if server is not None:
             with self._interruption.held():
-                server.stop()
+                if at_once:
+                    server.kill()
+                else:
+                    server.stop()
                 self._host.heard({"event": "server_stopped", "exit_code": server.exit_code})
 
-    def _record(self, landing: Landing, endpoint: Endpoint) -> None:
+    def _record(self, landing: Landing, endpoint: Endpoint) -> int:
+        """Record the attempt; returns the number of its incomplete ticks."""
         name = f"{landing.job.episode_id}-{landing.attempt}"
         collector = CollectorProcess(
             self._plan(landing, endpoint),
@@ -160,7 +207,7 @@ class ServerLane:
             python=self._python,
         )
         last_words: dict[str, Any] = {}
-        complete = False
+        incomplete_ticks: int | None = None
         with ExitStack() as stack:
             stack.enter_context(self._interruption.held())
             stack.enter_context(collector)
@@ -168,11 +215,12 @@ class ServerLane:
             if endpoint.pid is not None:
                 kill_server = partial(os.killpg, endpoint.pid, signal.SIGKILL)
                 stack.enter_context(self._interruption.kills(kill_server))
-            for event in self._listen(collector):
+            watch = stack.enter_context(self._watch(endpoint, collector))
+            for event in self._listen(collector, watch):
                 if event["event"] == "segment_sealed":
                     landing.segment_sealed(str(event["stream"]), int(event["segment"]))
                 elif event["event"] == "episode_recorded":
-                    complete = True
+                    incomplete_ticks = int(event["incomplete"])
                 elif event["event"] == "error":
                     last_words = dict(event)
                 self._host.heard(event)
@@ -180,8 +228,16 @@ class ServerLane:
                 collector.kill()
             code = collector.wait(_STOP_S)
         self._interruption.check()
-        if code != 0 or not complete:
-            raise self._explain(landing, code, last_words, collector)
+        if watch.problem is not None:
+            raise explain_loss(landing, watch.problem, self._server, collector)
+        if code != 0 or incomplete_ticks is None:
+            raise explain_end(landing, self._folder.logs, self._server, collector, code, last_words)
+        return incomplete_ticks
+
+    def _watch(self, endpoint: Endpoint, collector: CollectorProcess) -> AttemptWatch:
+        assert self._server is not None
+        limits = Limits.of(self._setup.supervision)
+        return AttemptWatch(self._server, endpoint, collector.pid, limits)
 
     def _own_server_ended(self) -> bool:
         server = self._server
@@ -194,7 +250,8 @@ class ServerLane:
             "server": {
                 "host": endpoint.host,
                 "port": endpoint.port,
-                "timeout_s": _CALL_TIMEOUT_S + _CALL_TIMEOUT_TICKS * estimate_tick_s(spec),
+                "timeout_s": self._setup.supervision.hang_s
+                + _CALL_TIMEOUT_TICKS * estimate_tick_s(spec),
                 "traffic_manager_port": endpoint.traffic_manager_port,
             },
             "queue_bytes": _QUEUE_BYTES,
@@ -209,7 +266,7 @@ class ServerLane:
             ],
         }
 
-    def _listen(self, collector: CollectorProcess) -> Any:
+    def _listen(self, collector: CollectorProcess, watch: AttemptWatch) -> Any:
         """The collector's events until it closes its stream; looks after the run meanwhile."""
         deadline_s = self._clock_s() + _STALL_S
         stopping = server_gone = False
@@ -231,6 +288,8 @@ class ServerLane:
                     # The collector would wait for the answer to its last call for a long time.
                     server_gone = True
                     deadline_s = self._clock_s() + _LAST_WORDS_S
+                if watch.problem is not None and not stopping:
+                    return
                 if self._clock_s() > deadline_s:
                     if stopping or server_gone:
                         return
@@ -240,37 +299,3 @@ class ServerLane:
                     )
                 if not stopping:
                     self._host.poll()
-
-    def _explain(
-        self,
-        landing: Landing,
-        code: int | None,
-        last_words: Mapping[str, Any],
-        collector: CollectorProcess,
-    ) -> CarStageError:
-        """Why an attempt ended early: the server, a signal, the collector's own error."""
-        where = f"episode {landing.job.episode_id}, attempt {landing.attempt}"
-        if self._server is not None and not self._server.alive():
-            return ServerError(
-                f"The server ended while {where} was recorded.",
-                _with_tail(f"See {self._folder.logs / 'server.log'}.", self._server.log_tail()),
-            )
-        if code is not None and code < 0:
-            return CollectorError(
-                f"The collector was ended by {signal.Signals(-code).name} in {where}.",
-                _with_tail("The server is still up.", collector.log_tail()),
-            )
-        if last_words:
-            kind = (
-                _FinalCollectorError if last_words.get("kind") in _FINAL_KINDS else CollectorError
-            )
-            return kind(f"{last_words.get('message')} ({where})", str(last_words.get("hint") or ""))
-        return CollectorError(
-            f"The collector ended with exit code {code} in {where}.",
-            _with_tail(f"See {self._folder.logs / 'collector.log'}.", collector.log_tail()),
-        )
-
-
-def _with_tail(hint: str, tail: str) -> str:
-    lines = tail.splitlines()[-12:]
-    return "\n".join([f"{hint} Its log ends:", *lines]) if lines else hint

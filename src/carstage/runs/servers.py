@@ -7,7 +7,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from carstage.config import Config
-from carstage.config.recording import CarlaServerConfig, EmbeddedServerConfig
+from carstage.config.recording import (
+    CarlaServerConfig,
+    EmbeddedServerConfig,
+    RemoteServerConfig,
+)
+from carstage.config.supervision import Supervision
 from carstage.plan import ServerFacts
 from carstage.runs.asking import ask_server
 from carstage.server import (
@@ -57,6 +62,17 @@ class ServerSetup:
         self._config = config
         self._make = make
         self._warm: Server | None = None
+
+    @property
+    def supervision(self) -> Supervision:
+        """When a server or a collector counts as lost."""
+        return self._config.supervision
+
+    @property
+    def restart_every(self) -> int:
+        """Episodes after which the server is replaced; 0: never."""
+        server = self._config.server
+        return 0 if isinstance(server, RemoteServerConfig) else server.restart_every
 
     @property
     def sensor_warmup_ticks(self) -> int | None:

@@ -10,16 +10,25 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor as Pool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from carstage.config import Config
 from carstage.conversion import conversion_pool
-from carstage.errors import BadInputError, CarStageError, ConversionError, EpisodeExistsError
+from carstage.errors import (
+    BadInputError,
+    CarStageError,
+    CollectorError,
+    ConversionError,
+    DiskFullError,
+    EpisodeExistsError,
+    StorageError,
+)
 from carstage.execution import Executor, InlineExecutor
 from carstage.plan import EpisodeSpec, estimate_run, plan_episodes
 from carstage.runs.attempts import dead_runs, remove_leftovers, reserve_attempt
+from carstage.runs.disk import disk_error
 from carstage.runs.folder import (
     CurrentEpisode,
     EpisodeCounts,
@@ -31,6 +40,7 @@ from carstage.runs.folder import (
 from carstage.runs.interruption import Interruption
 from carstage.runs.landing import Job, Landing
 from carstage.runs.lane import POLL_S, ServerLane
+from carstage.runs.orphans import marked
 from carstage.runs.outcome import Nobody, RunObserver, RunResult
 from carstage.runs.preflight import (
     check_codecs,
@@ -93,7 +103,7 @@ def run(
             for dead in dead_runs(out):
                 remove_leftovers(dead, store)
                 watcher.say(f"Removed what the dead run {dead.folder.name} had left.")
-            with RunFolder(out) as folder:
+            with RunFolder(out) as folder, marked(folder.run_id):
                 folder.write_plan(config, episodes)
                 session = _Session(
                     config, setup, store, folder, out, interruption, watcher, retries
@@ -169,15 +179,15 @@ class _Session:
         except CarStageError as error:
             self._status.message = str(error)
             raise
+        except OSError as error:
+            failure = disk_error(error, f"in {self._folder.path}")
+            self._status.message = str(failure)
+            raise failure from error
         finally:
             with self._interruption.held():
                 self._give_back()
                 self._status.current = None
-                self._enter(state)
-                counts = self._status.episodes
-                self._event(
-                    "run_finished", state=state, committed=counts.committed, failed=counts.failed
-                )
+                self._finish(state)
         return RunResult(
             run_id=self._folder.run_id,
             dataset=self._out,
@@ -189,6 +199,17 @@ class _Session:
             frames=self._frames,
             failures=self._failures,
         )
+
+    def _finish(self, state: State) -> None:
+        """Write down how it ended, where the disk lets us: a full one must not hide why."""
+        counts = self._status.episodes
+        try:
+            self._enter(state)
+            self._event(
+                "run_finished", state=state, committed=counts.committed, failed=counts.failed
+            )
+        except StorageError as error:
+            self._observer.say(f"{error.message} The next run on this dataset clears up.")
 
     # What the lanes call.
 
@@ -244,7 +265,8 @@ class _Session:
             begin_s = self._clock_s()
             explained = False
             while not over.wait(_HEARTBEAT_S):
-                self._folder.write_status(self._status)
+                with suppress(StorageError):  # said where the run itself writes next
+                    self._folder.write_status(self._status)
                 if not explained and self._clock_s() - begin_s > _EXPLAIN_AFTER_S:
                     explained = True
                     self._observer.say(what)
@@ -258,23 +280,43 @@ class _Session:
                 over.set()
                 thread.join()
 
-    def recorded(self, landing: Landing) -> None:
-        """Let a complete recording land: at once, or after all others."""
+    def recorded(self, landing: Landing, incomplete_ticks: int) -> bool:
+        """Let a recording land, at once or after all others; returns whether it may.
+
+        Where every sensor has to deliver, an attempt with gaps is repeated as long as that is
+        allowed. The last one lands as it is: its ledger names every gap.
+        """
+        job = landing.job
+        if incomplete_ticks and _demands_all(job.spec):
+            what = f"Episode {job.episode_id}, attempt {landing.attempt}: {incomplete_ticks} of "
+            what += f"{job.spec.steps} ticks lack data of a sensor."
+            if job.tries < self._retries:
+                landing.give_up()
+                gaps = CollectorError(what, "See the collector's log and the server's.")
+                self.attempt_failed(landing, gaps, final=False)
+                return False
+            self._observer.say(f"{what} It is kept: the ledger frames.parquet names them.")
         self._recording = None
         if self._config.conversion.mode == "deferred":
             self._recorded.append(landing)
         else:
             self._landings.append(landing)
+        return True
 
     def attempt_failed(self, landing: Landing, error: CarStageError, *, final: bool) -> None:
-        """Try the episode again, unless that is pointless or it was tried often enough."""
+        """Try the episode again, unless that is pointless or it was tried often enough.
+
+        Raises:
+            DiskFullError: the error, as no other episode would fare better.
+        """
         if landing is self._recording:  # else: converting it failed, while another is recorded
             self._recording = None
         if isinstance(error, ConversionError):
             self._retire_pool()
         job = landing.job
         reason = str(error)
-        if not final and job.tries < self._retries:
+        full = isinstance(error, DiskFullError)
+        if not final and not full and job.tries < self._retries:
             number = int(landing.attempt[1:])
             self._jobs.appendleft(Job(job.spec, job.episode_id, job.tries + 1, number + 1))
             self._event(
@@ -287,6 +329,8 @@ class _Session:
         self._event(
             "episode_failed", episode_id=job.episode_id, attempt=landing.attempt, reason=reason
         )
+        if full:
+            raise error
 
     # What the executor calls.
 
@@ -395,6 +439,14 @@ class _Session:
     def _event(self, event: str, **fields: Any) -> None:
         with self._interruption.held():  # no torn lines
             self._observer.event(self._folder.write_event(event, fields))
+
+
+def _demands_all(spec: EpisodeSpec) -> bool:
+    """Whether every sensor has to deliver in every tick of an episode."""
+    timing = spec.timing
+    return bool(
+        timing["mode"] == "sync" and timing["sensor_sync"] and timing["on_incomplete"] == "wait"
+    )
 
 
 def _start_pool(workers: int) -> Pool:

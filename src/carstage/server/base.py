@@ -56,6 +56,10 @@ class Server(ABC):
     def stop(self) -> None:
         """Stop what :meth:`start` started, by its own process group."""
 
+    def kill(self) -> None:
+        """Stop it without asking first: it has hung, and would only let us wait."""
+        self.stop()
+
     @abstractmethod
     def alive(self) -> bool:
         """Whether it still runs, as far as can be told from here."""

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
-from carstage.errors import ServerError
+from carstage.errors import ServerEndedError, ServerError
 from carstage.server.base import TAIL_LINES, Endpoint
 from carstage.server.owned import OwnedServer
 from carstage.server.ports import check_ports_free, free_port
@@ -110,7 +110,8 @@ class EmbeddedServer(OwnedServer):
             else f"was not ready after {after_s:.0f} s"
         )
         tail = process.tail(TAIL_LINES)
-        return ServerError(
+        kind = ServerEndedError if ended else ServerError
+        return kind(
             f"The embedded simulator at {where} {what}. Its last words:\n{tail}",
             "Try `carstage sim` to see it start by itself.",
         )

@@ -19,6 +19,12 @@ class OwnedServer(Server):
             self._process.stop()
         self._endpoint = None
 
+    def kill(self) -> None:
+        """End its process group at once."""
+        if self._process is not None:
+            self._process.kill()
+        self.stop()
+
     def alive(self) -> bool:
         """Whether its process runs."""
         return self._process is not None and self._process.exit_code is None

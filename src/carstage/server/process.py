@@ -92,6 +92,12 @@ class ServerProcess:
             return ""
         return "\n".join(text.splitlines()[-lines:])
 
+    def kill(self) -> None:
+        """End its whole group at once; :meth:`stop` gives the rest back."""
+        if not self._ended.is_set():
+            self._signal(signal.SIGKILL)
+            self.wait_end(KILL_S)
+
     def stop(self) -> None:
         """End its whole group: SIGTERM, then SIGKILL for what is left."""
         if not self._ended.is_set():
@@ -124,7 +130,8 @@ class ServerProcess:
         assert output is not None
         with self.log_path.open("ab", buffering=0) as log:
             for line in output:
-                log.write(line)
+                with suppress(OSError):  # a full disk: who stops reading stops the server
+                    log.write(line)
                 if self._marker and not self._line and line.startswith(self._marker):
                     self._line = line.decode("utf-8", "replace").strip()
                     self._seen.set()

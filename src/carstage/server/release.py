@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
-from carstage.errors import BadInputError, ServerError
+from carstage.errors import BadInputError, ServerEndedError, ServerError
 from carstage.server.base import TAIL_LINES, Endpoint
 from carstage.server.owned import OwnedServer
 from carstage.server.ports import allot_ports
@@ -94,7 +94,8 @@ class CarlaServer(OwnedServer):
         except ServerError as error:
             ended = process.exit_code
             status = "" if ended is None else f" Its exit status is {ended}."
-            failure = ServerError(
+            kind = ServerError if ended is None else ServerEndedError
+            failure = kind(
                 f"{error.message}{status} Its last words:\n{process.tail(TAIL_LINES)}",
                 f"Run {self._script} by itself: it may lack a driver, Vulkan, or a user that is "
                 "not root.",

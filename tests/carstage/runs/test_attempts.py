@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import psutil
 import pytest
 
 from carstage.errors import StorageError
@@ -18,6 +22,7 @@ from carstage.runs.folder import (
     is_alive,
     process_start_time,
 )
+from carstage.runs.orphans import marked
 from carstage.storage import open_store
 
 EPISODE = "00112233aabbccdd"
@@ -92,6 +97,31 @@ def test_run_that_lives_is_left_alone(tmp_path: Path) -> None:
 def test_run_that_ended_is_not_dead(tmp_path: Path, state: str) -> None:
     begin_run(tmp_path, pid=NO_SUCH_PID, started=1.0, state=state)
     assert list(dead_runs(tmp_path)) == []
+
+
+@pytest.mark.parametrize(("silent_s", "dead"), [(60.0, 0), (3600.0, 1)])
+def test_run_on_another_machine_is_judged_by_its_heartbeat(
+    tmp_path: Path, silent_s: float, dead: int
+) -> None:
+    folder = begin_run(tmp_path, pid=NO_SUCH_PID, started=1.0)
+    path = folder / "status.json"
+    status = json.loads(path.read_bytes())
+    status.update(host="elsewhere", heartbeat=time.time() - silent_s)
+    path.write_text(json.dumps(status))
+    assert [run.foreign for run in dead_runs(tmp_path)] == [True] * dead
+
+
+def test_processes_that_a_dead_run_left_are_ended_before_its_files(tmp_path: Path) -> None:
+    store = open_store(tmp_path)
+    store.initialise("test")
+    begun_s = time.time()
+    folder = begin_run(tmp_path, pid=NO_SUCH_PID, started=begun_s)
+    with marked(folder.name):
+        orphan = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+    (dead,) = dead_runs(tmp_path)
+    remove_leftovers(dead, store)
+    assert not psutil.pid_exists(orphan.pid)
+    orphan.wait()
 
 
 def test_committed_attempt_of_a_dead_run_stays(tmp_path: Path) -> None:

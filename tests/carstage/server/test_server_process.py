@@ -64,6 +64,28 @@ def test_what_a_server_leaves_behind_when_it_dies_is_ended_too(tmp_path: Path) -
     process.stop()
 
 
+def test_a_process_that_is_held_still_can_be_ended_at_once(tmp_path: Path) -> None:
+    process = ServerProcess(
+        [sys.executable, "-c", STUBBORN], log_path=tmp_path / "log", marker="ready"
+    )
+    child = int(process.wait_line(WAIT_S).split()[1])
+    os.kill(process.pid, signal.SIGSTOP)
+    process.kill()
+    assert process.exit_code == -signal.SIGKILL
+    assert gone(child)
+    process.stop()
+
+
+def test_a_full_disk_does_not_stop_who_writes_the_log() -> None:
+    code = "print('x' * 200_000, flush=True); print('ready now', flush=True)"
+    process = ServerProcess(
+        [sys.executable, "-c", code], log_path=Path("/dev/full"), marker="ready"
+    )
+    assert process.wait_line(WAIT_S) == "ready now"
+    assert process.wait_end(WAIT_S)
+    process.stop()
+
+
 def test_the_log_takes_both_streams_and_its_tail_is_of_this_process(tmp_path: Path) -> None:
     log = tmp_path / "server.log"
     log.write_text("an earlier server\n")

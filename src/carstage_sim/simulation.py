@@ -139,7 +139,7 @@ class Simulation:
         return SensorSuite(self._town, threads=self._threads, loop=self._loop)
 
     def _new_world(self, episode_id: int, before: World | None) -> World:
-        return World(self._town, episode_id, previous=before, check_sensor=self._check_sensor)
+        return World(self._town, episode_id, previous=before, before_spawn=self._before_spawn)
 
     def apply_settings(self, settings: EpisodeSettings) -> None:
         """Use other settings from the next tick on."""
@@ -196,12 +196,17 @@ class Simulation:
         frames = self._sensors.capture(snapshot.state, requests)
         return [CapturedFrame(*watched[sensor_id], frame) for sensor_id, frame in frames]
 
-    def _check_sensor(self, type_id: str, attributes: Mapping[str, str]) -> None:
+    def _before_spawn(self, type_id: str, attributes: Mapping[str, str]) -> None:
         """Refuse a sensor that could not be captured, before it is in the world.
+
+        What can be seen gets its shape here: clients wait longer for a spawn than for a picture.
 
         Raises:
             SpawnError: an attribute has an impossible value.
         """
+        if not type_id.startswith("sensor."):
+            self._sensors.expect(type_id)
+            return
         request = SensorRequest(0, type_id, attributes, ZERO, ZERO, 0)
         try:
             SensorRegistry.make(request, self._town)

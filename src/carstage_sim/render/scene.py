@@ -7,7 +7,7 @@ import io
 import logging
 import os
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -280,6 +280,8 @@ class SceneStore:
         cache: Path | None,
     ) -> None:
         self._mesh_of = mesh_of
+        self._cache = cache
+        self._stale = False
         self._models: list[_Model] = []
         self._index: dict[str, int] = {}
         self._roots: list[int] = []
@@ -310,20 +312,32 @@ class SceneStore:
             power = np.where(gone[:, None], np.float32(0), appearance.lamp_power)
         self._lamps = self._lamps._replace(power=power)
 
-    def _prepare(self, keys: Sequence[str]) -> None:
-        wanted = dict.fromkeys(keys)
+    def prepare(self, keys: Sequence[str]) -> None:
+        """Build models now, so that the first frame that shows them need not."""
+        for key in dict.fromkeys(keys):
+            if key in self._index:
+                continue
+            mesh = self._mesh_of(key)
+            kept_in = None if PASSING in key else self._cache
+            tree = cached_tree(mesh, kept_in) if kept_in is not None else None
+            self._index[key] = len(self._models)
+            self._models.append(_model(mesh, tree))
+            self._stale = True
+
+    def _forget_passing(self, wanted: Container[str]) -> None:
+        """Give up the models of one moment that are not wanted any more."""
         past = [key for key in self._index if PASSING in key and key not in wanted]
         if past:
             kept = {key: self._models[i] for key, i in self._index.items() if key not in past}
             self._models = list(kept.values())
             self._index = {key: number for number, key in enumerate(kept)}
-        missing = [key for key in wanted if key not in self._index]
-        for key in missing:
-            self._index[key] = len(self._models)
-            self._models.append(_model(self._mesh_of(key)))
-        if (missing or past) and self._models:
+            self._stale = True
+
+    def _join(self) -> None:
+        if self._stale and self._models:
             geometry, surfaces, self._roots = _joined(self._models)
             self._actors = (geometry, surfaces)
+        self._stale = False
 
     def frame(self, placements: Sequence[Placement], appearance: Appearance | None = None) -> Frame:
         """The scene with ``placements`` in it; instance row = place in the sequence.
@@ -334,7 +348,10 @@ class SceneStore:
         """
         if appearance is not None:
             self._dress(appearance)
-        self._prepare([p.model for p in placements])
+        wanted = dict.fromkeys(p.model for p in placements)
+        self._forget_passing(wanted)
+        self.prepare(list(wanted))
+        self._join()
         count = len(placements)
         index = [self._index[p.model] for p in placements]
         rotation = np.empty((count, 3, 3), np.float32)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import astuple
+from pathlib import Path
 
 import numpy as np
 
 from carstage_sim.content.doors import open_doors_mesh
 from carstage_sim.content.figures import Pose as Joints
-from carstage_sim.content.pedestrians import dress_of, pedestrian_mesh, posed_mesh
+from carstage_sim.content.pedestrians import PHASES, dress_of, pedestrian_mesh, posed_mesh
 from carstage_sim.content.props import prop_mesh
 from carstage_sim.content.street_furniture import traffic_light_mesh
 from carstage_sim.content.vehicles import vehicle_mesh
@@ -19,6 +20,7 @@ from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import Town
 from carstage_sim.mesh import TriangleMesh, merge_meshes
 from carstage_sim.render.scene import PASSING, Placement
+from carstage_sim.sensors.mesh_store import MeshStore
 from carstage_sim.world.blueprints import Blueprint, catalogue
 from carstage_sim.world.gait import walk_phase
 from carstage_sim.world.state import ActorKind, WorldState
@@ -68,15 +70,36 @@ class ActorModels:
     Args:
         town: its n-th traffic light is the state's n-th row of that kind.
         meshes: replaces the built-in meshes: called with a key.
+        cache: folder of stored meshes.
     """
 
-    def __init__(self, town: Town, meshes: Callable[[str], TriangleMesh] | None = None) -> None:
+    def __init__(
+        self,
+        town: Town,
+        meshes: Callable[[str], TriangleMesh] | None = None,
+        *,
+        cache: Path,
+    ) -> None:
         self._town = town
         self._catalogue = catalogue()
+        heads = [site.head for site in town.traffic_lights]
+        self._light_keys = [f"traffic_light#{heads.index(head)}" for head in heads]
         self._figures: dict[str, str] = {}
         self._posed: dict[str, Joints] = {}
         self._stand_ins: dict[tuple[int, tuple[float, float, float]], str] = {}
-        self.mesh = meshes if meshes is not None else self._built_in
+        stored = MeshStore(self._built_in, self._identity, cache)
+        self.mesh: Callable[[str], TriangleMesh] = meshes if meshes is not None else stored
+
+    def keys_of(self, type_id: str) -> tuple[str, ...]:
+        """Model keys that an actor of a blueprint begins with; none if it has no shape."""
+        blueprint = self._catalogue.get(type_id)
+        if blueprint is None:
+            return ()
+        if blueprint.kind == ActorKind.WALKER:
+            figure = self._figure(type_id)
+            return tuple(f"{figure}#{phase}" for phase in range(PHASES + 1))
+        shown = blueprint.kind == ActorKind.VEHICLE or type_id.startswith(_PROP)
+        return (type_id,) if shown else ()
 
     def placements(self, state: WorldState) -> list[Placement]:
         """The actors of a frame that have a shape, in the state's order."""
@@ -90,9 +113,9 @@ class ActorModels:
             elif kind == ActorKind.WALKER:
                 key = self._walker_key(state, row)
             elif kind == ActorKind.TRAFFIC_LIGHT:
-                if lights >= len(self._town.traffic_lights):
+                if lights >= len(self._light_keys):
                     continue
-                key = f"traffic_light#{lights}"
+                key = self._light_keys[lights]
                 lights += 1
             elif state.type_id[row].startswith(_PROP):
                 key = state.type_id[row]
@@ -139,6 +162,17 @@ class ActorModels:
             state.velocity[row],
         )
 
+    def _identity(self, key: str) -> str | None:
+        """What the mesh of a key follows from, beside the code; None if it is of one moment."""
+        name, _, number = key.partition("#")
+        if PASSING in key:
+            return None
+        if name == "traffic_light":
+            return f"{name} {self._town.traffic_lights[int(number)].head}"
+        blueprint = self._catalogue[name]
+        chassis = _chassis(blueprint)
+        return f"{key} {blueprint.box_extent} {blueprint.box_center} {chassis}"
+
     def _built_in(self, key: str) -> TriangleMesh:
         if PASSING in key:
             name = key.partition(PASSING)[0]
@@ -154,16 +188,26 @@ class ActorModels:
         return _vehicle_mesh(name, blueprint, int(number or 0))
 
 
-def _vehicle_mesh(name: str, blueprint: Blueprint, doors: int) -> TriangleMesh:
+def _chassis(blueprint: Blueprint) -> tuple[tuple[float, float], float] | None:
+    """Where the axles are and how large the wheels, metres; None if it has no dynamics."""
     parameters = blueprint.vehicle
     if parameters is None:
+        return None
+    axles = (parameters.front_axle_x_m, parameters.rear_axle_x_m)
+    return axles, parameters.wheels[0].radius_m
+
+
+def _vehicle_mesh(name: str, blueprint: Blueprint, doors: int) -> TriangleMesh:
+    chassis = _chassis(blueprint)
+    if chassis is None:
         return vehicle_mesh(name, blueprint.box_extent, blueprint.box_center)
+    axles_m, wheel_radius_m = chassis
     body = vehicle_mesh(
         name,
         blueprint.box_extent,
         blueprint.box_center,
-        axles_m=(parameters.front_axle_x_m, parameters.rear_axle_x_m),
-        wheel_radius_m=parameters.wheels[0].radius_m,
+        axles_m=axles_m,
+        wheel_radius_m=wheel_radius_m,
     )
     tag = CityObjectLabel(blueprint.semantic_tags[0])
     leaves = open_doors_mesh(blueprint.box_extent, blueprint.box_center, doors, tag)

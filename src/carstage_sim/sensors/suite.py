@@ -46,7 +46,7 @@ class SensorSuite:
         threads: threads that cast rays; default: all CPUs of this process.
         meshes: replaces the actors' meshes, for tests.
         loop: how many times each sensor measures until it repeats itself, None for ever.
-        cache: folder of stored acceleration structures; default below the user's cache.
+        cache: folder of stored meshes and acceleration structures; default: the user's cache.
     """
 
     def __init__(
@@ -61,12 +61,9 @@ class SensorSuite:
         self._town = town
         self._loop = loop
         self._caster = RayCaster(threads)
-        self._models = ActorModels(town, meshes)
-        self._store = SceneStore(
-            town.static_mesh,
-            self._models.mesh,
-            cache=cache if cache is not None else cache_folder() / "trees",
-        )
+        folder = cache if cache is not None else cache_folder()
+        self._models = ActorModels(town, meshes, cache=folder / "meshes")
+        self._store = SceneStore(town.static_mesh, self._models.mesh, cache=folder / "trees")
         self._pictures = PictureMaker(self._caster)
         self._sensors: dict[int, Sensor] = {}
         self._last_frame = -1
@@ -91,6 +88,10 @@ class SensorSuite:
     def warm_up(self) -> None:
         """Compile, or load, every kernel: afterwards no capture waits for the compiler."""
         self._pictures.warm_up(self._store)
+
+    def expect(self, type_id: str) -> None:
+        """Make the shapes of a blueprint now, so that its first picture need not wait for them."""
+        self._store.prepare(self._models.keys_of(type_id))
 
     def reset(self) -> None:
         """Forget all sensors: a new episode counts actor ids and frames anew."""

@@ -70,8 +70,8 @@ class World:
         episode_id: differs from the ids of all other episodes of this server.
         previous: the world that this one replaces; its actors are remembered as destroyed ones, so
             that a client that still asks for them gets an answer.
-        check_sensor: called with blueprint id and attributes of a sensor before it is spawned; it
-            raises :class:`SpawnError` to refuse it.
+        before_spawn: called with blueprint id and attributes before an actor is spawned; it raises
+            :class:`SpawnError` to refuse it.
 
     Attributes:
         frame: number of the last frame; an episode starts with frame 1, before any tick.
@@ -94,7 +94,7 @@ class World:
         episode_id: int,
         *,
         previous: World | None = None,
-        check_sensor: Callable[[str, Mapping[str, str]], None] | None = None,
+        before_spawn: Callable[[str, Mapping[str, str]], None] | None = None,
     ) -> None:
         self.town = town
         self.episode_id = episode_id
@@ -110,7 +110,7 @@ class World:
         # Numbers of streams are never used again: a client may still listen to an old one.
         self.next_stream_id: int = _FIRST_STREAM if previous is None else previous.next_stream_id
         self.stream_id = self.take_stream_id()
-        self._check_sensor = check_sensor
+        self._before_spawn = before_spawn
         self.light_ids: tuple[int, ...] = ()
         neighbour = previous if previous is not None and previous.town is town else None
         self.lanes: LaneIndex = neighbour.lanes if neighbour else LaneIndex(town.lanes)
@@ -239,8 +239,8 @@ class World:
         if solid and not free and is_blocked(self.actors, blueprint, placed):
             raise SpawnError(COLLISION_TEXT)
         merged = _merged(blueprint, attributes)
-        if blueprint.kind is ActorKind.SENSOR and self._check_sensor is not None:
-            self._check_sensor(type_id, merged)
+        if self._before_spawn is not None:
+            self._before_spawn(type_id, merged)
         self._next_actor_id = max(self._next_actor_id, wanted_id)
         arm, relative = arm_for(attachment, pose) if parent_id else (None, Pose())
         actor = Actor(
@@ -522,8 +522,8 @@ class World:
             self.destroy(actor_id)
         self._bury()
         self._follow()
-        before_lights = self._approaches.with_vehicles(self.lanes.nearest(self.fleet.location))
-        self.lights.step(delta_s, before_lights)
+        queues = self._approaches.queues(self.lanes.nearest(self.fleet.location))
+        self.lights.step(delta_s, queues)
         self.debug_drawing.step(self.elapsed_s)
         self.street_lights.step()
         return self.freeze(delta_s)

@@ -7,7 +7,14 @@ import pytest
 from ray_scenes import frame_of, sphere, turned_box
 
 from carstage_sim.mesh import Material, build_mesh
-from carstage_sim.render.scene import PAINTS, Placement, SceneStore, cached_tree, linear_colour
+from carstage_sim.render.scene import (
+    PAINTS,
+    PASSING,
+    Placement,
+    SceneStore,
+    cached_tree,
+    linear_colour,
+)
 
 pytestmark = pytest.mark.xdist_group("kernels")
 
@@ -60,6 +67,31 @@ def test_a_mesh_is_asked_for_once_per_model():
     store.frame([place, place])
     store.frame([place, Placement(2, "b", np.zeros(3), np.eye(3))])
     assert asked == ["a", "b"]
+
+
+def test_a_model_that_was_prepared_costs_its_first_frame_nothing():
+    asked = []
+
+    def mesh_of(key):
+        asked.append(key)
+        return turned_box((1.0, 1.0, 1.0))
+
+    store = SceneStore(None, mesh_of, cache=None)
+    place = Placement(1, "a", np.zeros(3), np.eye(3))
+    unprepared = store.frame([place])
+    store.prepare(["b", "a", "b"])
+    assert asked == ["a", "b"]
+    frame = store.frame([place, Placement(2, "b", np.ones(3), np.eye(3))])
+    assert asked == ["a", "b"]
+    assert len(frame.actors.tag) == 2 * len(unprepared.actors.tag)
+
+
+def test_models_of_one_moment_leave_no_hierarchy_in_the_cache(tmp_path):
+    store = SceneStore(None, lambda _key: turned_box((1.0, 1.0, 1.0)), cache=tmp_path)
+    store.prepare([f"figure{PASSING}pose"])
+    assert list(tmp_path.iterdir()) == []
+    store.prepare(["figure"])
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_a_point_inside_the_carriers_box_names_its_row():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from sensor_worlds import GROUND, WALL, request, state, town
 
+from carstage_sim.mesh import TriangleMesh
 from carstage_sim.sensors import SensorAttributeError, SensorSuite
 from carstage_sim.sensors.sensor import SensorRegistry
 
@@ -214,3 +215,21 @@ def test_long_tick_does_not_make_more_rays_than_fit():
         request("lidar.ray_cast", 10, channels=64, points_per_second=20_000_000), town(GROUND)
     )
     assert lidar.geometry.sweep(0.0, 60.0).per_channel * 64 <= 8_000_000
+
+
+def test_shapes_that_are_expected_are_made_before_a_sensor_looks(trees):
+    made: list[str] = []
+
+    def mesh_of(key: str) -> TriangleMesh:
+        made.append(key)
+        return WALL
+
+    with SensorSuite(town(GROUND), threads=1, cache=trees, meshes=mesh_of) as suite:
+        suite.expect("vehicle.tesla.model3")
+        assert made == ["vehicle.tesla.model3"]
+        suite.capture(state(1, **WORLD), [request("camera.depth", 10)])
+        assert made == ["vehicle.tesla.model3"]
+        suite.expect("walker.pedestrian.0001")
+        assert len(set(made)) == 1 + 9, "one that stands and eight that walk"
+        suite.expect("sensor.other.imu")
+        assert len(made) == 10

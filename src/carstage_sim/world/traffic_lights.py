@@ -4,16 +4,17 @@ As in CARLA, the lights of one junction form a group; one phase of it is green a
 yellow, then red for ``red_s`` seconds before the next phase starts. ``red_s`` is thus the clearing
 time, not how long a light stays red.
 
-Unlike CARLA's, the signals are actuated, as most in real cities are: a green lasts while it is
-used, up to a limit when somebody waits elsewhere at the junction, ends early when nobody uses it,
-and phases that nobody waits for are left out. ``green_s`` then has no say. While nobody is about, or
-once a client has set a light of the junction, the cycle is CARLA's.
+Unlike CARLA's, the signals are actuated, as most in real cities are: a green lasts until its queue
+is gone or small against another one, and the longest queue is next, but nobody waits for ever (the
+idea of max pressure control: Varaiya, "Max pressure control of a network of signalized
+intersections", 2013). ``green_s`` then has no say. While nobody is about, or once a client has set
+a light of the junction, the cycle is CARLA's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
@@ -27,9 +28,11 @@ YELLOW_S = 3.0
 RED_S = 2.0
 LEAST_GREEN_S = 3.0
 GAP_S = 1.0
-"""An actuated green ends when for so long nobody was before it, and somebody waits elsewhere."""
-LONGEST_GREEN_S = 40.0
-"""An actuated green that is used ends when somebody has waited elsewhere for so long."""
+"""An actuated green ends when for so long nobody was near it, and somebody waits elsewhere."""
+OUTNUMBERED = 3
+"""It ends, too, when before another light there are so many times as many vehicles."""
+LONGEST_WAIT_S = 40.0
+"""It ends in any case when somebody has waited elsewhere for so long."""
 
 _ROUNDING_S = 1e-6
 """Time is a sum of steps: without this, 200 times 0.05 s would fall short of 10 s."""
@@ -52,13 +55,26 @@ _NEXT = {
 }
 
 
+@dataclass(frozen=True, slots=True)
+class Queues:
+    """What the detectors of actuated signals see.
+
+    Attributes:
+        count: ``(L,)`` int, vehicles that wait or come before each light.
+        near: ``(L,)`` bool, whether one of them is so near that the light's green is in use.
+    """
+
+    count: NDArray[np.int64]
+    near: NDArray[np.bool_]
+
+
 @dataclass(slots=True)
 class _Junction:
     """The cycle of one junction: which phase is on, in which part, for how long.
 
     Attributes:
-        unused_s: for how long nobody has been before the lights of the active phase.
-        called_s: for how long somebody has been before another one.
+        unused_s: for how long nobody has been near the lights of the active phase.
+        waited_s: of each phase, for how long somebody has been before it under red.
         is_led_by_client: whether a client set a light here; the cycle then is of fixed lengths.
     """
 
@@ -67,7 +83,7 @@ class _Junction:
     part: TrafficLightState = TrafficLightState.GREEN
     elapsed_s: float = 0.0
     unused_s: float = 0.0
-    called_s: float = 0.0
+    waited_s: list[float] = field(default_factory=list)
     is_led_by_client: bool = False
 
     @property
@@ -118,34 +134,49 @@ class TrafficLightSystem:
     def __len__(self) -> int:
         return len(self.state)
 
-    def step(self, delta_s: float, has_vehicles: NDArray[np.bool_] | None = None) -> None:
+    def step(self, delta_s: float, queues: Queues | None = None) -> None:
         """Advances the cycles of all junctions that are not frozen.
 
         Args:
             delta_s: by so much.
-            has_vehicles: ``(L,)`` whether anybody is before each light; None for nobody anywhere.
+            queues: what is before the lights; None for nobody anywhere.
         """
         if not self.led:
-            self._advance_all(delta_s, has_vehicles)
+            self._advance_all(delta_s, queues)
         is_red = self.state == TrafficLightState.RED
         self.turned_red = is_red & ~self._was_red
         self._was_red = is_red
 
-    def _advance_all(self, delta_s: float, has_vehicles: NDArray[np.bool_] | None) -> None:
+    def _advance_all(self, delta_s: float, queues: Queues | None) -> None:
         self.elapsed_s = np.where(self.frozen, self.elapsed_s, self.elapsed_s + delta_s)
         for junction in self._junctions:
-            if not self.frozen[junction.lights[0]]:
-                wanted = [False] * len(junction.phases)
-                if has_vehicles is not None and junction.is_actuated:
-                    wanted = [bool(has_vehicles[phase].any()) for phase in junction.phases]
-                self._advance(junction, delta_s, wanted)
+            if self.frozen[junction.lights[0]]:
+                continue
+            if queues is not None and junction.is_actuated:
+                counts = [int(queues.count[phase].sum()) for phase in junction.phases]
+                is_used = bool(queues.near[junction.phases[junction.active]].any())
+                self._advance(junction, delta_s, counts, is_used)
+            else:
+                self._advance(junction, delta_s, [0] * len(junction.phases), is_used=False)
 
-    def _advance(self, junction: _Junction, delta_s: float, wanted: list[bool]) -> None:
-        """Advances one cycle; ``wanted`` tells of each phase whether anybody is before it."""
+    def _advance(
+        self, junction: _Junction, delta_s: float, counts: list[int], is_used: bool
+    ) -> None:
+        """Advances one cycle.
+
+        Args:
+            counts: vehicles before each phase.
+            is_used: whether one is near the active phase.
+        """
         junction.elapsed_s += delta_s
-        junction.unused_s = 0.0 if wanted[junction.active] else junction.unused_s + delta_s
-        if junction.part == TrafficLightState.GREEN and any(wanted):
-            ends = _green_ends(junction, delta_s, wanted)
+        junction.unused_s = 0.0 if is_used else junction.unused_s + delta_s
+        junction.waited_s = [
+            waited_s + delta_s if count else 0.0
+            for waited_s, count in zip(junction.waited_s, counts, strict=True)
+        ]
+        if junction.part == TrafficLightState.GREEN and any(counts):
+            junction.waited_s[junction.active] = 0.0
+            ends = _green_ends(junction, counts)
             green_s = self._duration_s(junction)
             junction.elapsed_s = green_s if ends else min(junction.elapsed_s, green_s)
             if not ends:
@@ -154,8 +185,8 @@ class TrafficLightSystem:
             junction.elapsed_s = max(junction.elapsed_s - self._duration_s(junction), 0.0)
             junction.part = _NEXT[junction.part]
             if junction.part == TrafficLightState.GREEN:
-                junction.active = _next_phase(junction.active, wanted)
-                junction.unused_s = junction.called_s = 0.0
+                junction.active = _next_phase(junction, counts)
+                junction.unused_s = 0.0
             self._show(junction.phases[junction.active], junction.part, junction.elapsed_s)
 
     def _duration_s(self, junction: _Junction) -> float:
@@ -232,7 +263,7 @@ class TrafficLightSystem:
 
     def _reset(self, junction: _Junction) -> None:
         junction.active, junction.part, junction.elapsed_s = 0, TrafficLightState.GREEN, 0.0
-        junction.unused_s = 0.0
+        junction.unused_s, junction.waited_s = 0.0, [0.0] * len(junction.phases)
         self._show(junction.lights, TrafficLightState.RED, 0.0)
         self._show(junction.phases[0], TrafficLightState.GREEN, 0.0)
 
@@ -266,23 +297,26 @@ class TrafficLightSystem:
         return self._triggers.owners_at(center, half_size, yaw_rad)
 
 
-def _green_ends(junction: _Junction, delta_s: float, wanted: list[bool]) -> bool:
-    """Whether a green gives way: it is unused, or others have waited long enough."""
-    called = any(wanted[: junction.active] + wanted[junction.active + 1 :])
-    junction.called_s = junction.called_s + delta_s if called else 0.0
-    is_unused = junction.unused_s + _ROUNDING_S >= GAP_S
-    if is_unused and junction.elapsed_s + _ROUNDING_S >= LEAST_GREEN_S:
-        return called
-    return junction.called_s + _ROUNDING_S >= LONGEST_GREEN_S
+def _green_ends(junction: _Junction, counts: list[int]) -> bool:
+    """Whether a green gives way: it is unused or outnumbered, or others have waited long."""
+    own = counts[junction.active]
+    others = max(count for phase, count in enumerate(counts) if phase != junction.active)
+    if not others or junction.elapsed_s + _ROUNDING_S < LEAST_GREEN_S:
+        return False
+    return (
+        junction.unused_s + _ROUNDING_S >= GAP_S
+        or others >= OUTNUMBERED * max(own, 1)
+        or max(junction.waited_s) + _ROUNDING_S >= LONGEST_WAIT_S
+    )
 
 
-def _next_phase(active: int, wanted: list[bool]) -> int:
-    """The next phase that somebody waits for; the next one when that is nobody."""
-    for step in range(1, len(wanted) + 1):
-        phase = (active + step) % len(wanted)
-        if wanted[phase]:
-            return phase
-    return (active + 1) % len(wanted)
+def _next_phase(junction: _Junction, counts: list[int]) -> int:
+    """Who has waited too long, else the longest queue; the next in turn where nobody is."""
+    turns = [(junction.active + step) % len(counts) for step in range(1, len(counts) + 1)]
+    late = [phase for phase in turns if junction.waited_s[phase] >= LONGEST_WAIT_S]
+    if late:
+        return max(late, key=lambda phase: junction.waited_s[phase])
+    return max(turns, key=lambda phase: counts[phase])
 
 
 def _junctions_of(sites: Sequence[TrafficLightSite]) -> list[_Junction]:

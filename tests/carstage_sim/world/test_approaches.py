@@ -15,14 +15,18 @@ def approaches(stage01: Town) -> Approaches:
     return Approaches(stage01.traffic_lights, stage01.lanes)
 
 
-def noticed(town: Town, approaches: Approaches, place: np.ndarray) -> list[int]:
+def noticed(town: Town, approaches: Approaches, place: np.ndarray) -> dict[int, bool]:
     samples = LaneIndex(town.lanes).nearest(place[None])
-    return [int(light) for light in np.flatnonzero(approaches.with_vehicles(samples))]
+    queues = approaches.queues(samples)
+    assert queues.count.sum() in (0, 1)
+    return {int(light): bool(queues.near[light]) for light in np.flatnonzero(queues.count)}
 
 
-@pytest.mark.parametrize(("metres", "is_noticed"), [(-2.0, True), (15.0, True), (50.0, False)])
-def test_every_light_notices_who_comes_to_it(
-    stage01: Town, approaches: Approaches, metres: float, is_noticed: bool
+@pytest.mark.parametrize(
+    ("metres", "is_near"), [(-2.0, True), (15.0, True), (35.0, False), (90.0, None)]
+)
+def test_every_light_counts_who_comes_to_it(
+    stage01: Town, approaches: Approaches, metres: float, is_near: bool | None
 ) -> None:
     lanes = LaneIndex(stage01.lanes)
     for light, site in enumerate(stage01.traffic_lights):
@@ -30,8 +34,10 @@ def test_every_light_notices_who_comes_to_it(
             here = lanes.nearest(np.array([box.center]))[0]
             yaw = np.radians(stage01.lanes.rotation_deg[here, 1])
             place = np.array(box.center) - metres * np.array([np.cos(yaw), np.sin(yaw), 0.0])
-            assert (light in noticed(stage01, approaches, place)) == is_noticed
+            assert noticed(stage01, approaches, place).get(light) == is_near
 
 
 def test_nobody_on_the_road_is_noticed_by_nobody(stage01: Town, approaches: Approaches) -> None:
-    assert not approaches.with_vehicles(np.zeros(0, np.int32)).any()
+    queues = approaches.queues(np.zeros(0, np.int32))
+    assert not queues.count.any()
+    assert not queues.near.any()

@@ -11,7 +11,9 @@ from carstage_sim.maps.town import OrientedBox, TrafficLightSite
 from carstage_sim.world.traffic_lights import (
     GAP_S,
     LEAST_GREEN_S,
-    LONGEST_GREEN_S,
+    LONGEST_WAIT_S,
+    OUTNUMBERED,
+    Queues,
     TrafficLightState,
     TrafficLightSystem,
 )
@@ -84,67 +86,83 @@ def test_elapsed_time_counts_from_each_lights_own_change(lights: TrafficLightSys
     assert lights.elapsed_s[1] == pytest.approx(12.0)
 
 
-def run_with(lights: TrafficLightSystem, seconds: float, *waiting: int) -> None:
-    has_vehicles = np.isin(np.arange(len(lights)), waiting)
+def run_with(lights: TrafficLightSystem, seconds: float, queues: dict[int, int]) -> None:
+    """Lets time pass with so many vehicles before the lights."""
+    count = np.array([queues.get(light, 0) for light in range(len(lights))])
     for _ in range(round(seconds / 0.05)):
-        lights.step(0.05, has_vehicles)
+        lights.step(0.05, Queues(count, count > 0))
 
 
 def test_a_green_that_nobody_uses_ends_early_when_somebody_waits(
     lights: TrafficLightSystem,
 ) -> None:
-    run_with(lights, LEAST_GREEN_S - 0.05, 1)
+    run_with(lights, LEAST_GREEN_S - 0.05, {1: 1})
     assert lights.state[0] == GREEN
-    run_with(lights, 0.05, 1)
+    run_with(lights, 0.05, {1: 1})
     assert lights.state[0] == YELLOW
-    run_with(lights, 5.0, 1)
+    run_with(lights, 5.0, {1: 1})
     assert lights.state[:3].tolist() == [RED, GREEN, RED]
 
 
 def test_a_used_green_lasts_until_others_have_waited_long(lights: TrafficLightSystem) -> None:
-    run_with(lights, 20.0, 0)
-    run_with(lights, LONGEST_GREEN_S - 0.05, 0, 1)
+    run_with(lights, 20.0, {0: 1})
+    run_with(lights, LONGEST_WAIT_S - 0.05, {0: 2, 1: 4})
     assert lights.state[0] == GREEN
-    run_with(lights, 0.05, 0, 1)
+    run_with(lights, 0.05, {0: 2, 1: 4})
     assert lights.state[0] == YELLOW
-    run_with(lights, 2.95, 0, 1)
+    run_with(lights, 2.95, {0: 2, 1: 4})
+    assert lights.state[0] == YELLOW
+
+
+def test_a_green_ends_when_the_queue_elsewhere_is_much_longer(lights: TrafficLightSystem) -> None:
+    run_with(lights, 20.0, {0: 1, 2: 1, 1: 2 * OUTNUMBERED - 1})
+    assert lights.state[0] == GREEN
+    run_with(lights, 0.05, {0: 1, 2: 1, 1: 2 * OUTNUMBERED})
     assert lights.state[0] == YELLOW
 
 
 def test_a_gap_in_the_queue_shorter_than_its_limit_does_not_end_a_green(
     lights: TrafficLightSystem,
 ) -> None:
-    run_with(lights, 5.0, 0, 1)
-    run_with(lights, GAP_S - 0.05, 1)
-    run_with(lights, 1.0, 0, 1)
+    run_with(lights, 5.0, {0: 1, 1: 1})
+    run_with(lights, GAP_S - 0.05, {1: 1})
+    run_with(lights, 1.0, {0: 1, 1: 1})
     assert lights.state[0] == GREEN
 
 
 def test_a_green_stays_while_nobody_waits_elsewhere_and_ends_when_only_others_are_left(
     lights: TrafficLightSystem,
 ) -> None:
-    run_with(lights, 3 * LONGEST_GREEN_S, 0)
+    run_with(lights, 3 * LONGEST_WAIT_S, {0: 1})
     assert lights.state[0] == GREEN
-    run_with(lights, GAP_S, 1)
+    run_with(lights, GAP_S, {1: 1})
     assert lights.state[0] == YELLOW
 
 
 def test_phases_that_nobody_waits_for_are_left_out() -> None:
     lights = TrafficLightSystem([site(str(n), 1, n) for n in range(3)])
-    run_with(lights, LONGEST_GREEN_S + 5.0, 0, 2)
+    run_with(lights, LONGEST_WAIT_S + 5.0, {0: 1, 2: 1})
     assert lights.state.tolist() == [RED, RED, GREEN]
+
+
+def test_the_longest_queue_is_next_unless_somebody_has_waited_long() -> None:
+    lights = TrafficLightSystem([site(str(n), 1, n) for n in range(3)])
+    run_with(lights, LEAST_GREEN_S + 5.0, {1: 1, 2: 2})
+    assert lights.state.tolist() == [RED, RED, GREEN]
+    run_with(lights, LONGEST_WAIT_S - 2.0, {0: 2, 1: 1, 2: 2})
+    assert lights.state.tolist() == [RED, GREEN, RED]
 
 
 def test_once_a_client_set_a_light_the_junctions_cycle_has_fixed_lengths(
     lights: TrafficLightSystem,
 ) -> None:
     lights.set_times(0, green=10.0)
-    run_with(lights, 9.95, 1)
+    run_with(lights, 9.95, {1: 1})
     assert lights.state[0] == GREEN
 
 
 def test_a_light_alone_keeps_its_cycle(lights: TrafficLightSystem) -> None:
-    run_with(lights, 10.0, 3)
+    run_with(lights, 10.0, {3: 1})
     assert lights.state[3] == YELLOW
 
 

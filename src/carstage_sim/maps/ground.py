@@ -11,8 +11,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.jit import kernel
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.maps.cell_index import CellIndex
+from carstage_sim.maps.cell_index import cell_grid
 from carstage_sim.maps.town import Town
 from carstage_sim.mesh import TriangleMesh
 
@@ -60,7 +61,7 @@ class Ground:
         length = np.linalg.norm(normals, axis=1)
         corners = corners[np.abs(normals[:, 2]) > _LEAST_UPRIGHT * np.maximum(length, 1e-12)]
         self._planes = _planes(corners)
-        self._cells = CellIndex(corners[..., :2], _FINEST_CELL_M)
+        self._grid = cell_grid(corners[..., :2], _FINEST_CELL_M)
 
     def highest(self, places: FloatArray) -> FloatArray:
         """Height of the highest surface at ``(M, 2)`` or ``(M, 3)`` places, NaN where none is."""
@@ -91,34 +92,51 @@ class Ground:
         height, triangle = self._look(points, points[:, 2] + step_up_m)
         normal = np.full((len(points), 3), np.nan)
         found = ~np.isnan(height)
-        normal[found, :2] = -self._planes[1:3, triangle[found]].T
+        normal[found, :2] = -self._planes[triangle[found], 1:3]
         normal[found, 2] = 1.0
         return height, normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
     def _look(self, points: FloatArray, limit: FloatArray) -> tuple[FloatArray, IntArray]:
         """Highest surface of at most ``limit`` at each point, and its triangle (0 for none)."""
-        count, entry = self._cells.at(points[:, :2])
-        height = np.full(len(points), -np.inf)
+        height = np.full(len(points), np.nan)
         triangle = np.zeros(len(points), np.int64)
-        if not len(entry):
-            return np.full(len(points), np.nan), triangle
-        owner = np.repeat(np.arange(len(points)), count)
-        x, y = points[owner, 0], points[owner, 1]
-        planes = self._planes.take(entry, axis=1)
-        z = planes[0] + planes[1] * x + planes[2] * y
-        u = planes[3] + planes[4] * x + planes[5] * y
-        v = planes[6] + planes[7] * x + planes[8] * y
-        covers = (u >= -_EDGE) & (v >= -_EDGE) & (u + v <= 1.0 + _EDGE) & (z <= limit[owner])
-        z = np.where(covers, z, -np.inf)
-        some = np.flatnonzero(count)
-        height[some] = np.maximum.reduceat(z, (np.cumsum(count) - count)[some])
-        wins = np.flatnonzero(covers & (z == height[owner]))[::-1]
-        triangle[owner[wins]] = entry[wins]  # of equal ones the first, which is written last
-        return np.where(np.isneginf(height), np.nan, height), triangle
+        _highest(points, limit, self._planes, self._grid, height, triangle)
+        return height, triangle
+
+
+@kernel
+def _highest(  # type: ignore[no-untyped-def]
+    points, limit, planes, grid, height, triangle
+):
+    """Writes height and triangle of the highest surface at each point that has one.
+
+    Args:
+        limit: ``(M,)`` highest that counts, metres.
+        planes: ``(T, 9)`` of the triangles.
+        grid: the cells of the triangles.
+    """
+    for point in range(points.shape[0]):
+        x, y = points[point, 0], points[point, 1]
+        cell_x = np.floor((x - grid.low[0]) / grid.cell_m)
+        cell_y = np.floor((y - grid.low[1]) / grid.cell_m)
+        if not (0.0 <= cell_x < grid.shape[0] and 0.0 <= cell_y < grid.shape[1]):
+            continue
+        cell = int(cell_x) * grid.shape[1] + int(cell_y)
+        best = -np.inf
+        for entry in range(grid.start[cell], grid.start[cell + 1]):
+            row = grid.entries[entry]
+            u = planes[row, 3] + planes[row, 4] * x + planes[row, 5] * y
+            v = planes[row, 6] + planes[row, 7] * x + planes[row, 8] * y
+            if not (u >= -_EDGE and v >= -_EDGE and u + v <= 1.0 + _EDGE):
+                continue
+            z = planes[row, 0] + planes[row, 1] * x + planes[row, 2] * y
+            if best < z <= limit[point]:  # of equal ones the first
+                best = z
+                height[point], triangle[point] = z, row
 
 
 def _planes(corners: FloatArray) -> FloatArray:
-    """``(9, T)``: constant, x and y coefficients of a triangle's height and of two of its three
+    """``(T, 9)``: constant, x and y coefficients of a triangle's height and of two of its three
     barycentric coordinates, so that each is one multiplication and addition per axis away."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     ab, ac = b - a, c - a
@@ -130,4 +148,4 @@ def _planes(corners: FloatArray) -> FloatArray:
         planes[:, first] = -(planes[:, first + 1] * a[:, 0] + planes[:, first + 2] * a[:, 1])
     planes[:, :3] = planes[:, 3:6] * ab[:, 2:] + planes[:, 6:9] * ac[:, 2:]
     planes[:, 0] += a[:, 2]
-    return np.ascontiguousarray(planes.T)
+    return planes

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.maps.cell_index import ranges
+from carstage_sim.jit import device, kernel
+from carstage_sim.world.separating_axes import least_way_out
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 TOWN = -1
 """Stands for the second body of a contact with the town."""
 
 _SAME_LEVEL_M = 2.0
-_CORNERS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
+_ROUNDING_M = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,72 +55,97 @@ def find_contacts(center: FloatArray, half_size: FloatArray, yaw_rad: FloatArray
         half_size: ``(N, 2)`` half length and half width, metres.
         yaw_rad: ``(N,)`` headings.
     """
-    first, second = _near_pairs(center, np.linalg.norm(half_size, axis=1))
-    if len(first) == 0:
-        return []
-    axes = axes_of(yaw_rad)
-    between = center[second, :2] - center[first, :2]
-    candidates = np.concatenate([axes[first], axes[second]], axis=1)
-    reach_along = np.zeros(candidates.shape[:2])
-    for rows in (first, second):
-        projected = np.abs(np.einsum("pak,pbk->pab", candidates, axes[rows]))
-        reach_along += np.einsum("pab,pb->pa", projected, half_size[rows])
-    distance = np.einsum("pak,pk->pa", candidates, between)
-    depth = reach_along - np.abs(distance)
-    best = depth.argmin(axis=1)
-    pairs = np.arange(len(first))
-    least = depth[pairs, best]
-    sign = np.where(distance[pairs, best] < 0.0, -1.0, 1.0)
-    normal = candidates[pairs, best] * sign[:, None]
-    touching = np.flatnonzero(least > 0.0)
-    first, second = first[touching], second[touching]
-    points = _touching_points(center, half_size, axes, first, second)
-    return [
-        Contact(i, j, normal[k], depth_m, point)
-        for i, j, k, depth_m, point in zip(
-            first.tolist(), second.tolist(), touching, least[touching].tolist(), points, strict=True
+    radius = np.hypot(half_size[:, 0], half_size[:, 1])
+    order = np.argsort(center[:, 0] - radius, kind="stable")
+    capacity = 4 * len(order)
+    while True:
+        pairs, shapes = np.empty((capacity, 2), np.int64), np.empty((capacity, 5))
+        count = _touching(
+            center, half_size, radius, np.cos(yaw_rad), np.sin(yaw_rad), order, pairs, shapes
         )
+        if count <= capacity:
+            break
+        capacity = count
+    pairs, shapes = pairs[:count], shapes[:count]
+    ascending = np.lexsort((pairs[:, 1], pairs[:, 0])).tolist()
+    return [
+        Contact(int(pairs[k, 0]), int(pairs[k, 1]), shape[0:2], float(shape[2]), shape[3:5])
+        for k, shape in zip(ascending, shapes[ascending], strict=True)
     ]
 
 
-def _near_pairs(center: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs of circles that overlap, the lower row first, in ascending order (sweep along x)."""
-    low = center[:, 0] - radius
-    order = np.argsort(low, kind="stable")
-    sorted_low = low[order]
-    last = np.searchsorted(sorted_low, (center[:, 0] + radius)[order], side="right")
-    begin = np.arange(1, len(order) + 1)
-    count = np.maximum(last - begin, 0)
-    one = order[np.repeat(begin - 1, count)]
-    other = order[ranges(begin, count)]
-    first, second = np.minimum(one, other), np.maximum(one, other)
-    offset = center[second] - center[first]
-    near = (offset[:, 0] ** 2 + offset[:, 1] ** 2) < (radius[first] + radius[second]) ** 2
-    near &= np.abs(offset[:, 2]) < _SAME_LEVEL_M
-    first, second = first[near], second[near]
-    ascending = np.lexsort((second, first))
-    return first[ascending], second[ascending]
+@kernel
+def _touching(  # type: ignore[no-untyped-def]
+    center, half_size, radius, cosine, sine, order, pairs, shapes
+):
+    """Writes all pairs that touch, as far as there is room; returns how many there are.
+
+    Args:
+        radius: ``(N,)`` of the circles around the boxes.
+        order: ``(N,)`` rows by the lower ends of these circles along x, which are swept.
+        pairs: ``(C, 2)`` rows of a pair, the lower one first.
+        shapes: ``(C, 5)`` its normal, depth and point.
+    """
+    count = 0
+    for i in range(order.shape[0]):
+        one = order[i]
+        high = center[one, 0] + radius[one]
+        for k in range(i + 1, order.shape[0]):
+            other = order[k]
+            if center[other, 0] - radius[other] > high:
+                break
+            first, second = min(one, other), max(one, other)
+            dx = center[second, 0] - center[first, 0]
+            dy = center[second, 1] - center[first, 1]
+            reach = radius[first] + radius[second]
+            if dx * dx + dy * dy >= reach * reach:
+                continue
+            if abs(center[second, 2] - center[first, 2]) >= _SAME_LEVEL_M:
+                continue
+            depth, normal_x, normal_y = least_way_out(
+                dx, dy,
+                cosine[first], sine[first], half_size[first, 0], half_size[first, 1],
+                cosine[second], sine[second], half_size[second, 0], half_size[second, 1],
+            )  # fmt: skip
+            if not depth > 0.0:
+                continue
+            if count < pairs.shape[0]:
+                pairs[count, 0], pairs[count, 1] = first, second
+                shapes[count, 0], shapes[count, 1], shapes[count, 2] = normal_x, normal_y, depth
+                shapes[count, 3], shapes[count, 4] = _touching_point(
+                    center, half_size, cosine, sine, first, second
+                )
+            count += 1
+    return count
 
 
-def _touching_points(
-    center: FloatArray,
-    half_size: FloatArray,
-    axes: FloatArray,
-    first: IntArray,
-    second: IntArray,
-) -> FloatArray:
-    """``(P, 2)`` middles of the corners of either box of each pair that are in the other one.
+@device
+def _touching_point(  # type: ignore[no-untyped-def]
+    center, half_size, cosine, sine, first, second
+):
+    """Middle of the corners of either box that are in the other one.
 
     Boxes that cross without a corner in each other touch in the middle between their centres.
     """
-    total, count = np.zeros((len(first), 2)), np.zeros(len(first))
-    for one, other in ((first, second), (second, first)):
-        reach = _CORNERS * half_size[one][:, None]
-        corners = center[one, None, :2] + np.einsum("pca,pak->pck", reach, axes[one])
-        local = np.einsum("pck,pak->pca", corners - center[other, None, :2], axes[other])
-        inside = (np.abs(local) <= half_size[other][:, None] + 1e-9).all(axis=2)
-        total += (corners * inside[..., None]).sum(axis=1)
-        count += inside.sum(axis=1)
-    between = 0.5 * (center[first, :2] + center[second, :2])
-    some = (count > 0.0)[:, None]
-    return np.where(some, total / np.maximum(count, 1.0)[:, None], between)
+    total_x, total_y, count = 0.0, 0.0, 0
+    for side in range(2):
+        one, other = (first, second) if side == 0 else (second, first)
+        for corner in range(4):
+            along = half_size[one, 0] if corner < 2 else -half_size[one, 0]
+            across = half_size[one, 1] if corner % 2 == 0 else -half_size[one, 1]
+            x = center[one, 0] + along * cosine[one] - across * sine[one]
+            y = center[one, 1] + along * sine[one] + across * cosine[one]
+            dx, dy = x - center[other, 0], y - center[other, 1]
+            if (
+                abs(dx * cosine[other] + dy * sine[other]) <= half_size[other, 0] + _ROUNDING_M
+                and abs(dy * cosine[other] - dx * sine[other]) <= half_size[other, 1] + _ROUNDING_M
+            ):
+                total_x += x
+                total_y += y
+                count += 1
+    if count == 0:
+        return (
+            0.5 * (center[first, 0] + center[second, 0]),
+            0.5 * (center[first, 1] + center[second, 1]),
+        )
+    return total_x / count, total_y / count

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.maps.cell_index import CellIndex
+from carstage_sim.jit import device, kernel
+from carstage_sim.maps.cell_index import cell_grid
 from carstage_sim.maps.town import LaneSamples
+from carstage_sim.world.cell_walk import cell_along, cells_along
 
 _CELL_M = 1.0
 _MARGIN_M = 50.0
@@ -30,36 +32,53 @@ class LaneIndex:
         span = self._xy.max(axis=0) + _MARGIN_M - self._low
         self._shape = np.ceil(span / _CELL_M).astype(np.intp) + 1
         self._nearest: NDArray[np.int32] = np.full(tuple(self._shape), _UNKNOWN, np.int32)
-        self._buckets = CellIndex(np.repeat(self._xy[:, None], 3, axis=1), _BUCKET_M)
+        self._buckets = cell_grid(np.repeat(self._xy[:, None], 3, axis=1), _BUCKET_M)
 
     def nearest(self, location: NDArray[np.float64]) -> NDArray[np.int32]:
         """Index of the nearest sample of ``(N, 2 or 3)`` points, to within a cell of one metre."""
-        cells = ((location[:, :2] - self._low) / _CELL_M).astype(np.intp)
-        cells = np.clip(cells, 0, self._shape - 1)
-        found: NDArray[np.int32] = self._nearest[cells[:, 0], cells[:, 1]]
-        unknown = np.flatnonzero(found == _UNKNOWN)
-        if len(unknown):
-            centres = self._low + (cells[unknown] + 0.5) * _CELL_M
-            found[unknown] = self._search(centres)
-            self._nearest[cells[unknown, 0], cells[unknown, 1]] = found[unknown]
+        found = np.empty(len(location), np.int32)
+        _look_up(location, self._low, self._nearest, self._xy, self._buckets, found)
         return found
-
-    def _search(self, places: NDArray[np.float64]) -> NDArray[np.int32]:
-        """The nearest samples of places, the first of equally near ones."""
-        best = np.full(len(places), _UNKNOWN, np.int32)
-        owner, sample = self._buckets.within(places - _NEAR_M, places + _NEAR_M)
-        if len(owner):
-            squared = ((self._xy[sample] - places[owner]) ** 2).sum(axis=1)
-            order = np.lexsort((sample, squared, owner))
-            first = np.unique(owner[order], return_index=True)[1]
-            sure = squared[order[first]] <= _NEAR_M**2
-            chosen = order[first[sure]]
-            best[owner[chosen]] = sample[chosen]
-        for index in np.flatnonzero(best == _UNKNOWN):
-            best[index] = np.argmin(((self._xy - places[index]) ** 2).sum(axis=1))
-        return best
 
     def speed_limit_kmh(self, location: NDArray[np.float64]) -> NDArray[np.float32]:
         """``(N,)`` speed limits at ``(N, 3)`` locations."""
         limits: NDArray[np.float32] = self._lanes.speed_limit_kmh[self.nearest(location)]
         return limits
+
+
+@kernel
+def _look_up(  # type: ignore[no-untyped-def]
+    location, low, nearest, xy, buckets, found
+):
+    """Writes the nearest sample of each point, and into ``nearest`` what was not known yet."""
+    for point in range(location.shape[0]):
+        i = cell_along(location[point, 0], low[0], _CELL_M, nearest.shape[0])
+        j = cell_along(location[point, 1], low[1], _CELL_M, nearest.shape[1])
+        if nearest[i, j] == _UNKNOWN:
+            x, y = low[0] + (i + 0.5) * _CELL_M, low[1] + (j + 0.5) * _CELL_M
+            nearest[i, j] = _search(x, y, xy, buckets)
+        found[point] = nearest[i, j]
+
+
+@device
+def _search(x, y, xy, buckets):  # type: ignore[no-untyped-def]
+    """The nearest sample of a place, the first of equally near ones."""
+    best, least = -1, _NEAR_M * _NEAR_M
+    first_x, last_x = cells_along(buckets, 0, x - _NEAR_M, x + _NEAR_M)
+    first_y, last_y = cells_along(buckets, 1, y - _NEAR_M, y + _NEAR_M)
+    for i in range(first_x, last_x + 1):
+        for j in range(first_y, last_y + 1):
+            cell = i * buckets.shape[1] + j
+            for entry in range(buckets.start[cell], buckets.start[cell + 1]):
+                sample = buckets.entries[entry]
+                squared = (xy[sample, 0] - x) ** 2 + (xy[sample, 1] - y) ** 2
+                if squared < least or (squared == least and (best < 0 or sample < best)):
+                    best, least = sample, squared
+    if best >= 0:
+        return best
+    least = np.inf
+    for sample in range(xy.shape[0]):
+        squared = (xy[sample, 0] - x) ** 2 + (xy[sample, 1] - y) ** 2
+        if squared < least:
+            best, least = sample, squared
+    return best

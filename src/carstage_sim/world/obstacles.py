@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely import MultiPoint
 
+from carstage_sim.jit import device, kernel
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.maps.cell_index import CellIndex
+from carstage_sim.maps.cell_index import cell_grid
 from carstage_sim.maps.ground import Ground
 from carstage_sim.mesh import Material, TriangleMesh
-from carstage_sim.world.contacts import TOWN, Contact, axes_of
+from carstage_sim.world.cell_walk import cells_along
+from carstage_sim.world.contacts import TOWN, Contact
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -63,7 +65,7 @@ class Obstacles:
         self.level, self.object_id, self.label = outlines.level, outlines.object_id, outlines.label
         self._shown: BoolArray = np.ones(len(self.start), np.bool_)
         corners = np.stack([self.start, self.end, self.end], axis=1)
-        self._cells = CellIndex(corners, _CELL_M)
+        self._grid = cell_grid(corners, _CELL_M)
 
     def hide(self, object_ids: frozenset[int]) -> None:
         """Let nothing touch these objects; all others are touchable again."""
@@ -81,82 +83,119 @@ class Obstacles:
         """
         if not len(rows) or not len(self.start):
             return []
-        axes = axes_of(yaw_rad[rows])
-        reach = np.einsum("nak,na->nk", np.abs(axes), half_size[rows])
-        middle = center[rows, :2]
-        box, segment = self._cells.within(middle - reach, middle + reach)
-        near = np.abs(center[rows[box], 2] - self.level[segment]) < _SAME_LEVEL_M
-        near &= self._shown[segment]
-        box, segment = box[near], segment[near]
-        if not len(box):
-            return []
-        depth, normal, point = _box_meets_segment(
-            np.einsum("pak,pk->pa", axes[box], self.start[segment] - middle[box]),
-            np.einsum("pak,pk->pa", axes[box], self.end[segment] - middle[box]),
-            half_size[rows[box]],
-        )
-        touching = np.flatnonzero(depth > 0.0)
+        capacity = 4 * len(rows)
+        while True:
+            pairs, shapes = np.empty((capacity, 2), np.int64), np.empty((capacity, 5))
+            count = _touching(
+                rows, center, half_size, np.cos(yaw_rad[rows]), np.sin(yaw_rad[rows]),
+                self.start, self.end, self.level, self._shown, self._grid, pairs, shapes,
+            )  # fmt: skip
+            if count <= capacity:
+                break
+            capacity = count
         deepest: dict[tuple[int, int, int], int] = {}
-        for k in touching[np.argsort(-depth[touching], kind="stable")].tolist():
-            piece = int(segment[k])
-            key = (
-                int(box[k]),
-                int(self.object_id[piece]),
-                piece if not self.object_id[piece] else 0,
-            )
-            deepest.setdefault(key, k)
+        for k in np.argsort(-shapes[:count, 2], kind="stable").tolist():
+            box, segment = pairs[k].tolist()
+            object_id = int(self.object_id[segment])
+            deepest.setdefault((box, object_id, 0 if object_id else segment), k)
         return [
             Contact(
-                int(rows[box[k]]),
+                int(rows[box]),
                 TOWN,
-                normal[k] @ axes[box[k]],
-                float(depth[k]),
-                middle[box[k]] + point[k] @ axes[box[k]],
-                int(self.object_id[segment[k]]),
-                int(self.label[segment[k]]),
+                shapes[k, 0:2],
+                float(shapes[k, 2]),
+                shapes[k, 3:5],
+                object_id,
+                int(self.label[pairs[k, 1]]),
             )
-            for _, k in sorted(deepest.items())
+            for (box, object_id, _), k in sorted(deepest.items())
         ]
 
 
-def _box_meets_segment(
-    start: FloatArray, end: FloatArray, half_size: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Boxes around the origin and segments in their frames, ``(P, 2)`` each.
+@kernel
+def _touching(  # type: ignore[no-untyped-def]
+    rows, center, half_size, cosine, sine, start, end, level, shown, grid, pairs, shapes
+):
+    """Writes boxes and segments that touch, as far as there is room; returns how many there are.
+
+    A segment that reaches into several cells under a box comes several times.
+
+    Args:
+        cosine, sine: ``(M,)`` of the headings of the boxes that ``rows`` names.
+        grid: the cells of the segments.
+        pairs: ``(C, 2)`` index in ``rows`` and segment.
+        shapes: ``(C, 5)`` normal towards the segment, depth, point; world.
+    """
+    count = 0
+    for box in range(rows.shape[0]):
+        row = rows[box]
+        length, width = half_size[row, 0], half_size[row, 1]
+        c, s = cosine[box], sine[box]
+        x, y, z = center[row, 0], center[row, 1], center[row, 2]
+        reach_x = length * abs(c) + width * abs(s)
+        reach_y = length * abs(s) + width * abs(c)
+        first_x, last_x = cells_along(grid, 0, x - reach_x, x + reach_x)
+        first_y, last_y = cells_along(grid, 1, y - reach_y, y + reach_y)
+        for cell_x in range(first_x, last_x + 1):
+            for cell_y in range(first_y, last_y + 1):
+                cell = cell_x * grid.shape[1] + cell_y
+                for entry in range(grid.start[cell], grid.start[cell + 1]):
+                    piece = grid.entries[entry]
+                    if not shown[piece] or abs(z - level[piece]) >= _SAME_LEVEL_M:
+                        continue
+                    x0, y0 = start[piece, 0] - x, start[piece, 1] - y
+                    x1, y1 = end[piece, 0] - x, end[piece, 1] - y
+                    depth, normal_x, normal_y, point_x, point_y = _box_meets_segment(
+                        x0 * c + y0 * s, y0 * c - x0 * s, x1 * c + y1 * s, y1 * c - x1 * s,
+                        length, width,
+                    )  # fmt: skip
+                    if not depth > 0.0:
+                        continue
+                    if count < pairs.shape[0]:
+                        pairs[count, 0], pairs[count, 1] = box, piece
+                        shapes[count, 0] = normal_x * c - normal_y * s
+                        shapes[count, 1] = normal_x * s + normal_y * c
+                        shapes[count, 2] = depth
+                        shapes[count, 3] = x + point_x * c - point_y * s
+                        shapes[count, 4] = y + point_x * s + point_y * c
+                    count += 1
+    return count
+
+
+@device
+def _box_meets_segment(x0, y0, x1, y1, length, width):  # type: ignore[no-untyped-def]
+    """A box of half ``length`` and ``width`` around the origin and a segment in its frame.
 
     Returns:
-        ``(P,)`` depth, not positive where they do not touch; ``(P, 2)`` normal towards the segment;
-        ``(P, 2)`` middle of the part of the segment that is in the box.
+        Depth, not positive where they do not touch; normal towards the segment (x, y); middle of
+        the part of the segment that is in the box (x, y).
     """
-    along = end - start
-    length = np.maximum(np.linalg.norm(along, axis=1), 1e-9)
-    across = np.stack([-along[:, 1], along[:, 0]], axis=-1) / length[:, None]
-    distance = np.einsum("pk,pk->p", across, start)
-    across *= np.where(distance < 0.0, -1.0, 1.0)[:, None]
-    reach = np.einsum("pk,pk->p", np.abs(across), half_size)
-    depths = [reach - np.abs(distance)]
-    normals = [across]
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    for axis in range(2):
-        ahead = half_size[:, axis] - low[:, axis]
-        behind = half_size[:, axis] + high[:, axis]
-        normal = np.zeros_like(start)
-        normal[:, axis] = np.where(ahead <= behind, 1.0, -1.0)
-        depths.append(np.minimum(ahead, behind))
-        normals.append(normal)
-    depth = np.stack(depths)
-    best = depth.argmin(axis=0)
-    pairs = np.arange(len(start))
+    ahead, behind = length - min(x0, x1), length + max(x0, x1)
+    right, left = width - min(y0, y1), width + max(y0, y1)
+    if min(min(ahead, behind), min(right, left)) <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    along_x, along_y = x1 - x0, y1 - y0
+    norm = max(np.sqrt(along_x * along_x + along_y * along_y), 1e-9)
+    normal_x, normal_y = -along_y / norm, along_x / norm
+    distance = normal_x * x0 + normal_y * y0
+    if distance < 0.0:
+        normal_x, normal_y = -normal_x, -normal_y
+    depth = length * abs(normal_x) + width * abs(normal_y) - abs(distance)
+    if min(ahead, behind) < depth:
+        depth, normal_x, normal_y = min(ahead, behind), 1.0 if ahead <= behind else -1.0, 0.0
+    if min(right, left) < depth:
+        depth, normal_x, normal_y = min(right, left), 0.0, 1.0 if right <= left else -1.0
 
     # The part of the segment within the box (Liang and Barsky).
-    with np.errstate(divide="ignore", invalid="ignore"):
-        entry = (np.where(along > 0.0, -half_size, half_size) - start) / along
-        leave = (np.where(along > 0.0, half_size, -half_size) - start) / along
-    still = along == 0.0
-    enters = np.clip(np.where(still, 0.0, entry).max(axis=1), 0.0, 1.0)
-    leaves = np.clip(np.where(still, 1.0, leave).min(axis=1), 0.0, 1.0)
-    point = start + (0.5 * (enters + leaves))[:, None] * along
-    return depth[best, pairs], np.stack(normals)[best, pairs], point
+    enters, leaves = 0.0, 1.0
+    if along_x != 0.0:
+        one, other = (-length - x0) / along_x, (length - x0) / along_x
+        enters, leaves = max(enters, min(one, other)), min(leaves, max(one, other))
+    if along_y != 0.0:
+        one, other = (-width - y0) / along_y, (width - y0) / along_y
+        enters, leaves = max(enters, min(one, other)), min(leaves, max(one, other))
+    middle = 0.5 * (min(enters, 1.0) + max(leaves, 0.0))
+    return depth, normal_x, normal_y, x0 + middle * along_x, y0 + middle * along_y
 
 
 class _Outlines:

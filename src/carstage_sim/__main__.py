@@ -11,9 +11,10 @@ import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 
-from carstage_sim.cli import Options, parse_options
+from carstage_sim.cli import Options, parse_bake, parse_options
 from carstage_sim.description import describe
 from carstage_sim.maps import MapCatalogue, MapFileError, MapSamplingError, UnknownTownError
+from carstage_sim.prebake import prebake
 from carstage_sim.server import Server
 from carstage_sim.simulation import Simulation
 from carstage_sim.wire.dialect import dialect
@@ -24,8 +25,11 @@ _BAD_INPUT = 2
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the server until SIGTERM or SIGINT; the exit status of the process."""
-    options = parse_options(argv)
+    """Run the server until SIGTERM or SIGINT, or bake maps; the exit status of the process."""
+    arguments = sys.argv[1:] if argv is None else argv
+    if arguments[:1] == ["bake"]:
+        return _bake(arguments[1:])
+    options = parse_options(arguments)
     logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     logging.getLogger("carstage_sim").setLevel(options.log_level.upper())
     if options.log_level == "warning":
@@ -45,6 +49,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:  # before the server was ready
         return 0
     return 0
+
+
+def _bake(arguments: Sequence[str]) -> int:
+    task = parse_bake(arguments)
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    try:
+        maps = MapCatalogue(task.maps, task.aliases)
+        whole = prebake(maps, task.names, lambda line: print(line, flush=True))
+    except (MapFileError, UnknownTownError) as error:
+        print(f"carstage_sim: {error}", file=sys.stderr)
+        return _BAD_INPUT
+    return 0 if whole else _BAD_INPUT
 
 
 def _serve(options: Options, maps: MapCatalogue) -> None:

@@ -77,7 +77,7 @@ def _parser() -> _Parser:
         prog="python -m carstage_sim",
         description="The embedded simulator: a headless server that the carla client drives.",
         epilog="Options of CARLA's start script are understood; those about windows, sound and "
-        "quality have no effect.",
+        "quality have no effect. `bake TOWN...` computes maps ahead: see `bake --help`.",
         allow_abbrev=False,
     )
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on")
@@ -97,23 +97,7 @@ def _parser() -> _Parser:
         help="streaming port (default: the one above --port)",
     )
     parser.add_argument("--map", dest="map_name", default="Stage01", help="map to begin with")
-    parser.add_argument(
-        "--maps",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="PATH",
-        help="an OpenDRIVE file (NAME.xodr), or a folder of them, to offer; may be repeated",
-    )
-    parser.add_argument(
-        "--alias",
-        dest="aliases",
-        type=_alias,
-        action="append",
-        default=[],
-        metavar="NAME=MAP",
-        help="let programs that ask for NAME get MAP; may be repeated",
-    )
+    _add_map_sources(parser)
     parser.add_argument(
         "--seed",
         type=int,
@@ -155,6 +139,63 @@ def _parser() -> _Parser:
     for option in _WITHOUT_EFFECT_VALUED:
         parser.add_argument(option, dest="_", default=None, help=argparse.SUPPRESS)
     return parser
+
+
+def _add_map_sources(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--maps",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="PATH",
+        help="an OpenDRIVE file (NAME.xodr), or a folder of them, to offer; may be repeated",
+    )
+    parser.add_argument(
+        "--alias",
+        dest="aliases",
+        type=_alias,
+        action="append",
+        default=[],
+        metavar="NAME=MAP",
+        help="let programs that ask for NAME get MAP; may be repeated",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class BakeTask:
+    """What ``bake`` is to do.
+
+    Attributes:
+        names: maps to bake; none means all that are offered.
+        maps, aliases: as in :class:`Options`.
+    """
+
+    names: tuple[str, ...]
+    maps: tuple[Path, ...]
+    aliases: dict[str, str]
+
+
+def parse_bake(argv: Sequence[str]) -> BakeTask:
+    """What follows ``bake`` on a command line.
+
+    Raises:
+        SystemExit: with status 2 and a sentence on stderr when something is wrong.
+    """
+    parser = _Parser(
+        prog="python -m carstage_sim bake",
+        description="Compute ahead what a server computes when it first loads a map: the town, its "
+        "acceleration structure, machine code, and the shapes of vehicles and walkers.",
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "names", nargs="*", metavar="TOWN", help="maps to bake (default: all that are offered)"
+    )
+    _add_map_sources(parser)
+    namespace, unknown = parser.parse_known_args(argv)
+    if unknown:
+        parser.refuse_unknown(unknown)
+    names = tuple(name.rsplit("/", 1)[-1] for name in namespace.names)
+    return BakeTask(names, tuple(namespace.maps), dict(namespace.aliases))
 
 
 def parse_options(argv: Sequence[str] | None) -> Options:

@@ -10,9 +10,12 @@ import socket
 from typing import Any
 
 import msgpack
+import numpy as np
 
 from carstage.errors import ServerError
+from carstage.geometry import FloatArray
 from carstage.plan import ServerFacts
+from carstage.releases import release_of
 
 #: The server tells the spawn points of its current map only; on others the first ones are drawn
 #: from, which every town of CARLA has.
@@ -49,7 +52,30 @@ def ask_server(host: str, port: int, version: str, timeout_s: float = 20.0) -> S
             f"The server at {host}:{port} did not say what it offers: {error}.",
             "Is it CARLA 0.9.13 or later, and has it finished starting?",
         ) from error
-    return ServerFacts(maps=maps, blueprints=blueprints, dialect=version)
+    return ServerFacts(
+        maps=maps, blueprints=blueprints, dialect=str(release_of(version) or version)
+    )
+
+
+def ask_spawn_points(host: str, port: int, timeout_s: float = 20.0) -> tuple[str, FloatArray]:
+    """The map that a server has loaded, and its spawn points.
+
+    Returns:
+        The map's name without folders, and ``(N, 6)`` x, y, z (m), pitch, yaw, roll (deg).
+
+    Raises:
+        ServerError: it does not answer as a CARLA server does.
+    """
+    try:
+        with socket.create_connection((host, port), timeout=timeout_s) as connection:
+            name, places = _call(connection, 1, "get_map_info")[:2]
+            points = np.array([[*at, *turned] for at, turned in places], dtype=np.float64)
+    except (OSError, ValueError, TypeError, IndexError, msgpack.UnpackException) as error:
+        raise ServerError(
+            f"The server at {host}:{port} did not say what its map is: {error}.",
+            "Is it CARLA 0.9.13 or later, and has it finished starting?",
+        ) from error
+    return _short(str(name)), points.reshape(-1, 6)
 
 
 def _short(name: str) -> str:

@@ -1,0 +1,138 @@
+"""Do pictures show the world of their own tick?
+
+Each question is asked at several lags: if pictures came a tick late, another lag than none would
+explain them better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.selftest.evidence import Body, Evidence
+from carstage.selftest.sight import CLEARLY, EXPLAINS, LAGS, Sight, pairs
+from carstage.selftest.verdict import Check
+from carstage.selftest.warping import inside_box
+
+_STILL = "those of their own tick"
+_LIKE = 30
+_EDGE_PX = 3
+_GROUND_M = 0.15
+_SURFACE_M = 0.05
+_FEWEST = 10
+
+
+def check_poses(sight: Sight) -> Check:
+    """The camera's pictures show what its pose of the same tick sees."""
+    shares = {lag: sight.fit(lag) for lag in LAGS}
+    lag = max(shares, key=lambda candidate: shares[candidate])
+    others = max(share for other, share in shares.items() if other != lag)
+    sure = shares[lag] >= EXPLAINS and shares[lag] >= CLEARLY * others
+    found = _words(lag) if sure else "no tick's for certain"
+    return Check("camera poses", sure and lag == 0, found, _STILL, shares[lag])
+
+
+def check_pictures(sight: Sight, name: str) -> Check:
+    """A camera's pictures are of the same ticks as the depth camera's.
+
+    Judged by edges: along them, what is a pixel further on looks different.
+    """
+    pictures = sight.evidence.pictures[name]
+    alike = _RULES[name]
+    shares = {lag: _likeness(sight, pictures, alike, lag) for lag in LAGS[:3]}
+    lag = max(shares, key=lambda candidate: shares[candidate])
+    others = max(share for other, share in shares.items() if other != lag)
+    sure = shares[lag] > others
+    found = _words(lag) if sure else "no tick's for certain"
+    return Check(f"{name} pictures", sure and lag == 0, found, _STILL, shares[lag])
+
+
+def check_actors(sight: Sight) -> Check:
+    """The vehicle ahead is seen where the snapshot of the same tick has it."""
+    evidence = sight.evidence
+    seen = {lag: list(_seen_in_box(sight, evidence.vehicle, lag)) for lag in LAGS}
+    own = sum(count for _, count in seen[0])
+    # Lags leave out ticks at an end: each is measured against the same ticks without a lag.
+    by_tick = dict(seen[0])
+    shares = {
+        lag: sum(count for _, count in found) / max(1, sum(by_tick[tick] for tick, _ in found))
+        for lag, found in seen.items()
+    }
+    expected = "where the snapshot of their own tick has them"
+    if own < _FEWEST * evidence.ticks:
+        return Check("actor poses", False, "the vehicle is not in its box", expected, 0.0)
+    lag = max(shares, key=lambda candidate: shares[candidate])
+    found = expected if lag == 0 else f"where they are {_offset(lag)}"
+    others = max(share for other, share in shares.items() if other != 0)
+    return Check("actor poses", lag == 0, found, expected, 1.0 - others)
+
+
+def _seen_in_box(sight: Sight, body: Body, lag: int) -> Iterator[tuple[int, int]]:
+    """Tick, and how many pixels of its picture show what lies in the box of a later tick."""
+    for tick, points in enumerate(sight.points):
+        if 0 <= tick + lag < sight.evidence.ticks:
+            box = body.world_from_box[tick + lag]
+            above_road = points[:, 2] > box[2, 3] - body.extent[2] + _GROUND_M
+            yield tick, int(np.sum(inside_box(points, box, body.extent, _SURFACE_M) & above_road))
+
+
+Alike = Callable[[NDArray[np.uint8], NDArray[np.uint8]], NDArray[np.bool_]]
+
+
+def _colours_alike(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    difference = np.abs(first[..., :3].astype(np.int64) - second[..., :3].astype(np.int64))
+    return np.asarray(difference.sum(axis=-1) <= _LIKE, dtype=np.bool_)
+
+
+def _tags_alike(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    return np.asarray(first[..., 2] == second[..., 2], dtype=np.bool_)
+
+
+def _ids_alike(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    return np.asarray((first[..., :3] == second[..., :3]).all(axis=-1), dtype=np.bool_)
+
+
+_RULES: dict[str, Alike] = {
+    "rgb": _colours_alike,
+    "semantic": _tags_alike,
+    "instance": _ids_alike,
+}
+PICTURES = tuple(_RULES)
+
+
+def _likeness(sight: Sight, pictures: NDArray[np.uint8], alike: Alike, lag: int) -> float:
+    """Share of edge pixels that look alike where they reappear, if pictures lag so many ticks."""
+    found = []
+    for tick, other in pairs(sight.evidence.ticks, lag):
+        first, second = pictures[tick + lag], pictures[other + lag]
+        moved = sight.warp(tick, other)
+        edge = _edges(first, alike)[moved.source[:, 0], moved.source[:, 1]]
+        here = first[moved.source[edge, 0], moved.source[edge, 1]]
+        there = second[moved.target[edge, 0], moved.target[edge, 1]]
+        if edge.any():
+            found.append(float(np.mean(alike(here, there))))
+    return float(np.mean(found)) if found else 0.0
+
+
+def _edges(picture: NDArray[np.uint8], alike: Alike) -> NDArray[np.bool_]:
+    """``(H, W)`` pixels that differ from the one a little to the right or below."""
+    edge = np.zeros(picture.shape[:2], dtype=np.bool_)
+    edge[:, :-_EDGE_PX] |= ~alike(picture[:, :-_EDGE_PX], picture[:, _EDGE_PX:])
+    edge[:-_EDGE_PX] |= ~alike(picture[:-_EDGE_PX], picture[_EDGE_PX:])
+    return edge
+
+
+def _words(lag: int) -> str:
+    return _STILL if lag == 0 else f"those of {_offset(lag)}"
+
+
+def _offset(lag: int) -> str:
+    count = abs(lag)
+    return f"{count} tick{'s' if count > 1 else ''} {'before' if lag < 0 else 'after'}"
+
+
+def available(evidence: Evidence) -> Iterator[str]:
+    """Cameras whose pictures can be compared."""
+    yield from (name for name in PICTURES if name in evidence.pictures)

@@ -188,7 +188,10 @@ class Config(Section):
         Conversion, title="Conversion", description="From raw logs to files.", group="conversion"
     )
     output: Output = setting(
-        Output, title="Output", description="What stays on disk.", group="output"
+        Output,
+        title="Output",
+        description="How raw recordings are written, and what stays on disk.",
+        group="output",
     )
 
     @model_validator(mode="before")

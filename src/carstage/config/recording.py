@@ -315,7 +315,7 @@ class Conversion(Section):
 
 
 class Output(Section):
-    """What stays on disk."""
+    """How raw recordings are written, and what stays on disk."""
 
     keep_raw: bool = setting(
         False,
@@ -329,6 +329,16 @@ class Output(Section):
         description="Raw pictures in the log's records, or in memory-mapped files, one per camera "
         "and second (`mmap`, the paper's).",
         group="output",
+    )
+    raw_queue_mb: int = setting(
+        256,
+        title="Raw queue",
+        description="Sensor data in memory that may wait for the disk; when more would, the tick "
+        "waits.",
+        unit="MB",
+        group="output",
+        ge=1,
+        le=1_000_000,
     )
 
 

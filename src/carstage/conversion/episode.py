@@ -35,6 +35,7 @@ from carstage.dataset.whole import write_whole
 from carstage.errors import ConversionError, DatasetError
 from carstage.rawlog.format import LEDGER
 from carstage.rawlog.reader import EpisodeLog
+from carstage.storage.marker import FileEntry
 
 _LABELS = ""
 """Key of the label task among a segment's tasks; no stream has an empty name."""
@@ -132,8 +133,12 @@ class EpisodeConversion:
         for task in tasks:
             _raise_error_of(task)
 
-    def finish(self) -> None:
+    def finish(self) -> tuple[FileEntry, ...]:
         """Wait for all work and write what belongs to the whole episode.
+
+        Returns:
+            The files that the workers wrote, hashed from memory; tables and documents are not
+            among them.
 
         Raises:
             ConversionError: the recording is incomplete, or work on it failed.
@@ -178,6 +183,13 @@ class EpisodeConversion:
         self._remove_strays()
         shutil.rmtree(self.raw_folder / LABEL_PARTS)
         self._finished = True
+        segments = self._segments(log)
+        return tuple(
+            file
+            for sensor in self._plan.written
+            for segment in segments
+            for file in self._tasks[segment, sensor.id].result().files
+        )
 
     def cancel(self) -> None:
         """Drop what is not done and remove the attempt's folder; waits for running work.
@@ -255,7 +267,7 @@ class EpisodeConversion:
     def _write_row_sensors(self, segments: range) -> None:
         for sensor in self._plan.written:
             if sensor.kind in ROW_SENSORS:
-                rows = [r for i in segments for r in self._tasks[i, sensor.id].result()]
+                rows = [r for i in segments for r in self._tasks[i, sensor.id].result().rows]
                 table = pa.Table.from_pylist(rows, schema=ROW_SENSORS[sensor.kind].schema)
                 self._write_table(table, f"sensors/{sensor.id}.parquet")
 

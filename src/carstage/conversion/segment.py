@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from carstage.errors import ConversionError
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.format import KIND_DATA, LEDGER
 from carstage.rawlog.reader import EpisodeLog, Record
+from carstage.storage.marker import FileEntry
 
 LABEL_PARTS = ".labels"
 """Folder of the label parts below the raw log; its name can be no stream's."""
@@ -35,13 +38,24 @@ def saved_ticks(log: EpisodeLog, segment: int) -> dict[int, int]:
     }
 
 
+@dataclass(frozen=True, slots=True)
+class EncodedSegment:
+    """What became of one sensor's segment.
+
+    Attributes:
+        rows: of a sensor that becomes a table.
+        files: of a sensor that becomes files; hashed as they were written, so that nobody has to
+            read them for it.
+    """
+
+    rows: tuple[dict[str, Any], ...] = ()
+    files: tuple[FileEntry, ...] = ()
+
+
 def encode_segment(
     raw_folder: Path, attempt_folder: Path, sensor: RecordedSensor, segment: int
-) -> list[dict[str, Any]]:
-    """Write the files of one sensor for the saved ticks of one segment.
-
-    Returns:
-        The rows of a sensor that becomes a table; an empty list for one that becomes files.
+) -> EncodedSegment:
+    """Write the files of one sensor for the saved ticks of one segment, or make its rows.
 
     Raises:
         ConversionError: a record is not what its meta says; names sensor and tick.
@@ -51,18 +65,23 @@ def encode_segment(
     ticks = saved_ticks(log, segment)
     records = [r for r in _data(log, sensor.id, segment) if r.tick in ticks]
     if sensor.kind in ROW_SENSORS:
-        return [_row(log, sensor, record, ticks[record.tick]) for record in records]
+        return EncodedSegment(
+            rows=tuple(_row(log, sensor, record, ticks[record.tick]) for record in records)
+        )
     _, codec = codec_for(sensor.kind, sensor.codec)
-    folder = attempt_folder / "sensors" / sensor.id
-    folder.mkdir(parents=True, exist_ok=True)
+    below = f"sensors/{sensor.id}"
+    (attempt_folder / below).mkdir(parents=True, exist_ok=True)
+    files = []
     for record in records:
         try:
             contents = codec.encode(record.meta, record.payload)
         except (ValueError, KeyError) as error:
             raise _bad_record(sensor, record, str(error)) from error
         for suffix, content in zip(codec.suffixes, contents, strict=True):
-            write_whole(folder / f"{ticks[record.tick]:06d}{suffix}", content)
-    return []
+            name = f"{below}/{ticks[record.tick]:06d}{suffix}"
+            write_whole(attempt_folder / name, content)
+            files.append(FileEntry(name, len(content), hashlib.sha256(content).hexdigest()))
+    return EncodedSegment(files=tuple(files))
 
 
 def label_segment(raw_folder: Path, segment: int) -> None:

@@ -115,7 +115,7 @@ class Landing:
             CarStageError: converting or committing failed.
         """
         with _disk_errors(self._what):
-            self._conversion.finish()
+            hashed = self._conversion.finish()
             header = json.loads((self.raw_folder / "episode.json").read_bytes())
             self._store.commit(
                 self.job.episode_id,
@@ -125,6 +125,7 @@ class Landing:
                     "client": str(header["client_version"]),
                     "server": str(header["server_version"]),
                 },
+                hashed=hashed,
             )
 
     def remove_raw(self) -> None:

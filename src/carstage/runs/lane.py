@@ -46,7 +46,7 @@ _STALL_S = 600.0
 _STOP_S = 20.0
 _LAST_WORDS_S = 3.0
 _CALL_TIMEOUT_TICKS = 30
-_QUEUE_BYTES = 256 * 1024 * 1024
+_BYTES_PER_MB = 1_000_000
 _START_TRIES = 2
 
 
@@ -254,7 +254,8 @@ class ServerLane:
                 + _CALL_TIMEOUT_TICKS * estimate_tick_s(spec),
                 "traffic_manager_port": endpoint.traffic_manager_port,
             },
-            "queue_bytes": _QUEUE_BYTES,
+            "queue_bytes": self._setup.output.raw_queue_mb * _BYTES_PER_MB,
+            "raw_store": self._setup.output.raw_store,
             "sensor_warmup_ticks": self._setup.sensor_warmup_ticks,
             "episodes": [
                 {

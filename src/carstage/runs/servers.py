@@ -10,6 +10,7 @@ from carstage.config import Config
 from carstage.config.recording import (
     CarlaServerConfig,
     EmbeddedServerConfig,
+    Output,
     RemoteServerConfig,
 )
 from carstage.config.supervision import Supervision
@@ -67,6 +68,11 @@ class ServerSetup:
     def supervision(self) -> Supervision:
         """When a server or a collector counts as lost."""
         return self._config.supervision
+
+    @property
+    def output(self) -> Output:
+        """How raw recordings are written."""
+        return self._config.output
 
     @property
     def restart_every(self) -> int:

@@ -8,7 +8,7 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -75,7 +75,13 @@ class LocalStore(Store):
         return folder
 
     def commit(
-        self, episode_id: str, attempt: str, *, frames: int, versions: Mapping[str, str]
+        self,
+        episode_id: str,
+        attempt: str,
+        *,
+        frames: int,
+        versions: Mapping[str, str],
+        hashed: Iterable[FileEntry] = (),
     ) -> CommitMarker:
         """Flush and hash every file, then link the marker; see ``Store.commit``."""
         folder = self._attempt(episode_id, attempt)
@@ -95,17 +101,16 @@ class LocalStore(Store):
                     "is a temporary file.",
                     "Convert the episode again.",
                 )
-        with ThreadPoolExecutor(_HASH_THREADS) as threads:
-            hashes = list(threads.map(_flush_and_hash, paths))
-        files = tuple(
-            sorted(
-                (
-                    FileEntry(path.relative_to(folder).as_posix(), size, digest)
-                    for path, (size, digest) in zip(paths, hashes, strict=True)
-                ),
-                key=lambda entry: entry.path,
+        known = {entry.path: entry for entry in hashed}
+        names = [path.relative_to(folder).as_posix() for path in paths]
+        for lost in sorted(known.keys() - set(names)):
+            raise StorageError(
+                f"Attempt {attempt} of episode {episode_id} has lost its file {lost}.",
+                "Convert the episode again.",
             )
-        )
+        with ThreadPoolExecutor(_HASH_THREADS) as threads:
+            entries = threads.map(lambda name: _flushed(folder, name, known.get(name)), names)
+            files = tuple(sorted(entries, key=lambda entry: entry.path))
         for directory in sorted({path.parent for path in paths} | {folder, folder.parent}):
             _flush_folder(directory)
         _flush_folder(self.root / "episodes")
@@ -218,16 +223,22 @@ def _files_below(folder: Path) -> Iterator[Path]:
             yield Path(parent) / name
 
 
-def _flush_and_hash(path: Path) -> tuple[int, str]:
-    """Size and SHA-256 of a file, which is on the disk when this returns."""
-    digest = hashlib.sha256()
-    size = 0
-    with path.open("rb") as file:
+def _flushed(folder: Path, name: str, known: FileEntry | None) -> FileEntry:
+    """The entry of a file, which is on the disk when this returns; read where it is not known."""
+    with (folder / name).open("rb") as file:
         os.fsync(file.fileno())
+        size = os.fstat(file.fileno()).st_size
+        if known is not None:
+            if known.bytes != size:
+                raise StorageError(
+                    f"{folder / name} has {size} bytes, and {known.bytes} were written.",
+                    "Convert the episode again.",
+                )
+            return known
+        digest = hashlib.sha256()
         while chunk := file.read(_CHUNK_BYTES):
             digest.update(chunk)
-            size += len(chunk)
-    return size, digest.hexdigest()
+    return FileEntry(name, size, digest.hexdigest())
 
 
 def _flush_folder(folder: Path) -> None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from carstage.storage.marker import CommitMarker
+from carstage.storage.marker import CommitMarker, FileEntry
 
 
 class Store(ABC):
@@ -50,7 +50,13 @@ class Store(ABC):
 
     @abstractmethod
     def commit(
-        self, episode_id: str, attempt: str, *, frames: int, versions: Mapping[str, str]
+        self,
+        episode_id: str,
+        attempt: str,
+        *,
+        frames: int,
+        versions: Mapping[str, str],
+        hashed: Iterable[FileEntry] = (),
     ) -> CommitMarker:
         """Make the attempt's files, as they are now, the episode.
 
@@ -59,13 +65,16 @@ class Store(ABC):
             attempt: the attempt whose folder is complete.
             frames: number of saved frames.
             versions: versions of the client and the server; ``carstage`` is added.
+            hashed: files of the attempt that were hashed as they were written; the others are
+                read. An entry is believed where its size is the file's.
 
         Returns:
             The marker that now exists.
 
         Raises:
             EpisodeExistsError: the episode exists already; the attempt was removed.
-            StorageError: the attempt has no or unfinished files, or writing failed.
+            StorageError: the attempt has no or unfinished files, one of ``hashed`` is missing or
+                has another size, or writing failed.
         """
 
     @abstractmethod

@@ -11,6 +11,7 @@ import pytest
 
 from carstage.errors import EpisodeExistsError, StorageError
 from carstage.storage import Store
+from carstage.storage.marker import FileEntry
 
 _EPISODE = "0123456789abcdef"
 _VERSIONS = {"client": "0.9.16", "server": "0.9.16"}
@@ -65,6 +66,21 @@ class StoreTests:
         assert marker.files[1].sha256 == (
             "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
         )
+
+    def test_a_file_that_was_hashed_as_it_was_written_is_listed_so(self, store: Store) -> None:
+        self.write(store, "a1", "abc")
+        known = FileEntry("sensors/CAM/000000.png", 3, "f" * 64)
+        marker = store.commit(_EPISODE, "a1", frames=1, versions=_VERSIONS, hashed=[known])
+        assert [entry.path for entry in marker.files] == ["episode.json", known.path]
+        assert marker.files[1] == known
+
+    @pytest.mark.parametrize("name", ["sensors/CAM/000000.png", "sensors/CAM/000001.png"])
+    def test_a_file_that_is_not_as_it_was_written_is_refused(self, store: Store, name: str) -> None:
+        self.write(store, "a1", "abc")
+        known = FileEntry(name, 4, "f" * 64)
+        with pytest.raises(StorageError, match=name):
+            store.commit(_EPISODE, "a1", frames=1, versions=_VERSIONS, hashed=[known])
+        assert store.committed() == {}
 
     def test_a_commit_is_seen_by_a_new_handle(self, place: Path, store: Store) -> None:
         self.write(store, "a1")

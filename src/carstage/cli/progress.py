@@ -26,6 +26,7 @@ from carstage.plan import RunEstimate
 from carstage.runs import RunObserver, RunStatus, size_text
 
 _PLAIN_EVERY_S = 5.0
+_STEPS_EVERY_S = 15.0
 
 
 class _Rate(ProgressColumn):
@@ -151,12 +152,50 @@ def watch_run() -> AbstractContextManager[RunObserver]:
 def watch_frames(what: str) -> AbstractContextManager[Callable[[int, int], None]]:
     """A bar for a command that goes through frames; nothing when stderr is no terminal."""
     if sys.stderr.isatty():
-        return _FrameBar(what)
+        return _StepBar(what, "frames")
     return nullcontext(lambda done, total: None)
 
 
-class _FrameBar:
-    def __init__(self, what: str) -> None:
+def watch_steps(what: str, unit: str) -> AbstractContextManager[Callable[[int, int], None]]:
+    """A bar for a long measurement; lines with the time left when stderr is no terminal."""
+    if sys.stderr.isatty():
+        return _StepBar(what, unit)
+    return nullcontext(StepLines(what, note))
+
+
+class StepLines:
+    """A line now and then: how far it is, and how long the rest will take at this pace."""
+
+    def __init__(
+        self,
+        what: str,
+        write: Callable[[str], None],
+        clock_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._what = what
+        self._write = write
+        self._clock_s = clock_s
+        self._begin: tuple[float, int] | None = None
+        self._next_s = 0.0
+
+    def __call__(self, done: int, total: int) -> None:
+        """Take note; write a line if the last one is some seconds old."""
+        now_s = self._clock_s()
+        if self._begin is None:
+            self._begin = (now_s, done)
+        if now_s < self._next_s and done != total:
+            return
+        self._next_s = now_s + _STEPS_EVERY_S
+        begin_s, begin_done = self._begin
+        left = ""
+        if begin_done < done < total:
+            left_s = (now_s - begin_s) / (done - begin_done) * (total - done)
+            left = f", {timedelta(seconds=round(left_s))} left"
+        self._write(f"{self._what}: {done} of {total}{left}.")
+
+
+class _StepBar:
+    def __init__(self, what: str, unit: str) -> None:
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(bar_width=None),
@@ -167,7 +206,7 @@ class _FrameBar:
             expand=True,
             transient=True,
         )
-        self._task = self._progress.add_task(what, total=None, unit="frames")
+        self._task = self._progress.add_task(what, total=None, unit=unit)
 
     def __enter__(self) -> Callable[[int, int], None]:
         self._progress.start()

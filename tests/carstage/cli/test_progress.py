@@ -6,7 +6,7 @@ import io
 
 from rich.console import Console
 
-from carstage.cli.progress import BarProgress, LineProgress
+from carstage.cli.progress import BarProgress, LineProgress, StepLines
 from carstage.plan import RunEstimate
 from carstage.runs import CurrentEpisode, EpisodeCounts, RunStatus
 
@@ -60,3 +60,12 @@ def test_terminal_shows_episodes_steps_and_frames() -> None:
     text = screen.getvalue()
     for part in ("Episodes", "1/3", "Recording", "20/50", "Conversion", "10/50", "[with]"):
         assert part in text
+
+
+def test_a_measurement_says_now_and_then_how_long_the_rest_will_take() -> None:
+    lines: list[str] = []
+    clock_s = iter([0.0, 5.0, 20.0, 25.0])
+    progress = StepLines("Ticks", lines.append, lambda: next(clock_s))
+    for done in (1, 2, 11, 21):
+        progress(done, 21)
+    assert lines == ["Ticks: 1 of 21.", "Ticks: 11 of 21, 0:00:20 left.", "Ticks: 21 of 21."]

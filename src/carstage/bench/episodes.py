@@ -1,0 +1,136 @@
+"""Episodes of measurements: planned like a user's, made by a client process that is listened to."""
+
+from __future__ import annotations
+
+import selectors
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from carstage.config import check_config
+from carstage.errors import CollectorError
+from carstage.execution import CollectorProcess
+from carstage.plan import EpisodeSpec, plan_episodes
+from carstage.rawlog.format import PAYLOAD_SUFFIX, SEALED_SUFFIX
+from carstage.runs.servers import ServerSetup
+from carstage.server import EmbeddedServer, Endpoint, allot_ports, free_port
+
+Progress = Callable[[int, int], None]
+"""Told how much is done, of how much."""
+
+SILENCE_S = 600.0
+"""A client that says nothing for so long hangs; the first pictures of a machine compile kernels."""
+_QUEUE_BYTES = 256 * 1024 * 1024
+_SENSOR_WARMUP_TICKS = 3
+_TIMEOUT_S = 60.0
+
+
+def camera(name: str, kind: str = "rgb", **attributes: Any) -> dict[str, Any]:
+    """A camera over the windscreen, as a configuration has it."""
+    pose = {"x": 1.5, "z": 1.6}
+    return {"id": name, "kind": kind, "pose": pose, "attributes": attributes}
+
+
+def roof_sensor(name: str, kind: str, **attributes: Any) -> dict[str, Any]:
+    """Another sensor, on the roof."""
+    return {"id": name, "kind": kind, "pose": {"z": 1.9}, "attributes": attributes}
+
+
+@contextmanager
+def looping_server(loop: int, running: Endpoint | None = None) -> Iterator[Endpoint]:
+    """A simulator whose sensors render ``loop`` frames and then repeat them.
+
+    Its streaming port follows its RPC port.
+
+    Args:
+        loop: how many distinct frames there are.
+        running: one that runs already; None starts one.
+    """
+    if running is not None:
+        yield running
+        return
+    with EmbeddedServer(port=allot_ports().rpc, arguments=("--loop", str(loop))) as server:
+        yield server.endpoint
+
+
+def planned_episode(document: Mapping[str, Any]) -> EpisodeSpec:
+    """The only episode of a configuration for the embedded simulator, without labels."""
+    config = check_config({"labels": {"cameras": []}, **document})
+    with ServerSetup(config).facts() as facts:
+        (spec,) = plan_episodes(config, facts)
+    return spec
+
+
+def client_plan(
+    spec: EpisodeSpec,
+    endpoint: Endpoint,
+    folder: Path,
+    *,
+    host: str | None = None,
+    queue_bytes: int = _QUEUE_BYTES,
+    raw_store: str = "chunklog",
+) -> dict[str, Any]:
+    """The plan for one client: one episode, recorded into ``folder``.
+
+    Args:
+        host: the server's address, where it is not the endpoint's own.
+        queue_bytes: sensor data that may wait for the disk.
+        raw_store: how payloads of cameras are stored.
+    """
+    return {
+        "plan_version": 1,
+        "server": {
+            "host": host or endpoint.host,
+            "port": endpoint.port,
+            "timeout_s": _TIMEOUT_S,
+            "traffic_manager_port": free_port(),
+        },
+        "queue_bytes": queue_bytes,
+        "raw_store": raw_store,
+        "sensor_warmup_ticks": _SENSOR_WARMUP_TICKS,
+        "episodes": [
+            {
+                "episode_id": spec.episode_id,
+                "attempt": "a1",
+                "folder": str(folder),
+                "spec": spec.to_json(),
+            }
+        ],
+    }
+
+
+def events_of(client: CollectorProcess) -> Iterator[dict[str, Any]]:
+    """What a client says until it ends.
+
+    Raises:
+        CollectorError: it reports an error, ends badly, or says nothing for long.
+    """
+    recorded = False
+    with selectors.DefaultSelector() as selector:
+        selector.register(client, selectors.EVENT_READ)
+        while not client.ended:
+            if not selector.select(SILENCE_S):
+                raise CollectorError(
+                    f"The client said nothing for {SILENCE_S:.0f} s.", client.log_tail()
+                )
+            for event in client.read_events():
+                if event["event"] == "error":
+                    raise CollectorError(f"The client failed: {event['message']}")
+                recorded = recorded or event["event"] == "episode_recorded"
+                yield event
+    if not recorded:
+        raise CollectorError("The client ended before its episode.", client.log_tail())
+
+
+def seals_segment(event: Mapping[str, Any]) -> int | None:
+    """The segment that is now sealed in every stream, if this event says so."""
+    whole = event["event"] == "segment_sealed" and event["stream"] == "ledger"
+    return int(event["segment"]) if whole else None
+
+
+def drop_segment(raw: Path, index: int, streams: Iterable[str]) -> None:
+    """Remove one segment of some streams, so that a long recording fits on any disk."""
+    for stream in streams:
+        for suffix in (SEALED_SUFFIX, PAYLOAD_SUFFIX):
+            (raw / stream / f"{index:06d}{suffix}").unlink(missing_ok=True)

@@ -1,0 +1,138 @@
+"""``carstage bench``: measurements that anyone can repeat, each figure beside its target."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from carstage.cli.output import command, note, result, result_json
+
+if TYPE_CHECKING:
+    from carstage.bench.verdict import Verdict
+
+bench_app = typer.Typer(
+    help="Measure what recording costs, and whether it is right.", no_args_is_help=True
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object as the last line.")]
+Scratch = Annotated[
+    Path | None,
+    typer.Option(
+        "--scratch", help="Existing folder for raw logs, on the disk to be measured.", exists=True
+    ),
+]
+Store = Annotated[str, typer.Option("--raw-store", help="chunklog or mmap.")]
+
+
+def _report(verdict: Verdict, json: bool) -> int:
+    if json:
+        note(verdict.text())
+        result_json(verdict.record())
+    else:
+        result(verdict.text())
+    return 0 if verdict.ok else 1
+
+
+@bench_app.command()
+@command
+def overhead(
+    ticks: Annotated[int, typer.Option(min=20, help="Of each block.")] = 200,
+    rounds: Annotated[int, typer.Option(min=1, help="Blocks of each client.")] = 3,
+    raw_store: Store = "chunklog",
+    scratch: Scratch = None,
+    json: Json = False,
+) -> int:
+    """What capture adds to a tick, against a client that drops everything."""
+    from carstage.bench.overhead import measure_overhead
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Blocks", "blocks") as progress:
+        verdict = measure_overhead(
+            ticks=ticks, rounds=rounds, raw_store=raw_store, scratch=scratch, progress=progress
+        )
+    return _report(verdict, json)
+
+
+@bench_app.command()
+@command
+def conversion(
+    frames: Annotated[int, typer.Option(min=4, help="Pictures per round.")] = 24,
+    rounds: Annotated[int, typer.Option(min=1, help="How often both are measured.")] = 5,
+    scratch: Scratch = None,
+    json: Json = False,
+) -> int:
+    """What a picture costs from raw log to hashed file, against its encoder alone."""
+    from carstage.bench.conversion import measure_conversion
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Rounds", "rounds") as progress:
+        verdict = measure_conversion(
+            frames=frames, rounds=rounds, scratch=scratch, progress=progress
+        )
+    return _report(verdict, json)
+
+
+@bench_app.command()
+@command
+def memory(
+    frames: Annotated[int, typer.Option(min=100, help="To record.")] = 10_000,
+    scratch: Scratch = None,
+    json: Json = False,
+) -> int:
+    """Whether memory stays within the budget while the disk is slow."""
+    from carstage.bench.memory import measure_memory
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Ticks", "ticks") as progress:
+        verdict = measure_memory(frames=frames, scratch=scratch, progress=progress)
+    return _report(verdict, json)
+
+
+@bench_app.command("frames-check")
+@command
+def frames_check(
+    ticks: Annotated[int, typer.Option(min=10, help="To record and compare.")] = 20_000,
+    scratch: Scratch = None,
+    json: Json = False,
+) -> int:
+    """Whether the log holds, under each frame, what the server sent for it."""
+    from carstage.bench.frames_check import check_frames
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Ticks", "ticks") as progress:
+        verdict = check_frames(ticks=ticks, scratch=scratch, progress=progress)
+    return _report(verdict, json)
+
+
+@bench_app.command()
+@command
+def faults(
+    n: Annotated[int, typer.Option("--n", min=1, help="Faults to draw.")] = 200,
+    seed: Annotated[int, typer.Option(help="What they are drawn from.")] = 0,
+    kind: Annotated[
+        list[str] | None, typer.Option(help="Only faults of this kind. Repeatable.")
+    ] = None,
+    minutes: Annotated[
+        float | None, typer.Option(min=0.1, help="Begin no further trial after that time.")
+    ] = None,
+    scratch: Scratch = None,
+    json: Json = False,
+) -> int:
+    """Disturb tiny runs at random: does each end well, and is what it committed right?"""
+    from dataclasses import asdict
+
+    from carstage.bench.faults import run_campaign, table, table_text
+
+    verdict, trials = run_campaign(
+        count=n, seed=seed, kinds=kind or (), scratch=scratch, minutes=minutes, say=note
+    )
+    text = f"{verdict.text()}\n{table_text(trials)}"
+    if json:
+        note(text)
+        rows = {"kinds": table(trials), "trials": [asdict(trial) for trial in trials]}
+        result_json({**verdict.record(), **rows})
+    else:
+        result(text)
+    return 0 if verdict.ok else 1

@@ -9,6 +9,7 @@ from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from carstage.conversion import EpisodeConversion
 from carstage.errors import CarStageError, StorageError
@@ -53,6 +54,7 @@ class Landing:
         store: where it lands.
         pool: processes that convert.
         codecs: codec by sensor id, where it is not the kind's own.
+        self_test: verdict on the server; None where it was not tested.
     """
 
     def __init__(
@@ -63,11 +65,13 @@ class Landing:
         store: Store,
         pool: Executor,
         codecs: Mapping[str, str],
+        self_test: Mapping[str, Any] | None = None,
     ) -> None:
         self.job = job
         self.attempt = attempt
         self.raw_folder = raw_folder
         self._store = store
+        self._self_test = self_test
         self._conversion = EpisodeConversion(
             raw_folder,
             store.attempt_folder(job.episode_id, attempt),
@@ -126,6 +130,7 @@ class Landing:
                     "server": str(header["server_version"]),
                 },
                 hashed=hashed,
+                self_test=self._self_test,
             )
 
     def remove_raw(self) -> None:

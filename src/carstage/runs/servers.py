@@ -14,15 +14,19 @@ from carstage.config.recording import (
     RemoteServerConfig,
 )
 from carstage.config.supervision import Supervision
+from carstage.errors import BadInputError
 from carstage.plan import ServerFacts
+from carstage.releases import refusal
 from carstage.runs.asking import ask_server
 from carstage.server import (
     CarlaServer,
+    ClientPython,
     EmbeddedServer,
     Endpoint,
     RemoteServer,
     Server,
     describe_embedded,
+    find_client,
 )
 
 #: Steps before the first saved one from which sensors are listened to. The embedded simulator's
@@ -38,6 +42,7 @@ def make_server(config: Config, log_path: Path | None) -> Server:
             port=None if server.port == "auto" else server.port,
             threads=None if server.threads == "auto" else server.threads,
             log_path=log_path,
+            arguments=("--protocol", server.carla_version),
         )
     if isinstance(server, CarlaServerConfig):
         return CarlaServer(
@@ -63,6 +68,7 @@ class ServerSetup:
         self._config = config
         self._make = make
         self._warm: Server | None = None
+        self._client: ClientPython | None = None
 
     @property
     def supervision(self) -> Supervision:
@@ -86,34 +92,77 @@ class ServerSetup:
         embedded = isinstance(self._config.server, EmbeddedServerConfig)
         return _EMBEDDED_SENSOR_WARMUP_TICKS if embedded else None
 
+    @property
+    def tested(self) -> bool:
+        """Whether the server is tested before the run."""
+        wanted = self._config.server.self_test
+        embedded = isinstance(self._config.server, EmbeddedServerConfig)
+        return wanted in ("on", "require") or (wanted == "auto" and not embedded)
+
+    @property
+    def must_pass(self) -> bool:
+        """Whether a server that fails its self-test is refused."""
+        return self._config.server.self_test == "require"
+
+    @property
+    def client(self) -> ClientPython:
+        """The Python that the collector runs with; known inside ``facts``."""
+        assert self._client is not None
+        return self._client
+
     @contextmanager
     def facts(self) -> Iterator[ServerFacts]:
-        """What the server offers.
+        """What the server offers, with the client for it found.
 
         The embedded simulator describes itself without being started. Another server is started (or
         connected to) for it, and handed to the first ``start``; unused, it is stopped at the end.
 
         Raises:
+            BadInputError: the server is too old, or there is no client for it.
             ServerError: the server does not start or answer.
         """
-        if isinstance(self._config.server, EmbeddedServerConfig):
-            described = describe_embedded()
-            yield ServerFacts(
-                maps=described.maps,
-                blueprints={
-                    name: frozenset(blueprint.attributes)
-                    for name, blueprint in described.blueprints.items()
-                },
-                dialect=described.protocol,
-            )
-            return
-        self._warm = self._make(self._config, None)
+        server = self._config.server
         try:
-            endpoint = self._warm.start()
-            yield ask_server(endpoint.host, endpoint.port, endpoint.version)
+            if isinstance(server, EmbeddedServerConfig):
+                self._client = self._find_client(server.carla_version)
+                described = describe_embedded(carla_version=server.carla_version)
+                facts = ServerFacts(
+                    maps=described.maps,
+                    blueprints={
+                        name: frozenset(blueprint.attributes)
+                        for name, blueprint in described.blueprints.items()
+                    },
+                    dialect=described.protocol,
+                )
+            else:
+                endpoint = self.warm_up(None)
+                self._client = self._find_client(endpoint.version)
+                facts = ask_server(endpoint.host, endpoint.port, endpoint.version)
+            yield facts
         finally:
             if self._warm is not None:
                 self._warm.stop()
+
+    def _find_client(self, version: str) -> ClientPython:
+        server = self._config.server
+        reason = refusal(version, [sensor.kind for sensor in self._config.sensors])
+        if reason:
+            raise BadInputError(
+                f"server: {reason}.", "Use a newer CARLA, or leave such sensors out."
+            )
+        return find_client(version, server.client_python, create=server.create_client_env)
+
+    def warm_up(self, log_path: Path | None) -> Endpoint:
+        """Start the server ahead of the first ``start``, which will then hand it out.
+
+        Raises:
+            BadInputError: the address, the path or the port cannot be.
+            ServerError: it ended or did not answer in time.
+        """
+        if self._warm is None:
+            self._warm = self._make(self._config, log_path)
+            self._warm.start()
+        return self._warm.endpoint
 
     def start(self, log_path: Path) -> tuple[Server, Endpoint]:
         """A started server; the caller stops it.

@@ -49,6 +49,7 @@ from carstage.runs.preflight import (
     check_server,
     recording_of,
 )
+from carstage.runs.selftesting import describe_verdict, refuse, run_self_test
 from carstage.runs.servers import ServerSetup
 from carstage.storage import Store, open_store
 
@@ -136,6 +137,7 @@ class _Session:
         self._retries = retries
         self._clock_s = clock_s
         self._next_heartbeat_s = 0.0
+        self._self_test: Mapping[str, Any] | None = None
         self._pool: Pool | None = None
         self._retired_pools: list[Pool] = []
         self._jobs: deque[Job] = deque()
@@ -171,6 +173,7 @@ class _Session:
             self._enter("starting")
             if todo:
                 self._workers()  # they load their libraries while the server starts
+                self._test_server()
             executor.execute(self._take, self._open_lane)
             state = "done" if not self._failures else "failed"
         except KeyboardInterrupt:
@@ -220,7 +223,13 @@ class _Session:
         raw_folder = self._folder.raw_attempt(job.episode_id, attempt)
         raw_folder.parent.mkdir(parents=True, exist_ok=True)
         landing = Landing(
-            job, attempt, raw_folder, self._store, self._workers(), self._config.conversion.codecs
+            job,
+            attempt,
+            raw_folder,
+            self._store,
+            self._workers(),
+            self._config.conversion.codecs,
+            self._self_test,
         )
         self._recording = landing
         self._status.current = CurrentEpisode(
@@ -335,7 +344,31 @@ class _Session:
     # What the executor calls.
 
     def _open_lane(self) -> ServerLane:
-        return ServerLane(self._setup, self, self._folder, self._interruption)
+        python = str(self._setup.client.path)
+        return ServerLane(self._setup, self, self._folder, self._interruption, python=python)
+
+    def _test_server(self) -> None:
+        """Put the server to the self-test, where that is asked for, and keep the verdict.
+
+        Raises:
+            ServerError: it does not start, or fails the test and must not.
+        """
+        if not self._setup.tested:
+            return
+        with self.waiting("The server is started and tested before the run."):
+            verdict = run_self_test(
+                self._setup.warm_up(self._folder.logs / "server.log"),
+                self._setup.client,
+                self._folder.raw,
+                self._interruption,
+                sensor_warmup_ticks=self._setup.sensor_warmup_ticks,
+            )
+        self._self_test = verdict.to_json()
+        self._event("server_tested", **self._self_test)
+        for sentence in describe_verdict(verdict):
+            self._observer.say(sentence)
+        if self._setup.must_pass and not verdict.ok:
+            raise refuse(verdict)
 
     def _take(self) -> Job | None:
         """The next episode; waits while conversions lag behind or may have to be repeated."""

@@ -12,6 +12,7 @@ from carstage.server.description import (
     describe_embedded,
 )
 from carstage.server.embedded import EmbeddedServer
+from carstage.server.interpreters import ClientPython, find_client
 from carstage.server.ports import PortBlock, allot_ports, check_ports_free, free_port
 from carstage.server.probe import probe_version
 from carstage.server.release import CarlaServer
@@ -20,6 +21,7 @@ from carstage.server.remote import RemoteServer
 __all__ = [
     "BlueprintDescription",
     "CarlaServer",
+    "ClientPython",
     "EmbeddedServer",
     "Endpoint",
     "PortBlock",
@@ -30,6 +32,7 @@ __all__ = [
     "cache_folder",
     "check_ports_free",
     "describe_embedded",
+    "find_client",
     "free_port",
     "probe_version",
 ]

@@ -19,6 +19,7 @@ import platformdirs
 
 from carstage import __version__
 from carstage.errors import ServerError
+from carstage.releases import NEWEST
 from carstage.server.embedded import MODULE
 
 DESCRIBE_S = 120.0
@@ -55,25 +56,28 @@ def cache_folder() -> Path:
     return Path(override) if override else platformdirs.user_cache_path("carstage", appauthor=False)
 
 
-@lru_cache(maxsize=4)
-def describe_embedded(folder: Path | None = None) -> SimulatorDescription:
+@lru_cache(maxsize=8)
+def describe_embedded(
+    folder: Path | None = None, carla_version: str = str(NEWEST)
+) -> SimulatorDescription:
     """Maps and blueprints of the embedded simulator.
 
     The answer is kept in memory and on disk, there by a fingerprint of the simulator's code.
 
     Args:
         folder: where it is kept; None uses :func:`cache_folder`.
+        carla_version: the version of CARLA that it is to speak.
 
     Raises:
         ServerError: the simulator could not describe itself.
     """
     folder = folder or cache_folder()
-    path = folder / f"simulator-{_fingerprint()}.json"
+    path = folder / f"simulator-{carla_version}-{_fingerprint()}.json"
     try:
         return _parse(json.loads(path.read_text("utf-8")))
     except (OSError, ValueError, KeyError, TypeError):
         pass  # not there yet, or not whole: ask, and write it anew
-    text = _ask()
+    text = _ask(carla_version)
     try:
         description = _parse(json.loads(text))
     except (ValueError, KeyError, TypeError) as error:
@@ -85,8 +89,8 @@ def describe_embedded(folder: Path | None = None) -> SimulatorDescription:
     return description
 
 
-def _ask() -> str:
-    command = [sys.executable, "-m", MODULE, "--describe"]
+def _ask(carla_version: str) -> str:
+    command = [sys.executable, "-m", MODULE, "--describe", "--protocol", carla_version]
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=DESCRIBE_S, check=False

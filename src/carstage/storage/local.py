@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from carstage import __version__
 from carstage.errors import DatasetError, EpisodeExistsError, StorageError
@@ -82,6 +83,7 @@ class LocalStore(Store):
         frames: int,
         versions: Mapping[str, str],
         hashed: Iterable[FileEntry] = (),
+        self_test: Mapping[str, Any] | None = None,
     ) -> CommitMarker:
         """Flush and hash every file, then link the marker; see ``Store.commit``."""
         folder = self._attempt(episode_id, attempt)
@@ -115,7 +117,12 @@ class LocalStore(Store):
             _flush_folder(directory)
         _flush_folder(self.root / "episodes")
         marker = CommitMarker(
-            episode_id, attempt, frames, files, {"carstage": __version__, **versions}
+            episode_id,
+            attempt,
+            frames,
+            files,
+            {"carstage": __version__, **versions},
+            self_test,
         )
         try:
             self._create_if_absent(marker_path, marker.to_bytes())

@@ -37,6 +37,7 @@ class CommitMarker:
         frames: number of saved frames.
         files: every file of the attempt, sorted by path.
         versions: versions of ``carstage``, the client and the server that made it.
+        self_test: what the self-test found on that server; None where it was not tested.
     """
 
     episode_id: str
@@ -44,6 +45,7 @@ class CommitMarker:
     frames: int
     files: tuple[FileEntry, ...]
     versions: Mapping[str, str]
+    self_test: Mapping[str, Any] | None = None
 
     def to_bytes(self) -> bytes:
         """The marker's file content; the same marker always gives the same bytes."""
@@ -57,6 +59,7 @@ class CommitMarker:
                 for entry in self.files
             ],
             "versions": dict(sorted(self.versions.items())),
+            "self_test": None if self.self_test is None else dict(self.self_test),
         }
         return (json.dumps(document, indent=1) + "\n").encode()
 
@@ -84,6 +87,8 @@ class CommitMarker:
                         for f in document["files"]
                     ),
                     versions={str(k): str(v) for k, v in document["versions"].items()},
+                    # Markers of before the self-test have no such key.
+                    self_test=document.get("self_test"),
                 )
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise DatasetError(

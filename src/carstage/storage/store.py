@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from carstage.storage.marker import CommitMarker, FileEntry
 
@@ -57,6 +58,7 @@ class Store(ABC):
         frames: int,
         versions: Mapping[str, str],
         hashed: Iterable[FileEntry] = (),
+        self_test: Mapping[str, Any] | None = None,
     ) -> CommitMarker:
         """Make the attempt's files, as they are now, the episode.
 
@@ -67,6 +69,7 @@ class Store(ABC):
             versions: versions of the client and the server; ``carstage`` is added.
             hashed: files of the attempt that were hashed as they were written; the others are
                 read. An entry is believed where its size is the file's.
+            self_test: verdict on the server, as the marker keeps it; None: it was not tested.
 
         Returns:
             The marker that now exists.

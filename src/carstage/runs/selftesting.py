@@ -1,0 +1,150 @@
+"""The self-test of a server that is up: recorded by a collector, judged here."""
+
+from __future__ import annotations
+
+import selectors
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from carstage.errors import CarStageError, CollectorError, RawLogError, ServerError
+from carstage.execution import CollectorProcess
+from carstage.plan import EpisodeSpec
+from carstage.releases import NEWEST, is_newer
+from carstage.runs.asking import ask_server, ask_spawn_points
+from carstage.runs.interruption import Interruption
+from carstage.selftest import Verdict, failed_verdict, judge_log, plan_self_test
+from carstage.server import ClientPython, Endpoint
+
+EPISODE_ID = "selftest"
+_CALL_TIMEOUT_S = 60.0
+"""For a single call: a large map takes a server long to load."""
+
+_SILENCE_S = 300.0
+_STOP_S = 20.0
+
+
+def run_self_test(
+    endpoint: Endpoint,
+    client: ClientPython,
+    folder: Path,
+    interruption: Interruption,
+    *,
+    sensor_warmup_ticks: int | None = None,
+) -> Verdict:
+    """Record the self-test on a server and judge it.
+
+    Nothing of it stays on the server, nor on the disk unless a check fails.
+
+    Args:
+        endpoint: the server.
+        client: the Python that has the wheel for it.
+        folder: an existing folder for plan, log and raw recording, in ``selftest``.
+        interruption: the signals.
+        sensor_warmup_ticks: as in the collector's plan.
+
+    Returns:
+        The verdict; one that says why, when the recording itself fails.
+
+    Raises:
+        KeyboardInterrupt: the user asked to end.
+    """
+    place = folder / EPISODE_ID
+    place.mkdir(parents=True)
+    try:
+        facts = ask_server(endpoint.host, endpoint.port, endpoint.version)
+        name, spawn_points = ask_spawn_points(endpoint.host, endpoint.port)
+        spec = plan_self_test(facts.dialect, name, spawn_points, facts.blueprints)
+        _record(_plan(endpoint, spec, place, sensor_warmup_ticks), place, client, interruption)
+        verdict = judge_log(place / "raw")
+    except (CollectorError, RawLogError, ServerError) as error:
+        verdict = failed_verdict(endpoint.version, client.client, str(error))
+    if verdict.ok:
+        shutil.rmtree(place, ignore_errors=True)
+    return verdict
+
+
+def describe_verdict(verdict: Verdict) -> Iterator[str]:
+    """What the user should read of a verdict, in sentences."""
+    if is_newer(verdict.server):
+        yield (
+            f"CARLA {verdict.server} is newer than {NEWEST}, the newest release that is known "
+            f"here: going on with the client {verdict.client}."
+        )
+    for check in verdict.checks:
+        if not check.ok:
+            yield f"Self-test of the server: {check.line()}."
+
+
+def refuse(verdict: Verdict) -> CarStageError:
+    """The error for a server that must pass and does not."""
+    failed = [check.line() for check in verdict.checks if not check.ok]
+    return ServerError(
+        "The server fails its self-test:\n" + "\n".join(failed),
+        "Labels made from it would be wrong. Set server.self_test: on to record all the same.",
+    )
+
+
+def _plan(
+    endpoint: Endpoint, spec: EpisodeSpec, place: Path, sensor_warmup_ticks: int | None
+) -> dict[str, Any]:
+    return {
+        "plan_version": 1,
+        "server": {
+            "host": endpoint.host,
+            "port": endpoint.port,
+            "timeout_s": _CALL_TIMEOUT_S,
+            "traffic_manager_port": endpoint.traffic_manager_port,
+        },
+        "sensor_warmup_ticks": sensor_warmup_ticks,
+        "episodes": [
+            {
+                "episode_id": EPISODE_ID,
+                "attempt": "a1",
+                "folder": str((place / "raw").absolute()),
+                "spec": spec.to_json(),
+            }
+        ],
+    }
+
+
+def _record(
+    plan: dict[str, Any], place: Path, client: ClientPython, interruption: Interruption
+) -> None:
+    """Run a collector to its end.
+
+    Raises:
+        CollectorError: it failed, or said nothing for long.
+        KeyboardInterrupt: the user asked to end.
+    """
+    collector = CollectorProcess(
+        plan,
+        plan_path=place / "plan.json",
+        log_path=place / "collector.log",
+        python=str(client.path),
+    )
+    reason = ""
+    with ExitStack() as stack:
+        stack.enter_context(interruption.held())
+        stack.enter_context(collector)
+        stack.enter_context(interruption.kills(collector.kill))
+        selector = stack.enter_context(selectors.DefaultSelector())
+        selector.register(collector, selectors.EVENT_READ)
+        selector.register(interruption, selectors.EVENT_READ)
+        deadline_s = time.monotonic() + _SILENCE_S
+        while not collector.ended and not interruption.requested:
+            if collector in {key.fileobj for key, _ in selector.select(1.0)}:
+                deadline_s = time.monotonic() + _SILENCE_S
+                for event in collector.read_events():
+                    if event["event"] == "error":
+                        reason = f"{event.get('message')} {event.get('hint') or ''}".strip()
+            if time.monotonic() > deadline_s:
+                raise CollectorError(f"The collector gave no sign for {_SILENCE_S:.0f} s.")
+        code = None if interruption.requested else collector.wait(_STOP_S)
+        tail = collector.log_tail()
+    interruption.check()
+    if code != 0:
+        raise CollectorError(reason or f"The collector ended with exit code {code}: {tail}")

@@ -73,14 +73,21 @@ def _serve(options: Options, maps: MapCatalogue) -> None:
         # are accepted only when everything is warm.
         rpc_socket = resources.enter_context(bind(options.host, options.port))
         streaming_socket = resources.enter_context(bind(options.host, options.streaming_port))
+        spoken = dialect(options.protocol)
         simulation = resources.enter_context(
-            Simulation(options.map_name, maps=maps, threads=options.threads, loop=options.loop)
+            Simulation(
+                options.map_name,
+                maps=maps,
+                threads=options.threads,
+                loop=options.loop,
+                projection=spoken.projection,
+            )
         )
         simulation.warm_up()
         server = resources.enter_context(
             Server(
                 simulation,
-                dialect(options.protocol),
+                spoken,
                 rpc_socket=rpc_socket,
                 streaming_socket=streaming_socket,
                 frames_per_s=options.frames_per_s,

@@ -15,6 +15,7 @@ from carstage_sim.maps import BackgroundBakes, Bake, MapCatalogue
 from carstage_sim.recording import RecorderDeck
 from carstage_sim.sensors import SensorAttributeError, SensorSuite
 from carstage_sim.sensors.frames import SensorFrame, SensorRequest
+from carstage_sim.sensors.projection import GeoProjection
 from carstage_sim.sensors.sensor import SensorRegistry
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.controls import EpisodeSettings
@@ -48,6 +49,7 @@ class Simulation:
         maps: the maps that clients may load; by default the built-in ones.
         threads: threads of the numeric kernels, None for all cores.
         loop: how many times each sensor measures until it repeats itself, None for ever.
+        projection: of GNSS sensors, which differs between CARLA's versions.
 
     Attributes:
         world: the current episode.
@@ -68,6 +70,7 @@ class Simulation:
         maps: MapCatalogue | None = None,
         threads: int | None = None,
         loop: int | None = None,
+        projection: GeoProjection = GeoProjection.TRANSVERSE_MERCATOR,
     ) -> None:
         self.settings = EpisodeSettings()
         self.imu_gravity = _STANDARD_GRAVITY
@@ -76,6 +79,7 @@ class Simulation:
         self.bakes = BackgroundBakes(self.maps.cache_folder)
         self._threads = threads
         self._loop = loop
+        self._projection = projection
         self._watched_before = False
         self._stepped_at_s = time.monotonic()
         self._source = self.maps.source(town_name)
@@ -189,7 +193,7 @@ class Simulation:
                 continue
             pose = self.world.actors.pose(sensor.actor_id)
             watched[sensor.actor_id] = (sensor, pose)
-            requests.append(_request(sensor, pose, self.imu_gravity))
+            requests.append(_request(sensor, pose, self.imu_gravity, self._projection))
         if not requests and not self._watched_before:
             return []
         self._watched_before = bool(requests)  # one capture of nothing lets the suite forget
@@ -214,7 +218,7 @@ class Simulation:
             raise SpawnError(f"{type_id}: {error}") from error
 
 
-def _request(sensor: Actor, pose: Pose, gravity: float) -> SensorRequest:
+def _request(sensor: Actor, pose: Pose, gravity: float, projection: GeoProjection) -> SensorRequest:
     return SensorRequest(
         sensor_id=sensor.actor_id,
         type_id=sensor.type_id,
@@ -224,4 +228,5 @@ def _request(sensor: Actor, pose: Pose, gravity: float) -> SensorRequest:
         owner_id=sensor.parent_id,
         ignored=sensor.ignored,
         gravity=gravity,
+        projection=projection,
     )

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.sensors.projection import GeoProjection
+
 
 @dataclass(frozen=True, slots=True)
 class SensorRequest:
@@ -24,6 +26,7 @@ class SensorRequest:
         owner_id: actor that it is attached to, 0 for none.
         ignored: ids of the actors that it looks through.
         gravity: m/s^2 that an IMU feels at rest.
+        projection: how a GNSS sensor finds its place on the globe.
     """
 
     sensor_id: int
@@ -34,6 +37,7 @@ class SensorRequest:
     owner_id: int
     ignored: frozenset[int] = frozenset()
     gravity: float = 9.81
+    projection: GeoProjection = GeoProjection.TRANSVERSE_MERCATOR
 
 
 @dataclass(frozen=True, slots=True)

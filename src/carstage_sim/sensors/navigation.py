@@ -12,12 +12,12 @@ from carstage_sim.maps.town import Town
 from carstage_sim.sensors.attributes import number, require, whole
 from carstage_sim.sensors.frames import GnssFrame, ImuFrame, SensorRequest
 from carstage_sim.sensors.noise import noise_stream
+from carstage_sim.sensors.projection import geodetic
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.state import WorldState
 
 GRAVITY_M_S2 = 9.81
-EARTH_RADIUS_M = 6_378_137.0
 
 Vector = NDArray[np.float64]
 
@@ -25,25 +25,6 @@ Vector = NDArray[np.float64]
 def compass_rad(yaw_deg: float) -> float:
     """Heading from north (-y), clockwise, in [0, 2 pi): ``(yaw + 90 deg) mod 360 deg``."""
     return math.radians((yaw_deg + 90.0) % 360.0)
-
-
-def geodetic(
-    location: tuple[float, float, float], reference_deg: tuple[float, float]
-) -> tuple[float, float, float]:
-    """Latitude, longitude (deg) and altitude (m) of a world location.
-
-    CARLA's spherical Mercator projection around the map's reference (``GeoLocation.cpp``).
-    """
-    x, y, z = location
-    latitude, longitude = reference_deg
-    scale = math.cos(math.radians(latitude))
-    east = scale * EARTH_RADIUS_M * math.radians(longitude) + x
-    north = scale * EARTH_RADIUS_M * math.log(math.tan((90.0 + latitude) * math.pi / 360.0)) - y
-    return (
-        360.0 / math.pi * math.atan(math.exp(north / (EARTH_RADIUS_M * scale))) - 90.0,
-        east * 180.0 / (math.pi * EARTH_RADIUS_M * scale),
-        z,
-    )
 
 
 @SensorRegistry.register("sensor.other.imu")
@@ -123,6 +104,7 @@ class Gnss(MeasuringSensor):
         """Latitude, longitude, altitude with the attributes' bias and noise."""
         random = noise_stream(self.seed, request, state)
         noise = self.bias + random.normal(0.0, 1.0, 3) * self.stddev
-        place = np.array(geodetic(request.location, self.town.geo_reference)) + noise
+        reference = self.town.geo_reference
+        place = np.array(geodetic(request.location, reference, request.projection)) + noise
         latitude, longitude, altitude = place.tolist()
         return GnssFrame(latitude, longitude, altitude)

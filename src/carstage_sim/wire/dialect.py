@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from carstage_sim.sensors.projection import GeoProjection
 from carstage_sim.wire.dialect_tables import (
     CALLS_SINCE_0_9_14,
     CALLS_SINCE_0_9_15,
@@ -43,6 +44,7 @@ class Dialect:
         rereads_lights: whether the client may be told to fetch the street lights again; 0.9.13
             hangs when it is told so between a change of its own and the next frame.
         labels: semantic label of 0.9.14 and later -> this version's, where they differ.
+        projection: how GNSS sensors find their place on the globe.
     """
 
     version: str
@@ -53,6 +55,7 @@ class Dialect:
     reopens_episode: bool = False
     rereads_lights: bool = True
     labels: Mapping[int, int] = field(default_factory=dict)
+    projection: GeoProjection = GeoProjection.MERCATOR
 
     @property
     def world_observer(self) -> int:
@@ -102,6 +105,7 @@ DIALECTS: Mapping[str, Dialect] = {
         sensors=SENSORS_0_9_16,
         commands=COMMANDS_0_9_14,
         reopens_episode=True,
+        projection=GeoProjection.TRANSVERSE_MERCATOR,
     ),
 }
 

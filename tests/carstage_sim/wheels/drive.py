@@ -169,7 +169,7 @@ def drive(client: Any, world: Any, tm_port: int) -> dict[str, Any]:
         },
         "points": len(last["sensor.lidar.ray_cast"]),
         "gravity": last["sensor.other.imu"].accelerometer.z,
-        "latitude": last["sensor.other.gnss"].latitude,
+        "globe": on_the_globe(world.get_map(), last["sensor.other.gnss"]),
     }
     controller.stop()
     for vehicle in (car, other):
@@ -180,6 +180,15 @@ def drive(client: Any, world: Any, tm_port: int) -> dict[str, Any]:
     world.tick()
     found["left"] = [actor.id for actor in world.get_actors() if actor.id in {a.id for a in gone}]
     return found
+
+
+def on_the_globe(world_map: Any, gnss: Any) -> dict[str, list[float]]:
+    """Where a GNSS sensor says that it is, and where the client has that place."""
+    place = world_map.transform_to_geolocation(gnss.transform.location)
+    return {
+        "sensor": [gnss.latitude, gnss.longitude],
+        "client": [place.latitude, place.longitude],
+    }
 
 
 def spawn_walker(world: Any) -> Any:

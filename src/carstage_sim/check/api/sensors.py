@@ -127,11 +127,9 @@ def _navigation(stage: Stage) -> None:
     expect(felt[-1].gyroscope.length() < 0.1, "it turns")
     expect(0.0 <= felt[-1].compass < 6.4, f"compass {felt[-1].compass}")
     gnss = stage.measure(stage.spawn("sensor.other.gnss", carla.Transform(), car))
-    # The sensor's north is -y, as in the OpenDRIVE file; the 0.9.16 client's method takes +y.
-    place = gnss.transform.location
-    geo = stage.map.transform_to_geolocation(carla.Location(place.x, -place.y, place.z))
-    expect(abs(gnss.latitude - geo.latitude) < 1e-6, "latitude")
-    expect(abs(gnss.longitude - geo.longitude) < 1e-6, "longitude")
+    geo = stage.map.transform_to_geolocation(gnss.transform.location)
+    expect(abs(gnss.latitude - geo.latitude) < 1e-9, "latitude")
+    expect(abs(gnss.longitude - geo.longitude) < 1e-9, "longitude")
     expect(abs(gnss.altitude - geo.altitude) < 0.5, "altitude")
 
 

@@ -64,7 +64,7 @@ def _bake(arguments: Sequence[str]) -> int:
 
 
 def _serve(options: Options, maps: MapCatalogue) -> None:
-    parent_pid = os.getppid() if options.exit_with_parent else None
+    parent_pid = (options.parent_pid or os.getppid()) if options.exit_with_parent else None
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     _, most_descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most_descriptors, most_descriptors))

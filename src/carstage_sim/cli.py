@@ -43,6 +43,7 @@ class Options:
         loop: frames that each sensor renders before it repeats them, None for no repetition.
         frames_per_s: pace of the free run in asynchronous mode.
         exit_with_parent: end when the process that started this one is gone.
+        parent_pid: id of that process; None: the parent that the server finds itself with.
         describe: print what there is, as JSON, and end.
     """
 
@@ -57,6 +58,7 @@ class Options:
     protocol: str
     frames_per_s: float
     exit_with_parent: bool
+    parent_pid: int | None
     describe: bool
     log_level: str
 
@@ -123,8 +125,12 @@ def _parser() -> _Parser:
     )
     parser.add_argument(
         "--exit-with-parent",
-        action="store_true",
-        help="end when the process that started the server is gone",
+        type=int,
+        nargs="?",
+        const=0,
+        metavar="PID",
+        help="end when the process that started the server is gone; with its id also when it "
+        "goes before the server has looked who it is",
     )
     parser.add_argument(
         "--describe", action="store_true", help="print maps and blueprints as JSON and end"
@@ -224,7 +230,8 @@ def parse_options(argv: Sequence[str] | None) -> Options:
         loop=namespace.loop,
         protocol=namespace.protocol,
         frames_per_s=namespace.frames_per_s,
-        exit_with_parent=namespace.exit_with_parent,
+        exit_with_parent=namespace.exit_with_parent is not None,
+        parent_pid=namespace.exit_with_parent or None,
         describe=namespace.describe,
         log_level=namespace.log_level,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import time
@@ -90,7 +91,11 @@ class EmbeddedServer(OwnedServer):
         return self._endpoint
 
     def _command(self) -> list[str]:
-        command = [sys.executable, "-m", MODULE, "--exit-with-parent", "--host", self._host]
+        parent = str(os.getpid())  # told, as we may be gone before it can look
+        command = [
+            *(sys.executable, "-m", MODULE, "--exit-with-parent", parent),
+            *("--host", self._host),
+        ]
         if self._port is None:
             command += ["--port", "0", "--streaming-port", "0"]
         else:

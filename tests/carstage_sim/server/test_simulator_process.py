@@ -63,6 +63,12 @@ def test_killed_launcher_leaves_no_server(tmp_path: Path) -> None:
     assert ended, "the server outlived its launcher"
 
 
+def test_launcher_that_was_gone_before_the_server_could_look_leaves_none() -> None:
+    gone = 2**22 + 1  # above the kernel's largest pid
+    result = run("--port", "0", "--threads", "1", "--exit-with-parent", str(gone))
+    assert result.returncode == 0, result.stderr
+
+
 def test_port_in_use_is_refused_with_a_way_out() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

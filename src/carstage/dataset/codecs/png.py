@@ -36,7 +36,7 @@ class PngPacker:
         """One PNG file.
 
         Args:
-            image: ``(H, W)`` or ``(H, W, 3)`` uint8, or ``(H, W)`` uint16.
+            image: ``(H, W)`` or ``(H, W, 3)``, uint8 or uint16.
 
         Raises:
             ValueError: another shape or type.
@@ -47,6 +47,8 @@ class PngPacker:
             bits, colour, samples = 8, _GREY, image
         elif image.dtype == np.uint16 and image.ndim == 2:
             bits, colour, samples = 16, _GREY, image.astype(">u2").view(np.uint8)
+        elif image.dtype == np.uint16 and image.ndim == 3 and image.shape[2] == 3:
+            bits, colour, samples = 16, _RGB, image.astype(">u2").view(np.uint8)
         else:
             raise ValueError(f"no PNG of an array of shape {image.shape} and type {image.dtype}")
         height, width = image.shape[:2]
@@ -92,3 +94,44 @@ def unpack_png(content: bytes) -> NDArray[np.uint8] | NDArray[np.uint16]:
     if mode == "I;16":
         return pixels.astype(np.uint16, copy=False)
     raise ValueError(f"a PNG of mode {mode} is none of this dataset")
+
+
+def unpack_rgb16(content: bytes) -> NDArray[np.uint16]:
+    """The pixels of a 16-bit RGB file of :class:`PngPacker`, ``(H, W, 3)``.
+
+    Pillow has no such pixels. Only what the packer writes is read: one IDAT, every row filtered
+    with Up.
+
+    Raises:
+        ValueError: damaged, or of another kind.
+    """
+    try:
+        kinds = _chunks(content)
+        width, height, bits, colour, *rest = _IHDR.unpack(kinds[b"IHDR"])
+        if (bits, colour, rest) != (16, _RGB, [0, 0, 0]):
+            raise ValueError(f"{bits} bits of colour type {colour} are no 16-bit RGB")
+        rows = np.frombuffer(zlib.decompress(kinds[b"IDAT"]), np.uint8).reshape(height, -1)
+        if rows.shape[1] != 1 + 6 * width or (rows[:, 0] != _FILTER_UP).any():
+            raise ValueError("rows of another length or filter")
+    except (KeyError, ValueError, struct.error, zlib.error) as error:
+        raise ValueError(f"damaged PNG: {error}") from error
+    samples = np.cumsum(rows[:, 1:], axis=0, dtype=np.uint8)
+    return samples.view(">u2").reshape(height, width, 3).astype(np.uint16)
+
+
+def _chunks(content: bytes) -> dict[bytes, bytes]:
+    """The chunks of a PNG file by kind, each of which comes once."""
+    if not content.startswith(_SIGNATURE):
+        raise ValueError("no signature")
+    found: dict[bytes, bytes] = {}
+    offset = len(_SIGNATURE)
+    while b"IEND" not in found:
+        (length,) = struct.unpack_from(">I", content, offset)
+        kind = content[offset + 4 : offset + 8]
+        data = content[offset + 8 : offset + 8 + length]
+        (checksum,) = struct.unpack_from(">I", content, offset + 8 + length)
+        if kind in found or zlib.crc32(kind + data) != checksum:
+            raise ValueError(f"chunk {kind!r} is damaged")
+        found[kind] = data
+        offset += 12 + length
+    return found

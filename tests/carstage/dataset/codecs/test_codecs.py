@@ -60,9 +60,11 @@ class TestNormalsPng(CameraCodecTests):
     kind = "normals"
 
 
-class TestFlowNpz(CodecTests):
+class FlowCodecTests(CodecTests):
+    name: str
+
     def codec(self) -> Codec:
-        return codec_for("flow")[1]
+        return codec_for("flow", self.name)[1]
 
     def record(self, height: int, width: int, seed: int) -> RawRecord:
         shares = np.random.default_rng(seed).normal(size=(height, width, 2)).astype("<f4")
@@ -84,6 +86,36 @@ class TestFlowNpz(CodecTests):
         flow = self.codec().raw_array({"width": 4, "height": 2}, memoryview(shares.tobytes()))
         assert flow.shape == (2, 4, 2)
         assert flow[0, 0].tolist() == [1.0, 0.25]
+
+
+class TestFlowNpz(FlowCodecTests):
+    name = "npz"
+
+
+class TestFlowKitti(FlowCodecTests):
+    name = "kitti"
+    tolerance = 1 / 128
+
+    def test_another_reader_sees_kittis_code(self) -> None:
+        cv2 = pytest.importorskip("cv2")
+        # 4x2 px: shares of half the image are 2 px to the right and 1 px upwards.
+        shares = np.zeros((2, 4, 2), "<f4")
+        shares[0, 0] = (0.5, -0.25)
+        shares[1, 3] = (-1.0, 3.0)
+        (content,) = self.codec().encode({"width": 4, "height": 2}, memoryview(shares.tobytes()))
+        bgr = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+        assert bgr.dtype == np.uint16
+        assert bgr[0, 0].tolist() == [1, 32768 + 16, 32768 + 64]
+        assert bgr[1, 3].tolist() == [1, 32768 - 3 * 64, 32768 - 2 * 64]
+        assert bgr[0, 1].tolist() == [1, 32768, 32768]
+
+    def test_a_motion_too_large_for_the_code_is_no_value(self) -> None:
+        shares = np.array([[[1.0, 0.0], [1.1, 0.0], [np.nan, 0.0], [-1.0, 0.0]]], "<f4")
+        meta = {"width": 1024, "height": 1}
+        wide = np.repeat(shares, 256, axis=1)
+        flow = self.codec().decode(self.codec().encode(meta, memoryview(wide.tobytes())))
+        assert np.isnan(flow[0, :768]).all()  # 512 px is one step too much
+        assert (flow[0, 768:] == (-512.0, 0.0)).all()
 
 
 class SemanticLidarCodecTests(CodecTests):

@@ -1,4 +1,8 @@
-"""How fast this machine is now, against the machine that the targets were written for."""
+"""How fast this machine is now, against the machine that the targets were written for.
+
+The kernel is that of ``carstage_sim.check.calibration``:
+neither package imports the other, so change both.
+"""
 
 from __future__ import annotations
 

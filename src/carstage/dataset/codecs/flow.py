@@ -67,7 +67,7 @@ class FlowKittiPng(FlowNpz):
         flow = self.raw_array(meta, payload)
         steps = np.rint(flow * np.float32(_KITTI_STEPS_PER_PX)) + np.float32(_KITTI_ZERO)
         # NaN compares as false, so it has no value either.
-        valid = ((steps >= 0) & (steps <= _KITTI_LARGEST)).all(axis=-1)
+        valid: NDArray[np.bool_] = np.all((steps >= 0) & (steps <= _KITTI_LARGEST), axis=-1)
         coded = np.zeros((*flow.shape[:2], 3), np.uint16)
         coded[..., :2] = np.where(valid[..., None], steps, 0)
         coded[..., 2] = valid

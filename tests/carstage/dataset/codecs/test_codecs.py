@@ -332,7 +332,7 @@ def test_a_used_packer_packs_as_a_new_one(images: list[np.ndarray[Any, Any]]) ->
         np.zeros((2, 2, 4), np.uint8),
         np.zeros((2, 2), np.float32),
         np.zeros((0, 2), np.uint8),
-        np.zeros((2, 2, 3), np.uint16),
+        np.zeros((2, 2, 4), np.uint16),
     ],
 )
 def test_what_is_no_png_of_ours_is_refused(image: np.ndarray[Any, Any]) -> None:

@@ -56,6 +56,10 @@ class ConversionError(CarStageError, RuntimeError):
     """A raw segment could not be turned into files."""
 
 
+class ExportError(CarStageError, RuntimeError):
+    """A dataset could not be written in another format."""
+
+
 class StorageError(CarStageError, RuntimeError):
     """The store refused, lost or would silently overwrite something."""
 

@@ -1,0 +1,26 @@
+"""Datasets in other formats: KITTI, nuScenes, COCO, YOLO, MCAP, WebDataset.
+
+``export_dataset`` runs an ``Exporter`` over a dataset; how to add one stands in
+docs/formats/exports.md.
+"""
+
+from carstage.export.completeness import Completeness, examine
+from carstage.export.exporter import Exporter, FrameWriter, exporter_for, exporters, register
+from carstage.export.exporting import ExportSummary, export_dataset
+from carstage.export.frames import EpisodeFrames, Frame
+from carstage.export.options import ExportOptions
+
+__all__ = [
+    "Completeness",
+    "EpisodeFrames",
+    "ExportOptions",
+    "ExportSummary",
+    "Exporter",
+    "Frame",
+    "FrameWriter",
+    "examine",
+    "export_dataset",
+    "exporter_for",
+    "exporters",
+    "register",
+]

@@ -1,0 +1,65 @@
+"""What Car-STAGE's classes are called elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Final
+
+DONT_CARE: Final = "DontCare"
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignNames:
+    """Names of a class in formats with classes of their own.
+
+    Attributes:
+        kitti: KITTI's type; ``None``: not exported to KITTI.
+        nuscenes: nuScenes's category; ``None``: not exported to nuScenes.
+    """
+
+    kitti: str | None
+    nuscenes: str | None
+
+
+CLASSES: Final[Mapping[str, ForeignNames]] = MappingProxyType(
+    {
+        "car": ForeignNames("Car", "vehicle.car"),
+        "van": ForeignNames("Van", "vehicle.car"),
+        "truck": ForeignNames("Truck", "vehicle.truck"),
+        "bus": ForeignNames("Misc", "vehicle.bus.rigid"),
+        "motorcycle": ForeignNames("Misc", "vehicle.motorcycle"),
+        "bicycle": ForeignNames("Cyclist", "vehicle.bicycle"),
+        "walker_adult": ForeignNames("Pedestrian", "human.pedestrian.adult"),
+        "walker_child": ForeignNames("Pedestrian", "human.pedestrian.child"),
+        "walker_wheelchair": ForeignNames("Pedestrian", "human.pedestrian.wheelchair"),
+        "traffic_light": ForeignNames(DONT_CARE, None),
+        "traffic_sign": ForeignNames(DONT_CARE, None),
+    }
+)
+"""All classes, in the order of their numbers in COCO (from 1) and YOLO (from 0)."""
+
+NUSCENES_CATEGORIES: Final = tuple(
+    sorted(
+        {
+            "vehicle.emergency.ambulance",
+            "vehicle.emergency.police",
+            *(names.nuscenes for names in CLASSES.values() if names.nuscenes),
+        }
+    )
+)
+_EMERGENCY = ("ambulance", "police")
+
+
+def nuscenes_category(row: Mapping[str, Any]) -> str | None:
+    """The category of a row of ``objects.parquet``; ``None``: nuScenes has none.
+
+    Ambulances and police cars have their own; a fire engine is a truck.
+    """
+    if row["special_type"] == "emergency":
+        for kind in _EMERGENCY:
+            if kind in row["blueprint"]:
+                return f"vehicle.emergency.{kind}"
+    names = CLASSES.get(row["class"])
+    return names.nuscenes if names else None

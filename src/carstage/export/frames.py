@@ -1,0 +1,155 @@
+"""One frame of an episode as exporters see it: rows, poses and what sensors have data of it."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from carstage.dataset import Episode
+from carstage.dataset.checks.ledger import recorded_frames, saved_times_s
+from carstage.errors import DatasetError
+from carstage.geometry import FloatArray, invert_pose, pose_matrix
+
+Row = Mapping[str, Any]
+Damage = frozenset[tuple[str, int]]
+"""Sensor ids and frames whose files are missing or not what was committed."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One saved frame.
+
+    Attributes:
+        episode: whose frame it is.
+        k: its index.
+        timestamp_s: time since the first frame.
+        objects: rows of ``objects.parquet`` by track id, the ego's left out.
+        camera_objects: rows of ``camera_objects.parquet`` by camera.
+        ego: the row of ``ego.parquet``; ``None`` when ego motion was not asked for.
+        sensor_poses: rows of ``sensor_poses.parquet`` by sensor.
+        available: ids of the sensors that have whole data of this frame.
+    """
+
+    episode: Episode
+    k: int
+    timestamp_s: float
+    objects: Mapping[int, Row]
+    camera_objects: Mapping[str, Sequence[Row]]
+    ego: Row | None
+    sensor_poses: Mapping[str, Row]
+    available: frozenset[str]
+
+    def has(self, sensor_id: str) -> bool:
+        """Whether the sensor has whole data of this frame."""
+        return sensor_id in self.available
+
+    def read(self, sensor_id: str) -> NDArray[Any]:
+        """The sensor's data, see ``Sensor.read``."""
+        return self.episode.sensor(sensor_id).read(self.k)
+
+    def image_file(self, camera_id: str) -> Path:
+        """The file of a camera's picture."""
+        return self.episode.sensor(camera_id).paths(self.k)[0]
+
+    def world_from_sensor(self, sensor_id: str) -> FloatArray:
+        """``(4, 4)`` pose in CARLA's world and sensor axes.
+
+        Raises:
+            DatasetError: ``sensor_poses.parquet`` does not tell.
+        """
+        row = self.sensor_poses.get(sensor_id)
+        if row is None:
+            raise DatasetError(
+                f"sensor_poses.parquet of episode {self.episode.id} has no row of {sensor_id} "
+                f"in frame {self.k}."
+            )
+        return pose_matrix(row["location"], row["rotation_deg"])
+
+    def ego_from_sensor(self, sensor_id: str) -> FloatArray:
+        """``(4, 4)`` pose on the ego, CARLA's axes, of this frame."""
+        return self.episode.sensor(sensor_id).calibration_at(self.k).ego_from_sensor
+
+    @cached_property
+    def world_from_ego(self) -> FloatArray:
+        """``(4, 4)`` pose of the ego's pivot, CARLA's axes.
+
+        Raises:
+            DatasetError: no table tells.
+        """
+        if self.ego is not None:
+            return pose_matrix(self.ego["location"], self.ego["rotation_deg"])
+        for sensor_id, row in self.sensor_poses.items():
+            ego_from_sensor = np.array(row["ego_from_sensor"]).reshape(4, 4)
+            return self.world_from_sensor(sensor_id) @ invert_pose(ego_from_sensor)
+        raise DatasetError(f"No table of episode {self.episode.id} has the ego in frame {self.k}.")
+
+
+class EpisodeFrames:
+    """Cuts the tables of an episode into frames.
+
+    Args:
+        episode: the episode.
+        damage: what has to be taken for missing.
+
+    Raises:
+        DatasetError: a table is missing or damaged.
+    """
+
+    def __init__(self, episode: Episode, damage: Damage = frozenset()) -> None:
+        self._episode = episode
+        ledger = episode.ledger()
+        self._times_s = saved_times_s(ledger)
+        self._recorded: dict[int, set[str]] = defaultdict(set)
+        for sensor_id, frames in recorded_frames(episode, ledger).items():
+            for k in frames:
+                if (sensor_id, k) not in damage:
+                    self._recorded[k].add(sensor_id)
+        self._objects = _ByFrame(episode.objects())
+        self._camera_objects = _ByFrame(episode.camera_objects())
+        self._ego = _ByFrame(episode.ego())
+        self._poses = _ByFrame(episode.sensor_poses())
+
+    def frame(self, k: int) -> Frame:
+        """Frame ``k``.
+
+        Raises:
+            DatasetError: the ledger has no such frame.
+        """
+        if k not in self._times_s:
+            raise DatasetError(f"The ledger of episode {self._episode.id} has no frame {k}.")
+        by_camera: dict[str, list[Row]] = defaultdict(list)
+        for row in self._camera_objects.rows(k):
+            by_camera[row["sensor_id"]].append(row)
+        return Frame(
+            episode=self._episode,
+            k=k,
+            timestamp_s=self._times_s[k],
+            objects={r["track_id"]: r for r in self._objects.rows(k) if not r["is_ego"]},
+            camera_objects=dict(by_camera),
+            ego=next(iter(self._ego.rows(k)), None),
+            sensor_poses={row["sensor_id"]: row for row in self._poses.rows(k)},
+            available=frozenset(self._recorded[k]),
+        )
+
+
+class _ByFrame:
+    """A table whose rows of one frame are a slice."""
+
+    def __init__(self, table: pa.Table) -> None:
+        ks = table["k"].to_numpy()
+        if np.any(ks[1:] < ks[:-1]):
+            order = np.argsort(ks, kind="stable")
+            table, ks = table.take(order), ks[order]
+        self._table, self._ks = table, ks
+
+    def rows(self, k: int) -> list[dict[str, Any]]:
+        first, last = np.searchsorted(self._ks, [k, k + 1])
+        return self._table.slice(int(first), int(last - first)).to_pylist()

@@ -95,15 +95,15 @@ def run(
         with setup.facts() as facts:
             episodes = plan_episodes(config, facts, recording_of(config))
             store = open_store(out)
+            for dead in dead_runs(out):  # first, as what they left takes space on the disk
+                remove_leftovers(dead, store)
+                watcher.say(f"Removed what the dead run {dead.folder.name} had left.")
             present = store.committed() if (out / "dataset.json").exists() else {}
             todo = [spec for spec in episodes if spec.episode_id not in present]
             estimate = estimate_run(config, todo)
             check_disk(out, estimate)
             store.initialise(config.name)
             watcher.planned(estimate, len(todo), len(episodes) - len(todo))
-            for dead in dead_runs(out):
-                remove_leftovers(dead, store)
-                watcher.say(f"Removed what the dead run {dead.folder.name} had left.")
             with RunFolder(out) as folder, marked(folder.run_id):
                 folder.write_plan(config, episodes)
                 session = _Session(
@@ -230,6 +230,7 @@ class _Session:
             self._workers(),
             self._config.conversion.codecs,
             self._self_test,
+            deferred=self._config.conversion.mode == "deferred",
         )
         self._recording = landing
         self._status.current = CurrentEpisode(

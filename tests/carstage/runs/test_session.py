@@ -1,0 +1,160 @@
+"""What a run makes of recordings with gaps, of a full disk, and of errors while it ends."""
+
+from __future__ import annotations
+
+import errno
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from carstage.config import check_config
+from carstage.errors import CollectorError, DiskFullError, StorageError
+from carstage.plan import EpisodeSpec, ServerFacts, plan_episodes
+from carstage.runs.folder import RunFolder
+from carstage.runs.interruption import Interruption
+from carstage.runs.landing import Job
+from carstage.runs.outcome import Nobody
+from carstage.runs.servers import ServerSetup
+from carstage.runs.session import _Session
+from carstage.storage import open_store
+
+RETRIES = 2
+
+
+class Listener(Nobody):
+    """Remembers what is said."""
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def say(self, sentence: str) -> None:
+        self.said.append(sentence)
+
+
+class GivenUp:
+    """Stands for a recorded attempt."""
+
+    frames_done = 0
+
+    def __init__(self, spec: EpisodeSpec, tries: int) -> None:
+        self.job = Job(spec, spec.episode_id, tries)
+        self.attempt = f"a{tries + 1}"
+        self.given_up = False
+
+    def give_up(self) -> None:
+        self.given_up = True
+
+
+class Execute:
+    """An executor that lets the first lane's place be taken by a function."""
+
+    def __init__(self, error: BaseException) -> None:
+        self._error = error
+
+    def execute(self, take: Any, open_lane: Any) -> None:
+        del take, open_lane
+        raise self._error
+
+
+@pytest.fixture(scope="module")
+def spec() -> EpisodeSpec:
+    facts = ServerFacts(maps={"Stage01": 50}, blueprints={}, dialect="0.9.16")
+    (spec,) = plan_episodes(check_config({"pedestrians": {"count": 0}}), facts)
+    return spec
+
+
+Made = tuple[_Session, Listener, RunFolder]
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Iterator[Made]:
+    store = open_store(tmp_path)
+    store.initialise("test")
+    listener = Listener()
+    config = check_config({})
+    with RunFolder(tmp_path) as folder, Interruption() as interruption:
+        session = _Session(
+            config, ServerSetup(config), store, folder, tmp_path, interruption, listener, RETRIES
+        )
+        yield session, listener, folder
+
+
+def events(folder: RunFolder) -> list[str]:
+    lines = (folder.path / "events.jsonl").read_text().splitlines()
+    return [json.loads(line)["event"] for line in lines]
+
+
+@pytest.mark.parametrize(("tries", "kept"), [(0, False), (1, False), (2, True)])
+def test_recording_with_gaps_is_repeated_and_the_last_one_kept(
+    made: Made, spec: EpisodeSpec, tries: int, kept: bool
+) -> None:
+    session, listener, folder = made
+    landing = GivenUp(spec, tries)
+    assert session.recorded(landing, 3) is kept  # type: ignore[arg-type]
+    assert landing.given_up is not kept
+    assert events(folder) == ([] if kept else ["episode_retried"])
+    assert "3 of 50 ticks lack data of a sensor" in listener.said[0]
+
+
+@pytest.mark.parametrize(
+    "timing", [{"on_incomplete": "skip"}, {"sensor_sync": False}, {"mode": "async"}]
+)
+def test_gaps_are_kept_where_they_were_asked_for(
+    made: Made, spec: EpisodeSpec, timing: Mapping[str, Any]
+) -> None:
+    session, listener, _ = made
+    landing = GivenUp(replace(spec, timing={**spec.timing, **timing}), 0)
+    assert session.recorded(landing, 3)  # type: ignore[arg-type]
+    assert not landing.given_up
+    assert listener.said == []
+
+
+def test_full_disk_is_not_tried_again_and_ends_the_run(made: Made, spec: EpisodeSpec) -> None:
+    session, _, folder = made
+    error = DiskFullError("Writing failed: No space left on device.", "Make room.")
+    with pytest.raises(DiskFullError):
+        session.attempt_failed(GivenUp(spec, 0), error, final=False)  # type: ignore[arg-type]
+    assert events(folder) == ["episode_failed"]
+
+
+def test_other_failures_are_tried_again_as_often_as_allowed(made: Made, spec: EpisodeSpec) -> None:
+    session, _, folder = made
+    for tries in range(RETRIES + 1):
+        session.attempt_failed(
+            GivenUp(spec, tries),  # type: ignore[arg-type]
+            CollectorError("It broke."),
+            final=False,
+        )
+    assert events(folder) == ["episode_retried"] * RETRIES + ["episode_failed"]
+
+
+def test_system_error_of_the_disk_is_told_in_words(made: Made) -> None:
+    session, _, folder = made
+    full = OSError(errno.ENOSPC, "No space left on device")
+    with pytest.raises(DiskFullError, match="No space left"):
+        session.run((), [], Execute(full))
+    status = json.loads((folder.path / "status.json").read_bytes())
+    assert status["state"] == "failed"
+    assert "No space left" in status["message"]
+
+
+def test_disk_that_refuses_the_last_words_does_not_hide_why_the_run_ended(
+    made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session, listener, folder = made
+
+    def refuse(*_: object) -> None:
+        raise StorageError("Writing status.json failed: No space left on device.")
+
+    class Fail(Execute):
+        def execute(self, take: Any, open_lane: Any) -> None:
+            monkeypatch.setattr(folder, "write_status", refuse)
+            super().execute(take, open_lane)
+
+    with pytest.raises(CollectorError, match="It broke"):
+        session.run((), [], Fail(CollectorError("It broke.")))
+    assert "The next run on this dataset clears up." in listener.said[-1]

@@ -55,6 +55,7 @@ class Landing:
         pool: processes that convert.
         codecs: codec by sensor id, where it is not the kind's own.
         self_test: verdict on the server; None where it was not tested.
+        deferred: nothing is converted before :meth:`convert_all`.
     """
 
     def __init__(
@@ -66,12 +67,15 @@ class Landing:
         pool: Executor,
         codecs: Mapping[str, str],
         self_test: Mapping[str, Any] | None = None,
+        *,
+        deferred: bool = False,
     ) -> None:
         self.job = job
         self.attempt = attempt
         self.raw_folder = raw_folder
         self._store = store
         self._self_test = self_test
+        self._deferred = deferred
         self._conversion = EpisodeConversion(
             raw_folder,
             store.attempt_folder(job.episode_id, attempt),
@@ -89,12 +93,13 @@ class Landing:
         return self._conversion.frames_done
 
     def segment_sealed(self, stream: str, segment: int) -> None:
-        """Hand a sealed segment to the conversion.
+        """Hand a sealed segment to the conversion, unless that comes later.
 
         Raises:
             ConversionError: the converters take no work any more.
         """
-        self._conversion.segment_sealed(stream, segment)
+        if not self._deferred:
+            self._conversion.segment_sealed(stream, segment)
 
     def convert_all(self) -> None:
         """Hand everything that is recorded to the conversion."""

@@ -1,0 +1,47 @@
+"""An attempt on its way into the dataset: when its recording is converted."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor, Future
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import analytic_scene
+import pytest
+
+from carstage.rawlog.reader import EpisodeLog
+from carstage.runs.landing import Job, Landing
+from carstage.storage.local import LocalStore
+
+
+class Submitted(Executor):
+    """A pool that notes what it is given and never does it."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def submit(self, *_: Any, **__: Any) -> Future[Any]:
+        self.count += 1
+        return Future()
+
+
+@pytest.mark.parametrize("deferred", [False, True])
+def test_sealed_segments_are_converted_at_once_unless_that_is_deferred(
+    tmp_path: Path, deferred: bool
+) -> None:
+    raw = tmp_path / "raw"
+    analytic_scene.write_raw_log(raw)
+    store, pool = LocalStore(tmp_path / "out"), Submitted()
+    store.initialise("test")
+    job: Any = Job(SimpleNamespace(saved_frames=6), "0123456789abcdef")
+    landing = Landing(job, "a1", raw, store, pool, {}, deferred=deferred)
+    log = EpisodeLog(raw)
+    for stream in log.streams:
+        for segment in log.sealed_segments(stream):
+            landing.segment_sealed(stream, segment)
+    while_recording = pool.count
+    landing.convert_all()
+    assert (while_recording == 0) == deferred
+    assert pool.count > 0
+    assert pool.count == while_recording or deferred

@@ -22,6 +22,10 @@ _LOOK_EVERY_S = 1.0
 _ASK_EVERY_S = 4.0
 _LEAST_SILENCES = 3
 """Questions without an answer before a server counts as hung, however short its patience."""
+_BUSY_SHARE = 0.02
+"""Of a core: a silent server that takes more computes, if slowly: its silence does not count yet."""
+_BUSY_PATIENCE = 10.0
+"""How many times as long it may do so: a deadlocked renderer takes some of a core for ever."""
 
 _MB = 1_000_000
 _SERVER_SHARE = 0.75
@@ -33,7 +37,7 @@ class Limits:
     """From when on something is wrong.
 
     Attributes:
-        hang_s: silence after which a server has hung.
+        hang_s: silence after which a server has hung; ten times as long for one that computes.
         server_bytes: most resident memory of the server's processes.
         collector_bytes: most resident memory of the collector.
     """
@@ -63,6 +67,7 @@ class AttemptWatch:
         collector_pid: process id of the collector.
         limits: from when on something is wrong.
         ask: asks the server for its version; raises ``ServerError`` when it does not answer.
+        cpu_s: CPU seconds that a process and its descendants have taken.
         look_every_s: pause between two looks.
     """
 
@@ -75,6 +80,7 @@ class AttemptWatch:
         *,
         ask: Callable[[str, int], str] = probe_version,
         clock_s: Callable[[], float] = time.monotonic,
+        cpu_s: Callable[[int], float] | None = None,
         look_every_s: float = _LOOK_EVERY_S,
     ) -> None:
         self._server = server
@@ -83,9 +89,10 @@ class AttemptWatch:
         self._limits = limits
         self._ask = ask
         self._clock_s = clock_s
+        self._cpu_s = cpu_s or taken_cpu_s
         self._look_every_s = look_every_s
-        self._answered_s = clock_s()
-        self._asked_s = clock_s()
+        self._answered_s = self._asked_s = self._computed_s = clock_s()
+        self._server_cpu_s = 0.0
         self._silences = 0
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="attempt-watch", daemon=True)
@@ -134,15 +141,22 @@ class AttemptWatch:
 
     def _silence_problem(self) -> CarStageError | None:
         now_s = self._clock_s()
-        if now_s - self._asked_s < min(_ASK_EVERY_S, self._limits.hang_s / _LEAST_SILENCES):
+        passed_s = now_s - self._asked_s
+        if passed_s < min(_ASK_EVERY_S, self._limits.hang_s / _LEAST_SILENCES):
             return None
         self._asked_s = now_s
+        if self._computes(passed_s):
+            self._computed_s = now_s
         try:
             self._ask(self._endpoint.host, self._endpoint.port)
         except ServerError as error:
             self._silences += 1
-            silent_s = self._clock_s() - self._answered_s
-            if self._silences < _LEAST_SILENCES or silent_s < self._limits.hang_s:
+            now_s = self._clock_s()
+            silent_s = now_s - self._answered_s
+            still_s = now_s - max(self._answered_s, self._computed_s)
+            hangs = still_s >= self._limits.hang_s
+            hangs |= silent_s >= self._limits.hang_s * _BUSY_PATIENCE
+            if self._silences < _LEAST_SILENCES or not hangs:
                 return None
             return ServerError(
                 f"The server has not answered for {silent_s:.0f} s: {error.message}",
@@ -151,6 +165,18 @@ class AttemptWatch:
         self._silences = 0
         self._answered_s = self._clock_s()
         return None
+
+    def _computes(self, passed_s: float) -> bool:
+        """Whether the server has computed since the last question; unknown counts as no."""
+        if self._endpoint.pid is None:
+            return False
+        before_s, self._server_cpu_s = self._server_cpu_s, self._cpu_s(self._endpoint.pid)
+        return self._server_cpu_s - before_s > _BUSY_SHARE * passed_s
+
+
+def taken_cpu_s(pid: int) -> float:
+    """CPU seconds that a process and all its descendants have taken; 0 for one that is gone."""
+    return sum(map(_own_cpu_s, _family(pid)))
 
 
 def resident_bytes(pid: int) -> int:
@@ -164,6 +190,14 @@ def _family(pid: int) -> Iterable[psutil.Process]:
         return [root, *root.children(recursive=True)]
     except psutil.Error:
         return []
+
+
+def _own_cpu_s(process: psutil.Process) -> float:
+    try:
+        times = process.cpu_times()
+    except psutil.Error:
+        return 0.0
+    return float(times.user + times.system)
 
 
 def _own_resident_bytes(process: psutil.Process) -> int:

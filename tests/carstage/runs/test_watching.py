@@ -46,7 +46,13 @@ class Answers:
 
 
 def watch(
-    clock: Clock, answers: Answers, *, hang_s: float = 20.0, server: int = PLENTY, own: int = PLENTY
+    clock: Clock,
+    answers: Answers,
+    *,
+    hang_s: float = 20.0,
+    server: int = PLENTY,
+    own: int = PLENTY,
+    load: float = 0.0,
 ) -> AttemptWatch:
     return AttemptWatch(
         RemoteServer("127.0.0.1", 2000),
@@ -55,6 +61,7 @@ def watch(
         Limits(hang_s, server, own),
         ask=answers,
         clock_s=clock,
+        cpu_s=lambda pid: load * clock.now_s,
     )
 
 
@@ -82,6 +89,20 @@ def test_server_that_stays_silent_has_hung() -> None:
     assert "has not answered for 20 s" in watching.problem.message
     assert "timed out" in watching.problem.message
     assert "supervision.hang_s" in watching.problem.hint
+
+
+def test_silent_server_that_computes_is_only_slow() -> None:
+    clock = Clock()
+    watching = watch(clock, Answers(1), load=0.3)
+    look_for(watching, clock, 150)
+    assert watching.problem is None
+
+
+def test_silent_server_that_computes_for_ever_has_hung_too() -> None:
+    clock = Clock()
+    watching = watch(clock, Answers(1), load=0.3)
+    look_for(watching, clock, 300)
+    assert "has not answered for 20" in str(watching.problem)
 
 
 def test_answer_in_between_begins_the_silence_anew() -> None:

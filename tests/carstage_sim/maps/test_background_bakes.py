@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
-
 import pytest
 import small_maps
 
 from carstage_sim.maps import BackgroundBakes, Bake, BakeOptions, MapSamplingError
 from carstage_sim.maps.background import MOST_WAITING
 from carstage_sim.maps.loading import TownSource, is_baked
+from waiting import await_that
 
 BARE = BakeOptions(scenery=False, navigation=False)
 
@@ -25,11 +24,11 @@ def bakes(tmp_path):
 
 
 def await_end(bakes: BackgroundBakes, bake: Bake) -> None:
-    deadline = time.monotonic() + 120.0
-    while not bake.finished:
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    def ended() -> bool:
         bakes.advance()
+        return bake.finished
+
+    await_that(ended, within_s=120.0)
 
 
 def test_a_bake_leaves_the_town_in_the_cache_while_its_caller_goes_on(bakes, tmp_path):

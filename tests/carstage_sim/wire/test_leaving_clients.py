@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from client_scripts import client_process
 from raw_client import RawClient
 
 from carstage_sim.check.session import free_port
+from waiting import await_that, holds_for
 
 if TYPE_CHECKING:
     from running_simulator import RunningSimulator
@@ -22,6 +23,8 @@ pytestmark = pytest.mark.end_to_end
 
 SYNCHRONOUS = [True, False, [True, 0.05], True, 0.01, 10, 0.0, True, 3000.0, 2000.0, True]
 FREE = [False, False, [False], True, 0.01, 10, 0.0, True, 3000.0, 2000.0, True]
+LET_GO_S = 1.5
+"""Longer than the server waits before it lets a world go."""
 
 SYNCHRONOUS_SETTINGS = """
 settings = world.get_settings()
@@ -49,13 +52,6 @@ sensor.listen(lambda image: print(image.frame, flush=True))
 print("ready", flush=True)
 sys.stdin.read()
 """
-
-
-def await_that(holds: Callable[[], bool], within_s: float = 20.0) -> None:
-    deadline = time.monotonic() + within_s
-    while not holds():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 def is_synchronous(client: RawClient) -> bool:
@@ -94,10 +90,7 @@ def test_idle_client_keeps_the_world_while_others_come_and_go(
         idle.value("set_episode_settings", SYNCHRONOUS)
         with RawClient(simulator.host, simulator.port) as visitor:
             visitor.value("version")
-        until = time.monotonic() + 1.5  # longer than the server waits before it lets go
-        while time.monotonic() < until:
-            assert is_synchronous(observer)
-            time.sleep(0.05)
+        assert holds_for(LET_GO_S, lambda: is_synchronous(observer))
     await_that(lambda: not is_synchronous(observer))
 
 
@@ -108,10 +101,7 @@ def test_client_that_ticks_too_keeps_the_world_after_the_first_one_left(
         with RawClient(simulator.host, simulator.port) as first:
             first.value("set_episode_settings", SYNCHRONOUS)
             second.value("tick_cue")
-        until = time.monotonic() + 1.5
-        while time.monotonic() < until:
-            assert is_synchronous(observer)
-            time.sleep(0.05)
+        assert holds_for(LET_GO_S, lambda: is_synchronous(observer))
     await_that(lambda: not is_synchronous(observer))
 
 
@@ -122,10 +112,7 @@ def test_client_that_comes_back_at_once_finds_the_world_as_it_left_it(
         first.value("set_episode_settings", SYNCHRONOUS)
     with RawClient(simulator.host, simulator.port) as again:
         again.value("tick_cue")
-        until = time.monotonic() + 1.5
-        while time.monotonic() < until:
-            assert is_synchronous(observer)
-            time.sleep(0.05)
+        assert holds_for(LET_GO_S, lambda: is_synchronous(observer))
 
 
 def test_stopped_client_with_a_full_stream_does_not_hold_up_the_one_that_ticks(

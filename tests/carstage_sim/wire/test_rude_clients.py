@@ -7,18 +7,20 @@ import logging
 import select
 import socket
 import struct
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import msgpack
 import pytest
 from raw_client import RawClient, subscribe
 
+from carstage_sim.wire import complaints
 from carstage_sim.wire.channel import Channel
 from carstage_sim.wire.complaints import Complaints
 from carstage_sim.wire.rpc import Disconnected, Request, RpcServer
 from carstage_sim.wire.socket_loop import SocketLoop, bind
+from waiting import await_that
 
 if TYPE_CHECKING:
     from running_simulator import RunningSimulator
@@ -38,13 +40,6 @@ def connect(simulator: RunningSimulator) -> socket.socket:
 def request(name: str, *arguments: object) -> bytes:
     packed: bytes = msgpack.packb([0, 1, name, [[False], *arguments]])
     return packed
-
-
-def await_that(holds: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 10.0
-    while not holds():
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
 
 
 @pytest.mark.parametrize(
@@ -197,13 +192,17 @@ def test_silent_connections_make_room_for_new_ones_the_oldest_first() -> None:
             await_that(lambda: len(channels) == 5)
 
 
-def test_same_trouble_is_logged_once_with_a_count(caplog: pytest.LogCaptureFixture) -> None:
-    complaints = Complaints(logging.getLogger("test"), again_after_s=0.05)
+def test_same_trouble_is_logged_once_with_a_count(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr(complaints, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    told = Complaints(logging.getLogger("test"), again_after_s=10.0)
     for _ in range(5):
-        complaints.warn("it rains", "again")
+        told.warn("it rains", "again")
     assert [record.getMessage() for record in caplog.records] == ["it rains: again"]
-    time.sleep(0.06)
-    complaints.warn("it rains", "still")
+    now_s[0] += 10.0
+    told.warn("it rains", "still")
     assert "4 more" in caplog.records[-1].getMessage()
 
 

@@ -15,6 +15,7 @@ from carstage_sim.wire import socket_loop
 from carstage_sim.wire.errors import PortInUseError
 from carstage_sim.wire.socket_loop import SocketLoop, bind
 from carstage_sim.wire.streaming import StreamingServer
+from waiting import await_that
 
 STREAM = 7
 LARGE = 32 << 20  # more than any socket buffer takes
@@ -42,10 +43,7 @@ def subscribers(server: StreamingServer) -> Iterator[Callable[[], socket.socket]
 
 
 def await_listeners(server: StreamingServer, count: int) -> None:
-    deadline = time.monotonic() + 10.0
-    while server.listeners(STREAM) != count:
-        assert time.monotonic() < deadline
-        time.sleep(0.001)
+    await_that(lambda: server.listeners(STREAM) == count)
 
 
 @pytest.mark.parametrize("sizes", [[1], [4, 0, 9], [1] * 200, [LARGE, 3]])
@@ -171,7 +169,7 @@ def test_subscriber_that_reads_slowly_but_reads_is_never_dropped() -> None:
             left, began = LARGE + 4, time.monotonic()
             while left:
                 left -= len(slow.recv(min(left, 2 << 20), socket.MSG_WAITALL))
-                time.sleep(0.05)
+                time.sleep(0.05)  # which is how slow it reads
             assert time.monotonic() - began > 0.5  # longer than the patience
             assert read_message(slow) == b"x"
             publisher.join(10.0)

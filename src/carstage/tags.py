@@ -6,7 +6,7 @@ Clients up to 0.9.13 number the labels otherwise than those from 0.9.14 on (CARL
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
@@ -110,15 +110,31 @@ def server_release(version: str) -> Release:
     return release
 
 
-def tag_table(server_version: str) -> Mapping[int, Tag]:
-    """The tags that a server of this version writes.
+def numbers_tags_anew(server_version: str) -> bool:
+    """Whether a server numbers its tags as datasets do, that is since 0.9.14.
 
-    A server newer than all known ones gets the newest table; whether it fits, the self-test finds.
+    A server newer than all known ones does, as far as is known; the self-test finds out.
 
     Raises:
         AnnotationError: the text is no version.
     """
-    return TAGS_0_9_14 if server_release(server_version) >= (0, 9, 14) else TAGS_0_9_13
+    return server_release(server_version) >= (0, 9, 14)
+
+
+def dataset_tags(tags: Iterable[int], server_version: str) -> tuple[int, ...]:
+    """Tags of a server in the numbering of datasets.
+
+    Raises:
+        AnnotationError: the server's table has no such tag.
+    """
+    if numbers_tags_anew(server_version):
+        return tuple(tags)
+    return tuple(new_tag(tag) for tag in tags)
+
+
+def tag_table(server_version: str) -> Mapping[int, Tag]:
+    """The tags that a server of this version writes; see ``numbers_tags_anew``."""
+    return TAGS_0_9_14 if numbers_tags_anew(server_version) else TAGS_0_9_13
 
 
 def new_tag(old_tag: int) -> int:

@@ -44,6 +44,7 @@ def _blueprint(blueprint: Blueprint) -> dict[str, Any]:
     return {
         "id": blueprint.id,
         "tags": blueprint.tags.split(","),
+        "protocols": [name for name, spoken in DIALECTS.items() if spoken.offers(blueprint.id)],
         "attributes": [_attribute(attribute) for attribute in blueprint.attributes],
     }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from carstage.errors import AnnotationError
 from carstage.geometry import invert_pose
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.reader import ActorInfo, WorldFrame
-from carstage.tags import server_release, vehicle_tags, walker_tags
+from carstage.tags import dataset_tags, server_release, vehicle_tags, walker_tags
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +124,7 @@ class EpisodeLabeller:
         self._first_tick_has_past = int(spec.get("warmup_ticks", 0)) > 0
         # Before 0.9.16 the instance camera wrote ids of Unreal's objects, not of actors.
         self._instance_is_actor = server_release(version) >= (0, 9, 16)
+        self._server = version
         self._vehicle_tags = _lookup(vehicle_tags(version))
         self._walker_tags = _lookup(walker_tags(version))
         self._actors = actors
@@ -263,6 +264,7 @@ class EpisodeLabeller:
         if not (self._settings.pedestrians if walker else self._settings.vehicles):
             return None
         tags = self._walker_tags if walker else self._vehicle_tags
+        info = replace(info, semantic_tags=dataset_tags(info.semantic_tags, self._server))
         return ActorFacts(info, kind, label_box(info, kind, self._measured), tags)
 
     def _count_lidar_points(

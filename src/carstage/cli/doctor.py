@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import json
 import os
 import platform
 import shutil
@@ -21,12 +22,9 @@ from carstage.errors import CarStageError
 from carstage.runs import dead_runs, size_text
 
 _MODULES_TIMEOUT_S = 60.0
-_PROBE_TIMEOUT_S = 10.0
 _WANTED_FREE_BYTES = 1_000_000_000
 _WANTED_MEMORY_BYTES = 2_000_000_000
 _CARLA_PORTS = (2000, 2001, 2002, 8000)
-_INTERPRETERS = ("python3.8", "python3.9", "python3.10", "python3.11", "python3.12")
-_WHEEL_PROBE = "from importlib.metadata import version; print(version('carla'))"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +65,20 @@ def examine(out: Path) -> list[Finding]:
         lambda: _leftovers(out),
     ]
     return [finding for check in checks for finding in check()]
+
+
+def server_setting(server: str) -> str:
+    """The override that makes a configuration mean a server.
+
+    Args:
+        server: ``embedded``, ``HOST:PORT``, or the folder of a CARLA release.
+    """
+    if server == "embedded":
+        return "server={kind: embedded}"
+    host, colon, port = server.rpartition(":")
+    if colon and port.isdigit() and "/" not in host:
+        return f"server={{kind: remote, host: {json.dumps(host)}, port: {port}}}"
+    return f"server={{kind: carla, path: {json.dumps(server)}}}"
 
 
 def _platform() -> Iterator[Finding]:
@@ -181,28 +193,11 @@ def _ports() -> Iterator[Finding]:
 
 
 def _interpreters() -> Iterator[Finding]:
-    found = []
-    for executable in _candidates():
-        ended = subprocess.run(
-            [executable, "-I", "-c", _WHEEL_PROBE],
-            capture_output=True,
-            text=True,
-            timeout=_PROBE_TIMEOUT_S,
-            check=False,
-        )
-        if ended.returncode == 0:
-            found.append(f"{executable} (carla {ended.stdout.strip()})")
+    from carstage.server.interpreters import clients_here
+
+    found = [f"{python.path} (carla {python.client})" for python in clients_here()]
     text = "; ".join(found) if found else "none besides this one"
     yield Finding("interpreters with a client wheel", True, text)
-
-
-def _candidates() -> list[str]:
-    pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
-    paths = [shutil.which(name) for name in _INTERPRETERS]
-    paths += [str(path) for path in sorted(pyenv.glob("3.*/bin/python"))]
-    own = Path(sys.executable).resolve()
-    unique = {str(Path(path).resolve()): path for path in paths if path is not None}
-    return [path for resolved, path in unique.items() if Path(resolved) != own]
 
 
 def _leftovers(out: Path) -> Iterator[Finding]:

@@ -15,6 +15,7 @@ from carstage.annotation import CameraImages, EpisodeLabeller
 from carstage.annotation.decoding import decode_depth_bgra
 from carstage.annotation.schema import TABLES, Column
 from carstage.conversion.sensors import LIDAR_KIND, RecordedSensor
+from carstage.conversion.tag_numbers import dataset_payload
 from carstage.dataset.codecs import codec_for
 from carstage.dataset.codecs.codec import image_bgra
 from carstage.dataset.tables import ROW_SENSORS, arrow_type, write_table
@@ -71,10 +72,12 @@ def encode_segment(
     _, codec = codec_for(sensor.kind, sensor.codec)
     below = f"sensors/{sensor.id}"
     (attempt_folder / below).mkdir(parents=True, exist_ok=True)
+    server = str(log.header["server_version"])
     files = []
     for record in records:
         try:
-            contents = codec.encode(record.meta, record.payload)
+            payload = dataset_payload(sensor.kind, server, record.payload)
+            contents = codec.encode(record.meta, payload)
         except (ValueError, KeyError) as error:
             raise _bad_record(sensor, record, str(error)) from error
         for suffix, content in zip(codec.suffixes, contents, strict=True):

@@ -4,6 +4,7 @@ from carstage.runs.attempts import DeadRun, dead_runs
 from carstage.runs.folder import CurrentEpisode, EpisodeCounts, RunStatus
 from carstage.runs.outcome import RunObserver, RunResult
 from carstage.runs.preflight import size_text
+from carstage.runs.selftesting import describe_verdict, examine_server
 from carstage.runs.session import DEFAULT_RETRIES, run
 
 __all__ = [
@@ -15,6 +16,8 @@ __all__ = [
     "RunResult",
     "RunStatus",
     "dead_runs",
+    "describe_verdict",
+    "examine_server",
     "run",
     "size_text",
 ]

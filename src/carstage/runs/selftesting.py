@@ -5,17 +5,21 @@ from __future__ import annotations
 import selectors
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+from carstage.config import Config
 from carstage.errors import CarStageError, CollectorError, RawLogError, ServerError
 from carstage.execution import CollectorProcess
 from carstage.plan import EpisodeSpec
 from carstage.releases import NEWEST, is_newer
 from carstage.runs.asking import ask_server, ask_spawn_points
 from carstage.runs.interruption import Interruption
+from carstage.runs.preflight import check_server
+from carstage.runs.servers import ServerSetup
 from carstage.selftest import Verdict, failed_verdict, judge_log, plan_self_test
 from carstage.server import ClientPython, Endpoint
 
@@ -67,6 +71,31 @@ def run_self_test(
     return verdict
 
 
+def examine_server(config: Config, say: Callable[[str], None]) -> Verdict:
+    """Put the server of a configuration to the self-test, and stop it again if we started it.
+
+    Args:
+        config: only its ``server`` section matters.
+        say: told what takes long.
+
+    Raises:
+        BadInputError: the server is too old, cannot be, or there is no client for it.
+        ServerError: it does not start or answer.
+        KeyboardInterrupt: the user asked to end.
+    """
+    check_server(config)
+    setup = ServerSetup(config)
+    with Interruption(say) as interruption, setup.facts(), TemporaryDirectory() as folder:
+        say("Starting or asking the server, then recording a few frames on it.")
+        return run_self_test(
+            setup.warm_up(None),
+            setup.client,
+            Path(folder),
+            interruption,
+            sensor_warmup_ticks=setup.sensor_warmup_ticks,
+        )
+
+
 def describe_verdict(verdict: Verdict) -> Iterator[str]:
     """What the user should read of a verdict, in sentences."""
     if is_newer(verdict.server):
@@ -84,7 +113,8 @@ def refuse(verdict: Verdict) -> CarStageError:
     failed = [check.line() for check in verdict.checks if not check.ok]
     return ServerError(
         "The server fails its self-test:\n" + "\n".join(failed),
-        "Labels made from it would be wrong. Set server.self_test: on to record all the same.",
+        "What is recorded from it may be labelled wrongly. Set server.self_test: on to record it "
+        "all the same.",
     )
 
 

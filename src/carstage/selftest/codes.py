@@ -21,6 +21,7 @@ NO_ACTORS = "no actor ids"
 ENOUGH = 0.8
 _SHRUNK_M = -0.03
 _TABLES = {"0.9.13": TAGS_0_9_13, "0.9.14": TAGS_0_9_14}
+_WORDS = {"0.9.13": "numbered as up to 0.9.13", "0.9.14": "numbered as since 0.9.14"}
 _ROAD = {"0.9.13": {"Road", "RoadLine"}, "0.9.14": {"Roads", "RoadLine"}}
 _CORRIDOR_M = (3.0, 9.0)
 _HALF_WIDTH_M = 1.0
@@ -56,13 +57,13 @@ def check_tags(sight: Sight, server: str) -> Check:
     expected = next(name for name, table in _TABLES.items() if table is tag_table(server))
     shares = {name: _fitting(seen, name, table) for name, table in _TABLES.items()}
     found = max(shares, key=lambda name: shares[name])
-    words = f"numbered since {found}"
+    words = _WORDS[found]
     if shares[found] < ENOUGH:
         words = "numbered in no known way: " + ", ".join(
             f"{what} {_usual(tags)}" for what, tags in seen.items()
         )
     ok = found == expected and shares[found] >= ENOUGH
-    return Check("semantic tags", ok, words, f"numbered since {expected}", shares[found])
+    return Check("semantic tags", ok, words, _WORDS[expected], shares[found])
 
 
 def _tags_seen(sight: Sight) -> Mapping[str, NDArray[np.uint8]]:

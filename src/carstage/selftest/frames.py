@@ -38,7 +38,7 @@ def check_frames(evidence: Evidence) -> Check:
         if after.frame != before.frame + 1 or abs(step_s - 1.0 / FPS) > _CLOCK_S:
             found = f"frame {after.frame} follows {before.frame} after {step_s:.4f} s"
             return Check("frames", False, found, expected)
-    return Check("frames", True, expected, expected, 1.0)
+    return Check("frames", True, expected, expected)
 
 
 def check_mounts(evidence: Evidence) -> Check:
@@ -52,7 +52,7 @@ def check_mounts(evidence: Evidence) -> Check:
         if off_m > _POSE_M or turned > _TURN:
             found = f"{name} stands {off_m:.3f} m and {np.degrees(turned):.2f} deg elsewhere"
             return Check("mounts", False, found, expected)
-    return Check("mounts", True, expected, expected, 1.0)
+    return Check("mounts", True, expected, expected)
 
 
 def _difference(first: FloatArray, second: FloatArray) -> tuple[float, float]:

@@ -72,14 +72,14 @@ def describe_embedded(
         ServerError: the simulator could not describe itself.
     """
     folder = folder or cache_folder()
-    path = folder / f"simulator-{carla_version}-{_fingerprint()}.json"
+    path = folder / f"simulator-{_fingerprint()}.json"
     try:
-        return _parse(json.loads(path.read_text("utf-8")))
+        return _parse(json.loads(path.read_text("utf-8")), carla_version)
     except (OSError, ValueError, KeyError, TypeError):
         pass  # not there yet, or not whole: ask, and write it anew
-    text = _ask(carla_version)
+    text = _ask()
     try:
-        description = _parse(json.loads(text))
+        description = _parse(json.loads(text), carla_version)
     except (ValueError, KeyError, TypeError) as error:
         raise ServerError(
             f"The embedded simulator's description cannot be read: {error!r}.",
@@ -89,8 +89,8 @@ def describe_embedded(
     return description
 
 
-def _ask(carla_version: str) -> str:
-    command = [sys.executable, "-m", MODULE, "--describe", "--protocol", carla_version]
+def _ask() -> str:
+    command = [sys.executable, "-m", MODULE, "--describe"]
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=DESCRIBE_S, check=False
@@ -106,9 +106,12 @@ def _ask(carla_version: str) -> str:
     return done.stdout
 
 
-def _parse(document: Mapping[str, Any]) -> SimulatorDescription:
+def _parse(document: Mapping[str, Any], carla_version: str) -> SimulatorDescription:
+    """What a document says of one of the versions that the simulator speaks."""
+    if carla_version not in document["protocols"]:
+        raise ValueError(f"it speaks {document['protocols']}, not {carla_version}")
     return SimulatorDescription(
-        protocol=document["protocol"],
+        protocol=carla_version,
         maps={entry["name"]: int(entry["spawn_points"]) for entry in document["maps"]},
         blueprints={
             entry["id"]: BlueprintDescription(
@@ -119,6 +122,7 @@ def _parse(document: Mapping[str, Any]) -> SimulatorDescription:
                 },
             )
             for entry in document["blueprints"]
+            if carla_version in entry["protocols"]
         },
     )
 

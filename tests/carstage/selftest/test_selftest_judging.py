@@ -155,7 +155,7 @@ def test_old_numbering_of_tags_is_recognised(evidence: Evidence, sight: Sight) -
     assert check_tags(spoilt, "0.9.13").ok
     found = check_tags(spoilt, "0.10.0")
     assert not found.ok
-    assert found.found == "numbered since 0.9.13"
+    assert found.found == "numbered as up to 0.9.13"
 
 
 def test_unknown_numbering_of_tags_is_told(evidence: Evidence, sight: Sight) -> None:

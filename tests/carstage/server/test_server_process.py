@@ -250,6 +250,9 @@ def test_the_simulator_describes_itself_once(
     fresh_descriptions()
     monkeypatch.setattr(description_module, "_ask", lambda: pytest.fail("asked again"))
     assert describe_embedded(tmp_path) == first
+    old = describe_embedded(tmp_path, "0.9.13")  # the same answer tells of every version
+    assert old.protocol == "0.9.13"
+    assert set(first.blueprints) - set(old.blueprints) >= {"sensor.camera.normals"}
 
 
 def test_a_damaged_description_is_asked_for_again(

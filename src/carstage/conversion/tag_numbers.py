@@ -1,0 +1,49 @@
+"""Datasets number semantic tags as CARLA does since 0.9.14; older servers' data are renumbered."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.annotation.point_sensors import SEMANTIC_LIDAR_DTYPE
+from carstage.tags import TAGS_0_9_13, new_tag, numbers_tags_anew
+
+_RED: Final = 2
+TAG_PICTURES: Final = ("semantic", "instance")
+TAG_POINTS: Final = "semantic_lidar"
+
+
+def _table() -> NDArray[np.uint8]:
+    """New tag by old one; numbers that the old table lacks stay what they are."""
+    table = np.arange(256, dtype=np.uint8)
+    table[list(TAGS_0_9_13)] = [new_tag(old) for old in TAGS_0_9_13]
+    return table
+
+
+_NEW_FROM_OLD: Final = _table()
+
+
+def dataset_payload(kind: str, server_version: str, payload: memoryview) -> memoryview:
+    """The payload of a sensor's record with the dataset's tags; the same one where it has them.
+
+    Args:
+        kind: the sensor's.
+        server_version: who wrote it.
+        payload: as recorded.
+
+    Raises:
+        ValueError: its size is not one of that kind.
+    """
+    if numbers_tags_anew(server_version):
+        return payload
+    if kind in TAG_PICTURES:
+        pixels = np.frombuffer(payload, np.uint8).reshape(-1, 4).copy()
+        pixels[:, _RED] = _NEW_FROM_OLD[pixels[:, _RED]]
+        return pixels.reshape(-1).data
+    if kind == TAG_POINTS:
+        points = np.frombuffer(payload, SEMANTIC_LIDAR_DTYPE).copy()
+        points["object_tag"] = _NEW_FROM_OLD[points["object_tag"].astype(np.uint8)]
+        return points.view(np.uint8).data
+    return payload

@@ -23,7 +23,7 @@ _ASK_EVERY_S = 4.0
 _LEAST_SILENCES = 3
 """Questions without an answer before a server counts as hung, however short its patience."""
 _BUSY_SHARE = 0.02
-"""Of a core: a silent server that takes more computes, if slowly: its silence does not count yet."""
+"""Of a core: a silent server that takes more computes, if slowly; that is no hang yet."""
 _BUSY_PATIENCE = 10.0
 """How many times as long it may do so: a deadlocked renderer takes some of a core for ever."""
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from carstage.cli.bench import bench_app
+from carstage.cli.export import export
 from carstage.cli.output import command, enable_debug, note, result, result_json
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ app = typer.Typer(
 config_app = typer.Typer(help="Write, check and describe configurations.", no_args_is_help=True)
 app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
+app.command()(export)
 
 DEMO_FOLDER = Path("datasets/demo")
 

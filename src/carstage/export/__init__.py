@@ -9,6 +9,7 @@ from carstage.export.exporter import Exporter, FrameWriter, exporter_for, export
 from carstage.export.exporting import ExportSummary, export_dataset
 from carstage.export.frames import EpisodeFrames, Frame
 from carstage.export.options import ExportOptions
+from carstage.export.target import check_target
 
 __all__ = [
     "Completeness",
@@ -18,6 +19,7 @@ __all__ = [
     "Exporter",
     "Frame",
     "FrameWriter",
+    "check_target",
     "examine",
     "export_dataset",
     "exporter_for",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Literal
+from typing import Literal, get_args
 
 from carstage.errors import BadInputError
 
@@ -36,6 +36,12 @@ class ExportOptions:
     validation_share: float = 0.0
 
     def __post_init__(self) -> None:
+        for name, given, known in (
+            ("boxes", self.boxes, get_args(BoxChoice)),
+            ("occlusion", self.occlusion, get_args(OcclusionChoice)),
+        ):
+            if given is not None and given not in known:
+                raise BadInputError(f"{name}: {given!r}.", f"Give {' or '.join(known)}.")
         if not 0.0 <= self.validation_share < 1.0:
             raise BadInputError(
                 f"validation-share: {self.validation_share} is no share.",

@@ -18,6 +18,8 @@ from typing import Any
 import psutil
 
 _POLL_S = 0.02
+_COMMAND_PARTS = 5
+"""So many words of a command tell what it is: options of Python, then a module or program text."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +136,7 @@ class RunCommand:
             return None
 
     def children(self, word: str) -> list[psutil.Process]:
-        """Its descendants with that word in their command line."""
+        """Its descendants with that word at the beginning of their command line."""
         try:
             family = psutil.Process(self.process.pid).children(recursive=True)
         except psutil.Error:
@@ -144,7 +146,7 @@ class RunCommand:
 
 def _mentions(process: psutil.Process, word: str) -> bool:
     try:
-        return word in process.cmdline()[1:] or any(word in part for part in process.cmdline()[1:3])
+        return any(word in part for part in process.cmdline()[1:_COMMAND_PARTS])
     except psutil.Error:
         return False
 

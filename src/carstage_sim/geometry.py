@@ -21,12 +21,17 @@ def rotation_matrix(rotation_deg: ArrayLike) -> FloatArray:
     radians = np.radians(np.asarray(rotation_deg, dtype=np.float64))
     cp, cy, cr = np.moveaxis(np.cos(radians), -1, 0)
     sp, sy, sr = np.moveaxis(np.sin(radians), -1, 0)
-    rows = (
-        (cp * cy, cy * sp * sr - sy * cr, -cy * sp * cr - sy * sr),
-        (cp * sy, sy * sp * sr + cy * cr, -sy * sp * cr + cy * sr),
-        (sp, -cp * sr, cp * cr),
-    )
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    matrix: FloatArray = np.empty((*radians.shape, 3))
+    matrix[..., 0, 0] = cp * cy
+    matrix[..., 0, 1] = cy * sp * sr - sy * cr
+    matrix[..., 0, 2] = -cy * sp * cr - sy * sr
+    matrix[..., 1, 0] = cp * sy
+    matrix[..., 1, 1] = sy * sp * sr + cy * cr
+    matrix[..., 1, 2] = -sy * sp * cr + cy * sr
+    matrix[..., 2, 0] = sp
+    matrix[..., 2, 1] = -cp * sr
+    matrix[..., 2, 2] = cp * cr
+    return matrix
 
 
 def rotation_deg(matrix: ArrayLike) -> FloatArray:

@@ -68,5 +68,11 @@ Without numba's run time they count no references: in code that touches a dozen 
 ray, the atomic counters would cost as much as the ray.
 """
 
-device: Decorator = partial(numba.njit, _nrt=False, **_FAST)
-"""Decorator of functions that only kernels call; compiled into each kernel that uses them."""
+device: Decorator = partial(
+    numba.njit, _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True, **_FAST
+)
+"""Decorator of functions that only kernels call; compiled into each kernel that uses them.
+
+Without a wrapper for Python's calls, which for tuples of arrays takes longer to compile than the
+function.
+"""

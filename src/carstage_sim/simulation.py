@@ -21,6 +21,7 @@ from carstage_sim.world.actors import Actor
 from carstage_sim.world.controls import EpisodeSettings
 from carstage_sim.world.errors import SpawnError
 from carstage_sim.world.pose import ZERO, Pose, Vector3
+from carstage_sim.world.rehearsal import rehearse
 from carstage_sim.world.snapshot import Snapshot
 from carstage_sim.world.state import ActorKind
 from carstage_sim.world.world import World
@@ -103,6 +104,7 @@ class Simulation:
     def warm_up(self) -> None:
         """Compile and run every kernel once, so that no client waits for a compiler."""
         self._sensors.warm_up()
+        rehearse(self.world)
 
     def prepare(self, town_name: str) -> Bake:
         """Begin to bake a map, unless it can be loaded at once; the world may run on meanwhile.

@@ -65,7 +65,7 @@ class Ground:
 
     def highest(self, places: FloatArray) -> FloatArray:
         """Height of the highest surface at ``(M, 2)`` or ``(M, 3)`` places, NaN where none is."""
-        points = np.asarray(places, dtype=np.float64)
+        points = np.ascontiguousarray(places, np.float64)
         return self._look(points, np.full(len(points), np.inf))[0]
 
     def height_below(self, points: FloatArray, step_up_m: float = STEP_UP_M) -> FloatArray:
@@ -78,7 +78,7 @@ class Ground:
         Returns:
             ``(M,)`` metres; NaN where there is none.
         """
-        points = np.asarray(points, dtype=np.float64)
+        points = np.ascontiguousarray(points, np.float64)
         return self._look(points, points[:, 2] + step_up_m)[0]
 
     def surface_below(
@@ -88,7 +88,7 @@ class Ground:
 
         As :meth:`height_below`; normals are NaN too where there is no surface.
         """
-        points = np.asarray(points, dtype=np.float64)
+        points = np.ascontiguousarray(points, np.float64)
         height, triangle = self._look(points, points[:, 2] + step_up_m)
         normal = np.full((len(points), 3), np.nan)
         found = ~np.isnan(height)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -148,7 +147,7 @@ class Recorder:
         if actor.parent_id in self._world.actors:
             # A replay attaches rigidly, also what an arm carries.
             pose = actor.relative
-            pose = replace(pose, location=actor.arm.end) if actor.arm is not None else pose
+            pose = pose._replace(location=actor.arm.end) if actor.arm is not None else pose
         return ActorAdded(
             actor.actor_id,
             int(actor.kind),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +115,7 @@ class ReplayCast:
             return
         world.set_collides(actor_id, True)
         if actor.kind is ActorKind.WALKER:
-            world.control_walker(actor_id, replace(actor.walker, speed=0.0))
+            world.control_walker(actor_id, actor.walker._replace(speed=0.0))
             world.set_simulate_physics(actor_id, True)
         elif actor.parent_id not in world.actors:
             world.set_simulate_physics(actor_id, True)

@@ -17,16 +17,12 @@ from carstage_sim.wire.rpc import shortened
 _LARGEST = 1e9
 
 
-def _is_number(value: Any) -> bool:
-    return type(value) in (int, float) and math.isfinite(value) and abs(value) <= _LARGEST
-
-
-_FITS: dict[str, Callable[[Any], bool]] = {
-    "bool": lambda value: type(value) is bool,
-    "int": lambda value: type(value) is int,
-    "float": _is_number,
-    "str": lambda value: isinstance(value, str),
-    "list": lambda value: isinstance(value, list),
+_TYPES: dict[str, tuple[type, ...]] = {
+    "bool": (bool,),
+    "int": (int,),
+    "float": (int, float),
+    "str": (str,),
+    "list": (list,),
 }
 _WORDS = {"float": f"a finite number up to {_LARGEST:g}"}
 
@@ -48,16 +44,27 @@ def argument_check(handler: Callable[..., Any]) -> Callable[[str, Sequence[Any]]
     fewest = sum(parameter.default is parameter.empty for parameter in positional)
     most = math.inf if unbounded else len(positional)
     kinds = [_kind(str(parameter.annotation)) for parameter in positional]
+    checked = [
+        (position, _TYPES[kind], kind == "float")
+        for position, kind in enumerate(kinds)
+        if kind in _TYPES
+    ]
 
     def check(name: str, arguments: Sequence[Any]) -> None:
-        if not fewest <= len(arguments) <= most:
-            raise CallError(f"{name} takes {fewest} arguments, got {len(arguments)}")
-        for position, (kind, argument) in enumerate(zip(kinds, arguments, strict=False), start=1):
-            if kind in _FITS and not _FITS[kind](argument):
-                wanted = _WORDS.get(kind, kind)
-                raise CallError(
-                    f"argument {position} of {name} must be {wanted}, got {shortened(argument)}"
-                )
+        count = len(arguments)
+        if not fewest <= count <= most:
+            raise CallError(f"{name} takes {fewest} arguments, got {count}")
+        for position, types, is_number in checked:
+            if position >= count:
+                break
+            argument = arguments[position]
+            # NaN is not within bounds either.
+            if type(argument) in types and (not is_number or -_LARGEST <= argument <= _LARGEST):
+                continue
+            wanted = _WORDS.get(kinds[position], kinds[position])
+            raise CallError(
+                f"argument {position + 1} of {name} must be {wanted}, got {shortened(argument)}"
+            )
 
     return check
 

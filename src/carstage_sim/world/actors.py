@@ -113,7 +113,8 @@ class ActorTable:
     def __init__(self) -> None:
         self._actors: dict[int, Actor] = {}
         self._rows: dict[int, int] = {}
-        self._groups: dict[ActorKind, list[int]] = {}
+        self._groups: dict[ActorKind, tuple[Actor, ...]] = dict.fromkeys(ActorKind, ())
+        self._rows_of_kind = dict.fromkeys(ActorKind, np.zeros(0, np.intp))
         self.location: NDArray[np.float64] = np.zeros((0, 3))
         self.rotation_deg: NDArray[np.float64] = np.zeros((0, 3))
         self.velocity: NDArray[np.float64] = np.zeros((0, 3))
@@ -147,11 +148,15 @@ class ActorTable:
 
     def rows(self, actor_ids: Iterable[int]) -> NDArray[np.intp]:
         """Rows of live actors."""
-        return np.fromiter((self._rows[actor_id] for actor_id in actor_ids), np.intp)
+        return np.array([self._rows[actor_id] for actor_id in actor_ids], np.intp)
 
-    def of_kind(self, kind: ActorKind) -> list[Actor]:
+    def of_kind(self, kind: ActorKind) -> tuple[Actor, ...]:
         """The actors of a kind, ascending ids."""
-        return [self._actors[actor_id] for actor_id in self._groups.get(kind, ())]
+        return self._groups[kind]
+
+    def rows_of_kind(self, kind: ActorKind) -> NDArray[np.intp]:
+        """Rows of the actors of a kind, in the order of :meth:`of_kind`; not to be written to."""
+        return self._rows_of_kind[kind]
 
     def pose(self, actor_id: int) -> Pose:
         """Pose of a live actor in the world."""
@@ -192,10 +197,12 @@ class ActorTable:
     def _reindex(self) -> None:
         actors = list(self._actors.values())
         self._rows = {actor.actor_id: row for row, actor in enumerate(actors)}
-        self._groups = {}
+        groups: dict[ActorKind, list[Actor]] = {kind: [] for kind in ActorKind}
         for actor in actors:
-            self._groups.setdefault(actor.kind, []).append(actor.actor_id)
+            groups[actor.kind].append(actor)
+        self._groups = {kind: tuple(group) for kind, group in groups.items()}
         self.actor_id = np.fromiter(self._rows, np.uint32, len(actors))
         self.kind = np.fromiter((actor.kind for actor in actors), np.uint8, len(actors))
+        self._rows_of_kind = {kind: np.flatnonzero(self.kind == kind) for kind in ActorKind}
         self.colour = np.array([a.colour for a in actors], np.uint8).reshape(-1, 3)
         self.type_id = tuple(actor.type_id for actor in actors)

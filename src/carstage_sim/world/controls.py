@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from carstage_sim.world.pose import ZERO, Vector3
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleControl:
+class VehicleControl(NamedTuple):
     """``carla.VehicleControl``: throttle and brake 0..1, steer -1..1 (positive turns right)."""
 
     throttle: float = 0.0
@@ -32,8 +32,7 @@ class AckermannControl:
     jerk: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class WalkerControl:
+class WalkerControl(NamedTuple):
     """``carla.WalkerControl``: a unit direction in the world, speed in m/s."""
 
     direction: Vector3 = (1.0, 0.0, 0.0)

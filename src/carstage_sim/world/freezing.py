@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.content.figures import Pose as Joints
+from carstage_sim.maps.town import Town
 from carstage_sim.world.snapshot import (
     Snapshot,
     TrafficLightColumns,
@@ -16,7 +18,7 @@ from carstage_sim.world.snapshot import (
     WalkerColumns,
 )
 from carstage_sim.world.state import ActorKind, WorldState
-from carstage_sim.world.traffic_lights import TrafficLightState
+from carstage_sim.world.traffic_lights import TrafficLightState, TrafficLightSystem
 from carstage_sim.world.walker_bones import posed_joints
 
 if TYPE_CHECKING:
@@ -25,18 +27,42 @@ if TYPE_CHECKING:
 _STANDING_MPS = 0.5
 
 
-def freeze(world: World, delta_s: float) -> Snapshot:
+@dataclass(frozen=True, slots=True)
+class SiteColumns:
+    """What never changes about an episode's traffic lights and signs.
+
+    Attributes:
+        light_ids, sign_ids: OpenDRIVE signal ids.
+        pole_index: ``(L,)`` uint32 place of each light within its group.
+    """
+
+    light_ids: tuple[str, ...]
+    sign_ids: tuple[str, ...]
+    pole_index: NDArray[np.uint32]
+
+
+def site_columns(town: Town, lights: TrafficLightSystem) -> SiteColumns:
+    """Reads them off a town and the system of its lights."""
+    return SiteColumns(
+        tuple(site.sign_id for site in town.traffic_lights),
+        tuple(site.sign_id for site in town.traffic_signs),
+        np.array([lights.group(i).index(i) for i in range(len(lights))], np.uint32),
+    )
+
+
+def freeze(world: World, sites: SiteColumns, delta_s: float) -> Snapshot:
     """The current frame of a world.
 
     Args:
         world: what to freeze; it may go on afterwards.
+        sites: of the world's town.
         delta_s: simulated seconds that led to this frame.
     """
     table = world.actors
     count = len(table)
     vehicles = _vehicle_columns(world)
     walkers = _walker_columns(world)
-    lights = _light_columns(world)
+    lights = _light_columns(world, sites)
 
     control = np.zeros((count, 3), np.float32)
     control[vehicles.rows] = vehicles.control
@@ -80,7 +106,7 @@ def freeze(world: World, delta_s: float) -> Snapshot:
         vehicles=vehicles,
         walkers=walkers,
         traffic_lights=lights,
-        traffic_signs=_sign_columns(world),
+        traffic_signs=_sign_columns(world, sites),
         lights_changed=world.street_lights.changed_since_frame,
     )
 
@@ -109,22 +135,18 @@ def _posed_figures(world: World) -> dict[int, Joints]:
 def _vehicle_columns(world: World) -> VehicleColumns:
     table, fleet = world.actors, world.fleet
     # The fleet's rows are in the order of spawning, which is the table's order too.
-    vehicles = table.of_kind(ActorKind.VEHICLE)
-    rows = table.rows(actor.actor_id for actor in vehicles)
-    controls = [actor.vehicle.control for actor in vehicles if actor.vehicle is not None]
-    manual = np.array([control.manual_gear_shift for control in controls], np.bool_)
-    location = table.location[rows]
+    rows = table.rows_of_kind(ActorKind.VEHICLE)
     light = _governing_lights(world)
     ids = np.array([*world.light_ids, 0], np.uint32)  # index -1 finds the last: no light
     states = np.array([*world.lights.state, TrafficLightState.GREEN], np.uint8)
     return VehicleColumns(
         rows=rows,
         control=fleet.control.copy(),
-        hand_brake=np.array([control.hand_brake for control in controls], np.bool_),
-        reverse=np.array([control.reverse for control in controls], np.bool_),
-        manual_gear_shift=manual,
-        gear=np.where(manual, [control.gear for control in controls], fleet.gear).astype(np.int32),
-        speed_limit_kmh=world.lanes.speed_limit_kmh(location),
+        hand_brake=fleet.hand_brake.copy(),
+        reverse=fleet.reverse.copy(),
+        manual_gear_shift=fleet.manual.copy(),
+        gear=np.where(fleet.manual, fleet.manual_gear, fleet.gear).astype(np.int32),
+        speed_limit_kmh=world.lanes.speed_limit_kmh(table.location[rows]),
         light_id=ids[light],
         light_state=states[light],
     )
@@ -150,30 +172,29 @@ def _walker_columns(world: World) -> WalkerColumns:
     walkers = world.actors.of_kind(ActorKind.WALKER)
     controls = [actor.walker for actor in walkers]
     return WalkerColumns(
-        rows=world.actors.rows(actor.actor_id for actor in walkers),
+        rows=world.actors.rows_of_kind(ActorKind.WALKER),
         direction=np.array([c.direction for c in controls], np.float32).reshape(-1, 3),
         speed=np.array([c.speed for c in controls], np.float32),
         jump=np.array([c.jump for c in controls], np.bool_),
     )
 
 
-def _sign_columns(world: World) -> TrafficSignColumns | None:
-    if not world.sign_ids:
+def _sign_columns(world: World, sites: SiteColumns) -> TrafficSignColumns | None:
+    if not sites.sign_ids:
         return None
-    names = tuple(site.sign_id for site in world.town.traffic_signs)
-    return TrafficSignColumns(world.actors.rows(world.sign_ids), names)
+    return TrafficSignColumns(world.actors.rows_of_kind(ActorKind.TRAFFIC_SIGN), sites.sign_ids)
 
 
-def _light_columns(world: World) -> TrafficLightColumns:
+def _light_columns(world: World, sites: SiteColumns) -> TrafficLightColumns:
     lights = world.lights
     return TrafficLightColumns(
-        rows=world.actors.rows(world.light_ids),
-        sign_id=tuple(site.sign_id for site in world.town.traffic_lights),
+        rows=world.actors.rows_of_kind(ActorKind.TRAFFIC_LIGHT),
+        sign_id=sites.light_ids,
         green_s=lights.green_s.astype(np.float32),
         yellow_s=lights.yellow_s.astype(np.float32),
         red_s=lights.red_s.astype(np.float32),
         elapsed_s=lights.elapsed_s.astype(np.float32),
-        pole_index=np.array([lights.group(i).index(i) for i in range(len(lights))], np.uint32),
+        pole_index=sites.pole_index,
         frozen=lights.frozen.copy(),
         state=lights.state.copy(),
     )

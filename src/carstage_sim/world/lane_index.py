@@ -37,7 +37,8 @@ class LaneIndex:
     def nearest(self, location: NDArray[np.float64]) -> NDArray[np.int32]:
         """Index of the nearest sample of ``(N, 2 or 3)`` points, to within a cell of one metre."""
         found = np.empty(len(location), np.int32)
-        _look_up(location, self._low, self._nearest, self._xy, self._buckets, found)
+        places = np.ascontiguousarray(location, np.float64)
+        _look_up(places, self._low, self._nearest, self._xy, self._buckets, found)
         return found
 
     def speed_limit_kmh(self, location: NDArray[np.float64]) -> NDArray[np.float32]:

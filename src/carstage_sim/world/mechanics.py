@@ -89,7 +89,8 @@ class Mechanics:
             others=solids.others,
             before_substep=before_substep,
         )
-        rows = np.searchsorted(table.actor_id, fleet.ids)
+        # The fleet's rows are in the order of spawning, which is the table's order too.
+        rows = table.rows_of_kind(ActorKind.VEHICLE)
         table.location[rows] = fleet.location
         table.rotation_deg[rows] = fleet.rotation_deg
         table.velocity[rows] = fleet.velocity
@@ -106,6 +107,8 @@ class Mechanics:
     def fallen(self) -> list[int]:
         """Ids of vehicles and walkers that have left the world downwards."""
         low = self._table.location[:, 2] < KILL_HEIGHT_M
+        if not low.any():
+            return []
         low &= np.isin(self._table.kind, (ActorKind.VEHICLE, ActorKind.WALKER))
         return [int(actor_id) for actor_id in self._table.actor_id[low]]
 

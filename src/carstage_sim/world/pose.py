@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from carstage_sim.geometry import pose_matrix, rotation_deg
 
@@ -10,8 +10,7 @@ Vector3 = tuple[float, float, float]
 ZERO: Vector3 = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Pose:
+class Pose(NamedTuple):
     """A location in metres and pitch, yaw, roll in degrees, in CARLA's frame."""
 
     location: Vector3 = ZERO

@@ -15,10 +15,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carstage_sim.jit import device
 from carstage_sim.world.vehicle_parameters import VehicleParameters
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MAX_GEARS = 10
 """Forward gears that count; a client may send more."""
@@ -83,50 +83,41 @@ def gear_values(parameters: VehicleParameters) -> dict[str, ArrayLike]:
     }
 
 
-def drive_acceleration(
-    speed: FloatArray,
-    gear: IntArray,
-    *,
-    torque: FloatArray,
-    max_rpm: FloatArray,
-    rpm_per_speed: FloatArray,
-    force_per_torque: FloatArray,
-) -> FloatArray:
-    """Acceleration at full throttle, ``(N,)`` m/s², of any gear but neutral (there it is 0).
+@device
+def drive_acceleration(  # type: ignore[no-untyped-def]
+    row, speed, gear, torque, max_rpm, rpm_per_speed, force_per_torque
+):
+    """Acceleration at full throttle, m/s², of any gear but neutral (there it is 0).
 
     Args:
-        speed: ``(N,)`` m/s, of any sign.
-        gear: ``(N,)`` -1 for reverse, 0 for neutral.
+        row: of the vehicle in the columns.
+        speed: m/s, of any sign.
+        gear: -1 for reverse, 0 for neutral.
         torque: ``(N, 24)`` N m from standstill to ``max_rpm``.
+        max_rpm: ``(N,)``.
         rpm_per_speed, force_per_torque: ``(N, 11)`` by gear, index 0 for reverse.
     """
-    rows = np.arange(len(speed))
-    index = np.maximum(gear, 0)
-    share = np.abs(speed) * rpm_per_speed[rows, index] / max_rpm
-    position = np.minimum(share, 1.0) * (CURVE_POINTS - 1.001)
-    low = position.astype(np.intp)
+    index = max(gear, 0)
+    share = abs(speed) * rpm_per_speed[row, index] / max_rpm[row]
+    if gear == 0 or not share < 1.0:
+        return 0.0
+    position = share * (CURVE_POINTS - 1.001)
+    low = int(position)
     part = position - low
-    pull = torque[rows, low] * (1.0 - part) + torque[rows, low + 1] * part
-    works = (share < 1.0) & (gear != 0)
-    return np.asarray(np.where(works, pull * force_per_torque[rows, index], 0.0))
+    pull = torque[row, low] * (1.0 - part) + torque[row, low + 1] * part
+    return pull * force_per_torque[row, index]
 
 
-def shifted(
-    gear: IntArray,
-    speed: FloatArray,
-    ready: NDArray[np.bool_],
-    *,
-    shift_up_speed: FloatArray,
-    shift_down_speed: FloatArray,
-) -> IntArray:
-    """The gears after an automatic box has looked at the speed; at most one up or down.
+@device
+def shifted(row, gear, speed, shift_up_speed, shift_down_speed):  # type: ignore[no-untyped-def]
+    """The gear after an automatic box in a forward gear has looked at the speed.
 
     Args:
-        ready: ``(N,)`` whether a box may shift now: it is automatic, in a forward gear, and not in
-            the middle of a shift.
+        row: of the vehicle in the columns.
+        shift_up_speed, shift_down_speed: ``(N, 11)`` by gear, m/s.
     """
-    rows, index = np.arange(len(gear)), np.maximum(gear, 0)
-    magnitude = np.abs(speed)
-    up = (magnitude > shift_up_speed[rows, index]).astype(gear.dtype)
-    down = (magnitude < shift_down_speed[rows, index]).astype(gear.dtype)
-    return np.where(ready, gear + up - down, gear)
+    if abs(speed) > shift_up_speed[row, gear]:
+        return gear + 1
+    if abs(speed) < shift_down_speed[row, gear]:
+        return gear - 1
+    return gear

@@ -7,7 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.jit import kernel
 from carstage_sim.maps.town import OrientedBox
+from carstage_sim.world.separating_axes import least_way_out
 
 FloatArray = NDArray[np.float64]
 
@@ -26,7 +28,8 @@ class TriggerBoxes:
         self._owner = np.array([owner for owner, _ in pairs], np.int32)
         self._center = np.array([box.center for _, box in pairs], np.float64).reshape(-1, 3)
         self._extent = np.array([box.extent for _, box in pairs], np.float64).reshape(-1, 3)
-        self._axes = _axes(np.radians([box.rotation_deg[1] for _, box in pairs]))
+        yaw_rad = np.radians(np.array([box.rotation_deg[1] for _, box in pairs], np.float64))
+        self._cosine, self._sine = np.cos(yaw_rad), np.sin(yaw_rad)
 
     def owners_at(
         self, center: FloatArray, half_size: FloatArray, yaw_rad: FloatArray
@@ -43,46 +46,32 @@ class TriggerBoxes:
             direction, or -1. Touching is no overlap.
         """
         found = np.full(len(center), -1, np.int32)
-        vehicle, box = self._near(center, half_size)
-        if not len(vehicle):
-            return found
-        body_axes = _axes(yaw_rad)[vehicle]
-        between = self._center[box, :2] - center[vehicle, :2]
-        axes = np.concatenate([body_axes, self._axes[box]], axis=1)
-        reach = _reach(axes, body_axes, half_size[vehicle])
-        reach += _reach(axes, self._axes[box], self._extent[box, :2])
-        apart = np.abs(np.einsum("pak,pk->pa", axes, between)) >= reach
-        level = np.abs(self._center[box, 2] - center[vehicle, 2] - _HALF_HEIGHT_OF_BODY_M)
-        inside = ~apart.any(axis=1) & (level < self._extent[box, 2] + _HALF_HEIGHT_OF_BODY_M)
-        ahead = np.einsum("pk,pk->p", body_axes[:, 0], between)
-        for pair in np.flatnonzero(inside)[np.argsort(ahead[inside], kind="stable")]:
-            found[vehicle[pair]] = self._owner[box[pair]]
+        _find_owners(
+            center, half_size, np.cos(yaw_rad), np.sin(yaw_rad),
+            self._owner, self._center, self._extent, self._cosine, self._sine, found,
+        )  # fmt: skip
         return found
 
-    def _near(
-        self, center: FloatArray, half_size: FloatArray
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Pairs of a vehicle and a box that are close enough to look at."""
-        if not len(self._owner) or not len(center):
-            return np.zeros(0, np.intp), np.zeros(0, np.intp)
-        reach = float(np.linalg.norm(half_size, axis=1).max())
-        reach += float(np.linalg.norm(self._extent[:, :2], axis=1).max())
-        near = np.abs(center[:, 0, None] - self._center[None, :, 0]) < reach
-        near &= np.abs(center[:, 1, None] - self._center[None, :, 1]) < reach
-        vehicle, box = np.nonzero(near)
-        return vehicle, box
 
-
-def _axes(yaw_rad: FloatArray) -> FloatArray:
-    """``(N, 2, 2)`` forward and right unit vectors in the plane."""
-    cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
-    return np.stack([np.stack([cosine, sine], -1), np.stack([-sine, cosine], -1)], axis=1).reshape(
-        -1, 2, 2
-    )
-
-
-def _reach(axes: FloatArray, box_axes: FloatArray, half_size: FloatArray) -> FloatArray:
-    """``(P, A)`` half extents of boxes along axes ``(P, A, 2)``."""
-    return np.asarray(
-        np.einsum("pab,pb->pa", np.abs(np.einsum("pak,pbk->pab", axes, box_axes)), half_size)
-    )
+@kernel
+def _find_owners(  # type: ignore[no-untyped-def]
+    center, half_size, cosine, sine, owner, box_center, box_extent, box_cosine, box_sine, found
+):
+    """Writes the owner of the box that each body overlaps farthest ahead."""
+    for i in range(center.shape[0]):
+        farthest = -np.inf
+        for k in range(owner.shape[0]):
+            dx, dy = box_center[k, 0] - center[i, 0], box_center[k, 1] - center[i, 1]
+            reach = half_size[i, 0] + half_size[i, 1] + box_extent[k, 0] + box_extent[k, 1]
+            if abs(dx) >= reach or abs(dy) >= reach:
+                continue
+            level = abs(box_center[k, 2] - center[i, 2] - _HALF_HEIGHT_OF_BODY_M)
+            if level >= box_extent[k, 2] + _HALF_HEIGHT_OF_BODY_M:
+                continue
+            depth, _, _ = least_way_out(
+                dx, dy, cosine[i], sine[i], half_size[i, 0], half_size[i, 1],
+                box_cosine[k], box_sine[k], box_extent[k, 0], box_extent[k, 1],
+            )  # fmt: skip
+            ahead = cosine[i] * dx + sine[i] * dy
+            if depth > 0.0 and ahead >= farthest:
+                found[i], farthest = owner[k], ahead

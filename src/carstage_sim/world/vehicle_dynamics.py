@@ -1,16 +1,21 @@
 """Equations of motion of a fleet: a kinematic single-track model with bounded tyre forces.
 
-Pure functions on columns of shape ``(N,)``. The model is the kinematic single-track model (KS) of
-Althoff, Koschi, Manzinger, "CommonRoad: Composable Benchmarks for Motion Planning on Roads" (2017),
-with the reference point on the rear axle, extended by a bound on the lateral acceleration: without
-it a wheel that turns 70 degrees would spin the car at any speed. What collisions and impulses add
-to the motion that the wheels allow, a slide and a spin, dry friction takes away again.
+Pure functions of one vehicle, which the kernel of a physics step calls. The model is the kinematic
+single-track model (KS) of Althoff, Koschi, Manzinger, "CommonRoad: Composable Benchmarks for Motion
+Planning on Roads" (2017), with the reference point on the rear axle, extended by a bound on the
+lateral acceleration: without it a wheel that turns 70 degrees would spin the car at any speed. What
+collisions and impulses add to the motion that the wheels allow, a slide and a spin, dry friction
+takes away again.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
+
+from carstage_sim.jit import device
 
 FloatArray = NDArray[np.float64]
 
@@ -39,18 +44,19 @@ def sample_steering_curve(curve: tuple[tuple[float, float], ...]) -> FloatArray:
     return np.asarray(np.interp(grid, speeds, shares), dtype=np.float64)
 
 
-def steering_share(curves: FloatArray, speed: FloatArray) -> FloatArray:
-    """Share of the steering angle at each speed.
+@device
+def steering_share(curves, row, speed):  # type: ignore[no-untyped-def]
+    """Share of the steering angle at a speed.
 
     Args:
         curves: ``(N, 16)`` from :func:`sample_steering_curve`.
-        speed: ``(N,)`` m/s, of any sign.
+        row: of the vehicle.
+        speed: m/s, of any sign.
     """
-    position = np.minimum(np.abs(speed) * 3.6 / CURVE_STEP_KMH, CURVE_POINTS - 1.001)
-    low = position.astype(np.intp)
-    rows = np.arange(len(speed))
+    position = min(abs(speed) * 3.6 / CURVE_STEP_KMH, CURVE_POINTS - 1.001)
+    low = int(position)
     part = position - low
-    return np.asarray(curves[rows, low] * (1.0 - part) + curves[rows, low + 1] * part)
+    return curves[row, low] * (1.0 - part) + curves[row, low + 1] * part
 
 
 def rollover_acceleration(track_m: float, mass_height_m: float) -> float:
@@ -70,15 +76,9 @@ def grip(tire_friction: FloatArray, puddles_percent: float) -> FloatArray:
     return np.asarray(share * (1.0 - WET_GRIP_LOSS * wet))
 
 
-def next_speed(
-    speed: FloatArray,
-    *,
-    push: FloatArray,
-    holding: FloatArray,
-    drag_per_mass: FloatArray,
-    dt_s: float,
-) -> FloatArray:
-    """Signed speed along the heading after one substep, ``(N,)`` m/s.
+@device
+def next_speed(speed, push, holding, drag_per_mass, dt_s):  # type: ignore[no-untyped-def]
+    """Signed speed along the heading after one substep, m/s.
 
     Brake and resistance can only take speed away: they stop the vehicle and hold it, also on a
     slope, and never turn its motion round.
@@ -88,56 +88,53 @@ def next_speed(
         holding: m/s^2, not negative, of what resists any motion: brakes, rolling, engine braking.
         drag_per_mass: 1/m; times speed squared is the drag's deceleration.
     """
-    resistance = holding + drag_per_mass * speed * speed
-    pushed = speed + push * dt_s
-    return np.asarray(np.copysign(np.maximum(np.abs(pushed) - resistance * dt_s, 0.0), pushed))
+    return slowed(speed + push * dt_s, holding + drag_per_mass * speed * speed, dt_s)
 
 
-def next_steer_angle(angle_deg: FloatArray, target_deg: FloatArray, dt_s: float) -> FloatArray:
+@device
+def next_steer_angle(angle_deg, target_deg, dt_s):  # type: ignore[no-untyped-def]
     """Front wheel angle after one substep: towards the target at a bounded rate, degrees."""
     bound = STEER_RATE_DEG_S * dt_s
-    return np.asarray(angle_deg + np.minimum(np.maximum(target_deg - angle_deg, -bound), bound))
+    return angle_deg + min(max(target_deg - angle_deg, -bound), bound)
 
 
-def yaw_rate(
-    speed: FloatArray,
-    steer_deg: FloatArray,
-    wheelbase_m: FloatArray,
-    max_lateral_acceleration: FloatArray,
-    understeer: FloatArray,
-) -> FloatArray:
+@device
+def yaw_rate(  # type: ignore[no-untyped-def]
+    speed, steer_deg, wheelbase_m, max_lateral_acceleration, understeer
+):
     """Yaw rate in rad/s, positive to the right (left-handed frame), bounded by the tyres' grip.
 
     Args:
-        understeer: ``(N,)`` s^2/m^2; the turn is that of a wheelbase ``1 + understeer * speed^2``
-            times as long.
+        understeer: s^2/m^2; the turn is that of a wheelbase ``1 + understeer * speed^2`` times as
+            long.
     """
-    rate = (
-        speed * np.tan(np.radians(steer_deg)) / (wheelbase_m * (1.0 + understeer * speed * speed))
-    )
-    bound = max_lateral_acceleration / np.maximum(np.abs(speed), 0.1)
-    return np.asarray(np.minimum(np.maximum(rate, -bound), bound))
+    long_m = wheelbase_m * (1.0 + understeer * speed * speed)
+    bound = max_lateral_acceleration / max(abs(speed), 0.1)
+    return min(max(speed * math.tan(math.radians(steer_deg)) / long_m, -bound), bound)
 
 
-def spin_friction(max_lateral_acceleration: FloatArray, wheelbase_m: FloatArray) -> FloatArray:
+@device
+def spin_friction(max_lateral_acceleration, wheelbase_m):  # type: ignore[no-untyped-def]
     """Angular deceleration (rad/s^2) of a vehicle that spins with all tyres sliding.
 
     Each axle holds half the weight at half the wheelbase L from the middle, and the radius of
     gyration of a car is about L / 2 too, so it is ``2 a / L``.
     """
-    return np.asarray(2.0 * max_lateral_acceleration / wheelbase_m)
+    return 2.0 * max_lateral_acceleration / wheelbase_m
 
 
-def slowed(value: FloatArray, deceleration: FloatArray, dt_s: float) -> FloatArray:
-    """A slide or a spin after dry friction has worked on it for a while; it stops at 0."""
-    return np.asarray(np.copysign(np.maximum(np.abs(value) - deceleration * dt_s, 0.0), value))
+@device
+def slowed(value, deceleration, dt_s):  # type: ignore[no-untyped-def]
+    """A speed, slide or spin after friction has worked on it for a while; it stops at 0."""
+    return math.copysign(max(abs(value) - deceleration * dt_s, 0.0), value)
 
 
-def arc_displacement(
-    speed: FloatArray, yaw_rad: FloatArray, rate_rad_s: FloatArray, dt_s: float
-) -> FloatArray:
-    """``(N, 2)`` metres that the rear axle moves along its circular arc in one substep, exactly."""
+@device
+def arc_displacement(speed, yaw_rad, rate_rad_s, dt_s):  # type: ignore[no-untyped-def]
+    """Metres (x, y) that the rear axle moves along its circular arc in one substep, exactly."""
     half_turn = 0.5 * rate_rad_s * dt_s
-    chord = speed * dt_s * np.sinc(half_turn / np.pi)
+    chord = speed * dt_s
+    if half_turn != 0.0:
+        chord *= math.sin(half_turn) / half_turn
     heading = yaw_rad + half_turn
-    return np.stack([chord * np.cos(heading), chord * np.sin(heading)], axis=-1)
+    return chord * math.cos(heading), chord * math.sin(heading)

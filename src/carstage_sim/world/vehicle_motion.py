@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.jit import device, kernel
 from carstage_sim.world import powertrain
 from carstage_sim.world import vehicle_dynamics as dynamics
 from carstage_sim.world.vehicle_rows import VehicleRows
@@ -17,8 +19,7 @@ BoolArray = NDArray[np.bool_]
 _INSTANT_S = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class TickConstants:
+class TickConstants(NamedTuple):
     """What stays the same over the physics steps of a tick; ``(N,)`` each.
 
     Attributes:
@@ -46,7 +47,8 @@ def tick_constants(rows: VehicleRows, lands_in_s: FloatArray) -> TickConstants:
     Args:
         lands_in_s: ``(N,)`` seconds until vehicles stand on the ground, 0 for those that do.
     """
-    throttle, steer, brake = rows.control.astype(np.float64).T
+    # Columns of their own: a kernel would be compiled once more for those of a table.
+    throttle, steer, brake = (rows.control[:, k].astype(np.float64) for k in range(3))
     pitch, yaw, _ = np.radians(rows.rotation_deg).T
     along = rows.force[:, 0] * np.cos(yaw) + rows.force[:, 1] * np.sin(yaw)
     aside = rows.force[:, 1] * np.cos(yaw) - rows.force[:, 0] * np.sin(yaw)
@@ -78,105 +80,152 @@ def tick_constants(rows: VehicleRows, lands_in_s: FloatArray) -> TickConstants:
     )
 
 
-def substep(rows: VehicleRows, tick: TickConstants, elapsed_s: float, dt_s: float) -> None:
+def substep(rows: VehicleRows, tick: TickConstants, elapsed_s: float, dt_s: float) -> float:
     """Moves every simulated vehicle in the plane by ``dt_s`` seconds, in place.
 
     Args:
         elapsed_s: seconds of the tick that are over.
+
+    Returns:
+        The highest speed of all, m/s, slides added.
     """
-    rolling = tick.lands_in_s <= elapsed_s + _INSTANT_S
-    before = rows.speed
-    speed = _next_speed(rows, tick, rolling, dt_s)
-    slide, spin = rows.slide + tick.sideways_force * dt_s, rows.spin + tick.spin_force * dt_s
-    sliding = bool(slide.any() or spin.any())
-    if sliding:
-        tyres = np.where(rolling, dt_s, 0.0)
-        slide = dynamics.slowed(slide, rows.max_lateral_acceleration * rows.grip * tyres, 1.0)
-        turning = dynamics.spin_friction(rows.max_lateral_acceleration * rows.grip, tick.wheelbase)
-        spin = dynamics.slowed(spin, turning * tyres, 1.0)
-    if tick.held.any():
-        speed = np.where(tick.held, rows.constant_velocity[:, 0], speed)
-        before = np.where(tick.held, speed, before)
-        slide = np.where(tick.held, rows.constant_velocity[:, 1], slide)
-        sliding = True
+    columns = _Columns(*(getattr(rows, name) for name in _Columns._fields))
+    return float(_move(columns, tick, elapsed_s, dt_s))
 
-    share = dynamics.steering_share(rows.steering_curve, speed)
-    angle_deg = dynamics.next_steer_angle(rows.wheel_angle_deg, share * tick.wheel_target_deg, dt_s)
-    rate = dynamics.yaw_rate(speed, angle_deg, tick.wheelbase, tick.lateral_limit, rows.understeer)
-    rate = np.where(rolling, rate, 0.0)
 
-    yaw = np.radians(rows.rotation_deg[:, 1])
+class _Columns(NamedTuple):
+    """The columns of :class:`VehicleRows` that a physics step reads and writes."""
+
+    location: FloatArray
+    rotation_deg: FloatArray
+    simulated: BoolArray
+    constant_velocity: FloatArray
+    speed: FloatArray
+    slide: FloatArray
+    spin: FloatArray
+    turn_rate: FloatArray
+    wheel_angle_deg: FloatArray
+    gear: NDArray[np.int64]
+    shift_left_s: FloatArray
+    grip: FloatArray
+    rear_axle_x: FloatArray
+    steering_curve: FloatArray
+    understeer: FloatArray
+    power_per_mass: FloatArray
+    engine_brake: FloatArray
+    max_lateral_acceleration: FloatArray
+    max_reverse_speed: FloatArray
+    drag_per_mass: FloatArray
+    torque: FloatArray
+    max_rpm: FloatArray
+    rpm_per_speed: FloatArray
+    force_per_torque: FloatArray
+    shift_up_speed: FloatArray
+    shift_down_speed: FloatArray
+    shift_time: FloatArray
+
+
+@kernel
+def _move(rows, tick, elapsed_s, dt_s):  # type: ignore[no-untyped-def]
+    """:func:`substep` on the columns."""
+    fastest = 0.0
+    for i in range(rows.speed.shape[0]):
+        rolling = tick.lands_in_s[i] <= elapsed_s + _INSTANT_S
+        _shift(rows, tick, i, dt_s)
+        if rows.simulated[i]:
+            _move_one(rows, tick, i, rolling, dt_s)
+        else:
+            rows.turn_rate[i] = 0.0
+        fastest = max(fastest, abs(rows.speed[i]) + abs(rows.slide[i]))
+    return fastest
+
+
+@device
+def _move_one(rows, tick, i, rolling, dt_s):  # type: ignore[no-untyped-def]
+    before = rows.speed[i]
+    speed = _next_speed(rows, tick, i, rolling, dt_s)
+    slide = rows.slide[i] + tick.sideways_force[i] * dt_s
+    spin = rows.spin[i] + tick.spin_force[i] * dt_s
+    wheelbase = tick.wheelbase[i]
+    if rolling:
+        holds = rows.max_lateral_acceleration[i] * rows.grip[i]
+        slide = dynamics.slowed(slide, holds, dt_s)
+        spin = dynamics.slowed(spin, dynamics.spin_friction(holds, wheelbase), dt_s)
+    held = tick.held[i]
+    if held:
+        before = speed = rows.constant_velocity[i, 0]
+        slide = rows.constant_velocity[i, 1]
+
+    target_deg = dynamics.steering_share(rows.steering_curve, i, speed) * tick.wheel_target_deg[i]
+    angle_deg = dynamics.next_steer_angle(rows.wheel_angle_deg[i], target_deg, dt_s)
+    rate = 0.0
+    if rolling:
+        limit = tick.lateral_limit[i]
+        rate = dynamics.yaw_rate(speed, angle_deg, wheelbase, limit, rows.understeer[i])
+
+    yaw = math.radians(rows.rotation_deg[i, 1])
     turn = rate + spin
-    heading = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
-    way = dynamics.arc_displacement(0.5 * (before + speed) * tick.along_ground, yaw, turn, dt_s)
-    if sliding:
-        way[:, 0] -= slide * dt_s * heading[:, 1]
-        way[:, 1] += slide * dt_s * heading[:, 0]
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    rolled = 0.5 * (before + speed) * tick.along_ground[i]
+    x, y = dynamics.arc_displacement(rolled, yaw, turn, dt_s)
+    x -= slide * dt_s * sine
+    y += slide * dt_s * cosine
+    if not held:
         # What no wheel steers does not carry the velocity round with it.
-        speed, slide = _turned_back(speed, slide, np.where(tick.held, 0.0, spin * dt_s))
-    yaw = yaw + turn * dt_s
-    way[:, 0] += rows.rear_axle_x * (heading[:, 0] - np.cos(yaw))
-    way[:, 1] += rows.rear_axle_x * (heading[:, 1] - np.sin(yaw))
+        speed, slide = _turned_back(speed, slide, spin * dt_s)
+    yaw += turn * dt_s
+    x += rows.rear_axle_x[i] * (cosine - math.cos(yaw))
+    y += rows.rear_axle_x[i] * (sine - math.sin(yaw))
 
-    moves = rows.simulated
-    rows.location[:, :2] += np.where(moves[:, None], way, 0.0)
-    yaw_deg = (np.degrees(yaw) + 180.0) % 360.0 - 180.0
-    rows.rotation_deg[:, 1] = np.where(moves & (turn != 0.0), yaw_deg, rows.rotation_deg[:, 1])
-    rows.speed = np.where(moves, speed, rows.speed)
-    rows.slide = np.where(moves, slide, rows.slide)
-    rows.spin = np.where(moves, spin, rows.spin)
-    rows.turn_rate = rate
-    rows.wheel_angle_deg = np.where(moves, angle_deg, rows.wheel_angle_deg)
+    rows.location[i, 0] += x
+    rows.location[i, 1] += y
+    if turn != 0.0:
+        rows.rotation_deg[i, 1] = (math.degrees(yaw) + 180.0) % 360.0 - 180.0
+    rows.speed[i], rows.slide[i], rows.spin[i] = speed, slide, spin
+    rows.turn_rate[i] = rate
+    rows.wheel_angle_deg[i] = angle_deg
 
 
-def _next_speed(
-    rows: VehicleRows, tick: TickConstants, rolling: BoolArray, dt_s: float
-) -> FloatArray:
-    """Speeds after the engine, the brakes and the slope have worked; shifts gears on the way."""
-    speed = rows.speed
-    magnitude = np.abs(speed)
-    rows.shift_left_s = np.maximum(rows.shift_left_s - dt_s, 0.0)
-    gear = powertrain.shifted(
-        rows.gear,
-        speed,
-        tick.shifts_itself & (rows.gear > 0) & (rows.shift_left_s == 0.0),
-        shift_up_speed=rows.shift_up_speed,
-        shift_down_speed=rows.shift_down_speed,
+@device
+def _shift(rows, tick, i, dt_s):  # type: ignore[no-untyped-def]
+    """Lets an automatic box shift that is in a forward gear and not in the middle of a shift."""
+    rows.shift_left_s[i] = max(rows.shift_left_s[i] - dt_s, 0.0)
+    gear = rows.gear[i]
+    if tick.shifts_itself[i] and gear > 0 and rows.shift_left_s[i] == 0.0:
+        rows.gear[i] = powertrain.shifted(
+            i, gear, rows.speed[i], rows.shift_up_speed, rows.shift_down_speed
+        )
+        if rows.gear[i] != gear:
+            rows.shift_left_s[i] = rows.shift_time[i]
+
+
+@device
+def _next_speed(rows, tick, i, rolling, dt_s):  # type: ignore[no-untyped-def]
+    """Speed after the engine, the brakes and the slope have worked."""
+    speed, gear = rows.speed[i], rows.gear[i]
+    magnitude = abs(speed)
+    if not rolling:
+        drag = rows.drag_per_mass[i] * speed * magnitude
+        return speed + (tick.slope_and_forces[i] - drag) * dt_s
+    drive = tick.throttle[i] * powertrain.drive_acceleration(
+        i, speed, gear, rows.torque, rows.max_rpm, rows.rpm_per_speed, rows.force_per_torque
     )
-    rows.shift_left_s = np.where(gear != rows.gear, rows.shift_time, rows.shift_left_s)
-    rows.gear = gear
-    drive = tick.throttle * powertrain.drive_acceleration(
-        speed,
-        gear,
-        torque=rows.torque,
-        max_rpm=rows.max_rpm,
-        rpm_per_speed=rows.rpm_per_speed,
-        force_per_torque=rows.force_per_torque,
-    )
-    drive = np.minimum(
-        np.minimum(drive, rows.power_per_mass / np.maximum(magnitude, 0.1)), tick.traction
-    )
-    backwards = gear < 0
-    idle = (rows.shift_left_s > 0.0) | (backwards & (speed <= -rows.max_reverse_speed))
-    drive = np.where(idle, 0.0, np.where(backwards, -drive, drive))
-    released = (tick.throttle < 0.01) & (gear != 0)
-    engine = (
-        dynamics.ENGINE_BRAKING + dynamics.ENGINE_BRAKING_PER_SPEED * magnitude
-    ) * rows.engine_brake
-    after = dynamics.next_speed(
-        speed,
-        push=drive + tick.slope_and_forces,
-        holding=tick.holding + np.where(released, engine, 0.0),
-        drag_per_mass=rows.drag_per_mass,
-        dt_s=dt_s,
-    )
-    in_air = speed + (tick.slope_and_forces - rows.drag_per_mass * speed * magnitude) * dt_s
-    return np.where(rolling, after, in_air)
+    drive = min(drive, rows.power_per_mass[i] / max(magnitude, 0.1), tick.traction[i])
+    if gear < 0:
+        drive = -drive
+    too_fast_backwards = gear < 0 and speed <= -rows.max_reverse_speed[i]
+    if rows.shift_left_s[i] > 0.0 or too_fast_backwards:
+        drive = 0.0
+    holding = tick.holding[i]
+    if tick.throttle[i] < 0.01 and gear != 0:
+        braking = dynamics.ENGINE_BRAKING + dynamics.ENGINE_BRAKING_PER_SPEED * magnitude
+        holding += braking * rows.engine_brake[i]
+    push = drive + tick.slope_and_forces[i]
+    return dynamics.next_speed(speed, push, holding, rows.drag_per_mass[i], dt_s)
 
 
-def _turned_back(
-    speed: FloatArray, slide: FloatArray, angle_rad: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+@device
+def _turned_back(speed, slide, angle_rad):  # type: ignore[no-untyped-def]
     """A velocity that stays in the world, in axes that turned by an angle."""
-    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
     return speed * cosine + slide * sine, slide * cosine - speed * sine

@@ -33,6 +33,7 @@ LONGEST_SUBSTEP_S = 0.02
 _TELEPORT_SPEED = 150.0
 _MOST_SUBSTEPS = 1000
 _LIFTS_OFF = 0.1  # m/s upwards
+_LEAST_GEAR = -(2**31) + 1  # that the message of a frame can say
 
 
 class VehicleFleet:
@@ -118,6 +119,11 @@ class VehicleFleet:
     def manual(self) -> BoolArray:
         """``(N,)`` whether clients shift the gears themselves."""
         return self._rows.manual
+
+    @property
+    def manual_gear(self) -> NDArray[np.int64]:
+        """``(N,)`` gear that clients chose, also where they do not shift themselves."""
+        return self._rows.manual_gear
 
     @property
     def wheel_angle_deg(self) -> FloatArray:
@@ -386,8 +392,7 @@ class VehicleFleet:
                 before_substep(part_s)
                 if self._apply_commands():
                     constants = tick_constants(rows, lands_in_s)
-            substep(rows, constants, index * part_s, part_s)
-            way_m += float((np.abs(rows.speed) + np.abs(rows.slide)).max()) * part_s
+            way_m += substep(rows, constants, index * part_s, part_s) * part_s
             if way_m + fastest * part_s > LONGEST_WAY_M or index == parts - 1:
                 self.crashes.look(rows)
                 way_m = 0.0
@@ -402,12 +407,10 @@ class VehicleFleet:
             return False
         rows = self._rows
         at = np.array([self._row_of[actor_id] for actor_id in self._commanded])
-        controls = self._commanded.values()
-        pedals = np.array([(c.throttle, c.steer, c.brake) for c in controls], np.float64)
-        rows.control[at] = np.clip(np.nan_to_num(pedals), (0.0, -1.0, 0.0), 1.0)
-        flags = np.array([(c.hand_brake, c.reverse, c.manual_gear_shift) for c in controls])
-        rows.hand_brake[at], rows.reverse[at], rows.manual[at] = flags.T
-        chosen = np.array([c.gear for c in controls], np.int64)
+        controls = np.array(list(self._commanded.values()), np.float64)
+        rows.control[at] = np.clip(np.nan_to_num(controls[:, :3]), (0.0, -1.0, 0.0), 1.0)
+        rows.hand_brake[at], rows.reverse[at], rows.manual[at] = controls[:, 3:6].T != 0.0
+        chosen = np.clip(controls[:, 6], _LEAST_GEAR, -_LEAST_GEAR).astype(np.int64)
         rows.manual_gear[at] = chosen
         before = rows.gear[at]
         chosen = np.clip(chosen, -1, rows.gear_count[at])

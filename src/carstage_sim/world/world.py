@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.street_lamps import street_lamps
@@ -36,7 +35,7 @@ from carstage_sim.world.errors import (
     SpawnError,
     WorldError,
 )
-from carstage_sim.world.freezing import freeze
+from carstage_sim.world.freezing import SiteColumns, freeze, site_columns
 from carstage_sim.world.lane_index import LaneIndex
 from carstage_sim.world.mechanics import Mechanics, Terrain, terrain_of
 from carstage_sim.world.motion import VehicleMotion
@@ -103,6 +102,7 @@ class World:
         self.weather = Weather()
         self.actors = ActorTable()
         self.lights = TrafficLightSystem(town.traffic_lights)
+        self._sites: SiteColumns = site_columns(town, self.lights)
         self.street_lights = StreetLights(street_lamps(town.static_mesh))
         self.objects = TownObjects(town.level_objects)
         self.debug_drawing = DebugDrawing()
@@ -325,9 +325,8 @@ class World:
 
     def set_location(self, actor_id: int, location: Vector3) -> None:
         """Teleport an actor without turning it."""
-        self.set_pose(
-            actor_id, replace(self.actors.pose(self.live(actor_id).actor_id), location=location)
-        )
+        pose = self.actors.pose(self.live(actor_id).actor_id)
+        self.set_pose(actor_id, pose._replace(location=location))
 
     def control_vehicle(self, actor_id: int, control: VehicleControl) -> None:
         """Set a vehicle's pedals and wheel; other actors ignore it."""
@@ -363,10 +362,10 @@ class World:
         Navigation gives the place of the feet, an actor's origin is at mid height.
         """
         walker = self.live(actor_id)
-        x, y, z = pose.location
+        (x, y, z), (pitch_deg, yaw_deg, _) = pose
         middle = (x, y, z + walker.box_extent[2])
-        self.actors.set_pose(actor_id, replace(pose, location=middle))
-        pitch, yaw, _ = (math.radians(angle) for angle in pose.rotation_deg)
+        self.actors.set_pose(actor_id, Pose(middle, pose.rotation_deg))
+        pitch, yaw = math.radians(pitch_deg), math.radians(yaw_deg)
         ahead = (math.cos(pitch) * math.cos(yaw), math.cos(pitch) * math.sin(yaw), 0.0)
         walker.walker = WalkerControl(ahead, speed)
 
@@ -533,7 +532,7 @@ class World:
             self._attachments = Attachments(self.actors)
         self._attachments.follow(self.actors, self._last_delta_s, self._arm_obstacle)
         for vehicle in self.actors.of_kind(ActorKind.VEHICLE):
-            if vehicle.parent_id in self.actors:
+            if vehicle.parent_id and vehicle.parent_id in self.actors:
                 pose = self.actors.pose(vehicle.actor_id)
                 self.fleet.set_transform(vehicle.actor_id, pose.location, pose.rotation_deg)
 
@@ -544,7 +543,7 @@ class World:
 
     def freeze(self, delta_s: float) -> Snapshot:
         """The current frame as an immutable snapshot."""
-        return freeze(self, delta_s)
+        return freeze(self, self._sites, delta_s)
 
 
 def _merged(blueprint: Blueprint, attributes: Mapping[str, str]) -> dict[str, str]:

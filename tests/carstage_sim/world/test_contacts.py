@@ -94,3 +94,12 @@ def test_vehicles_whose_collisions_are_off_pass_through_each_other() -> None:
         fleet.step(0.05, 5)
     assert fleet.location[0, 0] > fleet.location[1, 0]
     assert fleet.velocity[1, 0] == 0.0
+
+
+def test_boxes_that_all_touch_are_all_found_in_order() -> None:
+    count = 30  # more pairs than a list of so many boxes begins with
+    center = np.zeros((count, 3))
+    center[:, 0] = np.linspace(1.0, 0.0, count)
+    contacts = find_contacts(center, np.tile(HALF[0], (count, 1)), np.zeros(count))
+    pairs = [(contact.first, contact.second) for contact in contacts]
+    assert pairs == [(i, j) for i in range(count) for j in range(i + 1, count)]

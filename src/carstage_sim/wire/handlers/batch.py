@@ -11,7 +11,8 @@ from carstage_sim.wire.argument_types import argument_check
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.actors import described, destroy
 from carstage_sim.wire.handlers.registry import Call, Wrapping, handles, refusal
-from carstage_sim.wire.handlers.vehicles import apply_physics, vehicle_status
+from carstage_sim.wire.handlers.vehicles import apply_physics
+from carstage_sim.world.actors import VehicleStatus
 from carstage_sim.world.errors import ActorTypeError
 from carstage_sim.world.spring_arm import Attachment
 from carstage_sim.world.state import ActorKind
@@ -98,6 +99,13 @@ def _attachment(_kind: int = 0, socket: str = "") -> Attachment:
     return Attachment(socket=str(socket))
 
 
+def _live_vehicle(call: Call, actor_id: int) -> VehicleStatus:
+    status = call.world.live(actor_id).vehicle
+    if status is None:
+        raise ActorTypeError(actor_id)
+    return status
+
+
 @_command("DestroyActor", "destroy_actor")
 def _destroy(call: Call, actor_id: int) -> None:
     destroy(call, actor_id)
@@ -105,15 +113,13 @@ def _destroy(call: Call, actor_id: int) -> None:
 
 @_command("ApplyVehicleControl", "apply_control_to_vehicle")
 def _vehicle_control(call: Call, actor_id: int, control: list[Any]) -> None:
-    call.world.live(actor_id)
-    vehicle_status(call, actor_id)
+    _live_vehicle(call, actor_id)
     call.world.control_vehicle(actor_id, values.vehicle_control(control))
 
 
 @_command("ApplyVehicleAckermannControl", "apply_ackermann_control_to_vehicle")
 def _ackermann_control(call: Call, actor_id: int, control: list[Any]) -> None:
-    call.world.live(actor_id)
-    vehicle_status(call, actor_id)
+    _live_vehicle(call, actor_id)
     call.world.control_ackermann(actor_id, values.ackermann_control(control))
 
 
@@ -194,8 +200,7 @@ def _of_the_client(call: Call, actor_id: int, _enabled: bool) -> None:
 
 @_command("SetVehicleLightState", "set_vehicle_light_state")
 def _light_state(call: Call, actor_id: int, flags: int) -> None:
-    call.world.live(actor_id)
-    vehicle_status(call, actor_id).light_state = values.light_flags(flags)
+    _live_vehicle(call, actor_id).light_state = values.light_flags(flags)
 
 
 @_command("SetTrafficLightState", "set_traffic_light_state")

@@ -1,0 +1,44 @@
+"""The rehearsal leaves nothing to compile for the first tick, and the world as it was."""
+
+from __future__ import annotations
+
+import sys
+
+from numba.core.dispatcher import Dispatcher
+
+from carstage_sim.maps import Town
+from carstage_sim.world.pose import Pose
+from carstage_sim.world.rehearsal import rehearse
+from carstage_sim.world.world import World
+
+
+def compiled() -> dict[str, int]:
+    """How many versions of each kernel there are."""
+    return {
+        f"{name}.{key}": len(value.signatures)
+        for name, module in list(sys.modules.items())
+        if name.startswith("carstage_sim.")
+        for key, value in vars(module).items()
+        if isinstance(value, Dispatcher)
+    }
+
+
+def test_ticks_after_the_rehearsal_compile_nothing(stage01: Town) -> None:
+    world = World(stage01, 1)
+    rehearse(world)
+    before = compiled()
+    assert before["carstage_sim.world.vehicle_motion._move"] == 1
+    for k, point in enumerate(stage01.spawn_points[:3].tolist()):
+        car = world.spawn("vehicle.audi.tt", {}, Pose(tuple(point[:3])))
+        world.set_target_velocity(car.actor_id, (float(k), 1.0, 0.0))
+    world.spawn("walker.pedestrian.0002", {}, Pose(tuple(stage01.spawn_points[5, :3].tolist())))
+    for _ in range(3):
+        world.tick(0.05)
+    assert compiled() == before
+
+
+def test_the_rehearsal_changes_nothing_in_the_world(stage01: Town) -> None:
+    rehearsed, plain = World(stage01, 1), World(stage01, 1)
+    rehearse(rehearsed)
+    assert [actor.actor_id for actor in rehearsed.actors] == [a.actor_id for a in plain.actors]
+    assert (rehearsed.frame, rehearsed.next_stream_id) == (plain.frame, plain.next_stream_id)

@@ -37,6 +37,7 @@ class ByteBudget:
         self._limit_bytes = limit_bytes
         self._tick_bytes = tick_bytes
         self._held_bytes = 0
+        self._due_bytes = 0
         self._changed = threading.Condition()
 
     @property
@@ -55,13 +56,25 @@ class ByteBudget:
             self._held_bytes -= size_bytes
             self._changed.notify_all()
 
+    def expect_tick(self) -> None:
+        """Keep room for the data of a tick that was made and whose data are on the way."""
+        with self._changed:
+            self._due_bytes += self._tick_bytes
+
+    def tick_came(self) -> None:
+        """Nothing more comes of a tick that was expected."""
+        with self._changed:
+            self._due_bytes -= self._tick_bytes
+            self._changed.notify_all()
+
     def wait_for_room(self, timeout_s: float) -> bool:
         """Wait until there is room, at most ``timeout_s``; return whether there is."""
         with self._changed:
             return self._changed.wait_for(self._has_room, timeout_s)
 
     def _has_room(self) -> bool:
-        return not self._held_bytes or self._held_bytes + self._tick_bytes <= self._limit_bytes
+        taken_bytes = self._held_bytes + self._due_bytes
+        return not taken_bytes or taken_bytes + self._tick_bytes <= self._limit_bytes
 
 
 class _Datum(NamedTuple):
@@ -176,6 +189,8 @@ class Pipeline:
 
     def expect(self, expected: ExpectedFrame) -> None:
         """Announce a tick; ``expected.context`` is its :class:`WorldMoment`."""
+        if self._strict:  # elsewhere a frame may stay open although nothing of it will come
+            self._budget.expect_tick()
         self._inbox.put(expected)
 
     def wait_for_room(self, stop: StopRequest) -> None:
@@ -268,6 +283,8 @@ class Pipeline:
     def _write_frame(self, frame: JoinedFrame) -> None:
         expected = frame.expected
         moment: WorldMoment = expected.context
+        if self._strict:
+            self._budget.tick_came()
         at = (expected.tick, expected.frame, expected.timestamp_s)
         if expected.seen:
             if moment.new_actors:

@@ -216,6 +216,19 @@ def test_there_is_room_for_a_tick_only_if_all_of_it_fits() -> None:
     assert not budget.wait_for_room(0.0)
 
 
+def test_data_on_the_way_take_room_too() -> None:
+    budget = ByteBudget(100, tick_bytes=40)
+    budget.expect_tick()
+    assert budget.wait_for_room(0.0)
+    budget.expect_tick()
+    assert not budget.wait_for_room(0.0)
+    budget.take(40)
+    budget.tick_came()
+    assert not budget.wait_for_room(0.0)
+    budget.give_back(40)
+    assert budget.wait_for_room(0.0)
+
+
 def test_a_tick_larger_than_the_budget_is_let_in_when_nothing_waits() -> None:
     budget = ByteBudget(100, tick_bytes=300)
     assert budget.wait_for_room(0.0)

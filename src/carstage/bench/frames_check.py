@@ -26,8 +26,9 @@ from carstage.bench.episodes import (
     roof_sensor,
     seals_segment,
 )
+from carstage.bench.faults.streams import DisturbedStreams
 from carstage.bench.journal import Sent, digest_of, read_journal
-from carstage.bench.late_stream import HOST, LateStream
+from carstage.bench.late_stream import HeldPicture
 from carstage.bench.verdict import Figure, Verdict
 from carstage.execution import CollectorProcess
 from carstage.plan import EpisodeSpec
@@ -41,6 +42,7 @@ _FPS = 20
 _SIZE = (96, 54)
 _LATE_SIZE = (80, 45)
 _LATE_SENSOR = "DEPTH"
+_PROXY_HOST = "127.0.0.2"
 _LATE_TICKS = 120
 _LATE_MESSAGE = 40
 _LATE_S = 1.5
@@ -249,17 +251,14 @@ def _record_late(endpoint: Endpoint, folder: Path) -> Lateness:
     folder.mkdir()
     spec = _spec(_LATE_TICKS, warmup_ticks=10, on_incomplete="skip")
     width, height = _LATE_SIZE
-    with LateStream(
-        endpoint.port,
-        endpoint.port + 1,
-        payload_bytes=width * height * _BGRA,
-        nth=_LATE_MESSAGE,
-        delay_s=_LATE_S,
-    ) as proxy:
-        with _collector(spec, endpoint, folder, folder / "raw", HOST) as collector:
-            for _ in events_of(collector):
-                pass
-        frame = proxy.frame
+    held = HeldPicture(width * height * _BGRA, _LATE_MESSAGE, _LATE_S)
+    with (
+        DisturbedStreams(_PROXY_HOST, endpoint.port, endpoint.port + 1, lambda _: held),
+        _collector(spec, endpoint, folder, folder / "raw", _PROXY_HOST) as collector,
+    ):
+        for _ in events_of(collector):
+            pass
+    frame = held.frame
     if frame is None:
         return Lateness(0, f"only {_LATE_TICKS} ticks and no late picture", 0)
     return lateness_in(EpisodeLog(folder / "raw").ledger(), frame)

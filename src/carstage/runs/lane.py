@@ -235,9 +235,7 @@ class ServerLane:
         return incomplete_ticks
 
     def _watch(self, endpoint: Endpoint, collector: CollectorProcess) -> AttemptWatch:
-        assert self._server is not None
-        limits = Limits.of(self._setup.supervision)
-        return AttemptWatch(self._server, endpoint, collector.pid, limits)
+        return AttemptWatch(endpoint, collector.pid, Limits.of(self._setup.supervision))
 
     def _own_server_ended(self) -> bool:
         server = self._server

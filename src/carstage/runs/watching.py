@@ -16,7 +16,7 @@ import psutil
 
 from carstage.config.supervision import Supervision
 from carstage.errors import CarStageError, CollectorError, ServerError
-from carstage.server import Endpoint, Server, probe_version
+from carstage.server import Endpoint, probe_version
 
 _LOOK_EVERY_S = 1.0
 _ASK_EVERY_S = 4.0
@@ -62,8 +62,7 @@ class AttemptWatch:
     """A thread that looks at one attempt's processes; a context manager.
 
     Args:
-        server: who serves it.
-        endpoint: where.
+        endpoint: where the server is.
         collector_pid: process id of the collector.
         limits: from when on something is wrong.
         ask: asks the server for its version; raises ``ServerError`` when it does not answer.
@@ -73,7 +72,6 @@ class AttemptWatch:
 
     def __init__(
         self,
-        server: Server,
         endpoint: Endpoint,
         collector_pid: int,
         limits: Limits,
@@ -83,7 +81,6 @@ class AttemptWatch:
         cpu_s: Callable[[int], float] | None = None,
         look_every_s: float = _LOOK_EVERY_S,
     ) -> None:
-        self._server = server
         self._endpoint = endpoint
         self._collector_pid = collector_pid
         self._limits = limits

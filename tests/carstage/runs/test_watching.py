@@ -15,7 +15,7 @@ from driving import wait_for
 from carstage.config.supervision import Supervision
 from carstage.errors import CollectorError, ServerError
 from carstage.runs.watching import AttemptWatch, Limits, resident_bytes
-from carstage.server import Endpoint, RemoteServer
+from carstage.server import Endpoint
 
 PLENTY = 1 << 50
 
@@ -55,7 +55,6 @@ def watch(
     load: float = 0.0,
 ) -> AttemptWatch:
     return AttemptWatch(
-        RemoteServer("127.0.0.1", 2000),
         Endpoint("127.0.0.1", 2000, 8000, "0.9.16", os.getpid()),
         os.getpid(),
         Limits(hang_s, server, own),
@@ -163,7 +162,6 @@ def test_process_that_is_gone_holds_nothing() -> None:
 
 def test_watch_looks_by_itself_and_ends_with_its_context(tmp_path: Path) -> None:
     watching = AttemptWatch(
-        RemoteServer("127.0.0.1", 2000),
         Endpoint("127.0.0.1", 2000, 8000, "0.9.16", None),
         os.getpid(),
         Limits(20.0, PLENTY, 1),

@@ -246,17 +246,40 @@ def sim() -> None:
 @command
 def doctor(
     out: Out = Path(),
+    server: Annotated[
+        str | None,
+        typer.Option(
+            "--server",
+            metavar="SERVER",
+            help="Also put a server to the self-test: `embedded`, HOST:PORT, or the folder of a "
+            "CARLA release. --set server.KEY=VALUE sets the rest.",
+        ),
+    ] = None,
+    settings: Settings = None,
     json: Json = False,
     debug: Debug = False,
 ) -> int:
     """Check this machine: Python, client wheel, simulator, disk, ports, what dead runs left."""
     del debug
-    from carstage.cli.doctor import examine
+    from carstage.cli.doctor import examine, server_setting
 
     findings = examine(out)
-    if json:
-        result_json({"ok": all(f.ok for f in findings), "checks": [f.to_json() for f in findings]})
-    else:
+    if not json:
         for finding in findings:
             result(finding.line())
-    return 0 if all(finding.ok for finding in findings) else 1
+    ok = all(finding.ok for finding in findings)
+    document: dict[str, object] = {"checks": [finding.to_json() for finding in findings]}
+    if server is not None:
+        from carstage.config import load_demo
+        from carstage.runs import examine_server
+
+        verdict = examine_server(load_demo([server_setting(server), *(settings or ())]), note)
+        document["self_test"] = verdict.to_json()
+        ok = ok and verdict.ok
+        if not json:
+            result(f"Self-test of CARLA {verdict.server} with the client {verdict.client}:")
+            for check in verdict.checks:
+                result(check.line())
+    if json:
+        result_json({"ok": ok, **document})
+    return 0 if ok else 1

@@ -16,7 +16,9 @@ from typer.testing import CliRunner, Result
 
 from carstage.cli import unsupported
 from carstage.cli.app import app
-from carstage.config import Config, parse_config
+from carstage.cli.doctor import server_setting
+from carstage.config import Config, load_demo, parse_config
+from carstage.selftest import Check, Verdict
 
 
 @pytest.fixture(autouse=True)
@@ -243,6 +245,37 @@ def test_doctor_examines_this_machine(tmp_path: Path) -> None:
     assert document["ok"], document
     names = {check["name"] for check in document["checks"]}
     assert {"platform", "carla client", "embedded simulator", "disk", "ports"} <= names
+
+
+@pytest.mark.parametrize(
+    ("server", "setting"),
+    [
+        ("embedded", {"kind": "embedded"}),
+        ("localhost:2000", {"kind": "remote", "host": "localhost", "port": 2000}),
+        ("~/CARLA 0.9.15", {"kind": "carla", "path": "~/CARLA 0.9.15"}),
+        ("./a:2000/CARLA", {"kind": "carla", "path": "./a:2000/CARLA"}),
+    ],
+)
+def test_doctor_understands_servers(server: str, setting: dict[str, object]) -> None:
+    found = load_demo([server_setting(server)]).server.model_dump()
+    assert {key: found[key] for key in setting} == setting
+
+
+@pytest.mark.parametrize("holds", [True, False])
+def test_doctor_puts_a_server_to_the_self_test(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, holds: bool
+) -> None:
+    check = Check("LiDAR axes", holds, "x forward, y left, z up", "x forward, y right, z up", 0.9)
+    verdict = Verdict("0.9.15", "0.9.15", "Town10HD", (check,))
+    monkeypatch.setattr("carstage.runs.examine_server", lambda config, say: verdict)
+    monkeypatch.setattr("carstage.cli.doctor.examine", lambda out: [])
+    arguments = ("doctor", "--out", tmp_path, "--server", "localhost:2000")
+    ended = invoke(*arguments, "--json")
+    document = json.loads(ended.stdout.splitlines()[-1])
+    assert ended.exit_code == (0 if holds else 1)
+    assert document["ok"] is holds
+    assert document["self_test"]["checks"][0]["found"] == "x forward, y left, z up"
+    assert check.line() in invoke(*arguments).stdout
 
 
 def test_error_of_the_system_is_a_sentence_not_a_bug(

@@ -164,3 +164,6 @@ def test_server_that_runs_already_gives_the_same_bytes_and_stays(
         assert ended.code == 0, ended.stderr
         assert server.alive()
     assert differing(out, undisturbed) == []
+    (marker,) = (json.loads(path.read_bytes()) for path in (out / "commits").glob("*.json"))
+    assert marker["self_test"]["ok"]  # servers that are not ours are tested before the run
+    assert status(out)["state"] == "done"

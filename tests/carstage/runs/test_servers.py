@@ -1,0 +1,130 @@
+"""Which servers a run begins on, and with which client."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+
+from carstage.config import Config, load_demo
+from carstage.errors import BadInputError, ServerError
+from carstage.runs.interruption import Interruption
+from carstage.runs.selftesting import describe_verdict, refuse, run_self_test
+from carstage.runs.servers import ServerSetup
+from carstage.selftest import Check, Verdict
+from carstage.server import ClientPython, Endpoint, Server, free_port
+from running_simulator import RunningSimulator
+
+
+class Elsewhere(Server):
+    """A server that reports a version of our choice."""
+
+    kind: ClassVar[str] = "elsewhere"
+
+    def __init__(self, port: int, version: str) -> None:
+        super().__init__()
+        self._place = Endpoint("127.0.0.1", port, 8000, version, None)
+        self.stopped = False
+
+    def start(self) -> Endpoint:
+        self._endpoint = self._place
+        return self._place
+
+    def stop(self) -> None:
+        self.stopped = True
+
+    def alive(self) -> bool:
+        return not self.stopped
+
+    def log_tail(self, lines: int = 20) -> str:
+        return ""
+
+
+def config(*settings: str) -> Config:
+    return load_demo(settings)
+
+
+def remote(server: Server) -> ServerSetup:
+    return ServerSetup(config("server={kind: remote}"), lambda config, log_path: server)
+
+
+def test_server_older_than_0_9_13_is_refused_with_both_versions() -> None:
+    server = Elsewhere(free_port(), "0.9.12")
+    with pytest.raises(BadInputError, match=r"0\.9\.12.*0\.9\.13"), remote(server).facts():
+        pytest.fail("it was not refused")
+    assert server.stopped
+
+
+def test_kind_of_sensor_that_a_version_lacks_is_refused_with_both_versions() -> None:
+    setup = ServerSetup(
+        config(
+            "server.carla_version=0.9.13",
+            "rig={sensors: [{id: N, kind: normals, pose: {x: 1.0, z: 2.0}}]}",
+        )
+    )
+    with pytest.raises(BadInputError, match=r"0\.9\.13.*normals.*0\.9\.14"), setup.facts():
+        pytest.fail("it was not refused")
+
+
+@pytest.mark.end_to_end
+def test_newer_server_is_recorded_from_with_the_newest_client(simulator: RunningSimulator) -> None:
+    setup = remote(Elsewhere(simulator.port, "0.10.0-ue5"))
+    with setup.facts() as facts:
+        assert facts.dialect == "0.10.0"
+        assert setup.client.client == "0.9.16"
+        assert setup.tested
+
+
+@pytest.mark.parametrize(
+    ("settings", "tested", "must_pass"),
+    [
+        (["server={kind: embedded}"], False, False),
+        (["server={kind: embedded, self_test: on}"], True, False),
+        (["server={kind: remote}"], True, False),
+        (["server={kind: remote, self_test: off}"], False, False),
+        (["server={kind: carla, path: somewhere, self_test: require}"], True, True),
+    ],
+)
+def test_real_servers_are_tested_unless_asked_otherwise(
+    settings: list[str], tested: bool, must_pass: bool
+) -> None:
+    setup = ServerSetup(config(*settings))
+    assert (setup.tested, setup.must_pass) == (tested, must_pass)
+
+
+def verdict(server: str, *checks: Check) -> Verdict:
+    return Verdict(server, "0.9.16", "Town10HD", checks)
+
+
+GOOD = Check("frames", True, "every frame", "every frame")
+BAD = Check("LiDAR axes", False, "x forward, y left, z up", "x forward, y right, z up", 0.9)
+
+
+def test_user_reads_what_failed_and_that_a_server_is_newer() -> None:
+    assert list(describe_verdict(verdict("0.9.16", GOOD))) == []
+    newer, failed = describe_verdict(verdict("0.10.0", GOOD, BAD))
+    assert "0.10.0 is newer than 0.9.16" in newer
+    assert "LiDAR axes: x forward, y left, z up" in failed
+
+
+def test_refusal_of_a_server_that_must_pass_names_what_failed() -> None:
+    error = refuse(verdict("0.9.16", GOOD, BAD))
+    assert isinstance(error, ServerError)
+    assert "LiDAR axes" in error.message
+    assert "frames" not in error.message
+
+
+@pytest.mark.end_to_end
+def test_self_test_that_cannot_be_recorded_is_a_failed_verdict(
+    simulator: RunningSimulator, tmp_path: Path
+) -> None:
+    python = tmp_path / "python"
+    python.write_text('#!/bin/sh\necho \'{"event": "error", "message": "No room."}\'; exit 1\n')
+    python.chmod(0o755)
+    endpoint = Endpoint("127.0.0.1", simulator.port, free_port(), "0.9.16", None)
+    with Interruption() as interruption:
+        found = run_self_test(endpoint, ClientPython(python, "0.9.16"), tmp_path, interruption)
+    assert found.failed == ("recording",)
+    assert "No room." in found.checks[0].found
+    assert (tmp_path / "selftest" / "collector.log").exists()  # kept, to look why

@@ -18,7 +18,7 @@ from carstage.config.supervision import Supervision
 from carstage.errors import CarStageError, CollectorError, ServerError
 from carstage.server import Endpoint, probe_version
 
-_LOOK_EVERY_S = 1.0
+_LOOK_EVERY_S = 2.0
 _ASK_EVERY_S = 4.0
 _LEAST_SILENCES = 3
 """Questions without an answer before a server counts as hung, however short its patience."""

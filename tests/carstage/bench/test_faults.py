@@ -73,7 +73,7 @@ def test_full_disk_takes_nothing_more_until_it_is_emptied(tmp_path: Path) -> Non
 
 
 @pytest.mark.end_to_end
-@pytest.mark.xdist_group("runs")
+@pytest.mark.xdist_group("faults")
 @pytest.mark.timeout(900)
 def test_twelve_faults_end_well(tmp_path: Path) -> None:
     verdict, trials = run_campaign(count=len(FAULTS), seed=SEED, scratch=tmp_path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,7 +24,16 @@ Scratch = Annotated[
         "--scratch", help="Existing folder for raw logs, on the disk to be measured.", exists=True
     ),
 ]
-Store = Annotated[str, typer.Option("--raw-store", help="chunklog or mmap.")]
+
+
+class RawStore(str, Enum):
+    """How the raw pictures of cameras are kept."""
+
+    CHUNKLOG = "chunklog"
+    MMAP = "mmap"
+
+
+Store = Annotated[RawStore, typer.Option("--raw-store", help="How raw pictures are kept.")]
 
 
 def _report(verdict: Verdict, json: bool) -> int:
@@ -40,7 +50,7 @@ def _report(verdict: Verdict, json: bool) -> int:
 def overhead(
     ticks: Annotated[int, typer.Option(min=20, help="Of each block.")] = 200,
     rounds: Annotated[int, typer.Option(min=1, help="Blocks of each client.")] = 3,
-    raw_store: Store = "chunklog",
+    raw_store: Store = RawStore.CHUNKLOG,
     scratch: Scratch = None,
     json: Json = False,
 ) -> int:
@@ -50,7 +60,11 @@ def overhead(
 
     with watch_steps("Blocks", "blocks") as progress:
         verdict = measure_overhead(
-            ticks=ticks, rounds=rounds, raw_store=raw_store, scratch=scratch, progress=progress
+            ticks=ticks,
+            rounds=rounds,
+            raw_store=raw_store.value,
+            scratch=scratch,
+            progress=progress,
         )
     return _report(verdict, json)
 

@@ -63,7 +63,7 @@ def discard(client: Any, plan: Plan, episode: EpisodePlan, events: EventStream) 
         scene = build_scene(client, session, spec=spec, server=server, check=stop.check)
         newest = Newest(scene.rig.actors)
         session.on_exit("streams", scene.rig.stop)
-        begin_listening = spec.warmup_ticks - (plan.sensor_warmup_ticks or spec.warmup_ticks)
+        begin_listening = max(0, spec.warmup_ticks - (plan.sensor_warmup_ticks or 1))
         frame = 0
         for number in range(spec.warmup_ticks):
             if number == begin_listening:

@@ -1,0 +1,57 @@
+"""``carstage bench``: what the commands print, and their exit codes."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from carstage.bench.verdict import Figure, Verdict
+from carstage.cli.app import app
+
+MEASURED = {
+    "overhead": "carstage.bench.overhead.measure_overhead",
+    "conversion": "carstage.bench.conversion.measure_conversion",
+    "memory": "carstage.bench.memory.measure_memory",
+    "frames-check": "carstage.bench.frames_check.check_frames",
+}
+
+
+@pytest.mark.parametrize(("name", "function"), MEASURED.items())
+@pytest.mark.parametrize("ok", [True, False])
+def test_a_measurement_ends_with_its_verdict_and_one_json_object(
+    monkeypatch: pytest.MonkeyPatch, name: str, function: str, ok: bool
+) -> None:
+    def measure(**settings: Any) -> Verdict:
+        settings["progress"](1, 2)
+        return Verdict(name, f"carstage bench {name}", (Figure("x", 1 if ok else 3, "<=", 2),))
+
+    monkeypatch.setattr(function, measure)
+    ended = CliRunner().invoke(app, ["bench", name, "--json"])
+    assert ended.exit_code == (0 if ok else 1)
+    printed = json.loads(ended.stdout.splitlines()[-1])
+    assert (printed["bench"], printed["ok"]) == (name, ok)
+    assert printed["figures"]["x"] == {
+        "value": 1 if ok else 3,
+        "relation": "<=",
+        "target": 2,
+        "ok": ok,
+    }
+    assert "1 of 2" in ended.stderr
+
+
+def test_the_raw_store_is_handed_on_and_an_unknown_one_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given: dict[str, Any] = {}
+
+    def measure(**settings: Any) -> Verdict:
+        given.update(settings)
+        return Verdict("overhead", "", ())
+
+    monkeypatch.setattr(MEASURED["overhead"], measure)
+    assert CliRunner().invoke(app, ["bench", "overhead", "--raw-store", "mmap"]).exit_code == 0
+    assert given["raw_store"] == "mmap"
+    assert CliRunner().invoke(app, ["bench", "overhead", "--raw-store", "tape"]).exit_code == 2

@@ -25,6 +25,7 @@ from carstage.config.sensors import SPRING_ARMS, Sensor
 from carstage.config.supervision import Supervision
 from carstage.config.traffic import Pedestrians, Traffic, Vehicles
 from carstage.config.weather import DEFAULT_PRESET, WeatherConfig
+from carstage.releases import refusal
 
 _SLACK = 1e-9
 
@@ -233,6 +234,11 @@ class Config(Section):
 
     def _check_sensor(self, path: tuple[str | int, ...], sensor: Sensor) -> None:
         attributes = sensor.attributes
+        if isinstance(self.server, EmbeddedServerConfig):
+            reason = refusal(self.server.carla_version, [sensor.kind])
+            if reason:
+                hint = "Leave the sensor out, or choose a later server.carla_version."
+                raise problem(f"{reason}.", hint, *path, "kind")
         if isinstance(attributes, SweepAttributes):
             turns = attributes.rotation_hz(self.fps) / self.fps
             if turns > 1.0 + _SLACK:

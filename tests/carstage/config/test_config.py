@@ -449,3 +449,13 @@ def test_short_scenario_is_the_autopilot() -> None:
 
 def test_kinds_have_distinct_blueprints() -> None:
     assert len({cls.blueprint for cls in SENSOR_KINDS.values()}) == len(SENSOR_KINDS)
+
+
+def test_sensor_that_the_chosen_version_lacks_is_refused_at_its_place() -> None:
+    text = (
+        'server: {carla_version: "%s"}\n'
+        "rig: {sensors: [{id: N, kind: normals, pose: {x: 1.0, z: 2.0}}]}\n"
+    )
+    with pytest.raises(ConfigError, match=r"rig\.sensors\[0\]\.kind: .*0\.9\.13.*0\.9\.14"):
+        parse_config(text % "0.9.13")
+    assert parse_config(text % "0.9.14").sensors[0].kind == "normals"

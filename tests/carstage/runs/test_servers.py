@@ -56,15 +56,13 @@ def test_server_older_than_0_9_13_is_refused_with_both_versions() -> None:
     assert server.stopped
 
 
-def test_kind_of_sensor_that_a_version_lacks_is_refused_with_both_versions() -> None:
-    setup = ServerSetup(
-        config(
-            "server.carla_version=0.9.13",
-            "rig={sensors: [{id: N, kind: normals, pose: {x: 1.0, z: 2.0}}]}",
-        )
-    )
+def test_kind_of_sensor_that_a_server_lacks_is_refused_with_both_versions() -> None:
+    normals = "rig={sensors: [{id: N, kind: normals, pose: {x: 1.0, z: 2.0}}]}"
+    server = Elsewhere(free_port(), "0.9.13")
+    setup = ServerSetup(config("server={kind: remote}", normals), lambda config, path: server)
     with pytest.raises(BadInputError, match=r"0\.9\.13.*normals.*0\.9\.14"), setup.facts():
         pytest.fail("it was not refused")
+    assert server.stopped
 
 
 @pytest.mark.end_to_end

@@ -134,7 +134,8 @@ def _damage(episode: Episode, changed: frozenset[str]) -> Damage:
 
 
 def _unknown_classes(episode: Episode) -> Counter[str]:
-    counts = pc.value_counts(episode.objects()["class"])
+    objects = episode.objects()
+    counts = pc.value_counts(objects.filter(pc.invert(objects["is_ego"]))["class"])
     names, numbers = counts.field("values").to_pylist(), counts.field("counts").to_numpy()
     return Counter(
         {

@@ -16,11 +16,11 @@ def split_episodes(episodes: Sequence[Episode], validation_share: float) -> dict
     """The split of each episode by its id.
 
     Whole episodes are drawn, as frames of one episode are too alike; by a hash of the id, so that
-    the draw is the same each time. With a share above 0 and two episodes at least, each split
-    gets one.
+    the draw is the same each time. With a share above 0 both splits get an episode, if there are
+    two at least; a single one is for training.
     """
     count = round(validation_share * len(episodes))
-    if validation_share > 0.0 and len(episodes) > 1:
+    if validation_share > 0.0:
         count = min(max(count, 1), len(episodes) - 1)
     drawn = sorted(hashlib.sha256(episode.id.encode()).digest() for episode in episodes)[:count]
     return {

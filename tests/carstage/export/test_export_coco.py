@@ -1,0 +1,94 @@
+"""COCO exports in pycocotools; panoptic segments against the instance image."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from carstage.dataset import Dataset
+from carstage.tags import TAGS_0_9_14
+
+pytest.importorskip("pycocotools", reason="pycocotools is not installed")
+
+from pycocotools.coco import COCO
+from pycocotools.cocoeval import COCOeval
+
+pytestmark = [
+    pytest.mark.xdist_group("export"),
+    # pycocotools 2.0.11 speaks numpy 1's protocol of arrays.
+    pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning"),
+]
+
+
+@pytest.fixture(scope="module")
+def coco(exported) -> COCO:
+    return COCO(str(exported("coco") / "annotations/instances_train.json"))
+
+
+@pytest.mark.parametrize("kind", ["bbox", "segm"])
+def test_our_labels_as_detections_get_full_marks(coco: COCO, kind: str) -> None:
+    keys = ("image_id", "category_id", "bbox", "segmentation")
+    found = [
+        {**{key: row[key] for key in keys}, "score": 1.0} for row in coco.dataset["annotations"]
+    ]
+    evaluation = COCOeval(coco, coco.loadRes(found), kind)
+    evaluation.evaluate()
+    evaluation.accumulate()
+    evaluation.summarize()
+    assert evaluation.stats[0] == pytest.approx(1.0)
+    assert len(found) >= 12
+
+
+def test_masks_fill_their_boxes_and_have_their_area(coco: COCO) -> None:
+    for row in coco.dataset["annotations"]:
+        mask = coco.annToMask(row)
+        x, y = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
+        assert row["bbox"] == [x[0], y[0], x[-1] + 1 - x[0], y[-1] + 1 - y[0]]
+        assert row["area"] == mask.sum()
+
+
+def test_pictures_lie_where_the_tables_say(coco: COCO, exported) -> None:
+    assert len(coco.dataset["images"]) == 12
+    for row in coco.dataset["images"]:
+        with Image.open(exported("coco") / "train" / row["file_name"]) as picture:
+            assert picture.size == (row["width"], row["height"])
+
+
+def test_amodal_boxes_are_written_on_demand(exported, dataset) -> None:
+    document = json.loads(
+        (exported("coco", boxes="amodal") / "annotations/instances_train.json").read_text()
+    )
+    rows = Dataset(dataset).episodes[0].camera_objects().to_pylist()
+    amodal = {tuple(row["bbox_amodal"]) for row in rows}
+    for row in document["annotations"]:
+        x, y, width, height = row["bbox"]
+        assert min(
+            np.abs(np.subtract(box, (x, y, x + width, y + height))).max() for box in amodal
+        ) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_panoptic_segments_cover_the_picture_by_tag_and_actor(exported, dataset) -> None:
+    folder = exported("coco") / "annotations"
+    document = json.loads((folder / "panoptic_train.json").read_text())
+    names = {category["id"]: category["name"] for category in document["categories"]}
+    episode = Dataset(dataset).episodes[0]
+    assert len(document["annotations"]) == 6  # CAM_LEFT has no instance camera in the dataset
+    ks = {row["id"]: row["k"] for row in document["images"]}
+    for annotation in document["annotations"]:
+        with Image.open(folder / "panoptic_train" / annotation["file_name"]) as picture:
+            r, g, b = np.moveaxis(np.asarray(picture).astype(np.uint32), -1, 0)
+        segments = r + 256 * g + 65536 * b
+        instance = episode.sensor("INST_FRONT").read(ks[annotation["image_id"]])
+        covered = 0
+        for row in annotation["segments_info"]:
+            mask = segments == row["id"]
+            assert mask.sum() == row["area"] > 0
+            tags = np.unique(instance[mask][:, 1])
+            assert [TAGS_0_9_14[int(tag)].name for tag in tags] == [names[row["category_id"]]]
+            if names[row["category_id"]] in ("Car", "Truck", "Pedestrian"):
+                assert len(np.unique(instance[mask][:, 0])) == 1
+            covered += row["area"]
+        assert covered == segments.size

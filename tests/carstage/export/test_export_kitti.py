@@ -1,0 +1,168 @@
+"""KITTI exports, parsed as KITTI's readers do and projected back into the pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from analytic_dataset import SIZE
+from numpy.typing import NDArray
+from PIL import Image
+
+from carstage.dataset import Dataset
+
+WIDTH, HEIGHT = SIZE
+Matrices = dict[str, NDArray[np.float64]]
+
+pytestmark = pytest.mark.xdist_group("export")
+
+
+def calibration(path: Path) -> Matrices:
+    matrices = {}
+    for line in path.read_text().splitlines():
+        name, *values = line.split()
+        matrices[name.rstrip(":")] = np.array(values, np.float64).reshape(3, -1)
+    return matrices
+
+
+def corners(row: list[float]) -> NDArray[np.float64]:
+    """The 8 corners of a label row (h w l x y z rotation_y) in the camera, as the devkit has it."""
+    h, w, length, x, y, z, angle = row
+    xs = np.array([1, 1, -1, -1, 1, 1, -1, -1]) * length / 2
+    ys = np.array([0, 0, 0, 0, -1, -1, -1, -1]) * h
+    zs = np.array([1, -1, -1, 1, 1, -1, -1, 1]) * w / 2
+    c, s = np.cos(angle), np.sin(angle)
+    rotation = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    return (rotation @ np.stack([xs, ys, zs])).T + np.array([x, y, z])
+
+
+def pixels(points: NDArray[np.float64], projection: NDArray[np.float64]) -> NDArray[np.float64]:
+    uvw = np.column_stack([points, np.ones(len(points))]) @ projection.T
+    return uvw[:, :2] / uvw[:, 2:]
+
+
+def test_labels_parse_and_project_back_within_a_pixel(exported, dataset) -> None:
+    training = exported("kitti-object") / "training"
+    rows = Dataset(dataset).episodes[0].camera_objects().to_pylist()
+    compared = 0
+    for k in range(6):
+        projection = calibration(training / f"calib/{k:06d}.txt")["P2"]
+        for line in (training / f"label_2/{k:06d}.txt").read_text().splitlines():
+            name, *numbers = line.split()
+            assert name in ("Car", "Truck", "Pedestrian")
+            values = [float(number) for number in numbers]
+            assert len(values) == 14
+            truncated, occluded, alpha, left, top, right, bottom, *box = values
+            assert 0.0 <= truncated <= 1.0
+            assert occluded in (0, 1, 2, 3)
+            assert -np.pi <= alpha <= np.pi
+            # A pixel index, the last one included: KITTI's boxes end at W - 1.
+            assert 0.0 <= left <= right <= WIDTH - 1
+            assert 0.0 <= top <= bottom <= HEIGHT - 1
+            (seen,) = [
+                r for r in rows
+                if r["k"] == k and r["sensor_id"] == "CAM_FRONT"
+                and abs(r["depth_center"] - box[5]) < 1e-4
+            ]  # fmt: skip
+            uv = pixels(corners(box), projection)
+            found = [*uv.min(axis=0), *uv.max(axis=0)]
+            np.testing.assert_allclose(found, seen["bbox_amodal_unclipped"], atol=1.0)
+            inside = np.clip(found, 0, [WIDTH, HEIGHT, WIDTH, HEIGHT])
+            np.testing.assert_allclose([left, top, right + 1, bottom + 1], inside, atol=1.0)
+            compared += 1
+    assert compared >= 12
+
+
+def test_velodyne_points_land_on_the_depth_image(exported, dataset) -> None:
+    training = exported("kitti-object") / "training"
+    episode = Dataset(dataset).episodes[0]
+    for k in (0, 5):
+        matrices = calibration(training / f"calib/{k:06d}.txt")
+        points = np.fromfile(training / f"velodyne/{k:06d}.bin", np.float32).reshape(-1, 4)
+        assert len(points) == len(episode.sensor("LIDAR_TOP").read(k))
+        homogeneous = np.column_stack([points[:, :3], np.ones(len(points))])
+        camera = homogeneous @ matrices["Tr_velo_to_cam"].T @ matrices["R0_rect"].T
+        camera = camera[camera[:, 2] > 0.5]
+        u, v = np.floor(pixels(camera, matrices["P2"])).astype(int).T
+        seen = (u >= 0) & (u < WIDTH) & (v >= 0) & (v < HEIGHT)
+        depth = episode.sensor("DEPTH_FRONT").read(k)[v[seen], u[seen]]
+        z = camera[seen, 2]
+        assert len(z) > 100
+        # Points beside an edge, and on the road where a pixel spans metres, may differ.
+        assert np.mean(np.abs(depth - z) < 0.05 * z) > 0.9
+
+
+def test_pictures_are_the_dataset_s_own(exported, dataset) -> None:
+    training = exported("kitti-object") / "training"
+    episode = Dataset(dataset).episodes[0]
+    with Image.open(training / "image_2/000004.png") as picture:
+        np.testing.assert_array_equal(np.asarray(picture), episode.sensor("CAM_FRONT").read(4))
+
+
+def test_the_index_leads_back_to_the_dataset(exported) -> None:
+    lines = (exported("kitti-object") / "frames.csv").read_text().splitlines()
+    assert lines[0] == "name,episode_id,k,timestamp_s,camera"
+    assert lines[3] == "000002,0123456789abcdef,2,0.200000,CAM_FRONT"
+    assert len(lines) == 7
+
+
+def test_pixel_levels_and_modal_boxes_are_written_on_demand(exported, dataset) -> None:
+    rows = Dataset(dataset).episodes[0].camera_objects().to_pylist()
+    out = exported("kitti-object", occlusion="pixel", boxes="modal")
+    labels = (out / "training/label_2/000000.txt").read_text().splitlines()
+    seen = sorted(
+        (r for r in rows if r["k"] == 0 and r["sensor_id"] == "CAM_FRONT" and r["visible"]),
+        key=lambda r: r["track_id"],
+    )
+    assert len(labels) == len(seen)
+    for line, row in zip(labels, seen, strict=True):
+        values = line.split()
+        assert int(values[2]) == row["occluded_px"]
+        x0, y0, x1, y1 = row["bbox_modal"]
+        assert [float(v) for v in values[4:8]] == [x0, y0, x1 - 1, y1 - 1]
+
+
+def test_filters_leave_objects_out(exported) -> None:
+    def names(**choices: object) -> set[str]:
+        folder = exported("kitti-object", **choices) / "training/label_2"
+        return {line.split()[0] for p in folder.iterdir() for line in p.read_text().splitlines()}
+
+    assert names() == {"Car", "Truck", "Pedestrian"}
+    assert "Truck" not in names(max_distance_m=16.0)
+    assert names(min_lidar_points=100_000) == set()
+
+
+def test_tracks_are_numbered_from_zero_and_keep_their_class(exported) -> None:
+    training = exported("kitti-tracking") / "training"
+    tracks: dict[int, set[str]] = {}
+    frames = set()
+    for line in (training / "label_02/0000.txt").read_text().splitlines():
+        frame, track, name, truncated, occluded, *rest = line.split()
+        assert truncated in ("0", "1", "2")
+        assert occluded in ("0", "1", "2", "3")
+        assert len(rest) == 12
+        frames.add(int(frame))
+        tracks.setdefault(int(track), set()).add(name)
+    assert frames == set(range(6))
+    assert sorted(tracks) == list(range(len(tracks)))
+    assert all(len(names) == 1 for names in tracks.values())
+
+
+def test_a_sequence_has_calibration_inertial_rows_and_the_devkit_s_list(exported) -> None:
+    out = exported("kitti-tracking")
+    matrices = calibration(out / "training/calib/0000.txt")
+    assert list(matrices) == [
+        "P0", "P1", "P2", "P3", "R_rect", "Tr_velo_cam", "Tr_imu_velo"
+    ]  # fmt: skip
+    rows = np.loadtxt(out / "training/oxts/0000.txt")
+    assert rows.shape == (6, 30)
+    # The ego heads 8 degrees to the right of east: clockwise, so a negative yaw.
+    np.testing.assert_allclose(np.degrees(rows[:, 5]), -8.0)
+    np.testing.assert_allclose(rows[:, 8], 5.0, atol=1e-5)  # forward speed
+    np.testing.assert_allclose(np.hypot(rows[:, 6], rows[:, 7]), 5.0, atol=1e-5)
+    np.testing.assert_allclose(rows[:, 13], 9.81)  # gravity along its up axis
+    assert np.all(rows[:, 6] < 0.0)  # to the south
+    seqmap = (out / "evaluate_tracking.seqmap.train").read_text()
+    assert seqmap == "0000 empty 000000 000006\n"
+    assert len(list((out / "training/image_02/0000").iterdir())) == 6

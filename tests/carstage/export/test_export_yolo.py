@@ -1,0 +1,51 @@
+"""YOLO exports, read as Darknet and Ultralytics do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import yaml
+from analytic_dataset import SIZE
+
+from carstage.dataset import Dataset
+
+pytestmark = pytest.mark.xdist_group("export")
+
+
+def test_boxes_come_back_from_shares_of_the_picture(exported, dataset) -> None:
+    out = exported("yolo")
+    names = (out / "obj.names").read_text().split()
+    width, height = SIZE
+    rows = Dataset(dataset).episodes[0].camera_objects().to_pylist()
+    compared = 0
+    for line in (out / "train.txt").read_text().split():
+        picture = out / line
+        assert picture.is_file()
+        # Both tools find the labels by replacing "images" in the path.
+        labels = out / line.replace("images", "labels").replace(".png", ".txt")
+        _, camera, frame = (
+            picture.stem.split("_", 1)[0],
+            *picture.stem.split("_", 1)[1].rsplit("_", 1),
+        )
+        seen = [r for r in rows if r["k"] == int(frame) and r["sensor_id"] == camera]
+        for row in labels.read_text().splitlines():
+            number, x, y, w, h = (float(value) for value in row.split())
+            assert names[int(number)] in ("car", "truck", "walker_adult")
+            box = [(x - w / 2) * width, (y - h / 2) * height,
+                   (x + w / 2) * width, (y + h / 2) * height]  # fmt: skip
+            assert min(np.abs(np.subtract(box, r["bbox_amodal"])).max() for r in seen) < 1e-3
+            compared += 1
+    assert compared >= 12
+
+
+def test_both_tools_get_their_description(exported) -> None:
+    out = exported("yolo")
+    document = yaml.safe_load((out / "data.yaml").read_text())
+    names = (out / "obj.names").read_text().split()
+    assert list(document["names"].values()) == names
+    assert list(document["names"]) == list(range(len(names)))
+    assert (out / document["train"]).is_dir()
+    assert any((out / document["val"]).iterdir())
+    description = dict(line.split(" = ") for line in (out / "obj.data").read_text().splitlines())
+    assert int(description["classes"]) == len(names)
+    assert (out / description["train"]).is_file()

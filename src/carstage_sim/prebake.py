@@ -59,14 +59,16 @@ def prebake(
             whole = False
             pace.end(len(source.opendrive))
             continue
-        _finish(town, with_shapes=not warm)
-        warm = True
         if not baked:
             seconds = pace.end(len(source.opendrive))
             report(
                 f"{place}: {len(town.static_mesh.triangles) / 1e3:.0f} thousand triangles, "
                 f"{len(town.spawn_points)} spawn points, {seconds:.0f} s{pace.forecast()}"
             )
+        if not warm:
+            report("machine code and the shapes of vehicles and walkers, once for all maps")
+        _finish(town, with_shapes=not warm)
+        warm = True
     return whole
 
 

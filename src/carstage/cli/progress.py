@@ -61,6 +61,9 @@ class _Talking:
         name = event["event"]
         if name == "server_started":
             self._write(f"Server ({event['kind']}) is up at {event['host']}:{event['port']}.")
+        elif name == "server_tested":
+            held = sum(bool(check["ok"]) for check in event["checks"])
+            self._write(f"Self-test of the server: {held} of {len(event['checks'])} checks hold.")
         elif name == "connected":
             self._write(f"Connected to version {event.get('server_version')}, {event.get('map')}.")
         elif name == "actors_spawned" and event.get("requested") != event.get("spawned"):

@@ -66,6 +66,9 @@ def run_self_test(
         verdict = judge_log(place / "raw")
     except (CollectorError, RawLogError, ServerError) as error:
         verdict = failed_verdict(endpoint.version, client.client, str(error))
+    except KeyboardInterrupt:
+        shutil.rmtree(place, ignore_errors=True)
+        raise
     if verdict.ok:
         shutil.rmtree(place, ignore_errors=True)
     return verdict

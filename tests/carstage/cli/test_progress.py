@@ -69,3 +69,10 @@ def test_a_measurement_says_now_and_then_how_long_the_rest_will_take() -> None:
     for done in (1, 2, 11, 21):
         progress(done, 21)
     assert lines == ["Ticks: 1 of 21.", "Ticks: 11 of 21, 0:00:20 left.", "Ticks: 21 of 21."]
+
+
+def test_verdict_of_the_self_test_is_counted() -> None:
+    lines: list[str] = []
+    checks = [{"name": "frames", "ok": True}, {"name": "LiDAR axes", "ok": False}]
+    LineProgress(lines.append).event({"event": "server_tested", "ok": False, "checks": checks})
+    assert lines == ["Self-test of the server: 1 of 2 checks hold."]

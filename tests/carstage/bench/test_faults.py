@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from carstage.bench.faults.campaign import draw_faults, judge, run_campaign, table, table_text
-from carstage.bench.faults.disks import empty_disk, fill_disk, small_disk
+from carstage.bench.faults.disks import (
+    empty_disk,
+    fill_disk,
+    limit_files,
+    slow_writes,
+    small_disk,
+)
 from carstage.bench.faults.kinds import FAULTS
 from carstage.bench.faults.trial import Trial
 from carstage.errors import BadInputError
@@ -70,6 +79,39 @@ def test_full_disk_takes_nothing_more_until_it_is_emptied(tmp_path: Path) -> Non
             file.write_bytes(bytes(10_000))
         empty_disk(tmp_path / "disk")
         file.write_bytes(bytes(10_000))
+
+
+def test_limit_of_file_sizes_stands_in_for_a_full_disk(tmp_path: Path) -> None:
+    code = (
+        "import sys; print(flush=True); sys.stdin.readline()\n"
+        "try:\n    open(sys.argv[1], 'wb').write(bytes(10_000))\n"
+        "except OSError as error:\n    print(error.strerror)"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path / "file")],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        limit_files(process.pid, 4096)
+        said, _ = process.communicate("\n", timeout=60)
+    assert said == "File too large\n"
+
+
+@pytest.mark.parametrize(("module", "slow"), [("carstage.collector", True), ("other", False)])
+def test_slow_disk_is_slow_for_collectors_alone(tmp_path: Path, module: str, slow: bool) -> None:
+    environment = {**os.environ, **slow_writes(tmp_path / "slow", 0.01)}
+    code = "import os; print(os.pwritev.__module__)"
+    done = subprocess.run(
+        [sys.executable, "-c", code, module],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert (done.stdout.strip() == "sitecustomize") is slow
 
 
 @pytest.mark.end_to_end

@@ -185,7 +185,7 @@ def judge(
     logging_ms = (added["process_s"] - added["main_thread_s"]) / CAMERAS
     return Verdict(
         "overhead",
-        "carstage bench overhead --json",
+        f"carstage bench overhead --raw-store {raw_store} --json",
         (
             Figure("machine_slowness", slow),
             Figure("ticks_of_each_client", sum(block.ticks for block in captured)),

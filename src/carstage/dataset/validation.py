@@ -34,6 +34,7 @@ from carstage.dataset.checks.ranging import (
     check_share,
     compare_with_depth,
 )
+from carstage.dataset.checks.server import check_self_test
 from carstage.dataset.checks.silhouettes import (
     SilhouetteFigures,
     check_silhouettes,
@@ -172,6 +173,7 @@ class _EpisodeChecks:
             if sensor.kind in ROW_SENSORS:
                 self._files.read(sensor.paths(0)[0], sensor=sensor.id)
         check_row_sensors(episode, ledger, recorded, findings)
+        check_self_test(episode, findings)
         tables = LabelTables.load(episode)
         check_labels(episode, tables, saved_times_s(ledger), findings)
         boxes = labelled_boxes(tables, findings)

@@ -364,3 +364,19 @@ def test_a_dataset_without_episodes_is_not_valid(dataset: Path) -> None:
 def test_a_folder_that_is_no_dataset_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match=r"no dataset\.json"):
         validate_dataset(tmp_path)
+
+
+def test_check_that_the_server_failed_before_the_run_is_a_warning(dataset: Path) -> None:
+    (path,) = (dataset / "commits").glob("*.json")
+    marker = json.loads(path.read_bytes())
+    checks = [
+        {"name": "frames", "ok": True, "found": "every frame", "expected": "every frame"},
+        {"name": "LiDAR axes", "ok": False, "found": "y left", "expected": "y right"},
+    ]
+    marker["self_test"] = {"ok": False, "server": "0.10.0", "checks": checks}
+    path.write_text(json.dumps(marker))
+    report = validate_dataset(dataset)
+    assert report.ok
+    (problem,) = report.problems
+    assert (problem.check, problem.severity) == ("self_test", "warning")
+    assert "LiDAR axes: y left; expected: y right" in problem.message

@@ -169,6 +169,8 @@ class LogWriters:
         self._on_sealed(sealed)
         with self._state:
             self._sealed_streams[segment] = self._sealed_streams.get(segment, 0) + 1
+            if task.stream == LEDGER:  # nobody asks for an earlier one any more
+                self._sealed_streams.pop(segment - 1, None)
             self._state.notify_all()
 
     def _others_sealed(self, segment: int) -> bool:

@@ -10,6 +10,8 @@ from carstage_sim.maps import MapCatalogue, MapFileError, MapSamplingError, Town
 from carstage_sim.maps.loading import TownSource
 from carstage_sim.sensors import SensorSuite
 from carstage_sim.world.blueprints import catalogue
+from carstage_sim.world.rehearsal import rehearse
+from carstage_sim.world.world import World
 
 _LEAST_MINUTES_S = 90.0
 
@@ -77,6 +79,7 @@ def _finish(town: Town, *, with_shapes: bool) -> None:
     with SensorSuite(town) as suite:
         if with_shapes:
             suite.warm_up()
+            rehearse(World(town, 1))
             for type_id in catalogue():
                 suite.expect(type_id)
 

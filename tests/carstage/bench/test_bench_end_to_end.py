@@ -46,17 +46,17 @@ def test_every_frame_of_eight_sensors_is_the_one_that_was_sent(
 def test_memory_stays_within_the_budget_on_a_slow_disk(server: Endpoint, tmp_path: Path) -> None:
     budget_bytes = 4_000_000
     verdict = measure_memory(
-        frames=60,
+        frames=30,
         budget_bytes=budget_bytes,
-        disk_bytes_per_s=6e6,
+        disk_bytes_per_s=3e6,
         scratch=tmp_path,
         running=server,
     )
     found = figures(verdict)
-    assert found["frames"] == 60
-    assert found["ticks_waited_s"] > 0
-    # Resident memory of so short a recording says nothing: what is queued is the bound.
-    assert found["largest_queue_of_budget"] <= 1.0
+    assert found["frames"] == 30
+    # Resident memory of so short a recording says nothing: what is queued is the bound. Three
+    # ticks fit in.
+    assert 0.5 <= found["largest_queue_of_budget"] <= 1.0
 
 
 def test_overhead_is_measured_against_a_client_that_drops_everything(

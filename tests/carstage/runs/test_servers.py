@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import ClassVar
 
@@ -9,6 +10,7 @@ import pytest
 
 from carstage.config import Config, load_demo
 from carstage.errors import BadInputError, ServerError
+from carstage.runs import run
 from carstage.runs.interruption import Interruption
 from carstage.runs.selftesting import describe_verdict, refuse, run_self_test
 from carstage.runs.servers import ServerSetup
@@ -126,3 +128,20 @@ def test_self_test_that_cannot_be_recorded_is_a_failed_verdict(
     assert found.failed == ("recording",)
     assert "No room." in found.checks[0].found
     assert (tmp_path / "selftest" / "collector.log").exists()  # kept, to look why
+
+
+def test_run_that_requires_the_self_test_does_not_begin_where_it_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    endpoint = Endpoint("127.0.0.1", free_port(), free_port(), "0.9.16", None)
+    failed = verdict("0.9.16", GOOD, BAD)
+    monkeypatch.setattr(ServerSetup, "warm_up", lambda setup, log_path: endpoint)
+    monkeypatch.setattr("carstage.runs.session.run_self_test", lambda *_, **__: failed)
+    with pytest.raises(ServerError, match="LiDAR axes"):
+        run(config("server.self_test=require", "conversion.workers=1"), tmp_path / "out")
+    (status,) = (tmp_path / "out" / "runs").glob("*/status.json")
+    assert json.loads(status.read_bytes())["state"] == "failed"
+    assert list((tmp_path / "out" / "commits").iterdir()) == []
+    (events,) = (tmp_path / "out" / "runs").glob("*/events.jsonl")
+    tested = [json.loads(line) for line in events.read_text().splitlines()][1]
+    assert (tested["event"], tested["ok"]) == ("server_tested", False)

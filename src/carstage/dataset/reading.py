@@ -14,6 +14,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from carstage.dataset.codecs import codec_for
+from carstage.dataset.querying import query_episodes
 from carstage.dataset.tables import ROW_SENSORS, read_table
 from carstage.errors import BadInputError, DatasetError
 from carstage.storage.description import read_description
@@ -324,6 +325,19 @@ class Dataset:
             Episode(self.path / "episodes" / marker.episode_id / marker.attempt, marker)
             for marker in store.committed().values()
         )
+
+    def sql(self, query: str) -> pa.Table:
+        """The result of an SQL query over the label tables of all episodes (extra ``sql``).
+
+        Args:
+            query: DuckDB's SQL over ``objects``, ``camera_objects``, ``ego``, ``sensor_poses`` and
+                ``frames``, such as ``SELECT class, count(*) FROM objects GROUP BY class``.
+
+        Raises:
+            BadInputError: DuckDB is not installed, or refuses the query.
+            DatasetError: a table is missing or damaged.
+        """
+        return query_episodes(self.episodes, query)
 
 
 def _read_document(path: Path, version: int) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -39,6 +39,7 @@ def with_intensity(points: NDArray[np.float64]) -> NDArray[np.float32]:
     return np.column_stack([points, np.full(len(points), 0.5)]).astype(np.float32)
 
 
+@settings(max_examples=40)
 @given(locations, tilted, locations, tilted)
 def test_a_point_goes_the_same_way_through_kitti_as_through_the_world(
     camera_at: Vector, camera_turned: Vector, lidar_at: Vector, lidar_turned: Vector
@@ -55,6 +56,7 @@ def test_a_point_goes_the_same_way_through_kitti_as_through_the_world(
     np.testing.assert_allclose(by_kitti, by_world, atol=1e-9)
 
 
+@settings(max_examples=40)
 @given(locations, tilted, locations, tilted)
 def test_a_point_of_a_nuscenes_lidar_lands_where_carla_puts_it(
     ego_at: Vector, ego_turned: Vector, lidar_at: Vector, lidar_turned: Vector
@@ -71,6 +73,7 @@ def test_a_point_of_a_nuscenes_lidar_lands_where_carla_puts_it(
     )
 
 
+@settings(max_examples=40)
 @given(locations, tilted, locations, tilted)
 def test_a_camera_of_nuscenes_sees_what_carla_s_sees(
     ego_at: Vector, ego_turned: Vector, camera_at: Vector, camera_turned: Vector
@@ -83,6 +86,7 @@ def test_a_camera_of_nuscenes_sees_what_carla_s_sees(
     np.testing.assert_allclose(optical, expected, atol=1e-9)
 
 
+@settings(max_examples=40)
 @given(locations, tilted)
 def test_poses_of_other_formats_are_proper_rotations(at: Vector, turned: Vector) -> None:
     pose = pose_matrix(at, turned)
@@ -99,6 +103,7 @@ def test_poses_of_other_formats_are_proper_rotations(at: Vector, turned: Vector)
         np.testing.assert_allclose(again, rotation, atol=1e-9)
 
 
+@settings(max_examples=40)
 @given(locations, st.floats(-180.0, 179.9), locations, st.floats(-180.0, 179.9), extents)
 def test_upright_boxes_come_back_from_kitti(
     at: Vector, yaw_deg: float, camera_at: Vector, camera_yaw_deg: float, extent: Vector
@@ -111,6 +116,7 @@ def test_upright_boxes_come_back_from_kitti(
     np.testing.assert_allclose(size, extent, rtol=1e-12)
 
 
+@settings(max_examples=40)
 @given(locations, tilted, extents)
 def test_boxes_come_back_from_nuscenes(at: Vector, turned: Vector, extent: Vector) -> None:
     center, rotation, size = carla_box_from_nuscenes(nuscenes_box(pose_matrix(at, turned), extent))

@@ -16,7 +16,7 @@ from carstage.selftest.sight import CLEARLY, EXPLAINS, LAGS, Sight, pairs
 from carstage.selftest.verdict import Check
 from carstage.selftest.warping import inside_box
 
-_STILL = "those of their own tick"
+_OWN = "those of their own tick"
 _LIKE = 30
 _EDGE_PX = 3
 _GROUND_M = 0.15
@@ -31,7 +31,7 @@ def check_poses(sight: Sight) -> Check:
     others = max(share for other, share in shares.items() if other != lag)
     sure = shares[lag] >= EXPLAINS and shares[lag] >= CLEARLY * others
     found = _words(lag) if sure else "no tick's for certain"
-    return Check("camera poses", sure and lag == 0, found, _STILL, shares[lag])
+    return Check("camera poses", sure and lag == 0, found, _OWN, shares[lag])
 
 
 def check_pictures(sight: Sight, name: str) -> Check:
@@ -45,8 +45,9 @@ def check_pictures(sight: Sight, name: str) -> Check:
     lag = max(shares, key=lambda candidate: shares[candidate])
     others = max(share for other, share in shares.items() if other != lag)
     sure = shares[lag] > others
-    found = _words(lag) if sure else "no tick's for certain"
-    return Check(f"{name} pictures", sure and lag == 0, found, _STILL, shares[lag])
+    # Where the picture a tick later fits, a picture shows the tick before its own.
+    found = _words(-lag) if sure else "no tick's for certain"
+    return Check(f"{name} pictures", sure and lag == 0, found, _OWN, shares[lag])
 
 
 def check_actors(sight: Sight) -> Check:
@@ -64,7 +65,7 @@ def check_actors(sight: Sight) -> Check:
     if own < _FEWEST * evidence.ticks:
         return Check("actor poses", False, "the vehicle is not in its box", expected, 0.0)
     lag = max(shares, key=lambda candidate: shares[candidate])
-    found = expected if lag == 0 else f"where they are {_offset(lag)}"
+    found = expected if lag == 0 else f"where the snapshot {_offset(lag)} has them"
     others = max(share for other, share in shares.items() if other != 0)
     return Check("actor poses", lag == 0, found, expected, 1.0 - others)
 
@@ -125,7 +126,7 @@ def _edges(picture: NDArray[np.uint8], alike: Alike) -> NDArray[np.bool_]:
 
 
 def _words(lag: int) -> str:
-    return _STILL if lag == 0 else f"those of {_offset(lag)}"
+    return _OWN if lag == 0 else f"those of {_offset(lag)}"
 
 
 def _offset(lag: int) -> str:

@@ -114,15 +114,14 @@ def test_camera_that_lags_behind_the_depth_camera_is_found(
     spoilt = with_pictures(evidence, **{camera: late(evidence.pictures[camera])})
     found = check_pictures(replace(sight, evidence=spoilt), camera)
     assert not found.ok
-    # Tick t holds the picture of t - 1: the one that fits stands a tick later.
-    assert found.found == "those of 1 tick after"
+    assert found.found == "those of 1 tick before"
 
 
 def test_actors_that_lag_in_the_snapshot_are_found(evidence: Evidence, sight: Sight) -> None:
     vehicle = replace(evidence.vehicle, world_from_box=late(evidence.vehicle.world_from_box))
     found = check_actors(replace(sight, evidence=replace(evidence, vehicle=vehicle)))
     assert not found.ok
-    assert found.found == "where they are 1 tick after"
+    assert found.found == "where the snapshot 1 tick after has them"
 
 
 def test_instance_ids_with_swapped_bytes_are_recognised(evidence: Evidence, sight: Sight) -> None:

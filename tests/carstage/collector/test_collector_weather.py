@@ -8,8 +8,11 @@ import pytest
 
 pytest.importorskip("carla")
 
+from collections.abc import Sequence
+
 import carla
 
+from carstage.collector.dialect import weather_values
 from carstage.collector.errors import SceneError
 from carstage.collector.lamps import DRIVING_LIGHTS, lights_for
 from carstage.collector.plan import WeatherMoment, WeatherPlan
@@ -58,6 +61,19 @@ def test_unknown_weather_is_refused_with_its_place(change: WeatherMoment, path: 
     with pytest.raises(SceneError) as caught:
         planned_timeline(plan(change))
     assert caught.value.message.startswith(path)
+
+
+def test_parameter_that_an_old_client_lacks_may_only_be_zero(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def as_0_9_13(weather: carla.WeatherParameters, names: Sequence[str]) -> dict[str, float]:
+        return weather_values(weather, [name for name in names if name != "dust_storm"])
+
+    monkeypatch.setattr("carstage.collector.weather.weather_values", as_0_9_13)
+    timeline = planned_timeline(plan(WeatherMoment(1.0, None, {"dust_storm": 0.0})))
+    assert "dust_storm" not in timeline.at(2.0)
+    with pytest.raises(SceneError, match="dust_storm"):
+        planned_timeline(plan(WeatherMoment(1.0, None, {"dust_storm": 5.0})))
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from contextlib import ExitStack
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -46,6 +47,7 @@ class Exporter(ABC):
         name: what users write.
         summary: one line about it.
         uses: the names of the options that it knows; others are refused.
+        files: holds what the exporter has open.
     """
 
     name: ClassVar[str]
@@ -54,6 +56,7 @@ class Exporter(ABC):
 
     def __init__(self, options: ExportOptions) -> None:
         self.options = options
+        self.files = ExitStack()
 
     @abstractmethod
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
@@ -79,12 +82,9 @@ class Exporter(ABC):
     def finish(self) -> None:
         """All episodes were added: write what is common to them and close all files."""
 
-    @abstractmethod
-    def abandon(self) -> None:
-        """Close what is open: called at the very end, also where something failed before.
-
-        The folder of an export that failed is removed afterwards.
-        """
+    def close(self) -> None:
+        """Close what is open; called at the very end, also where something failed before."""
+        self.files.close()
 
 
 _Class = TypeVar("_Class", bound=type[Exporter])

@@ -145,7 +145,7 @@ def _write(
     with ExitStack() as stack:
         pool = None if workers == 0 else stack.enter_context(_pool(workers))
         stack.callback(_frames_of.cache_clear)
-        stack.callback(exporter.abandon)
+        stack.callback(exporter.close)
         exporter.begin(episodes, folder)
         for episode in episodes:
             writer = exporter.begin_episode(episode)

@@ -64,7 +64,7 @@ class ExporterTests:
                 exporter.add(part)
         exporter.end_episode()
         exporter.finish()
-        exporter.abandon()
+        exporter.close()
 
     def test_it_refuses_the_options_that_it_does_not_use(self) -> None:
         uses = exporters()[self.name].uses

@@ -125,7 +125,8 @@ class Coco(Exporter):
             (self._folder / f"panoptic_{split}").mkdir(parents=True)
             for table in ("images", "annotations", "panoptic_images", "panoptic"):
                 path = self._folder / f".{table}_{split}.json"
-                self._rows[split, table] = JsonRows(path)
+                rows = self._rows[split, table] = JsonRows(path)
+                self.files.callback(rows.close)
         self._images = self._annotations = 0
 
     def begin_episode(self, episode: Episode) -> CocoWriter:
@@ -189,11 +190,6 @@ class Coco(Exporter):
             file.write(', "annotations": ')
             tables[1].move_into(file)
             file.write("}\n")
-
-    def abandon(self) -> None:
-        """Close the tables."""
-        for rows in self._rows.values():
-            rows.close()
 
 
 def _supercategory(name: str) -> str:

@@ -78,10 +78,13 @@ class KittiObject(Exporter):
         (folder / "ImageSets").mkdir()
         self._splits = split_episodes(episodes, self.options.validation_share)
         self._lists: dict[str, IO[str]] = {
-            split: (folder / "ImageSets" / f"{split}.txt").open("w", encoding="ascii")
+            split: self.files.enter_context(
+                (folder / "ImageSets" / f"{split}.txt").open("w", encoding="ascii")
+            )
             for split in (*SPLITS, "trainval")
         }
-        self._index = (folder / "frames.csv").open("w", encoding="utf-8")
+        index = (folder / "frames.csv").open("w", encoding="utf-8")
+        self._index = self.files.enter_context(index)
         self._index.write("name,episode_id,k,timestamp_s,camera\n")
         self._number = 0
 
@@ -105,10 +108,4 @@ class KittiObject(Exporter):
 
     def finish(self) -> None:
         """Close the lists."""
-        self.abandon()
-
-    def abandon(self) -> None:
-        """Close the lists."""
-        for file in (*getattr(self, "_lists", {}).values(), getattr(self, "_index", None)):
-            if file is not None:
-                file.close()
+        self.close()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -117,7 +116,6 @@ class KittiTracking(Exporter):
         self._folder = folder
         self._splits = split_episodes(episodes, self.options.validation_share)
         self._sequences: list[tuple[str, Episode]] = []
-        self._open = ExitStack()
 
     def begin_episode(self, episode: Episode) -> SequenceWriter:
         """Open the files of a new sequence."""
@@ -126,10 +124,10 @@ class KittiTracking(Exporter):
         self._sequences.append((sequence, episode))
         for name in ("image_02", "velodyne"):
             (self._training / name / sequence).mkdir()
-        self._labels = self._open.enter_context(
+        self._labels = self.files.enter_context(
             (self._training / "label_02" / f"{sequence}.txt").open("w", encoding="ascii")
         )
-        self._inertial = self._open.enter_context(
+        self._inertial = self.files.enter_context(
             (self._training / "oxts" / f"{sequence}.txt").open("w", encoding="ascii")
         )
         self._calibration: str | None = None
@@ -158,7 +156,7 @@ class KittiTracking(Exporter):
 
     def end_episode(self) -> None:
         """Close the files of the sequence."""
-        self._open.close()
+        self.close()
         sequence = self._sequences[-1][0]
         path = self._training / "calib" / f"{sequence}.txt"
         path.write_text(self._calibration or "", "ascii")
@@ -172,8 +170,3 @@ class KittiTracking(Exporter):
             path.write_text("".join(lines), "ascii")
         lines = [f"{sequence},{episode.id}\n" for sequence, episode in self._sequences]
         (self._folder / "sequences.csv").write_text("sequence,episode_id\n" + "".join(lines))
-
-    def abandon(self) -> None:
-        """Close the files of the sequence."""
-        if hasattr(self, "_open"):
-            self._open.close()

@@ -60,8 +60,8 @@ class McapFiles(Exporter):
         """Open the episode's file."""
         from mcap.writer import Writer
 
-        self._file = (self._folder / f"{episode.id}.mcap").open("wb")
-        self._writer: Writer = Writer(self._file)
+        file = (self._folder / f"{episode.id}.mcap").open("wb")
+        self._writer: Writer = Writer(self.files.enter_context(file))
         self._writer.start(profile="", library=f"carstage {__version__}")
         self._writer.add_metadata(
             "episode", {"episode_id": episode.id, "map": str(episode.document["map"])}
@@ -84,15 +84,10 @@ class McapFiles(Exporter):
     def end_episode(self) -> None:
         """Write the file's index."""
         self._writer.finish()  # type: ignore[no-untyped-call]
-        self._file.close()
+        self.close()
 
     def finish(self) -> None:
         """Every file is whole already."""
-
-    def abandon(self) -> None:
-        """Close the episode's file."""
-        if hasattr(self, "_file"):
-            self._file.close()
 
     def _channel(self, message: Stamped) -> int:
         if message.topic not in self._channels:

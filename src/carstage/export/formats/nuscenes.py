@@ -61,6 +61,7 @@ class NuScenes(Exporter):
         }
         self._number = 0
         self._tables = Tables(folder / VERSION)
+        self.files.callback(self._tables.close)
 
     def begin_episode(self, episode: Episode) -> SampleWriter:
         """Open a scene."""
@@ -185,11 +186,6 @@ class NuScenes(Exporter):
         }
         path = self._folder / VERSION / "splits.json"
         path.write_text(json.dumps(splits, indent=1) + "\n")
-
-    def abandon(self) -> None:
-        """Close the tables."""
-        if hasattr(self, "_tables"):
-            self._tables.close()
 
     def _time_us(self, time_s: float) -> int:
         """An invented epoch: episodes lie a day apart, so that none overlap."""

@@ -110,7 +110,8 @@ class WebDataset(Exporter):
                 tar.close()
             counts = self._samples.setdefault(split, [])
             path = self._folder / f"{split}-{len(counts):06d}.tar"
-            tar = self._tars[split] = tarfile.open(path, "w", format=tarfile.USTAR_FORMAT)  # noqa: SIM115
+            tar = tarfile.open(path, "w", format=tarfile.USTAR_FORMAT)  # noqa: SIM115 - see files
+            self._tars[split] = self.files.enter_context(tar)
             counts.append(0)
         for name, content in part:
             entry = tarfile.TarInfo(name)
@@ -124,15 +125,10 @@ class WebDataset(Exporter):
 
     def finish(self) -> None:
         """Close the tar files and write ``shards.json``: samples by tar file."""
-        self.abandon()
+        self.close()
         shards = {
             f"{split}-{number:06d}.tar": samples
             for split, counts in sorted(self._samples.items())
             for number, samples in enumerate(counts)
         }
         (self._folder / "shards.json").write_text(json.dumps(shards, indent=1) + "\n")
-
-    def abandon(self) -> None:
-        """Close the tar files."""
-        for tar in self._tars.values():
-            tar.close()

@@ -75,7 +75,8 @@ class Yolo(Exporter):
         self._folder = folder
         self._splits = split_episodes(episodes, self.options.validation_share)
         self._lists: dict[Split, IO[str]] = {
-            split: (folder / f"{split}.txt").open("w", encoding="utf-8") for split in SPLITS
+            split: self.files.enter_context((folder / f"{split}.txt").open("w", encoding="utf-8"))
+            for split in SPLITS
         }
 
     def begin_episode(self, episode: Episode) -> YoloWriter:
@@ -93,7 +94,7 @@ class Yolo(Exporter):
 
     def finish(self) -> None:
         """Write the names of the classes."""
-        self.abandon()
+        self.close()
         (self._folder / "obj.names").write_text("".join(f"{name}\n" for name in CLASSES))
         (self._folder / "obj.data").write_text(
             f"classes = {len(CLASSES)}\ntrain = train.txt\nvalid = val.txt\n"
@@ -105,8 +106,3 @@ class Yolo(Exporter):
         (self._folder / "data.yaml").write_text(
             f"train: images/train\nval: images/{val}\nnames:\n{names}"
         )
-
-    def abandon(self) -> None:
-        """Close the lists."""
-        for file in getattr(self, "_lists", {}).values():
-            file.close()

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
 
 pytest.importorskip("carla")
-
-from collections.abc import Sequence
 
 import carla
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,11 +11,6 @@ from PIL import Image
 
 from carstage.dataset import Dataset
 from carstage.tags import TAGS_0_9_14
-
-pytest.importorskip("pycocotools", reason="pycocotools is not installed")
-
-from pycocotools.coco import COCO
-from pycocotools.cocoeval import COCOeval
 
 pytestmark = [
     pytest.mark.xdist_group("export"),
@@ -24,12 +20,16 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def coco(exported) -> COCO:
-    return COCO(str(exported("coco") / "annotations/instances_train.json"))
+def coco(exported) -> Any:
+    """The export as pycocotools sees it; imported late, as that takes seconds."""
+    pycocotools = pytest.importorskip("pycocotools.coco", reason="pycocotools is not installed")
+    return pycocotools.COCO(str(exported("coco") / "annotations/instances_train.json"))
 
 
 @pytest.mark.parametrize("kind", ["bbox", "segm"])
-def test_our_labels_as_detections_get_full_marks(coco: COCO, kind: str) -> None:
+def test_our_labels_as_detections_get_full_marks(coco: Any, kind: str) -> None:
+    from pycocotools.cocoeval import COCOeval
+
     keys = ("image_id", "category_id", "bbox", "segmentation")
     found = [
         {**{key: row[key] for key in keys}, "score": 1.0} for row in coco.dataset["annotations"]
@@ -42,7 +42,7 @@ def test_our_labels_as_detections_get_full_marks(coco: COCO, kind: str) -> None:
     assert len(found) >= 12
 
 
-def test_masks_fill_their_boxes_and_have_their_area(coco: COCO) -> None:
+def test_masks_fill_their_boxes_and_have_their_area(coco: Any) -> None:
     for row in coco.dataset["annotations"]:
         mask = coco.annToMask(row)
         x, y = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
@@ -50,7 +50,7 @@ def test_masks_fill_their_boxes_and_have_their_area(coco: COCO) -> None:
         assert row["area"] == mask.sum()
 
 
-def test_pictures_lie_where_the_tables_say(coco: COCO, exported) -> None:
+def test_pictures_lie_where_the_tables_say(coco: Any, exported) -> None:
     assert len(coco.dataset["images"]) == 12
     for row in coco.dataset["images"]:
         with Image.open(exported("coco") / "train" / row["file_name"]) as picture:

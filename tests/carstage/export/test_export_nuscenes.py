@@ -4,27 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from carstage.dataset import Dataset
 from carstage.export.formats.nuscenes_files import lidar_file, radar_file
-
-pytest.importorskip("nuscenes", reason="nuscenes-devkit is not installed")
-
-import matplotlib as mpl
-
-mpl.use("Agg")
-
-from nuscenes.eval.detection.config import config_factory
-from nuscenes.eval.detection.evaluate import DetectionEval
-from nuscenes.eval.detection.utils import category_to_detection_name
-from nuscenes.nuscenes import NuScenes
-from nuscenes.utils.data_classes import LidarPointCloud, RadarPointCloud
-from nuscenes.utils.geometry_utils import points_in_box, view_points
-from PIL import Image
 
 VERSION = "v1.0-carstage"
 KNOWN = ("car", "truck", "pedestrian")
@@ -33,8 +21,31 @@ pytestmark = pytest.mark.xdist_group("export")
 
 
 @pytest.fixture(scope="module")
-def nusc(exported) -> Any:
-    return NuScenes(VERSION, str(exported("nuscenes")), verbose=False)
+def devkit() -> SimpleNamespace:
+    """What the tests use of nuscenes-devkit; imported late, as that takes seconds."""
+    pytest.importorskip("nuscenes", reason="nuscenes-devkit is not installed")
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from nuscenes.eval.detection import config, evaluate, utils
+    from nuscenes.nuscenes import NuScenes
+    from nuscenes.utils import data_classes, geometry_utils
+
+    return SimpleNamespace(
+        NuScenes=NuScenes,
+        DetectionEval=evaluate.DetectionEval,
+        config_factory=config.config_factory,
+        category_to_detection_name=utils.category_to_detection_name,
+        LidarPointCloud=data_classes.LidarPointCloud,
+        RadarPointCloud=data_classes.RadarPointCloud,
+        points_in_box=geometry_utils.points_in_box,
+        view_points=geometry_utils.view_points,
+    )
+
+
+@pytest.fixture(scope="module")
+def nusc(exported, devkit) -> Any:
+    return devkit.NuScenes(VERSION, str(exported("nuscenes")), verbose=False)
 
 
 def test_the_devkit_loads_it_and_walks_its_links(nusc) -> None:
@@ -56,7 +67,7 @@ def test_the_devkit_loads_it_and_walks_its_links(nusc) -> None:
         assert (last, count) == (instance["last_annotation_token"], instance["nbr_annotations"])
 
 
-def test_our_labels_as_predictions_get_full_marks(nusc, tmp_path: Path) -> None:
+def test_our_labels_as_predictions_get_full_marks(devkit, nusc, tmp_path: Path) -> None:
     names = {row["token"]: row["name"] for row in nusc.attribute}
     results: dict[str, list[dict[str, Any]]] = {}
     for sample in nusc.sample:
@@ -68,16 +79,16 @@ def test_our_labels_as_predictions_get_full_marks(nusc, tmp_path: Path) -> None:
                     "sample_token": sample["token"],
                     **{key: row[key] for key in ("translation", "size", "rotation")},
                     "velocity": nusc.box_velocity(token)[:2].tolist(),
-                    "detection_name": category_to_detection_name(row["category_name"]),
+                    "detection_name": devkit.category_to_detection_name(row["category_name"]),
                     "detection_score": 1.0,
                     "attribute_name": names[row["attribute_tokens"][0]],
                 }
             )
     meta = {f"use_{kind}": False for kind in ("camera", "lidar", "radar", "map", "external")}
     (tmp_path / "results.json").write_text(json.dumps({"meta": meta, "results": results}))
-    evaluation = DetectionEval(
+    evaluation = devkit.DetectionEval(
         nusc,
-        config_factory("detection_cvpr_2019"),
+        devkit.config_factory("detection_cvpr_2019"),
         str(tmp_path / "results.json"),
         "carstage_train",
         str(tmp_path / "out"),
@@ -90,21 +101,21 @@ def test_our_labels_as_predictions_get_full_marks(nusc, tmp_path: Path) -> None:
             assert value == pytest.approx(0.0, abs=1e-6), (name, error)
 
 
-def test_boxes_hold_the_points_that_were_counted(nusc) -> None:
+def test_boxes_hold_the_points_that_were_counted(devkit, nusc) -> None:
     compared = 0
     for sample in nusc.sample:
         path, boxes, _ = nusc.get_sample_data(sample["data"]["LIDAR_TOP"])
-        points = LidarPointCloud.from_file(path).points[:3]
+        points = devkit.LidarPointCloud.from_file(path).points[:3]
         assert len(boxes) == len(sample["anns"])
         for box in boxes:
             counted = nusc.get("sample_annotation", box.token)["num_lidar_pts"]
             box.wlh += 0.02  # the scene's points lie on the faces, give or take a rounding
-            assert counted <= int(points_in_box(box, points).sum()) <= 2 * counted + 20
+            assert counted <= int(devkit.points_in_box(box, points).sum()) <= 2 * counted + 20
             compared += counted
     assert compared > 100
 
 
-def test_boxes_project_onto_the_2d_boxes(nusc, dataset) -> None:
+def test_boxes_project_onto_the_2d_boxes(devkit, nusc, dataset) -> None:
     rows = Dataset(dataset).episodes[0].camera_objects().to_pylist()
     compared = 0
     for sample in nusc.sample:
@@ -112,7 +123,7 @@ def test_boxes_project_onto_the_2d_boxes(nusc, dataset) -> None:
         for channel in ("CAM_FRONT", "CAM_LEFT"):
             _, boxes, intrinsic = nusc.get_sample_data(sample["data"][channel])
             for box in boxes:
-                uv = view_points(box.corners(), intrinsic, normalize=True)[:2]
+                uv = devkit.view_points(box.corners(), intrinsic, normalize=True)[:2]
                 found = [*uv.min(axis=1), *uv.max(axis=1)]
                 depth = float(box.center[2])
                 (seen,) = [
@@ -177,11 +188,11 @@ def test_rings_follow_from_elevation() -> None:
     np.testing.assert_allclose(rows[:, 1], points[:, 0])  # forward is y
 
 
-def test_the_devkit_reads_radar_files(tmp_path: Path) -> None:
+def test_the_devkit_reads_radar_files(devkit, tmp_path: Path) -> None:
     detections = np.array([[-5.0, 0.1, 0.0, 30.0], [3.0, -0.2, 0.0, 10.0]], np.float32)
     path = tmp_path / "radar.pcd"
     path.write_bytes(radar_file(detections, np.array([10.0, 0.0, 0.0])))
-    points = RadarPointCloud.from_file(str(path)).points
+    points = devkit.RadarPointCloud.from_file(str(path)).points
     assert points.shape == (18, 2)
     np.testing.assert_allclose(points[:2, 0], [30 * np.cos(0.1), -30 * np.sin(0.1)], rtol=1e-6)
     # It approaches at 5 m/s while the radar itself drives at 10: it drives away at 5 along the ray.
@@ -190,4 +201,4 @@ def test_the_devkit_reads_radar_files(tmp_path: Path) -> None:
         points[8:10, 0], [rate * np.cos(0.1), -rate * np.sin(0.1)], rtol=1e-5
     )
     path.write_bytes(radar_file(np.zeros((0, 4), np.float32), np.zeros(3)))
-    assert RadarPointCloud.from_file(str(path)).points.shape == (18, 0)
+    assert devkit.RadarPointCloud.from_file(str(path)).points.shape == (18, 0)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import gc
 import json
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
 
 from carstage.dataset import Dataset
 from carstage.export.formats import webdataset as exporter
-
-wds = pytest.importorskip("webdataset", reason="webdataset is not installed")
 
 pytestmark = [
     pytest.mark.xdist_group("export"),
@@ -21,14 +20,14 @@ pytestmark = [
 ]
 
 
-@pytest.fixture(autouse=True)
-def collected() -> Iterator[None]:
-    """Let those warnings come up in the tests that they are of."""
-    yield
+@pytest.fixture
+def wds() -> Iterator[Any]:
+    """The package; its warnings come up in the tests that they are of."""
+    yield pytest.importorskip("webdataset", reason="webdataset is not installed")
     gc.collect()
 
 
-def test_samples_hold_pictures_points_and_labels(exported, dataset) -> None:
+def test_samples_hold_pictures_points_and_labels(exported, dataset, wds) -> None:
     episode = Dataset(dataset).episodes[0]
     shard = exported("webdataset") / "train-000000.tar"
     samples = list(wds.WebDataset(str(shard), shardshuffle=False).decode("rgb8"))
@@ -50,7 +49,7 @@ def test_samples_hold_pictures_points_and_labels(exported, dataset) -> None:
 
 
 def test_a_full_shard_is_followed_by_the_next(
-    dataset, tmp_path, monkeypatch: pytest.MonkeyPatch
+    dataset, tmp_path, wds, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from carstage.export import export_dataset
 

@@ -13,7 +13,16 @@ if TYPE_CHECKING:
     from carstage.export import Completeness, ExportSummary
 
 
-FORMATS = ("coco", "kitti-object", "kitti-tracking", "mcap", "nuscenes", "webdataset", "yolo")
+FORMATS = (
+    "coco",
+    "kitti-object",
+    "kitti-tracking",
+    "mcap",
+    "nuscenes",
+    "video",
+    "webdataset",
+    "yolo",
+)
 _MOST_NOTED = 20
 
 
@@ -60,6 +69,12 @@ def export(
     validation_share: Annotated[
         float, typer.Option("--validation-share", help="Share of the episodes for validation.")
     ] = 0.0,
+    codec: Annotated[
+        str | None,
+        typer.Option(
+            "--codec", metavar="ffv1|h264", help="Of videos: without loss (default), or small."
+        ),
+    ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace an export that stands at OUT.")
     ] = False,
@@ -91,7 +106,7 @@ def export(
         exporter_for,
     )
 
-    choices: dict[str, Any] = {"boxes": boxes, "occlusion": occlusion}
+    choices: dict[str, Any] = {"boxes": boxes, "occlusion": occlusion, "codec": codec}
     options = ExportOptions(
         cameras=tuple(camera or ()),
         lidar=lidar,

@@ -9,6 +9,7 @@ from carstage.errors import BadInputError
 
 BoxChoice = Literal["amodal", "modal"]
 OcclusionChoice = Literal["stage_vo", "pixel"]
+CodecChoice = Literal["ffv1", "h264"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +25,7 @@ class ExportOptions:
         max_distance_m: objects farther from the camera (nuScenes: from the ego) are left out.
         include_invisible: whether objects that nothing is seen of are exported too.
         validation_share: share of the episodes that goes to the validation split.
+        codec: of videos: lossless or small.
     """
 
     cameras: tuple[str, ...] = ()
@@ -34,11 +36,13 @@ class ExportOptions:
     max_distance_m: float | None = None
     include_invisible: bool = False
     validation_share: float = 0.0
+    codec: CodecChoice | None = None
 
     def __post_init__(self) -> None:
         for name, given, known in (
             ("boxes", self.boxes, get_args(BoxChoice)),
             ("occlusion", self.occlusion, get_args(OcclusionChoice)),
+            ("codec", self.codec, get_args(CodecChoice)),
         ):
             if given is not None and given not in known:
                 raise BadInputError(f"{name}: {given!r}.", f"Give {' or '.join(known)}.")

@@ -6,6 +6,7 @@ from carstage.export.formats import (
     kitti_tracking,
     mcap_files,
     nuscenes,
+    video,
     webdataset,
     yolo,
 )
@@ -16,6 +17,7 @@ __all__ = [
     "kitti_tracking",
     "mcap_files",
     "nuscenes",
+    "video",
     "webdataset",
     "yolo",
 ]

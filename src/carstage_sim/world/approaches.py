@@ -28,6 +28,8 @@ class Approaches:
 
     def __init__(self, sites: Sequence[TrafficLightSite], lanes: LaneSamples) -> None:
         self._count = len(sites)
+        self._junction_of_light = np.array([site.junction_id for site in sites], np.int32)
+        self._junction_of_sample = lanes.junction_id
         self._light_of_sample = np.full(len(lanes.s_m), -1, np.int32)
         self._is_near = np.zeros(len(lanes.s_m), np.bool_)
         for light, site in enumerate(sites):
@@ -48,6 +50,7 @@ class Approaches:
         return Queues(
             count=np.bincount(light[counted], minlength=self._count),
             near=np.bincount(near, minlength=self._count) > 0,
+            beyond=np.isin(self._junction_of_light, self._junction_of_sample[samples]),
         )
 
 

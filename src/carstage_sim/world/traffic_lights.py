@@ -7,7 +7,8 @@ time, not how long a light stays red.
 Unlike CARLA's, the signals are actuated, as most in real cities are: a green lasts until its queue
 is gone or small against another one, and the longest queue is next, but nobody waits for ever (the
 idea of max pressure control: Varaiya, "Max pressure control of a network of signalized
-intersections", 2013). ``green_s`` then has no say. While nobody is about, or once a client has set
+intersections", 2013); the clearing time ends when nobody is left on the junction. ``green_s`` then
+has no say, and ``red_s`` is a bound. While nobody is about, or once a client has set
 a light of the junction, the cycle is CARLA's.
 """
 
@@ -62,10 +63,12 @@ class Queues:
     Attributes:
         count: ``(L,)`` int, vehicles that wait or come before each light.
         near: ``(L,)`` bool, whether one of them is so near that the light's green is in use.
+        beyond: ``(L,)`` bool, whether anybody is on each light's junction.
     """
 
     count: NDArray[np.int64]
     near: NDArray[np.bool_]
+    beyond: NDArray[np.bool_]
 
 
 @dataclass(slots=True)
@@ -152,23 +155,32 @@ class TrafficLightSystem:
         for junction in self._junctions:
             if self.frozen[junction.lights[0]]:
                 continue
+            junction.elapsed_s += delta_s
             if queues is not None and junction.is_actuated:
                 counts = [int(queues.count[phase].sum()) for phase in junction.phases]
                 is_used = bool(queues.near[junction.phases[junction.active]].any())
-                self._advance(junction, delta_s, counts, is_used)
+                is_clear = not queues.beyond[junction.lights[0]]
+                self._actuate(junction, delta_s, counts, is_used=is_used, is_clear=is_clear)
             else:
-                self._advance(junction, delta_s, [0] * len(junction.phases), is_used=False)
+                self._advance(junction, [0] * len(junction.phases))
 
-    def _advance(
-        self, junction: _Junction, delta_s: float, counts: list[int], is_used: bool
+    def _actuate(
+        self,
+        junction: _Junction,
+        delta_s: float,
+        counts: list[int],
+        *,
+        is_used: bool,
+        is_clear: bool,
     ) -> None:
-        """Advances one cycle.
+        """Advances one cycle as its detectors want it.
 
         Args:
+            delta_s: by so much, which is in the cycle's time already.
             counts: vehicles before each phase.
             is_used: whether one is near the active phase.
+            is_clear: whether nobody is on the junction.
         """
-        junction.elapsed_s += delta_s
         junction.unused_s = 0.0 if is_used else junction.unused_s + delta_s
         junction.waited_s = [
             waited_s + delta_s if count else 0.0
@@ -176,11 +188,16 @@ class TrafficLightSystem:
         ]
         if junction.part == TrafficLightState.GREEN and any(counts):
             junction.waited_s[junction.active] = 0.0
-            ends = _green_ends(junction, counts)
-            green_s = self._duration_s(junction)
-            junction.elapsed_s = green_s if ends else min(junction.elapsed_s, green_s)
-            if not ends:
+            if not _green_ends(junction, counts):
+                junction.elapsed_s = min(junction.elapsed_s, self._duration_s(junction))
                 return
+            junction.elapsed_s = self._duration_s(junction)
+        elif junction.part == TrafficLightState.RED and any(counts) and is_clear:
+            junction.elapsed_s = self._duration_s(junction)
+        self._advance(junction, counts)
+
+    def _advance(self, junction: _Junction, counts: list[int]) -> None:
+        """Begins the parts of a cycle that are due."""
         while junction.elapsed_s + _ROUNDING_S >= self._duration_s(junction):
             junction.elapsed_s = max(junction.elapsed_s - self._duration_s(junction), 0.0)
             junction.part = _NEXT[junction.part]

@@ -37,7 +37,17 @@ def test_every_light_counts_who_comes_to_it(
             assert noticed(stage01, approaches, place).get(light) == is_near
 
 
+def test_every_light_sees_who_is_on_its_junction(stage01: Town, approaches: Approaches) -> None:
+    lanes, sites = stage01.lanes, stage01.traffic_lights
+    for junction_id in {site.junction_id for site in sites}:
+        on_it = np.flatnonzero(lanes.junction_id == junction_id).astype(np.int32)
+        for sample in (on_it[0], on_it[len(on_it) // 2]):
+            beyond = approaches.queues(np.array([sample])).beyond
+            assert beyond.tolist() == [site.junction_id == junction_id for site in sites]
+
+
 def test_nobody_on_the_road_is_noticed_by_nobody(stage01: Town, approaches: Approaches) -> None:
     queues = approaches.queues(np.zeros(0, np.int32))
     assert not queues.count.any()
     assert not queues.near.any()
+    assert not queues.beyond.any()

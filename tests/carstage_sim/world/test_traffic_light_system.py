@@ -86,11 +86,14 @@ def test_elapsed_time_counts_from_each_lights_own_change(lights: TrafficLightSys
     assert lights.elapsed_s[1] == pytest.approx(12.0)
 
 
-def run_with(lights: TrafficLightSystem, seconds: float, queues: dict[int, int]) -> None:
+def run_with(
+    lights: TrafficLightSystem, seconds: float, queues: dict[int, int], *, is_clear: bool = False
+) -> None:
     """Lets time pass with so many vehicles before the lights."""
     count = np.array([queues.get(light, 0) for light in range(len(lights))])
+    beyond = np.full(len(lights), not is_clear)
     for _ in range(round(seconds / 0.05)):
-        lights.step(0.05, Queues(count, count > 0))
+        lights.step(0.05, Queues(count, count > 0, beyond))
 
 
 def test_a_green_that_nobody_uses_ends_early_when_somebody_waits(
@@ -143,6 +146,17 @@ def test_phases_that_nobody_waits_for_are_left_out() -> None:
     lights = TrafficLightSystem([site(str(n), 1, n) for n in range(3)])
     run_with(lights, LONGEST_WAIT_S + 5.0, {0: 1, 2: 1})
     assert lights.state.tolist() == [RED, RED, GREEN]
+
+
+def test_the_clearing_time_ends_when_nobody_is_left_on_the_junction(
+    lights: TrafficLightSystem,
+) -> None:
+    run_with(lights, LEAST_GREEN_S + 2.95, {1: 1}, is_clear=True)
+    assert lights.state[:2].tolist() == [YELLOW, RED]
+    run_with(lights, 0.5, {1: 1})
+    assert lights.state[:2].tolist() == [RED, RED]
+    run_with(lights, 0.05, {1: 1}, is_clear=True)
+    assert lights.state[:2].tolist() == [RED, GREEN]
 
 
 def test_the_longest_queue_is_next_unless_somebody_has_waited_long() -> None:

@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor as Pool
 from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -489,6 +490,7 @@ def _start_pool(workers: int) -> Pool:
     They are started with the terminal's signals blocked, which a child inherits: Ctrl-C reaches a
     worker also before it can decide to ignore it.
     """
+    resource_tracker.ensure_running()  # its own start unblocks SIGINT
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGHUP))
     try:
         pool = conversion_pool(workers)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -99,3 +101,19 @@ def test_run_that_ends_at_once_leaves_no_process_and_the_next_run_clears_up(
     assert ended.code == 0, ended.stderr
     assert "had left" in ended.stderr
     assert len(attempts(out)) == 1
+
+
+def test_first_converter_is_deaf_to_ctrl_c_from_its_first_instruction() -> None:
+    program = (
+        "import os, re, signal\n"
+        "from pathlib import Path\n"
+        "from carstage.runs.session import _start_pool\n"
+        "if __name__ == '__main__':\n"
+        "    with _start_pool(1) as pool:\n"
+        "        status = Path(f'/proc/{pool.submit(os.getpid).result()}/status').read_text()\n"
+        "    blocked = int(re.search(r'SigBlk:\\s*(\\w+)', status).group(1), 16)\n"
+        "    print(bool(blocked >> (signal.SIGINT - 1) & 1))\n"
+    )
+    # A process of its own: the resource tracker that a first child brings is not there yet.
+    answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert answer.stdout == "True\n", answer.stderr

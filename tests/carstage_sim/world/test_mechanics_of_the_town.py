@@ -112,7 +112,7 @@ def test_a_building_that_was_taken_away_stops_nobody(world: World) -> None:
 
 def test_a_walker_does_not_walk_through_a_building(world: World) -> None:
     start, distance_m = to_the_nearest_building(world)
-    walker = world.spawn(WALKER, {}, replace(start, location=(*start.location[:2], 1.1)))
+    walker = world.spawn(WALKER, {}, start._replace(location=(*start.location[:2], 1.1)))
     yaw = math.radians(start.rotation_deg[1])
     ahead = np.array([math.cos(yaw), math.sin(yaw)])
     world.control_walker(walker.actor_id, WalkerControl((*ahead.tolist(), 0.0), 4.0))

@@ -164,13 +164,13 @@ class _Session:
         self._status.episodes.total = len(episodes)
         self._status.episodes.skipped = len(episodes) - len(todo)
         self._jobs.extend(Job(spec, spec.episode_id) for spec in todo)
-        self._event("run_started", run_id=self._folder.run_id)
-        for spec in episodes:
-            if spec.episode_id not in missing:
-                reason = "it is in the dataset already"
-                self._event("episode_skipped", episode_id=spec.episode_id, reason=reason)
         state: State = "failed"
         try:
+            self._event("run_started", run_id=self._folder.run_id)
+            for spec in episodes:
+                if spec.episode_id not in missing:
+                    reason = "it is in the dataset already"
+                    self._event("episode_skipped", episode_id=spec.episode_id, reason=reason)
             self._enter("starting")
             if todo:
                 self._workers()  # they load their libraries while the server starts

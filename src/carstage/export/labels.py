@@ -67,27 +67,27 @@ def occlusion_level(seen: Row, options: ExportOptions) -> int:
     return int(seen["occluded_px" if options.occlusion == "pixel" else "occluded"])
 
 
-def require_boxes(episode: Episode, *kinds: str) -> None:
-    """Refuse an episode that was recorded without a kind of boxes.
+def require_labels(episode: Episode, options: ExportOptions, *boxes: str) -> None:
+    """Refuse an episode that was recorded without labels that the export needs.
+
+    Args:
+        episode: the episode.
+        options: modal boxes, and occlusion from pixels, need counted pixels.
+        boxes: kinds of boxes that the format has.
 
     Raises:
-        BadInputError: ``labels.boxes`` of its configuration lacks one of ``kinds``.
+        BadInputError: ``labels.boxes`` of its configuration lacks one of ``boxes``, or pixels are
+            needed and ``labels.method`` was ``stage_vo``.
     """
-    for kind in kinds:
-        if kind not in episode.spec["labels"]["boxes"]:
+    labels = episode.spec["labels"]
+    for kind in boxes:
+        if kind not in labels["boxes"]:
             raise BadInputError(
                 f"Episode {episode.id} has no {kind} boxes.",
                 f"Record with `labels: {{boxes: [{kind}]}}`, or choose another format.",
             )
-
-
-def require_pixels(episode: Episode) -> None:
-    """Refuse an episode whose objects' pixels were not counted.
-
-    Raises:
-        BadInputError: ``labels.method`` was ``stage_vo``.
-    """
-    if episode.spec["labels"]["method"] == "stage_vo":
+    needs_pixels = options.boxes == "modal" or options.occlusion == "pixel"
+    if needs_pixels and labels["method"] == "stage_vo":
         raise BadInputError(
             f"The pixels of the objects of episode {episode.id} were not counted, so there are "
             "no modal boxes, masks and occlusion ratios.",

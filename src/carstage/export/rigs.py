@@ -7,8 +7,15 @@ from carstage.errors import BadInputError
 from carstage.export.options import ExportOptions
 
 
-def colour_cameras(episode: Episode, options: ExportOptions) -> tuple[SensorCalibration, ...]:
-    """The labelled colour cameras that the options name, else all of the rig.
+def colour_cameras(
+    episode: Episode, options: ExportOptions, *, labelled: bool = True
+) -> tuple[SensorCalibration, ...]:
+    """The colour cameras that the options name, else all of the rig.
+
+    Args:
+        episode: whose rig it is.
+        options: may name cameras.
+        labelled: whether only those with labels count.
 
     Raises:
         BadInputError: there is none, or one that is named is no such camera.
@@ -16,18 +23,19 @@ def colour_cameras(episode: Episode, options: ExportOptions) -> tuple[SensorCali
     fitting = {
         sensor.id: sensor.calibration
         for sensor in episode.sensors
-        if sensor.kind == "rgb" and sensor.calibration.labelled
+        if sensor.kind == "rgb" and (sensor.calibration.labelled or not labelled)
     }
+    what = "labelled colour camera" if labelled else "colour camera"
     for name in options.cameras:
         if name not in fitting:
             raise BadInputError(
-                f"Episode {episode.id} has no labelled colour camera {name!r}.",
+                f"Episode {episode.id} has no {what} {name!r}.",
                 f"It has {', '.join(fitting) or 'none'}.",
             )
     if not fitting:
         raise BadInputError(
-            f"Episode {episode.id} has no labelled colour camera.",
-            "Record one, see `labels.cameras` in the configuration.",
+            f"Episode {episode.id} has no {what}.",
+            "Record one, see `rig.sensors` and `labels.cameras` in the configuration.",
         )
     return tuple(fitting[name] for name in options.cameras or fitting)
 

@@ -18,7 +18,7 @@ from carstage.export.formats.panoptic import panoptic_categories, panoptic_segme
 from carstage.export.formats.pictures import copy_picture
 from carstage.export.frames import Frame
 from carstage.export.json_rows import JsonRows
-from carstage.export.labels import CameraLabel, camera_labels, require_boxes, require_pixels
+from carstage.export.labels import CameraLabel, camera_labels, require_labels
 from carstage.export.options import ExportOptions
 from carstage.export.rigs import colour_cameras
 from carstage.export.splits import SPLITS, Split, split_episodes
@@ -114,9 +114,7 @@ class Coco(Exporter):
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
         """Check the rigs and open the tables of both splits."""
         for episode in episodes:
-            require_boxes(episode, "2d")
-            if self.options.boxes == "modal":
-                require_pixels(episode)
+            require_labels(episode, self.options, "2d")
             colour_cameras(episode, self.options)
         self._folder = folder / "annotations"
         self._splits = split_episodes(episodes, self.options.validation_share)

@@ -13,7 +13,7 @@ from carstage.export.exporter import Exporter, register
 from carstage.export.formats.kitti_files import calibration_matrices, label_row, numbers
 from carstage.export.formats.pictures import copy_as_png
 from carstage.export.frames import Frame
-from carstage.export.labels import camera_labels, require_boxes, require_pixels
+from carstage.export.labels import camera_labels, require_labels
 from carstage.export.options import ExportOptions
 from carstage.export.rigs import main_lidar, one_camera
 from carstage.export.splits import SPLITS, split_episodes
@@ -68,9 +68,7 @@ class KittiObject(Exporter):
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
         """Check the rigs and make KITTI's folders."""
         for episode in episodes:
-            require_boxes(episode, "2d", "3d")
-            if self.options.boxes == "modal" or self.options.occlusion == "pixel":
-                require_pixels(episode)
+            require_labels(episode, self.options, "2d", "3d")
             one_camera(episode, self.options)
             main_lidar(episode, self.options)
         for name in _FOLDERS:

@@ -21,7 +21,7 @@ from carstage.export.formats.kitti_files import (
 from carstage.export.formats.kitti_object import KittiObject
 from carstage.export.formats.pictures import copy_as_png
 from carstage.export.frames import Frame
-from carstage.export.labels import camera_labels, require_boxes, require_pixels
+from carstage.export.labels import camera_labels, require_labels
 from carstage.export.options import ExportOptions
 from carstage.export.rigs import main_lidar, one_camera
 from carstage.export.splits import SPLITS, split_episodes
@@ -99,9 +99,7 @@ class KittiTracking(Exporter):
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
         """Check the rigs and make KITTI's folders."""
         for episode in episodes:
-            require_boxes(episode, "2d", "3d")
-            if self.options.boxes == "modal" or self.options.occlusion == "pixel":
-                require_pixels(episode)
+            require_labels(episode, self.options, "2d", "3d")
             main_lidar(episode, self.options)
             camera = one_camera(episode, self.options)
             if not camera.on_ego:

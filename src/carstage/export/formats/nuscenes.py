@@ -23,7 +23,7 @@ from carstage.export.formats.nuscenes_frame import (
     channels,
 )
 from carstage.export.formats.nuscenes_tables import Chain, Tables, token
-from carstage.export.labels import require_boxes
+from carstage.export.labels import require_labels
 from carstage.export.splits import SPLITS, split_episodes
 
 VERSION: Final = "v1.0-carstage"
@@ -47,7 +47,7 @@ class NuScenes(Exporter):
         """Check the rigs, make the folders, find each map's extent."""
         names = set()
         for episode in episodes:
-            require_boxes(episode, "3d")
+            require_labels(episode, self.options, "3d")
             names |= set(channels(episode, self.options).values())
         for name in sorted(names):
             (folder / "samples" / name).mkdir(parents=True)

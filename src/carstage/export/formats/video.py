@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.dataset import Episode, SensorCalibration
+from carstage.dataset import Episode
 from carstage.errors import BadInputError
 from carstage.export.exporter import Exporter, register
 from carstage.export.frames import Frame
-from carstage.export.options import CodecChoice, ExportOptions
+from carstage.export.options import CodecChoice
+from carstage.export.rigs import colour_cameras
 
 if TYPE_CHECKING:
     from av.container import OutputContainer
@@ -110,7 +111,7 @@ class Video(Exporter):
             )
         self._coding = _CODINGS[self.options.codec or "ffv1"]
         for episode in episodes:
-            for camera in _cameras(episode, self.options):
+            for camera in colour_cameras(episode, self.options, labelled=False):
                 if self._coding.pixels == "yuv420p" and (camera.width % 2 or camera.height % 2):
                     raise BadInputError(
                         f"H.264 takes pictures of even width and height; {camera.id} of episode "
@@ -121,7 +122,7 @@ class Video(Exporter):
 
     def begin_episode(self, episode: Episode) -> PictureReader:
         """Open the episode's files."""
-        cameras = _cameras(episode, self.options)
+        cameras = colour_cameras(episode, self.options, labelled=False)
         fps = Fraction(episode.spec["fps"]).limit_denominator(_FEWEST_PER_S)
         self._clips: dict[str, _Clip] = {}
         for camera in cameras:
@@ -145,19 +146,3 @@ class Video(Exporter):
 
     def finish(self) -> None:
         """Every file is whole already."""
-
-
-def _cameras(episode: Episode, options: ExportOptions) -> tuple[SensorCalibration, ...]:
-    """The colour cameras that the options name, else all, labelled or not.
-
-    Raises:
-        BadInputError: there is none, or one that is named is no colour camera.
-    """
-    known = {s.id: s.calibration for s in episode.sensors if s.kind == "rgb"}
-    unfit = [name for name in options.cameras if name not in known]
-    if unfit or not known:
-        what = f"no colour camera {unfit[0]!r}" if unfit else "no colour camera"
-        raise BadInputError(
-            f"Episode {episode.id} has {what}.", f"It has {', '.join(known) or 'none'}."
-        )
-    return tuple(known[name] for name in options.cameras or known)

@@ -12,7 +12,7 @@ from carstage.export.classes import CLASSES
 from carstage.export.exporter import Exporter, register
 from carstage.export.formats.pictures import copy_picture
 from carstage.export.frames import Frame
-from carstage.export.labels import camera_labels, require_boxes, require_pixels
+from carstage.export.labels import camera_labels, require_labels
 from carstage.export.options import ExportOptions
 from carstage.export.rigs import colour_cameras
 from carstage.export.splits import SPLITS, Split, split_episodes
@@ -65,9 +65,7 @@ class Yolo(Exporter):
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
         """Check the rigs and make the folders."""
         for episode in episodes:
-            require_boxes(episode, "2d")
-            if self.options.boxes == "modal":
-                require_pixels(episode)
+            require_labels(episode, self.options, "2d")
             colour_cameras(episode, self.options)
         for kind in ("images", "labels"):
             for split in SPLITS:

@@ -58,8 +58,8 @@ class VehicleParameters:
         max_acceleration: m/s^2 at full throttle and low speed.
         power_per_mass: W/kg at the wheels; bounds the acceleration at speed v to ``power / v``.
         max_deceleration: m/s^2 at full brake.
-        max_lateral_acceleration: m/s^2, what the tyres hold in a turn: a bit more than one g, as
-            CARLA's, whose Traffic Manager expects more than a road car's 7 to 8.
+        max_lateral_acceleration: m/s^2, what the tyres hold in a turn. A road car holds 7 to 8; the
+            Traffic Manager takes some bends faster (at 7.5, cars slid 3 m out of one in Town03).
         max_reverse_speed: m/s.
         blueprint_mass_kg: mass that ``power_per_mass`` belongs to; 0 for ``mass_kg`` itself.
         drivetrain_efficiency: share of the engine's torque that pushes the vehicle.

@@ -173,7 +173,9 @@ class _Session:
                     self._event("episode_skipped", episode_id=spec.episode_id, reason=reason)
             self._enter("starting")
             if todo:
-                self._workers()  # they load their libraries while the server starts
+                with self._interruption.held():  # no pool that nobody knows of
+                    self._workers()  # they load their libraries while the server starts
+                self._interruption.check()
                 self._test_server()
             executor.execute(self._take, self._open_lane)
             state = "done" if not self._failures else "failed"

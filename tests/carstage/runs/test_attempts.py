@@ -117,11 +117,16 @@ def test_processes_that_a_dead_run_left_are_ended_before_its_files(tmp_path: Pat
     begun_s = time.time()
     folder = begin_run(tmp_path, pid=NO_SUCH_PID, started=begun_s)
     with marked(folder.name):
-        orphan = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
-    (dead,) = dead_runs(tmp_path)
-    remove_leftovers(dead, store)
-    assert not psutil.pid_exists(orphan.pid)
-    orphan.wait()
+        program = "print(flush=True); import time; time.sleep(600)"
+        orphan = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE)
+    with orphan:
+        assert orphan.stdout is not None
+        orphan.stdout.readline()  # before that, within exec, it has no environment yet
+        (dead,) = dead_runs(tmp_path)
+        remove_leftovers(dead, store)
+        gone = not psutil.pid_exists(orphan.pid)
+        orphan.kill()  # nothing, where it is gone
+    assert gone
 
 
 def test_committed_attempt_of_a_dead_run_stays(tmp_path: Path) -> None:

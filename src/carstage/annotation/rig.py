@@ -9,18 +9,9 @@ from typing import Any, Final
 import numpy as np
 
 from carstage.errors import AnnotationError
-from carstage.geometry import FloatArray, intrinsics, pose_matrix
+from carstage.geometry import FloatArray, intrinsics, is_pinhole, pose_matrix
 from carstage.rawlog.reader import WorldFrame
 
-# CARLA's defaults; with any other value the image is no pinhole projection.
-_PINHOLE_ATTRIBUTES: Final = {
-    "lens_circle_falloff": 5.0,
-    "lens_circle_multiplier": 0.0,
-    "lens_k": -1.0,
-    "lens_kcube": 0.0,
-    "lens_x_size": 0.08,
-    "lens_y_size": 0.08,
-}
 EGO: Final = "ego"
 #: Attachments that keep a sensor where it was put on its carrier.
 _RIGID: Final = "rigid"
@@ -139,10 +130,7 @@ class LabelledCamera:
             )
         width, height, fov_deg = camera_geometry(attributes)
         try:
-            pinhole = all(
-                float(attributes.get(name, default)) == default
-                for name, default in _PINHOLE_ATTRIBUTES.items()
-            )
+            pinhole = is_pinhole(attributes)
         except ValueError as error:
             raise AnnotationError(
                 f"An attribute of camera {sensor['id']} is not a number: {error}."

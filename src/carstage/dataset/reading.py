@@ -15,14 +15,16 @@ from numpy.typing import NDArray
 
 from carstage.dataset.codecs import codec_for
 from carstage.dataset.querying import query_episodes
-from carstage.dataset.tables import ROW_SENSORS, read_table
+from carstage.dataset.tables import ROW_SENSORS, read_table, require_columns
 from carstage.errors import BadInputError, DatasetError
+from carstage.geometry import is_pinhole, pose_matrix
 from carstage.storage.description import read_description
 from carstage.storage.local import LocalStore
 from carstage.storage.marker import CommitMarker
 
 EPISODE_FORMAT = 1
 CALIBRATION_FORMAT = 1
+_POSES = "sensor_poses.parquet"
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +76,22 @@ class SensorCalibration:
     def on_ego(self) -> bool:
         """Whether it sits rigidly on the ego vehicle."""
         return self.attach_to == "ego" and self.attachment == "rigid"
+
+    @property
+    def is_pinhole(self) -> bool:
+        """Whether it is a camera without lens distortion."""
+        return self.is_camera and is_pinhole(self.attributes)
+
+    def shares_view(self, other: SensorCalibration) -> bool:
+        """Whether both are cameras whose pixels look along the same rays in every frame."""
+        return (
+            self.is_camera
+            and (self.width, self.height) == (other.width, other.height)
+            and (self.attach_to, self.attachment) == (other.attach_to, other.attachment)
+            and np.array_equal(self.carrier_from_sensor, other.carrier_from_sensor)
+            and np.array_equal(self.k, other.k)
+            and (self.is_pinhole, other.is_pinhole) == (True, True)
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +280,29 @@ class Episode:
 
     def sensor_poses(self) -> pa.Table:
         """``sensor_poses.parquet``: one row per frame and sensor."""
-        return read_table(self.folder / "sensor_poses.parquet")
+        return read_table(self.folder / _POSES)
+
+    def world_from_sensor(self) -> Mapping[str, Mapping[int, NDArray[np.float64]]]:
+        """``(4, 4)`` poses on the map, CARLA's axes, by sensor and frame.
+
+        Raises:
+            DatasetError: ``sensor_poses.parquet`` is missing or damaged.
+        """
+        table = self.sensor_poses()
+        require_columns(table, ("k", "sensor_id", "location", "rotation_deg"), _POSES)
+        rows = table.select(["k", "sensor_id", "location", "rotation_deg"]).to_pylist()
+        poses: dict[str, dict[int, NDArray[np.float64]]] = {}
+        for row in rows:
+            pose = pose_matrix(row["location"], row["rotation_deg"])
+            poses.setdefault(row["sensor_id"], {})[row["k"]] = pose
+        return poses
+
+    def carriers(self) -> dict[str, int | None]:
+        """By sensor, the track that carries it; ``None`` where it stands on the map."""
+        table = self.sensor_poses()
+        require_columns(table, ("sensor_id", "carrier_track_id"), _POSES)
+        columns = (table[name].to_pylist() for name in ("sensor_id", "carrier_track_id"))
+        return dict(zip(*columns, strict=True))
 
     @cached_property
     def _poses(self) -> Mapping[str, Mapping[int, NDArray[np.float64]]]:

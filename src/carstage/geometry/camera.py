@@ -7,6 +7,7 @@ Pixels: continuous coordinates; pixel (i, j) covers ``[i, i+1) x [j, j+1)``, its
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -22,6 +23,29 @@ from carstage.geometry.frames import (
 
 Z_NEAR_M: Final = 0.10
 """Points nearer than this along the optical axis are behind the camera."""
+
+
+PINHOLE_ATTRIBUTES: Final = {
+    "lens_circle_falloff": 5.0,
+    "lens_circle_multiplier": 0.0,
+    "lens_k": -1.0,
+    "lens_kcube": 0.0,
+    "lens_x_size": 0.08,
+    "lens_y_size": 0.08,
+}
+"""CARLA's defaults of the lens; with any other value the image is no pinhole projection."""
+
+
+def is_pinhole(attributes: Mapping[str, str]) -> bool:
+    """Whether a camera with these blueprint attributes has no lens distortion.
+
+    Raises:
+        ValueError: an attribute of the lens is no number.
+    """
+    return all(
+        float(attributes.get(name, default)) == default
+        for name, default in PINHOLE_ATTRIBUTES.items()
+    )
 
 
 def focal_length_px(width: int, fov_deg: float) -> float:

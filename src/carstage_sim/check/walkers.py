@@ -10,7 +10,7 @@ import carla
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from carstage_sim.check.client_process import TrialError, run_trial
@@ -20,6 +20,8 @@ from carstage_sim.check.verdict import Campaign, Figure, Verdict
 from carstage_sim.world.overlap import footprint_corners
 
 TOLERANCE_M = 0.5
+TO_THE_KERB_M = 5.0
+"""Crosswalks whose ends are farther from a sidewalk lead to none."""
 OVERHANG_M = 0.6
 """Awnings and balconies, which are in a building's box, reach so far over who walks below."""
 WALKED_M = 10.0
@@ -62,19 +64,57 @@ def crosswalk_polygons(locations: list[carla.Location]) -> list[Polygon]:
     return polygons
 
 
-def walkable_surface(carla_map: carla.Map) -> tuple[BaseGeometry, BaseGeometry]:
-    """Sidewalks and crosswalks of a map as polygons, drawn from OpenDRIVE alone."""
-    strips = []
-    for waypoint in _sidewalk_waypoints(carla_map):
-        place, turn = waypoint.transform.location, waypoint.transform.rotation
-        yaw = np.radians(turn.yaw)
-        forward = np.array([np.cos(yaw), np.sin(yaw)]) * 0.75
-        right = np.array([-np.sin(yaw), np.cos(yaw)]) * 0.5 * waypoint.lane_width
-        middle = np.array([place.x, place.y])
-        corners = (forward + right, forward - right, -forward - right, right - forward)
-        strips.append(Polygon([middle + corner for corner in corners]))
-    sidewalks = shapely.union_all(strips) if strips else MultiPolygon()
-    return sidewalks, shapely.union_all(crosswalk_polygons(carla_map.get_crosswalks()))
+class WalkableSurface:
+    """Where a map's OpenDRIVE lets people walk, as the client reads it.
+
+    Attributes:
+        crosswalks: their outlines.
+    """
+
+    def __init__(self, carla_map: carla.Map) -> None:
+        self._map = carla_map
+        outlines = crosswalk_polygons(carla_map.get_crosswalks())
+        self.crosswalks: BaseGeometry = shapely.union_all(outlines)
+        links = [link for outline in outlines for link in self._links(outline)]
+        self._ways: BaseGeometry = shapely.union_all([*outlines, *links])
+        shapely.prepare(self._ways)
+
+    def _links(self, crosswalk: Polygon) -> list[BaseGeometry]:
+        """From both ends of a crosswalk to the sidewalk near it.
+
+        In CARLA's towns the outlines end before the kerb.
+        """
+        corners = shapely.get_coordinates(crosswalk.minimum_rotated_rectangle)
+        narrow = sorted(range(4), key=lambda k: float(np.ptp(corners[k : k + 2], axis=0).sum()))[:2]
+        links: list[BaseGeometry] = []
+        for side in narrow:
+            end = corners[side : side + 2].mean(axis=0)
+            place = carla.Location(*end, 0.0)
+            lane = self._map.get_waypoint(place, lane_type=carla.LaneType.Sidewalk)
+            if lane is None:
+                continue
+            goal = lane.transform.location
+            line = LineString([end, (goal.x, goal.y)])
+            if line.length <= TO_THE_KERB_M + 0.5 * lane.lane_width:
+                links.append(line.buffer(1.0))
+        return links
+
+    def from_sidewalk_m(self, x: float, y: float, z: float) -> float:
+        """How far a place is from the nearest sidewalk's edge, 0 on it."""
+        place = carla.Location(x, y, z)
+        lane = self._map.get_waypoint(place, lane_type=carla.LaneType.Sidewalk)
+        if lane is None:
+            return float("inf")
+        middle = lane.transform.location
+        from_middle = float(np.hypot(x - middle.x, y - middle.y))
+        return max(from_middle - 0.5 * float(lane.lane_width), 0.0)
+
+    def off_m(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far ``(N, 3)`` places are from sidewalks, crosswalks and the ways between them."""
+        off = np.asarray(shapely.distance(shapely.points(places[:, :2]), self._ways))
+        for row in np.flatnonzero(off > 0.0):
+            off[row] = min(off[row], self.from_sidewalk_m(*places[row]))
+        return off
 
 
 def walls(world: carla.World) -> BaseGeometry:
@@ -95,31 +135,12 @@ def walls(world: carla.World) -> BaseGeometry:
     return shapely.union_all(shapely.buffer(boxes_from_above, -OVERHANG_M, join_style="mitre"))
 
 
-def _sidewalk_waypoints(carla_map: carla.Map) -> list[carla.Waypoint]:
-    """Samples of the sidewalk lanes beside every driving lane, each once."""
-    found: dict[tuple[int, int, int, int], carla.Waypoint] = {}
-    for start in carla_map.generate_waypoints(1.0):
-        for step in ("get_right_lane", "get_left_lane"):
-            lane = start
-            for _ in range(8):
-                lane = getattr(lane, step)()
-                if lane is None:
-                    break
-                if lane.lane_type == carla.LaneType.Sidewalk:
-                    key = (lane.road_id, lane.section_id, lane.lane_id, round(lane.s * 2.0))
-                    found[key] = lane
-                    break
-    return list(found.values())
-
-
 def walkers_trial(port: int, *, walkers: int, seconds: float, fps: int, seed: int) -> WalkerFigures:
     """Lets the walkers walk and measures; runs in the client's process."""
     with synchronous_session(port, delta_s=1.0 / fps, seed=seed) as session:
-        sidewalks, crosswalks = walkable_surface(session.world.get_map())
-        allowed = shapely.union(sidewalks, crosswalks)
+        surface = WalkableSurface(session.world.get_map())
         solid = walls(session.world)
-        for surface in (allowed, solid):
-            shapely.prepare(surface)
+        shapely.prepare(solid)
         actors = spawn_walkers(session, walkers)
         figures = WalkerFigures(walkers)
         distance = np.zeros(walkers)
@@ -135,20 +156,25 @@ def walkers_trial(port: int, *, walkers: int, seconds: float, fps: int, seed: in
             if before is not None:
                 distance += np.nan_to_num(np.linalg.norm(places - before, axis=1))
             before = places
-            points = shapely.points(places)
-            off = np.asarray(shapely.distance(points, allowed))
+            points = shapely.points(places[:, :2])
+            off = surface.off_m(places)
             figures.samples += len(actors)
             figures.outside += int((off > TOLERANCE_M).sum())
-            figures.in_walls += int(shapely.intersects(points, solid).sum())
+            for row in np.flatnonzero(shapely.intersects(points, solid)):
+                figures.in_walls += 1
+                x, y, _ = places[row]
+                figures.events.append(
+                    f"walker {actors[row].id} was in a wall at ({x:.1f}, {y:.1f})"
+                )
             worst = int(np.nanargmax(off))
             if off[worst] > max(figures.farthest_outside_m, TOLERANCE_M):
-                x, y = places[worst]
+                x, y, _ = places[worst]
                 figures.events.append(
                     f"walker {actors[worst].id} was {off[worst]:.2f} m off at ({x:.1f}, {y:.1f})"
                 )
             figures.farthest_outside_m = max(figures.farthest_outside_m, float(off[worst]))
-            on_crosswalk = shapely.distance(points, crosswalks) == 0.0
-            crossed |= on_crosswalk & (shapely.distance(points, sidewalks) > 0.0)
+            for row in np.flatnonzero(shapely.distance(points, surface.crosswalks) == 0.0):
+                crossed[row] |= surface.from_sidewalk_m(*places[row]) > 0.0
         figures.alive = sum(state is not None for state in states)
         figures.crossed = int(crossed.sum())
         figures.walked = int((distance > WALKED_M).sum())
@@ -156,11 +182,11 @@ def walkers_trial(port: int, *, walkers: int, seconds: float, fps: int, seed: in
         return figures
 
 
-def _place(state: carla.ActorSnapshot | None) -> tuple[float, float]:
+def _place(state: carla.ActorSnapshot | None) -> tuple[float, float, float]:
     if state is None:
-        return (np.nan, np.nan)
+        return (np.nan, np.nan, np.nan)
     location = state.get_transform().location
-    return (location.x, location.y)
+    return (location.x, location.y, location.z)
 
 
 def check_walkers(

@@ -1,7 +1,8 @@
 """Where pedestrians walk, as convex polygons that join edge to edge.
 
 Walkways are sidewalks, ramps and crosswalks. The strip of a sidewalk next to the kerb is left to
-trees, lamps and poles; walkers keep to the rest and cross the strip at the ramps.
+trees, lamps and poles; walkers keep to the rest and cross the strip at the ramps. Crosswalks
+without ramps are linked with the paths near their ends, and have a step at the kerb.
 """
 
 from __future__ import annotations
@@ -14,14 +15,20 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from carstage_sim.maps.crossings import crossings
 from carstage_sim.maps.drape import Drape
 from carstage_sim.maps.partition import Partition, partition
 from carstage_sim.maps.surfaces import KERB_HEIGHT_M, RAMP_LENGTH_M, Ramp, Surfaces
 
 FURNITURE_ZONE_M = 1.5
 """Width of the strip along the kerb that belongs to trees and poles."""
+_NARROW_ZONE_M = 1.1
+"""Its width where the sidewalk is so narrow that little is left: poles only."""
+_NARROW_PATH_M = 0.8
 _WALL_CLEARANCE_M = 0.3
 _CROSSWALK_CLEARANCE_M = 0.3
+_STEP_M = 0.4
+"""A walker steps up onto the kerb within this."""
 _TILE_M = 25.0
 _MOST_CORNERS = 6
 """What a Detour polygon can hold."""
@@ -46,24 +53,32 @@ class Walkways:
 def walkways(ground: Surfaces, drape: Drape, cuts: Sequence[BaseGeometry] = ()) -> Walkways | None:
     """The walkable polygons of a level, at the heights of its mesh; None without any."""
     ramps = [_narrowed(ramp) for ramp in ground.ramps]
-    crossings = [
-        _shrunk_along_travel(walk, [r for r in ground.ramps if r.area.distance(walk) < 0.01])
-        for walk in ground.crosswalks
-    ]
     paths = _paths(ground)
+    ramped, plain = [], []
+    for walk in ground.crosswalks:
+        own = [ramp for ramp in ground.ramps if ramp.area.distance(walk) < 0.01]
+        if len(own) > 1:
+            ramped.append(_shrunk_along_travel(walk, own))
+        else:
+            plain.append(walk)
+    paved = shapely.union_all([ground.road, ground.sidewalk, ground.median, ground.islands])
+    stepped = crossings(plain, road=ground.road, paved=paved, paths=paths)
+    links = shapely.union_all([crossing.to_paths for crossing in stepped])
     areas: list[BaseGeometry] = [
-        shapely.union_all(crossings),
+        shapely.union_all([*ramped, *(crossing.on_road for crossing in stepped)]),
         *(lower for lower, _ in ramps),
-        shapely.union_all([paths, *(upper for _, upper in ramps)]),
+        shapely.union_all([paths, links, *(upper for _, upper in ramps)]),
     ]
     if all(area.is_empty for area in areas):
         return None
-    plan = partition(areas, _TILE_M, cuts)
+    steps = [links.buffer(_STEP_M).boundary.intersection(areas[0])] if stepped else []
+    plan = partition(areas, _TILE_M, [*cuts, *steps])
     heights: NDArray[np.float64] = np.full(len(plan.points), KERB_HEIGHT_M)
     for index, ramp in enumerate(ground.ramps, start=1):
         corners = np.unique(plan.triangles[plan.area == index])
         heights[corners] = ramp.height(plan.points[corners])
-    heights[np.unique(plan.triangles[plan.area == 0])] = 0.0
+    on_road, on_paths = (np.unique(plan.triangles[plan.area == k]) for k in (0, len(ramps) + 1))
+    heights[np.setdiff1d(on_road, on_paths)] = 0.0
     heights += drape.height(plan.points)
     polygons, area = _convex_polygons(plan)
     return Walkways(
@@ -95,8 +110,12 @@ def joined(parts: Sequence[Walkways]) -> Walkways | None:
 def _paths(ground: Surfaces) -> BaseGeometry:
     """Sidewalks without the strip at the kerb and the margin at the walls."""
     inner = ground.road.union(ground.sidewalk).buffer(-_WALL_CLEARANCE_M, join_style="mitre")
-    clear = inner.intersection(ground.sidewalk).difference(ground.road.buffer(FURNITURE_ZONE_M))
-    simple: BaseGeometry = shapely.set_precision(clear.simplify(0.05), 0.001)
+    walked = inner.intersection(ground.sidewalk)
+    clear = walked.difference(ground.road.buffer(FURNITURE_ZONE_M))
+    half = 0.5 * _NARROW_PATH_M
+    wide = clear.buffer(-half).buffer(half + FURNITURE_ZONE_M)
+    narrow = walked.difference(ground.road.buffer(_NARROW_ZONE_M)).difference(wide)
+    simple: BaseGeometry = shapely.set_precision(clear.union(narrow).simplify(0.05), 0.001)
     return simple
 
 
@@ -118,7 +137,7 @@ def _narrowed(ramp: Ramp) -> tuple[shapely.Polygon, shapely.Polygon]:
 def _shrunk_along_travel(walk: BaseGeometry, ramps: list[Ramp]) -> BaseGeometry:
     """The crosswalk between its ramps' walkable parts."""
     lower = [_narrowed(ramp)[0] for ramp in ramps]
-    return shapely.union_all(lower).convex_hull.intersection(walk) if lower else walk
+    return shapely.union_all(lower).convex_hull.intersection(walk)
 
 
 def _convex_polygons(plan: Partition) -> tuple[list[tuple[int, ...]], list[int]]:

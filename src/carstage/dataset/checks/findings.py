@@ -6,6 +6,8 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Literal
 
+from carstage.dataset.checks.catalogue import RULES
+
 Severity = Literal["error", "warning"]
 _MOST_OF_ONE_KIND = 25
 
@@ -32,7 +34,10 @@ class Problem:
 
 
 class Findings:
-    """Collects the problems of one episode; after 25 of one check and sensor only counts."""
+    """Collects the problems of one episode; after 25 of one check and sensor only counts.
+
+    The checks are those of ``carstage.dataset.checks.catalogue``.
+    """
 
     def __init__(self, episode: str | None) -> None:
         self.episode = episode
@@ -49,9 +54,16 @@ class Findings:
         severity: Severity = "error",
     ) -> None:
         """Report a problem."""
+        if check not in RULES:
+            raise ValueError(f"{check} is no check of the catalogue")
         self._counts[check, severity, sensor] += 1
         if self._counts[check, severity, sensor] <= _MOST_OF_ONE_KIND:
             self._problems.append(Problem(check, severity, self.episode, frame, sensor, message))
+
+    def count(self, totals: dict[str, dict[Severity, int]]) -> None:
+        """Add the number of problems to totals by check and severity."""
+        for (check, severity, _), count in self._counts.items():
+            totals[check][severity] += count
 
     def problems(self) -> list[Problem]:
         """All problems, and one line for each kind of which there were more than are listed."""

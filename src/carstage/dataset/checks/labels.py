@@ -62,7 +62,11 @@ _CAMERA_COLUMNS = (
     "pinhole", "instance_ambiguous",
 )  # fmt: skip
 _EGO_COLUMNS = ("k", "location", "rotation_deg")
-_COLUMNS = {"objects": _BOX_COLUMNS, "camera_objects": _CAMERA_COLUMNS, "ego": _EGO_COLUMNS}
+_COLUMNS: dict[str, tuple[str, ...]] = {
+    "objects": (*_BOX_COLUMNS, "class", "is_static", "actor_location", "velocity"),
+    "camera_objects": (*_CAMERA_COLUMNS, "visible"),
+    "ego": (*_EGO_COLUMNS, "velocity"),
+}
 _POSE_TOLERANCE_M = 0.01
 
 

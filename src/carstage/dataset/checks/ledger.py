@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -42,6 +43,14 @@ def saved_times_s(ledger: pa.Table) -> dict[int, float]:
     return {k: time_s for k, time_s in zip(ks, times, strict=True) if k is not None}
 
 
+def declares_waiting(spec: Mapping[str, Any]) -> bool:
+    """Whether the spec declares that every tick waits for all data, so that none may be missing."""
+    timing = spec["timing"]
+    return bool(
+        timing["mode"] == "sync" and timing["on_incomplete"] == "wait" and timing["sensor_sync"]
+    )
+
+
 def check_ledger(episode: Episode, ledger: pa.Table, findings: Findings) -> None:
     """Check ``frames.parquet`` against the spec.
 
@@ -50,9 +59,8 @@ def check_ledger(episode: Episode, ledger: pa.Table, findings: Findings) -> None
     ``tick / fps`` and the server's frame numbers consecutive, else both only have to increase.
     """
     spec = episode.spec
-    timing, every = spec["timing"], int(spec["save_every"])
-    synchronous = timing["mode"] == "sync"
-    waits = timing["on_incomplete"] == "wait" and synchronous and timing["sensor_sync"]
+    every = int(spec["save_every"])
+    synchronous = spec["timing"]["mode"] == "sync"
     ticks = ledger["tick"].to_pylist()
     if ticks != list(range(int(spec["steps"]))):
         findings.add(
@@ -71,7 +79,7 @@ def check_ledger(episode: Episode, ledger: pa.Table, findings: Findings) -> None
             f"are {-(-int(spec['steps']) // every)}",
         )
     _check_time(ledger, float(spec["fps"]), synchronous, findings)
-    severity: Severity = "error" if waits else "warning"
+    severity: Severity = "error" if declares_waiting(spec) else "warning"
     for sensor in episode.calibration.sensors:
         states = ledger[f"{sensor}.state"].to_pylist()
         reasons = ledger[f"{sensor}.reason"].to_pylist()

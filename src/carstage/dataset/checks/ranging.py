@@ -45,6 +45,12 @@ class RangingFigures:
         """Share of the comparable points that agree; ``None`` without any."""
         return self.agreeing / self.comparable if self.comparable else None
 
+    def add(self, other: RangingFigures) -> None:
+        """Add the counts of another frame."""
+        self.in_view += other.in_view
+        self.comparable += other.comparable
+        self.agreeing += other.agreeing
+
     def to_dict(self) -> dict[str, float | None]:
         """For the report."""
         share = self.share

@@ -1,0 +1,253 @@
+"""``python -m carstage.bench.clients.alone PLAN.json``: shows objects among others, and alone.
+
+It stages scenes in a town and writes for each what labels are made from, as the collector does:
+the world's state, a depth and an instance picture. Then it lifts the camera and one object after
+the other high above the town, at the same place to each other, and writes which pixels the object
+covers there: the truth about its pixels, were nothing in front of it. This works with the calls
+that any CARLA server has; hiding a town with its ground does not.
+
+The plan: ``host``, ``port``, ``timeout_s``; ``town``, ``seed``, ``scenes``; ``vehicles`` and
+``walkers`` per scene; ``size`` (px) and ``fov_deg`` of the camera; ``folder`` for the raw log.
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+import random
+import sys
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import carla
+import numpy as np
+
+from carstage.bench.clients.staging import Stage, Staged, Troupe, lifted
+from carstage.bench.sights import ALONE, CAMERA, DEPTH, INSTANCE, SIGHTS_FPS, episode_header
+from carstage.collector.__main__ import EXIT_FAILED, EXIT_OK, parse_options, private_stdout
+from carstage.collector.errors import CollectorError
+from carstage.collector.events import EventStream
+from carstage.collector.maps import find_map
+from carstage.collector.sensors import SENSOR_KINDS
+from carstage.collector.snapshots import WorldObserver
+from carstage.collector.stopping import StopRequest
+from carstage.rawlog.format import KIND_DATA, KIND_TABLE, WORLD
+from carstage.rawlog.writing import StreamWriter, write_episode_file
+
+_KINDS = {DEPTH: "depth", INSTANCE: "instance"}
+_BLUEPRINTS = {
+    DEPTH: "sensor.camera.depth",
+    INSTANCE: "sensor.camera.instance_segmentation",
+}
+_SEED_STEP = 1000
+
+
+class Cameras:
+    """The depth and the instance camera, always at one place.
+
+    Args:
+        world: ``carla.World``.
+        plan: the client's plan.
+    """
+
+    def __init__(self, world: Any, plan: Mapping[str, Any]) -> None:
+        self._timeout_s = float(plan["timeout_s"])
+        self.actors: dict[str, Any] = {}
+        self._queues: dict[str, queue.SimpleQueue[Any]] = {}
+        width, height = plan["size"]
+        for name, blueprint_id in _BLUEPRINTS.items():
+            blueprint = world.get_blueprint_library().find(blueprint_id)
+            values = {"image_size_x": width, "image_size_y": height, "fov": plan["fov_deg"]}
+            for attribute, value in values.items():
+                blueprint.set_attribute(attribute, str(value))
+            self.actors[name] = world.spawn_actor(blueprint, carla.Transform())
+            self._queues[name] = queue.SimpleQueue()
+            self.actors[name].listen(self._queues[name].put)
+
+    def place(self, transform: Any) -> None:
+        """Move both."""
+        for actor in self.actors.values():
+            actor.set_transform(transform)
+
+    def pictures(self, frame: int) -> dict[str, Any]:
+        """Their data of a frame.
+
+        Raises:
+            CollectorError: one did not come in time.
+        """
+        return {name: self._picture(name, frame) for name in self._queues}
+
+    def _picture(self, name: str, frame: int) -> Any:
+        while True:
+            try:
+                data = self._queues[name].get(timeout=self._timeout_s)
+            except queue.Empty:
+                raise CollectorError(f"Frame {frame} never came from {name}.", "") from None
+            if data.frame == frame:
+                return data
+
+    def stop(self) -> None:
+        """Give both back."""
+        for actor in self.actors.values():
+            actor.stop()
+            actor.destroy()
+
+
+class Recording:
+    """Writes scenes and lone objects as streams of a raw log.
+
+    Args:
+        folder: the raw log's.
+        scenes: how many there will be.
+        objects: upper bound of how many lone objects there will be.
+    """
+
+    def __init__(self, folder: Path, scenes: int, objects: int) -> None:
+        self._stack = ExitStack()
+        self._scenes = scenes
+        self._objects = 0
+        lengths = {WORLD: scenes, DEPTH: scenes, INSTANCE: scenes, ALONE: max(1, objects)}
+        self._streams = {
+            name: self._stack.enter_context(StreamWriter(str(folder), name, length))
+            for name, length in lengths.items()
+        }
+        self._last = {name: length - 1 for name, length in lengths.items()}
+
+    def add_scene(self, scene: int, snapshot: Any, moment: Any, pictures: Any) -> None:
+        """Write what labels need of a scene."""
+        at = (scene, snapshot.frame, snapshot.timestamp.elapsed_seconds)
+        if moment.new_actors:
+            self._streams[WORLD].append(KIND_TABLE, *at, {"actors": moment.new_actors})
+        meta, payload = moment.encode()
+        self._streams[WORLD].append(KIND_DATA, *at, meta, payload)
+        for name, data in pictures.items():
+            meta, payload = SENSOR_KINDS[_KINDS[name]].encode(data)
+            self._streams[name].append(KIND_DATA, *at, meta, payload)
+
+    def add_alone(self, scene: int, actor_id: int, picture: Any) -> None:
+        """Write which pixels an object covers when it is alone."""
+        bgra = np.frombuffer(picture.raw_data, np.uint8).reshape(picture.height, picture.width, 4)
+        mask = (bgra[..., 1] == actor_id & 0xFF) & (bgra[..., 0] == actor_id >> 8 & 0xFF)
+        rows, columns = np.nonzero(mask.any(axis=1))[0], np.nonzero(mask.any(axis=0))[0]
+        meta = {"scene": scene, "actor": actor_id, "x0": 0, "y0": 0, "width": 0, "height": 0}
+        crop = mask[:0, :0]
+        if len(rows):
+            crop = mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+            meta |= {"x0": int(columns[0]), "y0": int(rows[0])}
+            meta |= {"width": crop.shape[1], "height": crop.shape[0]}
+        self._streams[ALONE].append(
+            KIND_DATA, self._objects, picture.frame, picture.timestamp, meta, crop.tobytes()
+        )
+        self._objects += 1
+
+    def close(self, *, seal: bool) -> None:
+        """End the log."""
+        if seal:
+            for name, stream in self._streams.items():
+                stream.seal(self._last[name])
+        self._stack.close()
+
+
+def record(client: Any, plan: Mapping[str, Any], events: EventStream, stop: StopRequest) -> None:
+    """Stage and record the scenes of a plan; events ``tick`` after each."""
+    folder, scenes = Path(plan["folder"]), int(plan["scenes"])
+    rng = random.Random(plan["seed"])
+    world = client.get_world()
+    settings = world.get_settings()
+    settings.synchronous_mode = True
+    settings.fixed_delta_seconds = 1.0 / SIGHTS_FPS
+    world.apply_settings(settings)
+    world = client.load_world(find_map(client, plan["town"]), False)
+    world.set_pedestrians_seed(plan["seed"])
+
+    def tick() -> int:
+        stop.check()
+        return int(world.tick(float(plan["timeout_s"])))
+
+    troupe = Troupe(world, rng)
+    tick()
+    troupe.strike_poses(tick)
+    stage = Stage(world, troupe, rng)
+    cameras = Cameras(world, plan)
+    recording = Recording(
+        folder, scenes, scenes * (int(plan["vehicles"]) + int(plan["walkers"]))
+    )
+    complete = False
+    try:
+        observer = WorldObserver(world, troupe.ego)
+        for number in range(scenes):
+            staged = stage.scene(int(plan["vehicles"]), int(plan["walkers"]))
+            _show(client, troupe, cameras, staged)
+            frame = tick()
+            snapshot = world.get_snapshot()
+            recording.add_scene(
+                number, snapshot, observer.observe(snapshot, {}), cameras.pictures(frame)
+            )
+            if number == 0:
+                header = episode_header(
+                    plan,
+                    server_version=client.get_server_version(),
+                    ego_id=troupe.ego.id,
+                    camera_id=cameras.actors[DEPTH].id,
+                    timestamp_s=snapshot.timestamp.elapsed_seconds,
+                )
+                write_episode_file(str(folder), header)
+            _show_alone(client, troupe, cameras, staged, number, recording, tick)
+            events.emit("tick", tick=number, frame=frame)
+        complete = True
+    finally:
+        recording.close(seal=complete)
+        cameras.stop()
+
+
+def _show(client: Any, troupe: Troupe, cameras: Cameras, staged: Staged) -> None:
+    troupe.put_away(client)
+    cameras.place(staged.camera)
+    client.apply_batch_sync(
+        [carla.command.ApplyTransform(one.actor.id, one.transform) for one in staged.placed],
+        False,
+    )
+
+
+def _show_alone(
+    client: Any,
+    troupe: Troupe,
+    cameras: Cameras,
+    staged: Staged,
+    scene: int,
+    recording: Recording,
+    tick: Any,
+) -> None:
+    troupe.put_away(client)
+    cameras.place(lifted(staged.camera))
+    for one in staged.placed:
+        one.actor.set_transform(lifted(one.transform))
+        frame = tick()
+        recording.add_alone(scene, one.actor.id, cameras.pictures(frame)[INSTANCE])
+        troupe.put_away(client, [one.actor])
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Record every scene of a plan; the exit codes are the collector's."""
+    given = parse_options(arguments)
+    stop = StopRequest()
+    stop.on_signals()
+    if given.exit_with_input:
+        stop.on_closed_input(sys.stdin.fileno())
+    events = EventStream(private_stdout(), stop)
+    plan = json.loads(Path(given.plan).read_text("utf-8"))
+    client = carla.Client(plan["host"], plan["port"])
+    client.set_timeout(plan["timeout_s"])
+    try:
+        record(client, plan, events, stop)
+    except (CollectorError, RuntimeError) as error:
+        events.emit("error", kind="client", message=str(error), hint="")
+        return EXIT_FAILED
+    events.emit("episode_recorded")
+    return EXIT_OK
+
+
+if __name__ == "__main__":
+    sys.exit(main())

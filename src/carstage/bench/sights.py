@@ -1,0 +1,166 @@
+"""Recorded scenes with the truth about each object's pixels, as the client ``alone`` writes them.
+
+A raw log with the streams that labels need and one more, ``ALONE``: for each object that was
+placed, which pixels it covers when it is the only thing there is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.annotation.decoding import decode_depth_bgra, decode_instance_bgra
+from carstage.rawlog.format import KIND_DATA
+from carstage.rawlog.reader import ActorInfo, EpisodeLog, Record, WorldFrame
+
+CAMERA: Final = "CAM"
+DEPTH: Final = "CAM.depth"
+INSTANCE: Final = "CAM.instance"
+ALONE: Final = "alone"
+SIGHTS_FPS: Final = 20.0
+
+
+def episode_header(
+    plan: Mapping[str, Any],
+    *,
+    server_version: str,
+    ego_id: int,
+    camera_id: int,
+    timestamp_s: float,
+) -> dict[str, Any]:
+    """The raw log's ``episode.json``: a labelled camera that stands free.
+
+    Args:
+        plan: the client's.
+        server_version: what the server says.
+        ego_id: the vehicle that stands for the ego; no camera sees it.
+        camera_id: the actor whose pose is the camera's.
+        timestamp_s: of the first scene.
+    """
+    width, height = plan["size"]
+    attributes = {
+        "image_size_x": str(width),
+        "image_size_y": str(height),
+        "fov": str(plan["fov_deg"]),
+    }
+    camera = {
+        "id": CAMERA,
+        "kind": "rgb",
+        "labelled": True,
+        "attach_to": "world",
+        "attributes": attributes,
+        "depth": DEPTH,
+        "instance": INSTANCE,
+    }
+    return {
+        "format_version": 1,
+        "episode_id": f"sights-{plan['town']}",
+        "server_version": server_version,
+        "map": plan["town"],
+        "geo_reference": {"latitude_deg": 0.0, "longitude_deg": 0.0, "altitude_m": 0.0},
+        "ego_id": ego_id,
+        "first_timestamp_s": timestamp_s,
+        "sensor_actor_ids": {CAMERA: camera_id},
+        "sensor_carrier_ids": {CAMERA: 0},
+        "ticks": plan["scenes"],
+        "ticks_per_segment": plan["scenes"],
+        "spec": {
+            "fps": SIGHTS_FPS,
+            "timing": {"mode": "sync"},
+            "warmup_ticks": 1,
+            "weather": {"preset": None},
+            "sensors": [camera],
+            "labels": {"method": "both", "boxes": ["2d", "3d"]},
+            "ground_truth": {"ego_motion": False},
+        },
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """The truth about one object in one scene.
+
+    Attributes:
+        actor: the object.
+        alone: ``(H, W)`` which pixels it covers without anything else.
+        visible: ``(H, W)`` which pixels of the scene's picture are its own.
+    """
+
+    actor: ActorInfo
+    alone: NDArray[np.bool_]
+    visible: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class SightScene:
+    """One scene: what labels are made from, and the truth.
+
+    Attributes:
+        number: of the scene.
+        world: its state.
+        depth_m: ``(H, W)`` float32 z-depth.
+        instance_bgra: ``(H, W, 4)`` uint8.
+        sights: the objects that cover a pixel when they are alone.
+    """
+
+    number: int
+    world: WorldFrame
+    depth_m: NDArray[np.float32]
+    instance_bgra: NDArray[np.uint8]
+    sights: tuple[Sight, ...]
+
+
+def read_scenes(log: EpisodeLog) -> Iterator[SightScene]:
+    """The scenes of a recording, in order."""
+    actors = log.actors()
+    pictures = {
+        name: {record.tick: record for record in log.read_segment(name, 0)}
+        for name in (DEPTH, INSTANCE)
+    }
+    alone: dict[int, list[Record]] = {}
+    for record in log.read_segment(ALONE, 0):
+        if record.kind == KIND_DATA:
+            alone.setdefault(int(record.meta["scene"]), []).append(record)
+    for world in log.world_frames(0):
+        instance_bgra = _bgra(pictures[INSTANCE][world.tick])
+        ids, _ = decode_instance_bgra(instance_bgra)
+        sights = tuple(
+            Sight(
+                actors[record.meta["actor"]],
+                _whole(record, ids.shape),
+                ids == record.meta["actor"] & 0xFFFF,
+            )
+            for record in alone.get(world.tick, ())
+            if record.meta["width"]
+        )
+        yield SightScene(
+            world.tick,
+            world,
+            decode_depth_bgra(_bgra(pictures[DEPTH][world.tick])),
+            instance_bgra,
+            sights,
+        )
+
+
+def read_log(folder: Path) -> EpisodeLog:
+    """The recording in a folder."""
+    return EpisodeLog(folder)
+
+
+def _bgra(record: Record) -> NDArray[np.uint8]:
+    shape = (int(record.meta["height"]), int(record.meta["width"]), 4)
+    return np.frombuffer(record.payload, np.uint8).reshape(shape)
+
+
+def _whole(record: Record, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """A lone object's pixels in the whole image."""
+    mask = np.zeros(shape, dtype=np.bool_)
+    meta = record.meta
+    crop = np.frombuffer(record.payload, np.bool_).reshape(meta["height"], meta["width"])
+    mask[meta["y0"] : meta["y0"] + meta["height"], meta["x0"] : meta["x0"] + meta["width"]] = crop
+    return mask

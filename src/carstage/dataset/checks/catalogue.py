@@ -1,0 +1,67 @@
+"""Every check by name, with the rule that it checks: for reports, and for the documentation."""
+
+from __future__ import annotations
+
+from typing import Final
+
+GROUPS: Final[dict[str, dict[str, str]]] = {
+    "Files": {
+        "empty": "the dataset has a committed episode",
+        "unreadable": "the documents and tables of every episode can be read",
+        "file_missing": "every file of the marker is there",
+        "file_size": "it has the size that was committed",
+        "file_hash": "it has the SHA-256 that was committed",
+        "file_unlisted": "what spec and ledger promise was committed",
+        "file_unexpected": "nothing else lies in an episode's folder",
+        "decode": "every file decodes",
+        "image_size": "every image has the size of the calibration",
+        "schema": "the tables of IMU, GNSS and radar have their columns",
+    },
+    "Server, ledger and time": {
+        "self_test": "the server passed the self-test before the run",
+        "ledger_ticks": "the ledger has a row for each step",
+        "ledger_state": "every sensor delivered in every tick",
+        "frames_missing": "no frame is missing from the ledger and the tables",
+        "timestamps": "times are tick / fps, or at least increase",
+        "server_frames": "the server's frame numbers follow each other",
+        "label_timestamps": "label rows have the ledger's times",
+    },
+    "Labels among themselves": {
+        "label_keys": "no two rows have the same key",
+        "label_ranges": "values lie in their ranges",
+        "label_references": "rows of cameras speak of objects and cameras that there are",
+        "label_gaps": "no object vanishes and returns, the ego is always there",
+        "label_missing": "every object whose box a camera's image holds has a row",
+        "label_poses": "a box is the same in the world and in the ego's frame",
+        "motion": "objects and ego move as their velocities say",
+    },
+    "Labels against the data": {
+        "hull": "the pixels of an object lie inside the projection of its box",
+        "bbox_amodal": "the amodal 2D box is the projection of the 3D box",
+        "mask": "masks have the pixels, bounds and ids that they should have",
+        "lidar_counts": "boxes hold as many LiDAR points as their labels say",
+        "lidar_depth": "LiDAR and depth images see the same surfaces",
+        "tags": "semantic and instance images of one pose show the same tags",
+        "flow": "optical flow is what depth and the camera's motion make it",
+        "rgb_edges": "colour images are steep where labels change",
+        "rgb_frame": "colour images fit the labels of their own frame best",
+    },
+    "Suspicious contents": {
+        "exposure": "colour images are neither black, nor blown out, nor of one colour",
+        "repeated": "no image or sweep is the one before it again while its sensor moves",
+        "repeated_episode": "no two episodes hold the same sensor data",
+        "population": "as many road users as asked for could be placed",
+        "no_objects": "the labelled cameras of an episode see some object",
+        "no_vehicles": "where vehicles were asked for, some vehicle is seen",
+        "no_pedestrians": "where pedestrians were asked for, some pedestrian is seen",
+        "all_occluded": "not everything that is seen is largely occluded",
+        "frozen_traffic": "some vehicle other than the ego moves",
+        "ego_still": "the ego moves in some episode",
+    },
+}
+"""Rules by group and name, in the order in which they are checked."""
+
+RULES: Final[dict[str, str]] = {
+    name: rule for checks in GROUPS.values() for name, rule in checks.items()
+}
+"""All rules by name."""

@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+import recorded_dataset
 
 
 @pytest.fixture(scope="session")
@@ -21,3 +22,12 @@ def python38() -> str:
         if probe.returncode == 0 and probe.stdout.startswith("Python 3.8."):
             return str(candidate)
     pytest.skip("no Python 3.8 on PATH or under pyenv")
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two short drives, recorded from the embedded simulator. Do not change them.
+
+    Tests that use it belong to the xdist group ``recorded``, so that it is recorded once.
+    """
+    return recorded_dataset.record(tmp_path_factory.mktemp("recorded"))

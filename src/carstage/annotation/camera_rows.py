@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,7 +22,12 @@ from carstage.annotation.pixels import (
 from carstage.annotation.rig import LabelledCamera
 from carstage.annotation.scene import Scene
 from carstage.annotation.settings import LabelSettings
-from carstage.annotation.silhouette import Silhouette, may_be_in_image, silhouette
+from carstage.annotation.silhouette import (
+    Silhouette,
+    may_be_in_image,
+    pixel_regions,
+    silhouettes,
+)
 from carstage.annotation.stage_vo import (
     LEVEL_UNKNOWN,
     count_vertices,
@@ -31,7 +36,6 @@ from carstage.annotation.stage_vo import (
     within_distance,
 )
 from carstage.geometry import (
-    Z_NEAR_M,
     FloatArray,
     box_corners,
     observation_angle,
@@ -92,24 +96,22 @@ def camera_rows(
     keep &= np.array([fact.info.id != carrier_id for fact in scene.facts], dtype=np.bool_)
     chosen = np.flatnonzero(keep)
     corners = _to_optical(optical, scene.corners[chosen])
-    outlines: list[Silhouette] = []
-    seen: list[int] = []
     near = may_be_in_image(corners, camera.k, camera.width, camera.height)
-    for candidate in np.flatnonzero(near).tolist():
-        outline = silhouette(corners[candidate], camera.k, camera.width, camera.height)
-        if outline is not None:
-            seen.append(candidate)
-            outlines.append(outline)
+    chosen, corners = chosen[near], corners[near]
+    found = silhouettes(corners, camera.k, camera.width, camera.height)
+    seen = [i for i, outline in enumerate(found) if outline is not None]
     if not seen:
         return []
-    columns = _columns(scene, chosen[seen], corners[seen], optical, evidence, camera, settings)
+    chosen, corners = chosen[seen], corners[seen]
+    outlines = [outline for outline in found if outline is not None]
+    columns = _columns(scene, chosen, corners, optical, evidence, camera, settings)
+    counted: list[PixelVisibility | None] = [None] * len(seen)
+    if settings.pixels:
+        counted = [*_count_pixels(scene, chosen, optical, camera, evidence, world_from_sensor)]
     rows = []
-    for i, (actor, outline) in enumerate(zip(chosen[seen].tolist(), outlines, strict=True)):
-        pixels = (
-            _pixels(scene, actor, optical, camera, evidence, world_from_sensor)
-            if settings.pixels
-            else None
-        )
+    for i, (actor, outline, pixels) in enumerate(
+        zip(chosen.tolist(), outlines, counted, strict=True)
+    ):
         info = scene.facts[actor].info
         row: dict[str, Any] = {
             "k": keys["k"],
@@ -186,44 +188,32 @@ def _columns(
     }
 
 
-def _pixels(
+def _count_pixels(
     scene: Scene,
-    actor: int,
+    chosen: NDArray[np.int64],
     optical: FloatArray,
     camera: LabelledCamera,
     evidence: ImageEvidence,
     world_from_sensor: FloatArray,
-) -> PixelVisibility:
-    pose, extent = scene.world_from_box[actor], scene.extent[actor]
-    view = BoxView(
-        origin_box=pose[:3, :3].T @ (world_from_sensor[:3, 3] - pose[:3, 3]),
-        box_from_optical=pose[:3, :3].T @ optical[:3, :3].T,
-        extent_m=extent,
-        region=_region(pose, extent, optical, camera),
-    )
-    fact = scene.facts[actor]
-    return measure(view, camera.k, evidence, fact.info.id, fact.tags)
-
-
-def _region(
-    pose: FloatArray, extent: FloatArray, optical: FloatArray, camera: LabelledCamera
-) -> tuple[int, int, int, int]:
-    """Whole pixels that hold the silhouette of the inflated box, for a box that is in the image."""
-    corners = transform_points(optical, box_corners(pose, extent + BOX_MARGIN_M))
-    if corners[:, 2].min() >= Z_NEAR_M:
-        uv = project(corners, camera.k)
-        (x0, y0), (x1, y1) = uv.min(axis=0).tolist(), uv.max(axis=0).tolist()
-    else:
-        # The projection is huge: only the part in the image bounds the work.
-        outline = silhouette(corners, camera.k, camera.width, camera.height)
-        full = (0.0, 0.0, float(camera.width), float(camera.height))
-        x0, y0, x1, y1 = full if outline is None else outline.bbox
-    return (
-        max(math.floor(x0), 0),
-        max(math.floor(y0), 0),
-        min(math.ceil(x1), camera.width),
-        min(math.ceil(y1), camera.height),
-    )
+) -> Iterator[PixelVisibility]:
+    """The pixels of each object."""
+    poses, extents = scene.world_from_box[chosen], scene.extent[chosen]
+    inflated = _to_optical(optical, box_corners(poses, extents + BOX_MARGIN_M))
+    regions = pixel_regions(inflated, camera.k, camera.width, camera.height)
+    box_from_world = np.swapaxes(poses[:, :3, :3], -1, -2)
+    to_camera = world_from_sensor[:3, 3] - poses[:, :3, 3]
+    origins = (box_from_world @ to_camera[..., None])[..., 0]
+    box_from_optical = box_from_world @ optical[:3, :3].T
+    for i, actor in enumerate(chosen.tolist()):
+        fact = scene.facts[actor]
+        view = BoxView(
+            origin_box=origins[i],
+            box_from_optical=box_from_optical[i],
+            extent_m=extents[i],
+            ground_m=float(scene.ground[actor]),
+            region=regions[i],
+        )
+        yield measure(view, camera.k, evidence, fact.info.id, fact.tags)
 
 
 def _rectangles(

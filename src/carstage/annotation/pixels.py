@@ -24,14 +24,15 @@ FILL_PRIOR: Final = 0.8
 """Share of its silhouette that an object fills when none of it is visible."""
 
 GROUND_STRIP_M: Final = 0.05
-"""Points this close to the box's bottom are taken for the road, unless a tag says otherwise."""
+"""Points this little above the road are taken for it, unless a tag says otherwise."""
 
-_TINY: Final = 1e-300
+_NO_IDS: Final = np.empty((0, 0), dtype=np.uint16)
+_NO_TAGS: Final = np.empty((0, 0), dtype=np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
 class ModalMask:
-    """An object's own pixels: a crop of the image and where it lies."""
+    """An object's own pixels: their tight crop of the image and where it lies."""
 
     crop: NDArray[np.bool_]
     x0: int
@@ -39,14 +40,8 @@ class ModalMask:
 
     def bounds(self) -> Rectangle:
         """Tight bounds of the set pixels, half open (px)."""
-        columns = np.flatnonzero(self.crop.any(axis=0))
-        rows = np.flatnonzero(self.crop.any(axis=1))
-        return (
-            float(self.x0 + columns[0]),
-            float(self.y0 + rows[0]),
-            float(self.x0 + columns[-1] + 1),
-            float(self.y0 + rows[-1] + 1),
-        )
+        height, width = self.crop.shape
+        return float(self.x0), float(self.y0), float(self.x0 + width), float(self.y0 + height)
 
     def rle(self, width: int, height: int) -> str:
         """COCO's compressed run lengths in an image of this size."""
@@ -113,44 +108,15 @@ class BoxView:
         origin_box: ``(3,)`` camera position in box axes (m).
         box_from_optical: ``(3, 3)`` directions from optical to box axes.
         extent_m: ``(3,)`` half sizes, not inflated.
+        ground_m: height of the road in box axes; the bottom of the box or above it.
         region: x0, y0, x1, y1 whole pixels around the inflated box's silhouette in the image.
     """
 
     origin_box: FloatArray
     box_from_optical: FloatArray
     extent_m: FloatArray
+    ground_m: float
     region: tuple[int, int, int, int]
-
-
-def box_interval(
-    view: BoxView, k: FloatArray, z_near_m: float = Z_NEAR_M
-) -> tuple[FloatArray, FloatArray]:
-    """Z-depths at which the pixels' rays enter and leave the inflated box (slab test).
-
-    The ray through a pixel's centre is ``d = K^-1 (i + 0.5, j + 0.5, 1)``: its third component is
-    1, so that the ray's parameter is z-depth. A ray misses the box where enter > leave; that is
-    exactly where the pixel's centre lies outside the silhouette.
-
-    Returns:
-        enter, leave: each ``(h, w)`` of ``view.region``; enter is at least ``z_near_m``.
-    """
-    x0, y0, x1, y1 = view.region
-    x = (np.arange(x0, x1) + 0.5 - k[0, 2]) / k[0, 0]
-    y = (np.arange(y0, y1) + 0.5 - k[1, 2]) / k[1, 1]
-    enter: FloatArray = np.full((len(y), len(x)), z_near_m)
-    leave: FloatArray = np.full_like(enter, np.inf)
-    half = view.extent_m + BOX_MARGIN_M
-    for axis in range(3):
-        a, b, c = view.box_from_optical[axis]
-        direction = (a * x)[None, :] + (b * y + c)[:, None]
-        # A ray along the slab never meets its planes: infinitely far is right, NaN is not.
-        direction[direction == 0.0] = _TINY
-        inverse = np.reciprocal(direction, out=direction)
-        low = inverse * (-half[axis] - view.origin_box[axis])
-        high = np.multiply(inverse, half[axis] - view.origin_box[axis], out=inverse)
-        np.maximum(enter, np.minimum(low, high), out=enter)
-        np.minimum(leave, np.maximum(low, high, out=low), out=leave)
-    return enter, leave
 
 
 def measure(
@@ -162,6 +128,17 @@ def measure(
 ) -> PixelVisibility:
     """Count an object's own, front and background pixels.
 
+    The ray through a pixel's centre is ``d = K^-1 (i + 0.5, j + 0.5, 1)``: its third component is
+    1, so that the ray's parameter is z-depth. A slab test gives where it enters and leaves the
+    inflated box; it misses the box exactly where the centre lies outside the silhouette.
+
+    - Own by ``instance``: the id is the object's, the tag one of its own, and the depth within the
+      box or 5 cm off it (untagged geometry is transparent to the instance camera and ids collide).
+    - Own by ``depth``: the depth is within the box, and the tag one of the object's; without tags,
+      what is at the road is not its own.
+    - Front: the depth is before the box. A descending ray that meets the road there could have met
+      no more of the object than the strip by which the box reaches into the road: not in front.
+
     Args:
         view: the box as the camera sees it.
         k: ``(3, 3)`` intrinsics.
@@ -169,49 +146,33 @@ def measure(
         actor_id: the object's id; its low 16 bits are looked for.
         tags: ``(256,)`` which tags the object's pixels may carry.
     """
+    # Half a second to import, which only processes that count pixels shall need.
+    from carstage.annotation.pixel_kernel import classify
+
     x0, y0, x1, y1 = view.region
-    rectangle = np.s_[y0:y1, x0:x1]
-    enter, leave = box_interval(view, k)
-    depth = evidence.depth_m[rectangle]
-    hull = enter <= leave
-    own = hull.copy()
-    if evidence.tag is not None:
-        own &= tags[evidence.tag[rectangle]]
-    if evidence.instance_id is not None:
-        # Untagged geometry is transparent to the instance camera and ids collide: depth decides.
-        own &= evidence.instance_id[rectangle] == (actor_id & 0xFFFF)
-        own &= (depth >= enter - BOX_MARGIN_M) & (depth <= leave + BOX_MARGIN_M)
-        method = "instance"
-    else:
-        own &= (depth >= enter) & (depth <= leave)
-        if evidence.tag is None:
-            _remove_road(own, view, k, depth)
-        method = "depth"
-    front = hull & ~own & (depth < enter)
-    # The inflated box reaches into the road: a descending ray that meets the road before it could
-    # have met no more of the object than that strip.
-    _remove_road(front, view, k, depth)
-    visible_px = int(np.count_nonzero(own))
-    return PixelVisibility(
-        visible_px=visible_px,
-        front_px=int(np.count_nonzero(front)),
-        hull_px=int(np.count_nonzero(hull)),
-        method=method,
-        mask=ModalMask(own, x0, y0) if visible_px else None,
+    own = np.zeros((max(0, y1 - y0), max(0, x1 - x0)), dtype=np.bool_)
+    by_id = evidence.instance_id is not None
+    visible_px, front_px, hull_px, left, top, right, bottom = classify(
+        view.region,
+        (float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2])),
+        view.origin_box,
+        view.box_from_optical,
+        view.extent_m + BOX_MARGIN_M,
+        view.ground_m + GROUND_STRIP_M,
+        Z_NEAR_M,
+        BOX_MARGIN_M if by_id else 0.0,
+        evidence.depth_m,
+        _NO_IDS if evidence.instance_id is None else evidence.instance_id,
+        actor_id & 0xFFFF,
+        _NO_TAGS if evidence.tag is None else evidence.tag,
+        tags,
+        not by_id and evidence.tag is None,
+        own,
     )
-
-
-def _remove_road(
-    mask: NDArray[np.bool_], view: BoxView, k: FloatArray, depth: NDArray[np.float32]
-) -> None:
-    """Unset pixels whose descending ray ends below the strip at the bottom of the box."""
-    row, column = np.nonzero(mask)
-    x = (column + view.region[0] + 0.5 - k[0, 2]) / k[0, 0]
-    y = (row + view.region[1] + 0.5 - k[1, 2]) / k[1, 1]
-    a, b, c = view.box_from_optical[2]
-    slope = a * x + b * y + c
-    height = view.origin_box[2] + depth[row, column] * slope
-    mask[row, column] = (slope >= 0.0) | (height >= GROUND_STRIP_M - view.extent_m[2])
+    mask = ModalMask(own[top:bottom, left:right], x0 + left, y0 + top) if visible_px else None
+    return PixelVisibility(
+        visible_px, front_px, hull_px, "instance" if by_id else "depth", mask
+    )
 
 
 def occlusion_bin(ratio: float) -> int:

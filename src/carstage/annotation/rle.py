@@ -24,16 +24,19 @@ def run_lengths(crop: NDArray[np.bool_], x0: int, y0: int, width: int, height: i
     Returns:
         Counts of zeros, ones, zeros, ...; the first may be 0; they sum to ``width * height``.
     """
-    column, row = np.nonzero(crop.T)
-    index = (column + x0) * height + (row + y0)
-    if not len(index):
+    rows, columns = crop.shape
+    # Each column with a zero below, so that a run ends with its column; and one zero before all.
+    padded = np.zeros(columns * (rows + 1) + 1, dtype=np.bool_)
+    padded[1:].reshape(columns, rows + 1)[:, :rows] = crop.T
+    column, row = np.divmod(np.flatnonzero(padded[1:] != padded[:-1]), rows + 1)
+    edges = (column + x0) * height + (row + y0)
+    # A run that ends where the next begins goes on into the next column.
+    touching = np.flatnonzero(edges[1:-1:2] == edges[2::2])
+    edges = np.delete(edges, np.concatenate([2 * touching + 1, 2 * touching + 2]))
+    if not len(edges):
         return [width * height]
-    breaks = np.flatnonzero(np.diff(index) != 1)
-    starts = np.concatenate([index[:1], index[breaks + 1]])
-    ends = np.concatenate([index[breaks], index[-1:]]) + 1
-    edges = np.stack([starts, ends], axis=1).ravel()
     counts: list[int] = np.diff(edges, prepend=0).tolist()
-    tail = width * height - int(ends[-1])
+    tail = width * height - int(edges[-1])
     return [*counts, tail] if tail else counts
 
 

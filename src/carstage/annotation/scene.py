@@ -46,6 +46,9 @@ class Scene:
         valid: ``(N,)`` whether the box may be used.
         world_from_box: ``(N, 4, 4)``; of no meaning where not valid.
         extent: ``(N, 3)`` half sizes; ones where not valid.
+        ground: ``(N,)`` height of the road in box axes: that of a vehicle's pivot, or the bottom
+            of the box where it is higher (boxes of CARLA's vehicles reach up to 7 cm into the road)
+            and for walkers, whose pivot is in their middle.
         corners: ``(N, 8, 3)``.
         world_from_ego: ``(4, 4)``.
         ego_from_world: ``(4, 4)``.
@@ -57,6 +60,7 @@ class Scene:
     valid: NDArray[np.bool_]
     world_from_box: FloatArray
     extent: FloatArray
+    ground: FloatArray
     corners: FloatArray
     world_from_ego: FloatArray
     ego_from_world: FloatArray
@@ -81,6 +85,9 @@ def build_scene(
         if valid[i]:
             location[i], rotation[i] = fact.box.location, fact.box.rotation_deg
             extent[i] = fact.box.extent
+    on_road = np.array([not fact.is_walker for fact in facts], dtype=np.bool_)
+    bottom = -extent[:, 2]
+    ground = np.where(on_road, np.maximum(bottom, -location[:, 2]), bottom)
     actor = pose_matrix(world.location[index], world.rotation_deg[index])
     world_from_box = np.asarray(actor @ pose_matrix(location, rotation), dtype=np.float64)
     world_from_ego = pose_matrix(world.location[ego_row], world.rotation_deg[ego_row])
@@ -91,6 +98,7 @@ def build_scene(
         valid=valid,
         world_from_box=world_from_box,
         extent=extent,
+        ground=ground,
         corners=box_corners(world_from_box, extent),
         world_from_ego=world_from_ego,
         ego_from_world=invert_pose(world_from_ego),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,6 +68,55 @@ def silhouette(
         truncated=min(1.0, max(0.0, 1.0 - area_inside / polygon_area(outline))),
         crosses_near=bool((corners_optical[:, 2] < z_near_m).any()),
     )
+
+
+def silhouettes(
+    corners_optical: FloatArray, k: FloatArray, width: int, height: int
+) -> list[Silhouette | None]:
+    """:func:`silhouette` of ``(N, 8, 3)`` boxes.
+
+    A box that is wholly in the image, as most are, has the bounds of its corners; its polygon need
+    not be made.
+    """
+    lows, highs, whole = _corner_bounds(corners_optical, k, width, height)
+    found: list[Silhouette | None] = []
+    for corners, low, high, inside in zip(corners_optical, lows, highs, whole, strict=True):
+        if inside:
+            box = (low[0], low[1], high[0], high[1])
+            found.append(Silhouette(box, box, truncated=0.0, crosses_near=False))
+        else:
+            found.append(silhouette(corners, k, width, height))
+    return found
+
+
+def pixel_regions(
+    corners_optical: FloatArray, k: FloatArray, width: int, height: int
+) -> list[tuple[int, int, int, int]]:
+    """Whole pixels x0, y0, x1, y1 that hold the silhouettes of ``(N, 8, 3)`` boxes.
+
+    Some pixel of each box should be in the image; the region of others may be empty.
+    """
+    lows, highs, whole = _corner_bounds(corners_optical, k, width, height)
+    regions = []
+    for corners, low, high, inside in zip(corners_optical, lows, highs, whole, strict=True):
+        x0, y0, x1, y1 = (*low, *high)
+        if not inside:
+            # Of what reaches beyond the image only the part in it bounds the work.
+            outline = silhouette(corners, k, width, height)
+            full = (0.0, 0.0, float(width), float(height))
+            x0, y0, x1, y1 = full if outline is None else outline.bbox
+        regions.append((math.floor(x0), math.floor(y0), math.ceil(x1), math.ceil(y1)))
+    return regions
+
+
+def _corner_bounds(
+    corners_optical: FloatArray, k: FloatArray, width: int, height: int
+) -> tuple[list[list[float]], list[list[float]], list[bool]]:
+    """Bounds of the projected corners of boxes, and which boxes are wholly in the image."""
+    uv = project(corners_optical, k)
+    low, high = uv.min(axis=1), uv.max(axis=1)  # NaN where a corner is behind
+    whole = (low >= 0.0).all(axis=-1) & (high <= (width, height)).all(axis=-1)
+    return low.tolist(), high.tolist(), whole.tolist()
 
 
 def may_be_in_image(

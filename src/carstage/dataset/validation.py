@@ -31,9 +31,11 @@ class ValidationReport:
         figures: what was measured: numbers of episodes, frames, files and bytes; ``hull``: pixels
             of objects and how many lie outside their box; ``lidar_depth``: by pair of LiDAR and
             depth camera, points compared and the share that agrees; ``lidar_points_in_boxes``;
-            ``rgb_edges``: by camera, how much steeper the image is where labels change; ``flow``:
-            by camera, pixels compared and the share that agrees; ``motion``: steps of objects,
-            likewise; ``pictures``: by camera, images and how many show nothing; ``labels``: counts.
+            ``rgb_edges``: by camera, how much steeper the image is where labels change;
+            ``rgb_frame``: the same against the labels of the frame before (-1) and after (1);
+            ``flow``: by camera, pixels compared and the share that agrees; ``motion``: steps of
+            objects, likewise; ``pictures``: by camera, images and how many show nothing;
+            ``labels``: counts.
     """
 
     problems: tuple[Problem, ...]

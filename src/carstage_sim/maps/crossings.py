@@ -16,6 +16,9 @@ from shapely.geometry.base import BaseGeometry
 
 _REACH_M = 5.0
 """How far a path may be from the end of a crosswalk."""
+_BESIDE_M = 2.0
+_LEAST_ONWARD = 0.25
+"""Cosine: farther than that to the side lies a path that the crosswalk runs along."""
 _HALF_WIDTH_M = 0.8
 """Of the link between them."""
 _INTO_THE_PATH_M = 0.2
@@ -68,7 +71,7 @@ def crossings(
 def _ends(area: BaseGeometry) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Middle of each end of a long area, and a point inside it, straight behind."""
     outline = area.minimum_rotated_rectangle
-    if outline.geom_type != "Polygon":
+    if outline.is_empty or outline.geom_type != "Polygon":
         return []
     corners = shapely.get_coordinates(outline)[:4]
     sides = corners[1:3] - corners[:2]
@@ -90,6 +93,9 @@ def _link(
     away = near - at
     length = float(np.linalg.norm(away))
     if length > _REACH_M:
+        return None
+    onward = (at - inside) / max(float(np.linalg.norm(at - inside)), _SEAM_M)
+    if length > _BESIDE_M and away @ onward < _LEAST_ONWARD * length:
         return None
     beyond = near + away * (_INTO_THE_PATH_M / length) if length > 0.0 else near
     line = shapely.LineString([inside, at, beyond])

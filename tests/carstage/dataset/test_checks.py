@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as arrays
 from carstage.annotation.rle import encode_mask
 from carstage.annotation.schema import TABLES
 from carstage.conversion.segment import label_schema
-from carstage.dataset.checks.edges import compare_edges
+from carstage.dataset.checks.edges import boundaries, compare_edges, steepness
 from carstage.dataset.checks.silhouettes import distance_outside
 from carstage.dataset.masks import decode_mask
 from carstage.dataset.tables import ROW_SENSORS, arrow_type, read_table, write_table
@@ -49,22 +49,24 @@ def test_edges_are_steeper_where_labels_change_only_in_the_right_image() -> None
     labels[10:50, 30:70] = 1
     labels[20:60, 90:150] = 2
     rgb = np.stack([labels * 90] * 3, axis=-1).astype(np.uint8)
-    figures = compare_edges(rgb, labels)
+    figures = compare_edges(rgb, steepness(rgb), boundaries(labels))
     for _ in range(4):
-        figures.add(compare_edges(rgb, labels))
+        figures.add(compare_edges(rgb, steepness(rgb), boundaries(labels)))
     ratio = figures.ratio
     assert ratio is not None
     assert ratio > 10.0
-    wrong = compare_edges(rgb[:, ::-1], labels)
+    mirrored = rgb[:, ::-1]
+    wrong = compare_edges(mirrored, steepness(mirrored), boundaries(labels))
     for _ in range(4):
-        wrong.add(compare_edges(rgb[:, ::-1], labels))
+        wrong.add(compare_edges(mirrored, steepness(mirrored), boundaries(labels)))
     assert wrong.ratio is None or wrong.ratio < 1.1
 
 
 def test_a_black_image_says_nothing() -> None:
     labels = np.zeros((200, 40), np.uint8)
     labels[:, ::8] = 1
-    figures = compare_edges(np.zeros((200, 40, 3), np.uint8), labels)
+    black = np.zeros((200, 40, 3), np.uint8)
+    figures = compare_edges(black, steepness(black), boundaries(labels))
     assert figures.ratio is None
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from carstage_sim.check.client_process import run_trial
+from carstage_sim.check.walkers import walked_through
 from carstage_sim.maps import ground_height
 
 if TYPE_CHECKING:
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from running_simulator import RunningSimulator
 
 pytestmark = pytest.mark.end_to_end
+
+UP = np.array([0.0, 0.0, 500.0])
 
 
 def trial_of_the_map(port: int) -> dict[str, Any]:
@@ -47,10 +50,15 @@ def trial_of_the_map(port: int) -> dict[str, Any]:
         )
     world.set_pedestrians_seed(11)
     places = [world.get_random_location_from_navigation() for _ in range(60)]
+    house = world.get_level_bbs(carla.CityObjectLabel.Buildings)[0]
+    inside = np.array([house.location.x, house.location.y, 1.0])
+    reach = np.array([2.0 * max(house.extent.x, house.extent.y), 0.0, 0.0])
     return {
         "lights": lights,
         "places": [(place.x, place.y, place.z) for place in places if place is not None],
         "spawn_points": len(town.get_spawn_points()),
+        "through_a_house": walked_through(world, inside - reach, inside + reach),
+        "above_a_house": walked_through(world, inside - reach + UP, inside + reach + UP),
         "buildings": len(world.get_environment_objects(carla.CityObjectLabel.Buildings)),
     }
 
@@ -67,6 +75,8 @@ def test_the_client_finds_lights_walkways_and_scenery(
         assert light["group"] in (3, 4)
     assert found["spawn_points"] == len(stage01.spawn_points)
     assert found["buildings"] > 80
+    assert found["through_a_house"] == "Buildings"
+    assert found["above_a_house"] is None
     places = np.array(found["places"])
     assert len(places) == 60
     height = ground_height(stage01)(places)

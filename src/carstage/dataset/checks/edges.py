@@ -124,7 +124,14 @@ class FrameFit:
     other: float = 0.0
     other_pixels: int = 0
 
-    def add(
+    def add(self, other: FrameFit) -> None:
+        """Add the sums of other images."""
+        self.own += other.own
+        self.own_pixels += other.own_pixels
+        self.other += other.other
+        self.other_pixels += other.other_pixels
+
+    def add_image(
         self,
         steep: NDArray[np.float32],
         own: NDArray[np.bool_],
@@ -143,6 +150,16 @@ class FrameFit:
         if min(self.own_pixels, self.other_pixels) < MIN_BOUNDARY_PIXELS:
             return None
         return (self.own / self.own_pixels) / max(self.other / self.other_pixels, 1e-3)
+
+    @property
+    def rounded(self) -> float | None:
+        """The ratio for the report."""
+        return None if self.ratio is None else round(self.ratio, 3)
+
+
+def new_fits() -> dict[int, FrameFit]:
+    """Sums for the frame before (-1) and the frame after (1)."""
+    return {-1: FrameFit(), 1: FrameFit()}
 
 
 def check_frame_fit(camera_id: str, fits: Mapping[int, FrameFit], findings: Findings) -> None:

@@ -18,6 +18,7 @@ from carstage.dataset.checks.edges import (
     check_edges,
     check_frame_fit,
     compare_edges,
+    new_fits,
     steepness,
 )
 from carstage.dataset.checks.files import DOCUMENTS, TABLES, VerifiedFiles, check_file_list
@@ -77,6 +78,7 @@ class Figures:
         default_factory=lambda: defaultdict(RangingFigures)
     )
     edges: dict[str, EdgeFigures] = field(default_factory=lambda: defaultdict(EdgeFigures))
+    fits: dict[str, dict[int, FrameFit]] = field(default_factory=dict)
     flow: dict[str, FlowFigures] = field(default_factory=lambda: defaultdict(FlowFigures))
     motion: MotionFigures = field(default_factory=MotionFigures)
     pictures: dict[str, PictureFigures] = field(default_factory=lambda: defaultdict(PictureFigures))
@@ -98,6 +100,10 @@ class Figures:
             "rgb_edges": {
                 camera: None if edges.ratio is None else round(edges.ratio, 3)
                 for camera, edges in sorted(self.edges.items())
+            },
+            "rgb_frame": {
+                camera: {str(step): fit.rounded for step, fit in sorted(fits.items())}
+                for camera, fits in sorted(self.fits.items())
             },
             "flow": {camera: flow.to_dict() for camera, flow in sorted(self.flow.items())},
             "motion": self.motion.to_dict(),
@@ -125,6 +131,7 @@ class EpisodeChecks:
         self._fits: dict[str, dict[int, FrameFit]] = {}
         self._edges_before: dict[str, tuple[NDArray[np.float32], NDArray[np.bool_]]] = {}
         self._flow: dict[str, FlowFigures] = defaultdict(FlowFigures)
+        self._flow_frames: dict[str, int] = {}
         self._pictures: dict[str, PictureFigures] = defaultdict(PictureFigures)
         self._carriers: dict[str, int | None] = {}
         self._poses: Mapping[str, Mapping[int, NDArray[np.float64]]] = {}
@@ -199,6 +206,9 @@ class EpisodeChecks:
         for camera, edges in self._edges.items():
             check_edges(camera, edges, findings)
             check_frame_fit(camera, self._fits[camera], findings)
+            totals = figures.fits.setdefault(camera, new_fits())
+            for step, fit in self._fits[camera].items():
+                totals[step].add(fit)
         for camera, flow in self._flow.items():
             check_flow(camera, flow, findings)
             figures.flow[camera].add(flow)
@@ -311,9 +321,11 @@ class EpisodeChecks:
         for sensor in self._episode.sensors:
             if sensor.kind != "flow" or sensor.id not in data:
                 continue
+            follows = self._flow_frames.get(sensor.id) == k - 1  # it looks back to its last image
+            self._flow_frames[sensor.id] = k
             poses = self._poses.get(sensor.id, {})
             depth = self._twin(sensor, "depth", data)
-            if depth is None or k not in poses or k - 1 not in poses:
+            if not follows or depth is None or not {k - 1, k} <= set(poses):
                 continue
             self._flow[sensor.id].add(
                 compare_with_motion(
@@ -352,9 +364,9 @@ class EpisodeChecks:
         found = compare_edges(rgb, steep, boundary)
         self._edges[sensor.id].add(found)
         self._figures.edges[sensor.id].add(found)
-        fits = self._fits.setdefault(sensor.id, {-1: FrameFit(), 1: FrameFit()})
+        fits = self._fits.setdefault(sensor.id, new_fits())
         if sensor.id in self._edges_before:
             steep_before, boundary_before = self._edges_before[sensor.id]
-            fits[-1].add(steep, boundary, boundary_before)
-            fits[1].add(steep_before, boundary_before, boundary)
+            fits[-1].add_image(steep, boundary, boundary_before)
+            fits[1].add_image(steep_before, boundary_before, boundary)
         self._edges_before[sensor.id] = steep, boundary

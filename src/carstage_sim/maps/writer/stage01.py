@@ -12,7 +12,7 @@ STAGE01 = TownPlan(
         columns=(-190.0, -65.0, 55.0, 190.0),
         rows=(-112.0, 0.0, 118.0),
         narrow=StreetProfile(lanes=1, speed_limit_kmh=30),
-        wide=StreetProfile(lanes=2, speed_limit_kmh=50),
+        wide=StreetProfile(lanes=2, speed_limit_kmh=40),
         wide_columns=frozenset({1}),
         wide_rows=frozenset({1}),
     ),

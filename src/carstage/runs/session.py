@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import os
 import selectors
-import signal
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor as Pool
 from contextlib import contextmanager, suppress
-from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
 from carstage.config import Config
-from carstage.conversion import conversion_pool
 from carstage.errors import (
     BadInputError,
     CarStageError,
@@ -29,6 +25,7 @@ from carstage.errors import (
 from carstage.execution import Executor, InlineExecutor
 from carstage.plan import EpisodeSpec, estimate_run, plan_episodes
 from carstage.runs.attempts import dead_runs, remove_leftovers, reserve_attempt
+from carstage.runs.converters import Converters
 from carstage.runs.disk import disk_error
 from carstage.runs.folder import (
     CurrentEpisode,
@@ -139,8 +136,7 @@ class _Session:
         self._clock_s = clock_s
         self._next_heartbeat_s = 0.0
         self._self_test: Mapping[str, Any] | None = None
-        self._pool: Pool | None = None
-        self._retired_pools: list[Pool] = []
+        self._converters = Converters(config.conversion.workers)
         self._jobs: deque[Job] = deque()
         self._recording: Landing | None = None
         self._recorded: deque[Landing] = deque()
@@ -174,7 +170,7 @@ class _Session:
             self._enter("starting")
             if todo:
                 with self._interruption.held():  # no pool that nobody knows of
-                    self._workers()  # they load their libraries while the server starts
+                    self._converters.pool()  # they load their libraries while the server starts
                 self._interruption.check()
                 self._test_server()
             executor.execute(self._take, self._open_lane)
@@ -230,7 +226,7 @@ class _Session:
             attempt,
             raw_folder,
             self._store,
-            self._workers(),
+            self._converters.pool(),
             self._config.conversion.codecs,
             self._self_test,
             deferred=self._config.conversion.mode == "deferred",
@@ -325,7 +321,7 @@ class _Session:
         if landing is self._recording:  # else: converting it failed, while another is recorded
             self._recording = None
         if isinstance(error, ConversionError):
-            self._retire_pool()
+            self._converters.retire()
         job = landing.job
         reason = str(error)
         full = isinstance(error, DiskFullError)
@@ -445,27 +441,12 @@ class _Session:
             self._event("frames_converted", episode_id=job.episode_id, frames=landing.frames_done)
             self._event("episode_committed", episode_id=job.episode_id, attempt=landing.attempt)
 
-    def _workers(self) -> Pool:
-        if self._pool is None:
-            chosen = self._config.conversion.workers
-            cores = len(os.sched_getaffinity(0))
-            self._pool = _start_pool(max(1, cores // 2) if chosen == "auto" else chosen)
-        return self._pool
-
-    def _retire_pool(self) -> None:
-        """Use another pool from the next attempt on: a broken one takes no work any more."""
-        if self._pool is not None:
-            self._retired_pools.append(self._pool)
-            self._pool = None
-
     def _give_back(self) -> None:
         """Remove attempts that did not land and end the converters."""
         recording = [] if self._recording is None else [self._recording]
         for landing in [*recording, *self._landings, *self._recorded]:
             landing.give_up()
-        self._retire_pool()
-        for pool in self._retired_pools:
-            pool.shutdown(wait=True, cancel_futures=True)
+        self._converters.end()
 
     def _enter(self, state: State) -> None:
         self._status.state = state
@@ -484,20 +465,3 @@ def _demands_all(spec: EpisodeSpec) -> bool:
     return bool(
         timing["mode"] == "sync" and timing["sensor_sync"] and timing["on_incomplete"] == "wait"
     )
-
-
-def _start_pool(workers: int) -> Pool:
-    """Converters whose processes exist already.
-
-    They are started with the terminal's signals blocked, which a child inherits: Ctrl-C reaches a
-    worker also before it can decide to ignore it.
-    """
-    resource_tracker.ensure_running()  # its own start unblocks SIGINT
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGHUP))
-    try:
-        pool = conversion_pool(workers)
-        for _ in range(workers):
-            pool.submit(os.getpid)
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-    return pool

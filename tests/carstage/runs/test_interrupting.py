@@ -107,9 +107,9 @@ def test_first_converter_is_deaf_to_ctrl_c_from_its_first_instruction() -> None:
     program = (
         "import os, re, signal\n"
         "from pathlib import Path\n"
-        "from carstage.runs.session import _start_pool\n"
+        "from carstage.runs.converters import start_pool\n"
         "if __name__ == '__main__':\n"
-        "    with _start_pool(1) as pool:\n"
+        "    with start_pool(1) as pool:\n"
         "        status = Path(f'/proc/{pool.submit(os.getpid).result()}/status').read_text()\n"
         "    blocked = int(re.search(r'SigBlk:\\s*(\\w+)', status).group(1), 16)\n"
         "    print(bool(blocked >> (signal.SIGINT - 1) & 1))\n"

@@ -1,0 +1,60 @@
+"""A run's converting processes: started early, replaced when they broke, all ended at its end."""
+
+from __future__ import annotations
+
+import os
+import signal
+from concurrent.futures import Executor as Pool
+from multiprocessing import resource_tracker
+from typing import Literal
+
+from carstage.conversion import conversion_pool
+
+
+class Converters:
+    """The pool that converts, and the broken ones before it.
+
+    Args:
+        workers: number of processes; ``auto``: one for two usable cores.
+    """
+
+    def __init__(self, workers: int | Literal["auto"]) -> None:
+        cores = len(os.sched_getaffinity(0))
+        self._workers = max(1, cores // 2) if workers == "auto" else workers
+        self._pool: Pool | None = None
+        self._retired: list[Pool] = []
+
+    def pool(self) -> Pool:
+        """The pool that takes work now; its processes are started by the first call."""
+        if self._pool is None:
+            self._pool = start_pool(self._workers)
+        return self._pool
+
+    def retire(self) -> None:
+        """Use another pool from the next attempt on: a broken one takes no work any more."""
+        if self._pool is not None:
+            self._retired.append(self._pool)
+            self._pool = None
+
+    def end(self) -> None:
+        """End all processes; what is not yet begun is not converted."""
+        self.retire()
+        for pool in self._retired:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def start_pool(workers: int) -> Pool:
+    """Converters whose processes exist already.
+
+    They are started with the terminal's signals blocked, which a child inherits: Ctrl-C reaches a
+    worker also before it can decide to ignore it.
+    """
+    resource_tracker.ensure_running()  # its own start unblocks SIGINT
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGHUP))
+    try:
+        pool = conversion_pool(workers)
+        for _ in range(workers):
+            pool.submit(os.getpid)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return pool

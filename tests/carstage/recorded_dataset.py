@@ -21,8 +21,9 @@ fps: 10
 map: {{choice: Stage01}}
 weather: {{random_from: [ClearNoon, CloudyNoon]}}
 vehicles: {{count: 15}}
-pedestrians: {{count: 10}}
+pedestrians: {{count: 40}}
 image_size: [160, 90]
+min_lidar_points: 0
 timing: {{warmup_ticks: 20}}
 conversion: {{workers: 1}}
 rig:
@@ -78,7 +79,8 @@ def linked_copy(dataset: Path, copy: Path, *, episodes: int | None = None) -> Pa
             shutil.copyfile(source, target)
 
     shutil.copytree(dataset, copy, copy_function=link_or_copy)
-    for marker in sorted((copy / "commits").glob("*.json"))[episodes:]:
+    markers = sorted((copy / "commits").glob("*.json"))
+    for marker in markers[len(markers) if episodes is None else episodes :]:
         marker.unlink()
         shutil.rmtree(copy / "episodes" / marker.stem)
     return copy

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -208,19 +209,40 @@ Dataset = Annotated[Path, typer.Argument(help="Folder of the dataset.", metavar=
 
 @app.command()
 @command
-def validate(dataset: Dataset, json: Json = False, debug: Debug = False) -> int:
+def validate(
+    dataset: Dataset,
+    json: Json = False,
+    html: Annotated[
+        Path | None,
+        typer.Option("--html", metavar="FILE", help="Also write the verdict as a page."),
+    ] = None,
+    debug: Debug = False,
+) -> int:
     """Recompute from the files whether a dataset is what it says it is."""
     del debug
     from carstage.cli.describe import describe_problem, describe_validation
     from carstage.cli.progress import watch_frames
-    from carstage.dataset import validate_dataset
+    from carstage.dataset import validate_dataset, write_validation
 
     with watch_frames("Checking") as progress:
         report = validate_dataset(dataset, progress=progress)
     for problem in report.problems:
         note(describe_problem(problem))
+    if html is not None:
+        _write(html, lambda: write_validation(dataset, report, html))
     result(report.to_json() if json else describe_validation(dataset, report))
     return 0 if report.ok else 1
+
+
+def _write(file: Path, write: Callable[[], object]) -> None:
+    from carstage.errors import BadInputError
+
+    try:
+        write()
+    except OSError as error:
+        raise BadInputError(
+            f"{file} cannot be written: {error.strerror}.", "Name another file."
+        ) from error
 
 
 @app.command()

@@ -9,7 +9,7 @@ from carstage.dataset.reading import (
     Sensor,
     SensorCalibration,
 )
-from carstage.dataset.report import write_report
+from carstage.dataset.report import write_report, write_validation
 from carstage.dataset.validation import ValidationReport, validate_dataset
 
 __all__ = [
@@ -23,4 +23,5 @@ __all__ = [
     "decode_mask",
     "validate_dataset",
     "write_report",
+    "write_validation",
 ]

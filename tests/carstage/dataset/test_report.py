@@ -10,7 +10,16 @@ from pathlib import Path
 import analytic_dataset
 import pytest
 
-from carstage.dataset import validate_dataset, write_report
+from carstage.dataset import (
+    Problem,
+    ValidationReport,
+    validate_dataset,
+    write_report,
+    write_validation,
+)
+from carstage.dataset.checks.catalogue import RULES
+from carstage.dataset.checks.episode import Figures
+from carstage.dataset.checks.findings import Findings, Severity
 from carstage.dataset.report import html
 from carstage.dataset.report.statistics import bin_names
 
@@ -103,3 +112,39 @@ def test_a_chart_of_nothing_is_still_a_chart() -> None:
 def test_bins_of_counts_end_before_the_next_and_bins_of_lengths_meet() -> None:
     assert bin_names((0, 1, 5), "") == ["0", "1–4", "5+"]
     assert bin_names((0, 10, 20), " m") == ["0–10 m", "10–20 m", "20+ m"]
+
+
+def test_a_verdict_is_a_page_of_its_own_that_names_every_check(
+    dataset: Path, tmp_path: Path
+) -> None:
+    report = validate_dataset(dataset)
+    out = write_validation(dataset, report, tmp_path / "verdict.html")
+    page = out.read_text("utf-8")
+    text = parse(page).text
+    assert "analytic <scene>" in text
+    assert not re.search(r"(?:src|href)=|url\(|@import|<script|https?://", page)
+    assert set(RULES) <= set(text)
+
+
+def test_a_verdict_lists_errors_before_warnings(dataset: Path, tmp_path: Path) -> None:
+    problems = (
+        Problem("exposure", "warning", "e", None, "CAM", "3 of 4 images are black"),
+        Problem("hull", "error", "e", 2, "CAM", "object 7: <outside>"),
+    )
+    counts: dict[str, dict[Severity, int]] = {name: {"error": 0, "warning": 0} for name in RULES}
+    counts["exposure"]["warning"], counts["hull"]["error"] = 1, 40
+    report = ValidationReport(problems, counts, Figures().to_dict(0))
+    text = parse(write_validation(dataset, report, tmp_path / "v.html").read_text("utf-8")).text
+    assert text.index("object 7: <outside>") < text.index("3 of 4 images are black")
+    assert "40 errors" in text
+    assert "✗ not valid" in text
+
+
+def test_the_documentation_names_every_check() -> None:
+    page = Path(__file__).parents[3] / "docs" / "formats" / "dataset.md"
+    assert [name for name in RULES if f"`{name}`" not in page.read_text("utf-8")] == []
+
+
+def test_a_problem_of_no_check_is_refused() -> None:
+    with pytest.raises(ValueError, match="hulk"):
+        Findings("e").add("hulk", "green")

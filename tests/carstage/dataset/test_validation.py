@@ -12,7 +12,9 @@ import analytic_dataset
 import numpy as np
 import pytest
 from analytic_dataset import attempt_of, edit_rows, recommit
+from typer.testing import CliRunner
 
+from carstage.cli.app import app
 from carstage.dataset import validate_dataset
 from carstage.dataset.codecs.png import PngPacker, unpack_png
 from carstage.dataset.tables import read_table, write_table
@@ -359,6 +361,14 @@ def test_much_of_one_damage_is_listed_up_to_a_limit_and_counted(dataset: Path) -
 def test_a_dataset_without_episodes_is_not_valid(dataset: Path) -> None:
     next((dataset / "commits").glob("*.json")).unlink()
     assert failed_checks(dataset) == {"empty"}
+
+
+def test_the_command_writes_its_verdict_as_a_page(whole: Path, tmp_path: Path) -> None:
+    page, nowhere = tmp_path / "verdict.html", tmp_path / "none" / "verdict.html"
+    ended = CliRunner().invoke(app, ["validate", str(whole), "--html", str(page)])
+    assert ended.exit_code == 0
+    assert "No problem was found" in page.read_text("utf-8")
+    assert CliRunner().invoke(app, ["validate", str(whole), "--html", str(nowhere)]).exit_code == 2
 
 
 def test_a_folder_that_is_no_dataset_is_refused(tmp_path: Path) -> None:

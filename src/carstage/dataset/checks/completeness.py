@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -31,7 +32,9 @@ def check_gaps(objects: pa.Table, frames: int, *, ego_labelled: bool, findings: 
     """
     ks_of: dict[int, set[int]] = defaultdict(set)
     egos: set[int] = set()
-    ks, tracks, is_ego = (objects[name].to_pylist() for name in ("k", "track_id", "is_ego"))
+    ks: list[Any] = objects["k"].to_pylist()
+    tracks: list[Any] = objects["track_id"].to_pylist()
+    is_ego: list[Any] = objects["is_ego"].to_pylist()
     for k, track, ego in zip(ks, tracks, is_ego, strict=True):
         ks_of[track].add(k)
         if ego:

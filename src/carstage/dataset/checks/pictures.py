@@ -63,7 +63,8 @@ class PictureFigures:
     def to_dict(self) -> dict[str, Any]:
         """For the report."""
         mean = self.brightness / self.frames if self.frames else 0.0
-        return {"frames": self.frames, "brightness": round(mean, 1), **self.faults}
+        faults = {str(fault): count for fault, count in self.faults.items()}
+        return {"frames": self.frames, "brightness": round(mean, 1), **faults}
 
 
 def fault_of(brightness: NDArray[np.uint8]) -> Fault | None:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pyarrow.compute as pc
 
 from carstage.dataset.checks.findings import Findings
 from carstage.dataset.checks.labels import LabelTables
@@ -77,19 +76,18 @@ def check_episode_population(
         population.wanted[group] += bool(asked and spec["ground_truth"][group] and cameras)
         if spawned < MIN_SPAWNED_SHARE * asked:
             _warn(findings, "population", f"{spawned} of {asked} {group} could be placed")
-    classes = dict(
-        zip(
-            tables.objects["track_id"].to_pylist(), tables.objects["class"].to_pylist(), strict=True
-        )
-    )
+    tracks: list[Any] = tables.objects["track_id"].to_pylist()
+    names: list[Any] = tables.objects["class"].to_pylist()
+    classes: dict[int, str] = dict(zip(tracks, names, strict=True))
     table = tables.camera_objects
     visible = table.filter(table["visible"])
-    for track in visible["track_id"].to_pylist():
+    seen: list[Any] = visible["track_id"].to_pylist()
+    for track in seen:
         walks = classes.get(track, "").startswith("walker")
         population.seen["pedestrians" if walks else "vehicles"] += 1
-    levels = visible["occluded_px"].drop_null()
+    levels = visible["occluded_px"].drop_null().to_numpy()
     population.visible += len(levels)
-    population.largely_occluded += pc.sum(pc.greater_equal(levels, _LARGELY)).as_py() or 0
+    population.largely_occluded += int((levels >= _LARGELY).sum())
     population.cameras += cameras
     others = sum(int(document["spawned"][group]) for group in ("vehicles", "pedestrians")
                  if spec["ground_truth"][group])  # fmt: skip

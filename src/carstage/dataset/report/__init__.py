@@ -1,5 +1,6 @@
-"""``report.html``: what is in a dataset, to be looked at; one file without outside parts."""
+"""Pages to be looked at, each one file without outside parts: the report, and a verdict."""
 
 from carstage.dataset.report.page import write_report
+from carstage.dataset.report.verdict import write_validation
 
-__all__ = ["write_report"]
+__all__ = ["write_report", "write_validation"]

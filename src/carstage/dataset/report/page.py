@@ -18,11 +18,11 @@ from carstage.dataset.report.statistics import (
     bin_names,
     count_labels,
 )
+from carstage.dataset.report.verdict import badge, validation_section
 from carstage.dataset.validation import ValidationReport, validate_dataset
 from carstage.dataset.whole import write_whole
 
 MOST_EPISODES_WITH_PICTURES = 6
-_MOST_PROBLEMS = 50
 
 
 def write_report(
@@ -51,7 +51,7 @@ def write_report(
         _overview(dataset, statistics),
         *(episode_section(episode, dataset.description) for episode in shown),
         _statistics(statistics),
-        _validation(verdict),
+        validation_section(verdict),
         _episode_list(dataset) if len(episodes) > 1 else "",
         f"<footer>Written by Car-STAGE {escape(__version__)}. "
         "Pictures are scaled down; the dataset holds the originals.</footer>",
@@ -63,15 +63,8 @@ def write_report(
 
 
 def _head(dataset: Dataset, verdict: ValidationReport) -> str:
-    warnings = sum(problem.severity == "warning" for problem in verdict.problems)
-    if not verdict.ok:
-        badge = '<span class="badge bad">✗ problems found</span>'
-    elif warnings:
-        badge = f'<span class="badge warn">✓ valid, {warnings} warnings</span>'
-    else:
-        badge = '<span class="badge good">✓ valid</span>'
     return (
-        f'<div class="head"><h1>{escape(dataset.name)}</h1>{badge}</div>'
+        f'<div class="head"><h1>{escape(dataset.name)}</h1>{badge(verdict)}</div>'
         '<p class="soft">A labelled multi-sensor driving dataset, recorded from CARLA by '
         "Car-STAGE.</p>"
     )
@@ -123,45 +116,6 @@ def _statistics(statistics: LabelStatistics) -> str:
             "Labels by LiDAR points in the box", bin_names(LIDAR_EDGES, ""), statistics.lidar_points
         )
         + "</div>"
-    )
-
-
-def _validation(verdict: ValidationReport) -> str:
-    figures = verdict.figures
-    hull = figures["hull"]
-    rows: list[tuple[str, str]] = [
-        ("Files read, hashed and decoded", f"{figures['files']:,} ({html.size(figures['bytes'])})"),
-        (
-            "Pixels of objects outside the projection of their box, grown by 2 px",
-            f"{hull['pixels_outside']:,} of {hull['pixels']:,} "
-            f"(farthest {hull['farthest_px']:.2f} px)",
-        ),
-    ]
-    for pair, found in figures["lidar_depth"].items():
-        share = found["share"]
-        rows.append(
-            (
-                f"LiDAR points that agree with depth to 0.1 m + 1 % ({pair})",
-                "none in view" if share is None
-                else f"{share:.2%} of {found['points_comparable']:,}",
-            )
-        )  # fmt: skip
-    rows.append(("LiDAR points in boxes, recounted", f"{figures['lidar_points_in_boxes']:,}"))
-    text = "<h2>Validation</h2>" + html.table(("Check, from the files alone", "Result"), rows)
-    if not verdict.problems:
-        return text + '<p class="good">No problem was found.</p>'
-    listed = [
-        (p.severity, p.check, p.episode or "", "" if p.frame is None else p.frame, p.sensor or "",
-         p.message)
-        for p in verdict.problems[:_MOST_PROBLEMS]
-    ]  # fmt: skip
-    more = len(verdict.problems) - len(listed)
-    rest = f'<p class="soft">and {more} more; see <code>carstage validate</code>.</p>'
-    return (
-        text
-        + "<h3>Problems</h3>"
-        + html.table(("Severity", "Check", "Episode", "Frame", "Sensor", "What"), listed)
-        + (rest if more else "")
     )
 
 

@@ -15,9 +15,9 @@ from carstage.annotation.pixels import (
     BoxView,
     ImageEvidence,
     PixelVisibility,
-    low_id_is_shared,
     measure,
     occlusion_bin,
+    shared_low_ids,
 )
 from carstage.annotation.rig import LabelledCamera
 from carstage.annotation.scene import Scene
@@ -108,6 +108,7 @@ def camera_rows(
     counted: list[PixelVisibility | None] = [None] * len(seen)
     if settings.pixels:
         counted = [*_count_pixels(scene, chosen, optical, camera, evidence, world_from_sensor)]
+    shared = shared_low_ids(scene.world.actor_id)
     rows = []
     for i, (actor, outline, pixels) in enumerate(
         zip(chosen.tolist(), outlines, counted, strict=True)
@@ -123,7 +124,7 @@ def camera_rows(
             "truncated": outline.truncated,
             "crosses_near": outline.crosses_near,
             "pinhole": camera.pinhole,
-            "instance_ambiguous": low_id_is_shared(info.id, scene.world.actor_id),
+            "instance_ambiguous": info.id & 0xFFFF in shared,
             **_pixel_columns(pixels, settings),
         }
         verdict = row["visible_pixel"] if settings.pixels else row["visible_stage_vo"]
@@ -168,9 +169,7 @@ def _columns(
         "rotation_y": heading.tolist(),
         "alpha": observation_angle(heading, center).tolist(),
         "rotation_cam": quaternion_from_matrix(proper_box_rotation(optical_from_box)).tolist(),
-        "corners_uv": [
-            [None if math.isnan(point[0]) else point for point in box] for box in uv.tolist()
-        ],
+        "corners_uv": _without_nan(uv),
     }
     if not settings.boxes_3d:
         three_d = {name: [None] * len(chosen) for name in three_d}
@@ -186,6 +185,14 @@ def _columns(
         "truncation_paper": truncation_paper(counts.visible).tolist(),
         "visible_stage_vo": (counts.visible >= 1).tolist(),
     }
+
+
+def _without_nan(uv: FloatArray) -> list[list[Any]]:
+    """``(N, 8, 2)`` as lists, with None for points that have no projection."""
+    boxes: list[list[Any]] = uv.tolist()
+    for i in np.flatnonzero(np.isnan(uv[..., 0]).any(axis=-1)).tolist():
+        boxes[i] = [None if math.isnan(point[0]) else point for point in boxes[i]]
+    return boxes
 
 
 def _count_pixels(

@@ -170,9 +170,7 @@ def measure(
         own,
     )
     mask = ModalMask(own[top:bottom, left:right], x0 + left, y0 + top) if visible_px else None
-    return PixelVisibility(
-        visible_px, front_px, hull_px, "instance" if by_id else "depth", mask
-    )
+    return PixelVisibility(visible_px, front_px, hull_px, "instance" if by_id else "depth", mask)
 
 
 def occlusion_bin(ratio: float) -> int:
@@ -185,7 +183,7 @@ def visibility_token(visibility: float) -> int:
     return 1 + sum(visibility >= bound for bound in (0.4, 0.6, 0.8))
 
 
-def low_id_is_shared(actor_id: int, live_ids: NDArray[np.uint32]) -> bool:
-    """Whether another live actor has the same low 16 bits, all that an instance image holds."""
-    same = (live_ids & np.uint32(0xFFFF)) == np.uint32(actor_id & 0xFFFF)
-    return bool(np.any(same & (live_ids != np.uint32(actor_id))))
+def shared_low_ids(live_ids: NDArray[np.uint32]) -> frozenset[int]:
+    """Low 16 bits, all that an instance image holds, that more than one live actor has."""
+    low, count = np.unique(live_ids & np.uint32(0xFFFF), return_counts=True)
+    return frozenset(low[count > 1].tolist())

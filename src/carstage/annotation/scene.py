@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,10 @@ from numpy.typing import NDArray
 from carstage.annotation.boxes import LabelBox
 from carstage.geometry import FloatArray, box_corners, invert_pose, pose_matrix
 from carstage.rawlog.reader import ActorInfo, WorldFrame
+
+_MAX_SINK_M: Final = 0.2
+"""Boxes of CARLA's cars reach up to 7 cm below the pivot, which is on the road. A pivot much higher
+in its box is not on the road."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +51,8 @@ class Scene:
         valid: ``(N,)`` whether the box may be used.
         world_from_box: ``(N, 4, 4)``; of no meaning where not valid.
         extent: ``(N, 3)`` half sizes; ones where not valid.
-        ground: ``(N,)`` height of the road in box axes: that of a vehicle's pivot, or the bottom
-            of the box where it is higher (boxes of CARLA's vehicles reach up to 7 cm into the road)
-            and for walkers, whose pivot is in their middle.
+        ground: ``(N,)`` height of the road in box axes: the bottom of the box, or a vehicle's
+            pivot where the box reaches a little deeper.
         corners: ``(N, 8, 3)``.
         world_from_ego: ``(4, 4)``.
         ego_from_world: ``(4, 4)``.
@@ -86,8 +90,9 @@ def build_scene(
             location[i], rotation[i] = fact.box.location, fact.box.rotation_deg
             extent[i] = fact.box.extent
     on_road = np.array([not fact.is_walker for fact in facts], dtype=np.bool_)
-    bottom = -extent[:, 2]
-    ground = np.where(on_road, np.maximum(bottom, -location[:, 2]), bottom)
+    bottom, pivot = -extent[:, 2], -location[:, 2]
+    sinks = on_road & (pivot > bottom) & (pivot - bottom <= _MAX_SINK_M)
+    ground = np.where(sinks, pivot, bottom)
     actor = pose_matrix(world.location[index], world.rotation_deg[index])
     world_from_box = np.asarray(actor @ pose_matrix(location, rotation), dtype=np.float64)
     world_from_ego = pose_matrix(world.location[ego_row], world.rotation_deg[ego_row])

@@ -122,6 +122,21 @@ def frames_check(
 
 @bench_app.command()
 @command
+def annotation(
+    frames: Annotated[int, typer.Option(min=1, help="How often each method labels.")] = 30,
+    json: Json = False,
+) -> int:
+    """What labelling a frame with a hundred objects costs."""
+    from carstage.bench.annotation import measure_annotation
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Frames", "frames") as progress:
+        verdict = measure_annotation(frames=frames, progress=progress)
+    return _report(verdict, json)
+
+
+@bench_app.command()
+@command
 def faults(
     n: Annotated[int, typer.Option("--n", min=1, help="Faults to draw.")] = 200,
     seed: Annotated[int, typer.Option(help="What they are drawn from.")] = 0,

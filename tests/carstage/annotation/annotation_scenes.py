@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.annotation import CameraImages, EpisodeLabeller
-from carstage.geometry import rotation_matrix
+from carstage.annotation.pixels import BOX_MARGIN_M, BoxView
+from carstage.geometry import Z_NEAR_M, FloatArray, rotation_matrix
 from carstage.rawlog.reader import ActorInfo, WorldFrame
 
 EGO_ID = 7
@@ -115,6 +116,29 @@ def labeller(*actors: ActorInfo, **options: Any) -> EpisodeLabeller:
     """A labeller of an episode with an ego and these actors; options as in ``header``."""
     known = {info.id: info for info in (actor(EGO_ID), *actors)}
     return EpisodeLabeller(header(**options), known)
+
+
+def box_interval(
+    view: BoxView, k: FloatArray, z_near_m: float = Z_NEAR_M
+) -> tuple[FloatArray, FloatArray]:
+    """Z-depths at which rays enter and leave the inflated box, for every pixel of the region.
+
+    The slab test as the kernel does it, in plain numpy; a ray misses where enter > leave.
+    """
+    x0, y0, x1, y1 = view.region
+    x = (np.arange(x0, x1) + 0.5 - k[0, 2]) / k[0, 0]
+    y = (np.arange(y0, y1) + 0.5 - k[1, 2]) / k[1, 1]
+    enter, leave = np.full((len(y), len(x)), z_near_m), np.full((len(y), len(x)), np.inf)
+    half = view.extent_m + BOX_MARGIN_M
+    for axis in range(3):
+        a, b, c = view.box_from_optical[axis]
+        direction = (a * x)[None, :] + (b * y + c)[:, None]
+        inverse = 1.0 / np.where(direction == 0.0, 1e-300, direction)
+        low = inverse * (-half[axis] - view.origin_box[axis])
+        high = inverse * (half[axis] - view.origin_box[axis])
+        enter = np.maximum(enter, np.minimum(low, high))
+        leave = np.minimum(leave, np.maximum(low, high))
+    return enter, leave
 
 
 class Stage:

@@ -12,7 +12,7 @@ from carstage.annotation.decoding import (
     decode_depth_bgra,
     decode_instance_bgra,
 )
-from carstage.annotation.pixels import low_id_is_shared
+from carstage.annotation.pixels import shared_low_ids
 from carstage.annotation.point_sensors import (
     RADAR_DTYPE,
     SEMANTIC_LIDAR_DTYPE,
@@ -92,9 +92,8 @@ def test_images_that_are_not_bgra_are_refused(shape: tuple[int, ...]) -> None:
 
 
 def test_a_low_id_is_ambiguous_only_with_another_live_actor() -> None:
-    assert low_id_is_shared(65537, np.array([1, 65537], dtype=np.uint32))
-    assert low_id_is_shared(1, np.array([1, 65537], dtype=np.uint32))
-    assert not low_id_is_shared(65537, np.array([2, 65537], dtype=np.uint32))
+    assert shared_low_ids(np.array([1, 2, 65537], dtype=np.uint32)) == {1}
+    assert shared_low_ids(np.array([2, 65537], dtype=np.uint32)) == frozenset()
 
 
 def test_tag_tables_are_complete() -> None:

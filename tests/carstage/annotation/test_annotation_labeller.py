@@ -13,13 +13,14 @@ from annotation_scenes import (
     ROAD_TAG,
     Stage,
     actor,
+    box_interval,
     header,
     labeller,
     snapshot,
 )
 
 from carstage.annotation import CameraImages, EpisodeLabeller, FrameLabels
-from carstage.annotation.pixels import BoxView, box_interval
+from carstage.annotation.pixels import BoxView
 from carstage.annotation.schema import (
     CAMERA_OBJECT_COLUMNS,
     EGO_COLUMNS,
@@ -404,10 +405,31 @@ def test_the_silhouette_is_counted_to_its_last_pixel() -> None:
         origin_box=rotation.T @ -np.array([9.0, 1.0, 0.3]),
         box_from_optical=rotation.T @ OPTICAL_FROM_SENSOR.T,
         extent_m=np.array(CAR_EXTENT),
+        ground_m=-CAR_EXTENT[2],
         region=(0, 0, 640, 360),
     )
     enter, leave = box_interval(everywhere, intrinsics(640, 360, 90.0))
     assert row["hull_px"] == np.count_nonzero(enter <= leave)
+
+
+def test_the_road_is_where_a_vehicle_stands_though_its_box_reaches_into_it() -> None:
+    """As boxes of some of CARLA's cars do; by depth alone the road within is not the car."""
+    sunk = actor(CAR_ID, location=(0.0, 0.0, 0.68))
+    stage = Stage()
+    road_z = -1.5
+    with np.errstate(divide="ignore"):
+        road = np.where(stage.rays[..., 2] < 0.0, road_z / stage.rays[..., 2], 1e9)
+    stage.paint(road < 1e8, road, 0, ROAD_TAG)
+    subject = labeller(sunk)
+    world = snapshot({CAR_ID: ((8.0, 2.0, road_z), LEVEL)})
+    images = {"CAM": CameraImages(stage.images().depth_m)}
+    assert one(subject.label_frame(world, 0, images, {}))["visible_px"] == 0
+    stage.paint_box((8.0, 2.0, road_z + 0.9), (2.0, 0.8, 0.5), CAR_ID)
+    images = {"CAM": CameraImages(stage.images().depth_m)}
+    row = one(subject.label_frame(world, 0, images, {}))
+    painted = np.argwhere(stage.bgra[..., 2] == 14)
+    (top, left), (bottom, right) = painted.min(axis=0), painted.max(axis=0) + 1
+    assert row["bbox_modal"] == [left, top, right, bottom]
 
 
 def test_meta_of_the_snapshot_reaches_the_rows() -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from annotation_scenes import CAR_EXTENT, CAR_TAG, ROAD_TAG, Stage
+from annotation_scenes import CAR_EXTENT, CAR_TAG, ROAD_TAG, Stage, box_interval
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -17,7 +17,6 @@ from carstage.annotation.pixels import (
     BoxView,
     ImageEvidence,
     PixelVisibility,
-    box_interval,
     measure,
     occlusion_bin,
     visibility_token,
@@ -55,6 +54,7 @@ def view(
         origin_box=rotation.T @ -np.asarray(center, dtype=np.float64),
         box_from_optical=rotation.T @ OPTICAL_FROM_SENSOR.T,
         extent_m=np.asarray(extent, dtype=np.float64),
+        ground_m=-extent[2],
         region=(0, 0, *size),
     )
 
@@ -149,7 +149,65 @@ def test_own_pixels_by_depth_are_the_points_in_the_inflated_box() -> None:
     inside = (np.abs(local) <= np.array(CAR_EXTENT) + BOX_MARGIN_M).all(axis=-1)
     assert found.mask is not None
     assert found.visible_px > 100
-    np.testing.assert_array_equal(found.mask.crop.ravel(), inside)
+    x0, y0, x1, y1 = (int(bound) for bound in found.mask.bounds())
+    whole = np.zeros((HEIGHT, WIDTH), dtype=np.bool_)
+    whole[y0:y1, x0:x1] = found.mask.crop
+    np.testing.assert_array_equal(whole.ravel(), inside)
+
+
+@given(
+    center=st.tuples(st.floats(-3, 25), st.floats(-12, 12), st.floats(-5, 5)),
+    rotation=st.tuples(st.floats(-30, 30), st.floats(-180, 180), st.floats(-30, 30)),
+    by_id=st.booleans(),
+    by_tag=st.booleans(),
+    seed=st.integers(0, 2**32 - 1),
+)
+@example(center=(20.0, 0.0, 0.0), rotation=(0.0, 0.0, 0.0), by_id=True, by_tag=True, seed=1)
+@example(center=(0.5, 0.2, 0.1), rotation=(3.0, 20.0, 0.0), by_id=False, by_tag=False, seed=1)
+@settings(max_examples=40, deadline=None)
+def test_the_compiled_loop_finds_what_plain_numpy_finds(
+    center: tuple[float, float, float],
+    rotation: tuple[float, float, float],
+    by_id: bool,
+    by_tag: bool,
+    seed: int,
+) -> None:
+    size = (96, 54)
+    k, box = intrinsics(*size, 90.0), view(center, rotation, size=size)
+    enter, leave = box_interval(box, k)
+    hull = enter <= leave
+    rng = np.random.default_rng(seed)
+    reach = np.where(hull & np.isfinite(leave), leave, 30.0)
+    depth = (enter + rng.uniform(-0.5, 1.5, hull.shape) * (reach - enter)).astype(np.float32)
+    ids = rng.integers(CAR_ID - 1, CAR_ID + 1, hull.shape).astype(np.uint16)
+    tags = rng.integers(12, 16, hull.shape).astype(np.uint8)
+    evidence = ImageEvidence(depth, ids if by_id else None, tags if by_tag else None)
+    found = measure(box, k, evidence, CAR_ID, TAGS)
+
+    slope = back_project(pixel_centres(size), np.ones_like(depth), k) @ box.box_from_optical[2]
+    height = box.origin_box[2] + depth * slope
+    at_road = (slope < 0.0) & (height < BOX_MARGIN_M - CAR_EXTENT[2])
+    gate = BOX_MARGIN_M if by_id else 0.0
+    own = hull & (depth >= enter - gate) & (depth <= leave + gate)
+    own &= TAGS[tags] if by_tag else True
+    own &= (ids == CAR_ID) if by_id else True
+    own &= True if by_id or by_tag else ~at_road
+    front = hull & ~own & (depth < enter) & ~at_road
+    assert found.hull_px == hull.sum()
+    assert (found.visible_px, found.front_px) == (own.sum(), front.sum())
+    if found.mask is None:
+        assert not own.any()
+    else:
+        rows, columns = np.nonzero(own)
+        tight = (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
+        assert found.mask.bounds() == tight
+        x0, y0, x1, y1 = tight
+        np.testing.assert_array_equal(found.mask.crop, own[y0:y1, x0:x1])
+
+
+def pixel_centres(size: tuple[int, int]) -> NDArray[np.float64]:
+    u, v = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
+    return np.stack([u, v], axis=-1)
 
 
 @given(

@@ -7,7 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from carstage.annotation.silhouette import Silhouette, may_be_in_image, silhouette
+from carstage.annotation.silhouette import (
+    Silhouette,
+    may_be_in_image,
+    pixel_regions,
+    silhouette,
+    silhouettes,
+)
 from carstage.geometry import (
     FloatArray,
     box_corners,
@@ -99,3 +105,23 @@ def test_the_cheap_test_never_drops_what_the_exact_one_keeps() -> None:
         found = outline(rng.uniform(-25, 25, 3), rng.uniform(0.3, 5, 3), rng.uniform(-180, 180))
         kept += found is not None
     assert kept > 50
+
+
+def test_many_outlines_at_once_are_those_of_each_box() -> None:
+    rng = np.random.default_rng(22)
+    boxes = np.stack(
+        [
+            corners(rng.uniform(-10, 60, 3) * (1, 1, 0.1), rng.uniform(0.3, 3, 3), yaw)
+            for yaw in rng.uniform(-180, 180, 300)
+        ]
+    )
+    together = silhouettes(boxes, K, 1280, 720)
+    assert together == [silhouette(box, K, 1280, 720) for box in boxes]
+    whole = [found is not None and found.truncated == 0.0 for found in together]
+    assert 20 < sum(whole) < 280
+    for found, (x0, y0, x1, y1) in zip(together, pixel_regions(boxes, K, 1280, 720), strict=True):
+        if found is not None:
+            assert 0 <= x0 <= found.bbox[0]
+            assert 0 <= y0 <= found.bbox[1]
+            assert found.bbox[2] <= x1 <= 1280
+            assert found.bbox[3] <= y1 <= 720

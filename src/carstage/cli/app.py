@@ -247,12 +247,24 @@ def _write(file: Path, write: Callable[[], object]) -> None:
 
 @app.command()
 @command
-def report(dataset: Dataset, debug: Debug = False) -> None:
-    """Write report.html: pictures with boxes, LiDAR from above, statistics, ledger."""
+def report(
+    dataset: Dataset,
+    html: Annotated[
+        Path | None,
+        typer.Option("--html", metavar="FILE", help="Where to; default DIR/report.html."),
+    ] = None,
+    films: Annotated[
+        bool, typer.Option("--films", help="Add films with boxes (needs the extra `video`).")
+    ] = False,
+    debug: Debug = False,
+) -> None:
+    """Write report.html: pictures with boxes, maps, LiDAR from above, statistics, validation."""
     del debug
     from carstage.dataset import write_report
 
-    result(str(write_report(dataset)))
+    target = html or dataset / "report.html"
+    _write(target, lambda: write_report(dataset, target, films=films))
+    result(str(target))
 
 
 @app.command(

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import re
 import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 
 import analytic_dataset
+import numpy as np
 import pytest
+from PIL import Image
 
 from carstage.dataset import (
+    Dataset,
     Problem,
     ValidationReport,
     validate_dataset,
@@ -20,8 +25,10 @@ from carstage.dataset import (
 from carstage.dataset.checks.catalogue import RULES
 from carstage.dataset.checks.episode import Figures
 from carstage.dataset.checks.findings import Findings, Severity
-from carstage.dataset.report import html
+from carstage.dataset.report import film, html
+from carstage.dataset.report.coverage import coverage_section
 from carstage.dataset.report.statistics import bin_names
+from carstage.errors import BadInputError
 
 _VOID = {"meta", "img", "link", "br", "rect"}
 
@@ -70,7 +77,8 @@ def test_the_page_is_well_formed_and_asks_for_nothing_from_outside(dataset: Path
     assert path == dataset / "report.html"
     page = path.read_text("utf-8")
     parser = parse(page)
-    assert len(parser.images) == 2 * 2 * 6 + 2 * 3 + 2
+    # contact sheets, other views, from above; the map; four heat maps
+    assert len(parser.images) == 2 * 2 * 6 + 2 * 3 + 2 + 1 + 4
     assert all(source.startswith("data:image/") for source in parser.images)
     assert not re.search(r"(?:src|href)=\"(?!data:)|url\(|@import|<script|https?://", page)
     text = " ".join(parser.text)
@@ -112,6 +120,42 @@ def test_a_chart_of_nothing_is_still_a_chart() -> None:
 def test_bins_of_counts_end_before_the_next_and_bins_of_lengths_meet() -> None:
     assert bin_names((0, 1, 5), "") == ["0", "1–4", "5+"]
     assert bin_names((0, 10, 20), " m") == ["0–10 m", "10–20 m", "20+ m"]
+
+
+def test_films_show_every_frame_with_its_boxes(dataset: Path, tmp_path: Path) -> None:
+    av = pytest.importorskip("av", reason="PyAV is not installed")
+    verdict = validate_dataset(dataset)
+    path = write_report(dataset, tmp_path / "films.html", validation=verdict, films=True)
+    sources = re.findall(r'<video src="data:video/mp4;base64,([^"]+)"', path.read_text("utf-8"))
+    assert len(sources) == 2  # CAM_FRONT, CAM_LEFT
+    with av.open(io.BytesIO(base64.b64decode(sources[0]))) as container:
+        pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+        assert container.streams.video[0].average_rate == 10
+    assert len(pictures) == 6
+    plain = Dataset(dataset).episodes[0].sensor("CAM_FRONT").read(3).astype(int)
+    difference = np.abs(pictures[3].astype(int) - plain).max(axis=2)
+    assert (difference > 60).sum() > 100  # the lines of boxes
+    assert np.median(difference) < 8  # the rest is the picture
+
+
+def test_films_without_the_extra_are_refused(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(film, "find_spec", lambda name: None)
+    with pytest.raises(BadInputError, match="not installed"):
+        write_report(dataset, films=True)
+
+
+def test_the_map_shows_where_the_ego_went(dataset: Path) -> None:
+    page = coverage_section(Dataset(dataset).episodes)
+    (source,) = parse(page).images
+    picture = Image.open(io.BytesIO(base64.b64decode(source.partition(",")[2]))).convert("RGB")
+    pixels = np.asarray(picture).reshape(-1, 3)
+    ego, others = (255, 200, 40), (74, 118, 190)
+    assert (pixels == ego).all(axis=1).sum() > 50
+    assert (pixels == others).all(axis=1).sum() > 50
+    assert "Analytic01" in page
+    assert "ClearNoon" in page
 
 
 def test_a_verdict_is_a_page_of_its_own_that_names_every_check(

@@ -6,6 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping
 from functools import partial
 from html import escape
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ from carstage.dataset.report.drawing import (
     radar_xyz,
     semantic_view,
 )
+from carstage.dataset.report.film import MOST_FRAMES, film
 from carstage.dataset.tables import ROW_SENSORS
 from carstage.errors import DatasetError
 from carstage.geometry import transform_points
@@ -45,12 +47,15 @@ def frames_per_second(episode: Episode) -> float:
     return float(episode.spec["fps"]) / int(episode.spec["save_every"])
 
 
-def episode_section(episode: Episode, description: Mapping[str, Any]) -> str:
+def episode_section(
+    episode: Episode, description: Mapping[str, Any], *, films: bool = False
+) -> str:
     """The section, as markup.
 
     Args:
         episode: the episode.
         description: ``dataset.json``, for the colours of the tags.
+        films: whether to add a film of each labelled colour camera.
     """
     pictures = _Pictures(episode, description)
     parts = [
@@ -61,6 +66,8 @@ def episode_section(episode: Episode, description: Mapping[str, Any]) -> str:
     for sensor in episode.sensors:
         if sensor.calibration.labelled and sensor.kind == "rgb":
             parts.append(_contact_sheet(pictures, sensor))
+            if films:
+                parts.append(_film(pictures, sensor, episode))
     middle = pictures.fullest_frames(None, VIEW_FRAMES)
     views = pictures.views(middle)
     if views:
@@ -92,6 +99,17 @@ def _contact_sheet(pictures: _Pictures, sensor: Sensor) -> str:
         f'<div class="grid">{pictures.boxes_3d(sensor, frames)}</div>'
         f'<div class="grid below">{pictures.boxes_2d(sensor, with_objects)}</div>'
     )
+
+
+def _film(pictures: _Pictures, sensor: Sensor, episode: Episode) -> str:
+    frames = range(min(episode.frames, MOST_FRAMES))
+    shown = ((k, drawn[0]) for k in frames if (drawn := pictures.drawn_3d(sensor, k)) is not None)
+    first = next(shown, None)
+    if first is None:
+        return ""
+    source = film(chain([first], shown), frames_per_second(episode))
+    cut = f", first {MOST_FRAMES} frames" if episode.frames > MOST_FRAMES else ""
+    return html.film(source, f"{sensor.id} with 3D boxes{cut}")
 
 
 def _summary(episode: Episode) -> str:
@@ -166,16 +184,18 @@ class _Pictures:
     def boxes_3d(self, sensor: Sensor, frames: list[int]) -> str:
         figures = []
         for k in frames:
-            if (image := self._read(sensor, k)) is None:
-                continue
-            camera = sensor.calibration_at(k)
-            visible = {row["track_id"] for row in self._rows[k, sensor.id]}
-            boxes = [(b, self._colour(b)) for b in self._boxes.get(k, []) if b.track_id in visible]
-            picture = draw_boxes_3d(image, camera, boxes)
-            figures.append(
-                html.figure(data_uri(picture, _CONTACT_PX), self._caption(k, len(boxes)))
-            )
+            if (drawn := self.drawn_3d(sensor, k)) is not None:
+                picture, count = drawn
+                figures.append(html.figure(data_uri(picture, _CONTACT_PX), self._caption(k, count)))
         return "".join(figures)
+
+    def drawn_3d(self, sensor: Sensor, k: int) -> tuple[Image.Image, int] | None:
+        """A camera's image with the boxes of what is visible, and how many these are."""
+        if (image := self._read(sensor, k)) is None:
+            return None
+        visible = {row["track_id"] for row in self._rows[k, sensor.id]}
+        boxes = [(b, self._colour(b)) for b in self._boxes.get(k, []) if b.track_id in visible]
+        return draw_boxes_3d(image, sensor.calibration_at(k), boxes), len(boxes)
 
     def boxes_2d(self, sensor: Sensor, frames: list[int]) -> str:
         figures = []
@@ -271,7 +291,7 @@ def _rig(episode: Episode) -> str:
         "Files",
         "Size",
     )
-    return "<h3>Rig</h3>" + html.table(head, rows)
+    return html.folded("Rig", html.table(head, rows))
 
 
 def _ledger(episode: Episode) -> str:
@@ -284,10 +304,9 @@ def _ledger(episode: Episode) -> str:
     frames = ledger["server_frame"].to_pylist()
     span = f"server frames {frames[0]} to {frames[-1]}" if frames else "no frames"
     saved = ledger.num_rows - ledger["k"].null_count
-    return (
-        "<h3>Ledger</h3>"
-        f'<p class="soft">{ledger.num_rows} ticks ({escape(span)}), {saved} of them saved.</p>'
-        + html.table(("Sensor", *_STATES, "frames on disk"), rows)
+    return html.folded(
+        f"Ledger: {ledger.num_rows} ticks ({span}), {saved} of them saved",
+        html.table(("Sensor", *_STATES, "frames on disk"), rows),
     )
 
 

@@ -32,10 +32,13 @@ code { font: 13px ui-monospace, SFMono-Regular, Menlo, monospace; overflow-wrap:
 .card { padding: 14px 16px; overflow-x: auto; }
 .grid { display: grid; gap: 12px; grid-template-columns: repeat(auto-fit, minmax(300px, 1fr)); }
 .below { margin-top: 12px; }
+.maps { grid-template-columns: repeat(auto-fill, minmax(min(100%, 380px), 594px)); }
 .wide { grid-template-columns: repeat(auto-fit, minmax(380px, 1fr)); }
 figure { margin: 0; } figure img { width: 100%; height: auto; display: block; border-radius: 8px;
   border: 1px solid var(--line); background: #000; }
 figcaption { color: var(--soft); font-size: 13px; margin: 4px 2px 0; }
+.film { max-width: 640px; margin: 12px 0; } .film video { width: 100%; display: block;
+  border-radius: 8px; background: #000; }
 table { border-collapse: collapse; width: 100%; font-size: 14px; }
 th { text-align: left; font-weight: 600; color: var(--soft); }
 th, td { padding: 5px 12px 5px 0; border-bottom: 1px solid var(--line); vertical-align: top; }
@@ -92,6 +95,19 @@ def figure(source: str, caption: str) -> str:
     return (
         f'<figure><img src="{source}" alt="{alt}" loading="lazy">'
         f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
+
+
+def folded(summary: str, content: str) -> str:
+    """Markup that opens at a click on its summary."""
+    return f"<details><summary>{escape(summary)}</summary>{content}</details>"
+
+
+def film(source: str, caption: str) -> str:
+    """A film with a caption; ``source`` is a ``data:`` address."""
+    return (
+        f'<figure class="film"><video src="{source}" controls loop muted preload="metadata">'
+        f"</video><figcaption>{escape(caption)}</figcaption></figure>"
     )
 
 

@@ -8,8 +8,14 @@ from pathlib import Path
 from carstage import __version__
 from carstage.dataset.reading import Dataset
 from carstage.dataset.report import html
+from carstage.dataset.report.coverage import (
+    coverage_section,
+    positions_section,
+    weather_name,
+)
 from carstage.dataset.report.drawing import class_colour
 from carstage.dataset.report.episodes import episode_section, frames_per_second
+from carstage.dataset.report.film import require_video
 from carstage.dataset.report.statistics import (
     DISTANCE_EDGES_M,
     LIDAR_EDGES,
@@ -26,7 +32,11 @@ MOST_EPISODES_WITH_PICTURES = 6
 
 
 def write_report(
-    path: str | Path, out: Path | None = None, *, validation: ValidationReport | None = None
+    path: str | Path,
+    out: Path | None = None,
+    *,
+    validation: ValidationReport | None = None,
+    films: bool = False,
 ) -> Path:
     """Write one self-contained HTML page about a dataset.
 
@@ -34,13 +44,17 @@ def write_report(
         path: folder of the dataset.
         out: the file to write; default: ``report.html`` in the dataset's folder.
         validation: the verdict to show; without one the dataset is validated first.
+        films: add a film with boxes of each labelled colour camera (extra ``video``).
 
     Returns:
         The file written.
 
     Raises:
         DatasetError: the folder is no dataset, or its tables cannot be read.
+        BadInputError: films are wanted, and the extra is not installed.
     """
+    if films:
+        require_video()
     dataset = Dataset(path)
     verdict = validation or validate_dataset(path)
     episodes = dataset.episodes
@@ -49,8 +63,10 @@ def write_report(
     sections = [
         _head(dataset, verdict),
         _overview(dataset, statistics),
-        *(episode_section(episode, dataset.description) for episode in shown),
+        coverage_section(episodes) if episodes else "",
         _statistics(statistics),
+        positions_section(episodes),
+        *(episode_section(episode, dataset.description, films=films) for episode in shown),
         validation_section(verdict),
         _episode_list(dataset) if len(episodes) > 1 else "",
         f"<footer>Written by Car-STAGE {escape(__version__)}. "
@@ -124,7 +140,7 @@ def _episode_list(dataset: Dataset) -> str:
         (
             episode.id,
             episode.spec["map"],
-            episode.spec["weather"]["preset"] or "parameters",
+            weather_name(episode),
             episode.frames,
             f"{frames_per_second(episode):g} Hz",
             episode.spec["ego"]["blueprint"],

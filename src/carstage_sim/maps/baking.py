@@ -135,20 +135,22 @@ def bake(name: str, opendrive: str, options: BakeOptions = EVERYTHING) -> Town:
     if options.wall_height_m > 0.0:
         meshes += [wall_mesh(part, options.wall_height_m) for part in surface]
     logger.info("baking %s: %d objects; navigation", name, len(stage.objects))
-    walked = levels if options.navigation else []
-    paths = [walkways(level.ground, level.drape, level.cuts) for level in walked]
-    walk = joined([path for path in paths if path is not None])
 
     def height_at(x: float, y: float) -> float:
         return float(surface[0].height(np.array([[x, y]]))[0])
 
+    lights = light_sites(plan, height_at)
+    walked = levels if options.navigation else []
+    posts = [site.location[:2] for site in lights]
+    paths = [walkways(level.ground, level.drape, level.cuts, posts) for level in walked]
+    walk = joined([path for path in paths if path is not None])
     town = Town(
         name=name,
         opendrive=opendrive,
         geo_reference=plan.geo_reference,
         spawn_points=spawn_points(lanes, spawn_rng),
         lanes=driving_lanes(samples),
-        traffic_lights=light_sites(plan, height_at),
+        traffic_lights=lights,
         navigation=_navigation(name, walk),
         static_mesh=merge_meshes([*meshes, *stage.meshes]),
         level_objects=tuple(stage.objects),

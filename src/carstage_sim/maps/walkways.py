@@ -22,9 +22,10 @@ from carstage_sim.maps.surfaces import KERB_HEIGHT_M, RAMP_LENGTH_M, Ramp, Surfa
 
 FURNITURE_ZONE_M = 1.5
 """Width of the strip along the kerb that belongs to trees and poles."""
-_NARROW_ZONE_M = 1.1
+_NARROW_ZONE_M = 1.2
 """Its width where the sidewalk is so narrow that little is left: poles only."""
 _NARROW_PATH_M = 0.8
+_POST_CLEARANCE_M = 0.4
 _WALL_CLEARANCE_M = 0.3
 _CROSSWALK_CLEARANCE_M = 0.3
 _STEP_M = 0.4
@@ -50,8 +51,20 @@ class Walkways:
     is_crosswalk: tuple[bool, ...]
 
 
-def walkways(ground: Surfaces, drape: Drape, cuts: Sequence[BaseGeometry] = ()) -> Walkways | None:
-    """The walkable polygons of a level, at the heights of its mesh; None without any."""
+def walkways(
+    ground: Surfaces,
+    drape: Drape,
+    cuts: Sequence[BaseGeometry] = (),
+    posts: Sequence[tuple[float, float]] = (),
+) -> Walkways | None:
+    """The walkable polygons of a level, at the heights of its mesh; None without any.
+
+    Args:
+        ground: the level's areas.
+        drape: its heights.
+        cuts: lines along which the mesh is cut.
+        posts: x, y of what stands beside crossings.
+    """
     ramps = [_narrowed(ramp) for ramp in ground.ramps]
     paths = _paths(ground)
     ramped, plain = [], []
@@ -64,6 +77,8 @@ def walkways(ground: Surfaces, drape: Drape, cuts: Sequence[BaseGeometry] = ()) 
     paved = shapely.union_all([ground.road, ground.sidewalk, ground.median, ground.islands])
     stepped = crossings(plain, road=ground.road, paved=paved, paths=paths)
     links = shapely.union_all([crossing.to_paths for crossing in stepped])
+    taken = shapely.union_all([_around(post) for post in posts])
+    paths, links = paths.difference(taken), links.difference(taken)
     areas: list[BaseGeometry] = [
         shapely.union_all([*ramped, *(crossing.on_road for crossing in stepped)]),
         *(lower for lower, _ in ramps),
@@ -117,6 +132,12 @@ def _paths(ground: Surfaces) -> BaseGeometry:
     narrow = walked.difference(ground.road.buffer(_NARROW_ZONE_M)).difference(wide)
     simple: BaseGeometry = shapely.set_precision(clear.union(narrow).simplify(0.05), 0.001)
     return simple
+
+
+def _around(post: tuple[float, float]) -> BaseGeometry:
+    x, y = post
+    reach = _POST_CLEARANCE_M
+    return shapely.box(x - reach, y - reach, x + reach, y + reach)
 
 
 def _narrowed(ramp: Ramp) -> tuple[shapely.Polygon, shapely.Polygon]:

@@ -2,32 +2,13 @@
 
 from __future__ import annotations
 
-import gzip
-from importlib.util import find_spec
-from pathlib import Path
-
 import numpy as np
 import pytest
 from lxml import etree
 
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.maps import Town
 from carstage_sim.maps.ground import Ground
-from carstage_sim.maps.loading import town_from_opendrive
 from carstage_sim.maps.town import MapLayer
-
-
-def opendrive_of(name: str) -> str:
-    spec = find_spec("py123d")
-    if spec is None or not spec.submodule_search_locations:
-        pytest.skip("py123d, which carries CARLA's maps, is not installed")
-    folder = Path(spec.submodule_search_locations[0]) / "parser" / "opendrive" / "carla_maps"
-    return gzip.decompress((folder / f"{name}.xodr.gz").read_bytes()).decode()
-
-
-@pytest.fixture(scope="module")
-def town10() -> Town:
-    return town_from_opendrive("Town10HD", opendrive_of("Town10HD"))
 
 
 def test_every_light_stands_governs_a_lane_and_has_its_turn(town10):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from carstage_sim.maps import Town
 from carstage_sim.maps.ground import ground_height
 from carstage_sim.maps.navmesh import navigation_file
+from carstage_sim.maps.surfaces import KERB_HEIGHT_M
 from carstage_sim.maps.walkways import Walkways
 
 
@@ -66,9 +67,16 @@ def read(data: bytes) -> ReadTile:
     return ReadTile(points, polygons, across, flags, areas, details)
 
 
+@pytest.fixture(scope="module", params=["stage01", "town10"])
+def town(request: pytest.FixtureRequest) -> Town:
+    """A town drawn with ramps, and one of CARLA's with crosswalks that end anywhere."""
+    found: Town = request.getfixturevalue(request.param)
+    return found
+
+
 @pytest.fixture(scope="module")
-def tile(stage01: Town) -> ReadTile:
-    return read(stage01.navigation)
+def tile(town: Town) -> ReadTile:
+    return read(town.navigation)
 
 
 def test_polygons_are_convex_clockwise_and_small(tile):
@@ -103,10 +111,10 @@ def test_all_of_the_surface_is_connected(tile):
     assert len(seen) == len(tile.polygons)
 
 
-def test_only_sidewalks_and_crosswalks_with_their_flags(tile, stage01):
+def test_only_sidewalks_and_crosswalks_with_their_flags(tile, town):
     kinds = set(zip(tile.flags, tile.areas, strict=True))
     assert kinds == {(0x02, 1), (0x04, 2)}
-    assert tile.flags.count(0x04) >= len(stage01.traffic_lights)
+    assert tile.flags.count(0x04) >= len(town.traffic_lights)
 
 
 def test_detail_triangles_flag_exactly_the_outline(tile):
@@ -119,19 +127,23 @@ def test_detail_triangles_flag_exactly_the_outline(tile):
                 assert (flags >> (2 * edge)) & 3 == int(on_outline)
 
 
-def test_walkers_stand_on_the_ground(tile, stage01):
-    height = ground_height(stage01)
+def test_walkers_stand_on_the_ground(tile, town):
+    height = ground_height(town)
     corners = [tile.points[polygon].astype(np.float64).mean(axis=0) for polygon in tile.polygons]
     middles = np.array(corners)
-    assert np.abs(height(middles[:, [0, 2]]) - middles[:, 1]).max() < 0.02
+    off = np.abs(height(middles[:, [0, 2]]) - middles[:, 1])
+    on_crosswalk = np.array(tile.flags) == 0x04
+    assert off[~on_crosswalk].max() < 0.02
+    # Where a crosswalk has no ramp, walkers step up just before the kerb.
+    assert off[on_crosswalk].max() < (0.02 if town.name == "Stage01" else KERB_HEIGHT_M)
 
 
-def test_walkways_keep_clear_of_trees_and_poles(tile, stage01):
-    mesh = stage01.static_mesh
+def test_walkways_keep_clear_of_trees_and_poles(tile, town):
+    mesh = town.static_mesh
     low = mesh.vertices[mesh.triangles][:, :, 2].min(axis=1) < 0.3
     prefixes = ("Tree", "StreetLamp", "SpeedLimit", "Hydrant", "Bin")
-    things = [site.location[:2] for site in stage01.traffic_lights]
-    for entry in stage01.level_objects:
+    things = [site.location[:2] for site in town.traffic_lights]
+    for entry in town.level_objects:
         if entry.name.startswith(prefixes):
             foot = mesh.vertices[mesh.triangles[low & (mesh.object_id == entry.object_id)]]
             things.append(tuple(foot.reshape(-1, 3).mean(axis=0)[:2]))

@@ -35,7 +35,7 @@ _PLACES: dict[str, Point] = {
 
 _LANE = StreetProfile(lanes=1, speed_limit_kmh=30, sidewalk_width_m=4.5, parking_width_m=2.2)
 _STREET = StreetProfile(lanes=1, speed_limit_kmh=50)
-_AVENUE = StreetProfile(lanes=2, speed_limit_kmh=50, sidewalk_width_m=4.5, parking_width_m=2.2)
+_AVENUE = StreetProfile(lanes=2, speed_limit_kmh=40, sidewalk_width_m=4.5, parking_width_m=2.2)
 _RING = StreetProfile(lanes=1, speed_limit_kmh=60, biking_width_m=1.6)
 
 
@@ -85,7 +85,7 @@ _STREETS = (
 
 _CONTROL = {
     Control.STOP: "b2 d2 e4 b4 d6 f4 a2",
-    Control.YIELD: "d4 a4 d5 a5",
+    Control.YIELD: "d4 a4 a5",
 }
 
 STAGE02 = TownPlan(

@@ -233,7 +233,7 @@ def test_stage02_has_what_a_hilly_town_has():
     kinds = {lane.kind for r in network.roads for s in r.sections for lane in s.lanes}
     assert {LaneKind.PARKING, LaneKind.BIKING, LaneKind.SIDEWALK} <= kinds
     assert 25 <= len(network.junctions) <= 40
-    assert {r.speed_limit_kmh for r in network.roads if r.junction_id == -1} == {30, 50, 60}
+    assert {r.speed_limit_kmh for r in network.roads if r.junction_id == -1} == {30, 40, 50, 60}
     signs = Counter(s.type_code for road in network.roads for s in road.signals)
     assert signs["206"] >= 5
     assert signs["205"] >= 5

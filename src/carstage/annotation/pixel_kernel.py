@@ -1,9 +1,8 @@
-"""The loop over the pixels of a silhouette, compiled: the only use of numba in the labels.
+"""The loops over the pixels of silhouettes and masks, compiled: the only use of numba in labels.
 
-It does what numpy could do in some thirty passes over the same pixels, in one, with the same
-float64 operations in the same order. Machine code is kept by numba beside this file or, where that
-cannot be written, in the user's cache; nothing here calls another file, whose changes numba would
-not notice.
+They do in one pass what numpy would do in some thirty, with the same float64 operations in the same
+order. Machine code is kept by numba beside this file or, where that cannot be written, in the
+user's cache; nothing here calls another file, whose changes numba would not notice.
 """
 
 from __future__ import annotations
@@ -15,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 _TINY: Final = 1e-300
+_LONGEST: Final = 7
+"""Characters of the largest run length."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -65,17 +66,19 @@ def classify(
     left, top, right, bottom = x1 - x0, y1 - y0, 0, 0
     low = -half_m - eye_box
     high = half_m - eye_box
+    width = x1 - x0
+    enters, leaves, slopes = np.empty(width), np.empty(width), np.empty(width)
     for j in range(y0, y1):
         y = (j + 0.5 - cy) / fy
         row_x = box_from_optical[0, 1] * y + box_from_optical[0, 2]
         row_y = box_from_optical[1, 1] * y + box_from_optical[1, 2]
         row_z = box_from_optical[2, 1] * y + box_from_optical[2, 2]
-        for i in range(x0, x1):
-            x = (i + 0.5 - cx) / fx
-            slope = box_from_optical[2, 0] * x + row_z
-            # A ray along a slab never meets its planes: infinitely far is right, NaN is not.
+        for i in range(width):  # without branches, so that several pixels go at once
+            x = (x0 + i + 0.5 - cx) / fx
             along_x = box_from_optical[0, 0] * x + row_x
             along_y = box_from_optical[1, 0] * x + row_y
+            slope = box_from_optical[2, 0] * x + row_z
+            # A ray along a slab never meets its planes: infinitely far is right, NaN is not.
             inverse = 1.0 / (along_x if along_x != 0.0 else _TINY)
             a, b = inverse * low[0], inverse * high[0]
             enter, leave = max(z_near_m, min(a, b)), max(a, b)
@@ -84,22 +87,76 @@ def classify(
             enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
             inverse = 1.0 / (slope if slope != 0.0 else _TINY)
             a, b = inverse * low[2], inverse * high[2]
-            enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+            enters[i] = max(enter, min(a, b))
+            leaves[i] = min(leave, max(a, b))
+            slopes[i] = slope
+        for i in range(width):
+            enter, leave = enters[i], leaves[i]
             if enter > leave:
                 continue
             hull += 1
-            depth = float(depth_m[j, i])
+            depth = float(depth_m[j, x0 + i])
+            slope = slopes[i]
             at_road = slope < 0.0 and eye_box[2] + depth * slope < strip_top_m
             mine = enter - gate_m <= depth <= leave + gate_m
             if by_tag:
-                mine = mine and allowed[tag[j, i]]
+                mine = mine and allowed[tag[j, x0 + i]]
             if by_id:
-                mine = mine and instance_id[j, i] == wanted_id
+                mine = mine and instance_id[j, x0 + i] == wanted_id
             if mine and not (drop_road and at_road):
-                own[j - y0, i - x0] = True
+                own[j - y0, i] = True
                 visible += 1
-                left, right = min(left, i - x0), max(right, i - x0 + 1)
+                left, right = min(left, i), max(right, i + 1)
                 top, bottom = min(top, j - y0), max(bottom, j - y0 + 1)
             elif depth < enter and not at_road:
                 front += 1
     return visible, front, hull, left, top, right, bottom
+
+
+@numba.njit(cache=True)
+def encode_runs(
+    crop: NDArray[np.bool_], x0: int, y0: int, width: int, height: int
+) -> NDArray[np.uint8]:
+    """COCO's compressed run lengths of a mask of which only a crop is set, as ASCII.
+
+    Args:
+        crop: ``(h, w)`` mask; its first pixel is (x0, y0) of the image.
+        x0: column of the crop in the image.
+        y0: row of the crop in the image.
+        width: of the image (px).
+        height: of the image (px).
+    """
+    rows, columns = crop.shape
+    code = np.empty(_LONGEST * (crop.size + 2), dtype=np.uint8)
+    size, index, last, before_last = 0, 0, 0, 0
+    # One column more than there are, and below each the zeros up to the next one's crop.
+    value, count = False, x0 * height + y0
+    rest = width * height - count
+    for column in range(columns + 1):
+        for row in range(rows + 1):
+            in_crop = column < columns and row < rows
+            pixel = crop[row, column] if in_crop else False
+            length = 1 if in_crop else (rest if column == columns else height - rows)
+            if length == 0:
+                continue
+            rest -= length
+            if pixel != value:
+                size = _put(code, size, count - (before_last if index > 2 else 0))
+                index, before_last, last = index + 1, last, count
+                value, count = pixel, 0
+            count += length
+    size = _put(code, size, count - (before_last if index > 2 else 0))
+    return code[:size]
+
+
+@numba.njit(cache=True)
+def _put(code: NDArray[np.uint8], size: int, number: int) -> int:
+    """Append a number as groups of five bits, little end first; return the new size."""
+    more = True
+    while more:
+        bits = number & 0x1F
+        number >>= 5
+        more = number != -1 if bits & 0x10 else number != 0
+        code[size] = bits + 48 + (0x20 if more else 0)
+        size += 1
+    return size

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from carstage.annotation.pixels import ModalMask
-from carstage.annotation.rle import compress, encode_mask, run_lengths
+from carstage.annotation.rle import encode_mask
 
 
 def decode(text: str, width: int, height: int) -> NDArray[np.bool_]:
@@ -63,18 +63,16 @@ def test_masks_survive_encoding(
     np.testing.assert_array_equal(decode(text, width, height), whole(crop, x0, y0, width, height))
 
 
-def test_runs_count_columns_from_the_top_left() -> None:
+def test_runs_count_columns_from_the_top_left_and_the_fourth_is_a_difference() -> None:
+    """Small counts are one character from '0' on."""
     crop = np.array([[True, False], [True, True]])
-    assert run_lengths(crop, 1, 0, 3, 2) == [2, 2, 1, 1]
-    assert run_lengths(crop, 0, 0, 2, 2) == [0, 2, 1, 1]
-    assert run_lengths(np.zeros((2, 2), dtype=np.bool_), 0, 0, 3, 2) == [6]
+    assert encode_mask(crop, 1, 0, 3, 2) == "221O"  # 2, 2, 1, 1
+    assert encode_mask(crop, 0, 0, 2, 2) == "021O"  # 0, 2, 1, 1
+    assert encode_mask(np.zeros((2, 2), dtype=np.bool_), 0, 0, 3, 2) == "6"
 
 
-def test_compressed_counts_are_the_published_ones() -> None:
-    """Small counts are one character from '0' on; the fourth is a difference."""
-    assert compress([6]) == "6"
-    assert compress([2, 2, 1, 1]) == "221O"
-    assert compress([0, 230400]) == "0PPQ7"
+def test_a_mask_that_is_wholly_set_is_one_run_after_no_zeros() -> None:
+    assert encode_mask(np.ones((360, 640), dtype=np.bool_), 0, 0, 640, 360) == "0PPQ7"
 
 
 @pytest.mark.parametrize(("i", "j"), [(0, 0), (17, 5), (63, 35)])

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -145,11 +144,6 @@ def read_scenes(log: EpisodeLog) -> Iterator[SightScene]:
             instance_bgra,
             sights,
         )
-
-
-def read_log(folder: Path) -> EpisodeLog:
-    """The recording in a folder."""
-    return EpisodeLog(folder)
 
 
 def _bgra(record: Record) -> NDArray[np.uint8]:

@@ -122,6 +122,30 @@ def frames_check(
 
 @bench_app.command()
 @command
+def labels(
+    towns: Annotated[list[str] | None, typer.Option(help="Where. Repeatable.")] = None,
+    scenes: Annotated[int, typer.Option(min=1, help="In each town.")] = 14,
+    scratch: Scratch = None,
+    json: Json = False,
+) -> int:
+    """Whether labels of pixels, occlusion and 2D boxes are true, object by object."""
+    from carstage.bench.labels import TOWNS, measure_labels
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Scenes", "scenes") as progress:
+        verdict, objects = measure_labels(
+            towns=towns or TOWNS, scenes=scenes, scratch=scratch, progress=progress
+        )
+    if json:
+        note(verdict.text())
+        result_json({**verdict.record(), "objects": objects})
+    else:
+        result(verdict.text())
+    return 0 if verdict.ok else 1
+
+
+@bench_app.command()
+@command
 def annotation(
     frames: Annotated[int, typer.Option(min=1, help="How often each method labels.")] = 30,
     json: Json = False,

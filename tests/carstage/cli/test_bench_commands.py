@@ -16,6 +16,7 @@ MEASURED = {
     "conversion": "carstage.bench.conversion.measure_conversion",
     "memory": "carstage.bench.memory.measure_memory",
     "frames-check": "carstage.bench.frames_check.check_frames",
+    "annotation": "carstage.bench.annotation.measure_annotation",
 }
 
 
@@ -55,3 +56,21 @@ def test_the_raw_store_is_handed_on_and_an_unknown_one_refused(
     assert CliRunner().invoke(app, ["bench", "overhead", "--raw-store", "mmap"]).exit_code == 0
     assert given["raw_store"] == "mmap"
     assert CliRunner().invoke(app, ["bench", "overhead", "--raw-store", "tape"]).exit_code == 2
+
+
+def test_labels_print_their_objects_by_class_and_town_beside_the_figures(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: dict[str, Any] = {}
+
+    def measure(**options: Any) -> tuple[Verdict, dict[str, dict[str, int]]]:
+        asked.update(options)
+        return Verdict("labels", "carstage bench labels", ()), {"car": {"Stage02": 3}}
+
+    monkeypatch.setattr("carstage.bench.labels.measure_labels", measure)
+    ended = CliRunner().invoke(
+        app, ["bench", "labels", "--towns", "Stage02", "--scenes", "2", "--json"]
+    )
+    assert ended.exit_code == 0, ended.output
+    assert (asked["towns"], asked["scenes"]) == (["Stage02"], 2)
+    assert json.loads(ended.stdout.splitlines()[-1])["objects"] == {"car": {"Stage02": 3}}

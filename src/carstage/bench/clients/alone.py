@@ -25,7 +25,7 @@ import carla
 import numpy as np
 
 from carstage.bench.clients.staging import Stage, Staged, Troupe, lifted
-from carstage.bench.sights import ALONE, CAMERA, DEPTH, INSTANCE, SIGHTS_FPS, episode_header
+from carstage.bench.sights import ALONE, DEPTH, INSTANCE, SIGHTS_FPS, episode_header
 from carstage.collector.__main__ import EXIT_FAILED, EXIT_OK, parse_options, private_stdout
 from carstage.collector.errors import CollectorError
 from carstage.collector.events import EventStream
@@ -41,7 +41,6 @@ _BLUEPRINTS = {
     DEPTH: "sensor.camera.depth",
     INSTANCE: "sensor.camera.instance_segmentation",
 }
-_SEED_STEP = 1000
 
 
 class Cameras:
@@ -168,12 +167,9 @@ def record(client: Any, plan: Mapping[str, Any], events: EventStream, stop: Stop
 
     troupe = Troupe(world, rng)
     tick()
-    troupe.strike_poses(tick)
     stage = Stage(world, troupe, rng)
     cameras = Cameras(world, plan)
-    recording = Recording(
-        folder, scenes, scenes * (int(plan["vehicles"]) + int(plan["walkers"]))
-    )
+    recording = Recording(folder, scenes, scenes * (int(plan["vehicles"]) + int(plan["walkers"])))
     complete = False
     try:
         observer = WorldObserver(world, troupe.ego)

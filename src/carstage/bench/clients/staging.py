@@ -1,4 +1,4 @@
-"""A town's street as a stage: actors without physics that are put before a camera, or away.
+"""A town's streets as a stage: actors without physics that are put before a camera, or away.
 
 Vehicles stand on lanes and walkers on sidewalks and beside vehicles, so that they hide each other
 and the town hides them, as it happens in traffic. Nothing moves: every picture of a scene shows
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,16 +21,20 @@ so that float32 holds a lifted height exactly: camera and actor keep their place
 
 STEP_M = 2.0**-13
 NEAREST_M, FARTHEST_M = 4.0, 70.0
-WALKING_TICKS = 12
 _AWAY = carla.Location(0.0, 0.0, -5000.0)
 _LANES_EVERY_M = 3.0
 _PAVEMENT_PLACES = 600
 _TRIES = 60
 _GAP_M = 0.25
+_SAME_LEVEL_M = 12.0
 
 # What is drawn from: every kind of vehicle, and cars only as often as each other kind.
 _VEHICLES = {"bicycle": 3, "motorcycle": 4, "bus": 2, "truck": 4, "van": 4, "car": 8}
 _WALKERS = 14
+
+
+Disc = tuple[float, float, float]
+"""x, y and radius of ground that is taken (m)."""
 
 
 @dataclass(frozen=True)
@@ -102,27 +106,6 @@ class Troupe:
         actor.set_simulate_physics(False)
         return actor
 
-    def strike_poses(self, tick: Any) -> None:
-        """Give every other walker a pose of its walk, which it keeps when it stands.
-
-        Args:
-            tick: makes a step.
-        """
-        walking = self.walkers[::2]
-        for walker in walking:
-            speed_m_s = self._rng.uniform(1.0, 1.8)
-            direction = carla.Vector3D(self._rng.choice((-1.0, 1.0)), 0.0, 0.0)
-            walker.apply_control(carla.WalkerControl(direction, speed_m_s))
-        order = self._rng.sample(walking, len(walking))
-        for step in range(max(WALKING_TICKS, len(order))):
-            tick()
-            if step < len(order):
-                order[step].get_pose_from_animation()
-                order[step].show_pose()
-        for walker in walking:
-            walker.apply_control(carla.WalkerControl())
-        tick()
-
     def put_away(self, client: Any, actors: Sequence[Any] | None = None) -> None:
         """Move actors (all of them by default) where no camera sees them."""
         chosen = self.actors if actors is None else actors
@@ -144,7 +127,9 @@ class Stage:
     def __init__(self, world: Any, troupe: Troupe, rng: random.Random) -> None:
         self._troupe = troupe
         self._rng = rng
-        self._lanes = [point.transform for point in world.get_map().generate_waypoints(_LANES_EVERY_M)]
+        self._lanes = [
+            point.transform for point in world.get_map().generate_waypoints(_LANES_EVERY_M)
+        ]
         drawn = (world.get_random_location_from_navigation() for _ in range(_PAVEMENT_PLACES))
         self._pavement = [place for place in drawn if place is not None]
 
@@ -152,7 +137,7 @@ class Stage:
         """A camera over a lane, and actors before it, none within another."""
         rng = self._rng
         camera = self._camera()
-        taken: list[tuple[float, float, float]] = []
+        taken: list[Disc] = []
         placed: list[Placed] = []
         lanes = [place for place in self._lanes if _is_before(camera, place.location)]
         for actor in rng.sample(self._troupe.vehicles, vehicles):
@@ -191,10 +176,9 @@ class Stage:
             discs = list(_discs_of_vehicle(vehicle.bounding_box.extent, at, yaw))
             if _are_free(discs, taken):
                 taken += discs
-                tilt = carla.Rotation(pitch=place.rotation.pitch % 360.0 if turn == 0.0 else 0.0)
+                pitch = place.rotation.pitch if turn == 0.0 else 0.0
                 return carla.Transform(
-                    carla.Location(at.x, at.y, on_grid(at.z)),
-                    carla.Rotation(pitch=tilt.pitch, yaw=yaw),
+                    carla.Location(at.x, at.y, on_grid(at.z)), carla.Rotation(pitch=pitch, yaw=yaw)
                 )
         return None
 
@@ -231,10 +215,6 @@ class Stage:
         )
 
 
-Disc = tuple[float, float, float]
-"""x, y and radius of ground that is taken (m)."""
-
-
 def _discs_of_vehicle(extent: Any, at: Any, yaw_deg: float) -> Iterator[Disc]:
     """A row of discs that covers a vehicle's footprint, more or less."""
     radius = extent.y + _GAP_M
@@ -260,9 +240,5 @@ def _is_before(camera: Any, at: Any) -> bool:
     x, y = at.x - camera.location.x, at.y - camera.location.y
     ahead = x * math.cos(yaw) + y * math.sin(yaw)
     aside = abs(y * math.cos(yaw) - x * math.sin(yaw))
-    return NEAREST_M < ahead < FARTHEST_M and aside < 1.15 * ahead and abs(at.z - camera.location.z) < 12.0
-
-
-def actors_by_id(actors: Sequence[Any]) -> Mapping[int, Any]:
-    """Actors by their ids."""
-    return {int(actor.id): actor for actor in actors}
+    near = abs(at.z - camera.location.z) < _SAME_LEVEL_M
+    return bool(NEAREST_M < ahead < FARTHEST_M and aside < 1.15 * ahead and near)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,6 +17,7 @@ from carstage.server.process import ServerProcess
 
 SCRIPT = "CarlaUE4.sh"
 START_S = 180.0
+_SIGNALLED = 128
 
 
 def find_script(path: Path) -> Path:
@@ -71,6 +73,14 @@ class CarlaServer(OwnedServer):
         self._log_path = log_path
         self._timeout_s = timeout_s
         self._environment = environment
+
+    @property
+    def exit_code(self) -> int | None:
+        """Exit status of CARLA itself: script and leash report its signal n as 128 + n."""
+        code = super().exit_code
+        if code is None or code - _SIGNALLED not in signal.valid_signals():
+            return code
+        return _SIGNALLED - code
 
     def start(self) -> Endpoint:
         """Start it and ask for its version until it answers."""

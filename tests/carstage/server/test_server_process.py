@@ -158,6 +158,16 @@ def test_a_release_that_dies_is_said_with_its_last_words(tmp_path: Path) -> None
     assert not server.alive()
 
 
+@pytest.mark.parametrize(("end", "code"), [("kill -9 $$", -9), ("exit 255", 255)])
+def test_a_signal_that_ended_a_release_is_told_through_its_script(
+    tmp_path: Path, end: str, code: int
+) -> None:
+    server = CarlaServer(release(tmp_path, f"sh -c '{end}'\nexit $?"))
+    with pytest.raises(ServerError):
+        server.start()
+    assert server.exit_code == code
+
+
 def test_a_release_that_never_answers_is_stopped(tmp_path: Path) -> None:
     server = CarlaServer(release(tmp_path, "exec sleep 600"), timeout_s=0.5)
     with pytest.raises(ServerError, match=r"Waited 0\.5 s"):

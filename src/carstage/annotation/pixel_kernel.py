@@ -1,12 +1,13 @@
 """The loops over the pixels of silhouettes and masks, compiled: the only use of numba in labels.
 
 They do in one pass what numpy would do in some thirty, with the same float64 operations in the same
-order. Machine code is kept by numba beside this file or, where that cannot be written, in the
-user's cache; nothing here calls another file, whose changes numba would not notice.
+order. Nothing here calls another file, whose changes numba would not notice when it looks for
+machine code that it kept.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final
 
 import numba
@@ -18,7 +19,20 @@ _LONGEST: Final = 7
 """Characters of the largest run length."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a kernel at its first call, and keep the machine code where that can be done.
+
+    Numba keeps it beside this file or else in the user's cache. Where neither can be written, as in
+    a container that is read-only, each process compiles for itself.
+    """
+    try:
+        kept: Callable[..., Any] = numba.njit(cache=True, error_model="numpy")(function)
+    except RuntimeError:
+        kept = numba.njit(error_model="numpy")(function)
+    return kept
+
+
+@compiled
 def classify(
     region: tuple[int, int, int, int],
     lens: tuple[float, float, float, float],
@@ -113,7 +127,7 @@ def classify(
     return visible, front, hull, left, top, right, bottom
 
 
-@numba.njit(cache=True)
+@compiled
 def encode_runs(
     crop: NDArray[np.bool_], x0: int, y0: int, width: int, height: int
 ) -> NDArray[np.uint8]:
@@ -149,7 +163,7 @@ def encode_runs(
     return code[:size]
 
 
-@numba.njit(cache=True)
+@compiled
 def _put(code: NDArray[np.uint8], size: int, number: int) -> int:
     """Append a number as groups of five bits, little end first; return the new size."""
     more = True

@@ -22,6 +22,10 @@ _STOP_S = 20.0
 _TAIL_BYTES = 4000
 
 
+class InterpreterError(CollectorError):
+    """The interpreter that should run the collector cannot be started; another try ends alike."""
+
+
 def interpreter_command(python: str, module: str) -> list[str]:
     """The command that runs a module of ``carstage`` with an interpreter, up to its arguments."""
     if python == sys.executable:
@@ -42,6 +46,9 @@ class CollectorProcess:
         log_path: file that its standard error is appended to.
         python: interpreter with the ``carla`` wheel that fits the server.
         module: what it runs; another one speaks the same way (measurements have such clients).
+
+    Raises:
+        InterpreterError: on entering, where the interpreter cannot be started.
     """
 
     def __init__(
@@ -68,17 +75,26 @@ class CollectorProcess:
         self._plan_path.write_text(json.dumps(self._plan), "utf-8")
         with self._log_path.open("ab") as log:
             self._log_start = log.tell()
-            self._process = subprocess.Popen(
-                [
-                    *interpreter_command(self._python, self._module),
-                    str(self._plan_path),
-                    "--exit-with-input",
-                ],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=log,
-                start_new_session=True,
-            )
+            try:
+                self._process = subprocess.Popen(
+                    [
+                        *interpreter_command(self._python, self._module),
+                        str(self._plan_path),
+                        "--exit-with-input",
+                    ],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=log,
+                    start_new_session=True,
+                )
+            except OSError as error:
+                # Only what is said of the file is the interpreter's fault: not a lack of memory.
+                kind = CollectorError if error.filename is None else InterpreterError
+                raise kind(
+                    f"The collector's interpreter {self._python} cannot be started: "
+                    f"{error.strerror}.",
+                    "Check server.client_python, or leave it to `auto`.",
+                ) from error
         os.set_blocking(self.fileno(), False)
         return self
 

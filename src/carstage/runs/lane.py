@@ -25,9 +25,8 @@ from carstage.errors import (
     ServerEndedError,
     StorageError,
 )
-from carstage.execution import CollectorProcess
+from carstage.execution import CollectorProcess, InterpreterError
 from carstage.plan import estimate_tick_s
-from carstage.runs.disk import disk_error
 from carstage.runs.explaining import (
     FinalCollectorError,
     LostServerError,
@@ -40,6 +39,7 @@ from carstage.runs.landing import Job, Landing
 from carstage.runs.servers import ServerSetup
 from carstage.runs.watching import AttemptWatch, Limits
 from carstage.server import Endpoint, Server
+from carstage.storage.disk import disk_error
 
 POLL_S = 0.2
 _STALL_S = 600.0
@@ -73,7 +73,9 @@ class LaneHost(Protocol):
 
 
 #: Errors that say nothing against the server.
-_LEAVE_THE_SERVER = (FinalCollectorError, ConversionError, StorageError)
+_LEAVE_THE_SERVER = (FinalCollectorError, InterpreterError, ConversionError, StorageError)
+#: Errors that another attempt would meet again.
+_FINAL = (FinalCollectorError, InterpreterError)
 
 
 class ServerLane:
@@ -136,9 +138,7 @@ class ServerLane:
                 landing.give_up()
                 if not isinstance(error, _LEAVE_THE_SERVER):
                     self._stop_server(at_once=isinstance(error, LostServerError))
-                self._host.attempt_failed(
-                    landing, error, final=isinstance(error, FinalCollectorError)
-                )
+                self._host.attempt_failed(landing, error, final=isinstance(error, _FINAL))
         else:
             self._recorded_on_server += 1
             with self._interruption.held():

@@ -138,6 +138,7 @@ def record(job: Job, tmp_path: Path) -> Iterator[Record]:
         settings: Mapping[str, Any] | None = None,
         servers: Servers | None = None,
         accepts: bool = True,
+        interpreter: str | None = None,
     ) -> tuple[Host, Servers]:
         servers = servers or Servers()
         host = Host(tmp_path)
@@ -150,7 +151,7 @@ def record(job: Job, tmp_path: Path) -> Iterator[Record]:
                 host,  # type: ignore[arg-type]
                 folder,
                 interruption,
-                python=str(python),
+                python=interpreter or str(python),
             )
             with lane:
                 for said, end in attempts:
@@ -204,6 +205,15 @@ def test_refusal_is_final_and_says_nothing_against_the_server(record: Record, ki
     said = {"event": "error", "kind": kind, "message": "no such blueprint", "hint": ""}
     host, servers = record(([said], "sys.exit(1)"), ([RECORDED], ""))
     assert host.failures[0][1]
+    assert servers.calls == ["start", "stop"]
+
+
+def test_interpreter_that_cannot_be_started_is_named_and_not_tried_again(record: Record) -> None:
+    host, servers = record(([RECORDED], ""), interpreter="/nowhere/python")
+    ((error, final),) = host.failures
+    assert "/nowhere/python" in error.message
+    assert "server.client_python" in error.hint
+    assert final
     assert servers.calls == ["start", "stop"]
 
 

@@ -56,6 +56,10 @@ class ConversionError(CarStageError, RuntimeError):
     """A raw segment could not be turned into files."""
 
 
+class ConverterDiedError(ConversionError):
+    """A process that converts is gone; its pool takes no work any more."""
+
+
 class ExportError(CarStageError, RuntimeError):
     """A dataset could not be written in another format."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from carstage.collector.errors import RecordingError
+from carstage.collector.errors import OUT_OF_SPACE, DiskFullError, RecordingError
 
 
 def prepare_folder(folder: str) -> str:
@@ -22,7 +22,8 @@ def prepare_folder(folder: str) -> str:
                 "Give every attempt a folder of its own; nothing is recorded over.",
             )
     except OSError as error:
-        raise RecordingError(
+        kind = DiskFullError if error.errno in OUT_OF_SPACE else RecordingError
+        raise kind(
             "The attempt's folder %s cannot be made: %s." % (folder, error.strerror),
             "Check the path, the rights and the space of the output folder.",
         ) from error

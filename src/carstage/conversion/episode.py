@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -32,13 +33,26 @@ from carstage.conversion.sensors import SensorPlan, plan_sensors
 from carstage.dataset.codecs import codec_for
 from carstage.dataset.tables import ROW_SENSORS, read_table, write_table
 from carstage.dataset.whole import write_whole
-from carstage.errors import ConversionError, DatasetError
+from carstage.errors import ConversionError, ConverterDiedError, DatasetError
 from carstage.rawlog.format import LEDGER
 from carstage.rawlog.reader import EpisodeLog
 from carstage.storage.marker import FileEntry
 
 _LABELS = ""
 """Key of the label task among a segment's tasks; no stream has an empty name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Converted:
+    """What a conversion came to.
+
+    Attributes:
+        frames: saved frames; asynchronous recording may skip some of those that were planned.
+        files: what the workers wrote, hashed from memory; tables and documents are not among them.
+    """
+
+    frames: int
+    files: tuple[FileEntry, ...]
 
 
 class EpisodeConversion:
@@ -78,12 +92,6 @@ class EpisodeConversion:
         self._finished = False
 
     @property
-    def frames_total(self) -> int:
-        """Number of saved frames of the episode; 0 until the raw log's header is read."""
-        with self._lock:
-            return 0 if self._log is None else self._frames_in(0, int(self._log.header["ticks"]))
-
-    @property
     def frames_done(self) -> int:
         """Number of saved frames that are converted, for progress bars.
 
@@ -117,6 +125,11 @@ class EpisodeConversion:
             self._load()
             self._note(stream, segment)
 
+    def use(self, pool: Executor) -> None:
+        """Hand further work to another pool, as the first one broke."""
+        with self._lock:
+            self._pool = pool
+
     def scan(self) -> None:
         """Pick up every segment that is sealed already: deferred conversion, or a resumed one."""
         with self._lock:
@@ -133,12 +146,8 @@ class EpisodeConversion:
         for task in tasks:
             _raise_error_of(task)
 
-    def finish(self) -> tuple[FileEntry, ...]:
+    def finish(self) -> Converted:
         """Wait for all work and write what belongs to the whole episode.
-
-        Returns:
-            The files that the workers wrote, hashed from memory; tables and documents are not
-            among them.
 
         Raises:
             ConversionError: the recording is incomplete, or work on it failed.
@@ -184,12 +193,13 @@ class EpisodeConversion:
         shutil.rmtree(self.raw_folder / LABEL_PARTS)
         self._finished = True
         segments = self._segments(log)
-        return tuple(
+        files = tuple(
             file
             for sensor in self._plan.written
             for segment in segments
             for file in self._tasks[segment, sensor.id].result().files
         )
+        return Converted(frames, files)
 
     def cancel(self) -> None:
         """Drop what is not done and remove the attempt's folder; waits for running work.
@@ -307,8 +317,8 @@ def _raise_error_of(task: Future[Any]) -> None:
         raise _worker_died() from error
 
 
-def _worker_died() -> ConversionError:
-    return ConversionError(
+def _worker_died() -> ConverterDiedError:
+    return ConverterDiedError(
         "A conversion process died, probably for lack of memory.",
         "Use fewer conversion workers or free some memory, then run the command again.",
     )

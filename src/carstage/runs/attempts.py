@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+import secrets
 import shutil
 import socket
 import time
@@ -94,17 +95,37 @@ def remove_leftovers(run: DeadRun, store: Store) -> None:
     """
     if not run.foreign:
         end_orphans(run.folder.name, run.begun_s)
+    kept = _kept_recordings(run.folder, store)
     for episode_id, attempt in run.attempts:
         with suppress(StorageError):  # it was committed after all: it stays
             store.discard_attempt(episode_id, attempt)
-    shutil.rmtree(run.folder / "raw", ignore_errors=True)
+    for recording in (run.folder / "raw").glob("*/*"):
+        if recording not in kept:
+            shutil.rmtree(recording, ignore_errors=True)
+    for folder in (*(run.folder / "raw").glob("*"), run.folder / "raw"):
+        with suppress(OSError):  # what is kept, or gone already
+            folder.rmdir()
     path = run.folder / "status.json"
     status = json.loads(path.read_bytes())
     status["state"] = "interrupted"
     status["message"] = "The process of this run was gone; a later run removed what it had left."
-    temporary = path.with_name(".status.json.dead")
+    # Two runs that start together may both do this.
+    temporary = path.with_name(f".status.json.{secrets.token_hex(8)}")
     temporary.write_text(json.dumps(status, indent=1), "utf-8")
     temporary.replace(path)
+
+
+def _kept_recordings(folder: Path, store: Store) -> set[Path]:
+    """Raw recordings of committed episodes, where the run's configuration keeps them."""
+    try:
+        config = json.loads((folder / "plan.json").read_bytes())["config"]
+    except (OSError, ValueError, KeyError):
+        return set()
+    if not config.get("output", {}).get("keep_raw", False):
+        return set()
+    return {
+        folder / "raw" / marker.episode_id / marker.attempt for marker in store.committed().values()
+    }
 
 
 def _begun(events: Path, out: Path) -> set[tuple[str, str]]:

@@ -31,7 +31,7 @@ class Converters:
         return self._pool
 
     def retire(self) -> None:
-        """Use another pool from the next attempt on: a broken one takes no work any more."""
+        """Use another pool from the next attempt on; this one broke, and with it its processes."""
         if self._pool is not None:
             self._retired.append(self._pool)
             self._pool = None

@@ -19,12 +19,14 @@ import psutil
 
 from carstage.config import Config, dump_config
 from carstage.plan import EpisodeSpec
-from carstage.runs.disk import disk_error
+from carstage.storage.disk import disk_error
 
 FORMAT_VERSION = 1
 State = Literal["planning", "starting", "recording", "converting", "done", "failed", "interrupted"]
 FINAL_STATES = ("done", "failed", "interrupted")
 FOREIGN_SILENCE_S = 900.0
+RESTED_S = 60.0
+"""A run's heartbeat may rest for so long while it commits an episode."""
 """Age of the heartbeat at which a run on another machine counts as dead; clocks may differ."""
 
 
@@ -178,7 +180,10 @@ def is_alive(status: Mapping[str, Any]) -> bool:
         started = process_start_time(int(status["pid"]))
     except (psutil.Error, KeyError, TypeError, ValueError):
         return False
-    return abs(started - float(status.get("pid_started", started))) < 1.0
+    if abs(started - float(status.get("pid_started", started))) < 1.0:
+        return True
+    # Another process has its number now, or the clock was set; who lives says so every second.
+    return abs(time.time() - float(status.get("heartbeat", 0.0))) < RESTED_S
 
 
 def _replace(path: Path, document: Mapping[str, Any]) -> None:

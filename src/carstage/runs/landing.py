@@ -14,8 +14,8 @@ from typing import Any
 from carstage.conversion import EpisodeConversion
 from carstage.errors import CarStageError, StorageError
 from carstage.plan import EpisodeSpec
-from carstage.runs.disk import disk_error
 from carstage.storage import Store
+from carstage.storage.disk import disk_error
 
 
 @contextmanager
@@ -101,9 +101,17 @@ class Landing:
         if not self._deferred:
             self._conversion.segment_sealed(stream, segment)
 
-    def convert_all(self) -> None:
-        """Hand everything that is recorded to the conversion."""
+    def convert_all(self, pool: Executor) -> None:
+        """Hand everything that is recorded to the conversion.
+
+        Args:
+            pool: the one of now; that of the attempt's begin may have broken since.
+
+        Raises:
+            CarStageError: the recording cannot be read, or the converters take no work any more.
+        """
         with _disk_errors(self._what):
+            self._conversion.use(pool)
             self._conversion.scan()
 
     def is_ready(self) -> bool:
@@ -116,27 +124,31 @@ class Landing:
             self._conversion.raise_if_failed()
         return self._conversion.frames_done >= self.job.spec.saved_frames
 
-    def commit(self) -> None:
+    def commit(self) -> int:
         """Write what belongs to the whole episode and make it part of the dataset.
+
+        Returns:
+            The number of its frames.
 
         Raises:
             EpisodeExistsError: another run was faster; the attempt is removed.
             CarStageError: converting or committing failed.
         """
         with _disk_errors(self._what):
-            hashed = self._conversion.finish()
+            converted = self._conversion.finish()
             header = json.loads((self.raw_folder / "episode.json").read_bytes())
             self._store.commit(
                 self.job.episode_id,
                 self.attempt,
-                frames=self.job.spec.saved_frames,
+                frames=converted.frames,
                 versions={
                     "client": str(header["client_version"]),
                     "server": str(header["server_version"]),
                 },
-                hashed=hashed,
+                hashed=converted.files,
                 self_test=self._self_test,
             )
+        return converted.frames
 
     def remove_raw(self) -> None:
         """Remove the raw recording."""

@@ -17,7 +17,7 @@ from carstage.errors import (
     BadInputError,
     CarStageError,
     CollectorError,
-    ConversionError,
+    ConverterDiedError,
     DiskFullError,
     EpisodeExistsError,
     StorageError,
@@ -26,7 +26,6 @@ from carstage.execution import Executor, InlineExecutor
 from carstage.plan import EpisodeSpec, estimate_run, plan_episodes
 from carstage.runs.attempts import dead_runs, remove_leftovers, reserve_attempt
 from carstage.runs.converters import Converters
-from carstage.runs.disk import disk_error
 from carstage.runs.folder import (
     CurrentEpisode,
     EpisodeCounts,
@@ -50,6 +49,7 @@ from carstage.runs.preflight import (
 from carstage.runs.selftesting import describe_verdict, refuse, run_self_test
 from carstage.runs.servers import ServerSetup
 from carstage.storage import Store, open_store
+from carstage.storage.disk import disk_error
 
 _HEARTBEAT_S = 1.0
 _EXPLAIN_AFTER_S = 5.0
@@ -254,7 +254,7 @@ class _Session:
         current, shown = self._status.current, self._recording
         if shown is None and self._landings:
             shown = self._landings[0]
-        if current is not None and shown is not None and current.attempt == shown.attempt:
+        if current is not None and shown is not None and _is_of(current, shown):
             current.frames_converted = shown.frames_done
         if self._config.conversion.mode == "streaming" or self._recording is None:
             for landing in list(self._landings):
@@ -320,7 +320,7 @@ class _Session:
         """
         if landing is self._recording:  # else: converting it failed, while another is recorded
             self._recording = None
-        if isinstance(error, ConversionError):
+        if isinstance(error, ConverterDiedError):
             self._converters.retire()
         job = landing.job
         reason = str(error)
@@ -381,10 +381,8 @@ class _Session:
             if not self._jobs and not self._landings:
                 if not self._recorded:
                     return None
-                landing = self._recorded.popleft()
                 with self._interruption.held():
-                    landing.convert_all()
-                self._landings.append(landing)
+                    self._convert(self._recorded.popleft())
             if not self._jobs:
                 self._show_conversion()
             self._wait(POLL_S)
@@ -411,13 +409,21 @@ class _Session:
 
     # Landing.
 
+    def _convert(self, landing: Landing) -> None:
+        """Begin to convert a recording that was kept for the end."""
+        self._landings.append(landing)
+        try:
+            landing.convert_all(self._converters.pool())
+        except CarStageError as error:
+            self._fell(landing, error)
+
     def _land(self, landing: Landing) -> None:
         """Commit the landing if its frames are converted."""
         job = landing.job
         try:
             if not landing.is_ready():
                 return
-            landing.commit()
+            frames = landing.commit()
         except EpisodeExistsError as error:
             self._landings.remove(landing)
             self._status.episodes.skipped += 1
@@ -429,23 +435,31 @@ class _Session:
                 reason=error.message,
             )
         except CarStageError as error:
-            self._landings.remove(landing)
-            landing.give_up()
-            self.attempt_failed(landing, error, final=isinstance(error, BadInputError))
+            self._fell(landing, error)
         else:
             self._landings.remove(landing)
             self._status.episodes.committed += 1
-            self._frames += job.spec.saved_frames
+            self._frames += frames
             if not self._config.output.keep_raw:
                 landing.remove_raw()
-            self._event("frames_converted", episode_id=job.episode_id, frames=landing.frames_done)
+            self._event("frames_converted", episode_id=job.episode_id, frames=frames)
             self._event("episode_committed", episode_id=job.episode_id, attempt=landing.attempt)
 
+    def _fell(self, landing: Landing, error: CarStageError) -> None:
+        """A landing failed; what it has written goes."""
+        self._landings.remove(landing)
+        landing.give_up()
+        self.attempt_failed(landing, error, final=isinstance(error, BadInputError))
+
     def _give_back(self) -> None:
-        """Remove attempts that did not land and end the converters."""
+        """Remove attempts that did not land and end the converters, whatever the disk says."""
         recording = [] if self._recording is None else [self._recording]
         for landing in [*recording, *self._landings, *self._recorded]:
-            landing.give_up()
+            try:
+                landing.give_up()
+            except (CarStageError, OSError) as error:
+                folder = f"episodes/{landing.job.episode_id}/{landing.attempt}"
+                self._observer.say(f"{folder} could not be removed and is no part of it: {error}")
         self._converters.end()
 
     def _enter(self, state: State) -> None:
@@ -457,6 +471,10 @@ class _Session:
     def _event(self, event: str, **fields: Any) -> None:
         with self._interruption.held():  # no torn lines
             self._observer.event(self._folder.write_event(event, fields))
+
+
+def _is_of(current: CurrentEpisode, landing: Landing) -> bool:
+    return (current.episode_id, current.attempt) == (landing.job.episode_id, landing.attempt)
 
 
 def _demands_all(spec: EpisodeSpec) -> bool:

@@ -17,6 +17,7 @@ from typing import Any
 from carstage import __version__
 from carstage.errors import DatasetError, EpisodeExistsError, StorageError
 from carstage.storage.description import describe_dataset, read_description
+from carstage.storage.disk import disk_error
 from carstage.storage.marker import CommitMarker, FileEntry
 from carstage.storage.store import Store
 
@@ -184,10 +185,7 @@ class LocalStore(Store):
         except FileExistsError:
             raise
         except OSError as error:
-            raise StorageError(
-                f"Writing {path.name} in {path.parent} failed: {error.strerror}.",
-                "Check the free space and the permissions of the output folder.",
-            ) from error
+            raise disk_error(error, f"{path.name} in {path.parent}") from error
         finally:
             temporary.unlink(missing_ok=True)
         _flush_folder(path.parent)

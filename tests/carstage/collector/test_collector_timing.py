@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from carstage.collector.errors import RecordingError
+from carstage.collector.errors import DiskFullError, RecordingError
 from carstage.collector.paths import prepare_folder
 from carstage.collector.sensors import SENSOR_KINDS
 from carstage.collector.timing import (
@@ -71,6 +73,17 @@ def test_an_attempt_is_never_recorded_over(tmp_path: Path) -> None:
         prepare_folder(str(folder))
     with pytest.raises(RecordingError, match="cannot be made"):
         prepare_folder("/dev/null/a1")
+
+
+def test_folder_that_finds_no_space_is_a_full_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "makedirs", refuse)
+    with pytest.raises(DiskFullError, match="No space left"):
+        prepare_folder(str(tmp_path / "a1"))
 
 
 def test_a_cloud_keeps_its_points_per_channel() -> None:

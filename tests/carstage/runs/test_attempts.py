@@ -84,7 +84,10 @@ def test_run_of_a_process_that_is_gone_is_dead_and_is_cleared(tmp_path: Path) ->
 
 
 def test_pid_that_another_process_has_now_is_a_dead_run(tmp_path: Path) -> None:
-    begin_run(tmp_path, pid=os.getpid(), started=process_start_time(os.getpid()) - 100.0)
+    folder = begin_run(tmp_path, pid=os.getpid(), started=process_start_time(os.getpid()) - 100.0)
+    path = folder / "status.json"
+    status = {**json.loads(path.read_bytes()), "heartbeat": time.time() - 600.0}
+    path.write_text(json.dumps(status))
     assert len(list(dead_runs(tmp_path))) == 1
 
 
@@ -137,6 +140,30 @@ def test_committed_attempt_of_a_dead_run_stays(tmp_path: Path) -> None:
     (dead,) = dead_runs(tmp_path)
     remove_leftovers(dead, store)
     assert (tmp_path / "episodes" / EPISODE / "a1" / "frames.parquet").read_bytes() == b"half"
+
+
+@pytest.mark.parametrize("keep", [True, False])
+def test_raw_recordings_that_were_to_be_kept_are_kept(tmp_path: Path, keep: bool) -> None:
+    store = open_store(tmp_path)
+    store.initialise("test")
+    folder = begin_run(tmp_path, pid=NO_SUCH_PID, started=1.0)
+    (folder / "plan.json").write_text(json.dumps({"config": {"output": {"keep_raw": keep}}}))
+    store.commit(EPISODE, "a1", frames=1, versions={})
+    unfinished = folder / "raw" / EPISODE / "a2"
+    unfinished.mkdir()
+    (dead,) = dead_runs(tmp_path)
+    remove_leftovers(dead, store)
+    assert (folder / "raw" / EPISODE / "a1" / "episode.json").exists() is keep
+    assert (folder / "raw").exists() is keep
+    assert not unfinished.exists()
+
+
+def test_clock_that_is_set_makes_no_living_run_dead(tmp_path: Path) -> None:
+    folder = begin_run(tmp_path, pid=os.getpid(), started=process_start_time(os.getpid()) - 100.0)
+    path = folder / "status.json"
+    status = {**json.loads(path.read_bytes()), "heartbeat": time.time()}
+    path.write_text(json.dumps(status))
+    assert list(dead_runs(tmp_path)) == []
 
 
 def test_damaged_status_is_no_reason_to_remove_anything(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from carstage.errors import DiskFullError, StorageError
-from carstage.runs.disk import disk_error
 from carstage.runs.folder import RunFolder
+from carstage.storage.disk import disk_error
 
 
 @pytest.mark.parametrize(

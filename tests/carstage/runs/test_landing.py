@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor, Future
+import json
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,6 +12,7 @@ from typing import Any
 import analytic_scene
 import pytest
 
+from carstage.errors import ConverterDiedError
 from carstage.rawlog.reader import EpisodeLog
 from carstage.runs.landing import Job, Landing
 from carstage.storage.local import LocalStore
@@ -41,7 +44,42 @@ def test_sealed_segments_are_converted_at_once_unless_that_is_deferred(
         for segment in log.sealed_segments(stream):
             landing.segment_sealed(stream, segment)
     while_recording = pool.count
-    landing.convert_all()
+    landing.convert_all(pool)
     assert (while_recording == 0) == deferred
     assert pool.count > 0
     assert pool.count == while_recording or deferred
+
+
+class Broken(Executor):
+    """A pool whose processes have died."""
+
+    def submit(self, *_: Any, **__: Any) -> Future[Any]:
+        raise BrokenProcessPool
+
+
+def test_recording_kept_for_the_end_is_converted_by_the_pool_of_then(tmp_path: Path) -> None:
+    raw = tmp_path / "raw"
+    analytic_scene.write_raw_log(raw)
+    store = LocalStore(tmp_path / "out")
+    store.initialise("test")
+    job: Any = Job(SimpleNamespace(saved_frames=6), "0123456789abcdef")
+    landing = Landing(job, "a1", raw, store, Broken(), {}, deferred=True)
+    with pytest.raises(ConverterDiedError):
+        landing.convert_all(Broken())
+    pool = Submitted()
+    landing.convert_all(pool)
+    assert pool.count > 0
+
+
+def test_commit_counts_the_frames_that_were_saved(tmp_path: Path) -> None:
+    raw = tmp_path / "raw"
+    analytic_scene.write_raw_log(raw)
+    header = json.loads((raw / "episode.json").read_bytes())
+    store = LocalStore(tmp_path / "out")
+    store.initialise("test")
+    job: Any = Job(SimpleNamespace(saved_frames=60), header["episode_id"])
+    with ThreadPoolExecutor(1) as pool:
+        landing = Landing(job, "a1", raw, store, pool, {}, deferred=True)
+        landing.convert_all(pool)
+        assert landing.commit() == 6
+    assert store.committed()[header["episode_id"]].frames == 6

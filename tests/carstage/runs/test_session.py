@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,13 @@ from typing import Any
 import pytest
 
 from carstage.config import check_config
-from carstage.errors import CollectorError, DiskFullError, StorageError
+from carstage.errors import (
+    CollectorError,
+    ConverterDiedError,
+    DatasetError,
+    DiskFullError,
+    StorageError,
+)
 from carstage.plan import EpisodeSpec, ServerFacts, plan_episodes
 from carstage.runs.folder import RunFolder
 from carstage.runs.interruption import Interruption
@@ -130,6 +137,44 @@ def test_other_failures_are_tried_again_as_often_as_allowed(made: Made, spec: Ep
             final=False,
         )
     assert events(folder) == ["episode_retried"] * RETRIES + ["episode_failed"]
+
+
+def test_deferred_recording_that_cannot_be_converted_is_recorded_again(
+    made: Made, spec: EpisodeSpec
+) -> None:
+    session, _, folder = made
+
+    class Dead(GivenUp):
+        def convert_all(self, pool: Executor) -> None:
+            raise ConverterDiedError("A conversion process died.")
+
+    first, second = Dead(spec, 0), Dead(spec, 1)
+    for landing in (first, second):
+        session._recorded.append(landing)  # type: ignore[arg-type]
+    job = session._take()
+    assert job is not None
+    assert (job.tries, first.given_up) == (1, True)
+    assert not second.given_up
+    assert events(folder) == ["episode_retried"]
+
+
+@pytest.mark.parametrize("error", [OSError(errno.EIO, "I/O error"), DatasetError("A bad marker.")])
+def test_attempt_that_cannot_be_removed_keeps_no_other_from_it(
+    made: Made, spec: EpisodeSpec, error: Exception
+) -> None:
+    session, listener, folder = made
+
+    class Stubborn(GivenUp):
+        def give_up(self) -> None:
+            raise error
+
+    last = GivenUp(spec, 1)
+    session._landings.extend([Stubborn(spec, 0), last])  # type: ignore[list-item]
+    with pytest.raises(CollectorError):
+        session.run((), [], Execute(CollectorError("It broke.")))
+    assert last.given_up
+    assert "could not be removed" in listener.said[0]
+    assert json.loads((folder.path / "status.json").read_bytes())["state"] == "failed"
 
 
 def test_system_error_of_the_disk_is_told_in_words(made: Made) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from carstage.errors import BadInputError, DatasetError, StorageError
+from carstage.errors import BadInputError, DatasetError, DiskFullError, StorageError
 from carstage.storage import CommitMarker, LocalStore, Store, open_store
 from carstage.testing.store import StoreTests
 
@@ -69,6 +69,18 @@ class TestLocalStore(StoreTests):
         monkeypatch.setattr(os, "link", refuse)  # a mode would not stop root
         with pytest.raises(StorageError, match="not writable"):
             LocalStore(tmp_path).initialise("test")
+
+    def test_a_disk_too_full_for_the_marker_is_told_as_full(
+        self, place: Path, store: Store, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def refuse(source: Path, target: Path) -> None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        self.write(store, "a1")
+        monkeypatch.setattr(os, "link", refuse)
+        with pytest.raises(DiskFullError, match="No space left"):
+            store.commit("0123456789abcdef", "a1", frames=1, versions={})
+        assert list((place / "out" / "commits").iterdir()) == []
 
     def test_a_file_system_that_replaces_silently_is_refused(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

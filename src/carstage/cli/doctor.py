@@ -8,7 +8,6 @@ import os
 import platform
 import shutil
 import socket
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -21,7 +20,6 @@ from carstage.cli import unsupported
 from carstage.errors import CarStageError
 from carstage.runs import dead_runs, size_text
 
-_MODULES_TIMEOUT_S = 60.0
 _WANTED_FREE_BYTES = 1_000_000_000
 _WANTED_MEMORY_BYTES = 2_000_000_000
 _CARLA_PORTS = (2000, 2001, 2002, 8000)
@@ -107,22 +105,14 @@ def _client() -> Iterator[Finding]:
             "carla client", False, "not installed.", "Install it: pip install carla==0.9.16"
         )
         return
-    # In a process and a home of its own: the module writes a cache folder when it is imported.
-    with tempfile.TemporaryDirectory() as home:
-        ended = subprocess.run(
-            [sys.executable, "-c", "import carla"],
-            capture_output=True,
-            text=True,
-            timeout=_MODULES_TIMEOUT_S,
-            env={**os.environ, "HOME": home},
-            check=False,
-        )
-    if ended.returncode == 0:
+    from carstage.server.interpreters import import_problem
+
+    problem = import_problem(Path(sys.executable))
+    if problem is None:
         yield Finding("carla client", True, version)
     else:
-        last = (ended.stderr.strip().splitlines() or ["no message"])[-1]
         yield Finding(
-            "carla client", False, f"{version} cannot be imported: {last}", "Reinstall it."
+            "carla client", False, f"{version} cannot be imported: {problem}", "Reinstall it."
         )
 
 

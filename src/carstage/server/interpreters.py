@@ -136,9 +136,20 @@ def create_client(release: Release) -> ClientPython:
 
 def imports_wheel(python: Path) -> bool:
     """Whether an interpreter can import its client wheel."""
-    # In a home of its own: the module makes a cache folder when it is imported.
+    return import_problem(python) is None
+
+
+def import_problem(python: Path) -> str | None:
+    """Why an interpreter cannot import its client wheel, in a line; None when it can."""
+    # In a home of its own: the module makes a cache folder when it is imported. What the user has
+    # installed with `pip install --user` stays in sight.
+    base = os.environ.get("PYTHONUSERBASE") or str(Path.home() / ".local")
     with tempfile.TemporaryDirectory() as home:
-        return _output(python, _IMPORT, HOME=home) is not None
+        try:
+            _run(str(python), "-c", _IMPORT, timeout_s=_RUN_S, HOME=home, PYTHONUSERBASE=base)
+        except (OSError, subprocess.SubprocessError) as error:
+            return _reason(error)
+    return None
 
 
 def _wanted(python: Path, release: Release, server_version: str) -> ClientPython:
@@ -215,10 +226,10 @@ def _wheel_in(python: Path) -> str | None:
     return _output(python, _WHEEL)
 
 
-def _output(python: Path, code: str, **environment: str) -> str | None:
+def _output(python: Path, code: str) -> str | None:
     """What a few lines of Python print; None when they fail."""
     try:
-        return _run(str(python), "-c", code, timeout_s=_RUN_S, **environment).strip()
+        return _run(str(python), "-c", code, timeout_s=_RUN_S).strip()
     except (OSError, subprocess.SubprocessError):
         return None
 

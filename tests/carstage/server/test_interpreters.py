@@ -10,7 +10,7 @@ import pytest
 from carstage.errors import BadInputError, ServerError
 from carstage.releases import Release
 from carstage.server import interpreters
-from carstage.server.interpreters import client_folder, create_client, find_client
+from carstage.server.interpreters import client_folder, create_client, find_client, imports_wheel
 
 OLD = Release(0, 9, 13)
 
@@ -76,6 +76,20 @@ def test_python_whose_wheel_cannot_be_imported_is_passed_over(machine: Path) -> 
     interpreter(machine / "bin" / "python3.8", "3.8", "0.9.13", imports=False)
     with pytest.raises(BadInputError, match=r"server\.client_python.*0\.9\.13.*0\.9\.16"):
         find_client("0.9.13")
+
+
+def test_wheel_of_pip_install_user_is_in_sight(
+    machine: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(machine / "home"))
+    monkeypatch.delenv("PYTHONUSERBASE", raising=False)
+    python = interpreter(machine / "mine", "3.8", "0.9.13")
+    script = python.read_text()
+    for base in ("home/.local", "elsewhere"):
+        seen = f'[ "$PYTHONUSERBASE" = "{machine / base}" ] && [ "$HOME" != "{machine / "home"}" ]'
+        python.write_text(script.replace("exit 0 ;;", f"{seen} ;;"))
+        assert imports_wheel(python)
+        monkeypatch.setenv("PYTHONUSERBASE", str(machine / "elsewhere"))
 
 
 def test_missing_client_is_refused_with_the_way_to_one(machine: Path) -> None:

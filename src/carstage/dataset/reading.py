@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +14,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from carstage.dataset.codecs import codec_for
+from carstage.dataset.frames import EpisodeFrames, Frame
 from carstage.dataset.querying import query_episodes
 from carstage.dataset.tables import ROW_SENSORS, read_table, require_columns
 from carstage.errors import BadInputError, DatasetError
@@ -159,7 +160,7 @@ class Sensor:
         return tuple(sensors / self.id / f"{k:06d}{suffix}" for suffix in self._codec.suffixes)
 
     def read(self, k: int) -> NDArray[Any]:
-        """The data of frame ``k``.
+        """The data of frame ``k``; the array may be read-only.
 
         Returns:
             ``rgb`` ``(H, W, 3)`` uint8; ``depth`` ``(H, W)`` float32, metres along the optical
@@ -333,6 +334,15 @@ class Episode:
         """``frames.parquet``: one row per tick."""
         return read_table(self.folder / "frames.parquet")
 
+    def iter_frames(self) -> Iterator[Frame]:
+        """The frames one after the other; sensors are read when they are asked for.
+
+        Raises:
+            DatasetError: a table is missing or damaged.
+        """
+        frames = EpisodeFrames(self)
+        return (frames.frame(k) for k in range(self.frames))
+
 
 class Dataset:
     """A dataset in a folder.
@@ -365,6 +375,28 @@ class Dataset:
             Episode(self.path / "episodes" / marker.episode_id / marker.attempt, marker)
             for marker in store.committed().values()
         )
+
+    def episode(self, episode_id: str) -> Episode:
+        """One committed episode.
+
+        Raises:
+            BadInputError: there is none of that id.
+        """
+        for episode in self.episodes:
+            if episode.id == episode_id:
+                return episode
+        raise BadInputError(
+            f"{self.path} has no episode {episode_id}.",
+            f"Episodes: {', '.join(episode.id for episode in self.episodes)}.",
+        )
+
+    def iter_frames(self) -> Iterator[Frame]:
+        """The frames of all episodes; sensors are read when they are asked for.
+
+        Raises:
+            DatasetError: a table is missing or damaged.
+        """
+        return (frame for episode in self.episodes for frame in episode.iter_frames())
 
     def sql(self, query: str) -> pa.Table:
         """The result of an SQL query over the label tables of all episodes (extra ``sql``).

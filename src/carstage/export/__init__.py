@@ -4,10 +4,10 @@
 docs/formats/exports.md.
 """
 
+from carstage.dataset import EpisodeFrames, Frame
 from carstage.export.completeness import Completeness, examine
 from carstage.export.exporter import Exporter, FrameWriter, exporter_for, exporters, register
 from carstage.export.exporting import ExportSummary, export_dataset
-from carstage.export.frames import EpisodeFrames, Frame
 from carstage.export.options import ExportOptions
 from carstage.export.target import check_target
 

@@ -15,10 +15,11 @@ import pyarrow.compute as pc
 from carstage.dataset import Dataset, Episode, Problem
 from carstage.dataset.checks.files import DOCUMENTS, TABLES, check_file_list
 from carstage.dataset.checks.findings import Findings
-from carstage.dataset.checks.ledger import check_ledger, check_row_sensors, recorded_frames
+from carstage.dataset.checks.ledger import check_ledger, check_row_sensors
+from carstage.dataset.frames import Damage
+from carstage.dataset.ledger import recorded_frames
 from carstage.errors import CarStageError
 from carstage.export.classes import CLASSES
-from carstage.export.frames import Damage
 from carstage.storage.marker import FileEntry
 
 Progress = Callable[[int, int], None]

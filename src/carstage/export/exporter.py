@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, ClassVar, Protocol, TypeVar
 
 from carstage.dataset import Episode
+from carstage.dataset.frames import Frame
 from carstage.errors import BadInputError
-from carstage.export.frames import Frame
 from carstage.export.options import ExportOptions
 
 ENTRY_POINT_GROUP = "carstage.exporters"

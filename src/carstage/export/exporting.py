@@ -16,10 +16,10 @@ from typing import Any
 from carstage import __version__
 from carstage.conversion import conversion_pool
 from carstage.dataset import Dataset, Episode
+from carstage.dataset.frames import Damage, EpisodeFrames
 from carstage.errors import BadInputError, ExportError
 from carstage.export.completeness import Completeness, Progress, examine
 from carstage.export.exporter import Exporter, FrameWriter, exporter_for
-from carstage.export.frames import Damage, EpisodeFrames
 from carstage.export.options import ExportOptions
 from carstage.export.target import check_target, export_folder, write_document
 from carstage.storage.marker import CommitMarker

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from carstage.dataset import Episode
+from carstage.dataset.frames import Frame, Row
 from carstage.errors import BadInputError
 from carstage.export.classes import CLASSES
-from carstage.export.frames import Frame, Row
 from carstage.export.options import ExportOptions
 from carstage.geometry import Rectangle
 

@@ -35,8 +35,6 @@ from carstage.dataset.checks.ledger import (
     check_ledger,
     check_row_sensors,
     declares_waiting,
-    recorded_frames,
-    saved_times_s,
 )
 from carstage.dataset.checks.motion import MotionFigures, check_motion, compare_motion
 from carstage.dataset.checks.pictures import PictureFigures, check_exposure, check_repeats
@@ -55,6 +53,7 @@ from carstage.dataset.checks.silhouettes import (
 )
 from carstage.dataset.checks.tag_images import check_tags
 from carstage.dataset.codecs.semantic_points import points_xyz
+from carstage.dataset.ledger import recorded_frames, saved_times_s
 from carstage.dataset.reading import Episode, Sensor
 from carstage.dataset.tables import ROW_SENSORS
 from carstage.geometry import invert_pose

@@ -9,38 +9,12 @@ from typing import Any
 import pyarrow as pa
 
 from carstage.dataset.checks.findings import Findings, Severity
+from carstage.dataset.ledger import saved_times_s
 from carstage.dataset.reading import Episode
-from carstage.dataset.tables import ROW_SENSORS, require_columns
+from carstage.dataset.tables import ROW_SENSORS
 
 TIMESTAMP_TOLERANCE_S = 1e-6
 _GOOD_STATES = ("ok", "off")
-
-
-def recorded_frames(episode: Episode, ledger: pa.Table) -> dict[str, list[int]]:
-    """By sensor, the saved frames that the ledger says there is data of.
-
-    Raises:
-        DatasetError: the ledger lacks a column.
-    """
-    sensors = tuple(episode.calibration.sensors)
-    states = [f"{sensor}.{what}" for sensor in sensors for what in ("state", "reason")]
-    require_columns(ledger, ("tick", "k", "server_frame", "timestamp_s", *states), "frames.parquet")
-    ks = ledger["k"].to_pylist()
-    return {
-        sensor: [
-            k
-            for k, state in zip(ks, ledger[f"{sensor}.state"].to_pylist(), strict=True)
-            if k is not None and state == "ok"
-        ]
-        for sensor in sensors
-    }
-
-
-def saved_times_s(ledger: pa.Table) -> dict[int, float]:
-    """The time of each saved frame."""
-    ks: list[Any] = ledger["k"].to_pylist()
-    times: list[Any] = ledger["timestamp_s"].to_pylist()
-    return {k: time_s for k, time_s in zip(ks, times, strict=True) if k is not None}
 
 
 def declares_waiting(spec: Mapping[str, Any]) -> bool:

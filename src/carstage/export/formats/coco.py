@@ -12,11 +12,11 @@ import numpy as np
 from PIL import Image
 
 from carstage.dataset import Episode, SensorCalibration
+from carstage.dataset.frames import Frame
 from carstage.export.classes import CLASSES
 from carstage.export.exporter import Exporter, register
 from carstage.export.formats.panoptic import panoptic_categories, panoptic_segments
 from carstage.export.formats.pictures import copy_picture
-from carstage.export.frames import Frame
 from carstage.export.json_rows import JsonRows
 from carstage.export.labels import CameraLabel, camera_labels, require_labels
 from carstage.export.options import ExportOptions

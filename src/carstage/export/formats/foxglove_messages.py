@@ -34,6 +34,7 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
+from carstage.dataset.frames import Frame, Row
 from carstage.dataset.report.drawing import class_colour
 from carstage.export.axes import (
     enu_pose,
@@ -43,7 +44,6 @@ from carstage.export.axes import (
     nuscenes_box,
     quaternion_from_matrix,
 )
-from carstage.export.frames import Frame, Row
 from carstage.export.labels import CameraLabel, camera_labels
 from carstage.export.options import ExportOptions
 from carstage.geometry import FloatArray, pose_matrix

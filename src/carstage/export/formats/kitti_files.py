@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carstage.dataset import SensorCalibration
+from carstage.dataset.frames import Frame, Row
 from carstage.export.axes import (
     flu_angular_velocity,
     flu_vector,
@@ -15,7 +16,6 @@ from carstage.export.axes import (
     velodyne_to_camera,
 )
 from carstage.export.classes import CLASSES, DONT_CARE
-from carstage.export.frames import Frame, Row
 from carstage.export.labels import CameraLabel, occlusion_level
 from carstage.export.options import ExportOptions
 from carstage.geometry import kitti_rectangle, specific_force

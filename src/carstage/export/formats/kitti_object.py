@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import IO, ClassVar
 
 from carstage.dataset import Episode
+from carstage.dataset.frames import Frame
 from carstage.export.axes import flu_points
 from carstage.export.exporter import Exporter, register
 from carstage.export.formats.kitti_files import calibration_matrices, label_row, numbers
 from carstage.export.formats.pictures import copy_as_png
-from carstage.export.frames import Frame
 from carstage.export.labels import camera_labels, require_labels
 from carstage.export.options import ExportOptions
 from carstage.export.rigs import main_lidar, one_camera

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from carstage.dataset import Episode
+from carstage.dataset.frames import Frame
 from carstage.errors import BadInputError
 from carstage.export.axes import flu_points
 from carstage.export.classes import DONT_CARE
@@ -20,7 +21,6 @@ from carstage.export.formats.kitti_files import (
 )
 from carstage.export.formats.kitti_object import KittiObject
 from carstage.export.formats.pictures import copy_as_png
-from carstage.export.frames import Frame
 from carstage.export.labels import camera_labels, require_labels
 from carstage.export.options import ExportOptions
 from carstage.export.rigs import main_lidar, one_camera

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from carstage import __version__
 from carstage.dataset import Episode
+from carstage.dataset.frames import Frame
 from carstage.errors import BadInputError
 from carstage.export.exporter import Exporter, register
-from carstage.export.frames import Frame
 from carstage.export.options import ExportOptions
 
 if TYPE_CHECKING:

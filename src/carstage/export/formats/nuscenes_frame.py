@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from carstage.dataset import Episode, SensorCalibration
+from carstage.dataset.frames import Frame, Row
 from carstage.export.axes import (
     enu_pose,
     flu_from_nuscenes_lidar,
@@ -22,7 +23,6 @@ from carstage.export.axes import (
 from carstage.export.classes import nuscenes_category
 from carstage.export.formats.nuscenes_files import lidar_file, radar_file
 from carstage.export.formats.pictures import copy_picture
-from carstage.export.frames import Frame, Row
 from carstage.export.labels import lidar_points, radar_points
 from carstage.export.options import ExportOptions
 from carstage.export.rigs import colour_cameras, main_lidar

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from carstage.export.frames import Frame
+from carstage.dataset.frames import Frame
 
 
 def copy_picture(frame: Frame, camera_id: str, stem: Path) -> Path:

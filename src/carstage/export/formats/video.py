@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.dataset import Episode
+from carstage.dataset.frames import Frame
 from carstage.errors import BadInputError
 from carstage.export.exporter import Exporter, register
-from carstage.export.frames import Frame
 from carstage.export.options import CodecChoice
 from carstage.export.rigs import colour_cameras
 

@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from carstage.dataset import Episode
+from carstage.dataset.frames import Frame
 from carstage.export.exporter import Exporter, register
-from carstage.export.frames import Frame
 from carstage.export.options import ExportOptions
 from carstage.export.splits import Split, split_episodes
 

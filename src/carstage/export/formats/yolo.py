@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import IO, ClassVar
 
 from carstage.dataset import Episode
+from carstage.dataset.frames import Frame
 from carstage.export.classes import CLASSES
 from carstage.export.exporter import Exporter, register
 from carstage.export.formats.pictures import copy_picture
-from carstage.export.frames import Frame
 from carstage.export.labels import camera_labels, require_labels
 from carstage.export.options import ExportOptions
 from carstage.export.rigs import colour_cameras

@@ -1,4 +1,4 @@
-"""One frame of an episode as exporters see it: rows, poses and what sensors have data of it."""
+"""One frame of an episode: rows, poses, and what sensors have data of it."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from carstage.dataset import Episode
-from carstage.dataset.checks.ledger import recorded_frames, saved_times_s
+from carstage.dataset.ledger import recorded_frames, saved_times_s
 from carstage.errors import DatasetError
 from carstage.geometry import FloatArray, invert_pose, pose_matrix
+
+if TYPE_CHECKING:
+    from carstage.dataset.reading import Episode
 
 Row = Mapping[str, Any]
 Damage = frozenset[tuple[str, int]]

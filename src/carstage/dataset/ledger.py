@@ -1,0 +1,39 @@
+"""What the ledger ``frames.parquet`` tells: times of the saved frames, and who delivered."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+
+from carstage.dataset.tables import require_columns
+
+if TYPE_CHECKING:
+    from carstage.dataset.reading import Episode
+
+
+def recorded_frames(episode: Episode, ledger: pa.Table) -> dict[str, list[int]]:
+    """By sensor, the saved frames that the ledger says there is data of.
+
+    Raises:
+        DatasetError: the ledger lacks a column.
+    """
+    sensors = tuple(episode.calibration.sensors)
+    states = [f"{sensor}.{what}" for sensor in sensors for what in ("state", "reason")]
+    require_columns(ledger, ("tick", "k", "server_frame", "timestamp_s", *states), "frames.parquet")
+    ks = ledger["k"].to_pylist()
+    return {
+        sensor: [
+            k
+            for k, state in zip(ks, ledger[f"{sensor}.state"].to_pylist(), strict=True)
+            if k is not None and state == "ok"
+        ]
+        for sensor in sensors
+    }
+
+
+def saved_times_s(ledger: pa.Table) -> dict[int, float]:
+    """The time of each saved frame."""
+    ks: list[Any] = ledger["k"].to_pylist()
+    times: list[Any] = ledger["timestamp_s"].to_pylist()
+    return {k: time_s for k, time_s in zip(ks, times, strict=True) if k is not None}

@@ -1,0 +1,90 @@
+"""The programs in ``examples`` run as they stand, and do what they say."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from recorded_dataset import FRAMES
+
+from carstage.dataset import Dataset
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+PATIENCE_S = 240.0
+
+pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("recorded")]
+
+
+def run(name: str, *arguments: object, home: Path | None = None) -> str:
+    """Run an example in a process of its own; what it prints."""
+    environment = dict(os.environ)
+    if home is not None:
+        environment.setdefault("XDG_CACHE_HOME", str(Path.home() / ".cache"))
+        environment["HOME"] = str(home)
+    ended = subprocess.run(
+        [sys.executable, str(EXAMPLES / name), *(str(argument) for argument in arguments)],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        env=environment,
+        check=False,
+    )
+    assert ended.returncode == 0, ended.stderr
+    return ended.stdout
+
+
+def test_boxes_are_drawn_on_the_fullest_picture(recorded: Path, tmp_path: Path) -> None:
+    told = run("draw_boxes.py", recorded, tmp_path / "boxes.png")
+    title, *objects = told.splitlines()
+    found = re.fullmatch(r"two drives: episode (\w{16}), frame (\d+), (\w+)", title)
+    assert found is not None
+    assert objects
+    plain = Dataset(recorded).episode(found[1]).sensor(found[3]).read(int(found[2]))
+    with Image.open(tmp_path / "boxes.png") as picture:
+        drawn = np.asarray(picture)
+    assert drawn.shape == plain.shape
+    assert 20 < (drawn != plain).any(axis=2).sum() < plain[..., 0].size / 2
+
+
+def test_labels_answer_queries(recorded: Path) -> None:
+    told = run("query_labels.py", recorded)
+    assert re.search(r"class car, objects \d+, labels \d+, mean_speed_mps [\d.]+", told)
+    assert told.count("distance_m") == 5
+
+
+def test_samples_come_from_worker_processes(recorded: Path) -> None:
+    told = run("load_samples.py", recorded)
+    assert told.startswith(f"{2 * FRAMES} samples of (3, 90, 160), ")
+    assert int(told.split()[-2]) > 0
+
+
+def test_an_export_opens_in_the_devkit(recorded: Path, tmp_path: Path) -> None:
+    pytest.importorskip("nuscenes", reason="nuscenes-devkit is not installed")
+    told = run("open_in_nuscenes.py", recorded, tmp_path / "nuscenes")
+    assert told.startswith(f"2 scenes, {2 * FRAMES} samples, ")
+    assert "LIDAR_TOP: " in told
+
+
+def test_a_script_of_ones_own_drives_the_simulator(tmp_path: Path) -> None:
+    told = run("drive_simulator.py", tmp_path / "camera.png", home=tmp_path)
+    speed = re.search(r"([\d.]+) m/s", told)
+    assert speed is not None
+    assert float(speed[1]) > 1.0
+    with Image.open(tmp_path / "camera.png") as picture:
+        assert picture.size == (320, 180)
+        assert np.asarray(picture.convert("L")).std() > 10.0
+
+
+def test_the_readme_lists_every_example() -> None:
+    readme = (EXAMPLES / "README.md").read_text("utf-8")
+    programs = sorted(path.name for path in EXAMPLES.glob("*.py"))
+    assert len(programs) == 5
+    assert re.findall(r"examples/(\w+\.py)", readme) == sorted(
+        programs, key=lambda name: readme.index(name)
+    )

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from analytic_dataset import SIZE, make_dataset
+from devkits import nuscenes_devkit
 
 from carstage.export import ExportOptions, export_dataset
 
@@ -19,6 +21,12 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make_dataset(
         tmp_path_factory.mktemp("dataset") / "out", tmp_path_factory.mktemp("raw"), size=SIZE
     )
+
+
+@pytest.fixture(scope="session")
+def devkit() -> SimpleNamespace:
+    """nuscenes-devkit."""
+    return nuscenes_devkit()
 
 
 @pytest.fixture(scope="session")

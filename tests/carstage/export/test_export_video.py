@@ -92,3 +92,11 @@ def test_unknown_camera_is_refused_with_those_there_are(dataset, tmp_path) -> No
     with pytest.raises(BadInputError, match="no colour camera 'NOSE'") as refused:
         export_dataset(dataset, tmp_path / "out", "video", options, workers=0)
     assert "CAM" in refused.value.hint
+
+
+def test_every_second_step_is_shown_at_half_the_rate(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "data", tmp_path, steps=4, save_every=2)
+    export_dataset(dataset, tmp_path / "out", "video", workers=0)
+    (episode,) = Dataset(dataset).episodes
+    times = [float(time_s) for time_s in decoded(tmp_path / f"out/{episode.id}_CAM_FRONT.mkv")]
+    assert times == pytest.approx([0.0, 2 / episode.spec["fps"]], abs=1e-3)

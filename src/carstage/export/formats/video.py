@@ -57,7 +57,7 @@ class PictureReader:
 
 
 class _Clip:
-    """One file; frame ``k`` of the episode is shown from ``k / fps`` on."""
+    """One file; saved frame ``k`` is shown from ``k / fps`` on, ``fps`` that of saved frames."""
 
     def __init__(self, path: Path, coding: _Coding, fps: Fraction, width: int, height: int) -> None:
         import av
@@ -123,7 +123,8 @@ class Video(Exporter):
     def begin_episode(self, episode: Episode) -> PictureReader:
         """Open the episode's files."""
         cameras = colour_cameras(episode, self.options, labelled=False)
-        fps = Fraction(episode.spec["fps"]).limit_denominator(_FEWEST_PER_S)
+        steps_per_s = Fraction(episode.spec["fps"]).limit_denominator(_FEWEST_PER_S)
+        fps = steps_per_s / int(episode.spec["save_every"])
         self._clips: dict[str, _Clip] = {}
         for camera in cameras:
             path = self._folder / f"{episode.id}_{camera.id}{self._coding.suffix}"

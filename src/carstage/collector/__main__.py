@@ -7,11 +7,12 @@ import logging
 import os
 import platform
 import sys
-from typing import List, Optional
+from typing import List, Optional, Union
 
 from carstage.collector.errors import (
     CollectorError,
     InterruptedByRequestError,
+    client_hint,
     writing_failed,
 )
 from carstage.collector.events import EventStream
@@ -74,7 +75,7 @@ def _run(plan_path: str, events: EventStream, stop: StopRequest) -> int:
         return error.exit_code
     except RuntimeError as error:
         _log.exception("the client failed")
-        events.emit("error", kind="client", message=str(error), hint="See the server's log.")
+        _report(error, events)
         return EXIT_FAILED
 
 
@@ -130,13 +131,13 @@ def _record(plan: Plan, events: EventStream, stop: StopRequest) -> int:
     return code
 
 
-def _report(error: BaseException, events: EventStream) -> None:
+def _report(error: Union[CollectorError, RuntimeError, OSError], events: EventStream) -> None:
     if isinstance(error, OSError):
         error = writing_failed(error)
     if isinstance(error, CollectorError):
         events.emit("error", kind=error.kind, message=error.message, hint=error.hint)
     else:
-        events.emit("error", kind="client", message=str(error), hint="See the server's log.")
+        events.emit("error", kind="client", message=str(error), hint=client_hint(error))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import time
 from contextlib import ExitStack
 from typing import Any, Iterator, List, Mapping, NamedTuple, Optional, Tuple
@@ -25,16 +24,13 @@ from carstage.collector.timing import (
     skipped_ticks,
     ticks_per_segment,
 )
+from carstage.collector.warming import warm_up
 from carstage.collector.world import WorldSession
 from carstage.collector.writing import LogWriters, expected_segments, writer_threads
 from carstage.rawlog.format import ACTOR_RECORD, FORMAT_VERSION, WORLD, SealedSegment
 from carstage.rawlog.writing import write_episode_file
 
 EXPECTED_ACTORS = 200
-WARMUP_WAIT_S = 2.0
-"""How long the sensors' first data are waited for in each tick of the warm-up."""
-
-_log = logging.getLogger(__name__)
 
 
 class Versions(NamedTuple):
@@ -86,14 +82,16 @@ class EpisodeRecorder:
             attempt=episode.attempt,
             ticks=episode.spec.steps,
         )
-        timeout_s = self._plan.server.timeout_s
+        server = self._plan.server
         with ExitStack() as stack:
-            session = stack.enter_context(WorldSession(self._client, episode.spec, timeout_s))
+            session = stack.enter_context(
+                WorldSession(self._client, episode.spec, server.timeout_s, server.load_timeout_s)
+            )
             scene = build_scene(
                 self._client,
                 session,
                 spec=episode.spec,
-                server=self._plan.server,
+                server=server,
                 check=self._stop.check,
             )
             self._events.emit(
@@ -152,7 +150,8 @@ class EpisodeRecorder:
             )
         )
         stack.callback(scene.rig.stop)
-        self._warm_up(scene, pipeline, spec)
+        listening_ticks = self._plan.sensor_warmup_ticks
+        warm_up(scene, pipeline, episode, listening_ticks, self._events, self._stop)
         observer = WorldObserver(session.world, scene.ego)
         saved = SavedFrames(spec.save_every)
         for tick, step in self._ticks(scene, pipeline, spec.steps):
@@ -178,33 +177,6 @@ class EpisodeRecorder:
             )
         self._finish(pipeline, writers, spec)
         return Recorded(spec.steps, pipeline.incomplete_ticks)
-
-    def _warm_up(self, scene: Scene, pipeline: Pipeline, spec: EpisodeSpec) -> None:
-        """Let traffic get going and exposure settle; the last ticks with all sensors listening.
-
-        The number of ticks never depends on what arrives when, so that every attempt begins at
-        the same frame. A sensor's stream may come up a moment after ``listen``: the first data are
-        waited for here, before they count.
-        """
-        ticks = spec.warmup_ticks
-        listening = self._plan.sensor_warmup_ticks
-        begin_listening = 0 if listening is None else max(0, ticks - listening)
-        frame = 0
-        for number in range(ticks + 1):
-            self._stop.check()
-            pipeline.check()
-            if number == begin_listening:
-                scene.rig.listen(
-                    {sensor.id: pipeline.callback(sensor.id) for sensor in spec.sensors}
-                )
-            if number == ticks:
-                break
-            frame = scene.step(None).frame
-            if number >= begin_listening:
-                lacking = pipeline.wait_delivered(frame, WARMUP_WAIT_S)
-                if lacking:
-                    _log.info("warm-up frame %d: nothing yet from %s", frame, ", ".join(lacking))
-        pipeline.begin(frame)
 
     def _ticks(self, scene: Scene, pipeline: Pipeline, steps: int) -> Iterator[Tuple[int, Tick]]:
         """The ticks to record; a request to end is obeyed after the frame at hand is booked.

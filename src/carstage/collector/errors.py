@@ -76,3 +76,15 @@ class InterruptedByRequestError(CollectorError):
 
     kind = "interrupted"
     exit_code = 130
+
+
+_RAN_OUT_OF_TIME = ("time-out of", "failed to connect to newly created map")
+"""How the client words it."""
+
+
+def client_hint(error: RuntimeError) -> str:
+    """What to do about an error of the client."""
+    hint = "See the server's log."
+    if any(words in str(error) for words in _RAN_OUT_OF_TIME):
+        hint += " A server that is only slow needs a longer supervision.hang_s."
+    return hint

@@ -6,11 +6,12 @@ import json
 import os
 import threading
 import time
-from typing import Any, Callable, Optional
+from typing import Any, Callable, Dict
 
 from carstage.collector.stopping import StopRequest
 
 TICK_INTERVAL_S = 0.1
+WARM_UP_INTERVAL_S = 1.0
 
 
 class EventStream:
@@ -35,7 +36,7 @@ class EventStream:
         self._wall_clock_s = wall_clock_s
         self._clock_s = clock_s
         self._lock = threading.Lock()
-        self._last_tick_s: Optional[float] = None
+        self._told_s: Dict[str, float] = {}
         self._reader_gone = False
 
     def emit(self, event: str, **fields: Any) -> None:
@@ -56,7 +57,18 @@ class EventStream:
 
     def tick(self, episode_id: str, last: bool, **fields: Any) -> None:
         """Print a ``tick`` event unless one was printed a moment ago; the last one always."""
-        now_s = self._clock_s()
-        if last or self._last_tick_s is None or now_s - self._last_tick_s >= TICK_INTERVAL_S:
-            self._last_tick_s = now_s
+        if last or self._is_due("tick", TICK_INTERVAL_S):
             self.emit("tick", episode_id=episode_id, **fields)
+
+    def warm_up(self, episode_id: str, **fields: Any) -> None:
+        """Print a ``warm_up`` event unless one was printed in the last second."""
+        if self._is_due("warm_up", WARM_UP_INTERVAL_S):
+            self.emit("warm_up", episode_id=episode_id, **fields)
+
+    def _is_due(self, event: str, interval_s: float) -> bool:
+        """Whether an event was not printed within the interval; it is taken as printed now."""
+        now_s = self._clock_s()
+        if event in self._told_s and now_s - self._told_s[event] < interval_s:
+            return False
+        self._told_s[event] = now_s
+        return True

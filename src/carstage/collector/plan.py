@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Mapping, Optional, Tuple
 
+DEFAULT_TIMEOUT_S = 20.0
+DEFAULT_LOAD_TIMEOUT_S = 200.0
 EGO = "ego"
 ON_MAP = "world"
 RIGID = "rigid"
@@ -18,11 +20,12 @@ ATTACHMENTS = (RIGID, FOLLOW, "spring_arm", "spring_arm_ghost")
 
 @dataclass(frozen=True)
 class ServerPlan:
-    """Where the server is, and how long one call to it may take."""
+    """Where the server is, and how long one call to it, or loading a map, may take."""
 
     host: str
     port: int
     timeout_s: float
+    load_timeout_s: float
     traffic_manager_port: int
 
 

@@ -10,6 +10,8 @@ from carstage.collector.errors import PlanError
 from carstage.collector.fields import Fields
 from carstage.collector.plan import (
     ATTACHMENTS,
+    DEFAULT_LOAD_TIMEOUT_S,
+    DEFAULT_TIMEOUT_S,
     EGO,
     RIGID,
     EgoPlan,
@@ -35,7 +37,6 @@ from carstage.rawlog.writing import CHUNKLOG, RAW_STORES
 PLAN_VERSION = 1
 SPEC_VERSION = 1
 DEFAULT_QUEUE_BYTES = 256 * 1024 * 1024
-DEFAULT_TIMEOUT_S = 20.0
 MAX_SEED = 2**32 - 1
 SEEDS = ("traffic_manager", "walkers", "spawn", "ego", "sensor_noise", "driving")
 SPREADS = (
@@ -89,6 +90,9 @@ def parse_plan(value: Any) -> Plan:
             timeout_s=server.number("timeout_s", 0.0)
             if "timeout_s" in server
             else DEFAULT_TIMEOUT_S,
+            load_timeout_s=server.number("load_timeout_s", 0.0)
+            if "load_timeout_s" in server
+            else DEFAULT_LOAD_TIMEOUT_S,
             traffic_manager_port=server.integer("traffic_manager_port", 1, 65535),
         ),
         queue_bytes=plan.integer("queue_bytes", 1)

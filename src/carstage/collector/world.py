@@ -10,7 +10,7 @@ import carla
 
 from carstage.collector.client import answers
 from carstage.collector.maps import find_map, layers_of
-from carstage.collector.plan import EpisodeSpec
+from carstage.collector.plan import DEFAULT_LOAD_TIMEOUT_S, EpisodeSpec
 from carstage.collector.timing import apply_timing, release_timing
 from carstage.collector.weather import Weather
 
@@ -29,12 +29,20 @@ class WorldSession:
         client: ``carla.Client``.
         spec: the episode.
         timeout_s: the client's timeout, restored after giving back.
+        load_timeout_s: how long loading the map may take.
     """
 
-    def __init__(self, client: Any, spec: EpisodeSpec, timeout_s: float) -> None:
+    def __init__(
+        self,
+        client: Any,
+        spec: EpisodeSpec,
+        timeout_s: float,
+        load_timeout_s: float = DEFAULT_LOAD_TIMEOUT_S,
+    ) -> None:
         self.client = client
         self._spec = spec
         self._timeout_s = timeout_s
+        self._load_timeout_s = max(timeout_s, load_timeout_s)
         self._give_backs: List[Tuple[str, Callable[[], object]]] = []
         self.world: Any = None
         self.map: Any = None
@@ -51,7 +59,7 @@ class WorldSession:
             # The clock first: a world that is loaded while the server runs freely has taken a
             # number of steps, of lengths that nobody planned, before it is under our clock.
             apply_timing(self.world, self._spec.timing)
-            self.world = self.client.load_world(name, False, layers_of(self._spec.map_layers))
+            self.world = self._load(name)
             apply_timing(self.world, self._spec.timing)
             self.weather = Weather(self.world, self._spec.weather)
             self.map = self.world.get_map()
@@ -62,6 +70,15 @@ class WorldSession:
 
     def __exit__(self, *_: object) -> None:
         self._give_back()
+
+    def _load(self, name: str) -> Any:
+        """Load a map: the one call that may last minutes on a sound server."""
+        layers = layers_of(self._spec.map_layers)
+        self.client.set_timeout(self._load_timeout_s)
+        try:
+            return self.client.load_world(name, False, layers)
+        finally:
+            self.client.set_timeout(self._timeout_s)
 
     def on_exit(self, what: str, give_back: Callable[[], object]) -> None:
         """Have something given back at the end; the last one taken is given back first."""

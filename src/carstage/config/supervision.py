@@ -21,9 +21,8 @@ class Supervision(Section):
     hang_s: float = setting(
         20.0,
         title="Patience",
-        description="A server that neither answers nor computes for that long has hung; one that "
-        "only computes may be silent ten times as long. One call may take that long, and more for "
-        "large frames.",
+        description="A server that neither answers nor computes for that long has hung. One call "
+        "to it may take that long, and more for large frames; loading a map, ten times as long.",
         unit="s",
         group="server",
         ge=2,

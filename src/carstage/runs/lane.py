@@ -26,7 +26,7 @@ from carstage.errors import (
     StorageError,
 )
 from carstage.execution import CollectorProcess, InterpreterError
-from carstage.plan import estimate_tick_s
+from carstage.plan import EpisodeSpec, estimate_tick_s
 from carstage.runs.explaining import (
     FinalCollectorError,
     LostServerError,
@@ -46,6 +46,8 @@ _STALL_S = 600.0
 _STOP_S = 20.0
 _LAST_WORDS_S = 3.0
 _CALL_TIMEOUT_TICKS = 30
+_LOAD_PATIENCE = 10.0
+"""How many times as long as another call the loading of a map may take."""
 _BYTES_PER_MB = 1_000_000
 _START_TRIES = 2
 
@@ -216,7 +218,10 @@ class ServerLane:
                 kill_server = partial(os.killpg, endpoint.pid, signal.SIGKILL)
                 stack.enter_context(self._interruption.kills(kill_server))
             watch = stack.enter_context(self._watch(endpoint, collector))
-            for event in self._listen(collector, watch):
+            call_s, load_s = self._timeouts_s(landing.job.spec)
+            # The longest stretch without an event: the map is loaded, with other calls around it.
+            stall_s = max(_STALL_S, load_s + 2 * call_s)
+            for event in self._listen(collector, watch, stall_s):
                 if event["event"] == "segment_sealed":
                     landing.segment_sealed(str(event["stream"]), int(event["segment"]))
                 elif event["event"] == "episode_recorded":
@@ -241,15 +246,21 @@ class ServerLane:
         server = self._server
         return server is not None and server.endpoint.pid is not None and not server.alive()
 
+    def _timeouts_s(self, spec: EpisodeSpec) -> tuple[float, float]:
+        """How long one of the collector's calls, and loading a map, may take."""
+        hang_s = self._setup.supervision.hang_s
+        return hang_s + _CALL_TIMEOUT_TICKS * estimate_tick_s(spec), _LOAD_PATIENCE * hang_s
+
     def _plan(self, landing: Landing, endpoint: Endpoint) -> dict[str, Any]:
         spec = landing.job.spec
+        call_s, load_s = self._timeouts_s(spec)
         return {
             "plan_version": 1,
             "server": {
                 "host": endpoint.host,
                 "port": endpoint.port,
-                "timeout_s": self._setup.supervision.hang_s
-                + _CALL_TIMEOUT_TICKS * estimate_tick_s(spec),
+                "timeout_s": call_s,
+                "load_timeout_s": load_s,
                 "traffic_manager_port": endpoint.traffic_manager_port,
             },
             "queue_bytes": self._setup.output.raw_queue_mb * _BYTES_PER_MB,
@@ -265,9 +276,13 @@ class ServerLane:
             ],
         }
 
-    def _listen(self, collector: CollectorProcess, watch: AttemptWatch) -> Any:
-        """The collector's events until it closes its stream; looks after the run meanwhile."""
-        deadline_s = self._clock_s() + _STALL_S
+    def _listen(self, collector: CollectorProcess, watch: AttemptWatch, stall_s: float) -> Any:
+        """The collector's events until it closes its stream; looks after the run meanwhile.
+
+        Raises:
+            CollectorError: it gave no event for ``stall_s``, or one that is none.
+        """
+        deadline_s = self._clock_s() + stall_s
         stopping = server_gone = False
         with selectors.DefaultSelector() as selector:
             selector.register(collector, selectors.EVENT_READ)
@@ -277,7 +292,7 @@ class ServerLane:
                 if collector in ready:
                     yield from collector.read_events()
                     if not stopping and not server_gone:
-                        deadline_s = self._clock_s() + _STALL_S
+                        deadline_s = self._clock_s() + stall_s
                 if self._interruption.requested and not stopping:
                     selector.unregister(self._interruption)
                     stopping = True
@@ -293,7 +308,7 @@ class ServerLane:
                     if stopping or server_gone:
                         return
                     raise CollectorError(
-                        f"The collector gave no sign for {_STALL_S:.0f} s.",
+                        f"The collector gave no sign for {stall_s:.0f} s.",
                         f"See the logs in {self._folder.logs}.",
                     )
                 if not stopping:

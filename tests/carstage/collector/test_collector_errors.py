@@ -6,7 +6,7 @@ import errno
 
 import pytest
 
-from carstage.collector.errors import DiskFullError, RecordingError, writing_failed
+from carstage.collector.errors import DiskFullError, RecordingError, client_hint, writing_failed
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EFBIG])
@@ -20,3 +20,9 @@ def test_lack_of_space_is_an_error_of_its_own(number: int) -> None:
 def test_other_faults_of_the_disk_may_pass() -> None:
     error = writing_failed(OSError(errno.EIO, "Input/output error"))
     assert type(error) is RecordingError
+
+
+def test_call_that_ran_out_of_time_names_the_setting() -> None:
+    late = "time-out of 20000ms while waiting for the simulator, make sure the simulator is ready"
+    assert "supervision.hang_s" in client_hint(RuntimeError(late))
+    assert "supervision.hang_s" not in client_hint(RuntimeError("failed to generate map"))

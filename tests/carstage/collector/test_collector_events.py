@@ -36,6 +36,17 @@ def test_ticks_are_told_ten_times_a_second_and_the_last_one_always(tmp_path: Pat
     assert told == [*range(0, 100, 4), 99]
 
 
+def test_ticks_of_the_warm_up_are_told_once_a_second(tmp_path: Path) -> None:
+    now_s = 0.0
+    with (tmp_path / "events").open("wb") as file:
+        events = EventStream(file.fileno(), StopRequest(), clock_s=lambda: now_s)
+        for tick in range(10):
+            now_s = tick * 0.25
+            events.warm_up("id", tick=tick, ticks=10)
+    told = [json.loads(line)["tick"] for line in (tmp_path / "events").read_text().splitlines()]
+    assert told == [0, 4, 8]
+
+
 def test_a_reader_that_is_gone_is_a_request_to_end() -> None:
     reading, writing = os.pipe()
     stop = StopRequest()

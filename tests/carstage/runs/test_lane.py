@@ -252,6 +252,23 @@ def test_silent_server_is_given_up_with_its_last_lines(record: Record) -> None:
     assert servers.calls == ["start", "stop"]
 
 
+def test_long_patience_holds_for_the_collector_too(
+    record: Record, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("carstage.runs.lane._STALL_S", 0.0)
+    settings = {"supervision": {"hang_s": 900.0}}
+    host, _ = record(([RECORDED], "time.sleep(0.5)"), settings=settings)
+    assert host.failures == []
+
+
+def test_loading_a_map_may_take_longer_than_another_call(record: Record, tmp_path: Path) -> None:
+    record(([RECORDED], ""), settings={"supervision": {"hang_s": 30.0}})
+    (path,) = tmp_path.glob("runs/*/logs/collector-plan-*.json")
+    server = json.loads(path.read_bytes())["server"]
+    assert server["load_timeout_s"] == 300.0
+    assert 30.0 < server["timeout_s"] < 300.0
+
+
 def test_server_that_ends_while_it_starts_is_started_once_more(record: Record) -> None:
     host, servers = record(
         ([RECORDED], ""), servers=Servers(fail_starts=[ServerEndedError("It ended.")])

@@ -14,8 +14,8 @@ from carstage.geometry import FloatArray, box_corners, invert_pose, pose_matrix
 from carstage.rawlog.reader import ActorInfo, WorldFrame
 
 _MAX_SINK_M: Final = 0.2
-"""Boxes of CARLA's cars reach up to 7 cm below the pivot, which is on the road. A pivot much higher
-in its box is not on the road."""
+"""Boxes of CARLA's cars reach up to 16 cm below the pivot, which is on the road. A pivot much
+higher in its box is not on the road."""
 
 
 @dataclass(frozen=True, slots=True)

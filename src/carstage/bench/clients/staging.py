@@ -28,7 +28,7 @@ _TRIES = 60
 _GAP_M = 0.25
 _SAME_LEVEL_M = 12.0
 
-# What is drawn from: every kind of vehicle, and cars only as often as each other kind.
+# Who is drawn from: every kind of vehicle; cars, which are most of the catalogue, are a third.
 _VEHICLES = {"bicycle": 3, "motorcycle": 4, "bus": 2, "truck": 4, "van": 4, "car": 8}
 _WALKERS = 14
 

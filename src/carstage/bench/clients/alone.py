@@ -16,8 +16,8 @@ import json
 import queue
 import random
 import sys
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -95,7 +95,7 @@ class Cameras:
 
 
 class Recording:
-    """Writes scenes and lone objects as streams of a raw log.
+    """Writes scenes and lone objects as streams of a raw log; a context manager.
 
     Args:
         folder: the raw log's.
@@ -141,11 +141,15 @@ class Recording:
         )
         self._objects += 1
 
-    def close(self, *, seal: bool) -> None:
-        """End the log."""
-        if seal:
-            for name, stream in self._streams.items():
-                stream.seal(self._last[name])
+    def seal(self) -> None:
+        """End the log: everything was recorded."""
+        for name, stream in self._streams.items():
+            stream.seal(self._last[name])
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         self._stack.close()
 
 
@@ -153,31 +157,29 @@ def record(client: Any, plan: Mapping[str, Any], events: EventStream, stop: Stop
     """Stage and record the scenes of a plan; events ``tick`` after each."""
     folder, scenes = Path(plan["folder"]), int(plan["scenes"])
     rng = random.Random(plan["seed"])
-    world = client.get_world()
-    settings = world.get_settings()
-    settings.synchronous_mode = True
-    settings.fixed_delta_seconds = 1.0 / SIGHTS_FPS
-    world.apply_settings(settings)
-    world = client.load_world(find_map(client, plan["town"]), False)
-    world.set_pedestrians_seed(plan["seed"])
+    with _own_clock(client, plan["town"]) as world, ExitStack() as stack:
+        world.set_pedestrians_seed(plan["seed"])
 
-    def tick() -> int:
-        stop.check()
-        return int(world.tick(float(plan["timeout_s"])))
+        def tick() -> int:
+            stop.check()
+            return int(world.tick(float(plan["timeout_s"])))
 
-    troupe = Troupe(world, rng)
-    tick()
-    stage = Stage(world, troupe, rng)
-    cameras = Cameras(world, plan)
-    recording = Recording(folder, scenes, scenes * (int(plan["vehicles"]) + int(plan["walkers"])))
-    complete = False
-    try:
+        troupe = Troupe(world, rng)
+        stack.callback(troupe.leave, client)
+        tick()
+        stage = Stage(world, troupe, rng)
+        cameras = Cameras(world, plan)
+        stack.callback(cameras.stop)
+        objects = scenes * (int(plan["vehicles"]) + int(plan["walkers"]))
+        recording = stack.enter_context(Recording(folder, scenes, objects))
         observer = WorldObserver(world, troupe.ego)
         for number in range(scenes):
             staged = stage.scene(int(plan["vehicles"]), int(plan["walkers"]))
             _show(client, troupe, cameras, staged)
             frame = tick()
             snapshot = world.get_snapshot()
+            if snapshot.frame != frame:
+                raise CollectorError(f"The world is in frame {snapshot.frame}, not {frame}.", "")
             recording.add_scene(
                 number, snapshot, observer.observe(snapshot, {}), cameras.pictures(frame)
             )
@@ -192,10 +194,22 @@ def record(client: Any, plan: Mapping[str, Any], events: EventStream, stop: Stop
                 write_episode_file(str(folder), header)
             _show_alone(client, troupe, cameras, staged, number, recording, tick)
             events.emit("tick", tick=number, frame=frame)
-        complete = True
+        recording.seal()
+
+
+@contextmanager
+def _own_clock(client: Any, town: str) -> Iterator[Any]:
+    """A freshly loaded town that only ticks when it is told to; gives the clock back."""
+    world = client.get_world()
+    original, settings = world.get_settings(), world.get_settings()
+    settings.synchronous_mode = True
+    settings.fixed_delta_seconds = 1.0 / SIGHTS_FPS
+    world.apply_settings(settings)
+    try:
+        world = client.load_world(find_map(client, town), False)
+        yield world
     finally:
-        recording.close(seal=complete)
-        cameras.stop()
+        world.apply_settings(original)
 
 
 def _show(client: Any, troupe: Troupe, cameras: Cameras, staged: Staged) -> None:

@@ -114,6 +114,12 @@ class Troupe:
             [carla.command.ApplyTransform(actor.id, away) for actor in chosen], False
         )
 
+    def leave(self, client: Any) -> None:
+        """Destroy everybody."""
+        client.apply_batch_sync(
+            [carla.command.DestroyActor(actor.id) for actor in self.actors], False
+        )
+
 
 class Stage:
     """Where things may stand in a town.
@@ -168,7 +174,7 @@ class Stage:
     def _free_place(
         self, camera: Any, lanes: Sequence[Any], vehicle: Any, taken: list[Disc]
     ) -> Any:
-        """A place on a lane: mostly along it, sometimes across; nearer ones are as likely."""
+        """A place on a lane: mostly along it, sometimes the other way or across; None: full."""
         for place in self._drawn(camera, lanes, lambda place: place.location):
             turn = self._rng.choice((0.0, 0.0, 0.0, 180.0, self._rng.uniform(0.0, 360.0)))
             yaw = place.rotation.yaw + turn + self._rng.uniform(-8.0, 8.0)
@@ -197,7 +203,7 @@ class Stage:
         return None
 
     def _drawn(self, camera: Any, places: Sequence[Any], location_of: Any) -> Iterator[Any]:
-        """Some places by chance, each distance as likely on a logarithmic scale."""
+        """Some places by chance, the nearer the likelier."""
         if not places:
             return
         weights = [1.0 / location_of(place).distance(camera.location) for place in places]

@@ -17,8 +17,9 @@ from carstage.server.ports import check_ports_free, free_port
 from carstage.server.process import ServerProcess
 
 MODULE = "carstage_sim"
-START_S = 180.0
-"""The first start on a machine compiles the kernels."""
+START_S = 900.0
+"""The first start on a machine computes the map and compiles the kernels: about a minute of work,
+many on a machine that others use. One that ends meanwhile is noticed at once."""
 
 _READY = re.compile(
     rf"{MODULE} ready rpc=(?P<host>\S+):(?P<port>\d+) .*\bprotocol=(?P<version>\S+)"

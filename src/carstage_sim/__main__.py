@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 
+from carstage_sim.cache import prune
 from carstage_sim.cli import Options, parse_bake, parse_options
 from carstage_sim.description import describe
 from carstage_sim.maps import MapCatalogue, MapFileError, MapSamplingError, UnknownTownError
@@ -30,6 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments[:1] == ["bake"]:
         return _bake(arguments[1:])
     options = parse_options(arguments)
+    prune()
     logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     logging.getLogger("carstage_sim").setLevel(options.log_level.upper())
     if options.log_level == "warning":

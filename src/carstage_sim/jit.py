@@ -21,7 +21,7 @@ from typing import Any
 import llvmlite.binding as llvm
 import numba
 
-from carstage_sim.cache import cache_folder
+from carstage_sim.cache import cache_folder, mark_used
 
 
 @cache
@@ -50,7 +50,9 @@ def _cached(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
     """Numba reads where to keep machine code when it decorates a function."""
     config: Any = numba.config  # whose names are made at run time
     before = config.CACHE_DIR
-    config.CACHE_DIR = str(kernel_cache(Path(function.__code__.co_filename).parent))
+    folder = kernel_cache(Path(function.__code__.co_filename).parent)
+    config.CACHE_DIR = str(folder)
+    mark_used(folder)
     try:
         compiled: Callable[..., Any] = numba.njit(cache=True, **_FAST, **options)(function)
     finally:

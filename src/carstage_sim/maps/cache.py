@@ -8,7 +8,6 @@ import hashlib
 import importlib.metadata
 import json
 import os
-import tempfile
 import zipfile
 from collections import Counter
 from collections.abc import Callable
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import carstage_sim
+from carstage_sim.cache import DAY_S, DRAFTS, mark_used, remove_unused, written_atomically
 from carstage_sim.maps.town import (
     LaneSamples,
     LevelObject,
@@ -31,7 +31,12 @@ from carstage_sim.maps.town import (
 from carstage_sim.mesh import TriangleMesh
 
 _SOURCES = ("maps", "content", "mesh.py", "labels.py", "geometry.py")
-_WAYS_IN = ("maps/background.py", "maps/catalogue.py", "maps/loading.py")
+_WAYS_IN = (
+    "maps/background.py",
+    "maps/bake_process.py",
+    "maps/catalogue.py",
+    "maps/loading.py",
+)
 """What leads to a bake and does not change what comes out."""
 _KEPT_OF_A_NAME = 3
 _MOST_BYTES = 6_000_000_000
@@ -53,7 +58,6 @@ def cached_town(name: str, opendrive: str, bake: Callable[[], Town], folder: Pat
     except (OSError, KeyError, ValueError, zipfile.BadZipFile):
         # Not there, or not whole: the bake replaces it.
         town = bake()
-        folder.mkdir(parents=True, exist_ok=True)
         save(town, path)
         prune(folder)
     else:
@@ -67,7 +71,12 @@ def town_path(name: str, opendrive: str, folder: Path) -> Path:
 
 
 def prune(folder: Path) -> None:
-    """Removes towns that were not used for longest: old ones of a name, and beyond a total size."""
+    """Removes towns that were not used for longest: old ones of a name, and beyond a total size.
+
+    So are drafts of bakes that were killed, and counts of spawn points that nobody asked for.
+    """
+    remove_unused(folder, DRAFTS, unused_s=DAY_S)
+    remove_unused(folder, "*.spawn_points")
     files = []
     for path in folder.glob("*.npz"):
         with contextlib.suppress(FileNotFoundError):  # another server prunes too
@@ -98,16 +107,14 @@ def cached_count(name: str, opendrive: str, count: Callable[[], int], folder: Pa
         count: counts.
     """
     path = folder / f"{_key(name, opendrive)}.spawn_points"
+    mark_used(path)
     try:
         return int(path.read_text(encoding="ascii"))
     except (OSError, ValueError):
         # Not there, or not whole: it is counted anew.
         number = count()
-    folder.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=folder, prefix=path.name, suffix=".part")
-    with os.fdopen(handle, "w", encoding="ascii") as file:
-        file.write(str(number))
-    Path(temporary).replace(path)
+    with written_atomically(path) as file:
+        file.write(str(number).encode("ascii"))
     return number
 
 
@@ -166,14 +173,8 @@ def digest_of(town: Town) -> str:
 
 def save(town: Town, path: Path) -> None:
     """Writes a town so that a reader sees the whole file or none."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez(file, allow_pickle=False, digest=np.array(town.digest), **arrays_of(town))
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with written_atomically(path) as file:
+        np.savez(file, allow_pickle=False, digest=np.array(town.digest), **arrays_of(town))
 
 
 def load(path: Path) -> Town:

@@ -151,3 +151,10 @@ class Town:
     level_objects: tuple[LevelObject, ...]
     digest: str
     traffic_signs: tuple[TrafficSignSite, ...] = ()
+
+    @property
+    def entrance(self) -> tuple[float, float, float]:
+        """The first spawn point, m, or where all lanes are too short for one, a place on a lane."""
+        places = self.spawn_points if len(self.spawn_points) else self.lanes.location
+        x, y, z = places[0, :3].tolist()
+        return x, y, z

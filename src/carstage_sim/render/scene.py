@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import logging
-import os
 import zipfile
 from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.cache import mark_used, written_atomically
 from carstage_sim.maps.street_lamps import street_lamps
 from carstage_sim.mesh import Material, TriangleMesh
 from carstage_sim.render.bvh import WideTree, build_tree, triangle_blocks
@@ -205,6 +204,7 @@ def cached_tree(mesh: TriangleMesh, folder: Path) -> WideTree:
     source = Path(__file__).with_name("bvh.py").read_bytes()
     digest = hashlib.sha256(corners.tobytes() + source).hexdigest()[:24]
     path = folder / f"{digest}.npz"
+    mark_used(path)
     try:
         # np.load given a path would leave a file open that is no archive.
         with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
@@ -215,13 +215,9 @@ def cached_tree(mesh: TriangleMesh, folder: Path) -> WideTree:
         _log.warning("acceleration structure %s is unreadable, building it again: %s", path, error)
     tree = build_tree(corners.min(axis=1), corners.max(axis=1), LANES)
     arrays = {name: getattr(tree, name) for name in WideTree.__dataclass_fields__}
-    buffer = io.BytesIO()
-    np.savez(buffer, **arrays)
-    draft = path.with_name(f"{path.name}.{os.getpid()}")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        draft.write_bytes(buffer.getbuffer())
-        draft.replace(path)
+        with written_atomically(path) as file:
+            np.savez(file, allow_pickle=False, **arrays)
     except OSError as error:
         _log.warning("acceleration structure not kept in %s: %s", folder, error)
     return tree

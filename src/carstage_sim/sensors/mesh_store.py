@@ -7,9 +7,7 @@ it, so a file is never wrong, only out of use.
 from __future__ import annotations
 
 import hashlib
-import io
 import logging
-import os
 import zipfile
 from collections.abc import Callable
 from dataclasses import fields
@@ -21,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import carstage_sim
+from carstage_sim.cache import mark_used, written_atomically
 from carstage_sim.mesh import TriangleMesh
 
 logger = logging.getLogger(__name__)
@@ -55,6 +54,7 @@ class MeshStore:
         digest = hashlib.sha256(f"{_code_digest()}\n{identity}".encode()).hexdigest()[:24]
         path = self._folder / f"{digest}.npz"
         names = [field.name for field in fields(TriangleMesh)]
+        mark_used(path)
         try:
             # np.load given a path would leave a file open that is no archive.
             with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
@@ -68,13 +68,9 @@ class MeshStore:
         return mesh
 
     def _keep(self, path: Path, arrays: dict[str, NDArray[Any]]) -> None:
-        buffer = io.BytesIO()
-        np.savez(buffer, allow_pickle=False, **arrays)
-        draft = path.with_name(f"{path.name}.{os.getpid()}")
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            draft.write_bytes(buffer.getbuffer())
-            draft.replace(path)
+            with written_atomically(path) as file:
+                np.savez(file, allow_pickle=False, **arrays)
         except OSError as error:
             logger.warning("mesh not kept in %s: %s", self._folder, error)
 

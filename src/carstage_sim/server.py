@@ -123,6 +123,7 @@ class Server:
                     self._tick()
             else:
                 self._run_freely()
+            self._guarded(self._simulation.bakes.advance)
             self._run_due()
             if self._parent_pid is not None and os.getppid() != self._parent_pid:
                 logger.info("parent process is gone: ending")
@@ -250,4 +251,13 @@ class Server:
     def _run_due(self) -> None:
         while self._later and self._later[0][0] <= time.monotonic():
             _, _, action = heapq.heappop(self._later)
+            before = self._simulation.settings
+            self._guarded(action)
+            self._claims.changed(before, self._simulation.settings)
+
+    def _guarded(self, action: Callable[[], None]) -> None:
+        """Do what no call waits for to be told of; that it fails must not end the server."""
+        try:
             action()
+        except Exception:
+            logger.exception("what was to be done between calls failed")

@@ -43,12 +43,16 @@ class SynchronousClaims:
             before, after: the world's settings around the call.
             claims: whether it was one that claims the world: a tick, or settings.
         """
+        self.changed(before, after)
+        if claims and after.synchronous_mode:
+            self._holders.add(connection)
+
+    def changed(self, before: EpisodeSettings, after: EpisodeSettings) -> None:
+        """Take note of the world's settings around what may have changed them."""
         if not before.synchronous_mode and after.synchronous_mode:
             self._before = before
         if not after.synchronous_mode:
             self._holders.clear()
-        elif claims:
-            self._holders.add(connection)
 
     def left(self, connection: Connection) -> bool:
         """A client is gone; whether it was the last that held the world."""

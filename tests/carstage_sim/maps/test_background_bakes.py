@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 import small_maps
 
-from carstage_sim.maps import BackgroundBakes, Bake, BakeOptions, MapSamplingError
+from carstage_sim.maps import BackgroundBakes, Bake, BakeOptions, MapSamplingError, background
 from carstage_sim.maps.background import MOST_WAITING
 from carstage_sim.maps.loading import TownSource, is_baked
 from waiting import await_that
@@ -60,7 +67,9 @@ def test_a_bake_that_dies_is_told_with_its_status_and_the_next_one_runs(bakes):
     assert bakes.process_id is not None
     bakes.kill()
     await_end(bakes, dying)
-    with pytest.raises(MapSamplingError, match=r"Dying: the process .* ended with status -9"):
+    with pytest.raises(
+        MapSamplingError, match=r"Dying: the process .* ended with status (-15|143)"
+    ):
         dying.result()
     await_end(bakes, next_one)
     next_one.result()
@@ -73,3 +82,79 @@ def test_no_more_bakes_wait_than_are_allowed_and_none_outlives_its_owner(bakes):
         bakes.begin(source("OneMore"))
     bakes.close()
     assert bakes.process_id is None
+
+
+@pytest.mark.parametrize("answer", ["", '"half a sent'])
+def test_an_answer_that_a_full_disk_cut_off_is_a_failed_bake(bakes, tmp_path, monkeypatch, answer):
+    process = tmp_path / "process.py"
+    process.write_text(f"import sys; open(sys.argv[2], 'w').write({answer!r}); sys.exit(1)")
+    monkeypatch.setattr(background, "_COMMAND", (sys.executable, str(process)))
+    first, second = bakes.begin(source("Full")), bakes.begin(source("Disk"))
+    for bake in (first, second):
+        await_end(bakes, bake)
+        with pytest.raises(MapSamplingError, match="ended with status 1"):
+            bake.result()
+
+
+def test_a_bake_that_cannot_begin_is_refused_and_the_next_one_tried(bakes, monkeypatch):
+    def no_space(*_arguments, **_options):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(background.tempfile, "TemporaryDirectory", no_space)
+    bake = bakes.begin(source())
+    assert bake.finished
+    with pytest.raises(MapSamplingError, match=r"Road: its bake could not begin: .*No space"):
+        bake.result()
+    monkeypatch.undo()
+    assert not bakes.begin(source()).finished
+
+
+def test_a_bake_that_nobody_waits_for_any_more_is_not_begun(bakes):
+    under_way, left, shared = (bakes.begin(source(name)) for name in ("One", "Left", "Shared"))
+    assert bakes.begin(source("Shared")) is shared
+    for bake in (under_way, left, shared):
+        bakes.leave(bake)
+    again = bakes.begin(source("Left"))
+    assert again is not left
+    assert bakes.begin(source("Shared")) is shared
+    assert bakes.begin(source("One")) is under_way, "what has begun is finished"
+
+
+_OWNER = """
+import sys, tempfile
+from pathlib import Path
+from carstage_sim.maps import BackgroundBakes, BakeOptions
+from carstage_sim.maps.loading import TownSource
+bakes = BackgroundBakes(Path(sys.argv[1]))
+bakes.begin(TownSource("Long", Path(sys.argv[2]).read_text(), BakeOptions()))
+print(bakes.process_id, flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_bake_ends_and_clears_its_files_when_its_server_was_killed(tmp_path):
+    text = tmp_path / "long.xodr"
+    text.write_text(small_maps.document(*(small_maps.road(n, 0, 9 * n, 0, 900) for n in range(99))))
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    with subprocess.Popen(
+        [sys.executable, "-c", _OWNER, str(tmp_path / "towns"), str(text)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "TMPDIR": str(scratch)},
+    ) as owner:
+        assert owner.stdout is not None
+        group = int(owner.stdout.readline())
+        owner.send_signal(signal.SIGKILL)
+    await_that(lambda: not _lives(group), within_s=60.0)
+    await_that(lambda: not list(scratch.iterdir()), within_s=60.0)
+
+
+def _lives(process_id: int) -> bool:
+    """Whether a process that is no child of ours runs; one that nobody reaps does not."""
+    try:
+        status = Path(f"/proc/{process_id}/stat").read_text()
+    except FileNotFoundError:
+        return False
+    return status.rpartition(")")[2].split()[0] != "Z"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Callable
 from typing import Any
 
 from carstage_sim.maps import Bake, MapFileError, MapSamplingError, generated_source
 from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
+from carstage_sim.wire.handlers.bakes import once_finished
 from carstage_sim.wire.handlers.registry import LATER, Call, handles, handles_void
 from carstage_sim.wire.streaming import (
     SENSORS_SUBSCRIBED_WITHIN_S,
@@ -26,7 +26,6 @@ _ALL_LAYERS = 0xFFFF
 _ANSWER_AFTER_S = 0.1
 _REOPENED_AFTER_S = 0.3
 _GIVE_UP_S = 5.0
-_BAKE_POLL_S = 0.05
 _HELD_WHILE_REOPENING = frozenset(
     {"get_episode_settings", "get_weather_parameters", "get_vehicle_light_states"}
 )
@@ -129,25 +128,7 @@ def _load_new_episode(
         bake = call.simulation.prepare(name)
     except (MapFileError, MapSamplingError) as error:
         raise CallError(str(error)) from error
-    return _once_finished(call, bake, lambda: _load(call, bake, name, reset_settings, int(layers)))
-
-
-def _once_finished(call: Call, bake: Bake, go_on: Callable[[], Any]) -> Any:
-    """Go on at once if a town is there; otherwise the world runs on until it is."""
-    if bake.finished:
-        return go_on()
-
-    def look() -> None:
-        call.simulation.bakes.advance()
-        if call.connection.closed:
-            logger.info("who asked for %s is gone: it is baked, not loaded", bake.source.name)
-        elif bake.finished:
-            call.conclude(go_on)
-        else:
-            call.session.after(_BAKE_POLL_S, look)
-
-    call.session.after(_BAKE_POLL_S, look)
-    return LATER
+    return once_finished(call, bake, lambda: _load(call, bake, name, reset_settings, int(layers)))
 
 
 def _load(call: Call, bake: Bake, name: str, reset_settings: bool, layers: int) -> Any:
@@ -191,7 +172,7 @@ def _copy_opendrive_to_file(call: Call, opendrive: str, parameters: list[Any]) -
         bake = call.simulation.bakes.begin(source)
     except MapSamplingError as error:
         raise _unparsed(error) from error
-    return _once_finished(call, bake, lambda: _generate(call, bake))
+    return once_finished(call, bake, lambda: _generate(call, bake))
 
 
 def _generate(call: Call, bake: Bake) -> None:

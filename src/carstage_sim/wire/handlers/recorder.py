@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from carstage_sim.maps import Bake, MapFileError, MapSamplingError
 from carstage_sim.recording import RecordingError
 from carstage_sim.recording.replay_cast import FOLLOWING, ReplayOptions
 from carstage_sim.wire import values
+from carstage_sim.wire.handlers.bakes import once_finished
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 
 
@@ -55,7 +57,7 @@ def _replay_file(
     follow_id: int,
     replay_sensors: bool = False,
     offset: list[Any] | None = None,
-) -> str:
+) -> Any:
     """Replay a log; one of another map loads that map first."""
     start_s, duration_s = values.finite(start_s, duration_s)
     options = ReplayOptions(
@@ -65,24 +67,53 @@ def _replay_file(
         follow_offset=values.pose(offset) if offset is not None else FOLLOWING,
         sensors=bool(replay_sensors),
     )
-    deck, name = call.simulation.recordings, str(name)
-    return _text(lambda: _replay(call, name, deck.map_of(name), options))
+    return _text(lambda: _on_its_map(call, str(name), options))
 
 
-def _replay(call: Call, name: str, map_name: str, options: ReplayOptions) -> str:
-    deck = call.simulation.recordings
-    lines = [f"Replaying File: {deck.path(name)}\n"]
+def _on_its_map(call: Call, name: str, options: ReplayOptions) -> Any:
+    """Replay a log at once, or as soon as its map is baked."""
+    map_name = call.simulation.recordings.map_of(name)
     wanted = map_name.rsplit("/", 1)[-1]
-    if wanted != call.world.town.name:
-        if wanted not in call.simulation.maps:
-            return "".join([*lines, f"Could not load mapfile {map_name}\n"])
-        call.simulation.load(wanted, reset_settings=False)
-        call.session.episode_began(0.0)
-        lines.append(f"Loading map {map_name}\n")
-    return "".join([*lines, deck.replay(name, call.world, options)])
+    if wanted == call.world.town.name:
+        return _replay(call, name, options)
+    if wanted not in call.simulation.maps:
+        return _without_map(call, name, map_name)
+    try:
+        bake = call.simulation.prepare(wanted)
+    except (MapFileError, MapSamplingError) as error:
+        return _without_map(call, name, map_name, error)
+    return once_finished(
+        call, bake, lambda: _text(lambda: _load_and_replay(call, bake, name, map_name, options))
+    )
 
 
-def _text(tell: Callable[[], str]) -> str:
+def _load_and_replay(
+    call: Call, bake: Bake, name: str, map_name: str, options: ReplayOptions
+) -> str:
+    try:
+        bake.result()
+        call.simulation.load(map_name.rsplit("/", 1)[-1], reset_settings=False)
+    except (MapFileError, MapSamplingError) as error:
+        return _without_map(call, name, map_name, error)
+    call.session.episode_began(0.0)
+    return _replay(call, name, options, f"Loading map {map_name}\n")
+
+
+def _replay(call: Call, name: str, options: ReplayOptions, loaded: str = "") -> str:
+    deck = call.simulation.recordings
+    return f"{_replaying(call, name)}{loaded}{deck.replay(name, call.world, options)}"
+
+
+def _replaying(call: Call, name: str) -> str:
+    return f"Replaying File: {call.simulation.recordings.path(name)}\n"
+
+
+def _without_map(call: Call, name: str, map_name: str, error: Exception | None = None) -> str:
+    reason = f": {error}" if error is not None else ""
+    return f"{_replaying(call, name)}Could not load mapfile {map_name}{reason}\n"
+
+
+def _text(tell: Callable[[], Any]) -> Any:
     """A text about a file; what is wrong with the file is a text too, as in CARLA."""
     try:
         return tell()

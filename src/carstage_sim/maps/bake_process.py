@@ -1,0 +1,69 @@
+"""The process of one bake: ``python -m carstage_sim.maps.bake_process JOB ANSWER``.
+
+JOB says what to bake; into ANSWER goes what is wrong with it, or null. Standard input is a pipe
+that the server holds: when it ends, the server is gone, however that came about, and nobody waits
+any more or would clear the folder that both files are in.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import shutil
+import signal
+import sys
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+
+from carstage_sim.maps.baking import BakeOptions
+from carstage_sim.maps.checking import MapSamplingError
+from carstage_sim.maps.loading import TownSource, town_of
+
+BAKING_LOG = "carstage_sim.maps.baking"
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Bake what the job file says; the exit status of the process."""
+    job, answer = (Path(argument) for argument in arguments)
+    abandoned = threading.Event()
+    signal.signal(signal.SIGTERM, _exit)  # so that files are cleared away on the way out
+    threading.Thread(target=_end_without_server, args=(abandoned,), daemon=True).start()
+    try:
+        _bake(job, answer)
+    finally:
+        if abandoned.is_set():
+            shutil.rmtree(job.parent, ignore_errors=True)
+    return 0
+
+
+def _bake(job: Path, answer: Path) -> None:
+    record = json.loads(job.read_text(encoding="utf-8"))
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    logging.getLogger(BAKING_LOG).setLevel(record["level"])
+    options = BakeOptions(**record["source"].pop("options"))
+    refusal = None
+    try:
+        folder = Path(record["cache_folder"]) if record["cache_folder"] else None
+        town_of(TownSource(**record["source"], options=options), cache_folder=folder)
+    except MapSamplingError as error:
+        refusal = str(error)
+    answer.write_text(json.dumps(refusal), encoding="utf-8")
+
+
+def _exit(number: int, _frame: FrameType | None) -> None:
+    sys.exit(128 + number)
+
+
+def _end_without_server(abandoned: threading.Event) -> None:
+    # Not through sys.stdin, whose lock must be free when the interpreter ends.
+    os.read(0, 1)
+    abandoned.set()
+    # The process that reads the lanes is of the same group.
+    os.killpg(os.getpgrp(), signal.SIGTERM)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

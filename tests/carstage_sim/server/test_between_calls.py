@@ -1,0 +1,83 @@
+"""What a server does beside answering calls: it goes wrong without an end of the server."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from carstage_sim.server import Server
+from carstage_sim.wire.dialect import dialect
+from carstage_sim.wire.rpc import Connection
+from carstage_sim.wire.socket_loop import bind
+from carstage_sim.world.controls import EpisodeSettings
+
+SYNCHRONOUS = EpisodeSettings(synchronous_mode=True)
+
+
+@contextmanager
+def serving(advance: Callable[[Server], None]) -> Iterator[tuple[Server, Any]]:
+    """A server of a simulation that has settings and bakes, and no world."""
+    simulation = SimpleNamespace(settings=SYNCHRONOUS, bakes=SimpleNamespace())
+    with (
+        bind("127.0.0.1", 0) as rpc_socket,
+        bind("127.0.0.1", 0) as streaming_socket,
+        Server(
+            cast(Any, simulation),
+            dialect("0.9.16"),
+            rpc_socket=rpc_socket,
+            streaming_socket=streaming_socket,
+            frames_per_s=20.0,
+        ) as server,
+    ):
+        simulation.bakes.advance = lambda: advance(server)
+        yield server, simulation
+
+
+@pytest.fixture(autouse=True)
+def without_a_world(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Server, "_episode_began", lambda *_arguments: None)
+
+
+def test_bakes_go_on_while_no_call_comes_and_their_failure_ends_no_server(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    advanced = []
+
+    def advance(server: Server) -> None:
+        advanced.append(server)
+        if len(advanced) == 1:
+            raise OSError("no space left")
+        server.stop()
+
+    with serving(advance) as (server, _):
+        server.run()
+    assert len(advanced) == 2
+    assert "no space left" in caplog.text
+
+
+def test_a_delayed_action_that_fails_ends_no_server(caplog: pytest.LogCaptureFixture) -> None:
+    def fail() -> None:
+        raise LookupError("delayed")
+
+    with serving(lambda _: None) as (server, _):
+        server._after(0.0, fail)
+        server._after(0.0, server.stop)
+        server.run()
+    assert "delayed" in caplog.text
+
+
+def test_a_delayed_load_that_resets_the_settings_frees_the_world_of_its_holders() -> None:
+    idle = cast(Connection, object())
+    with serving(lambda _: None) as (server, simulation):
+        server._claims.served(idle, EpisodeSettings(), SYNCHRONOUS, claims=True)
+
+        def load() -> None:
+            simulation.settings = EpisodeSettings()
+
+        server._after(0.0, load)
+        server._run_due()
+        assert not server._claims.held

@@ -8,10 +8,11 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from types import TracebackType
 
-from carstage_sim.maps import BackgroundBakes, Bake, MapCatalogue
+from carstage_sim.maps import BackgroundBakes, Bake, MapCatalogue, Town
 from carstage_sim.recording import RecorderDeck
 from carstage_sim.sensors import SensorAttributeError, SensorSuite
 from carstage_sim.sensors.frames import SensorFrame, SensorRequest
@@ -85,8 +86,8 @@ class Simulation:
         self._stepped_at_s = time.monotonic()
         self._source = self.maps.source(town_name)
         self._town = self.maps.load(town_name)
-        self.world = self._new_world(1, None)
-        self._sensors = self._new_suite()
+        self.world = self._new_world(self._town, 1, None)
+        self._sensors = self._new_suite(self._town)
 
     def __enter__(self) -> Simulation:
         return self
@@ -97,9 +98,10 @@ class Simulation:
         _value: BaseException | None,
         _traceback: TracebackType | None,
     ) -> None:
-        self.bakes.close()
-        self.recordings.end_episode()
-        self._sensors.close()
+        with ExitStack() as resources:
+            resources.callback(self._sensors.close)
+            resources.callback(self.recordings.end_episode)
+            resources.callback(self.bakes.close)
 
     def warm_up(self) -> None:
         """Compile and run every kernel once, so that no client waits for a compiler."""
@@ -120,32 +122,40 @@ class Simulation:
     def load(self, town_name: str, *, reset_settings: bool) -> None:
         """Replace the episode by a new one on a map, which may be the same.
 
+        All that may fail comes before the first change: a map that is refused changes nothing.
+
         Raises:
             UnknownTownError: there is no map of that name.
             MapFileError: its file cannot be read.
             MapSamplingError: nothing can be made of it.
         """
-        before = self.world
         source = self.maps.source(town_name)
-        if source != self._source or town_name != self._town.name:
-            self._town = self.maps.load(town_name)
-            self._source = source
-            self._sensors.close()
-            self._sensors = self._new_suite()
-            self._sensors.warm_up()
-        else:
+        number = self.world.episode_id + 1
+        if source == self._source and town_name == self._town.name:
+            world = self._new_world(self._town, number, self.world)
+            self.recordings.end_episode()
             self._sensors.reset()
-        self.recordings.end_episode()
-        self.world = self._new_world(before.episode_id + 1, before)
+        else:
+            town = self.maps.load(town_name)
+            with ExitStack() as resources:
+                sensors = self._new_suite(town)
+                resources.callback(sensors.close)
+                sensors.warm_up()
+                world = self._new_world(town, number, self.world)
+                resources.pop_all()
+            self.recordings.end_episode()
+            self._sensors.close()
+            self._town, self._source, self._sensors = town, source, sensors
+        self.world = world
         if reset_settings:
             self.settings = EpisodeSettings()
         logger.info("episode %d on %s", self.world.episode_id, self._town.name)
 
-    def _new_suite(self) -> SensorSuite:
-        return SensorSuite(self._town, threads=self._threads, loop=self._loop)
+    def _new_suite(self, town: Town) -> SensorSuite:
+        return SensorSuite(town, threads=self._threads, loop=self._loop)
 
-    def _new_world(self, episode_id: int, before: World | None) -> World:
-        return World(self._town, episode_id, previous=before, before_spawn=self._before_spawn)
+    def _new_world(self, town: Town, episode_id: int, before: World | None) -> World:
+        return World(town, episode_id, previous=before, before_spawn=self._before_spawn)
 
     def apply_settings(self, settings: EpisodeSettings) -> None:
         """Use other settings from the next tick on."""

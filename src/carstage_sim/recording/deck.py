@@ -68,7 +68,11 @@ class RecorderDeck:
         return str(path)
 
     def stop(self) -> None:
-        """End the recording, if one runs."""
+        """End the recording, if one runs.
+
+        Raises:
+            RecordingError: its end could not be written.
+        """
         recorder, self._recorder = self._recorder, None
         if recorder is not None:
             recorder.close()
@@ -90,12 +94,12 @@ class RecorderDeck:
         Raises:
             RecordingError: no such file, or no log.
         """
+        self.stop()  # before the file is read: it may be the one to replay
         log = self._open(name)
         options = replace(
             options, ignore_hero=self.ignore_hero, ignore_spectator=self.ignore_spectator
         )
         self.end_replay(keep_actors=False)
-        self.stop()
         try:
             with _decoding():
                 self._replayer = Replayer(log, world, options)
@@ -177,12 +181,19 @@ class RecorderDeck:
             self._recorder.record(snapshot)
         except RecordingError:
             logger.exception("the recording ends")
-            self._recorder = None
+            self._give_up()
 
     def end_episode(self) -> None:
-        """The world is about to be replaced: end what runs in it."""
-        self.stop()
+        """The world is about to be replaced, whatever becomes of the files: end what runs in it."""
+        self._give_up()
         self.end_replay(keep_actors=True)
+
+    def _give_up(self) -> None:
+        """End the recording, also when its end cannot be written."""
+        try:
+            self.stop()
+        except RecordingError:
+            logger.exception("a recording has lost its end")
 
 
 @contextmanager

@@ -127,8 +127,8 @@ def records(kind: Packet, payload: bytes) -> NDArray[np.void]:
 
 
 def text(value: str) -> bytes:
-    """A string: a 16-bit count of bytes, then UTF-8."""
-    encoded = value.encode()[:0xFFFF]
+    """A string: a 16-bit count of bytes, then UTF-8, or the very bytes that a client sent."""
+    encoded = value.encode(errors="surrogateescape")[:0xFFFF]
     return struct.pack("<H", len(encoded)) + encoded
 
 

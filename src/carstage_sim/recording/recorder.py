@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -68,11 +69,9 @@ class Recorder:
         self._elapsed_s = 0.0
         self._held: bytes = b""
         info = LogInfo(VERSION, _SYMBOLIC_DATE, f"Carla/Maps/{world.town.name}")
-        try:
+        with self._writing():
             self._file = path.open("wb")
             self._file.write(info.encode())
-        except OSError as error:
-            raise RecordingError(f"cannot write {path}: {error.strerror}") from error
 
     def record(self, snapshot: Snapshot) -> None:
         """Add a frame: the one that the world has just frozen.
@@ -87,28 +86,40 @@ class Recorder:
         self._held = b"".join(self._packets(snapshot))
 
     def flush(self) -> None:
-        """Let readers of the file see all frames but the last."""
-        self._file.flush()
+        """Let readers of the file see all frames but the last.
+
+        Raises:
+            RecordingError: the disk is full, or the file gone.
+        """
+        with self._writing():
+            self._file.flush()
 
     def close(self) -> None:
-        """Write the last frame and give the file back; may be called twice."""
+        """Write the last frame and give the file back; may be called twice.
+
+        Raises:
+            RecordingError: the end could not be written; the file is given back all the same.
+        """
         if self._file.closed:
             return
-        try:
+        with self._writing(), self._file:
             self._write_held(UNKNOWN_DURATION_S)
-        finally:
-            self._file.close()
 
     def _write_held(self, duration_s: float) -> None:
         """The last frame, now that the next one tells how long it was."""
         if not self._held:
             return
         frame = FRAME.pack(self._frames, duration_s, self._elapsed_s)
-        try:
+        with self._writing():
             self._file.write(packet(Packet.FRAME_START, frame) + self._held)
+        self._held = b""
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
         except OSError as error:
             raise RecordingError(f"cannot write {self.path}: {error.strerror}") from error
-        self._held = b""
 
     def _packets(self, snapshot: Snapshot) -> list[bytes]:
         state = snapshot.state

@@ -24,6 +24,9 @@ logger = logging.getLogger(__name__)
 FOLLOWING = Pose((-10.0, 0.0, 5.0), (-25.0, 0.0, 0.0))
 """Where the spectator is to the actor that it follows, unless a client says otherwise."""
 
+_ALL_DOORS = 6
+"""``carla.VehicleDoor.All``; no door has a higher number."""
+
 
 @dataclass(frozen=True, slots=True)
 class ReplayOptions:
@@ -161,11 +164,12 @@ class ReplayCast:
 
     def _move_doors(self, rows: NDArray[np.void]) -> None:
         for row in rows:
-            actor = self.actor(int(row["id"]))
-            if actor is not None and actor.vehicle is not None:
-                bit = 1 << int(row["door"])
-                doors = actor.vehicle.open_doors & ~bit
-                actor.vehicle.open_doors = doors | bit if row["open"] else doors
+            actor, door = self.actor(int(row["id"])), int(row["door"])
+            if actor is None or actor.vehicle is None or door > _ALL_DOORS:
+                continue
+            bits = (1 << _ALL_DOORS) - 1 if door == _ALL_DOORS else 1 << door
+            doors = actor.vehicle.open_doors & ~bits
+            actor.vehicle.open_doors = doors | bits if row["open"] else doors
 
     def _switch_lamps(self, rows: NDArray[np.void]) -> None:
         lamps = []

@@ -46,7 +46,11 @@ class Replayer:
         self._poses: tuple[int, Mapping[int, NDArray[np.float32]]] = (-1, {})
         self.running = bool(log.frames)
         world.lights.led = self.running
-        self._play_events_until(self._frame_at(self._time_s))
+        try:
+            self._play_events_until(self._frame_at(self._time_s))
+        except BaseException:
+            self.stop(keep_actors=False)  # which lets lights and actors go
+            raise
 
     def advance(self, delta_s: float) -> None:
         """Bring the world to the recorded moment ``delta_s`` later, before it ticks."""

@@ -17,7 +17,7 @@ def rehearse(world: World) -> None:
         world: gives the town; it does not change.
     """
     stage = World(world.town, 0, previous=world)
-    x, y, z, *_ = stage.town.spawn_points[0].tolist()
+    x, y, z = stage.town.entrance
     car = stage.spawn(_VEHICLE, {}, Pose((x, y, z)))
     stage.spawn(_WALKER, {}, Pose((x, y + _APART_M, z)))
     stage.set_target_velocity(car.actor_id, (1.0, 0.0, 0.0))  # what stands meets no walls

@@ -140,7 +140,7 @@ class World:
         for site in self.town.traffic_lights:
             self._add(*traffic_light_actor(self._new_id(), site))
         self.light_ids = tuple(actor.actor_id for actor in self.actors)
-        x, y, z, *_ = self.town.spawn_points[0].tolist()
+        x, y, z = self.town.entrance
         spectator = Actor(
             actor_id=self._new_id(),
             type_id="spectator",

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from carstage_sim.recording import RecorderDeck, RecordingError
 from carstage_sim.recording.events import ActorAdded, actors_added, actors_added_packet
 from carstage_sim.recording.folder import log_path
-from carstage_sim.recording.layout import HEADER, RECORDS, LogInfo, Packet, records
+from carstage_sim.recording.layout import HEADER, RECORDS, LogInfo, Packet, records, text
 from carstage_sim.recording.log import RecordingLog
 from carstage_sim.world.pose import Pose
 
@@ -71,6 +71,10 @@ def test_added_actors_are_read_as_they_were_written(
     )  # fmt: skip
     assert first.pose.location == pytest.approx(place, abs=1e-3)
     assert first.pose.rotation_deg == pytest.approx((1.0, 2.0, 3.0))
+
+
+def test_bytes_of_a_client_that_are_no_utf8_are_written_as_they_came() -> None:
+    assert text(b"a\xff".decode(errors="surrogateescape")) == b"\x02\x00a\xff"
 
 
 def test_a_count_that_promises_more_records_than_there_are_counts_what_is_there() -> None:

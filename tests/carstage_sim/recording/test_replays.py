@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 from carstage_sim.maps import Town
-from carstage_sim.recording import RecorderDeck
-from carstage_sim.recording.replay_cast import ReplayOptions
+from carstage_sim.recording import RecorderDeck, RecordingError
+from carstage_sim.recording import deck as deck_module
+from carstage_sim.recording.events import ActorAdded, actors_added_packet
+from carstage_sim.recording.layout import FRAME, HEADER, LogInfo, Packet, packet, rows_packet
+from carstage_sim.recording.recorder import Recorder
+from carstage_sim.recording.replay_cast import ReplayCast, ReplayOptions
 from carstage_sim.world.controls import VehicleControl, WalkerControl
 from carstage_sim.world.pose import Pose
 from carstage_sim.world.snapshot import Snapshot
@@ -331,3 +335,93 @@ def test_doors_and_street_lamps_are_replayed(
     assert recorded.state.doors is not None
     assert again.state.doors.tolist() == recorded.state.doors.tolist()
     assert world.street_lights.states() == expected
+
+
+def test_a_replay_of_the_running_recording_shows_its_last_frame_too(
+    new_world: Callable[[], World], deck: RecorderDeck
+) -> None:
+    world = new_world()
+    deck.start("running.log", world, additional_data=False)
+    for _ in range(3):
+        tick(world, deck)
+    assert "Total time recorded: 0.1\n" in deck.replay("running.log", world, ReplayOptions())
+
+
+def test_a_refused_replay_lets_the_lights_go_on(
+    new_world: Callable[[], World], deck: RecorderDeck, tmp_path: Path
+) -> None:
+    damaged = [
+        LogInfo(1, 0, "Carla/Maps/Stage01").encode(),
+        packet(Packet.FRAME_START, FRAME.pack(1, -1.0, 0.0)),
+        packet(Packet.EVENT_ADD, b""),
+        packet(Packet.FRAME_END, b""),
+    ]
+    (tmp_path / "damaged.log").write_bytes(b"".join(damaged))
+    world = new_world()
+    with pytest.raises(RecordingError, match="not a CARLA recorder"):
+        deck.replay("damaged.log", world, ReplayOptions())
+    assert not world.lights.led
+
+
+@pytest.mark.parametrize(("door", "bits"), [(3, 0b1000), (6, 0b11_1111), (7, 0), (200, 0)])
+def test_doors_that_no_vehicle_has_are_not_replayed(
+    new_world: Callable[[], World], door: int, bits: int
+) -> None:
+    world = new_world()
+    car = world.spawn(CAR, {}, place(world.town, 0))
+    cast = ReplayCast(world, ReplayOptions())
+    added = ActorAdded(car.actor_id, int(car.kind), place(world.town, 0), 0, CAR, ())
+    opened = rows_packet(Packet.VEHICLE_DOOR, id=[car.actor_id], door=[door], open=[True])
+    cast.play(
+        [
+            (Packet.EVENT_ADD, actors_added_packet([added])[HEADER.size :]),
+            (Packet.VEHICLE_DOOR, opened[HEADER.size :]),
+        ]
+    )
+    assert car.vehicle is not None
+    assert car.vehicle.open_doors == bits
+
+
+def test_a_full_disk_is_a_recording_error_and_the_file_is_given_back(
+    new_world: Callable[[], World],
+) -> None:
+    world = new_world()
+    recorder = Recorder(Path("/dev/full"), world, additional_data=False)
+    recorder.record(world.tick(DELTA_S))
+    with pytest.raises(RecordingError, match="No space left"):
+        recorder.flush()
+    with pytest.raises(RecordingError, match="No space left"):
+        recorder.close()
+    recorder.close()
+
+
+def test_an_episode_ends_whatever_becomes_of_its_recording(
+    new_world: Callable[[], World],
+    deck: RecorderDeck,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    monkeypatch.setattr(deck_module, "check_writable", lambda _path: None)
+    world = new_world()
+    deck.start("/dev/full", world, additional_data=False)
+    tick(world, deck)
+    deck.end_episode()
+    assert "No space left" in caplog.text
+    deck.stop()
+
+
+def test_a_recording_that_cannot_go_on_gives_its_file_back(
+    new_world: Callable[[], World], deck: RecorderDeck, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = new_world()
+    deck.start("drive.log", world, additional_data=False)
+    closed = []
+
+    def fail(_recorder: Recorder, _snapshot: Snapshot) -> None:
+        raise RecordingError("cannot write")
+
+    close = Recorder.close
+    monkeypatch.setattr(Recorder, "record", fail)
+    monkeypatch.setattr(Recorder, "close", lambda self: closed.append(close(self)))
+    tick(world, deck)
+    assert closed == [None]

@@ -171,7 +171,8 @@ class ActorModels:
             return f"{name} {self._town.traffic_lights[int(number)].head}"
         blueprint = self._catalogue[name]
         chassis = _chassis(blueprint)
-        return f"{key} {blueprint.box_extent} {blueprint.box_center} {chassis}"
+        box, tags = (blueprint.box_extent, blueprint.box_center), blueprint.semantic_tags
+        return f"{key} {box} {chassis} {tags}"
 
     def _built_in(self, key: str) -> TriangleMesh:
         if PASSING in key:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from sensor_worlds import box
 
+from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, TriangleMesh
+from carstage_sim.sensors import actors
 from carstage_sim.sensors.mesh_store import MeshStore
 
 
@@ -63,3 +65,15 @@ def test_a_folder_that_cannot_be_written_costs_only_time(tmp_path, caplog, folde
     store = MeshStore(Maker(), str, tmp_path / folder)
     assert len(store("car").triangles) == len(store("car").triangles)
     assert "not kept" in caplog.text
+
+
+def test_open_doors_have_the_label_of_their_vehicle_also_when_it_changes(
+    stage01, tmp_path, monkeypatch
+):
+    car = "vehicle.tesla.model3"
+    blueprint = actors.catalogue()[car]
+    for label in (CityObjectLabel.CAR, CityObjectLabel.BUS):
+        changed = {car: replace(blueprint, semantic_tags=(int(label),))}
+        monkeypatch.setattr(actors, "catalogue", lambda changed=changed: changed)
+        mesh = actors.ActorModels(stage01, cache=tmp_path).mesh(f"{car}#1")
+        assert label in mesh.tag

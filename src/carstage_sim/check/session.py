@@ -13,7 +13,7 @@ from __future__ import annotations
 import random
 import socket
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 import carla
@@ -60,20 +60,20 @@ def synchronous_session(port: int, *, delta_s: float, seed: int) -> Iterator[Ses
     settings = world.get_settings()
     settings.synchronous_mode = True
     settings.fixed_delta_seconds = delta_s
-    world.apply_settings(settings)
-    world = client.reload_world(False)
-    traffic_manager_port = free_port()
-    traffic_manager = client.get_trafficmanager(traffic_manager_port)
-    traffic_manager.set_synchronous_mode(True)
-    traffic_manager.set_random_device_seed(seed)
-    world.set_pedestrians_seed(seed)
-    try:
+    with ExitStack() as restored:
+        # Also when a later step fails: a server that waits for ticks is of no use to the next.
+        restored.callback(lambda: world.apply_settings(before))
+        world.apply_settings(settings)
+        world = client.reload_world(False)
+        traffic_manager_port = free_port()
+        traffic_manager = client.get_trafficmanager(traffic_manager_port)
+        restored.callback(traffic_manager.set_synchronous_mode, False)
+        traffic_manager.set_synchronous_mode(True)
+        traffic_manager.set_random_device_seed(seed)
+        world.set_pedestrians_seed(seed)
         with WatchedClock(world, lambda: wake_traffic_manager(traffic_manager_port)) as clock:
             clock.tick()
             yield Session(client, world, traffic_manager, clock, random.Random(seed))
-    finally:
-        traffic_manager.set_synchronous_mode(False)
-        world.apply_settings(before)
 
 
 def spawn_traffic(

@@ -114,8 +114,13 @@ class WalkableSurface:
         return max(from_middle - 0.5 * float(lane.lane_width), 0.0)
 
     def off_m(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How far ``(N, 3)`` places are from sidewalks, crosswalks and the ways between them."""
+        """How far ``(N, 3)`` places are from sidewalks, crosswalks and the ways between them.
+
+        NaN where there is no place.
+        """
         off = np.asarray(shapely.distance(shapely.points(places[:, :2]), self._ways))
+        # A map without crosswalks has no ways, and nothing has a distance to nothing.
+        off[np.isnan(off) & np.isfinite(places[:, 0])] = np.inf
         for row in np.flatnonzero(off > 0.0):
             off[row] = min(off[row], self.from_sidewalk_m(*places[row]))
         return off

@@ -88,8 +88,13 @@ def check_traffic(
         vehicles, walkers, seconds, fps, seed, base_types: of the drive in each town.
         lone_seconds: simulated time in which free flow is measured.
         server_arguments: further arguments of the servers, such as ``--maps DIR``.
-        save_in: folder for the recordings; they are not kept without one.
+        save_in: folder for the recordings, made if missing; they are not kept without one.
+
+    Raises:
+        OSError: the folder cannot be made.
     """
+    if save_in is not None:
+        save_in.mkdir(parents=True, exist_ok=True)  # a drive takes long: refused before the first
     verdicts = []
     for number, town in enumerate(towns, 1):
         print(f"traffic in {town} ({number} of {len(towns)})", file=sys.stderr, flush=True)

@@ -11,8 +11,8 @@ from carstage_sim.check.traffic.collisions import (
     inside_buildings,
     walkers_hit,
 )
-from carstage_sim.check.traffic.passages import Passage, passages
-from carstage_sim.check.traffic.recording import RED, Partner, Recording
+from carstage_sim.check.traffic.passages import Passage, passages, red_lights_run
+from carstage_sim.check.traffic.recording import Partner, Recording
 from carstage_sim.check.traffic.standing import STOOD_S, longest_stand_s
 from carstage_sim.check.verdict import Figure, Verdict
 
@@ -43,7 +43,7 @@ def judge(recording: Recording) -> Verdict:
     minutes = recording.vehicle_minutes
     found = _find(recording)
     driven = passages(recording)
-    run = [passage for passage in driven if passage.state == RED]
+    run = red_lights_run(driven)
     offset, outside = recording.lane_offset_m, ~recording.in_junction
     over = offset > recording.lane_half_width_m + OFF_ROAD_M
     off_road = np.asarray(over.any(axis=0))

@@ -6,6 +6,7 @@ the junction.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,9 +49,9 @@ def passages(recording: Recording) -> list[Passage]:
     return found
 
 
-def red_lights_run(recording: Recording) -> list[Passage]:
-    """The passages that began under red."""
-    return [passage for passage in passages(recording) if passage.state == RED]
+def red_lights_run(driven: Iterable[Passage]) -> list[Passage]:
+    """Of some passages, those that began under red."""
+    return [passage for passage in driven if passage.state == RED]
 
 
 def _ahead_m(recording: Recording, line: int) -> NDArray[np.float64]:

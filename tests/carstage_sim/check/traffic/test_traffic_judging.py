@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from traffic_recordings import collisions, recording
 
-from carstage_sim.check.traffic.campaign import judge_saved
+from carstage_sim.check.traffic import campaign
+from carstage_sim.check.traffic.campaign import check_traffic, judge_saved
 from carstage_sim.check.traffic.judging import judge
 from carstage_sim.check.traffic.recording import Recording
 from carstage_sim.check.verdict import Verdict
@@ -109,3 +110,14 @@ def test_saved_recordings_are_judged_alike(tmp_path: Path) -> None:
     for recording_of_town in kept:
         recording_of_town.save(tmp_path / f"{recording_of_town.town}.npz")
     assert judge_saved(tmp_path).verdicts == {one.town: judge(one) for one in kept}
+
+
+def test_the_folder_for_recordings_is_there_before_the_first_drive(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def drive(_town: str, *, save_to: Path, **_options: object) -> Recording:
+        assert save_to.parent.is_dir()
+        return flowing()
+
+    monkeypatch.setattr(campaign, "drive", drive)
+    assert check_traffic(["Stage01"], save_in=tmp_path / "new" / "drives").verdicts

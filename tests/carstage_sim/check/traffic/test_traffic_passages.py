@@ -32,7 +32,8 @@ def test_a_passage_takes_the_state_at_which_the_bumper_crossed() -> None:
 
 def test_red_when_the_bumper_crosses_is_a_red_light_run() -> None:
     x = np.array([[5.0], [7.0], [9.0], [11.0]])
-    assert len(red_lights_run(recording(x, **one_light(4, [GREEN, GREEN, RED, RED])))) == 1
+    driven = passages(recording(x, **one_light(4, [GREEN, GREEN, RED, RED])))
+    assert len(red_lights_run(driven)) == 1
 
 
 @pytest.mark.parametrize(("sets_off_under", "run"), [(RED, 1), (GREEN, 0)])
@@ -41,7 +42,7 @@ def test_who_stopped_with_the_nose_over_the_line_counts_when_setting_off(
 ) -> None:
     x = np.array([[6.0], [8.0], [8.0], [8.0], [9.0], [10.5]])
     states = [GREEN, YELLOW, RED, sets_off_under, sets_off_under, RED]
-    assert len(red_lights_run(recording(x, **one_light(6, states)))) == run
+    assert len(red_lights_run(passages(recording(x, **one_light(6, states))))) == run
 
 
 def test_a_vehicle_on_another_lane_or_going_the_other_way_does_not_pass() -> None:

@@ -30,14 +30,20 @@ class ServerFacts:
     """What a server offers, as far as planning needs it.
 
     Attributes:
-        maps: number of spawn points by map name, without folders.
+        maps: by map name, without folders, how many spawn points are drawn from.
         blueprints: names of the attributes by blueprint id.
         dialect: version of the wire protocol.
+        spawn_points: how many there are, for the maps of which that is known; None: ``maps`` says.
     """
 
     maps: Mapping[str, int]
     blueprints: Mapping[str, frozenset[str]] = field(default_factory=dict)
     dialect: str = DIALECT
+    spawn_points: Mapping[str, int] | None = None
+
+    def count(self, map_name: str) -> int | None:
+        """How many spawn points a map has; None where that is unknown."""
+        return (self.maps if self.spawn_points is None else self.spawn_points).get(map_name)
 
 
 def plan_episodes(
@@ -106,7 +112,7 @@ def plan_episodes(
                     "color": None if config.ego.color == "random" else config.ego.color,
                     **_start(config, facts, map_name, spawn_draw),
                 },
-                scenario=plan_scenario(config, facts.maps[map_name], recording),
+                scenario=plan_scenario(config, facts.count(map_name), recording),
                 sensors=sensors,
                 labels={
                     **config.labels.model_dump(exclude={"cameras"}),
@@ -164,13 +170,13 @@ def _maps(config: Config, facts: ServerFacts, recording: Recording | None) -> tu
 
 def _start(config: Config, facts: ServerFacts, map_name: str, draw: float) -> dict[str, Any]:
     """Where the ego begins: a spawn point, or a place of its own."""
-    count, spawn = facts.maps[map_name], config.ego.spawn
+    count, spawn = facts.count(map_name), config.ego.spawn
     if isinstance(spawn, Stand):
         place = {"x_m": spawn.x, "y_m": spawn.y, "z_m": spawn.z, "yaw_deg": spawn.yaw_deg}
         return {"spawn_index": None, "spawn_place": place}
     if spawn == "random":
-        return {"spawn_index": int(draw * count), "spawn_place": None}
-    if spawn >= count:
+        return {"spawn_index": int(draw * facts.maps[map_name]), "spawn_place": None}
+    if count is not None and spawn >= count:
         raise ConfigError(
             f"ego.spawn: {map_name} has no spawn point {spawn}.",
             f"It has {count}, counted from 0; or use `random`.",

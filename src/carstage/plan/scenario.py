@@ -54,12 +54,14 @@ class Recording:
     tracks: tuple[Track, ...]
 
 
-def plan_scenario(config: Config, spawn_points: int, recording: Recording | None) -> dict[str, Any]:
+def plan_scenario(
+    config: Config, spawn_points: int | None, recording: Recording | None
+) -> dict[str, Any]:
     """``scenario`` of the specification.
 
     Args:
         config: what the user asks for.
-        spawn_points: number of the map's spawn points.
+        spawn_points: number of the map's spawn points; None where it is unknown.
         recording: for ``replay``.
 
     Raises:
@@ -83,10 +85,10 @@ def plan_scenario(config: Config, spawn_points: int, recording: Recording | None
     return {"kind": scenario.kind}
 
 
-def _place(place: int | Place, position: int, spawn_points: int) -> int | dict[str, float]:
+def _place(place: int | Place, position: int, spawn_points: int | None) -> int | dict[str, float]:
     if isinstance(place, Place):
         return {"x_m": place.x, "y_m": place.y}
-    if place >= spawn_points:
+    if spawn_points is not None and place >= spawn_points:
         raise ConfigError(
             f"scenario.through[{position}]: the map has no spawn point {place}.",
             f"It has {spawn_points}, counted from 0.",

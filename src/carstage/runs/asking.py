@@ -17,8 +17,8 @@ from carstage.geometry import FloatArray
 from carstage.plan import ServerFacts
 from carstage.releases import release_of
 
-#: The server tells the spawn points of its current map only; on others the first ones are drawn
-#: from, which every town of CARLA has.
+#: The server tells the spawn points of its current map only. On every map the first ones are drawn
+#: from, which every town of CARLA has: the plan must not depend on what happens to be loaded.
 SURELY_THERE = 50
 _READ_BYTES = 1 << 16
 _LONGEST_REPLY_BYTES = 64 << 20
@@ -42,7 +42,8 @@ def ask_server(host: str, port: int, version: str, timeout_s: float = 20.0) -> S
             current, spawn_points = _call(connection, 2, "get_map_info")[:2]
             definitions = _call(connection, 3, "get_actor_definitions")
             maps = {_short(name): SURELY_THERE for name in names}
-            maps[_short(str(current))] = len(spawn_points)
+            loaded, count = _short(str(current)), len(spawn_points)
+            maps[loaded] = min(count, SURELY_THERE)
             blueprints = {
                 str(blueprint): frozenset(str(attribute[0]) for attribute in attributes)
                 for _, blueprint, _, attributes in definitions
@@ -53,7 +54,10 @@ def ask_server(host: str, port: int, version: str, timeout_s: float = 20.0) -> S
             "Is it CARLA 0.9.13 or later, and has it finished starting?",
         ) from error
     return ServerFacts(
-        maps=maps, blueprints=blueprints, dialect=str(release_of(version) or version)
+        maps=maps,
+        blueprints=blueprints,
+        dialect=str(release_of(version) or version),
+        spawn_points={loaded: count},
     )
 
 

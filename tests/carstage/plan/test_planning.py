@@ -58,6 +58,16 @@ def test_episodes_differ_from_each_other_and_from_another_seed() -> None:
     assert len(set(ids)) == 40
 
 
+def test_spawn_points_that_nobody_counted_are_not_refused() -> None:
+    town = ServerFacts(maps={"Town05": 50, "Town01": 50}, spawn_points={"Town01": 255})
+    through = "scenario: {kind: route, through: [120]}"
+    for name in ("Town05", "Town01"):
+        (spec,) = plan(f"{{map: {name}, ego: {{spawn: 120}}, {through}}}", town)
+        assert spec.ego["spawn_index"] == 120
+    with pytest.raises(ConfigError, match=r"ego\.spawn: Town01 has no spawn point 255"):
+        plan("{map: Town01, ego: {spawn: 255}}", town)
+
+
 def test_id_is_the_hash_of_the_canonical_json() -> None:
     spec = plan()[0]
     document = json.loads(spec.canonical_json())

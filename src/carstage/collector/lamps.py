@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Mapping, Sequence
+from typing import Any, Dict, Mapping, Sequence
 
 import carla
 
@@ -44,7 +44,7 @@ class Lamps:
     def __init__(self, session: WorldSession, mode: str) -> None:
         self._session = session
         self._mode = mode
-        self._shown = -1
+        self._shown: Dict[int, int] = {}
 
     def switch_street_lamps(self) -> None:
         """``auto`` leaves them to the server, which lights them when the sun is low."""
@@ -61,9 +61,10 @@ class Lamps:
         bits = {"on": DRIVING_LIGHTS, "off": 0}.get(self._mode)
         if bits is None:
             bits = lights_for(weather)
-        if bits != self._shown:
-            self._shown = bits
+        changed = [vehicle.id for vehicle in vehicles if self._shown.get(vehicle.id) != bits]
+        self._shown = {vehicle.id: bits for vehicle in vehicles}
+        if changed:
             state = carla.VehicleLightState(bits)
             self._session.client.apply_batch(
-                [carla.command.SetVehicleLightState(vehicle.id, state) for vehicle in vehicles]
+                [carla.command.SetVehicleLightState(actor_id, state) for actor_id in changed]
             )

@@ -7,7 +7,6 @@ import json
 import os
 import platform
 import shutil
-import socket
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -167,14 +166,9 @@ def _disk(out: Path) -> Iterator[Finding]:
 
 
 def _ports() -> Iterator[Finding]:
-    taken = []
-    for port in _CARLA_PORTS:
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind(("127.0.0.1", port))
-            except OSError:
-                taken.append(str(port))
+    from carstage.server.ports import is_free
+
+    taken = [str(port) for port in _CARLA_PORTS if not is_free(port)]
     if taken:
         hint = "No matter: the embedded simulator takes free ports."
         yield Finding("ports", True, f"{', '.join(taken)} in use (by a CARLA server?).", hint)

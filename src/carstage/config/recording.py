@@ -227,7 +227,7 @@ class EmbeddedServerConfig(Section):
         description="The embedded simulator.",
         group="server",
     )
-    port: Port = _port("Port", "First of three ports; `auto` finds free ones.")
+    port: Port = _port("Port", "First of two ports; `auto` finds free ones.")
     threads: Literal["auto"] | Annotated[int, Field(ge=1, le=1024)] = setting(
         "auto",
         title="Threads",

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import socket
 import tempfile
 from pathlib import Path
+from typing import Literal
 
 from carstage.config import Config
 from carstage.config.fields import unknown
@@ -14,9 +14,11 @@ from carstage.config.recording import CarlaServerConfig, EmbeddedServerConfig, R
 from carstage.config.scene import ReplayScenario
 from carstage.errors import BadInputError, ConfigError
 from carstage.plan import Recording, RunEstimate
+from carstage.server import check_ports_free
+from carstage.server.embedded import PORTS
+from carstage.server.ports import BLOCK
+from carstage.server.release import find_script
 
-PORTS_PER_SERVER = 3
-_HOST = "127.0.0.1"
 _RESERVE = 1.1
 _UNITS = ("B", "kB", "MB", "GB", "TB", "PB")
 
@@ -70,18 +72,14 @@ def check_server(config: Config) -> None:
     """Refuse ports that are taken and a CARLA folder without a server.
 
     Raises:
-        ConfigError: with the field's path.
+        BadInputError: with the field's path.
     """
     server = config.server
     if isinstance(server, CarlaServerConfig):
-        _check_carla_folder(Path(server.path).expanduser())
-    if isinstance(server, EmbeddedServerConfig | CarlaServerConfig) and server.port != "auto":
-        for port in range(server.port, server.port + PORTS_PER_SERVER):
-            if not _is_free(port):
-                raise ConfigError(
-                    f"server.port: port {port} on {_HOST} is in use.",
-                    f"A server needs {PORTS_PER_SERVER} ports in a row; choose another or `auto`.",
-                )
+        find_script(Path(server.path).expanduser())
+        _check_ports(server.port, BLOCK)
+    if isinstance(server, EmbeddedServerConfig):
+        _check_ports(server.port, PORTS)
     if isinstance(server, RemoteServerConfig):
         _check_remote(server)
 
@@ -123,24 +121,9 @@ def _existing(path: Path) -> Path:
     return path
 
 
-def _check_carla_folder(folder: Path) -> None:
-    scripts = ("CarlaUE4.sh", "CarlaUnreal.sh")
-    if not any(os.access(folder / script, os.X_OK) for script in scripts):
-        what = "is not a folder" if not folder.is_dir() else f"has no {scripts[0]} that can be run"
-        raise ConfigError(
-            f"server.path: {folder} {what}.",
-            "Give the folder of an unpacked CARLA release, or use `server: {kind: embedded}`.",
-        )
-
-
-def _is_free(port: int) -> bool:
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((_HOST, port))
-        except OSError:
-            return False
-    return True
+def _check_ports(first: int | Literal["auto"], count: int) -> None:
+    if first != "auto":
+        check_ports_free(range(first, first + count))
 
 
 def _check_remote(server: RemoteServerConfig) -> None:

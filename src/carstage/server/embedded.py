@@ -17,6 +17,9 @@ from carstage.server.ports import check_ports_free, free_port
 from carstage.server.process import ServerProcess
 
 MODULE = "carstage_sim"
+PORTS = 2
+"""RPC and streaming, in a row."""
+
 START_S = 900.0
 """The first start on a machine computes the map and compiles the kernels: about a minute of work,
 many on a machine that others use. One that ends meanwhile is noticed at once."""
@@ -67,7 +70,7 @@ class EmbeddedServer(OwnedServer):
     def start(self) -> Endpoint:
         """Start it and wait for its ready line."""
         if self._port is not None:
-            check_ports_free([self._port, self._port + 1], self._host)
+            check_ports_free(range(self._port, self._port + PORTS), self._host)
         begin_s = time.monotonic()
         self._process = ServerProcess(
             self._command(),

@@ -15,6 +15,9 @@ LAST_PORT = 31_999
 """Below the range from which Linux serves outgoing connections: a client that opens one between
 our look and the server's bind cannot take the port away."""
 
+BLOCK = 3
+"""Ports of a CARLA release: RPC, streaming and secondary, in a row."""
+
 _TRIES = 200
 _ANY_ADDRESS = "0.0.0.0"
 
@@ -49,12 +52,12 @@ def allot_ports(rpc: int | None = None, host: str = "127.0.0.1") -> PortBlock:
         ServerError: no free block was found.
     """
     if rpc is not None:
-        check_ports_free(range(rpc, rpc + 3), host)
-        return PortBlock(rpc, free_port(exclude=range(rpc, rpc + 3)))
+        check_ports_free(range(rpc, rpc + BLOCK), host)
+        return PortBlock(rpc, free_port(exclude=range(rpc, rpc + BLOCK)))
     chance = random.SystemRandom()
     for _ in range(_TRIES):
-        first = chance.randrange(FIRST_PORT, LAST_PORT - 2)
-        block = range(first, first + 3)
+        first = chance.randrange(FIRST_PORT, LAST_PORT - BLOCK + 1)
+        block = range(first, first + BLOCK)
         if _taken(block, host) is None and _taken(block, _ANY_ADDRESS) is None:
             return PortBlock(first, free_port(exclude=block))
     raise ServerError(
@@ -90,9 +93,14 @@ def check_ports_free(ports: Iterable[int], host: str = "127.0.0.1") -> None:
     taken = _taken(ports, host)
     if taken is not None:
         raise BadInputError(
-            f"server.port: port {taken} of {host} is in use.",
+            f"server.port: port {taken} on {host} is in use.",
             "Stop what listens there, choose another port, or leave it to `auto`.",
         )
+
+
+def is_free(port: int, host: str = "127.0.0.1") -> bool:
+    """Whether nobody listens on a port."""
+    return _taken([port], host) is None
 
 
 def _taken(ports: Iterable[int], host: str) -> int | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Mapping, Sequence
@@ -27,9 +28,10 @@ def find_script(path: Path) -> Path:
         BadInputError: there is none; names ``server.path``.
     """
     script = path / SCRIPT if path.is_dir() else path
-    if script.name != SCRIPT or not script.is_file():
+    if script.name != SCRIPT or not script.is_file() or not os.access(script, os.X_OK):
+        what = "cannot be run" if script.name == SCRIPT and script.is_file() else "is missing"
         raise BadInputError(
-            f"server.path: there is no CARLA server in {path}: {SCRIPT} is missing.",
+            f"server.path: there is no CARLA server in {path}: {SCRIPT} {what}.",
             f"Give the folder of a CARLA release, the one with {SCRIPT}, or use server.kind: "
             "embedded.",
         )

@@ -28,7 +28,7 @@ def test_a_block_is_three_ports_in_a_row_and_a_fourth_elsewhere() -> None:
 
 @pytest.mark.parametrize("offset", [0, 1, 2])
 def test_a_wanted_block_with_a_taken_port_is_refused(taken: int, offset: int) -> None:
-    with pytest.raises(BadInputError, match=rf"server\.port: port {taken} of 127\.0\.0\.1"):
+    with pytest.raises(BadInputError, match=rf"server\.port: port {taken} on 127\.0\.0\.1"):
         allot_ports(taken - offset)
 
 

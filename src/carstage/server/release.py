@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
@@ -13,7 +14,7 @@ from carstage.errors import BadInputError, ServerEndedError, ServerError
 from carstage.server.base import TAIL_LINES, Endpoint
 from carstage.server.owned import OwnedServer
 from carstage.server.ports import allot_ports
-from carstage.server.probe import wait_for_version
+from carstage.server.probe import wait_for_version, wait_for_world
 from carstage.server.process import ServerProcess
 
 SCRIPT = "CarlaUE4.sh"
@@ -85,7 +86,7 @@ class CarlaServer(OwnedServer):
         return _SIGNALLED - code
 
     def start(self) -> Endpoint:
-        """Start it and ask for its version until it answers."""
+        """Start it and ask for its version, then for its world, until it answers."""
         host = "127.0.0.1"
         ports = allot_ports(self._port, host)
         command = [
@@ -102,7 +103,10 @@ class CarlaServer(OwnedServer):
         process = ServerProcess(command, log_path=self._log_path, environment=self._environment)
         self._process = process
         try:
+            begin_s = time.monotonic()
             version = wait_for_version(host, ports.rpc, self._timeout_s, process.wait_end)
+            left_s = self._timeout_s - (time.monotonic() - begin_s)
+            wait_for_world(host, ports.rpc, left_s, process.wait_end)
         except ServerError as error:
             ended = process.exit_code
             status = "" if ended is None else f" Its exit status is {ended}."

@@ -13,7 +13,7 @@ import pytest
 
 from carstage.errors import ServerError
 from carstage.server import RemoteServer, free_port, probe_version
-from carstage.server.probe import wait_for_version
+from carstage.server.probe import probe_world, wait_for_version
 
 VERSION = msgpack.packb([1, 1, None, [[1, "0.9.16"]]])
 
@@ -72,6 +72,17 @@ def test_anything_else_is_not_carla(answer: bytes) -> None:
 def test_a_listener_that_keeps_silent_is_given_up() -> None:
     with answering(None) as (port, _), pytest.raises(ServerError, match="timed out"):
         probe_version("127.0.0.1", port, timeout_s=0.1)
+
+
+def test_server_without_a_world_is_not_taken_for_ready() -> None:
+    loading = msgpack.packb([1, 1, None, [[0, "episode not ready"]]])
+    with answering(loading) as (port, _), pytest.raises(ServerError, match="no world yet"):
+        probe_world("127.0.0.1", port)
+    with answering(None) as (port, _), pytest.raises(ServerError, match="timed out"):
+        probe_world("127.0.0.1", port, timeout_s=0.1)
+    with answering(msgpack.packb([1, 1, None, [1, [False]]])) as (port, requests):
+        probe_world("127.0.0.1", port)
+    assert msgpack.unpackb(requests[0]) == [0, 1, "get_episode_settings", [[False]]]
 
 
 def test_waiting_ends_when_the_server_did() -> None:

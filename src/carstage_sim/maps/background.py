@@ -18,7 +18,6 @@ import tempfile
 from pathlib import Path
 from types import TracebackType
 
-from carstage_sim.maps.bake_process import BAKING_LOG
 from carstage_sim.maps.checking import MapSamplingError, check_opendrive
 from carstage_sim.maps.loading import TownSource, is_baked
 
@@ -26,6 +25,7 @@ logger = logging.getLogger(__name__)
 
 MOST_WAITING = 8
 """Bakes that are not finished; each keeps a text, and clients send as many as they like."""
+BAKING_LOG = "carstage_sim.maps.baking"
 _END_TIMEOUT_S = 3.0
 _COMMAND = (sys.executable, "-m", "carstage_sim.maps.bake_process")
 

@@ -7,10 +7,10 @@ any more or would clear the folder that both files are in.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import os
-import shutil
 import signal
 import sys
 import threading
@@ -18,11 +18,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
 
+from carstage_sim.maps.background import BAKING_LOG
 from carstage_sim.maps.baking import BakeOptions
 from carstage_sim.maps.checking import MapSamplingError
 from carstage_sim.maps.loading import TownSource, town_of
-
-BAKING_LOG = "carstage_sim.maps.baking"
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -35,7 +34,7 @@ def main(arguments: Sequence[str]) -> int:
         _bake(job, answer)
     finally:
         if abandoned.is_set():
-            shutil.rmtree(job.parent, ignore_errors=True)
+            _clear_away(job, answer)
     return 0
 
 
@@ -53,6 +52,14 @@ def _bake(job: Path, answer: Path) -> None:
     answer.write_text(json.dumps(refusal), encoding="utf-8")
 
 
+def _clear_away(*files: Path) -> None:
+    """Remove the two files, and the folder that was made for them if nothing else is in it."""
+    with contextlib.suppress(OSError):
+        for file in files:
+            file.unlink(missing_ok=True)
+        files[0].parent.rmdir()
+
+
 def _exit(number: int, _frame: FrameType | None) -> None:
     sys.exit(128 + number)
 
@@ -61,8 +68,11 @@ def _end_without_server(abandoned: threading.Event) -> None:
     # Not through sys.stdin, whose lock must be free when the interpreter ends.
     os.read(0, 1)
     abandoned.set()
-    # The process that reads the lanes is of the same group.
-    os.killpg(os.getpgrp(), signal.SIGTERM)
+    # The process that reads the lanes is of the same group, which is ours if the server made it.
+    if os.getpgrp() == os.getpid():
+        os.killpg(os.getpid(), signal.SIGTERM)
+    else:
+        os.kill(os.getpid(), signal.SIGTERM)
 
 
 if __name__ == "__main__":

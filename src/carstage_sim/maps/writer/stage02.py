@@ -84,8 +84,9 @@ _STREETS = (
 )
 
 _CONTROL = {
-    Control.STOP: "b2 d2 e4 b4 d6 f4 a2",
-    Control.YIELD: "d4 a4 a5",
+    # On the ring, and where much traffic turns, the Traffic Manager's vehicles wait for each other.
+    Control.STOP: "b2 d2 b4",
+    Control.YIELD: "d4 e4",
 }
 
 STAGE02 = TownPlan(

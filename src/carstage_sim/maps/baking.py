@@ -141,7 +141,7 @@ def bake(name: str, opendrive: str, options: BakeOptions = EVERYTHING) -> Town:
 
     lights = light_sites(plan, height_at)
     walked = levels if options.navigation else []
-    posts = [site.location[:2] for site in lights]
+    posts = [*(site.location[:2] for site in lights), *stage.poles]
     paths = [walkways(level.ground, level.drape, level.cuts, posts) for level in walked]
     walk = joined([path for path in paths if path is not None])
     town = Town(

@@ -100,6 +100,11 @@ class Stage:
         """Puts a thing at x, y (m) and yaw (deg); what height that is, turns out later."""
         self.waiting.append((name, label, mesh, place))
 
+    @property
+    def poles(self) -> list[tuple[float, float]]:
+        """x, y of the feet of lamps and other poles."""
+        return [(x, y) for _, kind, _, (x, y, _) in self.waiting if kind == CityObjectLabel.POLES]
+
     def set_down(self, surface: LevelSurface) -> None:
         """Puts everything on the ground, with its lowest part on the lowest ground under it.
 

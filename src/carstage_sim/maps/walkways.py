@@ -63,7 +63,7 @@ def walkways(
         ground: the level's areas.
         drape: its heights.
         cuts: lines along which the mesh is cut.
-        posts: x, y of what stands beside crossings.
+        posts: x, y of poles, which may stand beside crossings and in bends.
     """
     ramps = [_narrowed(ramp) for ramp in ground.ramps]
     paths = _paths(ground)

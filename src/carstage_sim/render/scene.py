@@ -216,8 +216,8 @@ def cached_tree(mesh: TriangleMesh, folder: Path) -> WideTree:
     tree = build_tree(corners.min(axis=1), corners.max(axis=1), LANES)
     arrays = {name: getattr(tree, name) for name in WideTree.__dataclass_fields__}
     try:
-        with written_atomically(path) as file:
-            np.savez(file, allow_pickle=False, **arrays)
+        with written_atomically(path) as draft:
+            np.savez(draft, allow_pickle=False, **arrays)
     except OSError as error:
         _log.warning("acceleration structure not kept in %s: %s", folder, error)
     return tree

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from carstage_sim.maps import Bake, MapFileError, MapSamplingError
 from carstage_sim.recording import RecordingError
@@ -11,6 +11,8 @@ from carstage_sim.recording.replay_cast import FOLLOWING, ReplayOptions
 from carstage_sim.wire import values
 from carstage_sim.wire.handlers.bakes import once_finished
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
+
+Told = TypeVar("Told")
 
 
 @handles("start_recorder")
@@ -113,7 +115,7 @@ def _without_map(call: Call, name: str, map_name: str, error: Exception | None =
     return f"{_replaying(call, name)}Could not load mapfile {map_name}{reason}\n"
 
 
-def _text(tell: Callable[[], Any]) -> Any:
+def _text(tell: Callable[[], Told]) -> Told | str:
     """A text about a file; what is wrong with the file is a text too, as in CARLA."""
     try:
         return tell()

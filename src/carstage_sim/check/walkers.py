@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from xml.etree import ElementTree
 
 import carla
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry import LineString, Polygon
+from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from carstage_sim.check.client_process import TrialError, run_trial
@@ -29,6 +30,7 @@ SOLID = (
     carla.CityObjectLabel.Poles,
 )
 WALKED_M = 10.0
+_STEP_M = 0.5
 _START_TIMEOUT_S = 900.0
 _MAX_EVENTS = 20
 
@@ -69,19 +71,21 @@ def crosswalk_polygons(locations: list[carla.Location]) -> list[Polygon]:
 
 
 class WalkableSurface:
-    """Where a map's OpenDRIVE lets people walk, as the client reads it.
+    """Where a map lets people walk: drawn from its OpenDRIVE text with the client's geometry.
 
     Attributes:
-        crosswalks: their outlines.
+        sidewalks: all lanes of that type.
+        crosswalks: the outlines that the client knows.
     """
 
     def __init__(self, carla_map: carla.Map) -> None:
-        self._map = carla_map
         outlines = crosswalk_polygons(carla_map.get_crosswalks())
+        self.sidewalks: BaseGeometry = shapely.union_all(_sidewalk_strips(carla_map))
         self.crosswalks: BaseGeometry = shapely.union_all(outlines)
         links = [link for outline in outlines for link in self._links(outline)]
-        self._ways: BaseGeometry = shapely.union_all([*outlines, *links])
-        shapely.prepare(self._ways)
+        self._allowed: BaseGeometry = shapely.union_all([self.sidewalks, *outlines, *links])
+        for surface in (self.sidewalks, self.crosswalks, self._allowed):
+            shapely.prepare(surface)
 
     def _links(self, crosswalk: Polygon) -> list[BaseGeometry]:
         """From both ends of a crosswalk to the sidewalk near it.
@@ -90,40 +94,55 @@ class WalkableSurface:
         """
         corners = shapely.get_coordinates(crosswalk.minimum_rotated_rectangle)
         narrow = sorted(range(4), key=lambda k: float(np.ptp(corners[k : k + 2], axis=0).sum()))[:2]
-        links: list[BaseGeometry] = []
-        for side in narrow:
-            end = corners[side : side + 2].mean(axis=0)
-            place = carla.Location(*end, 0.0)
-            lane = self._map.get_waypoint(place, lane_type=carla.LaneType.Sidewalk)
-            if lane is None:
-                continue
-            goal = lane.transform.location
-            line = LineString([end, (goal.x, goal.y)])
-            if line.length <= TO_THE_KERB_M + 0.5 * lane.lane_width:
-                links.append(line.buffer(1.0))
-        return links
-
-    def from_sidewalk_m(self, x: float, y: float, z: float) -> float:
-        """How far a place is from the nearest sidewalk's edge, 0 on it."""
-        place = carla.Location(x, y, z)
-        lane = self._map.get_waypoint(place, lane_type=carla.LaneType.Sidewalk)
-        if lane is None:
-            return float("inf")
-        middle = lane.transform.location
-        from_middle = float(np.hypot(x - middle.x, y - middle.y))
-        return max(from_middle - 0.5 * float(lane.lane_width), 0.0)
+        ends = [shapely.Point(corners[side : side + 2].mean(axis=0)) for side in narrow]
+        lines = [shapely.shortest_line(end, self.sidewalks) for end in ends]
+        return [
+            line.buffer(1.5)
+            for line in lines
+            if line is not None and 0.0 < line.length <= TO_THE_KERB_M
+        ]
 
     def off_m(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """How far ``(N, 3)`` places are from sidewalks, crosswalks and the ways between them.
 
-        NaN where there is no place.
+        NaN gives NaN; on a map with neither of them every place is infinitely far away.
         """
-        off = np.asarray(shapely.distance(shapely.points(places[:, :2]), self._ways))
-        # A map without crosswalks has no ways, and nothing has a distance to nothing.
-        off[np.isnan(off) & np.isfinite(places[:, 0])] = np.inf
-        for row in np.flatnonzero(off > 0.0):
-            off[row] = min(off[row], self.from_sidewalk_m(*places[row]))
+        off: NDArray[np.float64] = np.full(len(places), np.nan)
+        alive = np.isfinite(places[:, 0])
+        off[alive] = np.inf
+        if not self._allowed.is_empty:
+            off[alive] = shapely.distance(shapely.points(places[alive, :2]), self._allowed)
         return off
+
+
+def _sidewalk_strips(carla_map: carla.Map) -> list[Polygon]:
+    """Pieces of all sidewalk lanes, a metre and a half long."""
+    strips = []
+    for waypoint in _sidewalk_waypoints(carla_map):
+        place, turn = waypoint.transform.location, waypoint.transform.rotation
+        yaw = np.radians(turn.yaw)
+        forward = np.array([np.cos(yaw), np.sin(yaw)]) * 0.75
+        right = np.array([-np.sin(yaw), np.cos(yaw)]) * 0.5 * waypoint.lane_width
+        middle = np.array([place.x, place.y])
+        corners = (forward + right, forward - right, -forward - right, right - forward)
+        strips.append(Polygon([middle + corner for corner in corners]))
+    return strips
+
+
+def _sidewalk_waypoints(carla_map: carla.Map) -> Iterator[carla.Waypoint]:
+    for road in ElementTree.fromstring(carla_map.to_opendrive()).iter("road"):
+        sections = list(road.iter("laneSection"))
+        starts = [float(section.get("s", 0.0)) for section in sections]
+        ends = [*starts[1:], float(road.get("length", 0.0))]
+        for section, start_m, end_m in zip(sections, starts, ends, strict=True):
+            for lane in section.iter("lane"):
+                if lane.get("type") != "sidewalk":
+                    continue
+                for s_m in np.arange(start_m, end_m, _STEP_M):
+                    numbers = int(road.get("id", 0)), int(lane.get("id", 0)), float(s_m)
+                    waypoint = carla_map.get_waypoint_xodr(*numbers)
+                    if waypoint is not None:
+                        yield waypoint
 
 
 def walked_through(
@@ -176,8 +195,8 @@ def walkers_trial(port: int, *, walkers: int, seconds: float, fps: int, seed: in
                     f"walker {actors[worst].id} was {off[worst]:.2f} m off at ({x:.1f}, {y:.1f})"
                 )
             figures.farthest_outside_m = max(figures.farthest_outside_m, float(off[worst]))
-            for row in np.flatnonzero(shapely.distance(points, surface.crosswalks) == 0.0):
-                crossed[row] |= surface.from_sidewalk_m(*places[row]) > 0.0
+            on_crosswalk = shapely.intersects(points, surface.crosswalks)
+            crossed |= on_crosswalk & ~shapely.intersects(points, surface.sidewalks)
         figures.alive = sum(state is not None for state in states)
         figures.crossed = int(crossed.sum())
         figures.walked = int((distance > WALKED_M).sum())

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any, cast
 
 import carla
 import numpy as np
@@ -33,10 +31,30 @@ def test_each_fault_fails(name: str, value: float) -> None:
     assert not judge("Stage01", replace(GOOD, **{name: value})).ok
 
 
+def surface_of(sidewalk_m: str) -> WalkableSurface:
+    """A straight road along x: lanes of 3.5 m, then sidewalks whose lanes are so wide (m)."""
+    lanes = "".join(
+        f'<lane id="{number}" type="{kind}" level="false"><link/>'
+        f'<width sOffset="0" a="{width}" b="0" c="0" d="0"/></lane>'
+        for number, kind, width in ((-1, "driving", "3.5"), (-2, "sidewalk", sidewalk_m))
+    )
+    text = (
+        '<?xml version="1.0"?><OpenDRIVE><header revMajor="1" revMinor="4"/>'
+        '<road name="" length="100" id="1" junction="-1"><link/><planView>'
+        '<geometry s="0" x="0" y="0" hdg="0" length="100"><line/></geometry></planView>'
+        '<elevationProfile/><lateralProfile/><lanes><laneSection s="0"><center>'
+        f'<lane id="0" type="none" level="false"/></center><right>{lanes}</right></laneSection>'
+        "</lanes></road></OpenDRIVE>"
+    )
+    return WalkableSurface(carla.Map("one_road", text))
+
+
+def test_wide_sidewalks_are_walkable_in_their_whole_width() -> None:
+    places = np.array([(50.0, 4.0, 0.0), (50.0, 42.0, 0.0), (50.0, 45.5, 0.0)])
+    assert surface_of("40").off_m(places).tolist() == pytest.approx([0.0, 0.0, 2.0], abs=0.01)
+
+
 def test_on_a_map_without_crosswalks_the_sidewalks_alone_count() -> None:
-    sidewalk = SimpleNamespace(transform=carla.Transform(carla.Location(0.0, 2.0, 0.0)))
-    sidewalk.lane_width = 3.0
-    town = SimpleNamespace(get_crosswalks=list, get_waypoint=lambda *_, **_options: sidewalk)
-    surface = WalkableSurface(cast(Any, town))
-    places = np.array([(0.0, 1.0, 0.0), (0.0, -4.0, 0.0), (np.nan, np.nan, np.nan)])
-    assert surface.off_m(places).tolist() == pytest.approx([0.0, 4.5, np.nan], nan_ok=True)
+    places = np.array([(50.0, 4.0, 0.0), (50.0, 1.0, 0.0), (np.nan, np.nan, np.nan)])
+    expected = [0.0, 2.5, np.nan]
+    assert surface_of("3").off_m(places).tolist() == pytest.approx(expected, abs=0.01, nan_ok=True)

@@ -145,7 +145,7 @@ BAD = {
     "spawn point": (["--set", "ego.spawn=100000"], "ego.spawn: Stage01 has no spawn point"),
     "carla that is not there": (
         ["--set", "server={kind: carla, path: /nowhere/carla}"],
-        "server.path: /nowhere/carla",
+        "server.path: there is no CARLA server in /nowhere/carla",
     ),
     "codec": (["--set", "conversion.codecs={CAM_FRONT: jpg}"], "conversion.codecs.CAM_FRONT: "),
     "too much for any disk": (

@@ -20,6 +20,9 @@ from carstage.releases import release_of
 #: The server tells the spawn points of its current map only. On every map the first ones are drawn
 #: from, which every town of CARLA has: the plan must not depend on what happens to be loaded.
 SURELY_THERE = 50
+#: How many the embedded simulator's own towns have: a plan is the same for one that is started and
+#: for one that runs at an address.
+BUILT_IN = {"Stage01": 214, "Stage02": 451, "Stage03": 1329}
 _READ_BYTES = 1 << 16
 _LONGEST_REPLY_BYTES = 64 << 20
 
@@ -41,9 +44,11 @@ def ask_server(host: str, port: int, version: str, timeout_s: float = 20.0) -> S
             names = [str(name) for name in _call(connection, 1, "get_available_maps")]
             current, spawn_points = _call(connection, 2, "get_map_info")[:2]
             definitions = _call(connection, 3, "get_actor_definitions")
-            maps = {_short(name): SURELY_THERE for name in names}
             loaded, count = _short(str(current)), len(spawn_points)
-            maps[loaded] = min(count, SURELY_THERE)
+            maps = {
+                name: BUILT_IN.get(name, SURELY_THERE) for name in [*map(_short, names), loaded]
+            }
+            maps[loaded] = min(count, maps[loaded])
             blueprints = {
                 str(blueprint): frozenset(str(attribute[0]) for attribute in attributes)
                 for _, blueprint, _, attributes in definitions
@@ -57,7 +62,7 @@ def ask_server(host: str, port: int, version: str, timeout_s: float = 20.0) -> S
         maps=maps,
         blueprints=blueprints,
         dialect=str(release_of(version) or version),
-        spawn_points={loaded: count},
+        spawn_points={**{n: BUILT_IN[n] for n in maps if n in BUILT_IN}, loaded: count},
     )
 
 

@@ -14,7 +14,8 @@ import pytest
 from carstage.config import parse_config
 from carstage.errors import ServerError
 from carstage.plan import plan_episodes
-from carstage.runs.asking import SURELY_THERE, ask_server
+from carstage.runs.asking import BUILT_IN, SURELY_THERE, ask_server
+from carstage.runs.servers import ServerSetup
 
 TOWNS = {"Town01": 255, "Town02": 101, "Yard": 7}
 
@@ -61,6 +62,11 @@ def test_spawn_points_are_known_of_the_loaded_map_only() -> None:
         facts = ask_server("127.0.0.1", port, "0.9.16")
     assert facts.maps == {"Town01": SURELY_THERE, "Town02": SURELY_THERE, "Yard": 7}
     assert [facts.count(name) for name in TOWNS] == [None, None, 7]
+
+
+def test_own_towns_have_as_many_spawn_points_at_an_address_as_when_started() -> None:
+    with ServerSetup(parse_config("{}")).facts() as facts:
+        assert {name: facts.maps[name] for name in BUILT_IN} == BUILT_IN
 
 
 def test_server_that_hangs_up_is_told() -> None:

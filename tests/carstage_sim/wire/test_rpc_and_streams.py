@@ -432,7 +432,7 @@ CALLS: dict[str, list[object]] = {
     "open_vehicle_door": ["V", 6],
     "project_point": [[0.0, 0.0, 5.0], [0.0, 0.0, -1.0], 10.0],
     "query_lights_state": ["127.0.0.1:2000"],
-    "replay_file": ["x", 0.0, 0.0, 0, False],
+    "replay_file": ["never recorded", 0.0, 0.0, 0, False],
     "reset_all_traffic_lights": [],
     "reset_traffic_light_group": ["L"],
     "restore_physx_physics": ["V"],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -36,12 +36,21 @@ class RawStore(str, Enum):
 Store = Annotated[RawStore, typer.Option("--raw-store", help="How raw pictures are kept.")]
 
 
-def _report(verdict: Verdict, json: bool) -> int:
+def _report(verdict: Verdict, json: bool, text: str = "", **rows: Any) -> int:
+    """Print a verdict and return the exit code.
+
+    Args:
+        verdict: what was measured.
+        json: whether the last line is the JSON object.
+        text: follows the verdict's.
+        rows: what the JSON object holds beside the verdict.
+    """
+    told = "\n".join(filter(None, (verdict.text(), text)))
     if json:
-        note(verdict.text())
-        result_json(verdict.record())
+        note(told)
+        result_json({**verdict.record(), **rows})
     else:
-        result(verdict.text())
+        result(told)
     return 0 if verdict.ok else 1
 
 
@@ -136,12 +145,7 @@ def labels(
         verdict, objects = measure_labels(
             towns=towns or TOWNS, scenes=scenes, scratch=scratch, progress=progress
         )
-    if json:
-        note(verdict.text())
-        result_json({**verdict.record(), "objects": objects})
-    else:
-        result(verdict.text())
-    return 0 if verdict.ok else 1
+    return _report(verdict, json, objects=objects)
 
 
 @bench_app.command()
@@ -181,11 +185,5 @@ def faults(
     verdict, trials = run_campaign(
         count=n, seed=seed, kinds=kind or (), scratch=scratch, minutes=minutes, say=note
     )
-    text = f"{verdict.text()}\n{table_text(trials)}"
-    if json:
-        note(text)
-        rows = {"kinds": table(trials), "trials": [asdict(trial) for trial in trials]}
-        result_json({**verdict.record(), **rows})
-    else:
-        result(text)
-    return 0 if verdict.ok else 1
+    rows = {"kinds": table(trials), "trials": [asdict(trial) for trial in trials]}
+    return _report(verdict, json, table_text(trials), **rows)

@@ -43,6 +43,10 @@ _BLUEPRINTS = {
 }
 
 
+_MOST_WAITING = 1000
+"""Pictures of ticks that nobody looks at; they are dropped with the next that is looked for."""
+
+
 class Cameras:
     """The depth and the instance camera, always at one place.
 
@@ -54,7 +58,7 @@ class Cameras:
     def __init__(self, world: Any, plan: Mapping[str, Any]) -> None:
         self._timeout_s = float(plan["timeout_s"])
         self.actors: dict[str, Any] = {}
-        self._queues: dict[str, queue.SimpleQueue[Any]] = {}
+        self._queues: dict[str, queue.Queue[Any]] = {}
         width, height = plan["size"]
         for name, blueprint_id in _BLUEPRINTS.items():
             blueprint = world.get_blueprint_library().find(blueprint_id)
@@ -62,7 +66,7 @@ class Cameras:
             for attribute, value in values.items():
                 blueprint.set_attribute(attribute, str(value))
             self.actors[name] = world.spawn_actor(blueprint, carla.Transform())
-            self._queues[name] = queue.SimpleQueue()
+            self._queues[name] = queue.Queue(_MOST_WAITING)
             self.actors[name].listen(self._queues[name].put)
 
     def place(self, transform: Any) -> None:

@@ -28,11 +28,13 @@ def main(arguments: Sequence[str]) -> int:
     """Bake what the job file says; the exit status of the process."""
     job, answer = (Path(argument) for argument in arguments)
     abandoned = threading.Event()
-    signal.signal(signal.SIGTERM, _exit)  # so that files are cleared away on the way out
-    threading.Thread(target=_end_without_server, args=(abandoned,), daemon=True).start()
     try:
+        signal.signal(signal.SIGTERM, _exit)  # so that files are cleared away on the way out
+        # The server may be gone already: the signal can come before the thread's start returns.
+        threading.Thread(target=_end_without_server, args=(abandoned,), daemon=True).start()
         _bake(job, answer)
     finally:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
         if abandoned.is_set():
             _clear_away(job, answer)
     return 0

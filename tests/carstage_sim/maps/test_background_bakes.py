@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import errno
+import json
+import logging
 import os
 import signal
 import subprocess
@@ -149,6 +152,26 @@ def test_a_bake_ends_and_clears_its_files_when_its_server_was_killed(tmp_path):
         owner.send_signal(signal.SIGKILL)
     await_that(lambda: not _lives(group), within_s=60.0)
     await_that(lambda: not list(scratch.iterdir()), within_s=60.0)
+
+
+def test_a_bake_whose_server_is_gone_before_it_begins_clears_its_files(tmp_path):
+    record = {
+        "source": dataclasses.asdict(source()),
+        "cache_folder": str(tmp_path / "towns"),
+        "level": logging.WARNING,
+    }
+    for attempt in range(4):  # the signal comes at a moment that differs from run to run
+        folder = tmp_path / f"bake{attempt}"
+        folder.mkdir()
+        (folder / "job.json").write_text(json.dumps(record))
+        subprocess.run(
+            [*background._COMMAND, str(folder / "job.json"), str(folder / "answer.json")],
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,
+            timeout=60,
+            check=False,
+        )
+        assert not folder.exists()
 
 
 def _lives(process_id: int) -> bool:

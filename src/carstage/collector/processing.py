@@ -333,4 +333,8 @@ class Pipeline:
 
 
 def _content(encode: Callable[[Any], Any], data: Any) -> Callable[[], Any]:
-    return lambda: encode(data)
+    def content() -> Any:
+        meta, payload = encode(data)
+        return dict(meta, sensor_timestamp_s=data.timestamp), payload
+
+    return content

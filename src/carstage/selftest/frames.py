@@ -27,9 +27,10 @@ def check_frames(evidence: Evidence) -> Check:
             if record.frame != world.frame:
                 found = f"{name} called frame {world.frame} number {record.frame}"
                 return Check("frames", False, found, expected)
-            if abs(record.timestamp_s - world.timestamp_s) > _CLOCK_S:
+            sensor_s = float(record.meta["sensor_timestamp_s"])
+            if abs(sensor_s - world.timestamp_s) > _CLOCK_S:
                 found = (
-                    f"{name} dated frame {world.frame} {record.timestamp_s:.4f} s, its snapshot "
+                    f"{name} dated frame {world.frame} {sensor_s:.4f} s, its snapshot "
                     f"{world.timestamp_s:.4f} s"
                 )
                 return Check("frames", False, found, expected)

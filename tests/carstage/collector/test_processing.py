@@ -30,11 +30,20 @@ FIRST_FRAME = 50
 
 def picture(frame: int, width: int = 4, height: int = 3) -> Any:
     pixels = struct.pack("<I", frame) * (width * height)
-    return SimpleNamespace(frame=frame, width=width, height=height, fov=90.0, raw_data=pixels)
+    return SimpleNamespace(
+        frame=frame,
+        timestamp=frame / 10,
+        width=width,
+        height=height,
+        fov=90.0,
+        raw_data=pixels,
+    )
 
 
 def position(frame: int) -> Any:
-    return SimpleNamespace(frame=frame, latitude=frame / 2, longitude=1.5, altitude=2.5)
+    return SimpleNamespace(
+        frame=frame, timestamp=frame / 10, latitude=frame / 2, longitude=1.5, altitude=2.5
+    )
 
 
 class Recording:
@@ -126,7 +135,12 @@ def test_every_tick_comes_back_from_the_log(tmp_path: Path) -> None:
     assert [record.tick for record in pictures] == [0, 1, 2, 3, 4]
     assert [record.frame for record in pictures] == [50, 51, 52, 53, 54]
     assert pictures[3].payload == picture(53).raw_data
-    assert pictures[3].meta == {"width": 4, "height": 3, "fov_deg": 90.0}
+    assert pictures[3].meta == {
+        "width": 4,
+        "height": 3,
+        "fov_deg": 90.0,
+        "sensor_timestamp_s": 5.3,
+    }
     (first, *_), *_ = (log.read_segment("GNSS", index) for index in range(3))
     assert struct.unpack("<3d", first.payload) == (25.0, 1.5, 2.5)
     assert [record.kind for record in log.read_segment(WORLD, 0)] == [3, 1, 1]
@@ -347,7 +361,9 @@ gnss = {"GNSS": SENSOR_KINDS["gnss"]}
 with writers, Pipeline(gnss, writers, FrameMatcher(["GNSS"], 5.0), budget, 2, 2) as pipeline:
     pipeline.begin(9)
     for tick in range(2):
-        data = SimpleNamespace(frame=10 + tick, latitude=1.0, longitude=2.0, altitude=3.0)
+        data = SimpleNamespace(
+            frame=10 + tick, timestamp=tick / 10, latitude=1.0, longitude=2.0, altitude=3.0
+        )
         pipeline.callback("GNSS")(data)
         moment = WorldMoment([], {}, [])
         pipeline.expect(ExpectedFrame(tick, 10 + tick, tick / 10, tick, 0.0, moment))

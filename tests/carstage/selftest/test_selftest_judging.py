@@ -18,6 +18,7 @@ from carstage.selftest.frames import check_frames, check_mounts
 from carstage.selftest.lidar_axes import check_lidar_axes
 from carstage.selftest.optical_flow import check_optical_flow
 from carstage.selftest.sight import Sight, check_depth
+from carstage.selftest.staging import FPS
 from carstage.selftest.verdict import Verdict
 from carstage.tags import TAGS_0_9_13, new_tag
 
@@ -72,6 +73,16 @@ def test_frame_with_another_number_is_named(evidence: Evidence) -> None:
     assert not found.ok
     assert "rgb" in found.found
     assert str(evidence.worlds[3].frame) in found.found
+
+
+def test_sensor_that_dates_its_data_otherwise_is_named(evidence: Evidence) -> None:
+    late_by_one = [
+        replace(record, meta={**record.meta, "sensor_timestamp_s": world.timestamp_s - 1.0 / FPS})
+        for record, world in zip(evidence.records["depth"], evidence.worlds, strict=True)
+    ]
+    found = check_frames(replace(evidence, records={**evidence.records, "depth": late_by_one}))
+    assert not found.ok
+    assert f"depth dated frame {evidence.worlds[0].frame}" in found.found
 
 
 def test_sensor_that_stands_elsewhere_is_named(evidence: Evidence) -> None:

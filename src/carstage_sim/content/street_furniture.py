@@ -6,6 +6,7 @@ Every mesh stands on the origin of its own frame (CARLA axes, metres).
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 
@@ -38,10 +39,11 @@ def traffic_light_mesh(head: tuple[float, float, float, float]) -> TriangleMesh:
     along = np.array([x, y]) / reach if reach > 0 else np.zeros(2)
     arm_height = z + 0.35
     metal = Material.METAL
+    at_arm, at_mast = light_head_middles(head)
     parts = [
         tube([(0, 0, 0.0), (0, 0, 0.35)], 0.19, metal, _POLE, sides=10),
         tube([(0, 0, 0.35), (0, 0, arm_height + 0.25)], [0.11, 0.075], metal, _POLE, sides=10),
-        _head(np.array([x, y, z]), yaw_deg),
+        _head(at_arm, yaw_deg),
     ]
     if reach > 0:
         end = along * (reach + 0.25)
@@ -54,12 +56,10 @@ def traffic_light_mesh(head: tuple[float, float, float, float]) -> TriangleMesh:
                 _POLE,
             )
         )
-    facing = np.array([math.cos(math.radians(yaw_deg)), math.sin(math.radians(yaw_deg))])
-    beside = facing * 0.22
-    parts.append(_head(np.array([beside[0], beside[1], _SECOND_HEAD_HEIGHT_M]), yaw_deg))
+    parts.append(_head(at_mast, yaw_deg))
     parts.append(
         box(
-            (beside[0] / 2, beside[1] / 2, _SECOND_HEAD_HEIGHT_M),
+            (at_mast[0] / 2, at_mast[1] / 2, _SECOND_HEAD_HEIGHT_M),
             (0.1, 0.03, 0.04),
             metal,
             _POLE,
@@ -67,6 +67,25 @@ def traffic_light_mesh(head: tuple[float, float, float, float]) -> TriangleMesh:
         )
     )
     return merge_meshes(parts)
+
+
+def light_head_middles(head: tuple[float, float, float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Middles ``(3,)`` of the housings at the arm's end and on the mast, in the actor's frame.
+
+    Args:
+        head: as :func:`traffic_light_mesh` has it.
+    """
+    x, y, z, yaw_deg = head
+    yaw = math.radians(yaw_deg)
+    beside = (0.22 * math.cos(yaw), 0.22 * math.sin(yaw), _SECOND_HEAD_HEIGHT_M)
+    return np.array([x, y, z]), np.array(beside)
+
+
+@cache
+def light_head_bounds() -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corner ``(3,)`` of a head around its middle, looking along +x."""
+    low, high = _head(np.zeros(3), 0.0).bounds.astype(np.float64)
+    return low, high
 
 
 def _head(middle: np.ndarray, yaw_deg: float) -> TriangleMesh:

@@ -42,12 +42,12 @@ class TownObjects:
 
     def hidden(self) -> frozenset[int]:
         """Ids of the objects that are not there for sensors, rays and collisions."""
-        unloaded = (
-            piece.object_id
-            for piece in self._objects
-            if piece.layer and not piece.layer & self._layers
-        )
+        unloaded = (piece.object_id for piece in self._objects if not self.is_loaded(piece))
         return frozenset(self._disabled.union(unloaded))
+
+    def is_loaded(self, piece: LevelObject) -> bool:
+        """Whether the layer of an object is there, whatever became of the object itself."""
+        return not piece.layer or bool(piece.layer & self._layers)
 
     def named(self, names: Sequence[str]) -> list[int]:
         """Ids of the objects with one of these names."""

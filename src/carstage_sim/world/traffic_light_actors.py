@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from carstage_sim.content.street_furniture import light_head_bounds, light_head_middles
 from carstage_sim.geometry import pose_matrix, rotation_deg
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import OrientedBox, TrafficLightSite, TrafficSignSite
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.pose import Pose
 from carstage_sim.world.state import ActorKind
-
-_HEAD_EXTENT_M = (0.2, 0.2, 0.5)
 
 
 def traffic_light_actor(actor_id: int, site: TrafficLightSite) -> tuple[Actor, Pose]:
@@ -46,15 +45,18 @@ def traffic_sign_actor(actor_id: int, site: TrafficSignSite) -> tuple[Actor, Pos
     return actor, Pose(site.location, site.rotation_deg)
 
 
-def head_box(site: TrafficLightSite) -> OrientedBox:
-    """The box around the light head, in the world."""
-    x, y, z, yaw_deg = site.head
-    world_from_head = pose_matrix(site.location, site.rotation_deg) @ pose_matrix(
-        (x, y, z), (0.0, yaw_deg, 0.0)
-    )
-    cx, cy, cz = world_from_head[:3, 3].tolist()
-    pitch, yaw, roll = rotation_deg(world_from_head[:3, :3]).tolist()
-    return OrientedBox((cx, cy, cz), _HEAD_EXTENT_M, (pitch, yaw, roll))
+def head_boxes(site: TrafficLightSite) -> tuple[OrientedBox, ...]:
+    """Tight boxes around the light heads, in the world: the arm's, then the mast's."""
+    low, high = light_head_bounds()
+    world_from_actor = pose_matrix(site.location, site.rotation_deg)
+    boxes = []
+    for middle in light_head_middles(site.head):
+        world_from_head = world_from_actor @ pose_matrix(middle, (0.0, site.head[3], 0.0))
+        cx, cy, cz = (world_from_head @ [*((low + high) / 2.0), 1.0])[:3].tolist()
+        ex, ey, ez = ((high - low) / 2.0).tolist()
+        pitch, yaw, roll = rotation_deg(world_from_head[:3, :3]).tolist()
+        boxes.append(OrientedBox((cx, cy, cz), (ex, ey, ez), (pitch, yaw, roll)))
+    return tuple(boxes)
 
 
 def _trigger_in_actor_frame(

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.maps.town import LevelObject
+from carstage_sim.maps.town import LevelObject, OrientedBox
 from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
+from carstage_sim.wire.scenery import light_heads, light_masts, sign_faces
 from carstage_sim.world.pose import Pose, compose
 from carstage_sim.world.state import ActorKind
-from carstage_sim.world.traffic_light_actors import head_box
+from carstage_sim.world.traffic_light_actors import head_boxes
 
 _ANY_LABEL = 255
 _DIFFUSE, _EMISSIVE = 2, 3
@@ -29,9 +31,13 @@ def _set_weather_parameters(call: Call, weather: list[float]) -> None:
 
 
 def _level_objects(call: Call, label: int) -> list[LevelObject]:
-    """The scenery of a label, which is one of the dialect's."""
-    objects, number = call.world.town.level_objects, call.session.dialect.label
-    return [piece for piece in objects if label in (_ANY_LABEL, number(piece.label))]
+    """The scenery of a label, which is one of the dialect's; signs by their faces."""
+    town, number = call.world.town, call.session.dialect.label
+    chosen = [p for p in town.level_objects if label in (_ANY_LABEL, number(p.label))]
+    faces: dict[int, OrientedBox] = {}
+    if any(piece.label == CityObjectLabel.TRAFFIC_SIGNS for piece in chosen):
+        faces = sign_faces(town.static_mesh, town.level_objects)
+    return [replace(piece, box=faces.get(piece.object_id, piece.box)) for piece in chosen]
 
 
 @handles("get_names_of_all_objects")
@@ -45,7 +51,11 @@ def _get_all_level_bbs(call: Call, label: int) -> list[Any]:
     boxes = [values.encode_box(piece.box) for piece in _level_objects(call, label)]
     if label in (_ANY_LABEL, call.session.dialect.label(CityObjectLabel.TRAFFIC_LIGHT)):
         lights = zip(call.world.town.traffic_lights, call.world.light_ids, strict=True)
-        boxes += [values.encode_box(head_box(site), actor_id) for site, actor_id in lights]
+        boxes += [
+            values.encode_box(box, actor_id)
+            for site, actor_id in lights
+            for box in head_boxes(site)
+        ]
     for kind in (ActorKind.VEHICLE, ActorKind.WALKER):
         for actor in call.world.actors.of_kind(kind):
             if label in (_ANY_LABEL, call.session.dialect.label(actor.semantic_tags[0])):
@@ -59,15 +69,22 @@ def _get_all_level_bbs(call: Call, label: int) -> list[Any]:
 
 @handles("get_environment_objects")
 def _get_environment_objects(call: Call, label: int) -> list[Any]:
+    """Scenery, and what traffic lights are made of, as ``ObjectRegister.cpp`` has it."""
+    number, sites = call.session.dialect.label, call.world.town.traffic_lights
+    pieces = list(filter(call.world.objects.is_loaded, _level_objects(call, label)))
+    if label in (_ANY_LABEL, number(CityObjectLabel.TRAFFIC_LIGHT)):
+        pieces += light_heads(sites)
+    if label in (_ANY_LABEL, number(CityObjectLabel.POLES)):
+        pieces += light_masts(sites)
     return [
         [
             values.encode_pose(Pose(piece.box.center, piece.box.rotation_deg)),
             values.encode_box(piece.box),
             piece.object_id,
             piece.name,
-            call.session.dialect.label(piece.label),
+            number(piece.label),
         ]
-        for piece in _level_objects(call, label)
+        for piece in pieces
     ]
 
 

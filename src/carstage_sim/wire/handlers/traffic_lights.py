@@ -8,7 +8,7 @@ from carstage_sim.wire import values
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 from carstage_sim.world.errors import ActorTypeError
 from carstage_sim.world.state import ActorKind
-from carstage_sim.world.traffic_light_actors import head_box
+from carstage_sim.world.traffic_light_actors import head_boxes
 
 
 def _index(call: Call, actor_id: int) -> int:
@@ -72,4 +72,4 @@ def _get_group_traffic_lights(call: Call, actor_id: int) -> list[int]:
 @handles("get_light_boxes")
 def _get_light_boxes(call: Call, actor_id: int) -> list[Any]:
     site = call.world.town.traffic_lights[_index(call, actor_id)]
-    return [values.encode_box(head_box(site), actor_id)]
+    return [values.encode_box(box, actor_id) for box in head_boxes(site)]

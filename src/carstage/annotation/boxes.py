@@ -14,24 +14,28 @@ from typing import Final
 
 import numpy as np
 
-from carstage.annotation.classes import TWO_WHEELERS, WALKER_CLASSES
+from carstage.annotation.classes import TWO_WHEELERS, VEHICLE_CLASSES, WALKER_CLASSES
 from carstage.geometry import FloatArray
-from carstage.rawlog.reader import ActorInfo
+from carstage.rawlog.reader import ActorInfo, LevelObject
 
 MIN_HALF_SIZE_M: Final = 0.05
 MAX_HALF_SIZE_M: Final = 15.0
 MAX_OFFSET_M: Final = 15.0
 MIN_TWO_WHEELER_HALF_WIDTH_M: Final = 0.15
 
+MIN_LEVEL_HALF_SIZE_M: Final = 0.001
+MAX_LEVEL_HALF_SIZE_M: Final = 500.0
+"""Signs are thin plates, bridges and walls long."""
+
 _CAPSULE_TOLERANCE_M: Final = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class LabelBox:
-    """The box that an actor is labelled with, in the actor's frame.
+    """The box that an actor is labelled with, in the actor's frame, a level object's in the world.
 
     Attributes:
-        source: ``actor``, ``capsule``, ``mesh``, ``measured`` or ``invalid``.
+        source: ``actor``, ``capsule``, ``mesh``, ``measured``, ``level`` or ``invalid``.
         location: ``(3,)`` centre (m).
         extent: ``(3,)`` half length, width, height (m).
         rotation_deg: ``(3,)`` pitch, yaw, roll.
@@ -101,6 +105,19 @@ def box_is_plausible(actor: ActorInfo, object_class: str) -> bool:
     if object_class in TWO_WHEELERS and extent[1] < MIN_TWO_WHEELER_HALF_WIDTH_M:
         return False
     return bool(np.linalg.norm(location) <= MAX_OFFSET_M)
+
+
+def level_box(found: LevelObject, object_class: str) -> LabelBox:
+    """The box of a level object; parked vehicles have the bounds of driving ones."""
+    extent = found.box_extent
+    numbers = np.concatenate([found.box_location, extent, found.box_rotation_deg])
+    low, high = MIN_LEVEL_HALF_SIZE_M, MAX_LEVEL_HALF_SIZE_M
+    if object_class in VEHICLE_CLASSES:
+        low, high = MIN_HALF_SIZE_M, MAX_HALF_SIZE_M
+    plausible = np.isfinite(numbers).all() and extent.min() >= low and extent.max() <= high
+    return LabelBox(
+        "level" if plausible else "invalid", found.box_location, extent, found.box_rotation_deg
+    )
 
 
 def _is_capsule(actor: ActorInfo) -> bool:

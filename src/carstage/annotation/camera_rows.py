@@ -10,17 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage.annotation.classes import TWO_WHEELERS
 from carstage.annotation.pixels import (
     BOX_MARGIN_M,
     BoxView,
     ImageEvidence,
+    ModalMask,
     PixelVisibility,
     measure,
     occlusion_bin,
     shared_low_ids,
 )
+from carstage.annotation.riders import rider_camera_row, rider_pixels
 from carstage.annotation.rig import LabelledCamera
-from carstage.annotation.scene import Scene
+from carstage.annotation.scene import ActorFacts, Scene
 from carstage.annotation.settings import LabelSettings
 from carstage.annotation.silhouette import (
     Silhouette,
@@ -53,14 +56,16 @@ class CameraRow:
     """One object in one camera: the finished row, and what object rows sum up.
 
     Attributes:
-        actor_id: the object.
+        actor_id: the object; of a rider, the two-wheeler.
         row: as ``CAMERA_OBJECT_COLUMNS`` lists it.
-        pixels: None when pixels are not counted.
+        pixels: None when pixels are not counted, or counted with the two-wheeler's.
+        is_rider: it is a rider.
     """
 
     actor_id: int
     row: dict[str, Any]
     pixels: PixelVisibility | None
+    is_rider: bool = False
 
 
 def camera_rows(
@@ -124,13 +129,29 @@ def camera_rows(
             "truncated": outline.truncated,
             "crosses_near": outline.crosses_near,
             "pinhole": camera.pinhole,
-            "instance_ambiguous": info.id & 0xFFFF in shared,
+            "instance_ambiguous": not scene.facts[actor].is_static and info.id & 0xFFFF in shared,
             **_pixel_columns(pixels, settings),
         }
         verdict = row["visible_pixel"] if settings.pixels else row["visible_stage_vo"]
         row["visible"] = bool(verdict and has_points[actor])
         rows.append(CameraRow(info.id, row, pixels))
+        rider = _rider(scene.facts[actor], pixels, evidence)
+        if rider is not None:
+            enough = bool(has_points[actor])
+            of_rider = rider_camera_row(row, rider, camera, settings, has_points=enough)
+            rows.append(CameraRow(info.id, of_rider, None, is_rider=True))
     return rows
+
+
+def _rider(
+    fact: ActorFacts, pixels: PixelVisibility | None, evidence: ImageEvidence
+) -> ModalMask | None:
+    """The pixels of an actor's rider; None where there is none, or none that can be told."""
+    if pixels is None or evidence.tag is None or evidence.rider_tag is None or fact.is_static:
+        return None
+    if fact.object_class not in TWO_WHEELERS:
+        return None
+    return rider_pixels(pixels, evidence.tag, evidence.rider_tag)
 
 
 def _to_optical(optical: FloatArray, corners_world: FloatArray) -> FloatArray:
@@ -220,7 +241,8 @@ def _count_pixels(
             ground_m=float(scene.ground[actor]),
             region=regions[i],
         )
-        yield measure(view, camera.k, evidence, fact.info.id, fact.tags)
+        actor_id = None if fact.is_static else fact.info.id
+        yield measure(view, camera.k, evidence, actor_id, fact.tags)
 
 
 def _rectangles(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import Final
 
 from carstage.rawlog.reader import ActorInfo
@@ -9,6 +10,36 @@ from carstage.rawlog.reader import ActorInfo
 VEHICLE_CLASSES: Final = ("car", "van", "truck", "bus", "motorcycle", "bicycle")
 WALKER_CLASSES: Final = ("walker_adult", "walker_child", "walker_wheelchair")
 TWO_WHEELERS: Final = frozenset({"motorcycle", "bicycle"})
+
+RIDER: Final = "rider"
+RIDER_TAG: Final = 13
+TRAFFIC_LIGHT: Final = "traffic_light"
+LEVEL_CLASSES: Final = MappingProxyType(
+    {
+        3: "building",
+        4: "wall",
+        5: "fence",
+        6: "pole",
+        7: TRAFFIC_LIGHT,
+        8: "traffic_sign",
+        9: "vegetation",
+        10: "terrain",
+        14: "car",
+        15: "truck",
+        16: "bus",
+        17: "train",
+        18: "motorcycle",
+        19: "bicycle",
+        20: "static",
+        21: "dynamic",
+        22: "other",
+        23: "water",
+        26: "bridge",
+        27: "rail_track",
+        28: "guard_rail",
+    }
+)
+"""Class of a level object by its semantic tag in the numbering of datasets."""
 
 # Blueprints whose servers (before 0.9.14) report no base_type; all others are cars.
 _BLUEPRINT_CLASS: Final = {

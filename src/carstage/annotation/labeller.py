@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from carstage.annotation.boxes import MEASURED_TWO_WHEELERS, MeasuredBox, label_box
 from carstage.annotation.camera_rows import camera_rows
-from carstage.annotation.classes import WALKER_CLASSES, object_class
+from carstage.annotation.classes import RIDER_TAG, WALKER_CLASSES, object_class
 from carstage.annotation.decoding import decode_instance_bgra
 from carstage.annotation.ego_row import EpisodeFacts, ego_row
+from carstage.annotation.level import Level
 from carstage.annotation.lidar_counts import count_points
 from carstage.annotation.object_rows import VisiblePixels, object_rows
 from carstage.annotation.pixels import ImageEvidence
@@ -24,8 +25,14 @@ from carstage.annotation.settings import LabelSettings
 from carstage.errors import AnnotationError
 from carstage.geometry import invert_pose
 from carstage.rawlog.clock import elapsed_s
-from carstage.rawlog.reader import ActorInfo, WorldFrame
-from carstage.tags import dataset_tags, server_release, vehicle_tags, walker_tags
+from carstage.rawlog.reader import ActorInfo, LevelObject, WorldFrame
+from carstage.tags import (
+    dataset_tags,
+    numbers_tags_anew,
+    server_release,
+    vehicle_tags,
+    walker_tags,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +68,7 @@ class FrameLabels:
     """Rows of one frame, as ``carstage.annotation.schema`` describes them.
 
     Attributes:
-        objects: one per vehicle and pedestrian.
+        objects: one per vehicle, pedestrian, rider that is seen, and level object near enough.
         camera_objects: one per labelled camera and object that its image can hold.
         ego: the ego record; empty when ego motion was not asked for.
         sensor_poses: one per sensor of the dataset.
@@ -80,6 +87,7 @@ class EpisodeLabeller:
         header: the raw log's ``episode.json``.
         actors: static facts by actor id; may grow while the episode is labelled.
         measured: boxes by blueprint that replace those of two-wheelers.
+        level_objects: what the raw log tells of the level.
 
     Raises:
         AnnotationError: when the header lacks what labels need.
@@ -90,6 +98,7 @@ class EpisodeLabeller:
         header: Mapping[str, Any],
         actors: Mapping[int, ActorInfo],
         measured: Mapping[str, MeasuredBox] = MEASURED_TWO_WHEELERS,
+        level_objects: Sequence[LevelObject] = (),
     ) -> None:
         try:
             spec: Mapping[str, Any] = header["spec"]
@@ -129,6 +138,8 @@ class EpisodeLabeller:
         self._walker_tags = _lookup(walker_tags(version))
         self._actors = actors
         self._measured = measured
+        self._level = Level(level_objects, version, self._settings)
+        self._rider_tag = RIDER_TAG if numbers_tags_anew(version) else None
         self._labelled: dict[int, ActorFacts | None] = {}
 
     @property
@@ -160,13 +171,14 @@ class EpisodeLabeller:
             AnnotationError: when the ego or an actor is unknown, or an image has the wrong size.
         """
         ego_row_index = self._ego_row(world)
-        scene = self._scene(world, ego_row_index)
+        scene = self._with_level(self._scene(world, ego_row_index), images)
         time_s = elapsed_s(self._header, world.tick, world.timestamp_s)
         keys = {"k": k, "timestamp_s": time_s, "episode_id": self._episode_id}
         acceleration_valid = world.tick > 0 or self._first_tick_has_past
         points = self._count_lidar_points(scene, lidar)
         camera_objects: list[dict[str, Any]] = []
         pixels: dict[int, VisiblePixels] = {}
+        riders: dict[int, int] = {}
         for camera_id, camera in self._cameras.items():
             if camera_id not in images:
                 continue
@@ -176,6 +188,8 @@ class EpisodeLabeller:
                 scene, camera, evidence, keys, self._too_near(camera), self._settings, has_points
             ):
                 camera_objects.append(found.row)
+                if found.is_rider and self._rider_tag is not None:
+                    riders[found.actor_id] = self._rider_tag
                 if found.pixels is not None:
                     visible, amodal = pixels.get(found.actor_id, (0, 0.0))
                     pixels[found.actor_id] = (
@@ -190,6 +204,7 @@ class EpisodeLabeller:
             acceleration_valid=acceleration_valid,
             lidar_points=points,
             pixels=pixels,
+            riders=riders,
         )
         ego: dict[str, Any] = {}
         if self._settings.ego_motion:
@@ -208,7 +223,8 @@ class EpisodeLabeller:
         """``(N,)`` whether enough points of LiDARs beside the camera lie in each box.
 
         Only LiDARs with the camera's own carrier count: what a camera over another street sees,
-        the ego's LiDAR need not hit. Without one, every object has enough.
+        the ego's LiDAR need not hit. Without one, every object has enough; so has what hangs high
+        or is thin, such as lights and signs.
         """
         carrier = self._carriers.get(camera.mount.sensor_id)
         beside = {name for name in self._lidars if self._carriers.get(name) == carrier}
@@ -222,7 +238,8 @@ class EpisodeLabeller:
                     counted.add(name)
         if not counted or least <= 0:
             return np.ones(len(scene.facts), dtype=np.bool_)
-        return totals >= least
+        exempt = np.array([fact.is_fixture for fact in scene.facts], dtype=np.bool_)
+        return np.asarray((totals >= least) | exempt)
 
     def _too_near(self, camera: LabelledCamera) -> int:
         """The actor that a camera sits on and does not label; 0 where it hovers or stands free."""
@@ -248,6 +265,18 @@ class EpisodeLabeller:
                 rows.append(row)
                 facts.append(fact)
         return build_scene(world, rows, facts, ego_row_index)
+
+    def _with_level(self, scene: Scene, images: Mapping[str, CameraImages]) -> Scene:
+        """The scene with the level objects within the maximum distance of the ego or a camera."""
+        if not self._level.facts:
+            return scene
+        origins = [scene.world_from_ego[:3, 3]]
+        if self._settings.distance_origin == "sensor":
+            for camera_id in images:
+                mount = self._cameras[camera_id].mount
+                origins.append(mount.world_from_sensor(scene.world, scene.world_from_ego)[:3, 3])
+        near = self._level.near(np.array(origins), self._settings.max_distance_m)
+        return scene.with_level(self._level, near)
 
     def _facts_of(self, actor_id: int, tick: int) -> ActorFacts | None:
         """Facts of an actor that is to be labelled, else None."""
@@ -298,7 +327,7 @@ class EpisodeLabeller:
                     f"The {name} image of {camera.mount.sensor_id} in tick {tick} has shape "
                     f"{image.shape}; the spec says {shape}."
                 )
-        return ImageEvidence(images.depth_m, instance_id, tag)
+        return ImageEvidence(images.depth_m, instance_id, tag, self._rider_tag)
 
 
 def _lookup(tags: frozenset[int]) -> NDArray[np.bool_]:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from carstage.annotation.classes import TRAFFIC_LIGHT
 from carstage.annotation.pixels import visibility_token
+from carstage.annotation.riders import rider_object_row
 from carstage.annotation.scene import Scene
 from carstage.annotation.settings import LabelSettings
 from carstage.geometry import (
@@ -31,6 +34,7 @@ def object_rows(
     acceleration_valid: bool,
     lidar_points: Mapping[int, list[tuple[str, int]]],
     pixels: Mapping[int, VisiblePixels],
+    riders: Mapping[int, int] = MappingProxyType({}),
 ) -> list[dict[str, Any]]:
     """Build the rows.
 
@@ -42,8 +46,8 @@ def object_rows(
         acceleration_valid: false in an episode's very first frame.
         lidar_points: by actor id, points per LiDAR.
         pixels: by actor id; actors that no camera can see are left out.
+        riders: by id of their two-wheelers, the tag of riders that a camera sees.
     """
-    world, index = scene.world, scene.rows
     to_ego = scene.ego_from_world[:3, :3]
     box_rotation = scene.world_from_box[:, :3, :3]
     box_center = scene.world_from_box[:, :3, 3]
@@ -61,14 +65,15 @@ def object_rows(
         "distance_ego": distance,
     }
     box = {name: values.tolist() for name, values in columns.items()}
-    location = world.location[index].tolist()
-    rotation = world.rotation_deg[index].tolist()
-    velocity = world.velocity[index].tolist()
-    velocity_ego = (world.velocity[index] @ to_ego.T).tolist()
-    acceleration = world.acceleration[index].tolist()
-    acceleration_ego = (world.acceleration[index] @ to_ego.T).tolist()
-    angular_velocity = np.radians(world.angular_velocity_deg[index]).tolist()
-    lights: Mapping[str, int] = world.meta.get("vehicle_lights", {})
+    location = scene.location.tolist()
+    rotation = scene.rotation_deg.tolist()
+    velocity = scene.velocity.tolist()
+    velocity_ego = (scene.velocity @ to_ego.T).tolist()
+    acceleration = scene.acceleration.tolist()
+    acceleration_ego = (scene.acceleration @ to_ego.T).tolist()
+    angular_velocity = np.radians(scene.angular_velocity_deg).tolist()
+    lights: Mapping[str, int] = scene.world.meta.get("vehicle_lights", {})
+    signals: Mapping[str, str] = scene.world.meta.get("traffic_lights", {})
 
     rows = []
     for i, fact in enumerate(scene.facts):
@@ -87,7 +92,7 @@ def object_rows(
                 "base_type": info.attributes.get("base_type", ""),
                 "special_type": info.attributes.get("special_type", ""),
                 "role_name": info.attributes.get("role_name", ""),
-                "is_static": False,
+                "is_static": fact.is_static,
                 "is_ego": info.id == ego_id,
                 "is_dormant": None,
                 **{name: values[i] if has_box else None for name, values in box.items()},
@@ -104,10 +109,15 @@ def object_rows(
                 "visibility": visibility,
                 "visibility_token": None if visibility is None else visibility_token(visibility),
                 "light_state": None if fact.is_walker else lights.get(str(info.id)),
+                "traffic_light_state": signals.get(str(info.parent))
+                if fact.object_class == TRAFFIC_LIGHT
+                else None,
                 "parent_track_id": info.parent or None,
                 "semantic_tags": list(info.semantic_tags),
             }
         )
+        if info.id in riders:
+            rows.append(rider_object_row(rows[-1], rider_tag=riders[info.id]))
     return rows
 
 

@@ -93,11 +93,13 @@ class ImageEvidence:
         depth_m: ``(H, W)`` float32 z-depth.
         instance_id: ``(H, W)`` uint16, low 16 bits of actor ids; None: use the depth method.
         tag: ``(H, W)`` uint8 semantic tags, or None.
+        rider_tag: what riders carry; None: the server has no tag of their own.
     """
 
     depth_m: NDArray[np.float32]
     instance_id: NDArray[np.uint16] | None
     tag: NDArray[np.uint8] | None
+    rider_tag: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +125,7 @@ def measure(
     view: BoxView,
     k: FloatArray,
     evidence: ImageEvidence,
-    actor_id: int,
+    actor_id: int | None,
     tags: NDArray[np.bool_],
 ) -> PixelVisibility:
     """Count an object's own, front and background pixels.
@@ -143,7 +145,8 @@ def measure(
         view: the box as the camera sees it.
         k: ``(3, 3)`` intrinsics.
         evidence: the camera's images.
-        actor_id: the object's id; its low 16 bits are looked for.
+        actor_id: the object's id; its low 16 bits are looked for. None: no pixel tells its id, as
+            with objects of the level.
         tags: ``(256,)`` which tags the object's pixels may carry.
     """
     # Half a second to import, which only processes that count pixels shall need.
@@ -151,7 +154,8 @@ def measure(
 
     x0, y0, x1, y1 = view.region
     own = np.zeros((max(0, y1 - y0), max(0, x1 - x0)), dtype=np.bool_)
-    by_id = evidence.instance_id is not None
+    ids = evidence.instance_id if actor_id is not None else None
+    by_id = ids is not None
     visible_px, front_px, hull_px, left, top, right, bottom = classify(
         view.region,
         (float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2])),
@@ -162,8 +166,8 @@ def measure(
         Z_NEAR_M,
         BOX_MARGIN_M if by_id else 0.0,
         evidence.depth_m,
-        _NO_IDS if evidence.instance_id is None else evidence.instance_id,
-        actor_id & 0xFFFF,
+        _NO_IDS if ids is None else ids,
+        (actor_id or 0) & 0xFFFF,
         _NO_TAGS if evidence.tag is None else evidence.tag,
         tags,
         not by_id and evidence.tag is None,

@@ -1,17 +1,23 @@
-"""The labelled actors of one frame as arrays, with their boxes in the world."""
+"""The labelled objects of one frame as arrays, with their boxes in the world."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage.annotation.boxes import LabelBox
+from carstage.annotation.classes import VEHICLE_CLASSES
 from carstage.geometry import FloatArray, box_corners, invert_pose, pose_matrix
 from carstage.rawlog.reader import ActorInfo, WorldFrame
+
+if TYPE_CHECKING:
+    from carstage.annotation.level import Level
+
+_T = TypeVar("_T", bound=np.generic)
 
 _MAX_SINK_M: Final = 0.2
 """Boxes of CARLA's cars reach up to 16 cm below the pivot, which is on the road. A pivot much
@@ -20,19 +26,26 @@ higher in its box is not on the road."""
 
 @dataclass(frozen=True, slots=True)
 class ActorFacts:
-    """What is static about a labelled actor.
+    """What is static about a labelled actor or level object.
 
     Attributes:
-        info: from the raw log.
+        info: from the raw log; of a level object: its track, its name, the light that it is of.
         object_class: Car-STAGE class.
         box: the box to label it with.
         tags: ``(256,)`` which semantic tags its pixels may carry.
+        is_static: it is part of the level.
     """
 
     info: ActorInfo
     object_class: str
     box: LabelBox
     tags: NDArray[np.bool_]
+    is_static: bool = False
+
+    @property
+    def is_fixture(self) -> bool:
+        """Whether it is part of the level and no parked vehicle."""
+        return self.is_static and self.object_class not in VEHICLE_CLASSES
 
     @property
     def is_walker(self) -> bool:
@@ -42,12 +55,16 @@ class ActorFacts:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """``N`` labelled actors of one frame, ascending id; world frame, metres.
+    """``N`` labelled objects of one frame, ascending track; world frame, metres.
 
     Attributes:
         world: the snapshot.
         facts: ``N`` static facts.
-        rows: ``(N,)`` their rows in the snapshot.
+        location: ``(N, 3)`` of the pivots.
+        rotation_deg: ``(N, 3)`` pitch, yaw, roll of the actors.
+        velocity: ``(N, 3)`` m/s.
+        acceleration: ``(N, 3)`` m/s^2.
+        angular_velocity_deg: ``(N, 3)`` deg/s.
         valid: ``(N,)`` whether the box may be used.
         world_from_box: ``(N, 4, 4)``; of no meaning where not valid.
         extent: ``(N, 3)`` half sizes; ones where not valid.
@@ -60,7 +77,11 @@ class Scene:
 
     world: WorldFrame
     facts: Sequence[ActorFacts]
-    rows: NDArray[np.int64]
+    location: FloatArray
+    rotation_deg: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    angular_velocity_deg: FloatArray
     valid: NDArray[np.bool_]
     world_from_box: FloatArray
     extent: FloatArray
@@ -68,6 +89,33 @@ class Scene:
     corners: FloatArray
     world_from_ego: FloatArray
     ego_from_world: FloatArray
+
+    def with_level(self, level: Level, chosen: NDArray[np.int64]) -> Scene:
+        """The scene and some objects of the level after it; their pivot is their middle."""
+        if not len(chosen):
+            return self
+        facts = [level.facts[i] for i in chosen.tolist()]
+        poses, extent = level.world_from_box[chosen], level.extent[chosen]
+        rotation = np.array([fact.box.rotation_deg for fact in facts])
+        still = np.zeros((len(facts), 3))
+
+        def both(here: NDArray[_T], more: NDArray[_T]) -> NDArray[_T]:
+            return np.concatenate([here, more])
+
+        return replace(
+            self,
+            facts=[*self.facts, *facts],
+            location=both(self.location, poses[:, :3, 3]),
+            rotation_deg=both(self.rotation_deg, rotation),
+            velocity=both(self.velocity, still),
+            acceleration=both(self.acceleration, still),
+            angular_velocity_deg=both(self.angular_velocity_deg, still),
+            valid=both(self.valid, np.ones(len(facts), dtype=np.bool_)),
+            world_from_box=both(self.world_from_box, poses),
+            extent=both(self.extent, extent),
+            ground=both(self.ground, -extent[:, 2]),
+            corners=both(self.corners, level.corners[chosen]),
+        )
 
 
 def build_scene(
@@ -99,7 +147,11 @@ def build_scene(
     return Scene(
         world=world,
         facts=facts,
-        rows=index,
+        location=world.location[index],
+        rotation_deg=world.rotation_deg[index],
+        velocity=world.velocity[index],
+        acceleration=world.acceleration[index],
+        angular_velocity_deg=world.angular_velocity_deg[index],
         valid=valid,
         world_from_box=world_from_box,
         extent=extent,

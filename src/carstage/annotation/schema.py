@@ -41,11 +41,22 @@ _TIMESTAMP = Column(
     "s",
     "simulated time since the first frame; tick / fps in synchronous mode",
 )
-_TRACK_ID = Column("track_id", "i64", "", "actor id; unique within an episode")
+_TRACK_ID = Column(
+    "track_id",
+    "i64",
+    "",
+    "actor id, unique within an episode; 2³² + the two-wheeler's for its rider, from 2⁵² on level "
+    "objects, the same in all episodes of a map",
+)
+_EGO_TRACK_ID = Column("track_id", "i64", "", "actor id; unique within an episode")
 
 _NO_3D = "null: no valid box, or no `3d` in `labels.boxes`"
 _NO_2D = "null: no `2d` in `labels.boxes`"
+_NO_AMODAL = f"{_NO_2D}, or a rider"
+_NO_BOX = "null: a rider"
 _NO_PIXELS = "null: `labels.method` is `stage_vo`"
+
+_NO_HULL = f"{_NO_PIXELS}, or a rider"
 
 OBJECT_COLUMNS: tuple[Column, ...] = (
     _K,
@@ -56,14 +67,22 @@ OBJECT_COLUMNS: tuple[Column, ...] = (
     Column(
         "class",
         "str",
-        "car, van, truck, bus, motorcycle, bicycle, walker_adult, walker_child, walker_wheelchair",
-        "Car-STAGE class, from the blueprint's attributes",
+        "car, van, truck, bus, motorcycle, bicycle, walker_adult, walker_child, walker_wheelchair, "
+        "rider, traffic_light, traffic_sign; on request building, pole, vegetation, …",
+        "Car-STAGE class, from the blueprint's attributes; of a level object from its label",
     ),
-    Column("blueprint", "str", "", "CARLA type id, such as `vehicle.tesla.model3`"),
+    Column(
+        "blueprint",
+        "str",
+        "",
+        "CARLA type id, such as `vehicle.tesla.model3`; the name of a level object",
+    ),
     Column("base_type", "str", "", "blueprint attribute; empty where the server has none"),
     Column("special_type", "str", "", "blueprint attribute, such as `emergency`, `taxi`"),
     Column("role_name", "str", "", "blueprint attribute, such as `hero`, `autopilot`"),
-    Column("is_static", "bool", "", "part of the map, not an actor"),
+    Column(
+        "is_static", "bool", "", "part of the map, not an actor: a parked vehicle, a light, a sign"
+    ),
     Column("is_ego", "bool", "", "the vehicle that carries the sensors"),
     Column("is_dormant", "bool", "", "asleep on a large map; null: not recorded", nullable=True),
     Column("box_center", "f64[3]", "m", f"box centre, world; {_NO_3D}", nullable=True),
@@ -85,8 +104,9 @@ OBJECT_COLUMNS: tuple[Column, ...] = (
     Column(
         "box_source",
         "str",
-        "actor, capsule, mesh, measured, invalid",
-        "where the box comes from; `invalid`: the server's box is unusable, no 3D label",
+        "actor, capsule, mesh, measured, level, invalid, none",
+        "where the box comes from; `invalid`: the server's box is unusable, no 3D label; `none`: a "
+        "rider, whom the two-wheeler's box holds",
     ),
     Column("box_center_ego", "f64[3]", "m", f"box centre in the ego actor's frame; {_NO_3D}", True),
     Column("box_yaw_ego", "f64", "rad", f"box yaw in the ego actor's frame; {_NO_3D}", True),
@@ -98,7 +118,7 @@ OBJECT_COLUMNS: tuple[Column, ...] = (
         nullable=True,
     ),
     Column("distance_ego", "f64", "m", f"ego pivot to box centre; {_NO_3D}", nullable=True),
-    Column("actor_location", "f64[3]", "m", "actor pivot, world"),
+    Column("actor_location", "f64[3]", "m", "actor pivot, world; middle of a level object's box"),
     Column("actor_rotation_deg", "f64[3]", "deg", "pitch, yaw, roll of the actor, world"),
     Column("velocity", "f64[3]", "m/s", "world"),
     Column(
@@ -133,14 +153,14 @@ OBJECT_COLUMNS: tuple[Column, ...] = (
         "visibility",
         "f64",
         "ratio",
-        f"visible over amodal pixels, summed over the cameras; {_NO_PIXELS}",
+        f"visible over amodal pixels, summed over the cameras; {_NO_PIXELS}, or a rider",
         nullable=True,
     ),
     Column(
         "visibility_token",
         "u8",
         "1..4",
-        f"nuScenes bins of `visibility`: below 0.4, 0.6, 0.8, and the rest; {_NO_PIXELS}",
+        "nuScenes bins of `visibility`: below 0.4, 0.6, 0.8, and the rest; null with it",
         nullable=True,
     ),
     Column(
@@ -150,8 +170,21 @@ OBJECT_COLUMNS: tuple[Column, ...] = (
         "null: not a vehicle, or not recorded",
         nullable=True,
     ),
-    Column("parent_track_id", "i64", "", "the actor it is attached to, or null", nullable=True),
-    Column("semantic_tags", "u8[]", "tags of dataset.json", "the actor's semantic tags"),
+    Column(
+        "traffic_light_state",
+        "str",
+        "Red, Yellow, Green, Off, Unknown",
+        "what a traffic light shows; null: no light, or no actor of the server belongs to it",
+        nullable=True,
+    ),
+    Column(
+        "parent_track_id",
+        "i64",
+        "",
+        "the actor it is attached to, a rider's two-wheeler, the actor of a traffic light; or null",
+        nullable=True,
+    ),
+    Column("semantic_tags", "u8[]", "tags of dataset.json", "the object's semantic tags"),
 )
 
 CAMERA_OBJECT_COLUMNS: tuple[Column, ...] = (
@@ -183,8 +216,8 @@ CAMERA_OBJECT_COLUMNS: tuple[Column, ...] = (
         f"quaternion w, x, y, z: box (x forward, y left, z up) to optical; {_NO_3D}",
         nullable=True,
     ),
-    Column("distance", "f64", "m", "camera to box centre"),
-    Column("depth_center", "f64", "m", "optical z of the box centre"),
+    Column("distance", "f64", "m", "camera to box centre; a rider: of the two-wheeler"),
+    Column("depth_center", "f64", "m", "optical z of the box centre; a rider: likewise"),
     Column(
         "corners_uv",
         "f64[8][2]",
@@ -196,14 +229,14 @@ CAMERA_OBJECT_COLUMNS: tuple[Column, ...] = (
         "bbox_amodal_unclipped",
         "f64[4]",
         "px",
-        f"x0, y0, x1, y1 around the box's silhouette; may exceed the image; {_NO_2D}",
+        f"x0, y0, x1, y1 around the box's silhouette; may exceed the image; {_NO_AMODAL}",
         nullable=True,
     ),
     Column(
         "bbox_amodal",
         "f64[4]",
         "px",
-        f"x0, y0, x1, y1 around the silhouette's part inside the image; {_NO_2D}",
+        f"x0, y0, x1, y1 around the silhouette's part inside the image; {_NO_AMODAL}",
         nullable=True,
     ),
     Column(
@@ -221,42 +254,62 @@ CAMERA_OBJECT_COLUMNS: tuple[Column, ...] = (
         f"null without any; {_NO_2D}",
         nullable=True,
     ),
-    Column("n_visible", "u8", "vertices", "STAGE-VO: in the image, nothing nearer"),
-    Column("n_occluded", "u8", "vertices", "STAGE-VO: in the image, something nearer"),
-    Column("n_outside", "u8", "vertices", "STAGE-VO: in front of the camera, not in the image"),
-    Column("n_behind", "u8", "vertices", "STAGE-VO: nearer than z_near or behind"),
+    Column(
+        "n_visible", "u8", "vertices", f"STAGE-VO: in the image, nothing nearer; {_NO_BOX}", True
+    ),
+    Column(
+        "n_occluded", "u8", "vertices", f"STAGE-VO: in the image, something nearer; {_NO_BOX}", True
+    ),
+    Column(
+        "n_outside", "u8", "vertices", f"STAGE-VO: ahead, but not in the image; {_NO_BOX}", True
+    ),
+    Column(
+        "n_behind", "u8", "vertices", f"STAGE-VO: nearer than z_near or behind; {_NO_BOX}", True
+    ),
     Column(
         "occluded",
         "u8",
         "0, 1, 2, 3",
         "STAGE-VO level: 0 for 6 visible vertices or more, 1 for 4 or 5, 2 for fewer; "
-        "3 unknown: no vertex in the image",
+        "3 unknown: no vertex in the image, or a rider",
     ),
-    Column("truncation_paper", "f64", "ratio", "(8 - n_visible) / 8, as the paper defines it"),
+    Column(
+        "truncation_paper",
+        "f64",
+        "ratio",
+        f"(8 - n_visible) / 8, as the paper defines it; {_NO_BOX}",
+        nullable=True,
+    ),
     Column(
         "truncated",
         "f64",
         "ratio",
-        "share of the silhouette's area outside the image; independent of occlusion",
+        f"share of the silhouette's area outside the image; independent of occlusion; {_NO_BOX}",
+        nullable=True,
     ),
     Column("visible_px", "u32", "px", f"pixels of the object; {_NO_PIXELS}", nullable=True),
-    Column("front_px", "u32", "px", f"pixels of what stands in front; {_NO_PIXELS}", nullable=True),
-    Column("hull_px", "u32", "px", f"pixels of the silhouette; {_NO_PIXELS}", nullable=True),
+    Column("front_px", "u32", "px", f"pixels of what stands in front; {_NO_HULL}", nullable=True),
+    Column("hull_px", "u32", "px", f"pixels of the silhouette; {_NO_HULL}", nullable=True),
     Column(
         "amodal_px",
         "f64",
         "px",
-        f"estimated pixels without occluders, inside the image; {_NO_PIXELS}",
+        f"estimated pixels without occluders, inside the image; {_NO_HULL}",
         nullable=True,
     ),
-    Column("occlusion_ratio", "f64", "ratio", f"1 - visible_px / amodal_px; {_NO_PIXELS}", True),
+    Column("occlusion_ratio", "f64", "ratio", f"1 - visible_px / amodal_px; {_NO_HULL}", True),
     Column(
         "occluded_px",
         "u8",
         "0, 1, 2, 3",
         "0 up to a ratio of 0.10, 1 up to 0.50, else 2; 3 not computed",
     ),
-    Column("visibility_method", "str", "instance, depth, none", "how visible pixels were found"),
+    Column(
+        "visibility_method",
+        "str",
+        "instance, depth, none",
+        "how visible pixels were found; of level objects always by depth and tag",
+    ),
     Column(
         "amodal_method",
         "str",
@@ -269,7 +322,7 @@ CAMERA_OBJECT_COLUMNS: tuple[Column, ...] = (
         "",
         "another live actor shares the low 16 bits of the id",
     ),
-    Column("visible_stage_vo", "bool", "", "at least one vertex is visible"),
+    Column("visible_stage_vo", "bool", "", f"at least one vertex is visible; {_NO_BOX}", True),
     Column(
         "visible_pixel",
         "bool",
@@ -282,7 +335,7 @@ CAMERA_OBJECT_COLUMNS: tuple[Column, ...] = (
         "bool",
         "",
         "the verdict of labels.method (`both`: pixels), and enough points of the LiDARs that the "
-        "camera's carrier has, if any",
+        "camera's carrier has, if any; lights, signs and the like need no points",
     ),
     Column("crosses_near", "bool", "", "reaches behind the near plane; `truncated` is saturated"),
     Column("pinhole", "bool", "", "the camera has no lens distortion, so that projection holds"),
@@ -291,7 +344,7 @@ CAMERA_OBJECT_COLUMNS: tuple[Column, ...] = (
 EGO_COLUMNS: tuple[Column, ...] = (
     _K,
     _TIMESTAMP,
-    _TRACK_ID,
+    _EGO_TRACK_ID,
     Column("episode_id", "str", "", "the episode's id"),
     Column("location", "f64[3]", "m", "actor pivot, world"),
     Column("rotation_deg", "f64[3]", "deg", "pitch, yaw, roll, world (left-handed)"),

@@ -75,6 +75,14 @@ def export(
             "--codec", metavar="ffv1|h264", help="Of videos: without loss (default), or small."
         ),
     ] = None,
+    class_name: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--class",
+            metavar="NAME",
+            help="A class to export, also rider, pole and the like. Repeatable.",
+        ),
+    ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace an export that stands at OUT.")
     ] = False,
@@ -114,6 +122,7 @@ def export(
         max_distance_m=max_distance_m,
         include_invisible=include_invisible,
         validation_share=validation_share,
+        classes=tuple(class_name or ()),
         **choices,
     )
     # What can be refused at once is refused before every file is read.

@@ -6,7 +6,7 @@ No other module of the collector asks for a version or whether a name exists.
 from __future__ import annotations
 
 import logging
-from typing import Any, Dict, Iterable, Optional, Sequence
+from typing import Any, Dict, Iterable, List, Optional, Sequence
 
 import carla
 
@@ -14,6 +14,30 @@ from carstage.collector.errors import VersionMismatchError
 from carstage.releases import client_release, is_newer, refusal, release_of
 
 _log = logging.getLogger(__name__)
+
+# Names of ``carla.CityObjectLabel`` by those of ``labels.level_objects``. Up to 0.9.13 there is
+# one label for all vehicles.
+_LABELS = {
+    "parked_vehicles": ("Car", "Truck", "Bus", "Motorcycle", "Bicycle", "Vehicles"),
+    "traffic_lights": ("TrafficLight",),
+    "traffic_signs": ("TrafficSigns",),
+    "bridges": ("Bridge",),
+    "buildings": ("Buildings",),
+    "dynamic": ("Dynamic",),
+    "fences": ("Fences",),
+    "guard_rails": ("GuardRail",),
+    "other": ("Other",),
+    "poles": ("Poles",),
+    "rail_tracks": ("RailTrack",),
+    "static": ("Static",),
+    "terrain": ("Terrain",),
+    "trains": ("Train",),
+    "vegetation": ("Vegetation",),
+    "walls": ("Walls",),
+    "water": ("Water",),
+}
+LEVEL_OBJECTS = tuple(sorted(_LABELS))
+"""Kinds of level objects that a plan may ask for."""
 
 
 def check_versions(client: str, server: str, dialects: Iterable[str]) -> None:
@@ -61,6 +85,12 @@ def set_day_night_cycle(light_manager: Any, active: bool) -> None:
     """Whether the server switches street lamps by the sun; 0.9.13 always does."""
     if hasattr(light_manager, "set_day_night_cycle"):
         light_manager.set_day_night_cycle(active)
+
+
+def city_object_labels(name: str) -> List[Any]:
+    """Values of ``carla.CityObjectLabel`` for a kind of level objects; none: unknown here."""
+    known = carla.CityObjectLabel.names
+    return [known[label] for label in _LABELS[name] if label in known]
 
 
 def weather_values(weather: Any, names: Sequence[str]) -> Dict[str, float]:

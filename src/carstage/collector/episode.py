@@ -8,6 +8,7 @@ from typing import Any, Iterator, List, Mapping, NamedTuple, Optional, Tuple
 
 from carstage.collector.errors import InterruptedByRequestError
 from carstage.collector.events import EventStream
+from carstage.collector.level_objects import level_objects
 from carstage.collector.maps import geo_reference
 from carstage.collector.matching import ExpectedFrame, FrameMatcher
 from carstage.collector.paths import prepare_folder
@@ -152,7 +153,9 @@ class EpisodeRecorder:
         stack.callback(scene.rig.stop)
         listening_ticks = self._plan.sensor_warmup_ticks
         warm_up(scene, pipeline, episode, listening_ticks, self._events, self._stop)
-        observer = WorldObserver(session.world, scene.ego)
+        observer = WorldObserver(
+            session.world, scene.ego, level_objects(session.world, spec.level_objects)
+        )
         saved = SavedFrames(spec.save_every)
         for tick, step in self._ticks(scene, pipeline, spec.steps):
             if tick == 0:

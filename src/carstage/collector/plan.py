@@ -197,6 +197,7 @@ class EpisodeSpec:
     scenario: Mapping[str, Any]
     sensors: Tuple[SensorPlan, ...]
     seeds: Mapping[str, int]
+    level_objects: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

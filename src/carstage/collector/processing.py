@@ -287,8 +287,8 @@ class Pipeline:
             self._budget.tick_came()
         at = (expected.tick, expected.frame, expected.timestamp_s)
         if expected.seen:
-            if moment.new_actors:
-                table = {"actors": moment.new_actors}
+            table = moment.table()
+            if table is not None:
                 self._writers.write(Write(WORLD, KIND_TABLE, *at, lambda: (table, b""), 0))
             self._writers.write(Write(WORLD, KIND_DATA, *at, moment.encode, 0))
         for sensor, datum in frame.data.items():

@@ -6,6 +6,7 @@ import json
 import re
 from typing import Any, Dict, Mapping, Optional, Tuple
 
+from carstage.collector.dialect import LEVEL_OBJECTS
 from carstage.collector.errors import PlanError
 from carstage.collector.fields import Fields
 from carstage.collector.plan import (
@@ -149,7 +150,20 @@ def _spec(fields: Fields, raw: Mapping[str, Any]) -> EpisodeSpec:
         scenario=fields.any("scenario"),
         sensors=_sensors(fields),
         seeds={name: seeds.integer(name, 0, MAX_SEED) for name in SEEDS},
+        level_objects=_level_objects(fields.object("labels")) if "labels" in fields else (),
     )
+
+
+def _level_objects(labels: Fields) -> Tuple[str, ...]:
+    names = labels.list("level_objects") if "level_objects" in labels else []
+    for index, name in enumerate(names):
+        if name not in LEVEL_OBJECTS:
+            raise PlanError(
+                "%s[%d]: %r is no kind of level objects."
+                % (labels.path("level_objects"), index, name),
+                "Known: %s." % ", ".join(LEVEL_OBJECTS),
+            )
+    return tuple(names)
 
 
 def _group(fields: Fields) -> GroupPlan:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Mapping, Sequence, Set, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Set, Tuple
 
 from carstage.rawlog.format import ACTOR_RECORD
 
@@ -35,14 +35,29 @@ class WorldMoment:
         snapshot: ``carla.WorldSnapshot``.
         meta: the record's meta; see docs/formats/raw-log.md.
         new_actors: table rows of actors that no earlier tick showed.
+        level_objects: table rows of the level; of the first tick only.
     """
 
     def __init__(
-        self, snapshot: Any, meta: Mapping[str, Any], new_actors: Sequence[Mapping[str, Any]]
+        self,
+        snapshot: Any,
+        meta: Mapping[str, Any],
+        new_actors: Sequence[Mapping[str, Any]],
+        level_objects: Sequence[Mapping[str, Any]] = (),
     ) -> None:
         self.snapshot = snapshot
         self.meta = meta
         self.new_actors = new_actors
+        self.level_objects = level_objects
+
+    def table(self) -> Optional[Dict[str, Any]]:
+        """Meta of the table record that goes before this tick's; None: nothing is new."""
+        if not self.new_actors and not self.level_objects:
+            return None
+        table: Dict[str, Any] = {"actors": list(self.new_actors)}
+        if self.level_objects:
+            table["level_objects"] = list(self.level_objects)
+        return table
 
     def encode(self) -> Tuple[Mapping[str, Any], bytes]:
         """Meta and payload of the world record."""
@@ -86,11 +101,15 @@ class WorldObserver:
     Args:
         world: ``carla.World``.
         ego: the ego's ``carla.Vehicle``.
+        level_objects: what the level holds, told with the first tick.
     """
 
-    def __init__(self, world: Any, ego: Any) -> None:
+    def __init__(
+        self, world: Any, ego: Any, level_objects: Sequence[Mapping[str, Any]] = ()
+    ) -> None:
         self._world = world
         self._ego = ego
+        self._level_objects = level_objects
         self._known: Set[int] = set()
         self._traffic_lights: List[Any] = []
 
@@ -125,7 +144,8 @@ class WorldObserver:
                 str(light.id): str(light.get_state()) for light in self._traffic_lights
             },
         }
-        return WorldMoment(snapshot, meta, new_actors)
+        level_objects, self._level_objects = self._level_objects, ()
+        return WorldMoment(snapshot, meta, new_actors, level_objects)
 
     def _new_actors(self, snapshot: Any) -> List[Dict[str, Any]]:
         new = sorted(actor.id for actor in snapshot if actor.id not in self._known)

@@ -115,6 +115,19 @@ class GroundTruth(Section):
     )
 
 
+LevelObjectKind = Literal[
+    "parked_vehicles", "traffic_lights", "traffic_signs", "bridges", "buildings", "dynamic",
+    "fences", "guard_rails", "other", "poles", "rail_tracks", "static", "terrain", "trains",
+    "vegetation", "walls", "water",
+]  # fmt: skip
+"""What may be labelled of a level: CARLA's city object labels, those of vehicles as one."""
+DEFAULT_LEVEL_OBJECTS: tuple[LevelObjectKind, ...] = (
+    "parked_vehicles",
+    "traffic_lights",
+    "traffic_signs",
+)
+
+
 class Labels(Section):
     """How visibility is decided and which boxes are written."""
 
@@ -133,6 +146,15 @@ class Labels(Section):
         "all",
         title="Labelled cameras",
         description="`all`: every rgb camera; or a list of sensor ids; `[]` labels none.",
+        group="labels",
+    )
+    level_objects: Annotated[tuple[LevelObjectKind, ...], Strict(strict=False)] = setting(
+        DEFAULT_LEVEL_OBJECTS,
+        title="Level objects",
+        description="What else is labelled of the town, by its boxes in the level. Parked "
+        "vehicles, lights and signs are what a detector meets in traffic; they cost no sensor and "
+        "little time. The rest is there on request: a town has thousands. `[]` labels actors "
+        "alone.",
         group="labels",
     )
     min_visible_px: int = setting(

@@ -96,7 +96,11 @@ def label_segment(raw_folder: Path, segment: int) -> None:
     """
     log = EpisodeLog(raw_folder)
     ticks = saved_ticks(log, segment)
-    labeller = EpisodeLabeller(log.header, log.actors(up_to_segment=segment))
+    labeller = EpisodeLabeller(
+        log.header,
+        log.actors(up_to_segment=segment),
+        level_objects=log.level_objects(up_to_segment=segment),
+    )
     streams = {camera: labeller.inputs(camera) for camera in labeller.labelled_cameras}
     image_streams = {s.depth for s in streams.values()} | {
         s.instance for s in streams.values() if s.instance is not None

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 DONT_CARE: Final = "DontCare"
+RIDER: Final = "rider"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +37,22 @@ CLASSES: Final[Mapping[str, ForeignNames]] = MappingProxyType(
         "walker_wheelchair": ForeignNames("Pedestrian", "human.pedestrian.wheelchair"),
         "traffic_light": ForeignNames(DONT_CARE, None),
         "traffic_sign": ForeignNames(DONT_CARE, None),
+        # KITTI's cyclist and nuScenes's bicycle have their rider with them.
+        RIDER: ForeignNames(None, None),
+        **{
+            name: ForeignNames(None, None)
+            for name in (
+                "bridge", "building", "dynamic", "fence", "guard_rail", "other", "pole",
+                "rail_track", "static", "terrain", "train", "vegetation", "wall", "water",
+            )
+        },
     }
-)
-"""All classes, in the order of their numbers in COCO (from 1) and YOLO (from 0)."""
+)  # fmt: skip
+"""All classes, in the order of their numbers in COCO (from 1)."""
+
+VEHICLES: Final = tuple(CLASSES)[:6]
+DEFAULT_CLASSES: Final = tuple(CLASSES)[:11]
+"""Road users, lights and signs: what formats hold that do not ask for more."""
 
 NUSCENES_CATEGORIES: Final = tuple(
     sorted(
@@ -57,9 +71,11 @@ def nuscenes_category(row: Mapping[str, Any]) -> str | None:
 
     Ambulances and police cars have their own; a fire engine is a truck.
     """
+    names = CLASSES.get(row["class"])
+    if names is None or names.nuscenes is None:
+        return None
     if row["special_type"] == "emergency":
         for kind in _EMERGENCY:
             if kind in row["blueprint"]:
                 return f"vehicle.emergency.{kind}"
-    names = CLASSES.get(row["class"])
-    return names.nuscenes if names else None
+    return names.nuscenes

@@ -122,7 +122,7 @@ def exporter_for(name: str, options: ExportOptions) -> Exporter:
 
 
 def _flag(option: str) -> str:
-    return {"cameras": "camera"}.get(option, option).replace("_", "-")
+    return {"cameras": "camera", "classes": "class"}.get(option, option).replace("_", "-")
 
 
 @cache

@@ -9,7 +9,7 @@ from typing import Any
 from carstage.dataset import Episode
 from carstage.dataset.frames import Frame, Row
 from carstage.errors import BadInputError
-from carstage.export.classes import CLASSES
+from carstage.export.classes import RIDER
 from carstage.export.options import ExportOptions
 from carstage.geometry import Rectangle
 
@@ -44,13 +44,16 @@ def radar_points(row: Row) -> int:
 def camera_labels(frame: Frame, camera_id: str, options: ExportOptions) -> Iterator[CameraLabel]:
     """The objects of a picture that the options keep, by track id.
 
-    An object without the wanted box (a modal one of which no pixel is seen) is left out.
+    An object without the wanted box (a modal one of which no pixel is seen) is left out. Riders
+    have modal boxes alone.
     """
+    wanted = options.chosen_classes
     for seen in sorted(frame.camera_objects.get(camera_id, ()), key=_track_id):
         row = frame.objects.get(seen["track_id"])
-        if row is None or row["class"] not in CLASSES:
+        if row is None or row["class"] not in wanted:
             continue
-        box = seen["bbox_modal"] if options.boxes == "modal" else seen["bbox_amodal"]
+        modal = options.boxes == "modal" or row["class"] == RIDER
+        box = seen["bbox_modal" if modal else "bbox_amodal"]
         if (
             box is None
             or not (seen["visible"] or options.include_invisible)

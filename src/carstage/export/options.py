@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from typing import Literal, get_args
 
 from carstage.errors import BadInputError
+from carstage.export.classes import CLASSES, DEFAULT_CLASSES
 
 BoxChoice = Literal["amodal", "modal"]
 OcclusionChoice = Literal["stage_vo", "pixel"]
@@ -26,6 +28,7 @@ class ExportOptions:
         include_invisible: whether objects that nothing is seen of are exported too.
         validation_share: share of the episodes that goes to the validation split.
         codec: of videos: lossless or small.
+        classes: names of the classes to export.
     """
 
     cameras: tuple[str, ...] = ()
@@ -37,6 +40,7 @@ class ExportOptions:
     include_invisible: bool = False
     validation_share: float = 0.0
     codec: CodecChoice | None = None
+    classes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name, given, known in (
@@ -46,6 +50,13 @@ class ExportOptions:
         ):
             if given is not None and given not in known:
                 raise BadInputError(f"{name}: {given!r}.", f"Give {' or '.join(known)}.")
+        for name in self.classes:
+            if name not in CLASSES:
+                near = get_close_matches(name, CLASSES, n=1)
+                hint = f"Did you mean {near[0]!r}? " if near else ""
+                raise BadInputError(
+                    f"class: {name!r} is no class.", f"{hint}Known: {', '.join(CLASSES)}."
+                )
         if not 0.0 <= self.validation_share < 1.0:
             raise BadInputError(
                 f"validation-share: {self.validation_share} is no share.",
@@ -57,6 +68,12 @@ class ExportOptions:
             raise BadInputError(
                 f"max-distance-m: {self.max_distance_m} is no distance.", "Give more than 0."
             )
+
+    @property
+    def chosen_classes(self) -> tuple[str, ...]:
+        """The classes to export, in the order of ``CLASSES``."""
+        wanted = self.classes or DEFAULT_CLASSES
+        return tuple(name for name in CLASSES if name in wanted)
 
     def given(self) -> tuple[str, ...]:
         """Names of the options that differ from their defaults."""

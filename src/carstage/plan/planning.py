@@ -117,6 +117,7 @@ def plan_episodes(
                 labels={
                     **config.labels.model_dump(exclude={"cameras"}),
                     "boxes": sorted(set(config.labels.boxes)),
+                    "level_objects": sorted(set(config.labels.level_objects)),
                 },
                 ground_truth=config.ground_truth.model_dump(),
                 max_distance_m=config.max_distance_m,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import mmap
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -73,6 +73,29 @@ class ActorInfo:
     parent: int
     attributes: Mapping[str, str]
     semantic_tags: tuple[int, ...]
+    box_location: NDArray[np.float64]
+    box_extent: NDArray[np.float64]
+    box_rotation_deg: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class LevelObject:
+    """Something that stands in the level without being an actor; its box is in the world.
+
+    Attributes:
+        id: the server's, up to 64 bits; no actor's id and no pixel's.
+        name: the server's.
+        label: semantic label, in the server's numbering.
+        light: id of the traffic light actor whose head it is, 0 for none.
+        box_location: ``(3,)`` float64 centre, m.
+        box_extent: ``(3,)`` float64 half sizes, m.
+        box_rotation_deg: ``(3,)`` float64 pitch, yaw, roll.
+    """
+
+    id: int
+    name: str
+    label: int
+    light: int
     box_location: NDArray[np.float64]
     box_extent: NDArray[np.float64]
     box_rotation_deg: NDArray[np.float64]
@@ -217,6 +240,20 @@ class EpisodeLog:
             up_to_segment: last segment to look into; all sealed ones when ``None``.
         """
         found: dict[int, ActorInfo] = {}
+        for table in self._tables(up_to_segment):
+            found.update((row["id"], _actor_info(row)) for row in table.get("actors", ()))
+        return found
+
+    def level_objects(self, up_to_segment: int | None = None) -> list[LevelObject]:
+        """What the level holds of the kinds that were asked for; logs of old have none.
+
+        Args:
+            up_to_segment: last segment to look into; all sealed ones when ``None``.
+        """
+        tables = self._tables(up_to_segment)
+        return [_level_object(row) for table in tables for row in table.get("level_objects", ())]
+
+    def _tables(self, up_to_segment: int | None) -> Iterator[dict[str, Any]]:
         for index in self.sealed_segments(raw.WORLD):
             if up_to_segment is not None and index > up_to_segment:
                 break
@@ -225,9 +262,7 @@ class EpisodeLog:
             # Tables only: the JSON of the snapshots between them is most of the stream.
             for offset, header in raw.iter_whole_records(data)[0]:
                 if header.kind == raw.KIND_TABLE:
-                    table = _record(path, data, offset, header).meta
-                    found.update((row["id"], _actor_info(row)) for row in table["actors"])
-        return found
+                    yield _record(path, data, offset, header).meta
 
     def ledger(self) -> list[dict[str, Any]]:
         """Ledger rows of all sealed segments, in order.
@@ -374,6 +409,19 @@ def _actor_info(row: Mapping[str, Any]) -> ActorInfo:
         parent=row["parent"],
         attributes=row["attributes"],
         semantic_tags=tuple(row["semantic_tags"]),
+        box_location=np.asarray(box["location"], np.float64),
+        box_extent=np.asarray(box["extent"], np.float64),
+        box_rotation_deg=np.asarray(box["rotation_deg"], np.float64),
+    )
+
+
+def _level_object(row: Mapping[str, Any]) -> LevelObject:
+    box = row["box"]
+    return LevelObject(
+        id=row["id"],
+        name=row["name"],
+        label=row["label"],
+        light=row["light"],
         box_location=np.asarray(box["location"], np.float64),
         box_extent=np.asarray(box["extent"], np.float64),
         box_rotation_deg=np.asarray(box["rotation_deg"], np.float64),

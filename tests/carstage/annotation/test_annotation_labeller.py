@@ -170,7 +170,7 @@ def test_rider_pixels_belong_to_the_two_wheeler() -> None:
     stage.paint_box((12.0, 0.0, -0.4), (0.8, 0.2, 0.35), CAR_ID, tag=19)
     below = one(label({CAR_ID: ((12.0, 0.0, 0.0), LEVEL)}, stage, (bike,)))["visible_px"]
     stage.paint_box((12.0, 0.0, 0.3), (0.3, 0.25, 0.45), CAR_ID, tag=RIDER_TAG)
-    both = one(label({CAR_ID: ((12.0, 0.0, 0.0), LEVEL)}, stage, (bike,)))
+    both, _ = label({CAR_ID: ((12.0, 0.0, 0.0), LEVEL)}, stage, (bike,)).camera_objects
     assert both["visible_px"] > below > 0
     assert both["bbox_modal"][1] < 180.0 - 0.5 * 320 / 12
 

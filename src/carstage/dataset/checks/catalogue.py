@@ -38,6 +38,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
     "Labels against the data": {
         "hull": "the pixels of an object lie inside the projection of its box",
         "bbox_amodal": "the amodal 2D box is the projection of the 3D box",
+        "level_boxes": "the boxes of parked vehicles, lights and signs show them",
         "mask": "masks have the pixels, bounds and ids that they should have",
         "lidar_counts": "boxes hold as many LiDAR points as their labels say",
         "lidar_depth": "LiDAR and depth images see the same surfaces",

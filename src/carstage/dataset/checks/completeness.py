@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
 
 from carstage.dataset.checks.findings import Findings, Severity
 from carstage.dataset.checks.labels import LabelledBox
@@ -16,13 +18,15 @@ from carstage.dataset.reading import SensorCalibration
 from carstage.geometry import clip_polygon_to_image, polygon_area
 
 MIN_AREA_PX = 1.0
+_RIDER = pa.array(["rider"])
 DISTANCE_MARGIN_M = 0.01
 
 
 def check_gaps(objects: pa.Table, frames: int, *, ego_labelled: bool, findings: Findings) -> None:
     """Check that no track has a gap, and the ego's none at all (check ``label_gaps``).
 
-    A server uses an actor's id once in an episode: who is gone does not come back.
+    A server uses an actor's id once in an episode: who is gone does not come back. Level
+    objects do, when the ego comes near again; riders have rows where a camera sees them.
 
     Args:
         objects: ``objects.parquet``.
@@ -35,8 +39,10 @@ def check_gaps(objects: pa.Table, frames: int, *, ego_labelled: bool, findings: 
     ks: list[Any] = objects["k"].to_pylist()
     tracks: list[Any] = objects["track_id"].to_pylist()
     is_ego: list[Any] = objects["is_ego"].to_pylist()
-    for k, track, ego in zip(ks, tracks, is_ego, strict=True):
-        ks_of[track].add(k)
+    comes_back: list[Any] = may_come_back(objects).tolist()
+    for k, track, ego, returns in zip(ks, tracks, is_ego, comes_back, strict=True):
+        if not returns:
+            ks_of[track].add(k)
         if ego:
             egos.add(k)
     for track, present in sorted(ks_of.items()):
@@ -53,6 +59,12 @@ def check_gaps(objects: pa.Table, frames: int, *, ego_labelled: bool, findings: 
             "label_gaps", f"the ego has no row in {len(absent)} of {frames} frames",
             frame=min(absent),
         )  # fmt: skip
+
+
+def may_come_back(objects: pa.Table) -> NDArray[np.bool_]:
+    """``(N,)`` which rows are of level objects and riders."""
+    static = objects["is_static"].to_numpy()
+    return np.asarray(static | pc.is_in(objects["class"], value_set=_RIDER).to_numpy())
 
 
 def check_missing_rows(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.dataset.checks.completeness import check_gaps, check_missing_rows
+from carstage.dataset.checks.completeness import check_gaps, check_missing_rows, may_come_back
 from carstage.dataset.checks.edges import (
     EdgeFigures,
     FrameFit,
@@ -36,6 +36,7 @@ from carstage.dataset.checks.ledger import (
     check_row_sensors,
     declares_waiting,
 )
+from carstage.dataset.checks.level import check_level_boxes
 from carstage.dataset.checks.motion import MotionFigures, check_motion, compare_motion
 from carstage.dataset.checks.pictures import PictureFigures, check_exposure, check_repeats
 from carstage.dataset.checks.population import Population, check_episode_population
@@ -182,12 +183,17 @@ class EpisodeChecks:
             findings=self._findings,
         )
         for name, table, location in (
-            ("objects.parquet", tables.objects, "actor_location"),
+            (
+                "objects.parquet",
+                tables.objects.filter(~may_come_back(tables.objects)),
+                "actor_location",
+            ),
             ("ego.parquet", tables.ego, "location"),
         ):
             found = compare_motion(table, location)
             check_motion(name, found, self._findings)
             self._figures.motion.add(found)
+        check_level_boxes(tables, self._findings)
         check_episode_population(self._episode, tables, self._figures.population, self._findings)
 
     def _check_frame(self, k: int, rows: Rows, boxes: list[LabelledBox], data: Data) -> None:
@@ -323,6 +329,7 @@ class EpisodeChecks:
             follows = self._flow_frames.get(sensor.id) == k - 1  # it looks back to its last image
             self._flow_frames[sensor.id] = k
             poses = self._poses.get(sensor.id, {})
+            moving = [box for box in boxes if not box.is_static]
             depth = self._twin(sensor, "depth", data)
             if not follows or depth is None or not {k - 1, k} <= set(poses):
                 continue
@@ -332,7 +339,7 @@ class EpisodeChecks:
                     data[depth.id],
                     sensor.calibration_at(k),
                     invert_pose(poses[k - 1]) @ poses[k],
-                    boxes,
+                    moving,
                 )
             )
 

@@ -55,15 +55,15 @@ _KEYS = {
 }
 _BOX_COLUMNS = (
     "k", "track_id", "box_center", "box_rotation_deg", "box_extent", "box_center_ego",
-    "box_rotation_ego_deg", "semantic_tags", "num_lidar_points", "is_ego",
+    "box_rotation_ego_deg", "semantic_tags", "num_lidar_points", "is_ego", "is_static",
 )  # fmt: skip
 _CAMERA_COLUMNS = (
     "k", "sensor_id", "track_id", "bbox_amodal", "bbox_modal", "mask_modal", "visible_px",
-    "pinhole", "instance_ambiguous",
+    "pinhole", "instance_ambiguous", "front_px", "hull_px",
 )  # fmt: skip
 _EGO_COLUMNS = ("k", "location", "rotation_deg")
 _COLUMNS: dict[str, tuple[str, ...]] = {
-    "objects": (*_BOX_COLUMNS, "class", "is_static", "actor_location", "velocity"),
+    "objects": (*_BOX_COLUMNS, "class", "actor_location", "velocity"),
     "camera_objects": (*_CAMERA_COLUMNS, "visible"),
     "ego": (*_EGO_COLUMNS, "velocity"),
 }
@@ -107,6 +107,7 @@ class LabelledBox:
         tags: the actor's semantic tags.
         lidar_points: labelled number of points by LiDAR.
         is_ego: whether it is the vehicle that carries the sensors.
+        is_static: whether it is part of the level, so that no pixel tells its id.
     """
 
     track_id: int
@@ -115,6 +116,7 @@ class LabelledBox:
     tags: frozenset[int]
     lidar_points: dict[str, int]
     is_ego: bool
+    is_static: bool = False
 
 
 def check_labels(
@@ -160,7 +162,8 @@ def check_labels(
                 frame=k,
                 sensor=sensor,
             )
-    counts = [pc.cast(tables.camera_objects[f"n_{c}"], pa.int32())
+    boxed = tables.camera_objects.filter(pc.is_valid(tables.camera_objects["n_visible"]))
+    counts = [pc.cast(boxed[f"n_{c}"], pa.int32())
               for c in ("visible", "occluded", "outside", "behind")]  # fmt: skip
     total = np.sum([count.to_numpy() for count in counts], axis=0)
     if len(total) and not (total == 8).all():
@@ -219,6 +222,7 @@ def labelled_boxes(tables: LabelTables, findings: Findings) -> dict[int, list[La
                 tags=frozenset(row["semantic_tags"]),
                 lidar_points=dict(row["num_lidar_points"]),
                 is_ego=row["is_ego"],
+                is_static=row["is_static"],
             )
         )
     return boxes

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pyarrow.compute as pc
 
+from carstage.dataset.checks.completeness import may_come_back
 from carstage.dataset.checks.findings import Findings
 from carstage.dataset.checks.labels import LabelTables
 from carstage.dataset.reading import Episode
@@ -76,11 +78,13 @@ def check_episode_population(
         population.wanted[group] += bool(asked and spec["ground_truth"][group] and cameras)
         if spawned < MIN_SPAWNED_SHARE * asked:
             _warn(findings, "population", f"{spawned} of {asked} {group} could be placed")
-    tracks: list[Any] = tables.objects["track_id"].to_pylist()
-    names: list[Any] = tables.objects["class"].to_pylist()
+    actors = tables.objects.filter(~may_come_back(tables.objects))
+    tracks: list[Any] = actors["track_id"].to_pylist()
+    names: list[Any] = actors["class"].to_pylist()
     classes: dict[int, str] = dict(zip(tracks, names, strict=True))
     table = tables.camera_objects
-    visible = table.filter(table["visible"])
+    chosen = pc.is_in(table["track_id"], value_set=actors["track_id"].combine_chunks())
+    visible = table.filter(pc.and_(table["visible"], chosen))
     seen: list[Any] = visible["track_id"].to_pylist()
     for track in seen:
         walks = classes.get(track, "").startswith("walker")
@@ -100,17 +104,17 @@ def _check_traffic(
     episode: Episode, tables: LabelTables, population: Population, findings: Findings
 ) -> None:
     seconds = episode.frames * int(episode.spec["save_every"]) / float(episode.spec["fps"])
-    objects = tables.objects
-    columns = (objects[name].to_pylist() for name in ("track_id", "class", "is_ego", "is_static"))
+    objects = tables.objects.filter(~may_come_back(tables.objects))
+    columns = (objects[name].to_pylist() for name in ("track_id", "class", "is_ego"))
     places = np.array(objects["actor_location"].to_pylist(), np.float64).reshape(-1, 3)
     first: dict[int, Any] = {}
     moved: dict[int, bool] = {}
     ego_moved = False
-    for track, kind, is_ego, is_static, place in zip(*columns, places, strict=True):
+    for track, kind, is_ego, place in zip(*columns, places, strict=True):
         far = bool(np.abs(place - first.setdefault(track, place)).max() > MOVED_M)
         if is_ego:
             ego_moved |= far
-        elif not is_static and not kind.startswith("walker"):
+        elif not kind.startswith("walker"):
             moved[track] = moved.get(track, False) or far
     if seconds >= MIN_DURATION_S and len(moved) >= MIN_VEHICLES and not any(moved.values()):
         _warn(

@@ -88,7 +88,8 @@ def check_silhouettes(
     For every object with visible pixels, all pixels of its instance id (the low 16 bits of the
     actor id, with a tag that the actor has) must have their centres inside the projected hull of
     its box, grown by 2 px (check ``hull``). The pixels come from the instance image with the
-    camera's pose, if the rig has one and no other actor shares the bits, else from ``mask_modal``.
+    camera's pose, if the rig has one and no other actor shares the bits, else from ``mask_modal``,
+    as those of level objects do.
     Further, ``bbox_amodal`` must be the bounds of the hull in the image (``bbox_amodal``), the mask
     must have ``visible_px`` pixels, the bounds ``bbox_modal`` and, with an instance image, only
     pixels of that id (``mask``).
@@ -117,12 +118,17 @@ def check_silhouettes(
         mask = _mask(camera, name, row, findings, where)
         if not row["visible_px"]:
             continue
-        # Where two actors share the bits of an id, the image cannot tell whose pixels they are.
-        own = mask if instance is None or row["instance_ambiguous"] else _own_pixels(instance, box)
+        # Where two actors share the bits of an id, the image cannot tell whose pixels they are,
+        # and it never does of level objects.
+        if instance is None or row["instance_ambiguous"] or box.is_static:
+            own = mask
+        else:
+            own = _own_pixels(instance, box)
+            if mask is not None and (mask & ~own).any():
+                message = f"{name}: its mask has pixels of another instance id"
+                findings.add("mask", message, **where)
         if own is None:
             continue
-        if instance is not None and mask is not None and (mask & ~own).any():
-            findings.add("mask", f"{name}: its mask has pixels of another instance id", **where)
         v, u = np.nonzero(own)
         beyond = distance_outside(hull, np.column_stack([u + 0.5, v + 0.5]))
         outside = int((beyond > HULL_MARGIN_PX).sum())

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from carstage.dataset.checks.completeness import may_come_back
 from carstage.dataset.codecs.semantic_points import points_xyz
 from carstage.dataset.reading import Episode
 from carstage.dataset.report import html
@@ -129,7 +130,9 @@ def _map_picture(episodes: Sequence[Episode]) -> Image.Image:
 
 def _tracks(episode: Episode) -> list[tuple[str, bool, NDArray[np.float64]]]:
     """Class, whether it is the ego, and path ``(N, 2)`` of everybody."""
-    table = episode.objects().select(["k", "track_id", "class", "is_ego", "actor_location"])
+    objects = episode.objects()
+    moving = objects.filter(~may_come_back(objects))
+    table = moving.select(["k", "track_id", "class", "is_ego", "actor_location"])
     paths: dict[int, list[tuple[int, float, float]]] = defaultdict(list)
     facts: dict[int, tuple[str, bool]] = {}
     for row in table.to_pylist():
@@ -242,7 +245,8 @@ def _add_positions(episode: Episode, places: Points, boxes: Points) -> None:
     cameras = episode.calibration.sensors
     columns = ["k", "track_id", "class", "box_center_ego"]
     objects: dict[tuple[int, int], tuple[str, Any]] = {}
-    for row in episode.objects().select(columns).to_pylist():
+    table = episode.objects()
+    for row in table.filter(~may_come_back(table)).select(columns).to_pylist():
         group = "pedestrians" if row["class"].startswith("walker") else "vehicles"
         objects[row["k"], row["track_id"]] = group, row["box_center_ego"]
     table = episode.camera_objects()

@@ -35,6 +35,9 @@ CLASS_COLOURS: dict[str, RgbColour] = {
     "walker_adult": (255, 82, 82),
     "walker_child": (255, 196, 61),
     "walker_wheelchair": (236, 112, 99),
+    "rider": (255, 140, 200),
+    "traffic_light": (250, 210, 40),
+    "traffic_sign": (200, 240, 120),
 }
 OTHER_COLOUR: RgbColour = (200, 200, 200)
 _FORWARD_FACE = (4, 5, 7, 6)  # corners with positive x, around the face

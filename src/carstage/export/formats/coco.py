@@ -13,7 +13,7 @@ from PIL import Image
 
 from carstage.dataset import Episode, SensorCalibration
 from carstage.dataset.frames import Frame
-from carstage.export.classes import CLASSES
+from carstage.export.classes import CLASSES, RIDER, VEHICLES
 from carstage.export.exporter import Exporter, register
 from carstage.export.formats.panoptic import panoptic_categories, panoptic_segments
 from carstage.export.formats.pictures import copy_picture
@@ -102,7 +102,8 @@ class Coco(Exporter):
     summary: ClassVar = "COCO: instances with boxes and masks; panoptic segments."
     uses: ClassVar = frozenset(
         {
-            "cameras", "boxes", "min_lidar_points", "max_distance_m", "include_invisible",
+            "cameras", "boxes", "classes", "min_lidar_points", "max_distance_m",
+            "include_invisible",
             "validation_share",
         }
     )  # fmt: skip
@@ -162,6 +163,7 @@ class Coco(Exporter):
         categories = [
             {"id": number, "name": name, "supercategory": _supercategory(name)}
             for name, number in CATEGORIES.items()
+            if name in self.options.chosen_classes
         ]
         for split in SPLITS:
             self._join("instances", split, "images", "annotations", categories)
@@ -191,6 +193,8 @@ class Coco(Exporter):
 
 
 def _supercategory(name: str) -> str:
-    if name.startswith("walker"):
+    if name.startswith("walker") or name == RIDER:
         return "person"
-    return "traffic" if name.startswith("traffic") else "vehicle"
+    if name.startswith("traffic"):
+        return "traffic"
+    return "vehicle" if name in VEHICLES else "level"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -12,6 +12,7 @@ from carstage import __version__
 from carstage.dataset import Episode
 from carstage.dataset.frames import Frame
 from carstage.errors import BadInputError
+from carstage.export.classes import CLASSES
 from carstage.export.exporter import Exporter, register
 from carstage.export.options import ExportOptions
 
@@ -41,7 +42,12 @@ class McapFiles(Exporter):
 
     name: ClassVar = "mcap"
     summary: ClassVar = "MCAP with Foxglove schemas, a file per episode (extra `mcap`)."
-    uses: ClassVar = frozenset({"boxes", "min_lidar_points", "max_distance_m", "include_invisible"})
+    uses: ClassVar = frozenset(
+        {"boxes", "classes", "min_lidar_points", "max_distance_m", "include_invisible"}
+    )
+
+    def __init__(self, options: ExportOptions) -> None:
+        super().__init__(replace(options, classes=options.classes or tuple(CLASSES)))
 
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
         """Ask for the packages; every rig will do.

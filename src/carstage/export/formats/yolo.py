@@ -9,7 +9,6 @@ from typing import IO, ClassVar
 
 from carstage.dataset import Episode
 from carstage.dataset.frames import Frame
-from carstage.export.classes import CLASSES
 from carstage.export.exporter import Exporter, register
 from carstage.export.formats.pictures import copy_picture
 from carstage.export.labels import camera_labels, require_labels
@@ -18,7 +17,10 @@ from carstage.export.rigs import colour_cameras
 from carstage.export.splits import SPLITS, Split, split_episodes
 from carstage.geometry import yolo_rectangle
 
-CLASS_NUMBERS = {name: number for number, name in enumerate(CLASSES)}
+
+def class_numbers(options: ExportOptions) -> dict[str, int]:
+    """The number of each class that is exported, from 0 without a gap."""
+    return {name: number for number, name in enumerate(options.chosen_classes)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +40,12 @@ class YoloWriter:
             name = f"{frame.episode.id}_{camera_id}_{frame.k:06d}"
             picture = copy_picture(frame, camera_id, folder / "images" / self.split / name)
             camera = frame.episode.sensor(camera_id).calibration
+            numbers_of = class_numbers(self.options)
             lines = []
             for label in camera_labels(frame, camera_id, self.options):
                 box = yolo_rectangle(label.box, camera.width, camera.height)
                 numbers = " ".join(f"{value:.6f}" for value in box)
-                lines.append(f"{CLASS_NUMBERS[label.name]} {numbers}\n")
+                lines.append(f"{numbers_of[label.name]} {numbers}\n")
             path = folder / "labels" / self.split / f"{name}.txt"
             path.write_text("".join(lines), "ascii")
             written.append(picture.relative_to(folder).as_posix())
@@ -57,7 +60,8 @@ class Yolo(Exporter):
     summary: ClassVar = "YOLO 2D boxes: images, labels, Darknet's obj.data, Ultralytics' data.yaml."
     uses: ClassVar = frozenset(
         {
-            "cameras", "boxes", "min_lidar_points", "max_distance_m", "include_invisible",
+            "cameras", "boxes", "classes", "min_lidar_points", "max_distance_m",
+            "include_invisible",
             "validation_share",
         }
     )  # fmt: skip
@@ -93,12 +97,13 @@ class Yolo(Exporter):
     def finish(self) -> None:
         """Write the names of the classes."""
         self.close()
-        (self._folder / "obj.names").write_text("".join(f"{name}\n" for name in CLASSES))
+        numbers = class_numbers(self.options)
+        (self._folder / "obj.names").write_text("".join(f"{name}\n" for name in numbers))
         (self._folder / "obj.data").write_text(
-            f"classes = {len(CLASSES)}\ntrain = train.txt\nvalid = val.txt\n"
+            f"classes = {len(numbers)}\ntrain = train.txt\nvalid = val.txt\n"
             "names = obj.names\nbackup = backup\n"
         )
-        names = "".join(f"  {number}: {name}\n" for name, number in CLASS_NUMBERS.items())
+        names = "".join(f"  {number}: {name}\n" for name, number in numbers.items())
         # Ultralytics wants a folder for val; without validation episodes it is the training one.
         val = "val" if "val" in self._splits.values() else "train"
         (self._folder / "data.yaml").write_text(

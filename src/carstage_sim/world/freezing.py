@@ -138,7 +138,8 @@ def _vehicle_columns(world: World) -> VehicleColumns:
     rows = table.rows_of_kind(ActorKind.VEHICLE)
     light = _governing_lights(world)
     ids = np.array([*world.light_ids, 0], np.uint32)  # index -1 finds the last: no light
-    states = np.array([*world.lights.state, TrafficLightState.GREEN], np.uint8)
+    states = np.array([*world.lights.state, TrafficLightState.GREEN], np.uint8)[light]
+    states[_told_to_wait(world, light)] = TrafficLightState.RED
     return VehicleColumns(
         rows=rows,
         control=fleet.control.copy(),
@@ -148,8 +149,14 @@ def _vehicle_columns(world: World) -> VehicleColumns:
         gear=np.where(fleet.manual, fleet.manual_gear, fleet.gear).astype(np.int32),
         speed_limit_kmh=world.lanes.speed_limit_kmh(table.location[rows]),
         light_id=ids[light],
-        light_state=states[light],
+        light_state=states,
     )
+
+
+def _told_to_wait(world: World, light: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Who has to let others pass at a junction without lights."""
+    told = np.isin(world.fleet.ids, world.arm_turns.told_to_wait)
+    return np.asarray(told & (light < 0))
 
 
 def _governing_lights(world: World) -> NDArray[np.int32]:

@@ -10,6 +10,8 @@ import math
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 
+import numpy as np
+
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.street_lamps import street_lamps
 from carstage_sim.maps.town import Town
@@ -18,6 +20,7 @@ from carstage_sim.world.actors import Actor, ActorTable, VehicleStatus
 from carstage_sim.world.appearance import AppearanceKeeper
 from carstage_sim.world.approaches import Approaches
 from carstage_sim.world.arm_probe import ArmProbe
+from carstage_sim.world.arm_turns import ArmTurns
 from carstage_sim.world.attachments import Attachments
 from carstage_sim.world.blueprints import Blueprint, catalogue
 from carstage_sim.world.controls import (
@@ -79,6 +82,7 @@ class World:
         actors: the live actors.
         fleet: dynamics of the vehicles.
         lights: signal control.
+        arm_turns: who enters junctions without lights.
         street_lights: lamps that clients and dusk switch.
         objects: what clients changed about the town's own objects.
         debug_drawing: what clients drew into the world.
@@ -117,6 +121,8 @@ class World:
         self._approaches: Approaches = (
             neighbour._approaches if neighbour else Approaches(town.traffic_lights, town.lanes)
         )
+        lit = {site.junction_id for site in town.traffic_lights}
+        self.arm_turns = ArmTurns(town.lanes, lit)
         self.terrain: Terrain = neighbour.terrain if neighbour else terrain_of(town)
         self._mechanics = Mechanics(self.terrain, self.actors, self.objects)
         self.fleet: VehicleFleet = self._mechanics.fleet
@@ -521,11 +527,25 @@ class World:
             self.destroy(actor_id)
         self._bury()
         self._follow()
-        queues = self._approaches.queues(self.lanes.nearest(self.fleet.location))
-        self.lights.step(delta_s, queues)
+        self._control_traffic(delta_s)
         self.debug_drawing.step(self.elapsed_s)
         self.street_lights.step()
         return self.freeze(delta_s)
+
+    def _control_traffic(self, delta_s: float) -> None:
+        """Let lights and turns follow who is on the lanes; who is parked beside them is not."""
+        fleet = self.fleet
+        samples = self.lanes.nearest(fleet.location)
+        on_lane = np.flatnonzero(self.lanes.is_on_lane(fleet.location, samples))
+        self.lights.step(delta_s, self._approaches.queues(samples[on_lane]))
+        _, half_size, _ = fleet.footprints()
+        self.arm_turns.step(
+            delta_s,
+            fleet.ids[on_lane],
+            samples[on_lane],
+            fleet.speed[on_lane],
+            half_size[on_lane, 0],
+        )
 
     def _follow(self) -> None:
         if self._attachments is None:

@@ -243,6 +243,34 @@ def test_vehicle_in_a_trigger_has_the_light_and_outside_has_none(
     assert columns.light_state.tolist() == [TrafficLightState.GREEN]
 
 
+@pytest.mark.parametrize(("beside_lane_m", "is_queued"), [(-1.0, True), (1.6, False)])
+def test_who_is_parked_beside_the_lane_does_not_keep_a_light_green(
+    world: World, stage01: Town, beside_lane_m: float, is_queued: bool
+) -> None:
+    green = np.flatnonzero(world.lights.state == TrafficLightState.GREEN).tolist()
+    light = next(light for light in green if len(stage01.traffic_lights[light].trigger) == 1)
+    box = stage01.traffic_lights[light].trigger[0]
+    yaw = np.radians(box.rotation_deg[1] - 90.0)
+    lane = world.lanes.nearest(np.array([box.center]))[0]
+    aside_m = stage01.lanes.width_m[lane] / 2.0 + beside_lane_m
+    x = box.center[0] - 8.0 * np.cos(yaw) - aside_m * np.sin(yaw)
+    y = box.center[1] - 8.0 * np.sin(yaw) + aside_m * np.cos(yaw)
+    car = world.spawn(CAR, {}, Pose((x, y, 0.2), (0.0, box.rotation_deg[1] - 90.0, 0.0)))
+    world.set_simulate_physics(car.actor_id, False)
+    for _ in range(24):  # longer than the fixed cycle's green
+        world.tick(0.5)
+    assert (world.lights.state[light] == TrafficLightState.GREEN) == is_queued
+
+
+def test_who_is_told_to_let_others_pass_sees_red_and_no_light(world: World, stage01: Town) -> None:
+    cars = [world.spawn(CAR, {}, place(stage01, index)) for index in (0, 20)]
+    ticks(world, 1)
+    world.arm_turns.told_to_wait = np.array([cars[1].actor_id], np.uint32)
+    columns = world.freeze(DELTA_S).vehicles
+    assert columns.light_id.tolist() == [0, 0]
+    assert columns.light_state.tolist() == [TrafficLightState.GREEN, TrafficLightState.RED]
+
+
 def test_speed_limit_is_that_of_the_nearest_lane(world: World, stage01: Town) -> None:
     for index in (0, 20, 40, 60):
         world.spawn(CAR, {}, place(stage01, index))

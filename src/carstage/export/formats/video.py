@@ -35,11 +35,14 @@ class _Coding(NamedTuple):
 
 _CODINGS: dict[CodecChoice, _Coding] = {
     # Every frame can be decoded by itself, and has a checksum.
-    "ffv1": _Coding("ffv1", ".mkv", "bgr0", {"level": "3", "g": "1", "slicecrc": "1"}),
-    "h264": _Coding("libx264", ".mp4", "yuv420p", {"crf": "18", "preset": "medium"}),
+    "ffv1": _Coding(
+        "ffv1", ".mkv", "bgr0", {"level": "3", "g": "1", "slicecrc": "1", "threads": "2"}
+    ),
+    # One thread: with two, equal pictures have once given other bytes, on a busy machine.
+    "h264": _Coding(
+        "libx264", ".mp4", "yuv420p", {"crf": "18", "preset": "medium", "threads": "1"}
+    ),
 }
-_THREADS = 2
-"""Of each encoder; fixed, because x264 divides its work, and so its bytes, by their number."""
 _FEWEST_PER_S = 1000
 """Denominator up to which a frame rate is taken for a ratio of whole numbers."""
 
@@ -69,7 +72,7 @@ class _Clip:
         stream = cast("VideoStream", self._container.add_stream(coding.encoder, rate=fps))
         stream.width, stream.height, stream.pix_fmt = width, height, coding.pixels
         stream.time_base = stream.codec_context.time_base = self._time_base
-        stream.options = {**coding.options, "flags": "+bitexact", "threads": str(_THREADS)}
+        stream.options = {**coding.options, "flags": "+bitexact"}
         self._stream = stream
 
     def add(self, k: int, picture: NDArray[np.uint8]) -> None:

@@ -137,6 +137,8 @@ class ArmTurns:
             speed: ``(N,)`` m/s.
             half_length: ``(N,)`` metres.
         """
+        if not self._turns:
+            return
         arm, on = self._arm_of_sample[samples], self._turns_of_sample[samples]
         reach_m = np.maximum(SOON_S * np.abs(speed), NEAR_M)
         rows = np.flatnonzero((arm >= 0) & (self._before_m[samples] < reach_m))

@@ -8,8 +8,8 @@ Unlike CARLA's, the signals are actuated, as most in real cities are: a green la
 is gone or small against another one, and the longest queue is next, but nobody waits for ever (the
 idea of max pressure control: Varaiya, "Max pressure control of a network of signalized
 intersections", 2013); the clearing time ends when nobody is left on the junction. ``green_s`` and
-``red_s`` then have no say. While nobody is about, or once a client has set
-a light of the junction, the cycle is CARLA's.
+``red_s`` then have no say. While nobody is about, or once a client has set a light of the junction,
+the cycle is CARLA's.
 """
 
 from __future__ import annotations

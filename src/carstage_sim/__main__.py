@@ -14,6 +14,7 @@ from contextlib import ExitStack
 from carstage_sim.cache import prune
 from carstage_sim.cli import Options, parse_bake, parse_options
 from carstage_sim.description import describe
+from carstage_sim.jit import do_without_scipy
 from carstage_sim.maps import MapCatalogue, MapFileError, MapSamplingError, UnknownTownError
 from carstage_sim.prebake import prebake
 from carstage_sim.server import Server
@@ -76,6 +77,7 @@ def _serve(options: Options, maps: MapCatalogue) -> None:
         rpc_socket = resources.enter_context(bind(options.host, options.port))
         streaming_socket = resources.enter_context(bind(options.host, options.streaming_port))
         spoken = dialect(options.protocol)
+        do_without_scipy()
         simulation = resources.enter_context(
             Simulation(
                 options.map_name,
@@ -83,6 +85,7 @@ def _serve(options: Options, maps: MapCatalogue) -> None:
                 threads=options.threads,
                 loop=options.loop,
                 projection=spoken.projection,
+                quality=options.quality,
             )
         )
         simulation.warm_up()

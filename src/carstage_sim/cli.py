@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from carstage_sim.render.quality import Quality
 from carstage_sim.wire.dialect import DIALECTS
 
 _WITHOUT_EFFECT = (
@@ -25,7 +26,7 @@ _WITHOUT_EFFECT = (
     "-stdout",
     "-FullStdOutLogOutput",
 )
-_WITHOUT_EFFECT_VALUED = ("-quality-level", "-ResX", "-ResY", "-carla-secondary-port")
+_WITHOUT_EFFECT_VALUED = ("-ResX", "-ResY", "-carla-secondary-port")
 _MOST_FRAMES_PER_S = 1000.0
 _HIGHEST_PORT = 65535
 
@@ -41,6 +42,7 @@ class Options:
         aliases: names that stand for maps.
         threads: threads of the numeric kernels, None for all cores.
         loop: frames that each sensor renders before it repeats them, None for no repetition.
+        quality: of colour pictures.
         frames_per_s: pace of the free run in asynchronous mode.
         exit_with_parent: end when the process that started this one is gone.
         parent_pid: id of that process; None: the parent that the server finds itself with.
@@ -55,6 +57,7 @@ class Options:
     aliases: dict[str, str]
     threads: int | None
     loop: int | None
+    quality: Quality
     protocol: str
     frames_per_s: float
     exit_with_parent: bool
@@ -78,8 +81,8 @@ def _parser() -> _Parser:
     parser = _Parser(
         prog="python -m carstage_sim",
         description="The embedded simulator: a headless server that the carla client drives.",
-        epilog="Options of CARLA's start script are understood; those about windows, sound and "
-        "quality have no effect. `bake TOWN...` computes maps ahead: see `bake --help`.",
+        epilog="Options of CARLA's start script are understood; those about windows and sound "
+        "have no effect. `bake TOWN...` computes maps ahead: see `bake --help`.",
         allow_abbrev=False,
     )
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on")
@@ -113,6 +116,13 @@ def _parser() -> _Parser:
         type=_count,
         metavar="N",
         help="each sensor renders N frames once and then sends them in turn, at any pace",
+    )
+    parser.add_argument(
+        "--quality",
+        "-quality-level",
+        type=_quality,
+        default=Quality.LOW,
+        help="of colour pictures: low, or epic, which costs up to 2.5 times as much (default: low)",
     )
     parser.add_argument("--protocol", default="0.9.16", choices=tuple(DIALECTS))
     parser.add_argument(
@@ -228,6 +238,7 @@ def parse_options(argv: Sequence[str] | None) -> Options:
         aliases=dict(namespace.aliases),
         threads=namespace.threads,
         loop=namespace.loop,
+        quality=namespace.quality,
         protocol=namespace.protocol,
         frames_per_s=namespace.frames_per_s,
         exit_with_parent=namespace.exit_with_parent is not None,
@@ -249,6 +260,14 @@ def _alias(text: str) -> tuple[str, str]:
     if not (separator and name and target):
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=MAP")
     return name, target
+
+
+def _quality(text: str) -> Quality:
+    try:
+        return Quality(text.lower())
+    except ValueError:
+        names = " or ".join(quality.value for quality in Quality)
+        raise argparse.ArgumentTypeError(f"{text!r} is not {names}") from None
 
 
 def _count(text: str) -> int:

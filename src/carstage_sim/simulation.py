@@ -14,6 +14,7 @@ from types import TracebackType
 
 from carstage_sim.maps import BackgroundBakes, Bake, MapCatalogue, Town
 from carstage_sim.recording import RecorderDeck
+from carstage_sim.render.quality import Quality
 from carstage_sim.sensors import SensorAttributeError, SensorSuite
 from carstage_sim.sensors.frames import SensorFrame, SensorRequest
 from carstage_sim.sensors.projection import GeoProjection
@@ -52,6 +53,7 @@ class Simulation:
         threads: threads of the numeric kernels, None for all cores.
         loop: how many times each sensor measures until it repeats itself, None for ever.
         projection: of GNSS sensors, which differs between CARLA's versions.
+        quality: of colour pictures.
 
     Attributes:
         world: the current episode.
@@ -73,6 +75,7 @@ class Simulation:
         threads: int | None = None,
         loop: int | None = None,
         projection: GeoProjection = GeoProjection.TRANSVERSE_MERCATOR,
+        quality: Quality = Quality.LOW,
     ) -> None:
         self.settings = EpisodeSettings()
         self.imu_gravity = _STANDARD_GRAVITY
@@ -82,6 +85,7 @@ class Simulation:
         self._threads = threads
         self._loop = loop
         self._projection = projection
+        self._quality = quality
         self._watched_before = False
         self._stepped_at_s = time.monotonic()
         self._source = self.maps.source(town_name)
@@ -152,7 +156,7 @@ class Simulation:
         logger.info("episode %d on %s", self.world.episode_id, self._town.name)
 
     def _new_suite(self, town: Town) -> SensorSuite:
-        return SensorSuite(town, threads=self._threads, loop=self._loop)
+        return SensorSuite(town, threads=self._threads, loop=self._loop, quality=self._quality)
 
     def _new_world(self, town: Town, episode_id: int, before: World | None) -> World:
         return World(town, episode_id, previous=before, before_spawn=self._before_spawn)

@@ -12,6 +12,7 @@ from carstage_sim.check.client_process import TrialError
 from carstage_sim.check.determinism import check_determinism
 from carstage_sim.check.fuzz import add_fuzz
 from carstage_sim.check.memory import add_memory
+from carstage_sim.check.render import add_render
 from carstage_sim.check.server_process import ServerError
 from carstage_sim.check.streaming import add_streaming
 from carstage_sim.check.traffic import check_traffic, judge_saved
@@ -69,7 +70,7 @@ def _parser() -> argparse.ArgumentParser:
     for check in (traffic, walkers):
         check.add_argument("--towns", nargs="+", metavar="TOWN", help="these and no others")
         check.add_argument("--maps", type=Path, help="folder with OpenDRIVE files of CARLA's towns")
-    for add in (add_budget, add_fuzz, add_streaming, add_memory):
+    for add in (add_budget, add_fuzz, add_streaming, add_memory, add_render):
         add(checks)
     for check in (traffic, determinism, walkers):
         check.add_argument("--fps", type=int, default=20)
@@ -151,7 +152,9 @@ _CHECKS: dict[str, Callable[[argparse.Namespace], Verdict | Campaign]] = {
     ),
     "api": _api,
     "walkers": _walkers,
-    **dict.fromkeys(("fuzz", "streaming", "memory"), lambda arguments: arguments.run(arguments)),
+    **dict.fromkeys(
+        ("fuzz", "streaming", "memory", "render"), lambda arguments: arguments.run(arguments)
+    ),
 }
 
 

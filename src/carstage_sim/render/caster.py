@@ -48,6 +48,8 @@ class RayCaster:
         if threads is not None and threads < 1:
             raise ValueError(f"threads must be at least 1, not {threads}")
         self.threads = threads or len(os.sched_getaffinity(0))
+        self.ray_count = 0
+        """Rays cast so far; those that shading sends to the sun and the sky are not counted."""
         self._pool = (
             ThreadPoolExecutor(self.threads, thread_name_prefix="rays")
             if self.threads > 1
@@ -90,6 +92,7 @@ class RayCaster:
             skip_row: instance row that rays pass through, -1 for none.
         """
         count = len(directions)
+        self.ray_count += count
         start = np.ascontiguousarray(origin, np.float32)
         origins = start.reshape(-1, 3)
         hits = Hits(

@@ -189,9 +189,11 @@ def pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[no
     if kind == LEAVES:
         tree = hash_unit(owner, 3, 5)
         leaf = hash_unit(number >> 1, 7, 9)
-        value = (
-            np.float32(0.70) + np.float32(0.55) * leaf + np.float32(0.2) * (tree - np.float32(0.5))
-        )
+        # Leaflets of a hand's size with dark gaps between them; blurred to their mean from afar.
+        bunch = np.float32(0.55) * faded(s + x, t + y, np.float32(0.11), pixel, 14)
+        bunch += np.float32(0.30) * faded(s - y, t + x, np.float32(0.05), pixel, 15)
+        value = np.float32(0.72) + np.float32(0.45) * leaf + np.float32(0.2) * (tree - _HALF)
+        value *= max(_ONE + bunch, np.float32(0.3))
         return (
             value * (np.float32(0.75) + np.float32(0.65) * tree * leaf),
             value,

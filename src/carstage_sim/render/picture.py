@@ -1,8 +1,8 @@
-"""Colour pictures from a camera's hits: shading, edges sampled again, 8-bit sRGB."""
+"""Colour pictures from a camera's hits: shading, edges sampled again, developed on a film."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 from carstage_sim.render.bvh import build_tree
 from carstage_sim.render.cast import new_scratch
 from carstage_sim.render.caster import Hits, RayCaster
+from carstage_sim.render.edges import rough_pixels
+from carstage_sim.render.film import Film
 from carstage_sim.render.materials import material_table
+from carstage_sim.render.motion import earlier_slopes
+from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.overlay import draw_shapes
+from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame, SceneStore
 from carstage_sim.render.shading import shade_rays
 from carstage_sim.render.sky import Lighting, SkyModel
 from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.state import Weather
-
-_OFFSETS = np.array([[-0.34, -0.20], [0.34, -0.14], [0.0, 0.36]], np.float32)
-"""Extra rays of an edge pixel: places (right, down) from the pixel's centre, in pixels."""
-_EDGE_CODES = 24
-"""Difference of 8-bit codes between neighbours from which both are sampled again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +36,7 @@ class Picture:
         skip_row: instance row that rays pass through, -1 for none.
         low, high: interval of depths.
         shapes: debug shapes to draw, None for none.
+        film: how light becomes codes.
     """
 
     width: int
@@ -47,13 +48,7 @@ class Picture:
     low: float
     high: float
     shapes: DebugShapes | None = None
-
-
-def _srgb_codes() -> NDArray[np.uint8]:
-    """8-bit sRGB code of linear values in steps of 1/8191."""
-    linear = np.arange(8192) / 8191.0
-    curve = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.rint(curve * 255.0).astype(np.uint8)
+    film: Film = field(default_factory=Film)
 
 
 class PictureMaker:
@@ -61,12 +56,14 @@ class PictureMaker:
 
     Args:
         caster: runs the kernels.
+        quality: how much work a picture is worth.
     """
 
-    def __init__(self, caster: RayCaster) -> None:
+    def __init__(self, caster: RayCaster, quality: Quality = Quality.LOW) -> None:
         self._caster = caster
+        self._epic = quality is Quality.EPIC
+        self._sampling = SAMPLING[quality]
         self._materials = material_table()
-        self._codes = _srgb_codes()
         self.sky = SkyModel()
 
     def warm_up(self, store: SceneStore) -> None:
@@ -76,6 +73,12 @@ class PictureMaker:
         rays = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], np.float32)
         hits = self._caster.cast(frame.scene, np.zeros(3), rays, low=0.1, high=1000.0)
         self._shade(frame, hits, -1, 1e-3, self.sky.lighting(Weather(), 0.0))
+        smooth_normals(self._caster, frame, hits)
+        slopes = np.zeros(2)
+        earlier_slopes(
+            np.eye(3)[None], np.zeros((1, 3)), np.empty(0, np.int32), hits, slopes, slopes
+        )
+        rough_pixels(frame, hits, np.zeros((1, 2, 3), np.uint8), strong=1, weak=1)
         line = np.array([[[2.0, 0.0, 0.0], [2.0, 1.0, 0.0]]])
         draw_shapes(
             line, np.ones(1, np.float32), np.zeros(1, np.bool_), np.zeros((1, 3), np.uint8),
@@ -93,7 +96,7 @@ class PictureMaker:
                 frame.scene, new_scratch(), frame.static, frame.actors, frame.looks, frame.colour,
                 frame.light_state,
                 self._materials, light, frame.lamps, hits.origin, hits.directions, skip_row,
-                np.float32(pixel_angle), first, last,
+                np.float32(pixel_angle), self._epic, first, last,
                 hits.t, hits.row, hits.triangle, hits.weights, colours,
             )  # fmt: skip
 
@@ -103,15 +106,17 @@ class PictureMaker:
     def paint(self, frame: Frame, picture: Picture, light: Lighting) -> NDArray[np.uint8]:
         """``(H, W, 3)`` uint8 sRGB picture; pixels on edges are the mean of several rays."""
         angle = 2.0 * np.tan(np.radians(picture.fov_deg) / 2.0) / picture.width
+        light = picture.film.exposed(light)
         colours = self._shade(frame, picture.hits, picture.skip_row, angle, light)
-        codes = self._encode(colours).reshape(picture.height, picture.width, 3)
-        (edges,) = np.nonzero(_rough(codes).reshape(-1))
+        codes = picture.film.encode(colours).reshape(picture.height, picture.width, 3)
+        strong, weak, places = self._sampling.strong, self._sampling.weak, self._sampling.offsets
+        edges = rough_pixels(frame, picture.hits, codes, strong=strong, weak=weak)
         if len(edges):
             # The offset is in pixels: right along the second axis of the camera, down its third.
             right = (picture.rotation[:, 1] * angle).astype(np.float32)
             down = (-picture.rotation[:, 2] * angle).astype(np.float32)
             rays = picture.hits.directions[edges][:, None, :] + (
-                _OFFSETS[:, :1] * right + _OFFSETS[:, 1:] * down
+                places[:, :1] * right + places[:, 1:] * down
             )
             hits = self._caster.cast(
                 frame.scene,
@@ -122,15 +127,11 @@ class PictureMaker:
                 skip_row=picture.skip_row,
             )
             extra = self._shade(frame, hits, picture.skip_row, angle, light)
-            total = extra.reshape(len(edges), len(_OFFSETS), 3).sum(axis=1) + colours[edges]
-            codes.reshape(-1, 3)[edges] = self._encode(total / np.float32(len(_OFFSETS) + 1))
+            total = extra.reshape(len(edges), len(places), 3).sum(axis=1) + colours[edges]
+            codes.reshape(-1, 3)[edges] = picture.film.encode(total / np.float32(len(places) + 1))
         if picture.shapes is not None:
             _draw(picture.shapes, picture, codes)
         return codes
-
-    def _encode(self, colours: NDArray[np.float32]) -> NDArray[np.uint8]:
-        """8-bit sRGB codes of linear display light."""
-        return self._codes[(colours * np.float32(8191.0) + np.float32(0.5)).astype(np.int32)]
 
 
 def _draw(shapes: DebugShapes, picture: Picture, codes: NDArray[np.uint8]) -> None:
@@ -148,21 +149,3 @@ def _draw(shapes: DebugShapes, picture: Picture, codes: NDArray[np.uint8]) -> No
         depth=picture.hits.t.reshape(picture.height, picture.width),
         pixels=codes,
     )
-
-
-def _rough(codes: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """``(H, W)`` pixels that differ from a neighbour by more than one can overlook."""
-
-    def differ(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        apart = (np.maximum(a, b) - np.minimum(a, b)) > _EDGE_CODES
-        result: NDArray[np.bool_] = apart[..., 0] | apart[..., 1] | apart[..., 2]
-        return result
-
-    rough = np.zeros(codes.shape[:2], np.bool_)
-    across = differ(codes[:, 1:], codes[:, :-1])
-    along = differ(codes[1:], codes[:-1])
-    rough[:, 1:] |= across
-    rough[:, :-1] |= across
-    rough[1:] |= along
-    rough[:-1] |= along
-    return rough

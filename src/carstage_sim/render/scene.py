@@ -123,7 +123,7 @@ class Frame:
 
     def _of_rows(self, rows: NDArray[np.intp]) -> Scene:
         scene = self.scene
-        top = _top(scene.rotation[rows], scene.position[rows], self.bounds[rows])
+        top = top_tree(scene.rotation[rows], scene.position[rows], self.bounds[rows])
         return scene._replace(
             top_planes=top.planes,
             top_children=top.children,
@@ -357,7 +357,7 @@ class SceneStore:
             rotation[row] = placement.rotation
             position[row] = placement.location
             bounds[row] = self._models[index[row]].bounds
-        top = _top(rotation, position, bounds)
+        top = top_tree(rotation, position, bounds)
         colours = np.array([p.colours for p in placements], np.uint8).reshape(count, PAINTS, 3)
         light_state = np.array([p.light_state & 0xFFFFFFFF for p in placements], np.uint32)
         beams = headlight_beams(rotation, position, bounds, light_state)
@@ -383,7 +383,7 @@ class SceneStore:
         )
 
 
-def _top(
+def top_tree(
     rotation: NDArray[np.float32],
     position: NDArray[np.float32],
     bounds: NDArray[np.float32],

@@ -1,4 +1,9 @@
-"""From hits to colours: sun with traced shadows, sky, reflections, lamps, fog, film curve."""
+"""From hits to colours: sun with traced shadows, sky, reflections, lamps, fog, film curve.
+
+Two qualities share the code. Low traces one shadow ray, one short ray that finds what stands right
+above the ground, and mirrors the town in water only; epic feels the sky with four rays and mirrors
+the town in all that is glossy.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +14,11 @@ import numpy as np
 
 from carstage_sim.jit import device, kernel
 from carstage_sim.render.cast import NOTHING, trace
-from carstage_sim.render.detail import ASPHALT, LEAVES, WINDOW, faded, pattern, window
+from carstage_sim.render.detail import hash_unit, noise
 from carstage_sim.render.lamps import glow, lamp_light
 from carstage_sim.render.materials import Glow
+from carstage_sim.render.surface import facing_normals, is_leaf, stuff, water
+from carstage_sim.render.weathering import fog_share, rain_share
 
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
@@ -49,15 +56,119 @@ def _film(value):  # type: ignore[no-untyped-def]
     return _ONE - math.exp(-max(value, _ZERO))
 
 
+@device
+def _sky_light(light, nx, ny, nz):  # type: ignore[no-untyped-def]
+    """Irradiance from above, the side and below, mixed by the normal."""
+    up = max(nz, _ZERO) ** 2
+    down = max(-nz, _ZERO) ** 2
+    side = _ONE - up - down
+    a = light.ambient
+    return (
+        a[0, 0] * up + a[1, 0] * side + a[2, 0] * down,
+        a[0, 1] * up + a[1, 1] * side + a[2, 1] * down,
+        a[0, 2] * up + a[1, 2] * side + a[2, 2] * down,
+    )
+
+
+@device
+def _openness(scene, scratch, o, nx, ny, nz, skip):  # type: ignore[no-untyped-def]
+    """Share of the sky above a surface that nothing near covers, from four rays, 0.2-1."""
+    # Two tangents of the normal (Duff et al., JCGT 2017).
+    sign = _ONE if nz >= 0 else -_ONE
+    a = -_ONE / (sign + nz)
+    b = nx * ny * a
+    tx, ty, tz = _ONE + sign * nx * nx * a, sign * b, -sign * nx
+    bx, by, bz = b, sign + ny * ny * a, -ny
+    total = _ZERO
+    for k in range(4):
+        across = np.float32(0.75) if k == 0 else (np.float32(-0.75) if k == 1 else _ZERO)
+        along = np.float32(0.75) if k == 2 else (np.float32(-0.75) if k == 3 else _ZERO)
+        ray = (
+            nx * np.float32(0.66) + tx * across + bx * along,
+            ny * np.float32(0.66) + ty * across + by * along,
+            nz * np.float32(0.66) + tz * across + bz * along,
+        )
+        hit = trace(scene, scratch, o, ray, np.float32(1e-3), np.float32(5.0), skip, False)
+        total += min(hit[0] * np.float32(0.2), _ONE)
+    return np.float32(0.2) + np.float32(0.2) * total
+
+
+@device
+def _emission(light, materials, looks, lamps, m, who, owner, bits, emitted):  # type: ignore[no-untyped-def]
+    """Radiance that a surface emits: lamps by their state, lit rooms, what clients let glow."""
+    strength, r, g, b = glow(materials.glow[m], bits, light.time_s)
+    if who < 0:
+        lamp = looks.lamp[owner]
+        if lamp >= 0 and materials.glow[m] == _STREET_LAMP:
+            strength = np.float32(6.0)
+            r, g, b = lamps.power[lamp, 0], lamps.power[lamp, 1], lamps.power[lamp, 2]
+    if emitted > 0:
+        strength, r, g, b = emitted * np.float32(1.1), _ONE, np.float32(0.74), np.float32(0.42)
+    strength *= light.lamp
+    r, g, b = r * strength, g * strength, b * strength
+    if who < 0:
+        more = np.float32(3) * light.lamp
+        r += looks.glow[owner, 0] * more
+        g += looks.glow[owner, 1] * more
+        b += looks.glow[owner, 2] * more
+    return r, g, b
+
+
+@device
+def _mirrored(  # type: ignore[no-untyped-def]
+    scene, scratch, static, actors, looks, colour, light_state, materials, light, lamps, o, dx, dy,
+    dz, skip, lamps_on,
+):  # fmt: skip
+    """Radiance that comes from a unit direction: the sky, or the town without cast shadows."""
+    hit = trace(scene, scratch, o, (dx, dy, dz), np.float32(1e-3), np.float32(150.0), skip, False)
+    distance, who, number = hit[0], hit[1], hit[2]
+    if who == NOTHING:
+        return _sky(light, dx, dy, dz)
+    surfaces = static if who < 0 else actors
+    m = surfaces.material[number]
+    owner = int(surfaces.object_id[number])
+    leaves = is_leaf(materials.detail[m])
+    u, v = hit[3], hit[4]
+    nx, ny, nz, _, _, _ = facing_normals(scene, surfaces, who, number, u, v, leaves, dx, dy, dz)
+    px, py, pz = o[0] + dx * distance, o[1] + dy * distance, o[2] + dz * distance
+    _, cr, cg, cb, _, f0, emitted = stuff(
+        surfaces, looks, colour, materials, light.night, who, number, u, v, px, py, pz,
+        nx, ny, nz, np.float32(0.1) + distance * np.float32(0.01),
+    )  # fmt: skip
+    er, eg, eb = _sky_light(light, nx, ny, nz)
+    s = light.sun_direction
+    sunny = max(nx * s[0] + ny * s[1] + nz * s[2], _ZERO) * np.float32(0.6)
+    er, eg, eb = er + light.sun[0] * sunny, eg + light.sun[1] * sunny, eb + light.sun[2] * sunny
+    if lamps_on:
+        lr, lg, lb = lamp_light(lamps, light.night, px, py, pz, nx, ny, nz)
+        er, eg, eb = er + lr, eg + lg, eb + lb
+    r, g, b = cr * er * _OVER_PI, cg * eg * _OVER_PI, cb * eb * _OVER_PI
+    if f0 > np.float32(0.07):
+        # Glass and metal mirror in turn: about the sky at the side.
+        a = light.ambient
+        r += (a[1, 0] * _OVER_PI - r) * f0
+        g += (a[1, 1] * _OVER_PI - g) * f0
+        b += (a[1, 2] * _OVER_PI - b) * f0
+    bits = light_state[who] if who >= 0 else 0
+    lr, lg, lb = _emission(light, materials, looks, lamps, m, who, owner, bits, emitted)
+    r, g, b = r + lr, g + lg, b + lb
+    fog = fog_share(light, o[2], dz, distance)
+    return (
+        r + (light.fog[0] - r) * fog,
+        g + (light.fog[1] - g) * fog,
+        b + (light.fog[2] - b) * fog,
+    )
+
+
 @kernel
 def shade_rays(  # type: ignore[no-untyped-def]
     scene, scratch, static, actors, looks, colour, light_state, materials, light, lamps, origin,
-    directions, skip, pixel_angle, first, last, t, row, triangle, weights, out,
+    directions, skip, pixel_angle, epic, first, last, t, row, triangle, weights, out,
 ):  # fmt: skip
     """Colours of the hits ``first`` to ``last``: linear display light, 0-1, into ``out (N, 3)``."""
     lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
     sun_up = light.sun[0] + light.sun[1] + light.sun[2] > np.float32(1e-6)
-    wet, puddles, night, exposure = light.wetness, light.puddles, light.night, light.exposure
+    wet, night, exposure = light.wetness, light.night, light.exposure
     lamps_on = night > 0
     for k in range(lamps.power.shape[0]):
         lamps_on = lamps_on or lamps.power[k, 0] + lamps.power[k, 1] + lamps.power[k, 2] > 0
@@ -65,13 +176,13 @@ def shade_rays(  # type: ignore[no-untyped-def]
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         dx, dy, dz = dx / length, dy / length, dz / length
+        towards = dx * lx + dy * ly + dz * lz
         who = row[i]
         if who == NOTHING:
             r, g, b = _sky(light, dx, dy, dz)
-            towards = dx * lx + dy * ly + dz * lz
             if sun_up and towards > np.float32(0.99996):
                 r, g, b = r + light.sun[0] * 40, g + light.sun[1] * 40, b + light.sun[2] * 40
-            distance = np.float32(2500.0) * (_ONE - min(max(dz, _ZERO) * 4, _ONE)) ** 2
+            distance = np.float32(2500.0)
         else:
             distance = t[i] * length
             px, py, pz = (
@@ -82,104 +193,42 @@ def shade_rays(  # type: ignore[no-untyped-def]
             number = triangle[i]
             surfaces = static if who < 0 else actors
             m = surfaces.material[number]
-            u, v = weights[i, 0], weights[i, 1]
-            w = _ONE - u - v
-            n = surfaces.normals
-            nx = u * n[number, 0, 0] + v * n[number, 1, 0] + w * n[number, 2, 0]
-            ny = u * n[number, 0, 1] + v * n[number, 1, 1] + w * n[number, 2, 1]
-            nz = u * n[number, 0, 2] + v * n[number, 1, 2] + w * n[number, 2, 2]
-            gx, gy, gz = (
-                surfaces.flat[number, 0],
-                surfaces.flat[number, 1],
-                surfaces.flat[number, 2],
+            leaves = is_leaf(materials.detail[m])
+            nx, ny, nz, gx, gy, gz = facing_normals(
+                scene, surfaces, who, number, weights[i, 0], weights[i, 1], leaves, dx, dy, dz
             )
-            bits = 0
-            owner = int(surfaces.object_id[number])
-            slot = materials.paint[m]
-            if who >= 0:
-                q = scene.rotation
-                nx, ny, nz = (
-                    q[who, 0, 0] * nx + q[who, 0, 1] * ny + q[who, 0, 2] * nz,
-                    q[who, 1, 0] * nx + q[who, 1, 1] * ny + q[who, 1, 2] * nz,
-                    q[who, 2, 0] * nx + q[who, 2, 1] * ny + q[who, 2, 2] * nz,
-                )
-                gx, gy, gz = (
-                    q[who, 0, 0] * gx + q[who, 0, 1] * gy + q[who, 0, 2] * gz,
-                    q[who, 1, 0] * gx + q[who, 1, 1] * gy + q[who, 1, 2] * gz,
-                    q[who, 2, 0] * gx + q[who, 2, 1] * gy + q[who, 2, 2] * gz,
-                )
-                bits = light_state[who]
-            if who >= 0 and slot >= 0:
-                cr, cg, cb = colour[who, slot, 0], colour[who, slot, 1], colour[who, slot, 2]
-            else:
-                cr, cg, cb = materials.colour[m, 0], materials.colour[m, 1], materials.colour[m, 2]
-            kind = materials.detail[m]
-            if who < 0 and looks.paint[owner, 3] > 0:
-                cr, cg, cb = looks.paint[owner, 0], looks.paint[owner, 1], looks.paint[owner, 2]
-                kind = 0
-            leaves = kind == LEAVES
-            # The side that the ray met is the outside; leaves keep the normals of their crown.
-            if not leaves:
-                if gx * dx + gy * dy + gz * dz > 0:
-                    gx, gy, gz = -gx, -gy, -gz
-                if nx * gx + ny * gy + nz * gz < 0:
-                    nx, ny, nz = -nx, -ny, -nz
-                beyond = nx * dx + ny * dy + nz * dz
-                if beyond > np.float32(-0.02):
-                    beyond += np.float32(0.02)
-                    nx, ny, nz = nx - beyond * dx, ny - beyond * dy, nz - beyond * dz
-            scale = _ONE / max(math.sqrt(nx * nx + ny * ny + nz * nz), np.float32(1e-6))
-            nx, ny, nz = nx * scale, ny * scale, nz * scale
-            facing = min(abs(dx * nx + dy * ny + dz * nz), _ONE)
             pixel = (
                 distance
                 * pixel_angle
                 / max(abs(dx * gx + dy * gy + dz * gz), np.float32(0.06)) ** np.float32(0.7)
             )
-            rough = materials.roughness[m]
-            f0 = materials.specular[m]
-            emitted = _ZERO
-            half = surfaces.quad_half[number]
-            if kind == WINDOW and who < 0 and half:
-                # Corner weights of the two halves of a quad give a place in its rectangle.
-                if half == 1:
-                    s, up_share = v + w, w
-                else:
-                    s, up_share = v, v + w
-                pane = number - (half - 1)
-                part, cr, cg, cb, emitted = window(s, up_share, pane, pixel, night)
-                if part == 1:
-                    rough, f0 = np.float32(0.8), np.float32(0.03)
-            elif kind and who < 0:
-                fr, fg, fb = pattern(kind, px, py, pz, nx, ny, nz, owner, number, pixel)
-                cr, cg, cb = cr * fr, cg * fg, cb * fb
+            kind, cr, cg, cb, rough, f0, emitted = stuff(
+                surfaces, looks, colour, materials, night, who, number, weights[i, 0],
+                weights[i, 1], px, py, pz, nx, ny, nz, pixel,
+            )  # fmt: skip
+            if is_leaf(kind) and light.wind > 0:
+                # Wind turns leaves to and from the light.
+                beat = math.sin(light.time_s * 9 + hash_unit(number, 5, 77) * 40)
+                flutter = _ONE + np.float32(0.4) * light.wind * beat
+                cr, cg, cb = cr * flutter, cg * flutter, cb * flutter
+            pool = _ZERO
             if wet > 0 and nz > np.float32(0.5) and who < 0 and not leaves:
-                pool = max(wet * np.float32(0.6), puddles) if puddles > 0 else wet * np.float32(0.4)
-                if puddles > 0 and kind == ASPHALT:
-                    level = faded(px, py, np.float32(3.1), pixel, 21) + np.float32(0.5) * faded(
-                        px, py, np.float32(0.8), pixel, 22
-                    )
-                    pool = min(
-                        max(
-                            (level + puddles * np.float32(1.6) - np.float32(0.9)) * 4,
-                            wet * np.float32(0.4),
-                        ),
-                        _ONE,
-                    )
-                soaked = _ONE - np.float32(0.42) * wet
+                pool = water(light, kind, px, py, pixel)
+                soaked = _ONE - np.float32(0.5) * wet
                 cr, cg, cb = cr * soaked, cg * soaked, cb * soaked
-                rough = rough + (np.float32(0.08) - rough) * pool
-            # Light from above, the side and below, mixed by the normal.
-            up = max(nz, _ZERO) ** 2
-            down = max(-nz, _ZERO) ** 2
-            side = _ONE - up - down
-            ambient = light.ambient
-            er = ambient[0, 0] * up + ambient[1, 0] * side + ambient[2, 0] * down
-            eg = ambient[0, 1] * up + ambient[1, 1] * side + ambient[2, 1] * down
-            eb = ambient[0, 2] * up + ambient[1, 2] * side + ambient[2, 2] * down
+                rough = rough + (np.float32(0.06) - rough) * min(pool * 2, _ONE)
+                # Water is level; drops and the stones under a film let it tremble.
+                rough_water = (_ONE - pool) * np.float32(0.06) + light.rain * np.float32(0.02)
+                tremble = rough_water * min(np.float32(0.05) / pixel, _ONE)
+                nx += tremble * noise(px * 23, py * 23, 31)
+                ny += tremble * noise(px * 23, py * 23, 32)
+            er, eg, eb = _sky_light(light, nx, ny, nz)
             lift = np.float32(2e-3) + distance * np.float32(2e-4)
             o = (px + gx * lift, py + gy * lift, pz + gz * lift)
-            if who < 0 and gz > np.float32(0.7) and distance < np.float32(90.0):
+            if epic and not leaves and distance < np.float32(90.0):
+                free = _openness(scene, scratch, o, gx, gy, gz, skip)
+                er, eg, eb = er * free, eg * free, eb * free
+            elif who < 0 and gz > np.float32(0.7) and distance < np.float32(90.0):
                 # What stands right above keeps the sky's light off the ground.
                 under = trace(
                     scene, scratch, o, (np.float32(0.12), np.float32(0.09), _ONE), np.float32(1e-3),
@@ -194,11 +243,12 @@ def shade_rays(  # type: ignore[no-untyped-def]
                 sunny = max(sunny * np.float32(0.7) + np.float32(0.3), np.float32(0.12))
             lit = False
             if sun_up and sunny > 0 and (leaves or gx * lx + gy * ly + gz * lz > 0):
+                start = o
                 if leaves:
                     away = np.float32(0.25)
-                    o = (px + lx * away, py + ly * away, pz + lz * away)
+                    start = (px + lx * away, py + ly * away, pz + lz * away)
                 shadow = trace(
-                    scene, scratch, o, (lx, ly, lz), np.float32(1e-3), np.float32(300.0),
+                    scene, scratch, start, (lx, ly, lz), np.float32(1e-3), np.float32(300.0),
                     skip, True,
                 )  # fmt: skip
                 lit = shadow[1] == NOTHING
@@ -216,16 +266,28 @@ def shade_rays(  # type: ignore[no-untyped-def]
             r, g, b = cr * er * _OVER_PI, cg * eg * _OVER_PI, cb * eb * _OVER_PI
             if rough < np.float32(0.75):
                 smooth = _ONE - rough
+                facing = min(abs(dx * nx + dy * ny + dz * nz), _ONE)
                 fresnel = f0 + (_ONE - f0) * (_ONE - facing) ** 5 * smooth * smooth
                 back = 2 * (dx * nx + dy * ny + dz * nz)
                 rx, ry, rz = dx - back * nx, dy - back * ny, dz - back * nz
-                sr, sg, sb = _sky(light, rx, ry, rz)
-                if rz < np.float32(0.12):
-                    # Near and below the horizon the town reflects, not the sky.
-                    ground = min(max((np.float32(0.12) - rz) * 5, _ZERO), _ONE)
-                    sr += (ambient[2, 0] * _OVER_PI - sr) * ground
-                    sg += (ambient[2, 1] * _OVER_PI - sg) * ground
-                    sb += (ambient[2, 2] * _OVER_PI - sb) * ground
+                if (
+                    fresnel > np.float32(0.02)
+                    and distance < np.float32(120.0)
+                    and (pool > np.float32(0.1) or (epic and rough < np.float32(0.35)))
+                ):
+                    sr, sg, sb = _mirrored(
+                        scene, scratch, static, actors, looks, colour, light_state, materials,
+                        light, lamps, o, rx, ry, rz, skip, lamps_on,
+                    )  # fmt: skip
+                else:
+                    sr, sg, sb = _sky(light, rx, ry, rz)
+                    if rz < np.float32(0.12):
+                        # Near and below the horizon the town reflects, not the sky.
+                        a = light.ambient
+                        ground = min(max((np.float32(0.12) - rz) * 5, _ZERO), _ONE)
+                        sr += (a[2, 0] * _OVER_PI - sr) * ground
+                        sg += (a[2, 1] * _OVER_PI - sg) * ground
+                        sb += (a[2, 2] * _OVER_PI - sb) * ground
                 r += (sr - r) * fresnel
                 g += (sg - g) * fresnel
                 b += (sb - b) * fresnel
@@ -236,31 +298,22 @@ def shade_rays(  # type: ignore[no-untyped-def]
                     r += light.sun[0] * glint
                     g += light.sun[1] * glint
                     b += light.sun[2] * glint
-            strength, sr, sg, sb = glow(materials.glow[m], bits, light.time_s)
-            if who < 0:
-                lamp = looks.lamp[owner]
-                if lamp >= 0 and materials.glow[m] == _STREET_LAMP:
-                    strength = np.float32(6.0)
-                    sr, sg, sb = lamps.power[lamp, 0], lamps.power[lamp, 1], lamps.power[lamp, 2]
-                r += looks.glow[owner, 0] * 3 / exposure
-                g += looks.glow[owner, 1] * 3 / exposure
-                b += looks.glow[owner, 2] * 3 / exposure
-            if emitted > 0:
-                strength, sr, sg, sb = (
-                    emitted * np.float32(1.1),
-                    _ONE,
-                    np.float32(0.74),
-                    np.float32(0.42),
-                )
-            if strength > 0:
-                strength /= exposure
-                r, g, b = r + sr * strength, g + sg * strength, b + sb * strength
-        thick = (distance - light.fog_from_m) * light.fog_per_m
-        if thick > 0:
-            fog = _ONE - math.exp(-thick)
-            r += (light.fog[0] - r) * fog
-            g += (light.fog[1] - g) * fog
-            b += (light.fog[2] - b) * fog
+            owner = int(surfaces.object_id[number])
+            bits = light_state[who] if who >= 0 else 0
+            lr, lg, lb = _emission(light, materials, looks, lamps, m, who, owner, bits, emitted)
+            r, g, b = r + lr, g + lg, b + lb
+        fog = fog_share(light, origin[2], dz, distance)
+        if fog > 0:
+            halo = max(towards, _ZERO) ** 8
+            r += (light.fog[0] + light.fog_glow[0] * halo - r) * fog
+            g += (light.fog[1] + light.fog_glow[1] * halo - g) * fog
+            b += (light.fog[2] + light.fog_glow[2] * halo - b) * fog
+        if light.rain > 0:
+            veil = rain_share(light, dx, dy, dz, distance, pixel_angle)
+            a = light.ambient
+            r += (a[1, 0] * _OVER_PI - r) * veil
+            g += (a[1, 1] * _OVER_PI - g) * veil
+            b += (a[1, 2] * _OVER_PI - b) * veil
         out[i, 0] = _film(r * exposure)
         out[i, 1] = _film(g * exposure)
         out[i, 2] = _film(b * exposure)

@@ -25,6 +25,8 @@ _SUN_IRRADIANCE = 20.0
 _PLANET_M = 6_360_000.0
 _AIR_TOP_M = 60_000.0
 _RAYLEIGH_PER_M = np.array([5.8e-6, 13.5e-6, 33.1e-6])
+_USUAL_RAYLEIGH, _USUAL_MIE = 0.0331, 0.03
+"""CARLA's defaults of the two scattering scales: the air as it is on Earth."""
 _OZONE_PER_M = np.array([0.8e-6, 2.3e-6, 0.1e-6])
 """Ozone as if mixed into the air: takes the green out of long paths."""
 _MIE_PER_M = 12e-6
@@ -35,6 +37,10 @@ _SKY_GAIN = 1.35
 _EXPOSURE, _ADAPTATION = 2.4, 0.68
 """A white wall at noon comes out at 1.7 times the curve's unit, by night at about 0.25."""
 _NIGHT_SKY = np.array([0.0015, 0.0022, 0.0045])
+_LAMPLIT_RAIN = np.array([0.0042, 0.0028, 0.0014])
+"""Light of the town's lamps that heavy rain scatters by night."""
+_FALL_PER_M = 0.1
+"""Fog's loss per metre at ``fog_falloff`` 1 (Unreal: the fall-off is over 10 m of height)."""
 
 
 class Lighting(NamedTuple):
@@ -46,10 +52,14 @@ class Lighting(NamedTuple):
         sky: ``(ROWS, COLUMNS, 3)`` float32 radiance; row = ROWS * sqrt(elevation / 90 deg).
         ambient: ``(3, 3)`` float32 irradiance of surfaces that face up, sideways and down.
         fog: ``(3,)`` float32 radiance of the fog.
-        fog_per_m: float32 extinction of the fog.
+        fog_glow: ``(3,)`` float32 radiance that it has more of towards the sun.
+        fog_per_m: float32 extinction of the fog at height 0.
+        fog_fall_per_m: float32 share of it that is lost with each metre of height, >= 1e-5.
         fog_from_m: float32 distance at which it begins.
         wetness, puddles: float32 0-1: how wet the ground is, how much water stands on it.
+        rain, wind: float32 0-1: how much of it falls, how hard it blows.
         night: float32 0-1: how far lamps are on.
+        lamp: float32 radiance of a lamp of strength 1, which the automatic exposure shows as white.
         exposure: float32 factor from radiance to the film.
         time_s: float32 time that lets blinkers blink.
     """
@@ -59,11 +69,16 @@ class Lighting(NamedTuple):
     sky: NDArray[np.float32]
     ambient: NDArray[np.float32]
     fog: NDArray[np.float32]
+    fog_glow: NDArray[np.float32]
     fog_per_m: np.float32
+    fog_fall_per_m: np.float32
     fog_from_m: np.float32
     wetness: np.float32
     puddles: np.float32
+    rain: np.float32
+    wind: np.float32
     night: np.float32
+    lamp: np.float32
     exposure: np.float32
     time_s: np.float32
 
@@ -97,16 +112,28 @@ def _sun_depth(height: Array, cosine: Array) -> tuple[Array, Array]:
     return rayleigh + blocked, mie + blocked
 
 
-def _sunlight(altitude_rad: float, haze: float) -> Array:
+class Air(NamedTuple):
+    """What floats in the air, relative to a clear day on Earth.
+
+    Attributes:
+        haze: particles that scatter all colours forwards.
+        blue: molecules that scatter blue everywhere.
+    """
+
+    haze: float
+    blue: float
+
+
+def _sunlight(altitude_rad: float, air: Air) -> Array:
     """Irradiance of a surface that faces the sun, at the ground."""
     cosine = np.array([np.sin(altitude_rad)])
     rayleigh, mie = _sun_depth(np.array([2.0]), cosine)
-    depth = (_RAYLEIGH_PER_M + _OZONE_PER_M) * rayleigh + _MIE_PER_M * haze * mie
+    depth = (air.blue * _RAYLEIGH_PER_M + _OZONE_PER_M) * rayleigh + _MIE_PER_M * air.haze * mie
     light: Array = _SUN_IRRADIANCE * np.exp(-depth)
     return light
 
 
-def _clear_sky(altitude_rad: float, haze: float, rows: int, columns: int) -> Array:
+def _clear_sky(altitude_rad: float, air: Air, rows: int, columns: int) -> Array:
     """``(rows, columns, 3)`` radiance over elevation and azimuth 0..pi from the sun's."""
     elevation = _elevations(rows)[:, None] + 1e-3
     turn = np.linspace(0.0, np.pi, columns)[None, :]
@@ -127,9 +154,9 @@ def _clear_sky(altitude_rad: float, haze: float, rows: int, columns: int) -> Arr
         mie = np.exp(-h / _MIE_SCALE_M) * ds
         cosine = (_PLANET_M * sun[2] + s * towards_sun) / radius
         sun_rayleigh, sun_mie = _sun_depth(h, cosine)
-        depth = (_RAYLEIGH_PER_M + _OZONE_PER_M) * (rayleigh_depth + rayleigh / 2 + sun_rayleigh)[
-            ..., None
-        ] + 1.1 * _MIE_PER_M * haze * (mie_depth + mie / 2 + sun_mie)[..., None]
+        depth = (air.blue * _RAYLEIGH_PER_M + _OZONE_PER_M) * (
+            rayleigh_depth + rayleigh / 2 + sun_rayleigh
+        )[..., None] + 1.1 * _MIE_PER_M * air.haze * (mie_depth + mie / 2 + sun_mie)[..., None]
         arriving = np.exp(-depth)
         phase_rayleigh = 3 / (16 * np.pi) * (1 + towards_sun**2)
         g = _MIE_ASYMMETRY
@@ -137,8 +164,8 @@ def _clear_sky(altitude_rad: float, haze: float, rows: int, columns: int) -> Arr
         # An isotropic share stands for light that was scattered more than once.
         several = 0.7 / (4 * np.pi)
         radiance += arriving * (
-            _RAYLEIGH_PER_M * (rayleigh * (phase_rayleigh + several))[..., None]
-            + _MIE_PER_M * haze * (mie * (phase_mie + several))[..., None]
+            air.blue * _RAYLEIGH_PER_M * (rayleigh * (phase_rayleigh + several))[..., None]
+            + _MIE_PER_M * air.haze * (mie * (phase_mie + several))[..., None]
         )
         rayleigh_depth += rayleigh
         mie_depth += mie
@@ -203,7 +230,11 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
     altitude = np.radians(np.clip(weather.sun_altitude_angle, -90.0, 90.0))
     azimuth = np.radians(weather.sun_azimuth_angle)
     cloud = np.clip(weather.cloudiness / 100.0, 0.0, 1.0)
-    haze = 0.7 + 4.0 * np.clip(weather.fog_density / 100.0, 0.0, 1.0) + 1.5 * cloud
+    fogginess = np.clip(weather.fog_density / 100.0, 0.0, 1.0)
+    air = Air(
+        haze=(0.7 + 4.0 * fogginess + 1.5 * cloud) * _particles(weather),
+        blue=min(max(weather.rayleigh_scattering_scale, 0.0) / _USUAL_RAYLEIGH, 10.0),
+    )
     sun_direction = np.array(
         [
             np.cos(altitude) * np.cos(azimuth),
@@ -211,8 +242,8 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
             np.sin(altitude),
         ]
     )
-    sun = _sunlight(altitude, haze) if altitude > np.radians(-1.5) else np.zeros(3)
-    half = _clear_sky(max(altitude, np.radians(-18.0)), haze, 48, 49)
+    sun = _sunlight(altitude, air) if altitude > np.radians(-1.5) else np.zeros(3)
+    half = _clear_sky(max(altitude, np.radians(-18.0)), air, 48, 49)
     sky = _spread(half, azimuth) + _NIGHT_SKY
     clear_up = _irradiance(sky)[0]
     night = float(np.clip((np.radians(LAMPS_ON_BELOW_DEG) - altitude) / np.radians(10.0), 0.0, 1.0))
@@ -238,14 +269,12 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
     ground = (ambient[0] + sun * max(sun_direction[2], 0.0)) * 0.22
     ambient[1] = ambient[1] * 0.5 + 0.5 * ground
     ambient[2] = ground
-    density = np.clip(weather.fog_density / 100.0, 0.0, 1.0)
-    dust = np.clip(weather.dust_storm / 100.0, 0.0, 1.0)
     rain = np.clip(weather.precipitation / 100.0, 0.0, 1.0)
-    fog_colour = sky[:24].mean(axis=(0, 1)) + 0.08 * sun * max(np.sin(altitude), 0.0) / np.pi
-    fog_colour = fog_colour * (1 - dust) + dust * fog_colour.mean() * np.array([1.2, 0.95, 0.6])
-    extinction = 0.00025 + 0.035 * density**1.5 + 0.0025 * rain + 0.02 * dust
-    wet = np.clip(max(weather.wetness, weather.precipitation) / 100.0, 0.0, 1.0)
-    puddles = np.clip(weather.precipitation_deposits / 100.0, 0.0, 1.0)
+    fog, fog_glow, fog_per_m = _fog(weather, sky, sun, sun_direction)
+    fog = fog + night * rain * _LAMPLIT_RAIN
+    deposits = np.clip(weather.precipitation_deposits / 100.0, 0.0, 1.0)
+    # Where water stands in puddles, the ground around them is damp.
+    wet = max(np.clip(weather.wetness / 100.0, 0.0, 1.0), rain, float(deposits))
     # A camera adapts, but not fully: nights stay darker than days.
     level = float((ambient[0] + sun * max(sun_direction[2], 0.15)).mean())
     exposure = _EXPOSURE / (level + 0.002) ** _ADAPTATION
@@ -254,15 +283,43 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
         sun.astype(np.float32),
         sky.astype(np.float32),
         ambient.astype(np.float32),
-        fog_colour.astype(np.float32),
-        fog_per_m=np.float32(extinction),
+        fog.astype(np.float32),
+        fog_glow.astype(np.float32),
+        fog_per_m=np.float32(fog_per_m),
+        fog_fall_per_m=np.float32(max(weather.fog_falloff * _FALL_PER_M, 1e-5)),
         fog_from_m=np.float32(max(weather.fog_distance, 0.0)),
         wetness=np.float32(wet),
-        puddles=np.float32(puddles),
+        puddles=np.float32(deposits),
+        rain=np.float32(rain),
+        wind=np.float32(np.clip(weather.wind_intensity / 100.0, 0.0, 1.0)),
         night=np.float32(night),
+        lamp=np.float32(1.0 / exposure),
         exposure=np.float32(exposure),
         time_s=np.float32(0.0),
     )
+
+
+def _fog(
+    weather: Weather, sky: Array, sun: Array, sun_direction: Array
+) -> tuple[Array, Array, float]:
+    """Radiance of the fog, what it has more towards the sun, and extinction per metre."""
+    density = np.clip(weather.fog_density / 100.0, 0.0, 1.0)
+    dust = np.clip(weather.dust_storm / 100.0, 0.0, 1.0)
+    rain = np.clip(weather.precipitation / 100.0, 0.0, 1.0)
+    scattering = min(max(weather.scattering_intensity, 0.0), 10.0)
+    sunlight = sun * max(sun_direction[2], 0.0) / np.pi
+    fog = sky[:24].mean(axis=(0, 1)) * (0.6 + 0.4 * scattering) + 0.08 * scattering * sunlight
+    glow = 0.05 * scattering * sun * (0.2 + 0.8 * density)
+    sand = np.array([1.25, 0.95, 0.55])
+    fog = fog * (1 - dust) + dust * fog.mean() * sand
+    glow = glow * (1 - dust) + dust * glow.mean() * sand
+    clear = 0.00025 * _particles(weather)
+    return fog, glow, clear + 0.035 * density**1.5 + 0.0025 * rain + 0.02 * dust
+
+
+def _particles(weather: Weather) -> float:
+    """Pollen and dirt in the air, relative to a usual day."""
+    return min(max(weather.mie_scattering_scale, 0.0) / _USUAL_MIE, 20.0)
 
 
 def _spread(half: Array, sun_azimuth: float) -> Array:

@@ -1,13 +1,17 @@
-"""Pinhole cameras whose data are pictures in CARLA's pixel formats."""
+"""Cameras whose data are pictures in CARLA's pixel formats."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.maps.town import Town
+from carstage_sim.render.film import Film
 from carstage_sim.sensors.attributes import number, require, whole, within
 from carstage_sim.sensors.frames import ImageFrame, SensorRequest
+from carstage_sim.sensors.lens import Lens
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import FAR_M, Camera, View
 from carstage_sim.world.state import WorldState
@@ -15,6 +19,7 @@ from carstage_sim.world.state import WorldState
 _DEPTH_STEPS = 2**24 - 1
 _LARGEST_SIDE_PX = 8192
 _MOST_PIXELS = 7680 * 4320
+_MOST_STOPS = 30.0
 
 
 def encode_depth(depth_m: NDArray[np.floating]) -> NDArray[np.uint8]:
@@ -76,6 +81,7 @@ class CameraSensor(MeasuringSensor):
             f"image_size_x times image_size_y is {pixels}, above {_MOST_PIXELS} (8K UHD)",
         )
         require(0.0 < self.fov_deg < 180.0, f"fov is {self.fov_deg}, not between 0 and 180 degrees")
+        self.lens = Lens.of(request.attributes)
 
     def camera(self, request: SensorRequest) -> Camera:
         """The camera of this tick."""
@@ -86,6 +92,7 @@ class CameraSensor(MeasuringSensor):
             request.location,
             request.rotation_deg,
             request.owner_id,
+            self.lens,
         )
 
     def image(self, pixels: NDArray[np.uint8]) -> ImageFrame:
@@ -93,14 +100,46 @@ class CameraSensor(MeasuringSensor):
         return ImageFrame(self.fov_deg, pixels.reshape(self.height, self.width, 4))
 
 
+def film_of(attributes: Mapping[str, str]) -> Film:
+    """The film that a camera's exposure attributes describe.
+
+    Raises:
+        SensorAttributeError: a value is no number, or not positive where it has to be.
+    """
+    usual = Film()
+    film = Film(
+        manual=attributes.get("exposure_mode", "histogram") == "manual",
+        compensation_ev=number(attributes, "exposure_compensation", usual.compensation_ev),
+        darkest_ev=number(attributes, "exposure_min_bright", usual.darkest_ev),
+        brightest_ev=number(attributes, "exposure_max_bright", usual.brightest_ev),
+        shutter_per_s=number(attributes, "shutter_speed", usual.shutter_per_s),
+        iso=number(attributes, "iso", usual.iso),
+        f_stop=number(attributes, "fstop", usual.f_stop),
+        gamma=number(attributes, "gamma", usual.gamma),
+    )
+    within("exposure_compensation", film.compensation_ev, -_MOST_STOPS, _MOST_STOPS)
+    for name, value in (
+        ("shutter_speed", film.shutter_per_s),
+        ("iso", film.iso),
+        ("fstop", film.f_stop),
+        ("gamma", film.gamma),
+    ):
+        require(value > 0, f"{name} must be positive")
+    return film
+
+
 @SensorRegistry.register("sensor.camera.rgb")
 class RgbCamera(CameraSensor):
     """A colour picture."""
 
+    def __init__(self, request: SensorRequest, town: Town) -> None:
+        super().__init__(request, town)
+        self.film = film_of(request.attributes)
+
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
         """The picture, alpha 255."""
         pixels = np.full((self.height, self.width, 4), 255, np.uint8)
-        pixels[..., :3] = view.colours(self.camera(request))[..., ::-1]
+        pixels[..., :3] = view.colours(self.camera(request), self.film)[..., ::-1]
         return self.image(pixels)
 
 

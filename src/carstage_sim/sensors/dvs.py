@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.maps.town import Town
 from carstage_sim.sensors.attributes import flag, number, require, whole
-from carstage_sim.sensors.cameras import CameraSensor
+from carstage_sim.sensors.cameras import CameraSensor, film_of
 from carstage_sim.sensors.frames import DVS_EVENT, DvsFrame, SensorRequest
 from carstage_sim.sensors.noise import noise_stream
 from carstage_sim.sensors.sensor import SensorRegistry
@@ -36,6 +36,7 @@ class DvsCamera(CameraSensor):
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)
         a = request.attributes
+        self.film = film_of(a)
         self.thresholds = (
             number(a, "negative_threshold", 0.3),
             number(a, "positive_threshold", 0.3),
@@ -58,7 +59,7 @@ class DvsCamera(CameraSensor):
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> DvsFrame | None:
         """The events, if there are any."""
-        now = self._brightness(view.colours(self.camera(request)))
+        now = self._brightness(view.colours(self.camera(request), self.film))
         now_ns = round(state.timestamp_s * 1e9)
         if self._before is None:
             self._level = now.copy()

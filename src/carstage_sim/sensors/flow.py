@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.town import Town
-from carstage_sim.render.cast import NOTHING
+from carstage_sim.render.caster import Hits
+from carstage_sim.render.motion import earlier_slopes
 from carstage_sim.sensors.cameras import CameraSensor
 from carstage_sim.sensors.frames import FlowFrame, SensorRequest
+from carstage_sim.sensors.lens import PINHOLE, pixel_places
 from carstage_sim.sensors.sensor import SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.state import WorldState
 
 _LARGEST = 2.0
-_BEHIND = 1e-9
-"""Stands for the depth of what was behind the camera: its motion ends at the largest value."""
 
 FloatArray = NDArray[np.float64]
 
@@ -47,52 +47,41 @@ class OpticalFlowCamera(CameraSensor):
         camera = (rotation_matrix(request.rotation_deg), np.array(request.location, np.float64))
         before = self._camera if self._camera is not None else camera
         hits = view.camera(self.camera(request))
-        inverse_depth = 1.0 / hits.t.astype(np.float64)
-        inverse_depth[hits.row == NOTHING] = 0.0
-        flow = np.empty((self.height * self.width, 2), np.float32)
-        self._project(*_between(camera, before), inverse_depth, slice(None), flow)
         known = self._actors
         self._actors = _poses(state, view.frame.actor_id)
-        (seen,) = np.nonzero(hits.row >= 0)
-        for row in np.unique(hits.row[seen]).tolist():
-            actor_id = int(view.frame.actor_id[row])
-            if actor_id in known:
-                pixels = seen[hits.row[seen] == row]
-                motion = _between(camera, before, self._actors[actor_id], known[actor_id])
-                self._project(*motion, inverse_depth[pixels], pixels, flow)
+        motions = [_between(camera, before)]
+        part = np.zeros(len(view.frame.actor_id), np.int32)
+        for row, actor_id in enumerate(view.frame.actor_id.tolist()):
+            if actor_id in known and _moved(self._actors[actor_id], known[actor_id]):
+                part[row] = len(motions)
+                motions.append(_between(camera, before, self._actors[actor_id], known[actor_id]))
         self._camera = camera
-        return FlowFrame(self.fov_deg, flow.reshape(self.height, self.width, 2))
+        turns, shifts = (np.array(of_parts) for of_parts in zip(*motions, strict=True))
+        return FlowFrame(self.fov_deg, self._flow(turns, shifts, part, hits))
 
-    def _project(
-        self,
-        turn: FloatArray,
-        shift: FloatArray,
-        inverse_depth: FloatArray,
-        pixels: slice | NDArray[np.intp],
-        flow: NDArray[np.float32],
-    ) -> None:
-        """Write the motion of some pixels whose points ``p`` were at ``turn @ p + shift``.
-
-        Both in camera axes (forward, right, up). Divided by its depth, a point is ``(1, a, b)``
-        with the slopes of its pixel's ray, and the shift is divided by the depth.
-        """
+    def _flow(
+        self, turns: FloatArray, shifts: FloatArray, part: NDArray[np.int32], hits: Hits
+    ) -> NDArray[np.float32]:
+        """``(H, W, 2)`` motion of all pixels; the first three as for :func:`earlier_slopes`."""
         half_width = math.tan(math.radians(self.fov_deg) / 2.0)
         half_height = half_width * self.height / self.width
-        across = ((np.arange(self.width) + 0.5) * (2.0 / self.width) - 1.0) * half_width
-        upwards = (1.0 - (np.arange(self.height) + 0.5) * (2.0 / self.height)) * half_height
-        right = np.tile(across, self.height)[pixels]
-        up = np.repeat(upwards, self.width)[pixels]
-        forward_before, right_before, up_before = (
-            turn[axis, 0] + turn[axis, 1] * right + turn[axis, 2] * up + shift[axis] * inverse_depth
-            for axis in range(3)
-        )
-        forward_before = np.maximum(forward_before, _BEHIND)
-        flow[pixels, 0] = np.clip(
-            (right - right_before / forward_before) / half_width, -_LARGEST, _LARGEST
-        )
-        flow[pixels, 1] = np.clip(
-            (up - up_before / forward_before) / half_height, -_LARGEST, _LARGEST
-        )
+        x, y = pixel_places(self.width, self.height, self.lens)
+        slopes = earlier_slopes(turns, shifts, part, hits, x * half_width, y * -half_height)
+        x_before, y_before = slopes[0] / half_width, slopes[1] / -half_height
+        if self.lens.distorts:
+            # The lens shows both points where it bends their rays to.
+            x, y = pixel_places(self.width, self.height, PINHOLE)
+            x_before, y_before = self.lens.distorted(x_before, y_before)
+        flow = np.empty((self.height, self.width, 2), np.float32)
+        shape = flow.shape[:2]
+        flow[..., 0] = np.clip(x - x_before, -_LARGEST, _LARGEST).reshape(shape)
+        flow[..., 1] = np.clip(y_before - y, -_LARGEST, _LARGEST).reshape(shape)
+        return flow
+
+
+def _moved(now: tuple[FloatArray, FloatArray], before: tuple[FloatArray, FloatArray]) -> bool:
+    """Whether two poses differ."""
+    return not all(np.array_equal(a, b) for a, b in zip(now, before, strict=True))
 
 
 def _between(

@@ -14,6 +14,7 @@ from carstage_sim.mesh import TriangleMesh
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.render.caster import RayCaster
 from carstage_sim.render.picture import PictureMaker
+from carstage_sim.render.quality import Quality
 from carstage_sim.render.scene import Frame, SceneStore
 from carstage_sim.sensors import (  # noqa: F401 - they register themselves
     cameras,
@@ -47,6 +48,7 @@ class SensorSuite:
         meshes: replaces the actors' meshes, for tests.
         loop: how many times each sensor measures until it repeats itself, None for ever.
         cache: folder of stored meshes and acceleration structures; default: the user's cache.
+        quality: of colour pictures.
     """
 
     def __init__(
@@ -57,6 +59,7 @@ class SensorSuite:
         loop: int | None = None,
         meshes: Callable[[str], TriangleMesh] | None = None,
         cache: Path | None = None,
+        quality: Quality = Quality.LOW,
     ) -> None:
         self._town = town
         self._loop = loop
@@ -64,11 +67,13 @@ class SensorSuite:
         folder = cache if cache is not None else cache_folder()
         self._models = ActorModels(town, meshes, cache=folder / "meshes")
         self._store = SceneStore(town.static_mesh, self._models.mesh, cache=folder / "trees")
-        self._pictures = PictureMaker(self._caster)
+        self._pictures = PictureMaker(self._caster, quality)
         self._sensors: dict[int, Sensor] = {}
         self._last_frame = -1
         self.last_cast_count = 0
         """Ray casts of the last capture; sensors of one pose and one set of intrinsics share."""
+        self.last_ray_count = 0
+        """Rays of these casts, and of pixels on edges; rays to the sun and the sky do not count."""
 
     def __enter__(self) -> SensorSuite:
         return self
@@ -115,6 +120,7 @@ class SensorSuite:
         frames: list[tuple[int, SensorFrame]] = []
         view = self._view(state)
         views = {frozenset[int](): view}
+        rays_before = self._caster.ray_count
         for request in requests:
             sensor = self._sensors.get(request.sensor_id)
             if sensor is None or not sensor.answers(request):
@@ -128,7 +134,12 @@ class SensorSuite:
             frames.extend((request.sensor_id, frame) for frame in reported)
         self._forget_absent({request.sensor_id for request in requests})
         self.last_cast_count = sum(one.cast_count for one in views.values())
+        self.last_ray_count = self._caster.ray_count - rays_before
         return frames
+
+    def frame_of(self, state: WorldState) -> Frame:
+        """The scene that rays of a tick meet."""
+        return self._store.frame(self._models.placements(state), state.appearance)
 
     def segment_hits(
         self, state: WorldState, start: Vector3, end: Vector3, at_most: int = 256
@@ -175,9 +186,7 @@ class SensorSuite:
         """The view of a tick, or of its ``whole`` without some actors."""
 
         def frame() -> Frame:
-            if whole is not None:
-                return whole.frame.without(ignored)
-            return self._store.frame(self._models.placements(state), state.appearance)
+            return self.frame_of(state) if whole is None else whole.frame.without(ignored)
 
         return View(
             frame,

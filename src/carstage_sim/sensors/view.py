@@ -14,8 +14,11 @@ from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.render.cast import STATIC
 from carstage_sim.render.caster import Hits, RayCaster
+from carstage_sim.render.film import Film
+from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.picture import Picture, PictureMaker
 from carstage_sim.render.scene import Frame
+from carstage_sim.sensors.lens import PINHOLE, Lens, pixel_places
 from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.state import Weather
 
@@ -30,7 +33,7 @@ _ENVIRONMENT_ID = 0x8000
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A pinhole camera in the world; equal cameras share one cast.
+    """A camera in the world; equal cameras share one cast.
 
     Attributes:
         width, height: pixels.
@@ -38,6 +41,7 @@ class Camera:
         location: world metres.
         rotation_deg: pitch, yaw, roll.
         owner_id: actor that carries it, 0 for none.
+        lens: what bends its rays.
     """
 
     width: int
@@ -46,11 +50,18 @@ class Camera:
     location: tuple[float, float, float]
     rotation_deg: tuple[float, float, float]
     owner_id: int
+    lens: Lens = PINHOLE
 
 
 @lru_cache(maxsize=16)
-def _pixel_slopes(width: int, height: int, fov_deg: float) -> tuple[NDArray[np.float64], ...]:
+def _pixel_slopes(
+    width: int, height: int, fov_deg: float, lens: Lens
+) -> tuple[NDArray[np.float64], ...]:
     """Right and up slopes of the rays through the pixel centres, flat, row by row."""
+    if lens.distorts:
+        across, down = pixel_places(width, height, lens)
+        reach = math.tan(math.radians(fov_deg) / 2.0)
+        return across * reach, down * (-reach * height / width)
     focal = width / (2.0 * math.tan(math.radians(fov_deg) / 2.0))
     right = (np.arange(width) + 0.5 - width / 2.0) / focal
     up = -(np.arange(height) + 0.5 - height / 2.0) / focal
@@ -62,7 +73,7 @@ def pixel_rays(camera: Camera) -> NDArray[np.float32]:
 
     Their component along the optical axis is 1, so a ray's parameter is the depth.
     """
-    right, up = _pixel_slopes(camera.width, camera.height, camera.fov_deg)
+    right, up = _pixel_slopes(camera.width, camera.height, camera.fov_deg, camera.lens)
     rotation = rotation_matrix(camera.rotation_deg)
     rays = np.empty((len(right), 3), np.float32)
     for axis in range(3):
@@ -116,7 +127,7 @@ class View:
         self._time_s = time_s
         self._shapes = shapes
         self._casts: dict[Camera, Hits] = {}
-        self._colours: dict[Camera, NDArray[np.uint8]] = {}
+        self._colours: dict[tuple[Camera, Film], NDArray[np.uint8]] = {}
         self.cast_count = 0
 
     @cached_property
@@ -193,9 +204,9 @@ class View:
             self._casts[camera] = hits
         return hits
 
-    def colours(self, camera: Camera) -> NDArray[np.uint8]:
-        """``(H, W, 3)`` uint8 sRGB picture of a camera, shaded once per tick and camera."""
-        colours = self._colours.get(camera)
+    def colours(self, camera: Camera, film: Film) -> NDArray[np.uint8]:
+        """``(H, W, 3)`` uint8 sRGB picture, shaded once per tick, camera and film."""
+        colours = self._colours.get((camera, film))
         if colours is None:
             picture = Picture(
                 width=camera.width,
@@ -207,10 +218,11 @@ class View:
                 low=NEAR_M,
                 high=FAR_M,
                 shapes=self._shapes,
+                film=film,
             )
             light = self._pictures.sky.lighting(self._weather, self._time_s)
             colours = self._pictures.paint(self.frame, picture, light)
-            self._colours[camera] = colours
+            self._colours[camera, film] = colours
         return colours
 
     def tags(self, hits: Hits) -> NDArray[np.uint8]:
@@ -259,19 +271,9 @@ class View:
     def smooth_normals(self, hits: Hits) -> NDArray[np.float32]:
         """``(N, 3)`` float32 unit normal (world) of the surface that each ray met, else 0.
 
-        Between the corners it is interpolated, as for shading; it points towards the ray's origin.
+        See :func:`carstage_sim.render.normals.smooth_normals`.
         """
-        normals = np.zeros((len(hits.row), 3), np.float32)
-        static, actors = hits.row == STATIC, hits.row >= 0
-        normals[static] = _interpolated(self.frame.static.normals, hits, static)
-        normals[actors] = self._from_actors(
-            _interpolated(self.frame.actors.normals, hits, actors), hits.row[actors]
-        )
-        length = np.sqrt(normals[:, 0] ** 2 + normals[:, 1] ** 2 + normals[:, 2] ** 2)
-        normals /= np.maximum(length, np.float32(1e-12))[:, None]
-        away = (normals * hits.directions).sum(axis=1) > 0
-        normals[away] *= np.float32(-1)
-        return normals
+        return smooth_normals(self._caster, self.frame, hits)
 
     def _from_actors(
         self, normals: NDArray[np.float32], row: NDArray[np.int32]
@@ -281,14 +283,3 @@ class View:
         for axis in range(3):
             world[:, axis] = (rotation[:, axis] * normals).sum(axis=1)
         return world
-
-
-def _interpolated(
-    corners: NDArray[np.float32], hits: Hits, chosen: NDArray[np.bool_]
-) -> NDArray[np.float32]:
-    """Normals of ``(T, 3, 3)`` corners at the chosen hits, not normalised."""
-    of_hit, weights = corners[hits.triangle[chosen]], hits.weights[chosen]
-    first, second = weights[:, :1], weights[:, 1:]
-    third = np.float32(1) - first - second
-    mixed: NDArray[np.float32] = of_hit[:, 0] * first + of_hit[:, 1] * second + of_hit[:, 2] * third
-    return mixed

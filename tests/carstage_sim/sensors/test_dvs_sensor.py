@@ -20,7 +20,7 @@ class Pictures:
     def __init__(self, *greys: list[float]) -> None:
         self._greys = iter(greys)
 
-    def colours(self, _camera):
+    def colours(self, _camera, _film):
         grey = np.array([next(self._greys)], np.uint8)
         return np.repeat(grey[..., None], 3, axis=2)
 

@@ -1,0 +1,86 @@
+"""A camera's film: how exposed light becomes 8-bit codes, from CARLA's exposure attributes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.render.sky import Lighting
+
+_STEPS: Any = np.float32(8191.0)
+CLEAR_NOON_EXPOSURE = 0.396
+"""Automatic exposure of ``carla.WeatherParameters.ClearNoon``."""
+_NOON_EV, _NIGHT_EV = 12.0, 10.0
+"""What the bounds of automatic exposure stand for: a clear noon, and the darkest that there is."""
+_NIGHT_STOPS = 5.75
+"""Stops between the automatic exposures of a clear noon and of a night."""
+_USUAL_EV = math.log2(1.4**2 * 200.0)
+"""Exposure value of CARLA's defaults: f/1.4, 1/200 s, ISO 100."""
+_USUAL_GAMMA = 2.2
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """Exposure and gamma of a camera; the defaults are CARLA's.
+
+    Attributes:
+        manual: exposed by shutter, aperture and ISO instead of by the light that there is.
+        compensation_ev: brighter (positive) or darker, in stops.
+        darkest_ev, brightest_ev: bounds of the automatic exposure: 12 is that of a clear noon, 10
+            that of the darkest night.
+        shutter_per_s: reciprocal of the exposure time.
+        iso: sensitivity.
+        f_stop: aperture.
+        gamma: of the display; 2.2 is sRGB's own curve.
+    """
+
+    manual: bool = False
+    compensation_ev: float = 0.0
+    darkest_ev: float = _NIGHT_EV
+    brightest_ev: float = _NOON_EV
+    shutter_per_s: float = 200.0
+    iso: float = 100.0
+    f_stop: float = 1.4
+    gamma: float = _USUAL_GAMMA
+
+    def exposed(self, light: Lighting) -> Lighting:
+        """The same light with this film's exposure.
+
+        The exposure value is that of ISO 2720, ``log2(f_stop^2 * shutter * 100 / iso)``; with the
+        defaults a manual exposure is right for a clear noon.
+        """
+        automatic = float(light.exposure)
+        if self.manual:
+            ev = math.log2(self.f_stop**2 * self.shutter_per_s * 100.0 / self.iso)
+            exposure = CLEAR_NOON_EXPOSURE * 2.0 ** (_USUAL_EV - ev)
+        else:
+            stops = math.log2(automatic / CLEAR_NOON_EXPOSURE)
+            wanted = _NOON_EV - stops * (_NOON_EV - _NIGHT_EV) / _NIGHT_STOPS
+            # A clear noon and a night may lie a little outside of what their values stand for.
+            low = self.darkest_ev if self.darkest_ev > _NIGHT_EV else -math.inf
+            high = self.brightest_ev if self.brightest_ev < _NOON_EV else math.inf
+            ev = min(max(wanted, low), high)
+            exposure = automatic * 2.0 ** ((wanted - ev) * _NIGHT_STOPS / (_NOON_EV - _NIGHT_EV))
+        exposure *= 2.0**self.compensation_ev
+        return light._replace(exposure=np.float32(exposure))
+
+    def encode(self, colours: NDArray[np.float32]) -> NDArray[np.uint8]:
+        """8-bit codes of linear display light, 0-1."""
+        codes = _codes(self.gamma)
+        return codes[(colours * _STEPS + np.float32(0.5)).astype(np.int32)]
+
+
+@lru_cache(maxsize=8)
+def _codes(gamma: float) -> NDArray[np.uint8]:
+    """Code of linear values in steps of 1/8191: sRGB's curve, bent when the gamma is another."""
+    linear = np.arange(8192) / 8191.0
+    curve = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
+    if gamma != _USUAL_GAMMA:
+        curve = curve ** (_USUAL_GAMMA / gamma)
+    codes: NDArray[np.uint8] = np.rint(curve * 255.0).astype(np.uint8)
+    return codes

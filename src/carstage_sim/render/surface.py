@@ -1,0 +1,119 @@
+"""What a ray met: the surface's place, normals, colour and gloss, before any light."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from carstage_sim.jit import device
+from carstage_sim.render.detail import ASPHALT, LEAVES, WINDOW, faded, pattern, window
+
+_ZERO: Any = np.float32(0)
+_ONE: Any = np.float32(1)
+
+
+@device
+def facing_normals(scene, surfaces, who, number, u, v, leaves, dx, dy, dz):  # type: ignore[no-untyped-def]
+    """Shading normal and triangle's normal in the world, both towards the ray's origin.
+
+    Args:
+        scene: a :class:`carstage_sim.render.cast.Scene`.
+        surfaces: of the geometry that was met.
+        who: instance row, negative for static geometry.
+        number: triangle.
+        u, v: weights of its first and second corner.
+        leaves: leaves keep the normals of their crown, wherever they face.
+        dx, dy, dz: the ray's unit direction.
+
+    Returns:
+        ``(nx, ny, nz, gx, gy, gz)``, unit vectors.
+    """
+    w = _ONE - u - v
+    n = surfaces.normals
+    nx = u * n[number, 0, 0] + v * n[number, 1, 0] + w * n[number, 2, 0]
+    ny = u * n[number, 0, 1] + v * n[number, 1, 1] + w * n[number, 2, 1]
+    nz = u * n[number, 0, 2] + v * n[number, 1, 2] + w * n[number, 2, 2]
+    gx, gy, gz = surfaces.flat[number, 0], surfaces.flat[number, 1], surfaces.flat[number, 2]
+    if who >= 0:
+        q = scene.rotation
+        nx, ny, nz = (
+            q[who, 0, 0] * nx + q[who, 0, 1] * ny + q[who, 0, 2] * nz,
+            q[who, 1, 0] * nx + q[who, 1, 1] * ny + q[who, 1, 2] * nz,
+            q[who, 2, 0] * nx + q[who, 2, 1] * ny + q[who, 2, 2] * nz,
+        )
+        gx, gy, gz = (
+            q[who, 0, 0] * gx + q[who, 0, 1] * gy + q[who, 0, 2] * gz,
+            q[who, 1, 0] * gx + q[who, 1, 1] * gy + q[who, 1, 2] * gz,
+            q[who, 2, 0] * gx + q[who, 2, 1] * gy + q[who, 2, 2] * gz,
+        )
+    if not leaves:
+        if gx * dx + gy * dy + gz * dz > 0:
+            gx, gy, gz = -gx, -gy, -gz
+        if nx * gx + ny * gy + nz * gz < 0:
+            nx, ny, nz = -nx, -ny, -nz
+        beyond = nx * dx + ny * dy + nz * dz
+        if beyond > np.float32(-0.02):
+            beyond += np.float32(0.02)
+            nx, ny, nz = nx - beyond * dx, ny - beyond * dy, nz - beyond * dz
+    scale = _ONE / max(math.sqrt(nx * nx + ny * ny + nz * nz), np.float32(1e-6))
+    return nx * scale, ny * scale, nz * scale, gx, gy, gz
+
+
+@device
+def stuff(  # type: ignore[no-untyped-def]
+    surfaces, looks, colour, materials, night, who, number, u, v, px, py, pz, nx, ny, nz, pixel
+):
+    """What the surface is made of at a place.
+
+    Returns:
+        ``(kind, red, green, blue, roughness, specular, emitted)``: the procedural pattern, linear
+        colour, reflectance at normal incidence, and light of a lit room behind a window.
+    """
+    m = surfaces.material[number]
+    owner = int(surfaces.object_id[number])
+    slot = materials.paint[m]
+    kind = materials.detail[m]
+    cr, cg, cb = materials.colour[m, 0], materials.colour[m, 1], materials.colour[m, 2]
+    if who >= 0 and slot >= 0:
+        cr, cg, cb = colour[who, slot, 0], colour[who, slot, 1], colour[who, slot, 2]
+    if who < 0 and looks.paint[owner, 3] > 0:
+        cr, cg, cb = looks.paint[owner, 0], looks.paint[owner, 1], looks.paint[owner, 2]
+        kind = 0
+    rough, f0, emitted = materials.roughness[m], materials.specular[m], _ZERO
+    half = surfaces.quad_half[number]
+    if kind == WINDOW and who < 0 and half:
+        # Corner weights of the two halves of a quad give a place in its rectangle.
+        if half == 1:
+            s, up_share = _ONE - u, _ONE - u - v
+        else:
+            s, up_share = v, _ONE - u
+        pane = number - (half - 1)
+        part, cr, cg, cb, emitted = window(s, up_share, pane, pixel, night)
+        if part == 1:
+            rough, f0 = np.float32(0.8), np.float32(0.03)
+    elif kind and who < 0:
+        fr, fg, fb = pattern(kind, px, py, pz, nx, ny, nz, owner, number, pixel)
+        cr, cg, cb = cr * fr, cg * fg, cb * fb
+    return kind, cr, cg, cb, rough, f0, emitted
+
+
+@device
+def water(light, kind, px, py, pixel):  # type: ignore[no-untyped-def]
+    """Share of standing water, 0-1, at a place of the ground: puddles, else a film."""
+    film = light.wetness * np.float32(0.35)
+    if light.puddles <= 0:
+        return film
+    depth = np.float32(0.62) if kind == ASPHALT else np.float32(0.25)
+    level = faded(px, py, np.float32(4.3), pixel, 21) + np.float32(0.45) * faded(
+        px, py, np.float32(1.1), pixel, 22
+    )
+    pool = (level + light.puddles * np.float32(1.5) * depth - np.float32(0.55)) * 5
+    return min(max(pool, film), _ONE)
+
+
+@device
+def is_leaf(kind):  # type: ignore[no-untyped-def]
+    """Whether a pattern is that of leaves."""
+    return kind == LEAVES

@@ -1,0 +1,83 @@
+"""What is between the camera and a surface: fog that thins with height, and falling rain."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from carstage_sim.jit import device
+from carstage_sim.render.detail import hash_unit
+
+_ZERO: Any = np.float32(0)
+_ONE: Any = np.float32(1)
+_TAU: Any = np.float32(2 * math.pi)
+_RINGS = 3
+
+
+@device
+def fog_share(light, height, rise, distance):  # type: ignore[no-untyped-def]
+    """Share of the light from ``distance`` metres away that fog takes, 0-1.
+
+    Exponential height fog: its extinction falls as ``exp(-fall * z)``, integrated along the ray.
+
+    Args:
+        light: a :class:`carstage_sim.render.sky.Lighting`.
+        height: z of the camera, metres.
+        rise: z of the ray's unit direction.
+        distance: of the surface.
+    """
+    length = distance - light.fog_from_m
+    if length <= 0:
+        return _ZERO
+    fall = light.fog_fall_per_m
+    start = max(height + rise * light.fog_from_m, np.float32(-200.0))
+    drop = fall * rise * length
+    # Near zero the quotient loses all digits; its series does not.
+    if abs(drop) < np.float32(1e-3):
+        mean = _ONE - np.float32(0.5) * drop
+    else:
+        mean = (_ONE - math.exp(-min(max(drop, np.float32(-30.0)), np.float32(30.0)))) / drop
+    thick = light.fog_per_m * math.exp(-fall * start) * mean * length
+    return _ONE - math.exp(-min(thick, np.float32(60.0)))
+
+
+@device
+def rain_share(light, dx, dy, dz, distance, pixel_angle):  # type: ignore[no-untyped-def]
+    """Share of a pixel that streaks of falling rain cover, 0-1.
+
+    Streaks lie on rings around the camera, nearer than what the ray met. A streak that is narrower
+    than the pixel covers a part of it.
+    """
+    flat = math.sqrt(dx * dx + dy * dy)
+    if flat < np.float32(0.2):
+        return _ZERO
+    rise = dz / flat
+    turn = math.atan2(dy, dx) / _TAU
+    turn -= math.floor(turn)
+    total = _ZERO
+    for ring in range(_RINGS):
+        away = np.float32(2.5) * np.float32(2.2) ** ring
+        if away > distance * flat:
+            break
+        columns = 160 * (ring + 1)
+        height = away * rise
+        # Wind blows the drops along the ring while they fall.
+        x = turn * columns + height * light.wind * np.float32(0.35) * columns / (_TAU * away)
+        column = math.floor(x)
+        shown = column % columns
+        speed = np.float32(7.0) + np.float32(2.0) * hash_unit(shown, ring, 51)
+        y = (height + light.time_s * speed) / np.float32(0.9) + hash_unit(shown, ring, 52) * 9
+        drop = math.floor(y)
+        if hash_unit(shown, int(drop), 53 + ring) > light.rain * np.float32(0.6):
+            continue
+        along = np.float32(y - drop)
+        middle = np.float32(0.2) + np.float32(0.6) * hash_unit(shown, int(drop), 60 + ring)
+        cell = _TAU * away / columns
+        wide = np.float32(0.006)
+        soft = max(away * pixel_angle, wide)
+        off = abs(np.float32(x - column) - middle) * cell
+        cover = max(_ONE - off / soft, _ZERO) * min(wide / soft * 2, _ONE)
+        total += cover * along * (_ONE - along) * 4
+    return min(total, _ONE) * np.float32(0.28)

@@ -13,10 +13,11 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from carstage.annotation.classes import TWO_WHEELERS, VEHICLE_CLASSES, WALKER_CLASSES
+from carstage.annotation.classes import TWO_WHEELERS, WALKER_CLASSES
 from carstage.geometry import FloatArray
-from carstage.rawlog.reader import ActorInfo, LevelObject
+from carstage.rawlog.reader import ActorInfo
 
 MIN_HALF_SIZE_M: Final = 0.05
 MAX_HALF_SIZE_M: Final = 15.0
@@ -107,17 +108,22 @@ def box_is_plausible(actor: ActorInfo, object_class: str) -> bool:
     return bool(np.linalg.norm(location) <= MAX_OFFSET_M)
 
 
-def level_box(found: LevelObject, object_class: str) -> LabelBox:
-    """The box of a level object; parked vehicles have the bounds of driving ones."""
-    extent = found.box_extent
-    numbers = np.concatenate([found.box_location, extent, found.box_rotation_deg])
-    low, high = MIN_LEVEL_HALF_SIZE_M, MAX_LEVEL_HALF_SIZE_M
-    if object_class in VEHICLE_CLASSES:
-        low, high = MIN_HALF_SIZE_M, MAX_HALF_SIZE_M
-    plausible = np.isfinite(numbers).all() and extent.min() >= low and extent.max() <= high
-    return LabelBox(
-        "level" if plausible else "invalid", found.box_location, extent, found.box_rotation_deg
-    )
+def are_plausible_in_level(
+    location: FloatArray, extent: FloatArray, rotation_deg: FloatArray, parked: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Which boxes of a level can be right; parked vehicles have the bounds of driving ones.
+
+    Args:
+        location: ``(N, 3)`` centres in the world (m).
+        extent: ``(N, 3)`` half sizes (m).
+        rotation_deg: ``(N, 3)`` pitch, yaw, roll.
+        parked: ``(N,)`` which are of vehicles.
+    """
+    numbers = np.concatenate([location, extent, rotation_deg], axis=1)
+    low = np.where(parked, MIN_HALF_SIZE_M, MIN_LEVEL_HALF_SIZE_M)
+    high = np.where(parked, MAX_HALF_SIZE_M, MAX_LEVEL_HALF_SIZE_M)
+    finite = np.isfinite(numbers).all(axis=1)
+    return np.asarray(finite & (extent.min(axis=1) >= low) & (extent.max(axis=1) <= high))
 
 
 def _is_capsule(actor: ActorInfo) -> bool:

@@ -268,7 +268,7 @@ class EpisodeLabeller:
 
     def _with_level(self, scene: Scene, images: Mapping[str, CameraImages]) -> Scene:
         """The scene with the level objects within the maximum distance of the ego or a camera."""
-        if not self._level.facts:
+        if not len(self._level.extent):
             return scene
         origins = [scene.world_from_ego[:3, 3]]
         if self._settings.distance_origin == "sensor":

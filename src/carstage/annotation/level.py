@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.annotation.boxes import level_box
+from carstage.annotation.boxes import LabelBox, are_plausible_in_level
 from carstage.annotation.classes import LEVEL_CLASSES, VEHICLE_CLASSES
 from carstage.annotation.scene import ActorFacts
 from carstage.annotation.settings import LabelSettings
@@ -20,7 +20,8 @@ from carstage.tags import dataset_tags, vehicle_tags
 class Level:
     """``N`` level objects of an episode, ascending track; world frame, metres.
 
-    Those whose box cannot be right have no place, and no row.
+    Those whose box cannot be right have no place, and no row. A town may have ten thousand, of
+    which an episode meets some hundred: facts are made for those alone.
 
     Args:
         objects: as recorded.
@@ -28,7 +29,6 @@ class Level:
         settings: without labels of vehicles parked ones have none either.
 
     Attributes:
-        facts: ``N`` static facts.
         world_from_box: ``(N, 4, 4)``.
         extent: ``(N, 3)`` half sizes.
         corners: ``(N, 8, 3)``.
@@ -37,17 +37,30 @@ class Level:
     def __init__(
         self, objects: Sequence[LevelObject], server: str, settings: LabelSettings
     ) -> None:
-        tracks = level_tracks(found.id for found in objects)
-        chosen = [
-            fact
-            for track, found in sorted(zip(tracks, objects, strict=True), key=lambda pair: pair[0])
-            if (fact := _facts(found, track, server, settings)) is not None
+        self._server = server
+        self._class_of = {
+            label: LEVEL_CLASSES.get(dataset_tags([label], server)[0])
+            for label in sorted({found.label for found in objects})
+        }
+        wanted = [
+            kind is not None and (settings.vehicles or kind not in VEHICLE_CLASSES)
+            for kind in (self._class_of[found.label] for found in objects)
         ]
-        self.facts: list[ActorFacts] = chosen
-        location = np.array([fact.box.location for fact in chosen]).reshape(-1, 3)
-        rotation = np.array([fact.box.rotation_deg for fact in chosen]).reshape(-1, 3)
-        self.extent: FloatArray = np.array([f.box.extent for f in chosen]).reshape(-1, 3)
-        self.world_from_box: FloatArray = pose_matrix(location, rotation)
+        parked = [self._class_of[found.label] in VEHICLE_CLASSES for found in objects]
+        location = np.array([found.box_location for found in objects]).reshape(-1, 3)
+        extent = np.array([found.box_extent for found in objects]).reshape(-1, 3)
+        rotation = np.array([found.box_rotation_deg for found in objects]).reshape(-1, 3)
+        plausible = are_plausible_in_level(
+            location, extent, rotation, np.array(parked, dtype=np.bool_)
+        )
+        tracks = np.array(level_tracks(found.id for found in objects), dtype=np.int64)
+        chosen = np.flatnonzero(plausible & np.array(wanted, dtype=np.bool_))
+        chosen = chosen[np.argsort(tracks[chosen])]
+        self._objects = [objects[i] for i in chosen.tolist()]
+        self._tracks: list[int] = tracks[chosen].tolist()
+        self._facts: dict[int, ActorFacts] = {}
+        self.extent: FloatArray = extent[chosen]
+        self.world_from_box: FloatArray = pose_matrix(location[chosen], rotation[chosen])
         self.corners: FloatArray = box_corners(self.world_from_box, self.extent)
 
     def near(self, origins: FloatArray, max_distance_m: float) -> NDArray[np.int64]:
@@ -55,30 +68,28 @@ class Level:
         offset = self.world_from_box[:, None, :3, 3] - origins
         return np.flatnonzero((np.linalg.norm(offset, axis=-1) <= max_distance_m).any(axis=1))
 
+    def facts(self, chosen: NDArray[np.int64]) -> list[ActorFacts]:
+        """Static facts of some objects."""
+        for i in chosen.tolist():
+            if i not in self._facts:
+                self._facts[i] = self._facts_of(self._objects[i], self._tracks[i])
+        return [self._facts[i] for i in chosen.tolist()]
 
-def _facts(
-    found: LevelObject, track: int, server: str, settings: LabelSettings
-) -> ActorFacts | None:
-    """Facts of an object that is to be labelled, else None."""
-    (tag,) = dataset_tags([found.label], server)
-    kind = LEVEL_CLASSES.get(tag)
-    if kind is None or (kind in VEHICLE_CLASSES and not settings.vehicles):
-        return None
-    box = level_box(found, kind)
-    if not box.valid:
-        return None
-    tags = np.zeros(256, dtype=np.bool_)
-    tags[found.label] = True
-    if kind in VEHICLE_CLASSES:  # CARLA says Car of every vehicle actor that a level holds
-        tags[sorted(vehicle_tags(server))] = True
-    info = ActorInfo(
-        id=track,
-        type_id=found.name,
-        parent=found.light,
-        attributes={},
-        semantic_tags=(tag,),
-        box_location=box.location,
-        box_extent=box.extent,
-        box_rotation_deg=box.rotation_deg,
-    )
-    return ActorFacts(info, kind, box, tags, is_static=True)
+    def _facts_of(self, found: LevelObject, track: int) -> ActorFacts:
+        kind = self._class_of[found.label] or ""
+        tags = np.zeros(256, dtype=np.bool_)
+        tags[found.label] = True
+        if kind in VEHICLE_CLASSES:  # CARLA says Car of every vehicle actor that a level holds
+            tags[sorted(vehicle_tags(self._server))] = True
+        box = LabelBox("level", found.box_location, found.box_extent, found.box_rotation_deg)
+        info = ActorInfo(
+            id=track,
+            type_id=found.name,
+            parent=found.light,
+            attributes={},
+            semantic_tags=dataset_tags([found.label], self._server),
+            box_location=box.location,
+            box_extent=box.extent,
+            box_rotation_deg=box.rotation_deg,
+        )
+        return ActorFacts(info, kind, box, tags, is_static=True)

@@ -94,7 +94,7 @@ class Scene:
         """The scene and some objects of the level after it; their pivot is their middle."""
         if not len(chosen):
             return self
-        facts = [level.facts[i] for i in chosen.tolist()]
+        facts = level.facts(chosen)
         poses, extent = level.world_from_box[chosen], level.extent[chosen]
         rotation = np.array([fact.box.rotation_deg for fact in facts])
         still = np.zeros((len(facts), 3))

@@ -23,6 +23,7 @@ _NOT_DEFAULT: dict[str, Any] = {
     "max_distance_m": 1.0,
     "include_invisible": True,
     "validation_share": 0.5,
+    "classes": ("car",),
 }
 
 

@@ -14,12 +14,18 @@ NEAREST = """
     FROM camera_objects c JOIN objects o USING (episode_id, k, track_id)
     WHERE c.visible ORDER BY c.distance LIMIT 5
 """
+LIGHTS = """
+    SELECT o.traffic_light_state AS state, count(DISTINCT o.track_id) AS lights, count(*) AS labels
+    FROM camera_objects c JOIN objects o USING (episode_id, k, track_id)
+    WHERE c.visible AND o.class = 'traffic_light' GROUP BY state ORDER BY labels DESC
+"""
+QUERIES = {"Classes": CLASSES, "Nearest visible objects": NEAREST, "Traffic lights seen": LIGHTS}
 
 
 def main() -> None:
     """Run the example."""
     dataset = Dataset(sys.argv[1])
-    for title, query in (("Classes", CLASSES), ("Nearest visible objects", NEAREST)):
+    for title, query in QUERIES.items():
         rows = dataset.sql(query).to_pylist()  # a pyarrow table: .to_pandas() works as well
         print(title)
         for row in rows:

@@ -56,6 +56,7 @@ def test_labels_answer_queries(recorded: Path) -> None:
     told = run("query_labels.py", recorded)
     assert re.search(r"class car, objects \d+, labels \d+, mean_speed_mps [\d.]+", told)
     assert told.count("distance_m") == 5
+    assert "Traffic lights seen" in told
 
 
 def test_samples_come_from_worker_processes(recorded: Path) -> None:

@@ -62,6 +62,7 @@ class Finding:
         stray_px: visible pixels that the lone object does not have; the truth disagrees with
             itself by so much.
         labels: by method.
+        missed_px: pixels whose depth is another without it; None: it was not taken away.
     """
 
     town: str
@@ -71,6 +72,7 @@ class Finding:
     outside_px: int
     stray_px: int
     labels: Mapping[str, Estimate]
+    missed_px: int | None = None
 
     @property
     def ratio(self) -> float:
@@ -147,6 +149,8 @@ def figures(findings: Sequence[Finding], *, objects: int, classes: int, towns: i
         Figure("pixels_of_no_lone_object", sum(f.stray_px for f in findings)),
         Figure("objects_outside_their_hull", sum(f.outside_px > 0 for f in findings), "==", 0),
         Figure("instance_wrong_visible_px", _wrong_counts(findings, "instance"), "==", 0),
+        Figure("objects_taken_away", sum(f.missed_px is not None for f in findings)),
+        Figure("taken_away_wrong_visible_px", _wrongly_missed(findings), "==", 0),
         *_method(findings, "instance", Figure("instance_box_iou_least", _least(findings), "==", 1)),
         *_method(
             findings,
@@ -167,10 +171,10 @@ def figures(findings: Sequence[Finding], *, objects: int, classes: int, towns: i
     ]
 
 
-def table(findings: Sequence[Finding]) -> dict[str, dict[str, int]]:
-    """Objects by class and town."""
-    counts = Counter((f.object_class, f.town) for f in findings)
-    classes, towns = ({f.object_class for f in findings}, {f.town for f in findings})
+def table(found: Iterable[tuple[str, str]]) -> dict[str, dict[str, int]]:
+    """Objects, given as class and town, counted by both."""
+    counts = Counter(found)
+    classes, towns = {kind for kind, _ in counts}, {town for _, town in counts}
     return {kind: {town: counts[kind, town] for town in sorted(towns)} for kind in sorted(classes)}
 
 
@@ -204,6 +208,13 @@ def _ratio_error(findings: Sequence[Finding], method: str) -> float:
 
 def _wrong_counts(findings: Sequence[Finding], method: str) -> int:
     return sum(f.visible_px != f.labels[method].visible_px for f in findings)
+
+
+def _wrongly_missed(findings: Sequence[Finding]) -> int:
+    """Objects of which labels count other pixels than change when the object is taken away."""
+    return sum(
+        f.missed_px != f.labels["instance"].visible_px for f in findings if f.missed_px is not None
+    )
 
 
 def _ious(findings: Sequence[Finding], method: str) -> NDArray[np.float64]:

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carstage.annotation import CameraImages, EpisodeLabeller
 from carstage.annotation.classes import object_class
@@ -31,13 +30,14 @@ from carstage.bench.label_scores import (
     figures,
     table,
 )
+from carstage.bench.level_truth import LevelFinding, compare_level, level_figures
+from carstage.bench.masks import inside_polygon, tight_box
 from carstage.bench.sights import CAMERA, Sight, SightScene, read_scenes
 from carstage.bench.verdict import Verdict
 from carstage.execution import CollectorProcess
 from carstage.geometry import (
     Z_NEAR_M,
     FloatArray,
-    Rectangle,
     box_corners,
     clip_to_near_plane,
     convex_hull,
@@ -55,6 +55,7 @@ TOWNS: Final = ("Stage01", "Stage02", "Stage03")
 SCENES: Final = 14
 OBJECTS: Final = 500
 CLASSES: Final = 5
+TAKEN_AWAY: Final = 5
 _VEHICLES, _WALKERS = 9, 6
 _SIZE: Final = (640, 360)
 _FOV_DEG: Final = 90.0
@@ -72,6 +73,8 @@ def measure_labels(
     scratch: Path | None = None,
     progress: Progress = lambda done, total: None,
     running: Endpoint | None = None,
+    maps: Path | None = None,
+    taken_away: int = TAKEN_AWAY,
 ) -> tuple[Verdict, dict[str, dict[str, int]]]:
     """Stage, label and compare.
 
@@ -83,14 +86,18 @@ def measure_labels(
         scratch: where the raw logs go.
         progress: told of scenes done.
         running: the server; None starts one.
+        maps: folder of OpenDRIVE files, for towns of which the simulator has none.
+        taken_away: the most actors, and the most level objects, of a scene that are taken away.
 
     Returns:
         The figures, and how many objects there were by class and town.
     """
     findings: list[Finding] = []
+    level: list[LevelFinding] = []
+    arguments = () if maps is None else ("--maps", str(maps))
     with (
         tempfile.TemporaryDirectory(prefix="carstage-bench-", dir=scratch) as folder,
-        _server(running) as endpoint,
+        _server(running, arguments) as endpoint,
     ):
         for number, town in enumerate(towns):
             where = Path(folder) / town
@@ -104,6 +111,7 @@ def measure_labels(
                 "scenes": scenes,
                 "vehicles": _VEHICLES,
                 "walkers": _WALKERS,
+                "taken_away": taken_away,
                 "size": list(size),
                 "fov_deg": _FOV_DEG,
                 "folder": str(where / "raw"),
@@ -111,28 +119,38 @@ def measure_labels(
             (where / "raw").mkdir()
             for done in _record(plan, where):
                 progress(number * scenes + done, len(towns) * scenes)
-            findings += compare(EpisodeLog(where / "raw"), town)
+            of_actors, of_level = compare(EpisodeLog(where / "raw"), town)
+            findings += of_actors
+            level += of_level
     return (
         Verdict(
             "labels",
             f"carstage bench labels --scenes {scenes} --json",
-            tuple(figures(findings, objects=OBJECTS, classes=CLASSES, towns=len(TOWNS))),
+            (
+                *figures(findings, objects=OBJECTS, classes=CLASSES, towns=len(TOWNS)),
+                *level_figures(level),
+            ),
             (
                 f"{scenes} scenes in each of {', '.join(towns)}, pictures of "
                 f"{size[0]}x{size[1]}; objects within {_MAX_DISTANCE_M:g} m of which the lone "
                 "picture shows a pixel.",
             ),
         ),
-        table(findings),
+        table(
+            [
+                *((found.object_class, found.town) for found in findings),
+                *((f"{found.object_class} of the level", found.town) for found in level),
+            ]
+        ),
     )
 
 
 @contextmanager
-def _server(running: Endpoint | None) -> Iterator[Endpoint]:
+def _server(running: Endpoint | None, arguments: Sequence[str]) -> Iterator[Endpoint]:
     if running is not None:
         yield running
         return
-    with EmbeddedServer() as server:
+    with EmbeddedServer(arguments=arguments) as server:
         yield server.endpoint
 
 
@@ -150,18 +168,27 @@ def _record(plan: Mapping[str, Any], folder: Path) -> Iterator[int]:
                 yield event["tick"] + 1
 
 
-def compare(log: EpisodeLog, town: str) -> Iterator[Finding]:
+def compare(log: EpisodeLog, town: str) -> tuple[list[Finding], list[LevelFinding]]:
     """Label the scenes of a recording and compare each object with the truth."""
-    labeller = EpisodeLabeller(log.header, log.actors())
+    found: list[Finding] = []
+    level: list[LevelFinding] = []
+    objects, server = log.level_objects(), str(log.header["server_version"])
+    labeller = EpisodeLabeller(log.header, log.actors(), level_objects=objects)
     for scene in read_scenes(log):
         rows = {
             method: _rows(labeller, scene, images) for method, images in _evidence(scene).items()
         }
+        optical = _camera(log.header, scene.world)
         for sight in scene.sights:
-            optical = _camera(log.header, scene.world)
             box = _world_from_box(scene.world, sight)
             if np.linalg.norm(transform_points(optical, box[:3, 3])) <= _MAX_DISTANCE_M:
-                yield _finding(town, scene, sight, rows, optical, box)
+                found.append(_finding(town, scene, sight, rows, optical, box))
+        height, width = scene.depth_m.shape
+        k = intrinsics(width, height, _FOV_DEG)
+        level += compare_level(
+            town, scene, objects, server, rows["instance"], optical, k, _MAX_DISTANCE_M
+        )
+    return found, level
 
 
 def _evidence(scene: SightScene) -> dict[str, CameraImages]:
@@ -207,26 +234,9 @@ def _finding(
         alone_px=int(sight.alone.sum()),
         outside_px=int((~inside_polygon(sight.alone, hull)).sum()),
         stray_px=int((sight.visible & ~sight.alone).sum()),
+        missed_px=None if sight.missed is None else int(sight.missed.sum()),
         labels=labels,
     )
-
-
-def tight_box(mask: NDArray[np.bool_]) -> Rectangle:
-    """Bounds x0, y0, x1, y1 of a mask's pixels, half open."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return float(columns[0]), float(rows[0]), float(columns[-1] + 1), float(rows[-1] + 1)
-
-
-def inside_polygon(
-    mask: NDArray[np.bool_], polygon: Sequence[tuple[float, float]]
-) -> NDArray[np.bool_]:
-    """Which of a mask's pixels have their centre in a convex, counter-clockwise polygon."""
-    rows, columns = np.nonzero(mask)
-    u, v = columns + 0.5, rows + 0.5
-    inside = np.full(len(u), len(polygon) >= 3)
-    for (ax, ay), (bx, by) in zip(polygon, [*polygon[1:], *polygon[:1]], strict=True):
-        inside &= (bx - ax) * (v - ay) - (by - ay) * (u - ax) >= 0.0
-    return inside
 
 
 def _camera(header: Mapping[str, Any], world: WorldFrame) -> FloatArray:

@@ -1,7 +1,8 @@
 """Recorded scenes with the truth about each object's pixels, as the client ``alone`` writes them.
 
-A raw log with the streams that labels need and one more, ``ALONE``: for each object that was
-placed, which pixels it covers when it is the only thing there is.
+A raw log with the streams that labels need and two more. ``ALONE``: for each object that was
+placed, which pixels it covers when it is the only thing there is. ``TAKEN_AWAY``: for some of them
+and some of the level, which pixels show something else without it.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ CAMERA: Final = "CAM"
 DEPTH: Final = "CAM.depth"
 INSTANCE: Final = "CAM.instance"
 ALONE: Final = "alone"
+TAKEN_AWAY: Final = "taken_away"
+LEVEL_KINDS: Final = ("parked_vehicles", "traffic_lights", "traffic_signs")
 SIGHTS_FPS: Final = 20.0
 
 
@@ -88,11 +91,13 @@ class Sight:
         actor: the object.
         alone: ``(H, W)`` which pixels it covers without anything else.
         visible: ``(H, W)`` which pixels of the scene's picture are its own.
+        missed: ``(H, W)`` which pixels' depth is another without it; None: it was not taken away.
     """
 
     actor: ActorInfo
     alone: NDArray[np.bool_]
     visible: NDArray[np.bool_]
+    missed: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +110,7 @@ class SightScene:
         depth_m: ``(H, W)`` float32 z-depth.
         instance_bgra: ``(H, W, 4)`` uint8.
         sights: the objects that cover a pixel when they are alone.
+        missed: by id of a level object that was taken away, ``(H, W)`` where the depth is another.
     """
 
     number: int
@@ -112,6 +118,7 @@ class SightScene:
     depth_m: NDArray[np.float32]
     instance_bgra: NDArray[np.uint8]
     sights: tuple[Sight, ...]
+    missed: Mapping[int, NDArray[np.bool_]]
 
 
 def read_scenes(log: EpisodeLog) -> Iterator[SightScene]:
@@ -121,18 +128,20 @@ def read_scenes(log: EpisodeLog) -> Iterator[SightScene]:
         name: {record.tick: record for record in log.read_segment(name, 0)}
         for name in (DEPTH, INSTANCE)
     }
-    alone: dict[int, list[Record]] = {}
-    for record in log.read_segment(ALONE, 0):
-        if record.kind == KIND_DATA:
-            alone.setdefault(int(record.meta["scene"]), []).append(record)
+    alone, taken_away = _by_scene(log, ALONE), _by_scene(log, TAKEN_AWAY)
     for world in log.world_frames(0):
         instance_bgra = _bgra(pictures[INSTANCE][world.tick])
         ids, _ = decode_instance_bgra(instance_bgra)
+        missed = {
+            (record.meta.get("actor"), record.meta.get("object")): _whole(record, ids.shape)
+            for record in taken_away.get(world.tick, ())
+        }
         sights = tuple(
             Sight(
                 actors[record.meta["actor"]],
                 _whole(record, ids.shape),
                 ids == record.meta["actor"] & 0xFFFF,
+                missed.get((record.meta["actor"], None)),
             )
             for record in alone.get(world.tick, ())
             if record.meta["width"]
@@ -143,7 +152,17 @@ def read_scenes(log: EpisodeLog) -> Iterator[SightScene]:
             decode_depth_bgra(_bgra(pictures[DEPTH][world.tick])),
             instance_bgra,
             sights,
+            {number: mask for (_, number), mask in missed.items() if number is not None},
         )
+
+
+def _by_scene(log: EpisodeLog, stream: str) -> dict[int, list[Record]]:
+    """The masks of a stream."""
+    found: dict[int, list[Record]] = {}
+    for record in log.read_segment(stream, 0):
+        if record.kind == KIND_DATA:
+            found.setdefault(int(record.meta["scene"]), []).append(record)
+    return found
 
 
 def _bgra(record: Record) -> NDArray[np.uint8]:

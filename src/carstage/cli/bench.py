@@ -134,6 +134,9 @@ def frames_check(
 def labels(
     towns: Annotated[list[str] | None, typer.Option(help="Where. Repeatable.")] = None,
     scenes: Annotated[int, typer.Option(min=1, help="In each town.")] = 14,
+    maps: Annotated[
+        Path | None, typer.Option(help="Folder of OpenDRIVE files, for other towns.")
+    ] = None,
     scratch: Scratch = None,
     json: Json = False,
 ) -> int:
@@ -143,7 +146,7 @@ def labels(
 
     with watch_steps("Scenes", "scenes") as progress:
         verdict, objects = measure_labels(
-            towns=towns or TOWNS, scenes=scenes, scratch=scratch, progress=progress
+            towns=towns or TOWNS, scenes=scenes, maps=maps, scratch=scratch, progress=progress
         )
     return _report(verdict, json, objects=objects)
 

@@ -14,7 +14,9 @@ from hypothesis import strategies as st
 from carstage.bench import label_scores
 from carstage.bench.clients.staging import LIFT_M, on_grid
 from carstage.bench.label_scores import Estimate, Finding, estimate, f1, figures, iou
-from carstage.bench.labels import inside_polygon, measure_labels, tight_box
+from carstage.bench.labels import measure_labels
+from carstage.bench.level_truth import LevelFinding, level_figures
+from carstage.bench.masks import inside_polygon, tight_box
 from carstage.bench.verdict import Verdict
 
 RIGHT = Estimate(visible_px=600, ratio=0.4, level=1, visible=True, box_iou=1.0)
@@ -57,10 +59,38 @@ def test_labels_that_say_the_truth_pass() -> None:
             {"instance_occlusion_error_mean", "instance_occlusion_error_mean_partly"},
         ),
         (replace(FINDING, outside_px=1), {"objects_outside_their_hull"}),
+        (replace(FINDING, missed_px=599), {"taken_away_wrong_visible_px"}),
     ],
 )
 def test_each_kind_of_error_fails_its_own_figure(finding: Finding, red: set[str]) -> None:
     assert failed(judged(finding)) == red
+
+
+LEVEL_FINDING = LevelFinding(
+    town="Stage01",
+    object_class="traffic_light",
+    visible_px=100,
+    labelled_px=100,
+    visible=True,
+    outside_px=0,
+    box_iou=1.0,
+)
+
+
+@pytest.mark.parametrize(
+    ("finding", "red"),
+    [
+        (LEVEL_FINDING, set()),
+        (replace(LEVEL_FINDING, labelled_px=90), {"level_wrong_pixels_share"}),
+        (replace(LEVEL_FINDING, outside_px=1), {"level_objects_outside_their_box"}),
+        (replace(LEVEL_FINDING, box_iou=0.9), {"level_box_iou_median"}),
+        (replace(LEVEL_FINDING, visible=False), {"level_f1"}),
+    ],
+)
+def test_each_kind_of_error_about_the_level_fails_its_own_figure(
+    finding: LevelFinding, red: set[str]
+) -> None:
+    assert {figure.name for figure in level_figures([finding]) if not figure.ok} == red
 
 
 def test_too_few_objects_classes_or_towns_prove_nothing() -> None:
@@ -126,13 +156,18 @@ def test_labels_of_a_town_are_true(tmp_path: Path) -> None:
         towns=["Stage01"],
         scenes=3,
         size=(320, 180),
+        taken_away=2,
         scratch=tmp_path,
         progress=lambda done, total: told.append(done),
     )
     found = {figure.name: figure.value for figure in verdict.figures}
     assert told == [1, 2, 3]
-    assert sum(count["Stage01"] for count in objects.values()) == found["objects"] >= 30
-    assert {"car", "walker_adult"} <= set(objects)
-    assert failed(verdict) <= {"objects", "towns"}, verdict.text()
+    of_actors = [count["Stage01"] for name, count in objects.items() if "level" not in name]
+    assert sum(of_actors) == found["objects"] >= 30
+    assert {"car", "walker_adult", "traffic_light of the level"} <= set(objects)
+    # At this size few signs and lights have the pixels from which boxes are compared.
+    assert failed(verdict) <= {"objects", "towns", "level_box_iou_median"}, verdict.text()
+    assert float(found["objects_taken_away"]) >= 3
+    assert float(found["level_objects_seen"]) >= 3
     assert float(found["partly_hidden_objects"]) >= 3
     assert float(found["pixels_of_no_lone_object"]) <= 3

@@ -145,13 +145,13 @@ class Stage:
         camera = self._camera()
         taken: list[Disc] = []
         placed: list[Placed] = []
-        lanes = [place for place in self._lanes if _is_before(camera, place.location)]
+        lanes = [place for place in self._lanes if is_before(camera, place.location)]
         for actor in rng.sample(self._troupe.vehicles, vehicles):
             found = self._free_place(camera, lanes, actor, taken)
             if found is not None:
                 placed.append(Placed(actor, found))
         beside = [self._beside(one) for one in placed for _ in range(2)]
-        pavement = [p for p in (*self._pavement, *beside) if _is_before(camera, p)]
+        pavement = [p for p in (*self._pavement, *beside) if is_before(camera, p)]
         for actor in rng.sample(self._troupe.walkers, walkers):
             found = self._free_spot(camera, pavement, actor, taken)
             if found is not None:
@@ -240,7 +240,7 @@ def _are_free(discs: Sequence[Disc], taken: Sequence[Disc]) -> bool:
     )
 
 
-def _is_before(camera: Any, at: Any) -> bool:
+def is_before(camera: Any, at: Any) -> bool:
     """Whether a place is in front of the camera, within an angle of 49 degrees to its axis."""
     yaw = math.radians(camera.rotation.yaw)
     x, y = at.x - camera.location.x, at.y - camera.location.y

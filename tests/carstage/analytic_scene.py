@@ -16,9 +16,9 @@ from carstage.rawlog import format as raw
 from carstage.rawlog import writing
 
 DEPTH_CODES = 2**24 - 1
-ROAD, BUILDING, SKY, WALKER, CAR, TRUCK = 1, 3, 11, 12, 14, 15
+ROAD, BUILDING, LIGHT, SKY, WALKER, CAR, TRUCK = 1, 3, 7, 11, 12, 14, 15
 RGB = {ROAD: (90, 90, 95), BUILDING: (150, 120, 100), SKY: (150, 190, 230)}
-RGB |= {WALKER: (200, 60, 60), CAR: (40, 70, 160), TRUCK: (60, 120, 80)}
+RGB |= {LIGHT: (230, 200, 40), WALKER: (200, 60, 60), CAR: (40, 70, 160), TRUCK: (60, 120, 80)}
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,12 @@ SOLIDS = (
         {"age": "adult"},
     ),
     Solid(0, "building", BUILDING, (40.0, -12.0, 5.0), 0.0, (8.0, 5.0, 5.0)),
+    Solid(0, "Parked_1", CAR, (18.0, -7.0, 0.8), 5.0, (2.1, 0.9, 0.8)),
+    Solid(0, "Light_1", LIGHT, (20.0, 5.0, 4.2), 8.0, (0.3, 0.4, 0.8)),
 )
+LEVEL_IDS = {"Parked_1": 3, "Light_1": 2**63 + 9}
+"""Solids of the map that a server tells of as level objects; CARLA's ids have 64 bits."""
+LIGHT_ACTOR = 30
 _POSE = {"x_m": 1.5, "y_m": 0.0, "z_m": 1.6, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0}
 _LEFT = {"x_m": 0.5, "y_m": -0.8, "z_m": 1.7, "roll_deg": 0.0, "pitch_deg": -5.0, "yaw_deg": -55.0}
 _TOP = {"x_m": 0.0, "y_m": 0.0, "z_m": 2.0, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0}
@@ -278,6 +283,19 @@ def _actor_row(solid: Solid) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _level_rows() -> list[dict[str, Any]]:
+    return [
+        {
+            "id": LEVEL_IDS[solid.type_id], "name": solid.type_id, "label": solid.tag,
+            "light": LIGHT_ACTOR if solid.tag == LIGHT else 0,
+            "box": {"location": list(solid.center), "extent": list(solid.extent),
+                    "rotation_deg": [0.0, solid.yaw_deg, 0.0]},
+        }
+        for solid in SOLIDS
+        if solid.type_id in LEVEL_IDS
+    ]  # fmt: skip
+
+
 def _actor_bytes(solid: Solid, time_s: float) -> bytes:
     rotation, center = solid.pose(time_s)
     walker = solid.type_id.startswith("walker")
@@ -329,7 +347,8 @@ def write_raw_log(
         stamp = (tick, frame, 1.1 + time_s)
         if tick == 0:
             rows = [_actor_row(solid) for solid in cast_solids]
-            streams[raw.WORLD].append(raw.KIND_TABLE, *stamp, {"actors": rows})
+            table = {"actors": rows, "level_objects": _level_rows()}
+            streams[raw.WORLD].append(raw.KIND_TABLE, *stamp, table)
         streams[raw.WORLD].append(
             raw.KIND_DATA, *stamp, _world_meta(),
             b"".join(_actor_bytes(solid, time_s) for solid in cast_solids),
@@ -357,7 +376,7 @@ def _world_meta() -> dict[str, Any]:
         "ego": {"id": EGO.actor_id, "throttle": 0.4, "steer": 0.0, "brake": 0.0,
                 "hand_brake": False, "reverse": False, "gear": 2, "speed_limit_kmh": 50.0,
                 "traffic_light_state": "Green"},
-        "vehicle_lights": {"41": 0, "50": 0, "51": 0}, "traffic_lights": {},
+        "vehicle_lights": {"41": 0, "50": 0, "51": 0}, "traffic_lights": {str(LIGHT_ACTOR): "Red"},
     }  # fmt: skip
 
 

@@ -45,11 +45,14 @@ def pixels(points: NDArray[np.float64], projection: NDArray[np.float64]) -> NDAr
 def test_labels_parse_and_project_back_within_a_pixel(exported, dataset) -> None:
     training = exported("kitti-object") / "training"
     rows = Dataset(dataset).episodes[0].camera_objects().to_pylist()
-    compared = 0
+    compared = dont_care = 0
     for k in range(6):
         projection = calibration(training / f"calib/{k:06d}.txt")["P2"]
         for line in (training / f"label_2/{k:06d}.txt").read_text().splitlines():
             name, *numbers = line.split()
+            if name == "DontCare":
+                dont_care += 1
+                continue
             assert name in ("Car", "Truck", "Pedestrian")
             values = [float(number) for number in numbers]
             assert len(values) == 14
@@ -72,6 +75,7 @@ def test_labels_parse_and_project_back_within_a_pixel(exported, dataset) -> None
             np.testing.assert_allclose([left, top, right + 1, bottom + 1], inside, atol=1.0)
             compared += 1
     assert compared >= 12
+    assert dont_care >= 1  # the light
 
 
 def test_velodyne_points_land_on_the_depth_image(exported, dataset) -> None:
@@ -118,7 +122,7 @@ def test_pixel_levels_and_modal_boxes_are_written_on_demand(exported, dataset) -
     assert len(labels) == len(seen)
     for line, row in zip(labels, seen, strict=True):
         values = line.split()
-        assert int(values[2]) == row["occluded_px"]
+        assert int(values[2]) == (-1 if values[0] == "DontCare" else row["occluded_px"])
         x0, y0, x1, y1 = row["bbox_modal"]
         assert [float(v) for v in values[4:8]] == [x0, y0, x1 - 1, y1 - 1]
 
@@ -128,7 +132,7 @@ def test_filters_leave_objects_out(exported) -> None:
         folder = exported("kitti-object", **choices) / "training/label_2"
         return {line.split()[0] for p in folder.iterdir() for line in p.read_text().splitlines()}
 
-    assert names() == {"Car", "Truck", "Pedestrian"}
+    assert names() == {"Car", "Truck", "Pedestrian", "DontCare"}
     assert "Truck" not in names(max_distance_m=16.0)
     assert names(min_lidar_points=100_000) == set()
 
@@ -139,6 +143,9 @@ def test_tracks_are_numbered_from_zero_and_keep_their_class(exported) -> None:
     frames = set()
     for line in (training / "label_02/0000.txt").read_text().splitlines():
         frame, track, name, truncated, occluded, *rest = line.split()
+        if name == "DontCare":
+            assert (track, truncated, occluded) == ("-1", "-1", "-1")
+            continue
         assert truncated in ("0", "1", "2")
         assert occluded in ("0", "1", "2", "3")
         assert len(rest) == 12

@@ -52,6 +52,16 @@ def test_our_labels_as_predictions_get_full_marks(devkit, nusc, tmp_path: Path) 
             assert value == pytest.approx(0.0, abs=1e-6), (name, error)
 
 
+def test_parked_cars_are_parked_and_lights_are_no_objects(nusc) -> None:
+    attributes = {
+        (row["category_name"], nusc.get("attribute", token)["name"])
+        for row in nusc.sample_annotation
+        for token in row["attribute_tokens"]
+    }
+    assert ("vehicle.car", "vehicle.parked") in attributes
+    assert {name.split(".")[0] for name, _ in attributes} == {"vehicle", "human"}
+
+
 def test_boxes_hold_the_points_that_were_counted(devkit, nusc) -> None:
     compared, _ = check_point_counts(devkit, nusc)
     assert compared >= 12

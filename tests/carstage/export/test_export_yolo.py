@@ -30,7 +30,7 @@ def test_boxes_come_back_from_shares_of_the_picture(exported, dataset) -> None:
         seen = [r for r in rows if r["k"] == int(frame) and r["sensor_id"] == camera]
         for row in labels.read_text().splitlines():
             number, x, y, w, h = (float(value) for value in row.split())
-            assert names[int(number)] in ("car", "truck", "walker_adult")
+            assert names[int(number)] in ("car", "truck", "walker_adult", "traffic_light")
             box = [(x - w / 2) * width, (y - h / 2) * height,
                    (x + w / 2) * width, (y + h / 2) * height]  # fmt: skip
             assert min(np.abs(np.subtract(box, r["bbox_amodal"])).max() for r in seen) < 1e-3
@@ -49,3 +49,10 @@ def test_both_tools_get_their_description(exported) -> None:
     description = dict(line.split(" = ") for line in (out / "obj.data").read_text().splitlines())
     assert int(description["classes"]) == len(names)
     assert (out / description["train"]).is_file()
+
+
+def test_chosen_classes_are_numbered_without_a_gap(exported) -> None:
+    out = exported("yolo", classes=("traffic_light", "truck"))
+    assert (out / "obj.names").read_text().split() == ["truck", "traffic_light"]
+    numbers = {line.split()[0] for path in (out / "labels/train").iterdir() for line in path.open()}
+    assert numbers == {"0", "1"}

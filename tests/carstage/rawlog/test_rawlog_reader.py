@@ -229,3 +229,20 @@ def test_the_log_is_complete_when_every_tick_is_sealed(tmp_path: Path) -> None:
     assert [(row["tick"], row["frame"], row["k"]) for row in log.ledger()] == [
         *((0, 9, 0), (1, 10, 1), (2, 11, 2)),
     ]
+
+
+def test_level_objects_are_read_and_logs_without_them_have_none(tmp_path: Path) -> None:
+    box = {"location": [1.0, 2.0, 3.0], "extent": [0.5, 0.5, 0.5], "rotation_deg": [0.0, 9.0, 0.0]}
+    row = {"id": 2**64 - 1, "name": "Sign_1", "label": 8, "light": 0, "box": box}
+    log = episode(tmp_path)
+    for table in ({"actors": []}, {"actors": [], "level_objects": [row]}):
+        folder = tmp_path / raw.WORLD
+        folder.mkdir(exist_ok=True)
+        for old in folder.iterdir():
+            old.unlink()
+        with writing.SegmentWriter(str(folder), raw.WORLD, 0) as writer:
+            writer.append(raw.KIND_TABLE, 0, 100, 0.0, table, b"")
+            writer.seal(0, 0)
+        found = [(one.id, one.name, one.label) for one in log.level_objects()]
+        assert found == [(2**64 - 1, "Sign_1", 8)] * len(table.get("level_objects", []))
+        assert log.actors() == {}

@@ -13,6 +13,8 @@ own folder: an edit there compiles that folder's kernels anew, and no others.
 from __future__ import annotations
 
 import hashlib
+import importlib
+import sys
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
@@ -39,6 +41,23 @@ def kernel_cache_key(package: Path) -> str:
 def kernel_cache(package: Path) -> Path:
     """Where machine code of the kernels in exactly this state of a folder is kept."""
     return cache_folder() / "kernels" / f"{package.name}-{kernel_cache_key(package)}"
+
+
+def do_without_scipy() -> None:
+    """Let numba find no linear algebra of SciPy: to be called before a process's first kernel.
+
+    Numba looks once, and imports all of it where it is installed, for kernels that multiply no
+    matrices.
+    """
+    name = "scipy.linalg"
+    if name in sys.modules:
+        return
+    modules: dict[str, Any] = sys.modules
+    modules[name] = None
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        del modules[name]
 
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]

@@ -97,6 +97,8 @@ def test_run_that_ends_at_once_leaves_no_process_and_the_next_run_clears_up(
     assert ended.code == code
     assert status(out)["state"] == "recording"
     wait_for(lambda: children_that_live(out) == [], "the end of the children")
+    if end is press_twice:
+        return  # what comes after is the same
     ended = carstage(["run", small, "--out", str(out), "--set", "duration_s=0.1"], home)
     assert ended.code == 0, ended.stderr
     assert "had left" in ended.stderr

@@ -105,10 +105,3 @@ def test_run_records_with_wheel_0_9_15(tmp_path: Path, home: Path) -> None:
     started = [e for e in events(tmp_path / "dataset") if e["event"] == "collector_started"]
     assert started[-1]["python"].startswith(("3.8.", "3.10."))
     check("0.9.15", started[-1]["python"].rpartition(".")[0], marker, tmp_path / "dataset")
-
-
-def test_run_records_with_wheel_0_9_16_of_another_python(tmp_path: Path, home: Path) -> None:
-    python = wheel_python("0.9.16")
-    marker = record("0.9.16", tmp_path, home, f"server.client_python={python}")
-    started = [e for e in events(tmp_path / "dataset") if e["event"] == "collector_started"]
-    check("0.9.16", started[-1]["python"].rpartition(".")[0], marker, tmp_path / "dataset")

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.maps.town import LaneSamples
-from carstage_sim.world.entries import junction_entries
+from carstage_sim.world.lane_graph import LaneGraph
 
 NEAR_M = 20.0
 """A vehicle counts when its middle is nearer to the junction than this,"""
@@ -97,7 +97,8 @@ class ArmTurns:
     """
 
     def __init__(self, lanes: LaneSamples, lit: Collection[int]) -> None:
-        entries = junction_entries(lanes)
+        graph = LaneGraph(lanes)
+        entries = graph.junction_entries()
         self._arm_of_sample = np.full(len(lanes.s_m), -1, np.intp)
         self._before_m = np.zeros(len(lanes.s_m))
         self._turns_of_sample = np.full(len(lanes.s_m), -1, np.intp)
@@ -109,7 +110,7 @@ class ArmTurns:
             if arms < _FEWEST_ARMS:
                 continue
             for entry in here.tolist():
-                samples, before_m = _before(lanes, int(entries.sample[entry]))
+                samples, before_m = graph.before(int(entries.sample[entry]), _FARTHEST_M)
                 self._arm_of_sample[samples] = count + entries.arm[entry]
                 self._before_m[samples] = before_m
             self._turns_of_sample[lanes.junction_id == junction_id] = len(self._turns)
@@ -163,15 +164,3 @@ class ArmTurns:
         draws = looks & ~np.isin(ids[rows], self._seen) & is_contested[arm]
         self._seen = ids[rows[looks]]
         self.told_to_wait = ids[rows[stops & (~goes[arm] | draws)]]
-
-
-def _before(lanes: LaneSamples, end: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Samples of a lane near its end, and their metres before it."""
-    same_lane = (
-        (lanes.road_id == lanes.road_id[end])
-        & (lanes.lane_id == lanes.lane_id[end])
-        & (lanes.junction_id == lanes.junction_id[end])
-    )
-    before_m = np.abs(lanes.s_m - lanes.s_m[end])
-    samples = np.flatnonzero(same_lane & (before_m < _FARTHEST_M))
-    return samples, before_m[samples]

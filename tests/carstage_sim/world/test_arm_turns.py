@@ -7,7 +7,7 @@ import pytest
 
 from carstage_sim.maps.town import LaneSamples
 from carstage_sim.world.arm_turns import CLEAR_S, TURN_S, ArmTurns
-from carstage_sim.world.entries import junction_entries
+from carstage_sim.world.lane_graph import LaneGraph
 
 _TICK_S = 0.05
 _HALF_LENGTH_M = 2.3
@@ -71,7 +71,7 @@ class Scene:
 
 def test_every_lane_that_leads_into_a_junction_is_an_entry_and_roads_are_arms() -> None:
     lanes = crossing(4)
-    entries = junction_entries(lanes)
+    entries = LaneGraph(lanes).junction_entries()
     assert lanes.road_id[entries.sample].tolist() == [0, 1, 2, 3]
     assert (lanes.s_m[entries.sample] == _LANE_M).all()
     assert entries.junction_id.tolist() == [_JUNCTION] * 4

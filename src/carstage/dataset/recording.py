@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from carstage.dataset.checks.completeness import may_come_back
 from carstage.dataset.reading import Dataset, Episode
 from carstage.errors import ConfigError, DatasetError
 from carstage.plan import Recording, Track
@@ -66,7 +67,10 @@ def _recording(episode: Episode) -> Recording:
         )
     rows: dict[int, list[dict[str, Any]]] = {}
     ego_id = int(episode.document["ego_id"])
-    for row in episode.objects().select(_COLUMNS).to_pylist():
+    objects = episode.objects()
+    # Level objects are there anyway, and riders come with their two-wheelers.
+    actors_only = objects.filter(~may_come_back(objects))
+    for row in actors_only.select(_COLUMNS).to_pylist():
         rows.setdefault(row["track_id"], []).append(row)
     if ego_id not in rows:
         raise DatasetError(f"{episode.folder} has no rows of its ego.")

@@ -24,7 +24,8 @@ def test_a_query_sees_the_rows_of_the_tables(dataset: Path) -> None:
         "SELECT class, count(*) AS rows FROM objects WHERE NOT is_ego GROUP BY class ORDER BY class"
     )
     assert found.to_pylist() == [
-        {"class": "car", "rows": 2},
+        {"class": "car", "rows": 4},  # one drives, one is parked
+        {"class": "traffic_light", "rows": 2},
         {"class": "truck", "rows": 2},
         {"class": "walker_adult", "rows": 2},
     ]

@@ -9,6 +9,7 @@ import analytic_scene
 import numpy as np
 import pytest
 
+from carstage.annotation.tracks import level_tracks
 from carstage.dataset import Dataset, decode_mask
 from carstage.errors import BadInputError, DatasetError
 
@@ -54,7 +55,8 @@ def test_images_and_points_come_back_exactly(folder: Path) -> None:
 def test_tables_have_a_row_per_frame_and_object(folder: Path) -> None:
     (episode,) = Dataset(folder).episodes
     assert episode.ledger().num_rows == episode.ego().num_rows == 6
-    assert set(episode.objects()["track_id"].to_pylist()) == {41, 50, 51, 60}
+    actors, level = {41, 50, 51, 60}, set(level_tracks(analytic_scene.LEVEL_IDS.values()))
+    assert set(episode.objects()["track_id"].to_pylist()) == actors | level
     assert set(episode.camera_objects()["sensor_id"].to_pylist()) == {"CAM_FRONT", "CAM_LEFT"}
 
 
@@ -62,10 +64,15 @@ def test_a_mask_marks_the_pixels_of_the_instance(folder: Path) -> None:
     (episode,) = Dataset(folder).episodes
     rows = [r for r in episode.camera_objects().to_pylist() if r["sensor_id"] == "CAM_FRONT"]
     assert rows
+    parked, light = level_tracks(analytic_scene.LEVEL_IDS.values())
+    of_level = {parked: analytic_scene.CAR, light: analytic_scene.LIGHT}  # no pixel has their id
+    assert {parked, light} <= {row["track_id"] for row in rows}
     for row in rows:
-        ids = episode.sensor("INST_FRONT").read(row["k"])[..., 0]
+        ids, tags = np.moveaxis(episode.sensor("INST_FRONT").read(row["k"]), -1, 0)
+        track = row["track_id"]
+        own = (ids == 0) & (tags == of_level[track]) if track in of_level else ids == track
         mask = decode_mask(row["mask_modal"], 128, 192)
-        np.testing.assert_array_equal(mask, ids == row["track_id"])
+        np.testing.assert_array_equal(mask, own)
 
 
 def test_an_unknown_sensor_is_bad_input_that_names_the_rig(folder: Path) -> None:

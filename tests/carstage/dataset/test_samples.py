@@ -35,7 +35,7 @@ def test_frames_follow_each_other_with_rows_and_data(folder: Path) -> None:
     assert [frame.k for frame in frames] == list(range(6))
     assert [frame.timestamp_s for frame in frames] == pytest.approx([k / 10 for k in range(6)])
     frame = frames[4]
-    assert set(frame.objects) == {50, 51, 60}
+    assert {50, 51, 60} < set(frame.objects)
     assert frame.has("CAM_LEFT")
     np.testing.assert_array_equal(frame.read("CAM_LEFT"), episode.sensor("CAM_LEFT").read(4))
     assert frame.ego is not None
@@ -45,7 +45,7 @@ def test_frames_follow_each_other_with_rows_and_data(folder: Path) -> None:
 def test_tables_are_read_but_no_sensor_until_it_is_asked_for(folder: Path, tmp_path: Path) -> None:
     copy = Path(shutil.copytree(folder, tmp_path / "out"))
     shutil.rmtree(attempt_of(copy) / "sensors")
-    assert sum(len(frame.objects) for frame in Dataset(copy).iter_frames()) == 18
+    assert sum(len(frame.objects) for frame in Dataset(copy).iter_frames()) == 30
 
 
 def test_an_episode_is_found_by_its_id_and_an_unknown_one_refused(folder: Path) -> None:
@@ -62,7 +62,7 @@ def test_an_episode_is_found_by_its_id_and_an_unknown_one_refused(folder: Path) 
 def test_samples_have_a_length_and_are_read_by_index(folder: Path) -> None:
     found = FrameSamples(folder, tell)
     assert len(found) == 6
-    assert found[2][:3] == ("0123456789abcdef", 2, 3)
+    assert found[2][:3] == ("0123456789abcdef", 2, 5)
     assert found[-1][1] == 5
     assert [sample[1] for sample in found] == list(range(6))  # type: ignore[attr-defined]
     with pytest.raises(IndexError):

@@ -54,5 +54,6 @@ def test_both_tools_get_their_description(exported) -> None:
 def test_chosen_classes_are_numbered_without_a_gap(exported) -> None:
     out = exported("yolo", classes=("traffic_light", "truck"))
     assert (out / "obj.names").read_text().split() == ["truck", "traffic_light"]
-    numbers = {line.split()[0] for path in (out / "labels/train").iterdir() for line in path.open()}
+    files = (out / "labels/train").iterdir()
+    numbers = {line.split()[0] for path in files for line in path.read_text().splitlines()}
     assert numbers == {"0", "1"}

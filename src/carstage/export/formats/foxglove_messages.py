@@ -204,6 +204,8 @@ def _entity(row: Row, time: Timestamp) -> SceneEntity:
         color=_colour(row["class"], 0.5),
     )
     facts = {"class": row["class"], "blueprint": row["blueprint"], "role_name": row["role_name"]}
+    if row.get("traffic_light_state"):
+        facts["traffic_light_state"] = row["traffic_light_state"]
     return SceneEntity(
         timestamp=time,
         frame_id=MAP,

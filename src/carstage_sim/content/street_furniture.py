@@ -211,11 +211,11 @@ def _figure(
 
 
 def bench_mesh() -> TriangleMesh:
-    """A bench that looks along +x."""
+    """A bench that looks along +x; its legs reach into the ground, which may slope."""
     wood, metal = Material.WOOD, Material.METAL
     slats = [box((x, 0, 0.45), (0.05, 0.85, 0.02), wood, _STATIC) for x in (-0.16, -0.03, 0.1)]
     back = [box((-0.25, 0, z), (0.02, 0.85, 0.05), wood, _STATIC) for z in (0.62, 0.78)]
-    legs = [box((-0.05, y, 0.22), (0.2, 0.03, 0.22), metal, _STATIC) for y in (-0.6, 0.6)]
+    legs = [box((-0.05, y, 0.18), (0.2, 0.03, 0.26), metal, _STATIC) for y in (-0.6, 0.6)]
     posts = [box((-0.27, y, 0.6), (0.02, 0.03, 0.25), metal, _STATIC) for y in (-0.6, 0.6)]
     return merge_meshes([*slats, *back, *legs, *posts])
 
@@ -242,10 +242,10 @@ def hydrant_mesh() -> TriangleMesh:
 
 
 def bus_shelter_mesh() -> TriangleMesh:
-    """A glazed waiting shelter, open along +x."""
+    """A glazed waiting shelter, open along +x; its posts reach into the ground."""
     metal, glass = Material.METAL, Material.GLASS
     posts = [
-        tube([(x, y, 0), (x, y, 2.4)], 0.04, metal, _STATIC, sides=6)
+        tube([(x, y, -0.09), (x, y, 2.4)], 0.04, metal, _STATIC, sides=6)
         for x, y in ((-0.6, -1.8), (-0.6, 1.8), (0.5, -1.8), (0.5, 1.8))
     ]
     return merge_meshes(

@@ -65,9 +65,9 @@ def asphalt(x, y, pixel):  # type: ignore[no-untyped-def]
     """Chippings, worn patches and long stains."""
     value = (
         _ONE
-        + np.float32(0.20) * faded(x, y, np.float32(0.025), pixel, 1)
-        + np.float32(0.09) * faded(x, y, np.float32(0.16), pixel, 2)
-        + np.float32(0.07) * faded(x, y, np.float32(1.3), pixel, 3)
+        + np.float32(0.28) * faded(x, y, np.float32(0.025), pixel, 1)
+        + np.float32(0.19) * faded(x, y, np.float32(0.16), pixel, 2)
+        + np.float32(0.12) * faded(x, y, np.float32(1.3), pixel, 3)
         + np.float32(0.09) * faded(x, y, np.float32(7.0), pixel, 4)
     )
     # Repaired seams: the zero lines of a slow noise.

@@ -16,11 +16,11 @@ _BENT = np.float32(0.9)
 @device
 def _apart(codes, y, x, v, u):  # type: ignore[no-untyped-def]
     """Largest difference of two pixels' codes."""
-    most = 0
+    most = np.int32(0)
     for channel in range(3):
         # As signed numbers: the compiler takes the difference of unsigned ones for unsigned.
         one, other = np.int32(codes[y, x, channel]), np.int32(codes[v, u, channel])
-        most = max(most, abs(one - other))
+        most = np.maximum(most, abs(one - other))
     return most
 
 

@@ -17,7 +17,7 @@ CLEAR_NOON_EXPOSURE = 0.396
 """Automatic exposure of ``carla.WeatherParameters.ClearNoon``."""
 _NOON_EV, _NIGHT_EV = 12.0, 10.0
 """What the bounds of automatic exposure stand for: a clear noon, and the darkest that there is."""
-_NIGHT_STOPS = 5.75
+_NIGHT_STOPS = 4.5
 """Stops between the automatic exposures of a clear noon and of a night."""
 _USUAL_EV = math.log2(1.4**2 * 200.0)
 """Exposure value of CARLA's defaults: f/1.4, 1/200 s, ISO 100."""
@@ -71,8 +71,9 @@ class Film:
 
     def encode(self, colours: NDArray[np.float32]) -> NDArray[np.uint8]:
         """8-bit codes of linear display light, 0-1."""
-        codes = _codes(self.gamma)
-        return codes[(colours * _STEPS + np.float32(0.5)).astype(np.int32)]
+        places = (colours * _STEPS + np.float32(0.5)).astype(np.int32)
+        codes: NDArray[np.uint8] = _codes(self.gamma)[places]
+        return codes
 
 
 @lru_cache(maxsize=8)

@@ -147,9 +147,9 @@ def lamp_light(lamps, night, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-de
         fade = _ONE - square / np.float32(1600.0)
         white += max(towards, _ZERO) * cone * cone * fade / max(square, np.float32(12.0))
     # By day the beams are too weak to be worth their rays.
-    white *= np.float32(45.0) * night
+    white *= np.float32(72.0) * night
     return (
-        red * np.float32(24.0) + white,
-        green * np.float32(24.0) + white * np.float32(0.96),
-        blue * np.float32(24.0) + white * np.float32(0.88),
+        red * np.float32(40.0) + white,
+        green * np.float32(40.0) + white * np.float32(0.96),
+        blue * np.float32(40.0) + white * np.float32(0.88),
     )

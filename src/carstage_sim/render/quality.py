@@ -38,23 +38,12 @@ class Sampling:
 
 
 SAMPLING: dict[Quality, Sampling] = {
-    Quality.LOW: Sampling(
-        np.array([[-0.34, -0.20], [0.34, -0.14], [0.0, 0.36]], np.float32), strong=26, weak=12
-    ),
+    Quality.LOW: Sampling(np.array([[-0.33, -0.24], [0.33, 0.24]], np.float32), strong=26, weak=12),
     Quality.EPIC: Sampling(
         np.array(
-            [
-                [-0.40, -0.12],
-                [0.12, -0.40],
-                [0.40, 0.14],
-                [-0.14, 0.40],
-                [0.27, -0.22],
-                [-0.24, -0.32],
-                [0.22, 0.30],
-            ],
-            np.float32,
+            [[-0.40, -0.12], [0.12, -0.40], [0.40, 0.14], [-0.14, 0.40], [0.26, -0.26]], np.float32
         ),
-        strong=18,
-        weak=6,
+        strong=22,
+        weak=8,
     ),
 }

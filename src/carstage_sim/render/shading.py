@@ -1,7 +1,7 @@
 """From hits to colours: sun with traced shadows, sky, reflections, lamps, fog, film curve.
 
 Two qualities share the code. Low traces one shadow ray, one short ray that finds what stands right
-above the ground, and mirrors the town in water only; epic feels the sky with four rays and mirrors
+above the ground, and mirrors the town in water only; epic feels the sky with three rays and mirrors
 the town in all that is glossy.
 """
 
@@ -22,6 +22,7 @@ from carstage_sim.render.weathering import fog_share, rain_share
 
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
+_HALF: Any = np.float32(0.5)
 _OVER_PI: Any = np.float32(1 / math.pi)
 _STREET_LAMP = int(Glow.STREET_LAMP)
 
@@ -72,7 +73,7 @@ def _sky_light(light, nx, ny, nz):  # type: ignore[no-untyped-def]
 
 @device
 def _openness(scene, scratch, o, nx, ny, nz, skip):  # type: ignore[no-untyped-def]
-    """Share of the sky above a surface that nothing near covers, from four rays, 0.2-1."""
+    """Share of the sky above a surface that nothing near covers, from three rays, 0.2-1."""
     # Two tangents of the normal (Duff et al., JCGT 2017).
     sign = _ONE if nz >= 0 else -_ONE
     a = -_ONE / (sign + nz)
@@ -80,17 +81,17 @@ def _openness(scene, scratch, o, nx, ny, nz, skip):  # type: ignore[no-untyped-d
     tx, ty, tz = _ONE + sign * nx * nx * a, sign * b, -sign * nx
     bx, by, bz = b, sign + ny * ny * a, -ny
     total = _ZERO
-    for k in range(4):
-        across = np.float32(0.75) if k == 0 else (np.float32(-0.75) if k == 1 else _ZERO)
-        along = np.float32(0.75) if k == 2 else (np.float32(-0.75) if k == 3 else _ZERO)
+    for k in range(3):
+        across = np.float32(0.8) if k == 0 else np.float32(-0.4)
+        along = _ZERO if k == 0 else (np.float32(0.69) if k == 1 else np.float32(-0.69))
         ray = (
-            nx * np.float32(0.66) + tx * across + bx * along,
-            ny * np.float32(0.66) + ty * across + by * along,
-            nz * np.float32(0.66) + tz * across + bz * along,
+            nx * np.float32(0.6) + tx * across + bx * along,
+            ny * np.float32(0.6) + ty * across + by * along,
+            nz * np.float32(0.6) + tz * across + bz * along,
         )
-        hit = trace(scene, scratch, o, ray, np.float32(1e-3), np.float32(5.0), skip, False)
-        total += min(hit[0] * np.float32(0.2), _ONE)
-    return np.float32(0.2) + np.float32(0.2) * total
+        hit = trace(scene, scratch, o, ray, np.float32(1e-3), np.float32(3.0), skip, False)
+        total += min(hit[0] * np.float32(1 / 3), _ONE)
+    return np.float32(0.2) + np.float32(0.8 / 3) * total
 
 
 @device
@@ -225,7 +226,7 @@ def shade_rays(  # type: ignore[no-untyped-def]
             er, eg, eb = _sky_light(light, nx, ny, nz)
             lift = np.float32(2e-3) + distance * np.float32(2e-4)
             o = (px + gx * lift, py + gy * lift, pz + gz * lift)
-            if epic and not leaves and distance < np.float32(90.0):
+            if epic and not leaves and distance < np.float32(60.0):
                 free = _openness(scene, scratch, o, gx, gy, gz, skip)
                 er, eg, eb = er * free, eg * free, eb * free
             elif who < 0 and gz > np.float32(0.7) and distance < np.float32(90.0):
@@ -311,9 +312,9 @@ def shade_rays(  # type: ignore[no-untyped-def]
         if light.rain > 0:
             veil = rain_share(light, dx, dy, dz, distance, pixel_angle)
             a = light.ambient
-            r += (a[1, 0] * _OVER_PI - r) * veil
-            g += (a[1, 1] * _OVER_PI - g) * veil
-            b += (a[1, 2] * _OVER_PI - b) * veil
+            r += ((a[1, 0] * _OVER_PI + light.fog[0]) * _HALF - r) * veil
+            g += ((a[1, 1] * _OVER_PI + light.fog[1]) * _HALF - g) * veil
+            b += ((a[1, 2] * _OVER_PI + light.fog[2]) * _HALF - b) * veil
         out[i, 0] = _film(r * exposure)
         out[i, 1] = _film(g * exposure)
         out[i, 2] = _film(b * exposure)

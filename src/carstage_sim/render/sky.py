@@ -34,10 +34,10 @@ _RAYLEIGH_SCALE_M, _MIE_SCALE_M = 8_000.0, 1_200.0
 _MIE_ASYMMETRY = 0.76
 _SKY_GAIN = 1.35
 """Single scattering is too dark by about this much."""
-_EXPOSURE, _ADAPTATION = 2.4, 0.68
-"""A white wall at noon comes out at 1.7 times the curve's unit, by night at about 0.25."""
+_EXPOSURE, _ADAPTATION = 1.571, 0.52
+"""A white wall at noon comes out at 1.7 times the curve's unit, by night at about 0.15."""
 _NIGHT_SKY = np.array([0.0015, 0.0022, 0.0045])
-_LAMPLIT_RAIN = np.array([0.0042, 0.0028, 0.0014])
+_LAMPLIT_RAIN = np.array([0.0085, 0.0058, 0.0030])
 """Light of the town's lamps that heavy rain scatters by night."""
 _FALL_PER_M = 0.1
 """Fog's loss per metre at ``fog_falloff`` 1 (Unreal: the fall-off is over 10 m of height)."""
@@ -271,7 +271,7 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
     ambient[2] = ground
     rain = np.clip(weather.precipitation / 100.0, 0.0, 1.0)
     fog, fog_glow, fog_per_m = _fog(weather, sky, sun, sun_direction)
-    fog = fog + night * rain * _LAMPLIT_RAIN
+    fog = fog + night * rain**0.6 * _LAMPLIT_RAIN
     deposits = np.clip(weather.precipitation_deposits / 100.0, 0.0, 1.0)
     # Where water stands in puddles, the ground around them is damp.
     wet = max(np.clip(weather.wetness / 100.0, 0.0, 1.0), rain, float(deposits))

@@ -27,12 +27,13 @@ def encode_depth(depth_m: NDArray[np.floating]) -> NDArray[np.uint8]:
 
     CARLA sensor reference, "Depth camera"; depths beyond 1000 m and NaN read as 1000 m.
     """
-    metres = np.nan_to_num(np.asarray(depth_m, np.float64), nan=FAR_M, posinf=FAR_M)
-    code = np.rint(np.clip(metres / FAR_M, 0.0, 1.0) * _DEPTH_STEPS).astype(np.uint32)
-    pixels = np.empty((*code.shape, 4), np.uint8)
-    pixels[..., 2] = code & 0xFF
-    pixels[..., 1] = (code >> 8) & 0xFF
-    pixels[..., 0] = code >> 16
+    steps = np.array(depth_m, np.float64)
+    # The lesser of NaN and a number is the number.
+    np.fmin(steps, FAR_M, out=steps)
+    np.maximum(steps, 0.0, out=steps)
+    steps *= _DEPTH_STEPS / FAR_M
+    code = np.rint(steps, out=steps).astype("<u4")
+    pixels = code.view(np.uint8).reshape(*code.shape, 4)[..., [2, 1, 0, 3]]
     pixels[..., 3] = 255
     return pixels
 

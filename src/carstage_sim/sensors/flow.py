@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.town import Town
 from carstage_sim.render.caster import Hits
-from carstage_sim.render.motion import earlier_slopes
+from carstage_sim.render.motion import earlier_places
 from carstage_sim.sensors.cameras import CameraSensor
 from carstage_sim.sensors.frames import FlowFrame, SensorRequest
 from carstage_sim.sensors.lens import PINHOLE, pixel_places
@@ -62,21 +62,20 @@ class OpticalFlowCamera(CameraSensor):
     def _flow(
         self, turns: FloatArray, shifts: FloatArray, part: NDArray[np.int32], hits: Hits
     ) -> NDArray[np.float32]:
-        """``(H, W, 2)`` motion of all pixels; the first three as for :func:`earlier_slopes`."""
+        """``(H, W, 2)`` motion of all pixels; the first three as for :func:`earlier_places`."""
         half_width = math.tan(math.radians(self.fov_deg) / 2.0)
         half_height = half_width * self.height / self.width
-        x, y = pixel_places(self.width, self.height, self.lens)
-        slopes = earlier_slopes(turns, shifts, part, hits, x * half_width, y * -half_height)
-        x_before, y_before = slopes[0] / half_width, slopes[1] / -half_height
+        places = pixel_places(self.width, self.height, self.lens)
+        before = earlier_places(turns, shifts, part, hits, places, (half_width, half_height))
+        x_before, y_before = before
         if self.lens.distorts:
             # The lens shows both points where it bends their rays to.
-            x, y = pixel_places(self.width, self.height, PINHOLE)
             x_before, y_before = self.lens.distorted(x_before, y_before)
-        flow = np.empty((self.height, self.width, 2), np.float32)
-        shape = flow.shape[:2]
-        flow[..., 0] = np.clip(x - x_before, -_LARGEST, _LARGEST).reshape(shape)
-        flow[..., 1] = np.clip(y_before - y, -_LARGEST, _LARGEST).reshape(shape)
-        return flow
+        x, y = pixel_places(self.width, self.height, PINHOLE)
+        flow = np.empty((self.height * self.width, 2), np.float32)
+        flow[:, 0] = x - x_before
+        flow[:, 1] = y_before - y
+        return np.clip(flow, -_LARGEST, _LARGEST).reshape(self.height, self.width, 2)
 
 
 def _moved(now: tuple[FloatArray, FloatArray], before: tuple[FloatArray, FloatArray]) -> bool:

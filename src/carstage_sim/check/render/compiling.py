@@ -16,7 +16,7 @@ import time
 
 from carstage_sim.cache import CACHE_VARIABLE
 from carstage_sim.check.calibration import slowness
-from carstage_sim.check.render.stage import plain_view
+from carstage_sim.check.render.stage import NO_ACTORS, plain_view
 from carstage_sim.check.verdict import Figure
 from carstage_sim.render.caster import RayCaster
 from carstage_sim.render.film import Film
@@ -74,7 +74,7 @@ def _report() -> None:
     camera = Camera(32, 24, 90.0, (-3.0, 0.0, 2.0), (-20.0, 0.0, 0.0), 0)
     picture = view.colours(camera, Film())
     first_rgb_s = time.process_time() - began
-    PictureMaker(caster).warm_up(SceneStore(None, {}.__getitem__, cache=None))
+    PictureMaker(caster).warm_up(SceneStore(None, NO_ACTORS, cache=None))
     print(
         json.dumps(
             {

@@ -17,7 +17,7 @@ from carstage_sim.sensors.frames import FlowFrame, ImageFrame, SemanticLidarFram
 
 Pixels = NDArray[np.uint8]
 
-_QUALITY_OF_JPEG = 82
+_QUALITY_OF_JPEG = 74
 _PALETTE = np.random.default_rng(5).integers(40, 256, (256, 3)).astype(np.uint8)
 
 

@@ -7,7 +7,7 @@ from contextlib import closing
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.check.render.stage import Stage
+from carstage_sim.check.render.stage import NO_ACTORS, Stage
 from carstage_sim.check.verdict import Figure
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import TriangleMesh
@@ -35,7 +35,8 @@ def ground_figures(stage: Stage) -> list[Figure]:
     frame = stage.suite.frame_of(state)
     moving = state.actor_id[np.isin(state.kind, (ActorKind.VEHICLE, ActorKind.WALKER))]
     actors = [
-        _actor_gap(frame, row, gap_below) for row in np.isin(frame.actor_id, moving).nonzero()[0]
+        _actor_gap(frame, row, gap_below)
+        for row in np.isin(frame.actor_id, moving).nonzero()[0].tolist()
     ]
     objects = _lowest_vertices(mesh)
     gaps = gap_below(objects)
@@ -59,13 +60,13 @@ class GroundProbe:
             mesh.vertices, mesh.triangles[kept], mesh.normals[kept], mesh.material[kept],
             mesh.tag[kept], mesh.object_id[kept],
         )  # fmt: skip
-        self._scene = SceneStore(ground, {}.__getitem__, cache=None).frame([]).scene
+        self._scene = SceneStore(ground, NO_ACTORS, cache=None).frame([]).scene
 
     def __call__(self, points: Array) -> Array:
         """``(N,)`` metres between points and the ground; negative for what is sunk into it."""
         with closing(RayCaster(1)) as caster:
             start = points + np.array([0.0, 0.0, _STEP_M])
-            down = np.tile(np.float32([0.0, 0.0, -1.0]), (len(points), 1))
+            down = np.tile(np.array([0.0, 0.0, -1.0], np.float32), (len(points), 1))
             below = caster.cast(self._scene, start, down, low=0.0, high=100.0)
             above = caster.cast(self._scene, start, -down, low=0.0, high=_SUNK_M)
         gap = below.t.astype(np.float64) - _STEP_M

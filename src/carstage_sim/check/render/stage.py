@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import carla
@@ -40,6 +41,9 @@ _PAINTS = ("180,20,20", "20,40,120", "220,220,220", "30,30,30", "120,120,125", "
 _BESIDE_M = 5.5
 _CAMERA_M = 1.6
 _DELTA_S = 0.05
+
+NO_ACTORS: Callable[[str], TriangleMesh] = dict[str, TriangleMesh]().__getitem__
+"""Gives the meshes of a scene without actors."""
 
 
 def named_presets() -> dict[str, Weather]:
@@ -89,7 +93,7 @@ class Stage:
     def frame(self, state: WorldState, kind: str, **attributes: object) -> SensorFrame:
         """What a new sensor sees."""
         self.suite.reset()
-        ((_, frame),) = self.suite.capture(state, [self.request(kind, **attributes)])
+        ((_, frame),) = self.suite.capture(state, [self.request(kind, 0, **attributes)])
         return frame
 
     def picture(self, weather: Weather, width: int, height: int) -> NDArray[np.uint8]:
@@ -115,10 +119,11 @@ def populate(town: Town, suite: SensorSuite, *, vehicles: int, walkers: int, see
     chance = random.Random(seed)
     places = [tuple(place) for place in town.spawn_points.tolist()]
     chance.shuffle(places)
-    x, y, z, _, yaw, _ = places[0]
+    first = _overlook(np.array(places), vehicles)
+    x, y, z, _, yaw, _ = places.pop(first)
     world = World(town, 1)
     spawned = 0
-    for px, py, pz, pitch, turn, roll in places[1:]:
+    for px, py, pz, pitch, turn, roll in places:
         if spawned == vehicles:
             break
         try:
@@ -150,11 +155,21 @@ def populate(town: Town, suite: SensorSuite, *, vehicles: int, walkers: int, see
     return Stage(world, (x, y, z + _CAMERA_M), (-4.0, yaw, 0.0), suite)
 
 
+def _overlook(places: NDArray[np.float64], vehicles: int) -> int:
+    """The spawn point that looks on most of those which will be taken."""
+    c, s = np.cos(np.radians(places[:, 4])), np.sin(np.radians(places[:, 4]))
+    offset = places[None, :vehicles, :2] - places[:, None, :2]
+    ahead = offset[..., 0] * c[:, None] + offset[..., 1] * s[:, None]
+    aside = np.abs(offset[..., 1] * c[:, None] - offset[..., 0] * s[:, None])
+    seen = (ahead > 6.0) & (ahead < 70.0) & (aside < 0.4 * ahead)
+    return int((seen / np.maximum(ahead, 6.0)).sum(axis=1).argmax())
+
+
 def plain_view(caster: RayCaster, weather: Weather, *, pole_m: float = 0.0) -> View:
     """An endless-looking plain, with a thin pole of some height in its middle."""
     ground = _box((-9.0, -9.0, -1.0), (9.0, 9.0, 0.0), Material.CONCRETE)
     pole = _box((-0.04, -0.04, 0.0), (0.04, 0.04, pole_m), Material.CONCRETE)
-    store = SceneStore(merge_meshes([ground, pole]), {}.__getitem__, cache=None)
+    store = SceneStore(merge_meshes([ground, pole]), NO_ACTORS, cache=None)
     return View(lambda: store.frame([]), caster, PictureMaker(caster), weather, 0.0)
 
 

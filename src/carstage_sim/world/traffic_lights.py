@@ -7,9 +7,9 @@ time, not how long a light stays red.
 Unlike CARLA's, the signals are actuated, as most in real cities are: a green lasts until its queue
 is gone or small against another one, and the longest queue is next, but nobody waits for ever (the
 idea of max pressure control: Varaiya, "Max pressure control of a network of signalized
-intersections", 2013); the clearing time ends when nobody is left on the junction. ``green_s`` and
-``red_s`` then have no say. While nobody is about, or once a client has set a light of the junction,
-the cycle is CARLA's.
+intersections", 2013); the clearing time ends when nobody is left on the junction. ``green_s`` then
+has no say, and ``red_s`` is a bound. While nobody is about, or once a client has set a light of the
+junction, the cycle is CARLA's.
 """
 
 from __future__ import annotations
@@ -34,8 +34,6 @@ OUTNUMBERED = 3
 """It ends, too, when before another light there are so many times as many vehicles."""
 LONGEST_WAIT_S = 40.0
 """It ends in any case when somebody has waited elsewhere for so long."""
-LONGEST_CLEARING_S = 10.0
-"""So long all are red while somebody cannot leave the junction, whose exit is full."""
 
 _ROUNDING_S = 1e-6
 """Time is a sum of steps: without this, 200 times 0.05 s would fall short of 10 s."""
@@ -194,9 +192,7 @@ class TrafficLightSystem:
                 junction.elapsed_s = min(junction.elapsed_s, self._duration_s(junction))
                 return
             junction.elapsed_s = self._duration_s(junction)
-        elif junction.part == TrafficLightState.RED and any(counts):
-            if not is_clear and junction.elapsed_s + _ROUNDING_S < LONGEST_CLEARING_S:
-                return
+        elif junction.part == TrafficLightState.RED and any(counts) and is_clear:
             junction.elapsed_s = self._duration_s(junction)
         self._advance(junction, counts)
 

@@ -11,10 +11,8 @@ from carstage_sim.maps.town import OrientedBox, TrafficLightSite
 from carstage_sim.world.traffic_lights import (
     GAP_S,
     LEAST_GREEN_S,
-    LONGEST_CLEARING_S,
     LONGEST_WAIT_S,
     OUTNUMBERED,
-    YELLOW_S,
     Queues,
     TrafficLightState,
     TrafficLightSystem,
@@ -105,7 +103,7 @@ def test_a_green_that_nobody_uses_ends_early_when_somebody_waits(
     assert lights.state[0] == GREEN
     run_with(lights, 0.05, {1: 1})
     assert lights.state[0] == YELLOW
-    run_with(lights, 5.0, {1: 1}, is_clear=True)
+    run_with(lights, 5.0, {1: 1})
     assert lights.state[:3].tolist() == [RED, GREEN, RED]
 
 
@@ -146,7 +144,7 @@ def test_a_green_stays_while_nobody_waits_elsewhere_and_ends_when_only_others_ar
 
 def test_phases_that_nobody_waits_for_are_left_out() -> None:
     lights = TrafficLightSystem([site(str(n), 1, n) for n in range(3)])
-    run_with(lights, LONGEST_WAIT_S + 5.0, {0: 1, 2: 1}, is_clear=True)
+    run_with(lights, LONGEST_WAIT_S + 5.0, {0: 1, 2: 1})
     assert lights.state.tolist() == [RED, RED, GREEN]
 
 
@@ -161,23 +159,11 @@ def test_the_clearing_time_ends_when_nobody_is_left_on_the_junction(
     assert lights.state[:2].tolist() == [RED, GREEN]
 
 
-def test_nobody_gets_green_while_the_junction_is_occupied_but_not_for_ever(
-    lights: TrafficLightSystem,
-) -> None:
-    run_with(lights, LEAST_GREEN_S + YELLOW_S, {1: 1})
-    assert lights.state[:2].tolist() == [RED, RED]
-    run_with(lights, LONGEST_CLEARING_S - 0.05, {1: 1})
-    assert lights.state[:2].tolist() == [RED, RED]
-    run_with(lights, 0.05, {1: 1})
-    assert lights.state[:2].tolist() == [RED, GREEN]
-    assert lights.elapsed_s[1] == 0.0
-
-
 def test_the_longest_queue_is_next_unless_somebody_has_waited_long() -> None:
     lights = TrafficLightSystem([site(str(n), 1, n) for n in range(3)])
-    run_with(lights, LEAST_GREEN_S + 5.0, {1: 1, 2: 2}, is_clear=True)
+    run_with(lights, LEAST_GREEN_S + 5.0, {1: 1, 2: 2})
     assert lights.state.tolist() == [RED, RED, GREEN]
-    run_with(lights, LONGEST_WAIT_S - 2.0, {0: 2, 1: 1, 2: 2}, is_clear=True)
+    run_with(lights, LONGEST_WAIT_S - 2.0, {0: 2, 1: 1, 2: 2})
     assert lights.state.tolist() == [RED, GREEN, RED]
 
 

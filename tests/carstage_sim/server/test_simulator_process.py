@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from carstage_sim.cli import parse_options
+from carstage_sim.render.quality import Quality
 from running_simulator import start_simulator, stop_simulator
 
 
@@ -148,3 +149,15 @@ def test_impossible_number_is_refused(arguments: list[str]) -> None:
     with pytest.raises(SystemExit) as refusal:
         parse_options(arguments)
     assert refusal.value.code == 2
+
+
+@pytest.mark.parametrize("spelling", ["--quality=epic", "-quality-level=Epic"])
+def test_quality_is_understood_in_both_spellings(spelling: str) -> None:
+    assert parse_options([]).quality is Quality.LOW
+    assert parse_options([spelling]).quality is Quality.EPIC
+
+
+def test_an_unknown_quality_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parse_options(["--quality", "ultra"])
+    assert "'ultra' is not low or epic" in capsys.readouterr().err

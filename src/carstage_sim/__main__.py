@@ -86,6 +86,7 @@ def _serve(options: Options, maps: MapCatalogue) -> None:
                 loop=options.loop,
                 projection=spoken.projection,
                 quality=options.quality,
+                device=options.device,
             )
         )
         simulation.warm_up()

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from carstage_sim.render.gpu.device import Choice
 from carstage_sim.render.quality import Quality
 from carstage_sim.wire.dialect import DIALECTS
 
@@ -43,6 +44,7 @@ class Options:
         threads: threads of the numeric kernels, None for all cores.
         loop: frames that each sensor renders before it repeats them, None for no repetition.
         quality: of colour pictures.
+        device: what casts rays and makes pictures.
         frames_per_s: pace of the free run in asynchronous mode.
         exit_with_parent: end when the process that started this one is gone.
         parent_pid: id of that process; None: the parent that the server finds itself with.
@@ -58,6 +60,7 @@ class Options:
     threads: int | None
     loop: int | None
     quality: Quality
+    device: Choice
     protocol: str
     frames_per_s: float
     exit_with_parent: bool
@@ -109,6 +112,13 @@ def _parser() -> _Parser:
         default=0,
         help="accepted for scripts; nothing here is random but sensor noise, which every sensor "
         "seeds by its noise_seed attribute",
+    )
+    parser.add_argument(
+        "--device",
+        choices=("auto", "cpu", "gpu"),
+        default="cpu",
+        help="what casts rays and makes pictures; gpu needs the extra `gpu`, auto takes a card if "
+        "there is one (default: cpu)",
     )
     parser.add_argument("--threads", type=_count, help="threads that compute (default: all cores)")
     parser.add_argument(
@@ -239,6 +249,7 @@ def parse_options(argv: Sequence[str] | None) -> Options:
         threads=namespace.threads,
         loop=namespace.loop,
         quality=namespace.quality,
+        device=namespace.device,
         protocol=namespace.protocol,
         frames_per_s=namespace.frames_per_s,
         exit_with_parent=namespace.exit_with_parent is not None,

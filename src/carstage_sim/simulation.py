@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from types import TracebackType
 
 from carstage_sim.maps import BackgroundBakes, Bake, MapCatalogue, Town
 from carstage_sim.recording import RecorderDeck
+from carstage_sim.render.gpu.device import Choice, chosen_gpu
 from carstage_sim.render.quality import Quality
 from carstage_sim.sensors import SensorAttributeError, SensorSuite
 from carstage_sim.sensors.frames import SensorFrame, SensorRequest
@@ -54,6 +55,7 @@ class Simulation:
         loop: how many times each sensor measures until it repeats itself, None for ever.
         projection: of GNSS sensors, which differs between CARLA's versions.
         quality: of colour pictures.
+        device: what casts rays and makes pictures.
 
     Attributes:
         world: the current episode.
@@ -76,6 +78,7 @@ class Simulation:
         loop: int | None = None,
         projection: GeoProjection = GeoProjection.TRANSVERSE_MERCATOR,
         quality: Quality = Quality.LOW,
+        device: Choice = "cpu",
     ) -> None:
         self.settings = EpisodeSettings()
         self.imu_gravity = _STANDARD_GRAVITY
@@ -86,6 +89,7 @@ class Simulation:
         self._loop = loop
         self._projection = projection
         self._quality = quality
+        self._gpu = chosen_gpu(device)
         self._watched_before = False
         self._stepped_at_s = time.monotonic()
         self._source = self.maps.source(town_name)
@@ -156,7 +160,9 @@ class Simulation:
         logger.info("episode %d on %s", self.world.episode_id, self._town.name)
 
     def _new_suite(self, town: Town) -> SensorSuite:
-        return SensorSuite(town, threads=self._threads, loop=self._loop, quality=self._quality)
+        return SensorSuite(
+            town, threads=self._threads, loop=self._loop, quality=self._quality, gpu=self._gpu
+        )
 
     def _new_world(self, town: Town, episode_id: int, before: World | None) -> World:
         return World(town, episode_id, previous=before, before_spawn=self._before_spawn)
@@ -192,8 +198,8 @@ class Simulation:
 
     def capture(
         self, snapshot: Snapshot, is_watched: Callable[[int], bool]
-    ) -> Sequence[CapturedFrame]:
-        """Data of every sensor that somebody listens to and whose turn it is.
+    ) -> Iterator[CapturedFrame]:
+        """Data of every sensor that somebody listens to and whose turn it is, one after the other.
 
         Args:
             snapshot: the frame to look at.
@@ -211,10 +217,10 @@ class Simulation:
             watched[sensor.actor_id] = (sensor, pose)
             requests.append(_request(sensor, pose, self.imu_gravity, self._projection))
         if not requests and not self._watched_before:
-            return []
+            return
         self._watched_before = bool(requests)  # one capture of nothing lets the suite forget
-        frames = self._sensors.capture(snapshot.state, requests)
-        return [CapturedFrame(*watched[sensor_id], frame) for sensor_id, frame in frames]
+        for sensor_id, frame in self._sensors.frames(snapshot.state, requests):
+            yield CapturedFrame(*watched[sensor_id], frame)
 
     def _before_spawn(self, type_id: str, attributes: Mapping[str, str]) -> None:
         """Refuse a sensor that could not be captured, before it is in the world.

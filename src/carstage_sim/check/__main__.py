@@ -9,6 +9,7 @@ from pathlib import Path
 
 from carstage_sim.check.budget import add_budget, check_budget
 from carstage_sim.check.client_process import TrialError
+from carstage_sim.check.conformance import add_conformance
 from carstage_sim.check.determinism import check_determinism
 from carstage_sim.check.fuzz import add_fuzz
 from carstage_sim.check.memory import add_memory
@@ -70,7 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     for check in (traffic, walkers):
         check.add_argument("--towns", nargs="+", metavar="TOWN", help="these and no others")
         check.add_argument("--maps", type=Path, help="folder with OpenDRIVE files of CARLA's towns")
-    for add in (add_budget, add_fuzz, add_streaming, add_memory, add_render):
+    for add in (add_budget, add_fuzz, add_streaming, add_memory, add_render, add_conformance):
         add(checks)
     for check in (traffic, determinism, walkers):
         check.add_argument("--fps", type=int, default=20)
@@ -153,7 +154,8 @@ _CHECKS: dict[str, Callable[[argparse.Namespace], Verdict | Campaign]] = {
     "api": _api,
     "walkers": _walkers,
     **dict.fromkeys(
-        ("fuzz", "streaming", "memory", "render"), lambda arguments: arguments.run(arguments)
+        ("fuzz", "streaming", "memory", "render", "conformance"),
+        lambda arguments: arguments.run(arguments),
     ),
 }
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.maps.town import Town
+from carstage_sim.render.caster import Hits
 from carstage_sim.render.film import Film
+from carstage_sim.render.gpu.camera import Product
 from carstage_sim.sensors.attributes import number, require, whole, within
 from carstage_sim.sensors.frames import ImageFrame, SensorRequest
 from carstage_sim.sensors.lens import Lens
@@ -139,43 +143,77 @@ class RgbCamera(CameraSensor):
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
         """The picture, alpha 255."""
+        made = view.on_card(self.camera(request), Product.COLOURS, self.film)
+        if made is not None:
+            return self.image(made)
         pixels = np.full((self.height, self.width, 4), 255, np.uint8)
         pixels[..., :3] = view.colours(self.camera(request), self.film)[..., ::-1]
         return self.image(pixels)
 
+    def announce(self, request: SensorRequest, view: View) -> None:
+        """Its colours will be asked for."""
+        view.announce(self.camera(request), Product.COLOURS, self.film)
 
-@SensorRegistry.register("sensor.camera.depth")
-class DepthCamera(CameraSensor):
-    """Distance along the optical axis."""
+
+class HitCamera(CameraSensor):
+    """What the cameras share that show what pixels met, whatever the light."""
+
+    product: ClassVar[Product]
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
-        """The depth, 1000 m where nothing is."""
-        return self.image(encode_depth(view.camera(self.camera(request)).t))
+        """The picture, made on the card if there is one."""
+        camera = self.camera(request)
+        made = view.on_card(camera, self.product)
+        return self.image(self.encoded(view, view.camera(camera)) if made is None else made)
+
+    def announce(self, request: SensorRequest, view: View) -> None:
+        """Its picture will be asked for."""
+        view.announce(self.camera(request), self.product)
+
+    @abstractmethod
+    def encoded(self, view: View, hits: Hits) -> NDArray[np.uint8]:
+        """``(H * W, 4)`` pixels of what the rays met."""
+
+
+@SensorRegistry.register("sensor.camera.depth")
+class DepthCamera(HitCamera):
+    """Distance along the optical axis, 1000 m where nothing is."""
+
+    product = Product.DEPTH
+
+    def encoded(self, view: View, hits: Hits) -> NDArray[np.uint8]:
+        """The depth."""
+        return encode_depth(hits.t)
 
 
 @SensorRegistry.register("sensor.camera.semantic_segmentation")
-class SemanticCamera(CameraSensor):
+class SemanticCamera(HitCamera):
     """Semantic tag of each pixel."""
 
-    def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
+    product = Product.TAGS
+
+    def encoded(self, view: View, hits: Hits) -> NDArray[np.uint8]:
         """The tags."""
-        return self.image(encode_tags(view.tags(view.camera(self.camera(request)))))
+        return encode_tags(view.tags(hits))
 
 
 @SensorRegistry.register("sensor.camera.instance_segmentation")
-class InstanceCamera(CameraSensor):
+class InstanceCamera(HitCamera):
     """Semantic tag and instance id of each pixel."""
 
-    def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
+    product = Product.INSTANCES
+
+    def encoded(self, view: View, hits: Hits) -> NDArray[np.uint8]:
         """Tags and ids."""
-        hits = view.camera(self.camera(request))
-        return self.image(encode_instances(view.tags(hits), view.instance_ids(hits)))
+        return encode_instances(view.tags(hits), view.instance_ids(hits))
 
 
 @SensorRegistry.register("sensor.camera.normals")
-class NormalsCamera(CameraSensor):
-    """Direction of the surface in each pixel, in the world."""
+class NormalsCamera(HitCamera):
+    """Direction of the surface in each pixel, in the world; smooth where it is shaded smoothly."""
 
-    def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
-        """The normals; smooth where the surface is shaded smoothly."""
-        return self.image(encode_normals(view.smooth_normals(view.camera(self.camera(request)))))
+    product = Product.NORMALS
+
+    def encoded(self, view: View, hits: Hits) -> NDArray[np.uint8]:
+        """The normals."""
+        return encode_normals(view.smooth_normals(hits))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.town import Town
 from carstage_sim.render.caster import Hits
+from carstage_sim.render.gpu.camera import Product
 from carstage_sim.render.motion import earlier_places
 from carstage_sim.sensors.cameras import CameraSensor
 from carstage_sim.sensors.frames import FlowFrame, SensorRequest
@@ -46,7 +47,6 @@ class OpticalFlowCamera(CameraSensor):
         """The motion of each pixel's surface point."""
         camera = (rotation_matrix(request.rotation_deg), np.array(request.location, np.float64))
         before = self._camera if self._camera is not None else camera
-        hits = view.camera(self.camera(request))
         known = self._actors
         self._actors = _poses(state, view.frame.actor_id)
         motions = [_between(camera, before)]
@@ -57,6 +57,14 @@ class OpticalFlowCamera(CameraSensor):
                 motions.append(_between(camera, before, self._actors[actor_id], known[actor_id]))
         self._camera = camera
         turns, shifts = (np.array(of_parts) for of_parts in zip(*motions, strict=True))
+        if not self.lens.distorts:
+            moves = np.concatenate([turns - np.eye(3), shifts[:, :, None]], axis=2)
+            of_rows = np.concatenate([moves[:1], moves[part]])
+            made = view.on_card(self.camera(request), Product.FLOW, turns=of_rows)
+            if made is not None:
+                flow = made.view(np.float32).reshape(self.height, self.width, 2)
+                return FlowFrame(self.fov_deg, flow)
+        hits = view.camera(self.camera(request))
         return FlowFrame(self.fov_deg, self._flow(turns, shifts, part, hits))
 
     def _flow(

@@ -57,6 +57,9 @@ class Sensor(ABC):
             self._due_s += self._interval_s
         return True
 
+    def announce(self, request: SensorRequest, view: View) -> None:  # noqa: B027
+        """Say which pictures :meth:`report` will ask for; a card then makes them side by side."""
+
 
 class MeasuringSensor(Sensor):
     """A sensor that sends at most one frame whenever it is due."""

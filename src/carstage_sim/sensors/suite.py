@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -13,6 +13,9 @@ from carstage_sim.maps.town import Town
 from carstage_sim.mesh import TriangleMesh
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.render.caster import RayCaster
+from carstage_sim.render.gpu.camera import GpuCameras
+from carstage_sim.render.gpu.caster import GpuCaster
+from carstage_sim.render.gpu.device import Gpu
 from carstage_sim.render.picture import PictureMaker
 from carstage_sim.render.quality import Quality
 from carstage_sim.render.scene import Frame, SceneStore
@@ -33,7 +36,7 @@ from carstage_sim.sensors.looping import LoopingSensor
 from carstage_sim.sensors.sensor import Sensor, SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.pose import Vector3
-from carstage_sim.world.state import WorldState
+from carstage_sim.world.state import Weather, WorldState
 
 
 class SensorSuite:
@@ -49,6 +52,7 @@ class SensorSuite:
         loop: how many times each sensor measures until it repeats itself, None for ever.
         cache: folder of stored meshes and acceleration structures; default: the user's cache.
         quality: of colour pictures.
+        gpu: the card that casts rays and makes pictures; None leaves it to the CPU.
     """
 
     def __init__(
@@ -60,10 +64,15 @@ class SensorSuite:
         meshes: Callable[[str], TriangleMesh] | None = None,
         cache: Path | None = None,
         quality: Quality = Quality.LOW,
+        gpu: Gpu | None = None,
     ) -> None:
         self._town = town
         self._loop = loop
         self._caster = RayCaster(threads)
+        self._cameras: GpuCameras | None = None
+        if gpu is not None:
+            caster = GpuCaster(gpu, threads)
+            self._caster, self._cameras = caster, GpuCameras(caster, quality)
         folder = cache if cache is not None else cache_folder()
         self._models = ActorModels(town, meshes, cache=folder / "meshes")
         self._store = SceneStore(town.static_mesh, self._models.mesh, cache=folder / "trees")
@@ -93,6 +102,9 @@ class SensorSuite:
     def warm_up(self) -> None:
         """Compile, or load, every kernel: afterwards no capture waits for the compiler."""
         self._pictures.warm_up(self._store)
+        if self._cameras is not None:
+            light = self._pictures.sky.lighting(Weather(), 0.0)
+            self._cameras.warm_up(self._store.frame([]), light)
 
     def expect(self, type_id: str) -> None:
         """Make the shapes of a blueprint now, so that its first picture need not wait for them."""
@@ -114,13 +126,19 @@ class SensorSuite:
             KeyError: a request's blueprint id is not a known sensor.
             SensorAttributeError: an attribute of a new sensor has an impossible value.
         """
+        return list(self.frames(state, requests))
+
+    def frames(
+        self, state: WorldState, requests: Sequence[SensorRequest]
+    ) -> Iterator[tuple[int, SensorFrame]]:
+        """As :meth:`capture`, one after the other: a card makes the next while one is sent."""
         if state.frame <= self._last_frame:
             self.reset()
         self._last_frame = state.frame
-        frames: list[tuple[int, SensorFrame]] = []
         view = self._view(state)
         views = {frozenset[int](): view}
         rays_before = self._caster.ray_count
+        due: list[tuple[SensorRequest, Sensor]] = []
         for request in requests:
             sensor = self._sensors.get(request.sensor_id)
             if sensor is None or not sensor.answers(request):
@@ -128,14 +146,17 @@ class SensorSuite:
             if not sensor.is_due(state.timestamp_s):
                 sensor.observe(state, request)
                 continue
+            due.append((request, sensor))
             if request.ignored not in views:
                 views[request.ignored] = self._view(state, view, request.ignored)
+            sensor.announce(request, views[request.ignored])
+        for request, sensor in due:
             reported = sensor.report(state, request, views[request.ignored])
-            frames.extend((request.sensor_id, frame) for frame in reported)
+            for frame in reported:
+                yield request.sensor_id, frame
         self._forget_absent({request.sensor_id for request in requests})
         self.last_cast_count = sum(one.cast_count for one in views.values())
         self.last_ray_count = self._caster.ray_count - rays_before
-        return frames
 
     def frame_of(self, state: WorldState) -> Frame:
         """The scene that rays of a tick meet."""
@@ -195,6 +216,7 @@ class SensorSuite:
             state.weather,
             state.timestamp_s,
             state.debug_shapes,
+            self._cameras,
         )
 
     def _forget_absent(self, present: set[int]) -> None:

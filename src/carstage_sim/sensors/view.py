@@ -15,6 +15,7 @@ from carstage_sim.labels import CityObjectLabel
 from carstage_sim.render.cast import STATIC
 from carstage_sim.render.caster import Hits, RayCaster
 from carstage_sim.render.film import Film
+from carstage_sim.render.gpu.camera import GpuCameras, Pending, Product, Shot
 from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.picture import Picture, PictureMaker
 from carstage_sim.render.scene import Frame
@@ -27,6 +28,7 @@ NEAR_M = 0.1
 FAR_M = 1000.0
 """Largest depth; also what a depth image shows for the sky."""
 
+_USUAL_FILM = Film()
 _ENVIRONMENT_ID = 0x8000
 """First instance id of level objects: actor ids count up from 1 and do not come near."""
 
@@ -66,6 +68,12 @@ def _pixel_slopes(
     right = (np.arange(width) + 0.5 - width / 2.0) / focal
     up = -(np.arange(height) + 0.5 - height / 2.0) / focal
     return np.tile(right, height), np.repeat(up, width)
+
+
+@lru_cache(maxsize=16)
+def _slope_pairs(width: int, height: int, fov_deg: float, lens: Lens) -> NDArray[np.float64]:
+    """``(H * W, 2)`` slopes of the rays through the pixel centres."""
+    return np.stack(_pixel_slopes(width, height, fov_deg, lens), axis=1)
 
 
 def pixel_rays(camera: Camera) -> NDArray[np.float32]:
@@ -109,6 +117,7 @@ class View:
         weather: the tick's weather.
         time_s: simulated time.
         shapes: debug shapes that pictures show, None for none.
+        cameras: makes pictures on a card, None for none.
     """
 
     def __init__(
@@ -119,6 +128,7 @@ class View:
         weather: Weather,
         time_s: float,
         shapes: DebugShapes | None = None,
+        cameras: GpuCameras | None = None,
     ) -> None:
         self._make_frame = make_frame
         self._caster = caster
@@ -128,6 +138,10 @@ class View:
         self._shapes = shapes
         self._casts: dict[Camera, Hits] = {}
         self._colours: dict[tuple[Camera, Film], NDArray[np.uint8]] = {}
+        self._cameras = cameras
+        self._expected: dict[tuple[Camera, Film], set[Product]] = {}
+        self._pending: dict[tuple[Camera, Film], Pending] = {}
+        self._made: dict[tuple[Camera, Film, Product], NDArray[np.uint8]] = {}
         self.cast_count = 0
 
     @cached_property
@@ -204,8 +218,78 @@ class View:
             self._casts[camera] = hits
         return hits
 
+    def announce(self, camera: Camera, product: Product, film: Film = _USUAL_FILM) -> None:
+        """Say that a picture will be asked for, so that a card makes it together with others."""
+        if not self._is_drawn_on(product):
+            self._expected.setdefault((camera, film), set()).add(product)
+
+    def on_card(
+        self,
+        camera: Camera,
+        product: Product,
+        film: Film = _USUAL_FILM,
+        turns: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.uint8] | None:
+        """A picture's bytes, ``(H, W, 4)``, of flow ``(H, W, 8)``; None where the CPU makes it.
+
+        Args:
+            camera: who looks.
+            product: what the picture shows.
+            film: of colours.
+            turns: as for :meth:`carstage_sim.render.gpu.camera.GpuCameras.take`, for flow.
+        """
+        if self._cameras is None or self._is_drawn_on(product):
+            return None
+        key = (camera, film, product)
+        if (camera, film) in self._pending:
+            self._receive(camera, film)
+        if key not in self._made:
+            self._expected.setdefault((camera, film), set()).add(product)
+            self._take_expected(self._cameras, turns)
+            self._receive(camera, film)
+        return self._made[key]
+
+    def _is_drawn_on(self, product: Product) -> bool:
+        """Whether debug shapes are drawn over a picture, which the CPU does."""
+        return self._shapes is not None and product is Product.COLOURS
+
+    def _receive(self, camera: Camera, film: Film) -> None:
+        for product, data in self._pending.pop((camera, film)).pictures().items():
+            picture = data.reshape(camera.height, camera.width, -1)
+            self._made[camera, film, product] = picture
+
+    def _take_expected(self, cameras: GpuCameras, turns: NDArray[np.float64] | None) -> None:
+        light = self._pictures.sky.lighting(self._weather, self._time_s)
+        self.cast_count += len(self._expected)
+        for key, products in self._expected.items():
+            self._pending[key] = cameras.take(
+                self.frame,
+                self._shot(key[0]),
+                products,
+                light,
+                film=key[1],
+                turns=turns if Product.FLOW in products else None,
+            )
+        self._expected.clear()
+
+    def _shot(self, camera: Camera) -> Shot:
+        return Shot(
+            camera.width,
+            camera.height,
+            camera.fov_deg,
+            _slope_pairs(camera.width, camera.height, camera.fov_deg, camera.lens),
+            np.asarray(camera.location),
+            rotation_matrix(camera.rotation_deg),
+            self.skipped_row(camera.owner_id, camera.location),
+            NEAR_M,
+            FAR_M,
+        )
+
     def colours(self, camera: Camera, film: Film) -> NDArray[np.uint8]:
         """``(H, W, 3)`` uint8 sRGB picture, shaded once per tick, camera and film."""
+        made = self.on_card(camera, Product.COLOURS, film)
+        if made is not None:
+            return made[..., 2::-1]
         colours = self._colours.get((camera, film))
         if colours is None:
             picture = Picture(

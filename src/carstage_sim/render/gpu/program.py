@@ -1,0 +1,215 @@
+"""The passes of a camera as pipelines: WGSL from this package around the translated kernels."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from carstage_sim.render.cast import trace
+from carstage_sim.render.edges import _apart, _unlike
+from carstage_sim.render.gpu.arenas import Arenas, Source
+from carstage_sim.render.gpu.caster import GpuCaster
+from carstage_sim.render.gpu.device import wgsl
+from carstage_sim.render.gpu.translate import (
+    Array,
+    Bound,
+    Either,
+    External,
+    Record,
+    TranslationError,
+    Translator,
+    Value,
+    convert,
+)
+from carstage_sim.render.materials import MaterialTable
+from carstage_sim.render.scene import Frame
+from carstage_sim.render.shading import shade_rays
+from carstage_sim.render.sky import Lighting
+from carstage_sim.render.surface import facing_normals
+
+_SHOT, _ARENAS, _LAST = 1, 2, 3
+"""Bind groups: the camera, the frame's arrays, what a pass alone needs."""
+_HIT = ("f32", "i32", "i32", "f32", "f32")
+_READ_BY_PRODUCTS = (
+    ("static", "tag"), ("actors", "tag"), ("static", "object_id"), ("actor_id", ""),
+)  # fmt: skip
+
+
+def frame_source(frame: Frame, materials: MaterialTable, light: Lighting) -> Source:
+    """All that kernels read of a frame, by the names of their parameters."""
+    return {
+        "scene": frame.scene,
+        "static": frame.static,
+        "actors": frame.actors,
+        "looks": frame.looks,
+        "colour": frame.colour,
+        "light_state": frame.light_state,
+        "actor_id": frame.actor_id,
+        "materials": materials,
+        "light": light,
+        "lamps": frame.lamps,
+    }
+
+
+def _trace_for(translator: Translator) -> External:
+    """How a translated kernel calls the ray caster."""
+
+    def call(arguments: Sequence[Bound]) -> Value:
+        texts = [value.code for value in arguments[2:] if isinstance(value, Value)]
+        kinds = [value.type for value in arguments[2:] if isinstance(value, Value)]
+        if len(texts) != 6 or not isinstance(kinds[0], tuple) or not isinstance(kinds[1], tuple):
+            raise TranslationError("trace is called with other arguments than its own")
+        vectors = [
+            f"vector_of({convert(Value(text, kind), ('f32', 'f32', 'f32'))})"
+            for text, kind in zip(texts[:2], kinds[:2], strict=True)
+        ]
+        translator.structure(_HIT)
+        translator.structure(("f32", "f32", "f32"))
+        return Value(f"traced({', '.join([*vectors, *texts[2:]])})", _HIT)
+
+    return call
+
+
+_TRACED = """
+fn vector_of(t: Tuple_fff) -> vec3f { return vec3f(t.m0, t.m1, t.m2); }
+fn traced(o: vec3f, d: vec3f, low: f32, high: f32, skip: i32, any_hit: bool) -> Tuple_fiiff {
+  let hit = trace(o, d, low, high, skip, any_hit);
+  return Tuple_fiiff(hit.t, hit.row, hit.triangle, hit.u, hit.v);
+}
+"""
+
+
+class CameraProgram:
+    """Pipelines of all passes, made when they are first needed.
+
+    Args:
+        caster: the card and the scene on it.
+        source: a frame's arrays, for their types.
+        epic: as the shading kernel's parameter.
+
+    Attributes:
+        shot, last: layouts of bind groups 1 and, by pass, 3.
+        arenas: the arrays of bind group 2.
+    """
+
+    def __init__(self, caster: GpuCaster, source: Source, *, epic: bool) -> None:
+        self._caster = caster
+        self._gpu = caster.gpu
+        self._epic = epic
+        self.arenas = Arenas(self._gpu, source)
+        self.shot = self._gpu.layout("uurwww")
+        self.arena_layout = self._gpu.layout("rrrru")
+        self.last = {"develop": self._gpu.layout("rwrw"), "products": self._gpu.layout("wr")}
+        self._shading = self._shading_source()
+        self._develop = self._develop_source()
+        self._products = self._products_source()
+        self._pipelines: dict[tuple[str, int], Any] = {}
+
+    def pipeline(self, entry: str) -> Any:
+        """The pipeline of an entry point."""
+        depth = self._caster.geometry.stack if entry in ("shoot", "shade") else 0
+        key = (entry, depth)
+        if key not in self._pipelines:
+            layouts = [self._caster.scene_layout, self.shot, self.arena_layout]
+            if entry == "shoot":
+                code = self._caster.source("shot", "rays", "shoot")
+            elif entry == "shade":
+                arrays = self.arenas.source(_ARENAS)
+                code = self._caster.source("shot", "rays") + _TRACED + arrays + self._shading
+            else:
+                made_by = "develop" if entry in _DEVELOPING else "products"
+                layouts.append(self.last[made_by])
+                code = wgsl("shot") + self.arenas.source(_ARENAS)
+                code += self._develop if made_by == "develop" else wgsl("rays") + self._products
+            self._pipelines[key] = self._gpu.pipeline(code, entry, layouts, None)
+        return self._pipelines[key]
+
+    def _shading_source(self) -> str:
+        """The shading kernel, translated, and the pass that runs it."""
+        given: dict[str, Bound] = {
+            "scratch": Record("scratch", _no_member),
+            "colour": self._array("colour"),
+            "light_state": self._array("light_state"),
+            "origin": Array("ray_origin", "f32", 1),
+            "directions": Array("ray_direction", "f32", 2),
+            "skip": Value("shot.skip", "i32"),
+            "pixel_angle": Value("shot.angle", "f32"),
+            "epic": Value("true" if self._epic else "false", "bool"),
+            "first": Value("0i", "i32"),
+            "last": Value("1i", "i32"),
+            "t": Array("hit_t", "f32", 1),
+            "row": Array("hit_row", "i32", 1),
+            "triangle": Array("hit_triangle", "i32", 1),
+            "weights": Array("hit_weight", "f32", 2),
+            "out": Array("", "f32", 2, write="set_colour"),
+        }
+        for name in ("scene", "static", "actors", "looks", "materials", "light", "lamps"):
+            given[name] = self.arenas.record(name)
+        kernel: Any = shade_rays
+        names = list(inspect.signature(kernel.py_func).parameters)
+        externals: dict[Any, External] = {}
+        translator = Translator(externals)
+        externals[trace] = _trace_for(translator)
+        translator.structure(_HIT)
+        translator.structure(("f32", "f32", "f32"))
+        name, _ = translator.function(kernel, [given[parameter] for parameter in names])
+        passed = ", ".join(
+            value.code
+            for value in (given[parameter] for parameter in names)
+            if isinstance(value, Value) and value.code not in ("true", "false")
+        )
+        text = wgsl("shade").replace("SHADE(0, 1)", f"{name}({passed})")
+        return translator.source() + "\n" + text
+
+    def _develop_source(self) -> str:
+        """The passes from light to codes, around the translated comparison of two pixels."""
+        translator = Translator({})
+        place = Value("i", "i32")
+        row, triangle = Array("hit_row", "i32", 1), Array("hit_triangle", "i32", 1)
+        records: list[Bound] = [self.arenas.record("static"), self.arenas.record("actors")]
+        unlike, _ = translator.function(_unlike, [*records, row, triangle, place, place])
+        codes = Array("code_at", "i32", 3)
+        apart, _ = translator.function(_apart, [codes, place, place, place, place])
+        text = wgsl("develop").replace("APART(", f"{apart}(").replace("UNLIKE(", f"{unlike}(")
+        return translator.source() + "\n" + text
+
+    def _products_source(self) -> str:
+        """The pass that writes all other pictures, around the translated normals."""
+        for record, name in _READ_BY_PRODUCTS:
+            self.arenas.member(record, name)
+        translator = Translator({})
+        surfaces = Either("", self.arenas.record("static"), self.arenas.record("actors"))
+        whole, real = Value("i", "i32"), Value("x", "f32")
+        never = Value("false", "bool")
+        given: list[Bound] = [
+            self.arenas.record("scene"),
+            surfaces,
+            whole,
+            whole,
+            real,
+            real,
+            never,
+        ]
+        name, _ = translator.function(facing_normals, [*given, real, real, real])
+        return translator.source() + "\n" + wgsl("products").replace("FACING(", f"{name}(")
+
+    def _array(self, name: str) -> Array:
+        array = self.arenas.member(name)
+        if not isinstance(array, Array):
+            raise TypeError(f"{name} is no array")
+        return array
+
+
+_DEVELOPING = ("develop", "find_edges", "plan_rounds", "blend")
+
+
+def _no_member(name: str) -> Array:
+    raise TranslationError(f"working memory has no {name} on a card")
+
+
+def words_of(array: Any) -> np.ndarray[Any, np.dtype[np.uint32]]:
+    """Numbers as 32-bit words."""
+    return np.ascontiguousarray(array, np.float32).reshape(-1).view(np.uint32)

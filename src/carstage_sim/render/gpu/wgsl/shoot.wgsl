@@ -1,0 +1,16 @@
+// Nearest hits of a camera's rays.
+
+@compute @workgroup_size(64)
+fn shoot(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+  let i = ray_of_invocation(id, groups);
+  if (i >= ray_count()) {
+    return;
+  }
+  let n = pass_.count;
+  let hit = trace(shot.origin.xyz, direction_of(i), shot.low, shot.high, shot.skip, false);
+  hits[i] = bitcast<u32>(hit.t);
+  hits[n + i] = bitcast<u32>(hit.row);
+  hits[2u * n + i] = bitcast<u32>(hit.triangle);
+  hits[3u * n + i] = bitcast<u32>(hit.u);
+  hits[4u * n + i] = bitcast<u32>(hit.v);
+}

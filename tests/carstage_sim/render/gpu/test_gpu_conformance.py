@@ -1,0 +1,79 @@
+"""The GPU back end sees what the CPU sees; here on a driver that computes on the CPU."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from carstage_sim.check.conformance import MOST_COLOURS, Tally, compare_rays, random_frame
+from carstage_sim.labels import CityObjectLabel
+from carstage_sim.mesh import Material
+from carstage_sim.render.cast import STATIC
+from carstage_sim.render.gpu.caster import GpuCaster
+from carstage_sim.sensors.suite import SensorSuite
+
+pytestmark = pytest.mark.xdist_group("gpu")
+
+
+@pytest.fixture(scope="module")
+def suites(software_gpu, sensor_worlds):
+    post = sensor_worlds.box(
+        (4, 3, 0), (6, 5, 4), Material.METAL, CityObjectLabel.STATIC, object_id=7
+    )
+    town = sensor_worlds.town(sensor_worlds.GROUND, sensor_worlds.WALL, post)
+    with SensorSuite(town, threads=2) as cpu, SensorSuite(town, threads=2, gpu=software_gpu) as gpu:
+        yield cpu, gpu
+
+
+def test_ids_and_ranges_of_random_scenes_agree(software_gpu):
+    tally = Tally()
+    compare_rays(software_gpu, tally, seeds=(1, 2), rays=4000)
+    assert all(figure.ok for figure in tally.figures()), tally
+
+
+def test_a_scene_without_its_town_leaves_the_towns_copy_alone(software_gpu):
+    frame = random_frame(3, triangles=300, instances=4)
+    caster = GpuCaster(software_gpu, 1)
+    rays = np.random.default_rng(3).normal(size=(500, 3)).astype(np.float32)
+    before = caster.cast(frame.scene, np.zeros(3), rays, low=1e-3, high=100.0)
+    alone = caster.cast(frame.only(np.array([1])), np.zeros(3), rays, low=1e-3, high=100.0)
+    after = caster.cast(frame.scene, np.zeros(3), rays, low=1e-3, high=100.0)
+    assert set(alone.row.tolist()) <= {-2, 1}
+    assert (before.row == STATIC).any()
+    assert before.triangle.tobytes() == after.triangle.tobytes()
+
+
+def test_pictures_of_all_kinds_agree(suites, sensor_worlds):
+    kinds = ("rgb", "depth", "instance_segmentation", "normals", "optical_flow")
+    requests = [
+        sensor_worlds.request(f"camera.{kind}", 100 + k, image_size_x=320, image_size_y=192)
+        for k, kind in enumerate(kinds)
+    ]
+    found = []
+    for suite in suites:
+        for number in (1, 2):
+            moved = (8.0, 1.0 + number * 0.2, 0.0)
+            state = sensor_worlds.state(number, vehicles=[(7, moved, 40.0 + number)])
+            frames = dict(zip(kinds, suite.capture(state, requests), strict=True))
+        found.append({kind: frame for kind, (_, frame) in frames.items()})
+    cpu, gpu = found
+    tally = Tally()
+    tally.pictures(*({k: one[k].pixels for k in kinds[:4]} for one in found))
+    assert all(figure.ok for figure in tally.figures()[3:]), tally
+    assert tally.colours < MOST_COLOURS * tally.pixels
+    assert np.abs(cpu["optical_flow"].flow).max() > 0.01
+    assert np.allclose(cpu["optical_flow"].flow, gpu["optical_flow"].flow, atol=1e-5)
+
+
+def test_semantic_lidars_agree_and_frames_repeat_to_the_byte(suites, sensor_worlds):
+    request = sensor_worlds.request("lidar.ray_cast_semantic", 300, range=80)
+    state = sensor_worlds.state(1, vehicles=[(7, (8.0, 1.0, 0.0), 40.0)])
+    points = []
+    for suite in (*suites, suites[1]):
+        suite.reset()
+        ((_, frame),) = suite.capture(state, [request])
+        points.append(frame.points)
+    cpu, gpu, again = points
+    assert gpu.tobytes() == again.tobytes()
+    assert (cpu["object_idx"] == gpu["object_idx"]).mean() > 0.9999
+    assert np.allclose(cpu["x"], gpu["x"], atol=1e-3)

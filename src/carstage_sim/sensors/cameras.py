@@ -65,8 +65,8 @@ def encode_normals(normals: NDArray[np.floating]) -> NDArray[np.uint8]:
     zero of the sky reads 128.
     """
     pixels = np.full((*normals.shape[:-1], 4), 255, np.uint8)
-    codes = np.floor((np.asarray(normals, np.float64) + 1.0) * 127.5 + 0.5)
-    pixels[..., :3] = np.clip(codes, 0, 255).astype(np.uint8)[..., ::-1]
+    # Half a step more than zero's code, as the fraction is cut off.
+    pixels[..., :3] = (normals * np.float32(127.5) + np.float32(128.0))[..., ::-1]
     return pixels
 
 

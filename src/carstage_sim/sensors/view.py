@@ -327,7 +327,7 @@ class View:
         static, actors = hits.row == STATIC, hits.row >= 0
         objects = self.frame.static.object_id[hits.triangle[static]]
         ids[static] = np.where(
-            objects > 0, _ENVIRONMENT_ID + (objects - 1) % _ENVIRONMENT_ID, 0
+            objects > 0, _ENVIRONMENT_ID | ((objects - 1) & (_ENVIRONMENT_ID - 1)), 0
         ).astype(np.uint16)
         ids[actors] = (self.frame.actor_id[hits.row[actors]] & 0xFFFF).astype(np.uint16)
         return ids

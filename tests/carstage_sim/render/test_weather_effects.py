@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -44,9 +45,14 @@ SCENE = frame_of(
 )
 
 
+@lru_cache
+def maker(quality=Quality.LOW):
+    """One for all tests: the noise of its clouds takes longer than a picture."""
+    return PictureMaker(RayCaster(1), quality)
+
+
 def picture(weather, *, time_s=1.0, camera=_CAMERA, quality=Quality.LOW):
-    caster = RayCaster(1)
-    view = View(lambda: SCENE, caster, PictureMaker(caster, quality), weather, time_s)
+    view = View(lambda: SCENE, RayCaster(1), maker(quality), weather, time_s)
     return view.colours(camera, Film()).astype(int)
 
 
@@ -125,13 +131,13 @@ def test_a_clear_noon_has_the_exposure_that_manual_ones_start_from():
         cloudiness=5.0, wind_intensity=10.0, sun_azimuth_angle=-1.0, sun_altitude_angle=45.0,
         fog_density=2.0, fog_distance=0.75, fog_falloff=0.1,
     )  # fmt: skip
-    light = PictureMaker(RayCaster(1)).sky.lighting(noon, 0.0)
+    light = maker().sky.lighting(noon, 0.0)
     assert float(light.exposure) == pytest.approx(CLEAR_NOON_EXPOSURE, rel=0.01)
     assert Film().exposed(light).exposure == light.exposure
     assert float(Film(manual=True).exposed(light).exposure) == pytest.approx(
         CLEAR_NOON_EXPOSURE, rel=1e-6
     )
-    night = PictureMaker(RayCaster(1)).sky.lighting(replace(noon, sun_altitude_angle=-90.0), 0.0)
+    night = maker().sky.lighting(replace(noon, sun_altitude_angle=-90.0), 0.0)
     assert Film().exposed(night).exposure == night.exposure
     bound = Film(darkest_ev=12.0).exposed(night).exposure
     assert float(bound) == pytest.approx(CLEAR_NOON_EXPOSURE, rel=0.01)

@@ -75,12 +75,14 @@ def test_kitti_labels_project_back_within_a_pixel(export, recorded: Path) -> Non
         {**row, "n": n * FRAMES + row["k"]}
         for n, episode in enumerate(Dataset(recorded).episodes)
         for row in episode.camera_objects().to_pylist()
-        if row["sensor_id"] == "CAM_FRONT"
+        if row["sensor_id"] == "CAM_FRONT" and row["location"] is not None
     ]
     picture, episodes = shapely.box(0, 0, WIDTH, HEIGHT), set()
     for n in range(2 * FRAMES):
         projection = calibration(training / f"calib/{n:06d}.txt")["P2"]
         for line in (training / f"label_2/{n:06d}.txt").read_text().splitlines():
+            if line.startswith("DontCare"):
+                continue
             values = [float(number) for number in line.split()[1:]]
             left, top, right, bottom, *box = values[3:]
             (seen,) = [

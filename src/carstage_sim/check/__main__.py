@@ -12,6 +12,7 @@ from carstage_sim.check.client_process import TrialError
 from carstage_sim.check.conformance import add_conformance
 from carstage_sim.check.determinism import check_determinism
 from carstage_sim.check.fuzz import add_fuzz
+from carstage_sim.check.gpu_speed import add_gpu
 from carstage_sim.check.memory import add_memory
 from carstage_sim.check.render import add_render
 from carstage_sim.check.server_process import ServerError
@@ -71,7 +72,15 @@ def _parser() -> argparse.ArgumentParser:
     for check in (traffic, walkers):
         check.add_argument("--towns", nargs="+", metavar="TOWN", help="these and no others")
         check.add_argument("--maps", type=Path, help="folder with OpenDRIVE files of CARLA's towns")
-    for add in (add_budget, add_fuzz, add_streaming, add_memory, add_render, add_conformance):
+    for add in (
+        add_budget,
+        add_fuzz,
+        add_streaming,
+        add_memory,
+        add_render,
+        add_conformance,
+        add_gpu,
+    ):
         add(checks)
     for check in (traffic, determinism, walkers):
         check.add_argument("--fps", type=int, default=20)
@@ -154,7 +163,7 @@ _CHECKS: dict[str, Callable[[argparse.Namespace], Verdict | Campaign]] = {
     "api": _api,
     "walkers": _walkers,
     **dict.fromkeys(
-        ("fuzz", "streaming", "memory", "render", "conformance"),
+        ("fuzz", "streaming", "memory", "render", "conformance", "gpu"),
         lambda arguments: arguments.run(arguments),
     ),
 }

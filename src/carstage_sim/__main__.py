@@ -17,6 +17,7 @@ from carstage_sim.description import describe
 from carstage_sim.jit import do_without_scipy
 from carstage_sim.maps import MapCatalogue, MapFileError, MapSamplingError, UnknownTownError
 from carstage_sim.prebake import prebake
+from carstage_sim.render.gpu.device import NoGpuError
 from carstage_sim.server import Server
 from carstage_sim.simulation import Simulation
 from carstage_sim.wire.dialect import dialect
@@ -46,6 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _serve(options, maps)
     except (
         BadAddressError, PortInUseError, UnknownTownError, MapFileError, MapSamplingError,
+        NoGpuError,
     ) as error:  # fmt: skip
         print(f"carstage_sim: {error}", file=sys.stderr)
         return _BAD_INPUT

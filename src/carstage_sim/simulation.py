@@ -67,6 +67,7 @@ class Simulation:
 
     Raises:
         UnknownTownError: there is no map of that name.
+        NoGpuError: a card was asked for, and there is none.
     """
 
     def __init__(
@@ -80,6 +81,7 @@ class Simulation:
         quality: Quality = Quality.LOW,
         device: Choice = "cpu",
     ) -> None:
+        self._gpu = chosen_gpu(device)
         self.settings = EpisodeSettings()
         self.imu_gravity = _STANDARD_GRAVITY
         self.recordings = RecorderDeck()
@@ -89,7 +91,6 @@ class Simulation:
         self._loop = loop
         self._projection = projection
         self._quality = quality
-        self._gpu = chosen_gpu(device)
         self._watched_before = False
         self._stepped_at_s = time.monotonic()
         self._source = self.maps.source(town_name)

@@ -1,7 +1,7 @@
 """How long kernels take to compile, and whether two processes share the compile cache safely.
 
-Run as a module it is one of these processes: it compiles or loads all kernels, makes a picture of
-a small scene, and prints its CPU seconds and a digest of the picture.
+Each runs :func:`report`: it compiles or loads all kernels, makes a picture of a small scene, and
+prints its CPU seconds and a digest of the picture.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def _processes(count: int, folder: str) -> list[dict[str, float | str]]:
     environment = os.environ | {CACHE_VARIABLE: folder}
     started = [
         subprocess.Popen(
-            [sys.executable, "-m", "carstage_sim.check.render.compiling"],
+            [sys.executable, "-c", f"from {__name__} import report; report()"],
             env=environment,
             stdout=subprocess.PIPE,
             text=True,
@@ -67,7 +67,8 @@ def _processes(count: int, folder: str) -> list[dict[str, float | str]]:
     return answers
 
 
-def _report() -> None:
+def report() -> None:
+    """What a process that compiles prints, as JSON."""
     began = time.process_time()
     caster = RayCaster(1)
     view = plain_view(caster, Weather(), pole_m=2.0)
@@ -84,7 +85,3 @@ def _report() -> None:
             }
         )
     )
-
-
-if __name__ == "__main__":
-    _report()

@@ -15,15 +15,15 @@ from carstage.annotation.classes import RIDER_TAG, WALKER_CLASSES, object_class
 from carstage.annotation.decoding import decode_instance_bgra
 from carstage.annotation.ego_row import EpisodeFacts, ego_row
 from carstage.annotation.level import Level
-from carstage.annotation.lidar_counts import count_points
 from carstage.annotation.object_rows import VisiblePixels, object_rows
 from carstage.annotation.pixels import ImageEvidence
+from carstage.annotation.point_counts import count_points
 from carstage.annotation.pose_rows import pose_rows
 from carstage.annotation.rig import LabelledCamera, Mount
 from carstage.annotation.scene import ActorFacts, Scene, build_scene
 from carstage.annotation.settings import LabelSettings
 from carstage.errors import AnnotationError
-from carstage.geometry import invert_pose
+from carstage.geometry import FloatArray, invert_pose
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.reader import ActorInfo, LevelObject, WorldFrame
 from carstage.tags import (
@@ -120,6 +120,11 @@ class EpisodeLabeller:
                 for sensor in sensors
                 if sensor.get("kind") == "lidar"
             }
+            self._radars = {
+                sensor["id"]: Mount.from_spec(sensor, actor_ids)
+                for sensor in sensors
+                if sensor.get("kind") == "radar"
+            }
             self._mounts = [
                 Mount.from_spec(sensor, actor_ids) for sensor in sensors if not sensor.get("hidden")
             ]
@@ -158,6 +163,7 @@ class EpisodeLabeller:
         k: int,
         images: Mapping[str, CameraImages],
         lidar: Mapping[str, NDArray[np.float32]],
+        radar: Mapping[str, FloatArray] | None = None,
     ) -> FrameLabels:
         """Label one saved frame.
 
@@ -166,6 +172,7 @@ class EpisodeLabeller:
             k: index of the saved frame.
             images: by labelled camera; one that is missing gets no rows in this frame.
             lidar: by LiDAR, ``(N, 4)`` float32 points of this tick's sweep, sensor axes.
+            radar: by radar, ``(N, 3)`` detections of this tick as points, sensor axes.
 
         Raises:
             AnnotationError: when the ego or an actor is unknown, or an image has the wrong size.
@@ -175,7 +182,8 @@ class EpisodeLabeller:
         time_s = elapsed_s(self._header, world.tick, world.timestamp_s)
         keys = {"k": k, "timestamp_s": time_s, "episode_id": self._episode_id}
         acceleration_valid = world.tick > 0 or self._first_tick_has_past
-        points = self._count_lidar_points(scene, lidar)
+        points = _count_points(scene, self._lidars, lidar)
+        detections = _count_points(scene, self._radars, radar or {})
         camera_objects: list[dict[str, Any]] = []
         pixels: dict[int, VisiblePixels] = {}
         riders: dict[int, int] = {}
@@ -203,6 +211,7 @@ class EpisodeLabeller:
             self._settings,
             acceleration_valid=acceleration_valid,
             lidar_points=points,
+            radar_points=detections,
             pixels=pixels,
             riders=riders,
         )
@@ -296,24 +305,6 @@ class EpisodeLabeller:
         info = replace(info, semantic_tags=dataset_tags(info.semantic_tags, self._server))
         return ActorFacts(info, kind, label_box(info, kind, self._measured), tags)
 
-    def _count_lidar_points(
-        self, scene: Scene, lidar: Mapping[str, NDArray[np.float32]]
-    ) -> dict[int, list[tuple[str, int]]]:
-        """Points per LiDAR, by the ids of the actors with a valid box."""
-        chosen = np.flatnonzero(scene.valid)
-        counts: dict[int, list[tuple[str, int]]] = {
-            scene.facts[i].info.id: [] for i in chosen.tolist()
-        }
-        for sensor_id, mount in self._lidars.items():
-            if sensor_id not in lidar:
-                continue
-            pose = mount.world_from_sensor(scene.world, scene.world_from_ego)
-            sensor_from_boxes = invert_pose(pose) @ scene.world_from_box[chosen]
-            found = count_points(lidar[sensor_id], sensor_from_boxes, scene.extent[chosen])
-            for pairs, count in zip(counts.values(), found.tolist(), strict=True):
-                pairs.append((sensor_id, count))
-        return counts
-
     def _evidence(self, camera: LabelledCamera, images: CameraImages, tick: int) -> ImageEvidence:
         shape = (camera.height, camera.width)
         instance_id, tag = None, images.semantic_tag
@@ -328,6 +319,23 @@ class EpisodeLabeller:
                     f"{image.shape}; the spec says {shape}."
                 )
         return ImageEvidence(images.depth_m, instance_id, tag, self._rider_tag)
+
+
+def _count_points(
+    scene: Scene, mounts: Mapping[str, Mount], clouds: Mapping[str, NDArray[np.floating[Any]]]
+) -> dict[int, list[tuple[str, int]]]:
+    """Points per LiDAR or radar, by the ids of the objects with a valid box."""
+    chosen = np.flatnonzero(scene.valid)
+    counts: dict[int, list[tuple[str, int]]] = {scene.facts[i].info.id: [] for i in chosen.tolist()}
+    for sensor_id, mount in mounts.items():
+        if sensor_id not in clouds:
+            continue
+        pose = mount.world_from_sensor(scene.world, scene.world_from_ego)
+        sensor_from_boxes = invert_pose(pose) @ scene.world_from_box[chosen]
+        found = count_points(clouds[sensor_id], sensor_from_boxes, scene.extent[chosen])
+        for pairs, count in zip(counts.values(), found.tolist(), strict=True):
+            pairs.append((sensor_id, count))
+    return counts
 
 
 def _lookup(tags: frozenset[int]) -> NDArray[np.bool_]:

@@ -33,6 +33,7 @@ def object_rows(
     *,
     acceleration_valid: bool,
     lidar_points: Mapping[int, list[tuple[str, int]]],
+    radar_points: Mapping[int, list[tuple[str, int]]],
     pixels: Mapping[int, VisiblePixels],
     riders: Mapping[int, int] = MappingProxyType({}),
 ) -> list[dict[str, Any]]:
@@ -45,6 +46,7 @@ def object_rows(
         settings: what the spec asks for.
         acceleration_valid: false in an episode's very first frame.
         lidar_points: by actor id, points per LiDAR.
+        radar_points: by actor id, detections per radar.
         pixels: by actor id; actors that no camera can see are left out.
         riders: by id of their two-wheelers, the tag of riders that a camera sees.
     """
@@ -106,6 +108,7 @@ def object_rows(
                 # The server does not keep walkers' angular velocity.
                 "angular_velocity": None if fact.is_walker else angular_velocity[i],
                 "num_lidar_points": lidar_points.get(info.id, []),
+                "num_radar_points": radar_points.get(info.id, []),
                 "visibility": visibility,
                 "visibility_token": None if visibility is None else visibility_token(visibility),
                 "light_state": None if fact.is_walker else lights.get(str(info.id)),

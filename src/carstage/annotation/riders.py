@@ -120,6 +120,7 @@ def rider_object_row(two_wheeler: Mapping[str, Any], rider_tag: int) -> dict[str
         "class": RIDER,
         "box_source": "none",
         "num_lidar_points": [],
+        "num_radar_points": [],
         "parent_track_id": two_wheeler["track_id"],
         "semantic_tags": [rider_tag],
         "is_ego": False,

@@ -150,6 +150,12 @@ OBJECT_COLUMNS: tuple[Column, ...] = (
         "points of this tick's sweep inside the box, per LiDAR; empty without a valid box",
     ),
     Column(
+        "num_radar_points",
+        "map[str,u32]",
+        "points",
+        "detections of this tick inside the box, per radar; empty without a valid box",
+    ),
+    Column(
         "visibility",
         "f64",
         "ratio",

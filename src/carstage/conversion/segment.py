@@ -13,8 +13,9 @@ import pyarrow as pa
 
 from carstage.annotation import CameraImages, EpisodeLabeller
 from carstage.annotation.decoding import decode_depth_bgra
+from carstage.annotation.point_sensors import RADAR_DTYPE, radar_points
 from carstage.annotation.schema import TABLES, Column
-from carstage.conversion.sensors import LIDAR_KIND, RecordedSensor
+from carstage.conversion.sensors import LIDAR_KIND, RADAR_KIND, RecordedSensor
 from carstage.conversion.tag_numbers import dataset_payload
 from carstage.dataset.codecs import codec_for
 from carstage.dataset.codecs.codec import image_bgra
@@ -105,10 +106,12 @@ def label_segment(raw_folder: Path, segment: int) -> None:
     image_streams = {s.depth for s in streams.values()} | {
         s.instance for s in streams.values() if s.instance is not None
     }
-    lidars = [s["id"] for s in log.header["spec"]["sensors"] if s["kind"] == LIDAR_KIND]
+    sensors = log.header["spec"]["sensors"]
+    lidars = [sensor["id"] for sensor in sensors if sensor["kind"] == LIDAR_KIND]
+    radars = [sensor["id"] for sensor in sensors if sensor["kind"] == RADAR_KIND]
     by_tick = {
         stream: {record.tick: record for record in _data(log, stream, segment)}
-        for stream in [*sorted(image_streams), *lidars]
+        for stream in [*sorted(image_streams), *lidars, *radars]
     }
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in TABLES}
     for world in log.world_frames(segment):
@@ -129,7 +132,12 @@ def label_segment(raw_folder: Path, segment: int) -> None:
             for lidar in lidars
             if (record := by_tick[lidar].get(world.tick)) is not None
         }
-        labels = labeller.label_frame(world, ticks[world.tick], images, clouds)
+        detections = {
+            radar: radar_points(np.frombuffer(record.payload, RADAR_DTYPE))
+            for radar in radars
+            if (record := by_tick[radar].get(world.tick)) is not None
+        }
+        labels = labeller.label_frame(world, ticks[world.tick], images, clouds, detections)
         rows["objects.parquet"] += labels.objects
         rows["camera_objects.parquet"] += labels.camera_objects
         rows["ego.parquet"] += [labels.ego] if labels.ego else []

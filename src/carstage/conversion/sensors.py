@@ -12,6 +12,7 @@ from carstage.errors import BadInputError
 from carstage.rawlog.format import LEDGER, WORLD
 
 LIDAR_KIND = "lidar"
+RADAR_KIND = "radar"
 ROWS_CODEC = "parquet"
 
 
@@ -64,7 +65,7 @@ def plan_sensors(spec: Mapping[str, Any], codecs: Mapping[str, str]) -> SensorPl
     for sensor in spec["sensors"]:
         if sensor.get("labelled"):
             label_streams |= {name for key in ("depth", "instance") if (name := sensor.get(key))}
-        if sensor["kind"] == LIDAR_KIND:
+        if sensor["kind"] in (LIDAR_KIND, RADAR_KIND):
             label_streams.add(sensor["id"])
     return SensorPlan(
         tuple(_recorded(sensor, codecs.get(sensor["id"])) for sensor in shown),

@@ -92,6 +92,7 @@ def header(
     ]
     if lidar:
         sensors.append({"id": "TOP", "kind": "lidar", "pose": pose, "attributes": {}})
+        sensors.append({"id": "RADAR", "kind": "radar", "pose": pose, "attributes": {}})
     return {
         "episode_id": "abc",
         "server_version": "0.9.16",

@@ -212,6 +212,17 @@ def test_ground_truth_switches_decide_what_is_written(
     assert found.ego == {}
 
 
+def test_detections_of_a_radar_are_counted_in_each_box() -> None:
+    subject = labeller(actor(CAR_ID), lidar=True)
+    detections = np.array([[20.0, 0.0, 0.0], [20.5, 0.5, 0.2], [20.0, 9.0, 0.0]])
+    nothing = {"TOP": np.zeros((0, 4), dtype=np.float32)}
+    found = subject.label_frame(snapshot(AHEAD), 2, {}, nothing, {"RADAR": detections})
+    assert found.objects[1]["num_radar_points"] == [("RADAR", 2)]
+    assert found.objects[1]["num_lidar_points"] == [("TOP", 0)]
+    missed = subject.label_frame(snapshot(AHEAD), 2, {}, nothing)
+    assert missed.objects[1]["num_radar_points"] == []
+
+
 def test_few_lidar_points_make_an_object_invisible_where_the_rig_has_a_lidar() -> None:
     inside = np.array([[20.0, 0.0, 0.0, 1.0]] * 4, dtype=np.float32)
     found = label(lidar=inside, min_lidar_points=5)

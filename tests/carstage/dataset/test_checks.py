@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
@@ -37,6 +37,7 @@ def test_distance_to_a_hull_is_shapelys(
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
+@settings(deadline=None)  # the first call loads compiled code
 @given(mask=arrays.arrays(np.bool_, arrays.array_shapes(min_dims=2, max_dims=2, max_side=12)))
 def test_a_mask_decodes_to_what_was_encoded(mask: np.ndarray) -> None:
     height, width = mask.shape

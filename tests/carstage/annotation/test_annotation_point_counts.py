@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carstage.annotation.lidar_counts import count_points
+from carstage.annotation.point_counts import count_points
 from carstage.geometry import invert_pose, pose_matrix, transform_points
 
 

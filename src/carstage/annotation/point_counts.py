@@ -1,4 +1,4 @@
-"""How many LiDAR points lie in each box.
+"""How many points of LiDARs and radars lie in each box.
 
 A sweep holds some hundred thousand points, a frame some dozens of boxes, and a box few points.
 So the points are sorted into the cells of a ground grid once; each box tests its cells only.
@@ -7,7 +7,7 @@ So the points are sorted into the cells of a ground grid once; each box tests it
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,13 @@ _TOLERANCE_M: Final = 1e-6
 
 
 class PointGrid:
-    """Points of one sweep, sorted by ground cell.
+    """Points of one sweep, or detections of a radar, sorted by ground cell.
 
     Args:
         points: ``(N, 3)`` or wider, sensor axes (m); columns after the third are ignored.
     """
 
-    def __init__(self, points: NDArray[np.float32]) -> None:
+    def __init__(self, points: NDArray[np.floating[Any]]) -> None:
         x, y = points[:, 0], points[:, 1]
         self._low = (float(x.min()), float(y.min())) if len(points) else (0.0, 0.0)
         span = max(float(np.ptp(x)), float(np.ptp(y)), 1e-3) if len(points) else 1.0
@@ -64,7 +64,7 @@ class PointGrid:
 
 
 def count_points(
-    points: NDArray[np.float32], sensor_from_boxes: FloatArray, extents_m: FloatArray
+    points: NDArray[np.floating[Any]], sensor_from_boxes: FloatArray, extents_m: FloatArray
 ) -> NDArray[np.int64]:
     """Points of a sweep in each of ``M`` boxes.
 

@@ -13,9 +13,7 @@ from carstage_sim.world.traffic_lights import Queues
 QUEUE_M = 60.0
 """How far before a light a vehicle counts: eight lengths of one that waits."""
 NEAR_M = 25.0
-"""Nearer than this it uses the light's green, if it"""
-_MOVES_M_S = 0.5
-"""goes faster: who has no room beyond the junction uses nothing."""
+"""Nearer than this it uses the light's green."""
 _BEYOND_M = 8.0
 """From the middle of a light's trigger to the stop line and a little more."""
 
@@ -40,16 +38,15 @@ class Approaches:
                 self._light_of_sample[samples] = light
                 self._is_near[samples] = distance_m < NEAR_M
 
-    def queues(self, samples: NDArray[np.int32], speed: NDArray[np.float64]) -> Queues:
+    def queues(self, samples: NDArray[np.int32]) -> Queues:
         """What the detectors see.
 
         Args:
             samples: ``(N,)`` nearest lane sample of each vehicle.
-            speed: ``(N,)`` m/s.
         """
         light = self._light_of_sample[samples]
         counted = light >= 0
-        near = light[counted & self._is_near[samples] & (np.abs(speed) > _MOVES_M_S)]
+        near = light[counted & self._is_near[samples]]
         return Queues(
             count=np.bincount(light[counted], minlength=self._count),
             near=np.bincount(near, minlength=self._count) > 0,

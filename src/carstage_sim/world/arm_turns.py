@@ -1,12 +1,14 @@
 """Junctions without lights: where vehicles come from several arms, the arms take turns.
 
 CARLA tells the controllers of vehicles at stop and yield signs "red", without a light, while others
-are on the junction (``StopSignComponent.cpp``, ``YieldSignComponent.cpp``). The Traffic Manager
-then draws a ticket and enters when it is its turn, or once it is told "green"
-(``TrafficLightStage.cpp``). Without that, one of its vehicles that turns left, one that comes
-towards it and one from the side can each stand in the way of the next. CARLA's own towns have those
-signs in their levels, not in their OpenDRIVE files, so here every junction of three arms or more
-that has no lights gets turns; the entries of roundabouts and merges have two.
+are on the junction (``StopSignComponent.cpp``, ``YieldSignComponent.cpp``). A vehicle that the
+Traffic Manager drives then stops and joins the queue of that junction, from which one at a time
+enters in the order of their coming (``TrafficLightStage.cpp``; wheel 0.9.13 spaces them by time).
+Without that, one that turns left, one that comes towards it and one from the side can each stand in
+the way of the next. CARLA's own towns have those signs in their levels, not in their OpenDRIVE
+files, so here every junction of three arms or more that has no lights gets turns; the entries of
+roundabouts and merges have two. Junctions with an arm too short to wait on get none: who waited
+there would stand on the junction behind.
 
 Only who can still stop is told to wait; nobody is while all come from one arm. Nobody sets off
 while somebody comes from another arm too fast to stop.
@@ -32,6 +34,8 @@ TURN_S = 8.0
 CLEAR_S = 6.0
 """So long the next arm waits at most for the junction to be empty."""
 _FEWEST_ARMS = 3
+_ROOM_M = 20.0
+"""Every arm has at least so much room to wait, which is three vehicles."""
 _LOOK_AHEAD_M = 5.5
 """Nearer than this the Traffic Manager's look-ahead of 6 m is on the junction."""
 _OVER_LINE_M = 1.5
@@ -107,10 +111,10 @@ class ArmTurns:
         for junction_id in sorted(set(entries.junction_id.tolist()) - set(lit)):
             here = np.flatnonzero(entries.junction_id == junction_id)
             arms = int(entries.arm[here].max()) + 1
-            if arms < _FEWEST_ARMS:
+            before = [graph.before(int(entries.sample[entry]), _FARTHEST_M) for entry in here]
+            if arms < _FEWEST_ARMS or min(metres.max() for _, metres in before) < _ROOM_M:
                 continue
-            for entry in here.tolist():
-                samples, before_m = graph.before(int(entries.sample[entry]), _FARTHEST_M)
+            for entry, (samples, before_m) in zip(here.tolist(), before, strict=True):
                 self._arm_of_sample[samples] = count + entries.arm[entry]
                 self._before_m[samples] = before_m
             self._turns_of_sample[lanes.junction_id == junction_id] = len(self._turns)
@@ -120,6 +124,11 @@ class ArmTurns:
         self._seen: NDArray[np.uint32] = np.zeros(0, np.uint32)
         self.told_to_wait: NDArray[np.uint32] = np.zeros(0, np.uint32)
         """Ids of the vehicles that are told to wait."""
+
+    @property
+    def count(self) -> int:
+        """Junctions that have turns."""
+        return len(self._turns)
 
     def step(
         self,
@@ -159,8 +168,8 @@ class ArmTurns:
         nose_m = before_m - half_length[rows] + _OVER_LINE_M
         stops = (nose_m > 0.0) & (speed[rows] ** 2 <= 2.0 * _BRAKES * nose_m)
         looks = before_m <= _LOOK_AHEAD_M
-        # Told to wait in one frame, a vehicle draws a ticket. Tickets are five seconds apart: were
-        # none drawn by those whose turn it is, those of the others would fall due meanwhile.
-        draws = looks & ~np.isin(ids[rows], self._seen) & is_contested[arm]
+        # Told to wait in one frame, a vehicle joins the Traffic Manager's queue. Did those whose
+        # turn it is not join, those of the other arms would be the first in it meanwhile.
+        joins = looks & ~np.isin(ids[rows], self._seen) & is_contested[arm]
         self._seen = ids[rows[looks]]
-        self.told_to_wait = ids[rows[stops & (~goes[arm] | draws)]]
+        self.told_to_wait = ids[rows[stops & (~goes[arm] | joins)]]

@@ -29,7 +29,7 @@ YELLOW_S = 3.0
 RED_S = 2.0
 LEAST_GREEN_S = 3.0
 GAP_S = 1.0
-"""An actuated green ends when for so long nobody near it moved, and somebody waits elsewhere."""
+"""An actuated green ends when for so long nobody was near it, and somebody waits elsewhere."""
 OUTNUMBERED = 3
 """It ends, too, when before another light there are so many times as many vehicles."""
 LONGEST_WAIT_S = 40.0
@@ -62,8 +62,7 @@ class Queues:
 
     Attributes:
         count: ``(L,)`` int, vehicles that wait or come before each light.
-        near: ``(L,)`` bool, whether one of them is so near, and moves, that the light's green is in
-            use.
+        near: ``(L,)`` bool, whether one of them is so near that the light's green is in use.
         beyond: ``(L,)`` bool, whether anybody is on each light's junction.
     """
 
@@ -77,7 +76,7 @@ class _Junction:
     """The cycle of one junction: which phase is on, in which part, for how long.
 
     Attributes:
-        unused_s: for how long nobody near the lights of the active phase has moved.
+        unused_s: for how long nobody has been near the lights of the active phase.
         waited_s: of each phase, for how long somebody has been before it under red.
         is_led_by_client: whether a client set a light here; the cycle then is of fixed lengths.
     """
@@ -316,7 +315,7 @@ class TrafficLightSystem:
 
 
 def _green_ends(junction: _Junction, counts: list[int]) -> bool:
-    """Whether a green gives way: it is of no use or outnumbered, or others have waited long."""
+    """Whether a green gives way: it is unused or outnumbered, or others have waited long."""
     own = counts[junction.active]
     others = max(count for phase, count in enumerate(counts) if phase != junction.active)
     if not others or junction.elapsed_s + _ROUNDING_S < LEAST_GREEN_S:
@@ -329,14 +328,8 @@ def _green_ends(junction: _Junction, counts: list[int]) -> bool:
 
 
 def _next_phase(junction: _Junction, counts: list[int]) -> int:
-    """Who has waited too long, else the longest queue; the next in turn where nobody is.
-
-    Not the phase that has just been on, unless nobody waits for another: its queue may be the
-    longest because it has no room to go to.
-    """
+    """Who has waited too long, else the longest queue; the next in turn where nobody is."""
     turns = [(junction.active + step) % len(counts) for step in range(1, len(counts) + 1)]
-    if any(counts[phase] for phase in turns[:-1]):
-        turns = turns[:-1]
     late = [phase for phase in turns if junction.waited_s[phase] >= LONGEST_WAIT_S]
     if late:
         return max(late, key=lambda phase: junction.waited_s[phase])

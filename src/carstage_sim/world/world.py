@@ -537,8 +537,7 @@ class World:
         fleet = self.fleet
         samples = self.lanes.nearest(fleet.location)
         on_lane = np.flatnonzero(self.lanes.is_on_lane(fleet.location, samples))
-        queues = self._approaches.queues(samples[on_lane], fleet.speed[on_lane])
-        self.lights.step(delta_s, queues)
+        self.lights.step(delta_s, self._approaches.queues(samples[on_lane]))
         _, half_size, _ = fleet.footprints()
         self.arm_turns.step(
             delta_s,

@@ -17,11 +17,8 @@ def approaches(stage01: Town) -> Approaches:
 
 def noticed(town: Town, approaches: Approaches, place: np.ndarray) -> dict[int, bool]:
     samples = LaneIndex(town.lanes).nearest(place[None])
-    queues = approaches.queues(samples, np.array([2.0]))
+    queues = approaches.queues(samples)
     assert queues.count.sum() in (0, 1)
-    standing = approaches.queues(samples, np.array([0.0]))
-    assert standing.count.tolist() == queues.count.tolist()
-    assert not standing.near.any(), "who stands uses no green"
     return {int(light): bool(queues.near[light]) for light in np.flatnonzero(queues.count)}
 
 
@@ -45,12 +42,12 @@ def test_every_light_sees_who_is_on_its_junction(stage01: Town, approaches: Appr
     for junction_id in {site.junction_id for site in sites}:
         on_it = np.flatnonzero(lanes.junction_id == junction_id).astype(np.int32)
         for sample in (on_it[0], on_it[len(on_it) // 2]):
-            beyond = approaches.queues(np.array([sample]), np.array([2.0])).beyond
+            beyond = approaches.queues(np.array([sample])).beyond
             assert beyond.tolist() == [site.junction_id == junction_id for site in sites]
 
 
 def test_nobody_on_the_road_is_noticed_by_nobody(stage01: Town, approaches: Approaches) -> None:
-    queues = approaches.queues(np.zeros(0, np.int32), np.zeros(0))
+    queues = approaches.queues(np.zeros(0, np.int32))
     assert not queues.count.any()
     assert not queues.near.any()
     assert not queues.beyond.any()

@@ -16,12 +16,16 @@ _JUNCTION = 7
 _HEADINGS_DEG = (0.0, 90.0, 180.0, 270.0)
 
 
-def crossing(arms: int) -> LaneSamples:
-    """Lanes of 60 m towards the origin, and ways of 10 m that go straight on from each."""
+def crossing(arms: int, shortest_m: int = _LANE_M) -> LaneSamples:
+    """Lanes of 60 m towards the origin, and ways of 10 m that go straight on from each.
+
+    The first lane may be shorter.
+    """
     parts: dict[str, list[np.ndarray]] = {name: [] for name in LaneSamples.__slots__}
     for road, heading_deg in enumerate(_HEADINGS_DEG[:arms]):
         along = np.array([np.cos(np.radians(heading_deg)), np.sin(np.radians(heading_deg)), 0.0])
-        for junction, first_m, last_m in ((-1, -_LANE_M - 5, -5), (_JUNCTION, -5, 5)):
+        length_m = _LANE_M if road else shortest_m
+        for junction, first_m, last_m in ((-1, -length_m - 5, -5), (_JUNCTION, -5, 5)):
             s_m = np.arange(last_m - first_m + 1, dtype=np.float64)
             count = len(s_m)
             parts["location"].append((first_m + s_m)[:, None] * along)
@@ -103,6 +107,11 @@ def test_a_junction_that_stays_occupied_is_entered_after_a_while() -> None:
     assert scene.told((0, -3.0), (1, 4.0), seconds=CLEAR_S + 2.0) == [False, False]
 
 
+def test_a_junction_with_an_arm_too_short_to_wait_on_has_no_turns() -> None:
+    assert ArmTurns(crossing(3, shortest_m=25), ()).count == 1
+    assert ArmTurns(crossing(3, shortest_m=15), ()).count == 0
+
+
 def test_an_arm_gives_way_after_its_turn_although_more_come() -> None:
     scene = Scene()
     assert scene.told((0, 4.0), (1, 4.0), seconds=1.0) == [False, True]
@@ -117,7 +126,7 @@ def test_the_arm_that_waited_longest_is_next() -> None:
     assert told == [True, False, True]
 
 
-def test_whose_turn_it_is_draws_a_ticket_in_one_frame() -> None:
+def test_whose_turn_it_is_joins_the_queue_in_one_frame() -> None:
     scene = Scene()
     scene.told((0, 8.0), (1, 8.0), seconds=1.0)
     assert scene.told((0, 5.0), (1, 8.0)) == [True, True]

@@ -107,14 +107,6 @@ def test_a_green_that_nobody_uses_ends_early_when_somebody_waits(
     assert lights.state[:3].tolist() == [RED, GREEN, RED]
 
 
-def test_a_green_whose_queue_has_no_room_to_go_to_gives_way_to_a_shorter_one() -> None:
-    lights = TrafficLightSystem([site(str(n), 1, n) for n in range(2)])
-    jammed, nobody = np.array([9, 1]), np.zeros(2, np.bool_)
-    for _ in range(round((LEAST_GREEN_S + 5.0) / 0.05)):
-        lights.step(0.05, Queues(jammed, nobody, ~nobody))
-    assert lights.state.tolist() == [RED, GREEN]
-
-
 def test_a_used_green_lasts_until_others_have_waited_long(lights: TrafficLightSystem) -> None:
     run_with(lights, 20.0, {0: 1})
     run_with(lights, LONGEST_WAIT_S - 0.05, {0: 2, 1: 4})

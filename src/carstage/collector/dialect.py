@@ -11,33 +11,10 @@ from typing import Any, Dict, Iterable, List, Optional, Sequence
 import carla
 
 from carstage.collector.errors import VersionMismatchError
+from carstage.collector.level_labels import LEVEL_LABELS
 from carstage.releases import client_release, is_newer, refusal, release_of
 
 _log = logging.getLogger(__name__)
-
-# Names of ``carla.CityObjectLabel`` by those of ``labels.level_objects``. Up to 0.9.13 there is
-# one label for all vehicles.
-_LABELS = {
-    "parked_vehicles": ("Car", "Truck", "Bus", "Motorcycle", "Bicycle", "Vehicles"),
-    "traffic_lights": ("TrafficLight",),
-    "traffic_signs": ("TrafficSigns",),
-    "bridges": ("Bridge",),
-    "buildings": ("Buildings",),
-    "dynamic": ("Dynamic",),
-    "fences": ("Fences",),
-    "guard_rails": ("GuardRail",),
-    "other": ("Other",),
-    "poles": ("Poles",),
-    "rail_tracks": ("RailTrack",),
-    "static": ("Static",),
-    "terrain": ("Terrain",),
-    "trains": ("Train",),
-    "vegetation": ("Vegetation",),
-    "walls": ("Walls",),
-    "water": ("Water",),
-}
-LEVEL_OBJECTS = tuple(sorted(_LABELS))
-"""Kinds of level objects that a plan may ask for."""
 
 
 def check_versions(client: str, server: str, dialects: Iterable[str]) -> None:
@@ -90,7 +67,7 @@ def set_day_night_cycle(light_manager: Any, active: bool) -> None:
 def city_object_labels(name: str) -> List[Any]:
     """Values of ``carla.CityObjectLabel`` for a kind of level objects; none: unknown here."""
     known = carla.CityObjectLabel.names
-    return [known[label] for label in _LABELS[name] if label in known]
+    return [known[label] for label in LEVEL_LABELS[name] if label in known]
 
 
 def weather_values(weather: Any, names: Sequence[str]) -> Dict[str, float]:

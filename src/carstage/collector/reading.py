@@ -6,9 +6,9 @@ import json
 import re
 from typing import Any, Dict, Mapping, Optional, Tuple
 
-from carstage.collector.dialect import LEVEL_OBJECTS
 from carstage.collector.errors import PlanError
 from carstage.collector.fields import Fields
+from carstage.collector.level_labels import LEVEL_OBJECTS
 from carstage.collector.plan import (
     ATTACHMENTS,
     DEFAULT_LOAD_TIMEOUT_S,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from carstage_sim.check.client_process import run_trial
+from carstage_sim.check.ticking import WatchedClock, wake_traffic_manager
 
 if TYPE_CHECKING:
     from running_simulator import RunningSimulator
@@ -375,7 +376,8 @@ def trial_of_traffic(port: int) -> list[tuple[Any, ...]]:
     ]
     for vehicle in vehicles:
         vehicle.set_autopilot(True, tm_port)
-    frames = [world.tick() for _ in range(100)]
+    with WatchedClock(world, lambda: wake_traffic_manager(tm_port)) as clock:
+        frames = [clock.tick() for _ in range(100)]
     snapshot = world.get_snapshot()
     moved = [
         (round(item.get_transform().location.x, 9), round(item.get_velocity().length(), 9))

@@ -22,7 +22,6 @@ from driving import (
     hashes,
     status,
     wait_for,
-    wait_for_event,
 )
 
 from carstage.server import EmbeddedServer
@@ -82,21 +81,6 @@ def test_same_command_again_records_nothing(undisturbed: Path, small: str, home:
     assert result["episodes"] == {"total": 1, "committed": 0, "skipped": 1, "failed": 0}
     assert "server_started" not in [event["event"] for event in events(undisturbed)]
     assert hashes(undisturbed) == before
-
-
-def test_server_killed_in_between_is_started_again(
-    undisturbed: Path, small: str, home: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "dataset"
-    arguments = ["run", small, "--out", str(out), "--set", "conversion.mode=deferred"]
-    with command(arguments, home) as running:
-        wait_for_event(out, "tick", tick=8)
-        os.kill(wait_for_event(out, "server_started")["pid"], signal.SIGKILL)
-        ended = running.end()
-    assert ended.code == 0, ended.stderr
-    assert "The server ended" in ended.stderr
-    assert [event["event"] for event in events(out)].count("server_started") == 2
-    assert differing(out, undisturbed) == []
 
 
 def test_episode_that_always_fails_is_given_up_after_its_retries(

@@ -28,7 +28,6 @@ pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("interrupting")]
 
 MOMENTS: dict[str, Callable[[Path], object]] = {
     "at the start": lambda out: wait_for_event(out, "run_started"),
-    "while it connects": lambda out: wait_for_event(out, "collector_started"),
     "in mid-episode": lambda out: wait_for_event(out, "tick", tick=5),
     "while it converts": lambda out: wait_for_event(out, "episode_recorded"),
 }

@@ -402,27 +402,29 @@ def _world_frame(record: Record) -> WorldFrame:
 
 
 def _actor_info(row: Mapping[str, Any]) -> ActorInfo:
-    box = row["box"]
     return ActorInfo(
         id=row["id"],
         type_id=row["type_id"],
         parent=row["parent"],
         attributes=row["attributes"],
         semantic_tags=tuple(row["semantic_tags"]),
-        box_location=np.asarray(box["location"], np.float64),
-        box_extent=np.asarray(box["extent"], np.float64),
-        box_rotation_deg=np.asarray(box["rotation_deg"], np.float64),
+        **_box(row["box"]),
     )
 
 
 def _level_object(row: Mapping[str, Any]) -> LevelObject:
-    box = row["box"]
     return LevelObject(
         id=row["id"],
         name=row["name"],
         label=row["label"],
         light=row["light"],
-        box_location=np.asarray(box["location"], np.float64),
-        box_extent=np.asarray(box["extent"], np.float64),
-        box_rotation_deg=np.asarray(box["rotation_deg"], np.float64),
+        **_box(row["box"]),
     )
+
+
+def _box(record: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a box, each ``(3,)`` float64."""
+    return {
+        f"box_{name}": np.asarray(record[name], np.float64)
+        for name in ("location", "extent", "rotation_deg")
+    }

@@ -125,11 +125,6 @@ class ArmTurns:
         self.told_to_wait: NDArray[np.uint32] = np.zeros(0, np.uint32)
         """Ids of the vehicles that are told to wait."""
 
-    @property
-    def count(self) -> int:
-        """Junctions that have turns."""
-        return len(self._turns)
-
     def step(
         self,
         delta_s: float,

@@ -43,8 +43,8 @@ def crossing(arms: int, shortest_m: int = _LANE_M) -> LaneSamples:
 class Scene:
     """Vehicles that stand where a test puts them."""
 
-    def __init__(self, arms: int = 3, lit: tuple[int, ...] = ()) -> None:
-        self.lanes = crossing(arms)
+    def __init__(self, arms: int = 3, lit: tuple[int, ...] = (), shortest_m: int = _LANE_M) -> None:
+        self.lanes = crossing(arms, shortest_m)
         self.turns = ArmTurns(self.lanes, lit)
 
     def sample(self, arm: int, before_m: float) -> int:
@@ -108,8 +108,9 @@ def test_a_junction_that_stays_occupied_is_entered_after_a_while() -> None:
 
 
 def test_a_junction_with_an_arm_too_short_to_wait_on_has_no_turns() -> None:
-    assert ArmTurns(crossing(3, shortest_m=25), ()).count == 1
-    assert ArmTurns(crossing(3, shortest_m=15), ()).count == 0
+    waiting = ((1, 4.0), (2, 4.0))
+    assert sum(Scene(shortest_m=25).told(*waiting, seconds=1.0)) == 1
+    assert Scene(shortest_m=15).told(*waiting, seconds=1.0) == [False, False]
 
 
 def test_an_arm_gives_way_after_its_turn_although_more_come() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.render.gpu.device import Gpu
-from carstage_sim.render.gpu.translate import Array, Record, Scalar, Value
+from carstage_sim.render.gpu.values import Array, Record, Scalar, Value
 
 ARENAS = ("town", "models", "sky", "moment")
 """Buffers: the town's surfaces, those of the models, the sky, and what changes in each tick."""

@@ -13,14 +13,14 @@ from carstage_sim.render.edges import _apart, _unlike
 from carstage_sim.render.gpu.arenas import Arenas, Source
 from carstage_sim.render.gpu.caster import GpuCaster
 from carstage_sim.render.gpu.device import wgsl
-from carstage_sim.render.gpu.translate import (
+from carstage_sim.render.gpu.translate import Translator
+from carstage_sim.render.gpu.values import (
     Array,
     Bound,
     Either,
     External,
     Record,
     TranslationError,
-    Translator,
     Value,
     convert,
 )

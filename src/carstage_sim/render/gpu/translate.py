@@ -21,12 +21,23 @@ from typing import Any
 
 import numpy as np
 
-Scalar = str
-"""``f32``, ``i32``, ``u32`` or ``bool``."""
-Type = str | tuple[str, ...]
-"""A scalar, or a tuple of scalars."""
+from carstage_sim.render.gpu.values import (
+    Array,
+    Bound,
+    Either,
+    External,
+    Record,
+    Scalar,
+    Static,
+    TranslationError,
+    Type,
+    Value,
+    constant,
+    convert,
+    join,
+    tuple_name,
+)
 
-_RANK = {"bool": 0, "i32": 1, "u32": 2, "f32": 3}
 _CONVERSIONS: dict[Any, Scalar] = {
     np.float32: "f32", np.float64: "f32", float: "f32", int: "i32", np.int32: "i32",
     np.int64: "i32", np.uint32: "u32", bool: "bool",
@@ -49,114 +60,9 @@ _SUPPORT = """
 fn whole_mod(a: i32, b: i32) -> i32 { return ((a % b) + b) % b; }
 fn whole_div(a: i32, b: i32) -> i32 { return (a - whole_mod(a, b)) / b; }
 fn real_mod(a: f32, b: f32) -> f32 { return a - floor(a / b) * b; }
-"""
-
-
-class TranslationError(NotImplementedError):
-    """A kernel uses something that is not translated; the message says what and where."""
-
-
-@dataclass(frozen=True, slots=True)
-class Value:
-    """An expression on the card."""
-
-    code: str
-    type: Type
-
-
-@dataclass(frozen=True, slots=True)
-class Array:
-    """An array whose elements ``read(i, j, ...)`` gives and ``write(i, j, ..., value)`` takes.
-
-    Attributes:
-        read: name of a WGSL function.
-        scalar: what it returns.
-        axes: number of indices.
-        sizes: WGSL expressions of the shape.
-        write: name of a WGSL function, empty for arrays that are only read.
-    """
-
-    read: str
-    scalar: Scalar
-    axes: int
-    sizes: tuple[str, ...] = ()
-    write: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Record:
-    """A named tuple whose fields are found when they are asked for.
-
-    Attributes:
-        name: tells it from others.
-        member: gives the field of a name.
-    """
-
-    name: str
-    member: Callable[[str], Value | Array]
-
-
-@dataclass(frozen=True, slots=True)
-class Either:
-    """One of two records or arrays, told apart on the card by a condition."""
-
-    condition: str
-    first: Record | Array
-    second: Record | Array
-
-
-Static = Array | Record | Either
-Bound = Value | Static
-External = Callable[[Sequence[Bound]], Value]
-"""Gives the code of a call of a function that is written in WGSL."""
-
-
-def tuple_name(types: Sequence[Scalar]) -> str:
-    """Name of the WGSL structure for a tuple; its members are ``m0``, ``m1``, ..."""
-    return "Tuple_" + "".join(t[0] for t in types)
-
-
-def _join(a: Type, b: Type) -> Type:
-    """The type that holds values of both."""
-    if isinstance(a, str) and isinstance(b, str):
-        return a if _RANK[a] >= _RANK[b] else b
-    if isinstance(a, tuple) and isinstance(b, tuple) and len(a) == len(b):
-        return tuple(str(_join(x, y)) for x, y in zip(a, b, strict=True))
-    raise TranslationError(f"a value is {a} here and {b} there")
-
-
-def _name_of(scalar_or_tuple: Type) -> str:
-    if isinstance(scalar_or_tuple, str):
-        return scalar_or_tuple
-    return tuple_name(scalar_or_tuple)
-
-
-def convert(value: Value, wanted: Type) -> str:
-    """Code of a value as another type."""
-    if value.type == wanted:
-        return value.code
-    if isinstance(wanted, tuple):
-        if not isinstance(value.type, tuple):
-            raise TranslationError(f"{value.code} is no tuple")
-        parts = (
-            convert(Value(f"({value.code}).m{k}", have), want)
-            for k, (have, want) in enumerate(zip(value.type, wanted, strict=True))
-        )
-        return f"{tuple_name(wanted)}({', '.join(parts)})"
-    if isinstance(value.type, tuple):
-        raise TranslationError(f"{value.code} is a tuple")
-    return f"{wanted}({value.code})"
-
-
-def _constant(number: Any) -> Value:
-    if isinstance(number, (bool, np.bool_)):
-        return Value(str(bool(number)).lower(), "bool")
-    if isinstance(number, np.uint32):
-        return Value(f"{int(number)}u", "u32")
-    if isinstance(number, (int, np.integer)):
-        return Value(f"{int(number)}i" if number >= 0 else f"({int(number)}i)", "i32")
-    text = repr(float(np.float32(number)))
-    return Value(f"{text}f" if number >= 0 else f"({text}f)", "f32")
+""" + "\n".join(
+    f"fn power_{n}(x: f32) -> f32 {{ return {' * '.join(['x'] * n)}; }}" for n in range(2, 6)
+)
 
 
 @dataclass(slots=True)
@@ -325,7 +231,7 @@ class _Body:
         if node.value is None:
             return ["return;"]
         value = self._value(node.value)
-        self.returned = value.type if self.returned is None else _join(self.returned, value.type)
+        self.returned = value.type if self.returned is None else join(self.returned, value.type)
         self._type_name(self.returned)
         return [f"return {convert(value, self.returned)};"]
 
@@ -336,8 +242,7 @@ class _Body:
         ends = [convert(self._value(a), "i32") for a in call.args]
         start, stop, step = ("0i", *ends, "1i") if len(ends) == 1 else (*ends, "1i")[:3]
         relation = ">" if step.startswith("(-") else "<"
-        self._temporaries += 1
-        counter = f"count_{self._temporaries}"
+        counter = self._temporary("count")
         self._note(variable, "i32")
         return [
             f"for (var {counter} = {start}; {counter} {relation} {stop}; {counter} += {step}) {{",
@@ -346,9 +251,13 @@ class _Body:
             "}",
         ]
 
+    def _temporary(self, kind: str) -> str:
+        self._temporaries += 1
+        return f"{kind}_{self._temporaries}"
+
     def _note(self, variable: str, kind: Type) -> None:
         known = self._types.get(variable)
-        self._types[variable] = kind if known is None else _join(known, kind)
+        self._types[variable] = kind if known is None else join(known, kind)
 
     def _assign(self, target: ast.expr, source: ast.expr) -> list[str]:
         if isinstance(target, ast.Tuple) and isinstance(source, ast.Tuple):
@@ -356,8 +265,7 @@ class _Body:
             lines, held = [], []
             for part in source.elts:
                 value = self._value(part)
-                self._temporaries += 1
-                name = f"held_{self._temporaries}"
+                name = self._temporary("held")
                 lines.append(f"let {name} = {value.code};")
                 held.append(Value(name, value.type))
             for part, value in zip(target.elts, held, strict=True):
@@ -371,8 +279,7 @@ class _Body:
         if isinstance(target, ast.Tuple):
             if not isinstance(bound.type, tuple):
                 raise self._fail(source, "what is taken apart")
-            self._temporaries += 1
-            name = f"held_{self._temporaries}"
+            name = self._temporary("held")
             lines = [f"let {name} = {bound.code};"]
             for k, (part, kind) in enumerate(zip(target.elts, bound.type, strict=True)):
                 lines += self._store(part, Value(f"{name}.m{k}", kind))
@@ -417,7 +324,7 @@ class _Body:
 
     def _bound(self, node: ast.expr) -> Bound:
         if isinstance(node, ast.Constant):
-            return _constant(node.value)
+            return constant(node.value)
         if isinstance(node, ast.Name):
             return self._name(node)
         if isinstance(node, ast.Attribute):
@@ -458,14 +365,14 @@ class _Body:
         if node.id in self._types:
             return Value(f"v_{node.id}", self._types[node.id])
         if node.id in self._globals:
-            return _constant(self._globals[node.id])
+            return constant(self._globals[node.id])
         raise self._fail(node, "a name")
 
     def _attribute(self, node: ast.Attribute) -> Bound:
         if isinstance(node.value, ast.Name):
             module = self._globals.get(node.value.id)
             if inspect.ismodule(module):
-                return _constant(getattr(module, node.attr))
+                return constant(getattr(module, node.attr))
         record = self._bound(node.value)
         if isinstance(record, Record):
             return record.member(node.attr)
@@ -509,13 +416,13 @@ class _Body:
             wanted = _CONVERSIONS[called]
             argument = node.args[0]
             if wanted == "u32" and isinstance(argument, ast.Constant):
-                return _constant(np.uint32(int(str(argument.value))))
+                return constant(np.uint32(int(str(argument.value))))
             return Value(convert(self._value(argument), wanted), wanted)
         if called in _EXTREMES:
             values = [self._value(argument) for argument in node.args]
             kind = values[0].type
             for value in values:
-                kind = _join(kind, value.type)
+                kind = join(kind, value.type)
             codes = [convert(value, kind) for value in values]
             name = _EXTREMES[called]
             text = codes[0] if name != "abs" else f"abs({codes[0]})"
@@ -552,7 +459,7 @@ class _Body:
         raise self._fail(node, "a call")
 
     def _operation(self, node: ast.AST, operator: ast.operator, a: Value, b: Value) -> Value:
-        kind = _join(a.type, b.type)
+        kind = join(a.type, b.type)
         if isinstance(operator, ast.Pow):
             return self._power(a, b)
         if isinstance(operator, ast.Div):
@@ -595,7 +502,7 @@ class _Body:
         for operator, a, b in zip(node.ops, terms, terms[1:], strict=False):
             if type(operator) not in _COMPARISONS:
                 raise self._fail(node, "a comparison")
-            kind = _join(a.type, b.type)
+            kind = join(a.type, b.type)
             parts.append(f"({convert(a, kind)} {_COMPARISONS[type(operator)]} {convert(b, kind)})")
         return Value(parts[0] if len(parts) == 1 else f"({' && '.join(parts)})", "bool")
 
@@ -603,7 +510,7 @@ class _Body:
         first, second = self._bound(node.body), self._bound(node.orelse)
         condition = self._truth(node.test)
         if isinstance(first, Value) and isinstance(second, Value):
-            kind = _join(first.type, second.type)
+            kind = join(first.type, second.type)
             if isinstance(kind, tuple):
                 raise self._fail(node, "a choice between tuples")
             a, b = convert(first, kind), convert(second, kind)
@@ -611,8 +518,3 @@ class _Body:
         if isinstance(first, (Record, Array)) and isinstance(second, (Record, Array)):
             return Either(condition, first, second)
         raise self._fail(node, "a choice")
-
-
-_SUPPORT += "\n".join(
-    f"fn power_{n}(x: f32) -> f32 {{ return {' * '.join(['x'] * n)}; }}" for n in range(2, 6)
-)

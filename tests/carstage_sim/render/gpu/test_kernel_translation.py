@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from carstage_sim.jit import device
-from carstage_sim.render.gpu.translate import Array, Either, TranslationError, Translator, Value
+from carstage_sim.render.gpu.translate import Translator
+from carstage_sim.render.gpu.values import Array, Either, TranslationError, Value
 
 REAL, WHOLE = Value("x", "f32"), Value("i", "i32")
 

@@ -20,6 +20,7 @@ from carstage_sim.prebake import prebake
 from carstage_sim.render.gpu.device import NoGpuError
 from carstage_sim.server import Server
 from carstage_sim.simulation import Simulation
+from carstage_sim.vehicle_shape import UnknownVehicleError, vehicle_shape
 from carstage_sim.wire.dialect import dialect
 from carstage_sim.wire.errors import BadAddressError, PortInUseError
 from carstage_sim.wire.socket_loop import bind
@@ -44,10 +45,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         if options.describe:
             print(json.dumps(describe(options.protocol, maps)), flush=True)
             return 0
+        if options.vehicle is not None:
+            print(json.dumps(vehicle_shape(options.vehicle)), flush=True)
+            return 0
         _serve(options, maps)
     except (
         BadAddressError, PortInUseError, UnknownTownError, MapFileError, MapSamplingError,
-        NoGpuError,
+        NoGpuError, UnknownVehicleError,
     ) as error:  # fmt: skip
         print(f"carstage_sim: {error}", file=sys.stderr)
         return _BAD_INPUT

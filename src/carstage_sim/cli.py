@@ -49,6 +49,7 @@ class Options:
         exit_with_parent: end when the process that started this one is gone.
         parent_pid: id of that process; None: the parent that the server finds itself with.
         describe: print what there is, as JSON, and end.
+        vehicle: print the shape of the vehicle with this blueprint id, as JSON, and end.
     """
 
     host: str
@@ -66,6 +67,7 @@ class Options:
     exit_with_parent: bool
     parent_pid: int | None
     describe: bool
+    vehicle: str | None
     log_level: str
 
 
@@ -154,6 +156,9 @@ def _parser() -> _Parser:
     )
     parser.add_argument(
         "--describe", action="store_true", help="print maps and blueprints as JSON and end"
+    )
+    parser.add_argument(
+        "--vehicle", metavar="ID", help="print the shape of this vehicle as JSON and end"
     )
     parser.add_argument(
         "--log-level", default="warning", choices=("debug", "info", "warning", "error")
@@ -255,6 +260,7 @@ def parse_options(argv: Sequence[str] | None) -> Options:
         exit_with_parent=namespace.exit_with_parent is not None,
         parent_pid=namespace.exit_with_parent or None,
         describe=namespace.describe,
+        vehicle=namespace.vehicle,
         log_level=namespace.log_level,
     )
 

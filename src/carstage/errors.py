@@ -29,7 +29,23 @@ class BadInputError(CarStageError, ValueError):
 
 
 class ConfigError(BadInputError):
-    """A configuration value is wrong; the message begins with the field's path."""
+    """A configuration value is wrong; the message begins with the field's path.
+
+    Args:
+        message: every problem with its path.
+        hint: what to do next.
+        problems: path, message and hint of each value at fault, for a form; empty where only the
+            message tells.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        hint: str = "",
+        problems: tuple[tuple[tuple[str | int, ...], str, str], ...] = (),
+    ) -> None:
+        super().__init__(message, hint)
+        self.problems = problems
 
 
 class ServerError(CarStageError, RuntimeError):

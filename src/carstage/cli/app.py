@@ -10,6 +10,7 @@ import typer
 
 from carstage.cli.bench import bench_app
 from carstage.cli.export import export
+from carstage.cli.gui import gui
 from carstage.cli.output import command, enable_debug, note, result, result_json
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ config_app = typer.Typer(help="Write, check and describe configurations.", no_ar
 app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
 app.command()(export)
+app.command()(gui)
 
 DEMO_FOLDER = Path("datasets/demo")
 
@@ -90,23 +92,34 @@ def run(
     settings: Settings = None,
     json: Json = False,
     retries: Retries = 2,
+    run_id: Annotated[
+        str | None,
+        typer.Option("--run-id", hidden=True, help="Name of the run's folder."),
+    ] = None,
     debug: Debug = False,
 ) -> int:
     """Record a configuration into a dataset; the same command again continues where it ended."""
     del debug
     from carstage.config import load_config
 
-    return _record(
-        load_config(config, settings or ()), out, json=json, retries=retries, report=False
-    )
+    configured = load_config(config, settings or ())
+    return _record(configured, out, json=json, retries=retries, report=False, run_id=run_id)
 
 
-def _record(config: Config, out: Path, *, json: bool, retries: int, report: bool) -> int:
+def _record(
+    config: Config,
+    out: Path,
+    *,
+    json: bool,
+    retries: int,
+    report: bool,
+    run_id: str | None = None,
+) -> int:
     from carstage.cli.progress import watch_run
     from carstage.runs import run as record
 
     with watch_run() as observer:
-        ended = record(config, out, retries=retries, observer=observer)
+        ended = record(config, out, retries=retries, observer=observer, run_id=run_id)
     report_path = None
     if report and ended.exit_code == 0:
         from carstage.dataset import write_report

@@ -160,13 +160,14 @@ def config_error(error: ValidationError, data: Any) -> ConfigError:
         path for path in found if any(path == other[: len(path)] != other for other in found)
     ]:
         del found[path]  # the word of `auto` or a section, where the section was meant
+    problems = tuple((path, message, hint) for path, (message, hint) in found.items())
     lines = [
         (f"{path_text(path)}: {message}" if path else message, hint)
-        for path, (message, hint) in found.items()
+        for path, message, hint in problems
     ]
     if len(lines) == 1:
-        return ConfigError(*lines[0])
+        return ConfigError(*lines[0], problems)
     shown = [f"{message} {hint}" for message, hint in lines[:_MOST_SHOWN]]
     more = len(lines) - len(shown)
     tail = f"There are {more} more problems." if more else "Correct these values."
-    return ConfigError("\n".join(shown), tail)
+    return ConfigError("\n".join(shown), tail, problems)

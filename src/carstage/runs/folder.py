@@ -25,9 +25,9 @@ FORMAT_VERSION = 1
 State = Literal["planning", "starting", "recording", "converting", "done", "failed", "interrupted"]
 FINAL_STATES = ("done", "failed", "interrupted")
 FOREIGN_SILENCE_S = 900.0
+"""Age of the heartbeat at which a run on another machine counts as dead; clocks may differ."""
 RESTED_S = 60.0
 """A run's heartbeat may rest for so long while it commits an episode."""
-"""Age of the heartbeat at which a run on another machine counts as dead; clocks may differ."""
 
 
 @dataclass(slots=True)
@@ -78,16 +78,21 @@ class RunStatus:
         return {"format_version": FORMAT_VERSION, **asdict(self)}
 
 
+def new_run_id() -> str:
+    """A name that no other run has: time (UTC) and chance."""
+    return f"{time.strftime('%Y%m%d-%H%M%S', time.gmtime())}-{secrets.token_hex(3)}"
+
+
 class RunFolder:
     """A new folder below ``OUT/runs``; a context manager that closes the event log.
 
     Args:
         out: folder of the dataset.
+        run_id: its name, where whoever starts the run has to know it; by default a new one.
     """
 
-    def __init__(self, out: Path) -> None:
-        stamp = time.strftime("%Y%m%d-%H%M%S", time.gmtime())
-        self.run_id = f"{stamp}-{secrets.token_hex(3)}"
+    def __init__(self, out: Path, run_id: str | None = None) -> None:
+        self.run_id = run_id or new_run_id()
         self.path = out / "runs" / self.run_id
         self._torn = False
         try:
@@ -163,9 +168,12 @@ def process_start_time(pid: int) -> float:
     """Unix time at which a process began.
 
     Raises:
-        psutil.Error: there is no such process.
+        psutil.Error: there is no such process, or it has ended and waits to be reaped.
     """
-    return float(psutil.Process(pid).create_time())
+    process = psutil.Process(pid)
+    if process.status() == psutil.STATUS_ZOMBIE:
+        raise psutil.NoSuchProcess(pid)
+    return float(process.create_time())
 
 
 def is_alive(status: Mapping[str, Any]) -> bool:

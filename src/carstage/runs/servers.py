@@ -54,6 +54,26 @@ def make_server(config: Config, log_path: Path | None) -> Server:
     return RemoteServer(server.host, server.port)
 
 
+def embedded_facts(carla_version: str) -> ServerFacts:
+    """What the embedded simulator offers, without starting it.
+
+    Args:
+        carla_version: the version of CARLA that it is to speak.
+
+    Raises:
+        ServerError: it could not describe itself.
+    """
+    described = describe_embedded(carla_version=carla_version)
+    return ServerFacts(
+        maps=described.maps,
+        blueprints={
+            name: frozenset(blueprint.attributes)
+            for name, blueprint in described.blueprints.items()
+        },
+        dialect=described.protocol,
+    )
+
+
 class ServerSetup:
     """A configuration's server: what it offers before the run, and starting it in the run.
 
@@ -125,15 +145,7 @@ class ServerSetup:
         try:
             if isinstance(server, EmbeddedServerConfig):
                 self._client = self._find_client(server.carla_version)
-                described = describe_embedded(carla_version=server.carla_version)
-                facts = ServerFacts(
-                    maps=described.maps,
-                    blueprints={
-                        name: frozenset(blueprint.attributes)
-                        for name, blueprint in described.blueprints.items()
-                    },
-                    dialect=described.protocol,
-                )
+                facts = embedded_facts(server.carla_version)
             else:
                 endpoint = self.warm_up(None)
                 self._client = self._find_client(endpoint.version)

@@ -47,6 +47,7 @@ from carstage.runs.preflight import (
     recording_of,
 )
 from carstage.runs.selftesting import describe_verdict, refuse, run_self_test
+from carstage.runs.server_lock import server_lock
 from carstage.runs.servers import ServerSetup
 from carstage.storage import Store, open_store
 from carstage.storage.disk import disk_error
@@ -64,6 +65,7 @@ def run(
     retries: int = DEFAULT_RETRIES,
     observer: RunObserver | None = None,
     executor: Executor | None = None,
+    run_id: str | None = None,
 ) -> RunResult:
     """Record a configuration's episodes into a dataset; those that it has already are skipped.
 
@@ -76,9 +78,10 @@ def run(
         retries: further attempts of an episode that fails.
         observer: who watches.
         executor: where episodes are recorded; default: one lane on this machine.
+        run_id: name of the run's folder; default: a new one.
 
     Raises:
-        BadInputError: something cannot be; nothing was started.
+        BadInputError: something cannot be, or another run uses the server; nothing was started.
         ServerError: the server cannot be started.
     """
     watcher: RunObserver = observer or Nobody()
@@ -90,7 +93,7 @@ def run(
         check_codecs(config)
         check_server(config)
         setup = ServerSetup(config)
-        with setup.facts() as facts:
+        with server_lock(config), setup.facts() as facts:
             episodes = plan_episodes(config, facts, recording_of(config))
             store = open_store(out)
             for dead in dead_runs(out):  # first, as what they left takes space on the disk
@@ -102,7 +105,7 @@ def run(
             check_disk(out, estimate)
             store.initialise(config.name)
             watcher.planned(estimate, len(todo), len(episodes) - len(todo))
-            with RunFolder(out) as folder, marked(folder.run_id):
+            with RunFolder(out, run_id) as folder, marked(folder.run_id):
                 folder.write_plan(config, episodes)
                 session = _Session(
                     config, setup, store, folder, out, interruption, watcher, retries

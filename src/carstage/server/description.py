@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -28,11 +28,16 @@ CACHE_VARIABLE = "CARSTAGE_CACHE_DIR"
 
 @dataclass(frozen=True, slots=True)
 class BlueprintDescription:
-    """One blueprint: its id, tags and attributes with their default values as texts."""
+    """One blueprint: its id, tags and attributes with their default values as texts.
+
+    Attributes:
+        recommended: by attribute, the values that the server recommends.
+    """
 
     id: str
     tags: tuple[str, ...]
     attributes: Mapping[str, str]
+    recommended: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +124,10 @@ def _parse(document: Mapping[str, Any], carla_version: str) -> SimulatorDescript
                 tags=tuple(entry["tags"]),
                 attributes={
                     attribute["id"]: str(attribute["default"]) for attribute in entry["attributes"]
+                },
+                recommended={
+                    attribute["id"]: tuple(map(str, attribute["recommended"]))
+                    for attribute in entry["attributes"]
                 },
             )
             for entry in document["blueprints"]

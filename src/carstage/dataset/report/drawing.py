@@ -67,18 +67,38 @@ def draw_boxes_3d(
     draw = ImageDraw.Draw(picture)
     line = max(1, round(camera.width / 400))
     for box, colour in boxes:
-        corners = transform_points(
-            invert_pose(camera.ego_from_sensor), box_corners(box.ego_from_box, box.extent)
-        )
-        optical = corners @ OPTICAL_FROM_SENSOR.T
-        a, b, c, d = _FORWARD_FACE
-        for start, end in (*EDGES, (a, c), (b, d)):
-            ends = _before_camera(optical[start], optical[end])
-            if ends is not None:
-                seen = _near_image(project(ends, camera.k, 0.0), picture.width, picture.height)
-                if seen is not None:
-                    draw.line([tuple(point) for point in seen.tolist()], fill=colour, width=line)
+        for start, end in box_lines(camera, box.ego_from_box, box.extent):
+            draw.line([tuple(start), tuple(end)], fill=colour, width=line)
     return picture
+
+
+def box_lines(
+    camera: SensorCalibration, ego_from_box: NDArray[np.float64], extent: NDArray[np.float64]
+) -> list[list[list[float]]]:
+    """The edges of a box and the cross on its face in driving direction, as a camera sees them.
+
+    Args:
+        camera: with ``ego_from_sensor`` of the frame.
+        ego_from_box: ``(4, 4)``.
+        extent: ``(3,)`` half sizes (m).
+
+    Returns:
+        Segments, each ``[[u, v], [u, v]]`` in px, cut at the near plane and an image's width
+        around the image.
+    """
+    corners = transform_points(
+        invert_pose(camera.ego_from_sensor), box_corners(ego_from_box, extent)
+    )
+    optical = corners @ OPTICAL_FROM_SENSOR.T
+    a, b, c, d = _FORWARD_FACE
+    lines = []
+    for start, end in (*EDGES, (a, c), (b, d)):
+        ends = _before_camera(optical[start], optical[end])
+        if ends is not None:
+            seen = _near_image(project(ends, camera.k, 0.0), camera.width, camera.height)
+            if seen is not None:
+                lines.append(seen.tolist())
+    return lines
 
 
 def _before_camera(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64] | None:

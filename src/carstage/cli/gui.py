@@ -1,0 +1,51 @@
+"""``carstage gui``: the graphical interface in a browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from carstage.cli.output import command, enable_debug, note, result
+
+
+@command
+def gui(
+    datasets: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--datasets",
+            metavar="DIR",
+            help="Folder of datasets; new ones are made in the first. Repeatable. "
+            "Default: ./datasets.",
+        ),
+    ] = None,
+    host: Annotated[
+        str,
+        typer.Option("--host", help="Address to listen on; any but loopback needs a token."),
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="Port; 0 takes a free one.")
+    ] = 8321,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
+    ] = True,
+    debug: Annotated[
+        bool,
+        typer.Option("--debug", help="Show tracebacks.", callback=lambda on: on and enable_debug()),
+    ] = False,
+) -> None:
+    """Configure, place sensors, record, watch and browse in a browser."""
+    del debug
+    from carstage.web.serving import serve
+
+    def ready(url: str) -> None:
+        result(f"Car-STAGE is at {url}")
+        note("Ctrl-C ends the interface; runs go on.")
+        if browser:
+            import webbrowser
+
+            webbrowser.open(url)
+
+    serve(tuple(datasets or [Path("datasets")]), host, port, ready)

@@ -1,0 +1,79 @@
+"""Reads the folders of runs, those that go on too: what they say, and whether they live."""
+
+from __future__ import annotations
+
+import json
+import socket
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from carstage.runs.folder import FINAL_STATES, RESTED_S, is_alive
+
+Alive = Literal["running", "stalled", "dead", "ended"]
+_MOST_READ_BYTES = 8 << 20
+
+
+def read_document(path: Path) -> dict[str, Any] | None:
+    """The JSON object in a file; None where there is none (yet)."""
+    try:
+        document = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        return None
+    return document if isinstance(document, dict) else None
+
+
+def liveness(status: Mapping[str, Any], now_s: float | None = None) -> Alive:
+    """Whether a run goes on, by its ``status.json``: process, its start time, heartbeat.
+
+    ``stalled``: the process lives and has said nothing for longer than a commit may take.
+    """
+    if status.get("state") in FINAL_STATES:
+        return "ended"
+    if not is_alive(status):
+        return "dead"
+    age_s = (time.time() if now_s is None else now_s) - _number(status.get("heartbeat"))
+    return "stalled" if age_s > RESTED_S else "running"
+
+
+def is_here(status: Mapping[str, Any]) -> bool:
+    """Whether a run's process is on this machine."""
+    return bool(status.get("host", socket.gethostname()) == socket.gethostname())
+
+
+class EventTail:
+    """Reads ``events.jsonl`` on from where it was; lines that are not whole yet wait.
+
+    Args:
+        path: the file; it need not exist yet.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._offset = 0
+        self._rest = b""
+
+    def read(self) -> list[dict[str, Any]]:
+        """The events since the last call, at most some megabytes of them."""
+        try:
+            with self._path.open("rb") as file:
+                file.seek(self._offset)
+                data = file.read(_MOST_READ_BYTES)
+        except OSError:
+            return []
+        self._offset += len(data)
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        return [event for line in lines if (event := _event(line)) is not None]
+
+
+def _event(line: bytes) -> dict[str, Any] | None:
+    try:
+        event = json.loads(line)
+    except ValueError:
+        return None  # a full disk may have left a line that is not whole
+    return event if isinstance(event, dict) and isinstance(event.get("event"), str) else None
+
+
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, int | float) else 0.0

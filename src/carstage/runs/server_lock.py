@@ -1,0 +1,67 @@
+"""One run per CARLA server: two that step one world would spoil each other's frames."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from carstage.config import Config
+from carstage.config.recording import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
+from carstage.errors import BadInputError
+from carstage.server import cache_folder
+
+
+def server_key(config: Config) -> str:
+    """Equal for configurations whose runs would need one and the same server or its machine."""
+    server = config.server
+    if isinstance(server, RemoteServerConfig):
+        host = "127.0.0.1" if server.host == "localhost" else server.host
+        return f"{host}:{server.port}"
+    return "here" if server.port == "auto" else f"127.0.0.1:{server.port}"
+
+
+@contextmanager
+def server_lock(config: Config, folder: Path | None = None) -> Iterator[None]:
+    """Hold the server of a configuration for as long as this process needs it.
+
+    A server on ports of its own needs no lock. The system gives the lock back with the process, so
+    that nothing has to be cleared after one that was killed.
+
+    Args:
+        config: whose server.
+        folder: where the locks are; default: the cache folder.
+
+    Raises:
+        BadInputError: another run on this machine has it.
+    """
+    key, server = server_key(config), config.server
+    if isinstance(server, EmbeddedServerConfig | CarlaServerConfig) and server.port == "auto":
+        yield
+        return
+    folder = (folder or cache_folder()) / "locks"
+    with suppress(OSError):  # a cache that cannot be written guards nothing and hinders nobody
+        folder.mkdir(parents=True, exist_ok=True)
+    try:
+        handle = os.open(
+            folder / f"server-{re.sub(r'[^A-Za-z0-9.-]', '_', key)}.lock",
+            os.O_RDWR | os.O_CREAT | os.O_CLOEXEC,
+            0o666,
+        )
+    except OSError:
+        yield
+        return
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise BadInputError(
+                f"server: another run uses the server at {key}.",
+                "Wait for its end, or choose another server or port.",
+            ) from error
+        yield
+    finally:
+        os.close(handle)

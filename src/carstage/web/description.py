@@ -1,0 +1,113 @@
+"""What the embedded simulator offers, asked once and kept."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+from typing import Any
+
+from carstage.errors import ServerError
+from carstage.web.errors import WebError, not_found
+from carstage.web.messages import DescriptionMessage, MapEntry, VehicleEntry
+
+_PATIENCE_S = 120.0
+_VEHICLES = "vehicle."
+
+
+class DescriptionService:
+    """Maps, blueprints, shapes of vehicles, lanes of maps; each asked for once.
+
+    The simulator answers in processes of its own: it is never imported here.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._message: DescriptionMessage | None = None
+        self._answers: dict[tuple[str, str], dict[str, Any]] = {}
+
+    def message(self) -> DescriptionMessage:
+        """All of it but shapes and lanes.
+
+        Raises:
+            ServerError: the simulator cannot describe itself.
+        """
+        with self._lock:
+            if self._message is None:
+                self._message = self._describe()
+            return self._message
+
+    def vehicle(self, blueprint: str) -> dict[str, Any]:
+        """The shape of a vehicle.
+
+        Raises:
+            WebError: there is no such vehicle, or the simulator does not answer.
+        """
+        if blueprint not in {vehicle.id for vehicle in self.message().vehicles}:
+            raise not_found(f"vehicle {blueprint}")
+        return self._ask("--vehicle", blueprint)
+
+    def lanes(self, map_name: str) -> dict[str, Any] | None:
+        """The lanes of a map of the embedded simulator; None for another map."""
+        short = map_name.rsplit("/", 1)[-1]
+        if short not in {entry.name for entry in self.message().maps}:
+            return None
+        return self._ask("--lanes", short)
+
+    def _ask(self, option: str, name: str) -> dict[str, Any]:
+        with self._lock:
+            if (option, name) not in self._answers:
+                self._answers[option, name] = _run(option, name)
+            return self._answers[option, name]
+
+    def _describe(self) -> DescriptionMessage:
+        from carstage.config import SENSOR_KINDS, WEATHER_PRESETS
+        from carstage.server import describe_embedded
+
+        described = describe_embedded()
+        blueprints = described.blueprints
+        return DescriptionMessage(
+            protocol=described.protocol,
+            maps=[
+                MapEntry(name=name, spawn_points=count) for name, count in described.maps.items()
+            ],
+            vehicles=[
+                VehicleEntry(
+                    id=blueprint.id,
+                    base_type=blueprint.attributes.get("base_type", ""),
+                    generation=blueprint.attributes.get("generation", ""),
+                    wheels=int(blueprint.attributes.get("number_of_wheels", "4")),
+                    colors=list(blueprint.recommended.get("color", ())),
+                )
+                for blueprint in blueprints.values()
+                if blueprint.id.startswith(_VEHICLES)
+            ],
+            walkers=[name for name in blueprints if name.startswith("walker.pedestrian.")],
+            weathers=list(WEATHER_PRESETS),
+            sensors={
+                kind: dict(blueprints[cls.blueprint].attributes)
+                for kind, cls in SENSOR_KINDS.items()
+                if cls.blueprint in blueprints
+            },
+        )
+
+
+def _run(option: str, name: str) -> dict[str, Any]:
+    """What the simulator prints for one question."""
+    command = [sys.executable, "-m", "carstage_sim", option, name]
+    try:
+        done = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=_PATIENCE_S,
+            check=False,
+        )
+        if done.returncode == 0:
+            answer: dict[str, Any] = json.loads(done.stdout)
+            return answer
+    except (subprocess.TimeoutExpired, ValueError) as error:
+        raise ServerError("The embedded simulator did not answer.", "Try again.") from error
+    hint = f"Try `carstage sim {option} {name}`."
+    raise WebError(503, "The embedded simulator could not answer.", hint)

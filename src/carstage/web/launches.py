@@ -1,0 +1,161 @@
+"""Runs that were asked for here: a folder for each, so that a new server finds them again.
+
+``STATE/launches/<run_id>/``: ``config.yaml`` (frozen when it was asked for), ``launch.json``,
+``output.log`` of the command. What has no process yet waits in the queue, in the order of asking.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import threading
+import time
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from carstage.web.messages.base import Document
+
+_TAIL_BYTES = 4000
+
+
+@dataclass(frozen=True, slots=True)
+class Launch:
+    """One run that was asked for.
+
+    Attributes:
+        out: folder of its dataset.
+        server: key of the server that it needs.
+        asked: Unix time.
+        pid, pid_started: of its process, once it has one.
+        stop: how often it was asked to stop.
+        withdrawn: it left the queue before it had a process.
+    """
+
+    run_id: str
+    out: str
+    name: str
+    server: str
+    asked: float
+    retries: int
+    pid: int | None = None
+    pid_started: float | None = None
+    stop: int = 0
+    withdrawn: bool = False
+
+    @property
+    def queued(self) -> bool:
+        """Whether it waits."""
+        return self.pid is None and not self.withdrawn
+
+
+class Launches:
+    """The launches of a state folder; safe to use from several threads.
+
+    Args:
+        folder: ``STATE/launches``; made when missing.
+        root: what relative paths in configurations are relative to.
+    """
+
+    def __init__(self, folder: Path, root: Path) -> None:
+        self._folder = folder
+        self._root = root
+        self._lock = threading.RLock()
+        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        folder.mkdir(parents=True, exist_ok=True)
+        self._launches = {launch.run_id: launch for launch in self._kept()}
+
+    def all(self) -> list[Launch]:
+        """All, oldest first."""
+        with self._lock:
+            return sorted(self._launches.values(), key=lambda launch: launch.asked)
+
+    def get(self, run_id: str) -> Launch | None:
+        """One, or None for a run that was not asked for here."""
+        with self._lock:
+            return self._launches.get(run_id)
+
+    def queue(self, run_id: str, out: Path, config: Document, server: str, retries: int) -> Launch:
+        """Put a run at the end of the queue."""
+        launch = Launch(run_id, str(out), str(config.get("name", "")), server, time.time(), retries)
+        with self._lock:
+            folder = self._folder / run_id
+            folder.mkdir()
+            text = json.dumps(config, indent=1, ensure_ascii=False)  # JSON is YAML
+            (folder / "config.yaml").write_text(text + "\n", "utf-8")
+            self._keep(launch)
+        return launch
+
+    def begin(self, run_id: str) -> None:
+        """Start the process of a queued run."""
+        from carstage.runs.folder import process_start_time
+        from carstage.runs.launching import launch
+
+        with self._lock:
+            waiting = self._launches[run_id]
+            folder = self._folder / run_id
+            child = launch(
+                folder / "config.yaml",
+                Path(waiting.out),
+                run_id,
+                folder / "output.log",
+                retries=waiting.retries,
+                folder=self._root,
+            )
+            self._children[run_id] = child
+            self._keep(replace(waiting, pid=child.pid, pid_started=process_start_time(child.pid)))
+
+    def stop_asked(self, run_id: str) -> None:
+        """Remember that a run was asked to stop; a queued one is withdrawn."""
+        with self._lock:
+            launch = self._launches.get(run_id)
+            if launch is not None:
+                self._keep(replace(launch, stop=launch.stop + 1, withdrawn=launch.pid is None))
+
+    def reap(self) -> None:
+        """Take the exit status of children that have ended: else they would look alive."""
+        with self._lock:
+            for run_id, child in list(self._children.items()):
+                if child.poll() is not None:
+                    del self._children[run_id]
+
+    def alive(self, launch: Launch) -> bool:
+        """Whether its process lives."""
+        from carstage.runs.folder import is_alive
+
+        return launch.pid is not None and is_alive(
+            {"pid": launch.pid, "pid_started": launch.pid_started}
+        )
+
+    def config(self, run_id: str) -> Document:
+        """The frozen configuration."""
+        document: Document = json.loads((self._folder / run_id / "config.yaml").read_bytes())
+        return document
+
+    def output_tail(self, run_id: str) -> str:
+        """The last lines that its command printed."""
+        try:
+            with (self._folder / run_id / "output.log").open("rb") as log:
+                size = log.seek(0, os.SEEK_END)
+                log.seek(max(0, size - _TAIL_BYTES))
+                return log.read().decode("utf-8", "replace").strip()
+        except OSError:
+            return ""
+
+    def _keep(self, launch: Launch) -> None:
+        path = self._folder / launch.run_id / "launch.json"
+        temporary = path.with_name(f".{path.name}.{os.getpid()}")
+        temporary.write_text(json.dumps(asdict(launch)), "utf-8")
+        temporary.replace(path)
+        self._launches[launch.run_id] = launch
+
+    def _kept(self) -> list[Launch]:
+        found = []
+        for path in sorted(self._folder.glob("*/launch.json")):
+            try:
+                document: Any = json.loads(path.read_bytes())
+                found.append(Launch(**document))
+            except (OSError, ValueError, TypeError):
+                continue  # of another version, or not whole: the run's own folder still tells
+        return found

@@ -1,0 +1,297 @@
+"""The WebSocket's hub: looks at the folders, tells every client what is new to it.
+
+One task looks ten times a second while somebody is connected, and once a second otherwise, for the
+queue. A client gets each text message in order; of pictures only the newest of each channel, so a
+slow one skips pictures instead of falling behind.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fastapi import WebSocket, WebSocketDisconnect
+from pydantic import ValidationError
+
+from carstage.web.config_store import ConfigStore
+from carstage.web.job_service import JobService
+from carstage.web.messages import (
+    Channel,
+    ChannelsMessage,
+    ClientMessage,
+    ConfigMessage,
+    ConfigState,
+    DatasetsMessage,
+    JobMessage,
+    LogMessage,
+    Message,
+    RunMessage,
+    RunsMessage,
+    RunSummary,
+    SnapshotMessage,
+    TicksMessage,
+)
+from carstage.web.previews import Previews
+from carstage.web.roots import Roots
+from carstage.web.run_service import RunService
+
+_LOOK_S = 0.1
+_IDLE_LOOK_S = 1.0
+_LIST_EVERY = 5
+"""Looks between two at the lists of runs, jobs and datasets."""
+_MOST_PENDING = 2000
+_MOST_CLIENTS = 64
+_TRY_AGAIN_LATER = 1013
+
+_log = logging.getLogger("carstage.web")
+
+
+@dataclass(eq=False)
+class _Client:
+    """A connection: what it looks at, what it has seen, what waits for it."""
+
+    socket: WebSocket
+    run_id: str | None = None
+    previews: bool = False
+    fresh: bool = False
+    lines_seen: int = 0
+    ticks_seen: int = 0
+    pictures_seen: dict[str, int] = field(default_factory=dict)
+    texts: list[str] = field(default_factory=list)
+    pictures: dict[int, bytes] = field(default_factory=dict)
+    wake: asyncio.Event = field(default_factory=asyncio.Event)
+    lost: bool = False
+
+    def tell(self, message: Message) -> None:
+        self.texts.append(message.model_dump_json())
+        self.lost = len(self.texts) > _MOST_PENDING  # it does not read any more
+        self.wake.set()
+
+    def watch(self, message: ClientMessage) -> None:
+        if message.run_id != self.run_id:
+            self.run_id, self.fresh = message.run_id, True
+            self.pictures.clear()
+        self.previews = message.previews
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """What a client wants of its run, and has seen of it."""
+
+    run_id: str
+    fresh: bool
+    previews: bool
+    lines_seen: int
+    ticks_seen: int
+
+
+@dataclass(slots=True)
+class _Found:
+    """What is new to it."""
+
+    lines_seen: int = 0
+    ticks_seen: int = 0
+    messages: list[Message] = field(default_factory=list)
+    ticks: dict[str, int] = field(default_factory=dict)
+    pictures: dict[int, bytes] = field(default_factory=dict)
+
+
+class LiveHub:
+    """All connections; belongs to the event loop."""
+
+    def __init__(
+        self,
+        config: ConfigStore,
+        runs: RunService,
+        jobs: JobService,
+        previews: Previews,
+        roots: Roots,
+    ) -> None:
+        self._config = config
+        self._runs = runs
+        self._jobs = jobs
+        self._previews = previews
+        self._roots = roots
+        self._clients: set[_Client] = set()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._summaries: dict[str, RunSummary] = {}
+        self._told: list[tuple[str, int]] = []
+        self._jobs_told: dict[str, Message] = {}
+        self._datasets: dict[str, float] = {}
+
+    def config_changed(self, state: ConfigState) -> None:
+        """Tell everybody; may be called from any thread."""
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._tell_all, ConfigMessage(config=state))
+
+    async def look_on(self) -> None:
+        """Look until cancelled."""
+        self._loop = asyncio.get_running_loop()
+        number = 0
+        while True:
+            try:
+                if number % _LIST_EVERY == 0 or not self._clients:
+                    await self._look_at_lists()
+                for client in list(self._clients):
+                    await self._look_for(client)
+            except Exception:  # noqa: BLE001 - a look that fails must not end all others
+                _log.exception("looking at the runs failed")
+            number += 1
+            await asyncio.sleep(_LOOK_S if self._clients else _IDLE_LOOK_S)
+
+    async def serve(self, socket: WebSocket) -> None:
+        """One connection, to its end."""
+        await socket.accept()
+        if len(self._clients) >= _MOST_CLIENTS:
+            await socket.close(_TRY_AGAIN_LATER, "too many connections")
+            return
+        client = _Client(socket)
+        client.tell(await asyncio.to_thread(self._snapshot))
+        self._clients.add(client)
+        sender = asyncio.create_task(self._send(client))
+        try:
+            while True:
+                text = await socket.receive_text()
+                with suppress(ValidationError):  # of a newer page: what is not known says nothing
+                    client.watch(ClientMessage.model_validate_json(text))
+        except (WebSocketDisconnect, KeyError, RuntimeError):
+            pass  # gone, or it has sent bytes
+        finally:
+            self._clients.discard(client)
+            sender.cancel()
+            with suppress(asyncio.CancelledError, Exception):
+                await sender
+
+    async def close(self) -> None:
+        """Say good-bye to all."""
+        for client in list(self._clients):
+            with suppress(Exception):
+                await client.socket.close(1001)
+
+    def _snapshot(self) -> SnapshotMessage:
+        runs = self._runs.summaries()
+        shown = next((run for run in runs if run.state != "queued"), None)
+        return SnapshotMessage(
+            config=self._config.state(),
+            runs=runs,
+            run=None if shown is None else self._runs.detail(shown.run_id),
+            jobs=self._jobs.all(),
+        )
+
+    async def _send(self, client: _Client) -> None:
+        while not client.lost:
+            await client.wake.wait()
+            client.wake.clear()
+            while client.texts or client.pictures:
+                texts, client.texts = client.texts, []
+                for text in texts:
+                    await client.socket.send_text(text)
+                if client.pictures:
+                    channel = next(iter(client.pictures))
+                    await client.socket.send_bytes(client.pictures.pop(channel))
+        await client.socket.close(_TRY_AGAIN_LATER, "too slow")
+
+    def _tell_all(self, message: Message) -> None:
+        for client in self._clients:
+            client.tell(message)
+
+    async def _look_at_lists(self) -> None:
+        await asyncio.to_thread(self._runs.advance)
+        if not self._clients:
+            return
+        runs = await asyncio.to_thread(self._runs.summaries)
+        order = [(run.run_id, run.position) for run in runs]
+        if order != self._told:
+            self._told = order
+            self._tell_all(RunsMessage(runs=runs))
+        else:
+            for run in runs:
+                if self._summaries.get(run.run_id) != run:
+                    self._tell_all(RunMessage(run_id=run.run_id, run=run))
+        self._summaries = {run.run_id: run for run in runs}
+        for job in await asyncio.to_thread(self._jobs.all):
+            if self._jobs_told.get(job.job_id) != job:
+                self._jobs_told[job.job_id] = job
+                self._tell_all(JobMessage(job=job))
+        datasets = await asyncio.to_thread(self._fingerprint)
+        if datasets != self._datasets:
+            self._datasets = datasets
+            self._tell_all(DatasetsMessage())
+
+    def _fingerprint(self) -> dict[str, float]:
+        """Changes when a dataset or an episode comes or goes."""
+        found = {}
+        for dataset in self._roots.datasets().values():
+            with suppress(OSError):
+                found[dataset.dataset] = (dataset.path / "commits").stat().st_mtime
+        return found
+
+    async def _look_for(self, client: _Client) -> None:
+        run_id = client.run_id
+        if run_id is None:
+            return
+        if client.fresh:
+            client.lines_seen = client.ticks_seen = 0
+            client.pictures_seen.clear()
+        look = _Look(run_id, client.fresh, client.previews, client.lines_seen, client.ticks_seen)
+        client.fresh = False
+        found = await asyncio.to_thread(self._look_at_run, look, dict(client.pictures_seen))
+        if found is None:
+            client.fresh = look.fresh  # the run has no folder yet
+        elif client.run_id == run_id:  # it may have turned to another one meanwhile
+            client.lines_seen, client.ticks_seen = found.lines_seen, found.ticks_seen
+            client.pictures_seen.update(found.ticks)
+            client.pictures.update(found.pictures)
+            for message in found.messages:
+                client.tell(message)
+            if found.pictures:
+                client.wake.set()
+
+    def _look_at_run(self, look: _Look, pictures_seen: Mapping[str, int]) -> _Found | None:
+        """What is new about a run; in a thread."""
+        folder = self._runs.folder(look.run_id)
+        run = self._summaries.get(look.run_id)
+        if folder is None or run is None:
+            return None
+        found = _Found()
+        with self._runs.locked:
+            follower = self._runs.follow(look.run_id)
+            if follower is None:
+                return None
+            follower.read()
+            lines = follower.lines_after(look.lines_seen)
+            ticks = follower.ticks_after(look.ticks_seen)
+            found.lines_seen, found.ticks_seen = follower.lines_seen, follower.ticks_seen
+        channels = self._previews.channels(run.sensors)
+        if lines or look.fresh:
+            found.messages.append(LogMessage(run_id=run.run_id, reset=look.fresh, lines=lines))
+        if ticks or look.fresh:
+            found.messages.append(TicksMessage(run_id=run.run_id, reset=look.fresh, ticks=ticks))
+        if look.fresh:
+            found.messages.append(ChannelsMessage(run_id=run.run_id, channels=channels))
+        if look.previews:
+            if run.alive == "running":
+                self._previews.want(folder)
+            self._take_pictures(folder, channels, pictures_seen, found)
+        return found
+
+    def _take_pictures(
+        self,
+        folder: Path,
+        channels: list[Channel],
+        seen: Mapping[str, int],
+        found: _Found,
+    ) -> None:
+        ticks = self._previews.ticks(folder)
+        for channel in channels:
+            tick = ticks.get(channel.sensor_id)
+            if tick is None or seen.get(channel.sensor_id) == tick:
+                continue
+            packet = self._previews.packet(folder, channel, tick)
+            if packet is not None:
+                found.ticks[channel.sensor_id] = tick
+                found.pictures[channel.channel] = packet

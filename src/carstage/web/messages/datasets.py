@@ -1,0 +1,284 @@
+"""Datasets, episodes, frames, label rows, statistics."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from carstage.web.messages.base import DatasetId, Document, Message, Name
+
+Vector = list[float]
+Colour = list[int]
+TableName = Literal["objects", "camera_objects", "ego", "frames"]
+Cell = str | float | int | bool | list[Any] | None
+
+
+class DatasetSummary(Message):
+    """A dataset below one of the roots.
+
+    Attributes:
+        path: below its root, for people.
+        state: ``recording`` while a run writes to it; ``damaged``: see ``problem``.
+        validity: what the last validation from here found.
+        changed: Unix time of the last commit.
+    """
+
+    dataset: DatasetId
+    name: str
+    path: str
+    state: Literal["empty", "ready", "recording", "damaged"]
+    problem: str | None = None
+    episodes: int = 0
+    frames: int = 0
+    bytes: int = 0
+    changed: float | None = None
+    validity: Literal["unknown", "valid", "invalid", "outdated"] = "unknown"
+
+
+class DatasetList(Message):
+    """All datasets, newest first, and where they are.
+
+    Attributes:
+        root: the folder in which new ones are made.
+    """
+
+    datasets: list[DatasetSummary]
+    root: str
+    disk_free_bytes: int
+
+
+class EpisodeSummary(Message):
+    """An episode of a dataset."""
+
+    episode_id: Name
+    index: int
+    map: str
+    weather: str
+    frames: int
+    fps: float
+    duration_s: float
+    bytes: int
+    sensors: int
+
+
+class Tag(Message):
+    """A semantic tag and its colour."""
+
+    value: int
+    name: str
+    rgb: Colour
+
+
+class DatasetDetail(Message):
+    """A dataset with its episodes.
+
+    Attributes:
+        class_colours: RGB by class, as in all pictures.
+    """
+
+    summary: DatasetSummary
+    episodes: list[EpisodeSummary]
+    tags: list[Tag]
+    class_colours: dict[str, Colour]
+
+
+class RigSensor(Message):
+    """A sensor of an episode.
+
+    Attributes:
+        K: 3x3 rows; None for what is no camera.
+        ego_from_sensor: 4x4 rows, CARLA's left-handed axes; None where it moves.
+        data: how it is shown: a picture, a cloud of points, radar detections, or not.
+    """
+
+    id: Name
+    kind: str
+    labelled: bool
+    width: int
+    height: int
+    fov_deg: float
+    K: list[Vector] | None
+    ego_from_sensor: list[Vector] | None
+    attach_to: str
+    data: Literal["image", "points", "radar", "none"]
+
+
+class EpisodeDetail(Message):
+    """An episode: its rig, its times.
+
+    Attributes:
+        times_s: of each frame, since the first.
+        incomplete: number of ticks with a sensor that is neither ``ok`` nor ``off``.
+        spec: what was asked for.
+    """
+
+    episode: EpisodeSummary
+    sensors: list[RigSensor]
+    times_s: list[float]
+    ego_box: dict[str, Vector]
+    incomplete: int
+    requested: Document
+    spawned: Document
+    spec: Document
+
+
+class EgoPose(Message):
+    """The ego in the world; rotation is pitch, yaw, roll."""
+
+    location: Vector
+    rotation_deg: Vector
+    speed_m_s: float | None = None
+    throttle: float | None = None
+    steer: float | None = None
+    brake: float | None = None
+    weather: Document | None = None
+
+
+class FrameObject(Message):
+    """An object in one frame; the box is in the ego's axes (CARLA's, left-handed).
+
+    Attributes:
+        extent: half sizes, m.
+        ego_from_box: 4x4 rows.
+        location: of the box's centre in the world.
+        yaw_deg: of the box in the world.
+    """
+
+    track_id: int
+    class_name: str
+    type_id: str
+    ego_from_box: list[Vector]
+    extent: Vector
+    location: Vector
+    yaw_deg: float
+    speed_m_s: float
+    num_lidar_points: int | None
+    colour: Colour
+
+
+class CameraObject(Message):
+    """An object in one camera's picture.
+
+    Attributes:
+        bbox_amodal, bbox_modal: x0, y0, x1, y1 in px.
+        lines: edges of the 3D box as they are seen: x0, y0, x1, y1 each, cut near the picture.
+        row: all columns of the label table but the mask.
+    """
+
+    track_id: int
+    class_name: str
+    visible: bool
+    bbox_amodal: Vector | None
+    bbox_modal: Vector | None
+    occlusion_ratio: float | None
+    truncated: float | None
+    distance_m: float | None
+    has_mask: bool
+    lines: list[Vector]
+    colour: Colour
+    row: Document
+
+
+class FrameMessage(Message):
+    """One frame but for its pictures and points.
+
+    Attributes:
+        available: sensors that have data of it.
+        states: by sensor, what the ledger says.
+        readings: of IMU and GNSS, by sensor and column.
+    """
+
+    k: int
+    timestamp_s: float
+    ego: EgoPose | None
+    objects: list[FrameObject]
+    camera_objects: dict[str, list[CameraObject]]
+    available: list[str]
+    states: dict[str, str]
+    readings: dict[str, dict[str, Any]]
+
+
+class EpisodeMap(Message):
+    """The top view: lanes of the map (empty where they are not known) and where all went.
+
+    Attributes:
+        lanes: polylines of lane centres, x, y in world metres, with the lane's width.
+        track: the ego's x, y, yaw in degrees, per frame.
+        bounds: x0, y0, x1, y1 of the track, with a margin.
+    """
+
+    map: str
+    lanes: list[list[Vector]]
+    lane_widths_m: list[float]
+    track: list[Vector]
+    bounds: Vector
+
+
+class TableFilter(Message):
+    """A condition on one column."""
+
+    column: Annotated[str, Field(max_length=100)]
+    op: Literal["eq", "ne", "lt", "le", "gt", "ge", "contains"]
+    value: str | float | bool | None
+
+
+class TableRequest(Message):
+    """A page of a label table.
+
+    Attributes:
+        episode: left out: all episodes.
+    """
+
+    table: TableName = "camera_objects"
+    episode: Name | None = None
+    filters: Annotated[list[TableFilter], Field(max_length=20)] = Field(default_factory=list)
+    sort: Annotated[str, Field(max_length=100)] | None = None
+    descending: bool = False
+    offset: Annotated[int, Field(ge=0, le=1_000_000_000)] = 0
+    limit: Annotated[int, Field(ge=1, le=1000)] = 100
+
+
+class TableColumn(Message):
+    """A column: name, Arrow type, unit, meaning."""
+
+    name: str
+    type: str
+    unit: str
+    meaning: str
+
+
+class TablePage(Message):
+    """Rows of a table; ``total`` counts all that fit the filters."""
+
+    columns: list[TableColumn]
+    rows: list[list[Cell]]
+    total: int
+
+
+class Histogram(Message):
+    """Counts by bin; the bins' names carry the unit."""
+
+    title: str
+    bins: list[str]
+    counts: list[int]
+
+
+class Statistics(Message):
+    """What a dataset holds, counted over its labels.
+
+    Attributes:
+        records: rows of ``objects``, the egos left out; ``tracks``: different objects among them.
+        visible: rows of ``camera_objects`` that are visible.
+        classes: tracks by class.
+        frames_by_map, frames_by_weather: frames.
+    """
+
+    records: int
+    tracks: int
+    visible: int
+    classes: dict[str, int]
+    class_colours: dict[str, Colour]
+    frames_by_map: dict[str, int]
+    frames_by_weather: dict[str, int]
+    histograms: list[Histogram]

@@ -1,0 +1,23 @@
+"""Preview through a sensor."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from carstage.web.messages.base import Document, Message
+
+
+class PreviewRequest(Message):
+    """A picture through one sensor of a configuration that need not be saved.
+
+    Attributes:
+        config: what the picture's map, weather and ego are taken from.
+        sensor: one entry of ``rig.sensors``; any camera, LiDAR or radar.
+        width: of the picture; cameras keep the shape of theirs.
+    """
+
+    config: Document
+    sensor: Document
+    width: Annotated[int, Field(ge=64, le=1280)] = 640

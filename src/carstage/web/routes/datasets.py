@@ -1,0 +1,55 @@
+"""Datasets: list, detail, label tables, statistics."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+
+from carstage.web.messages import (
+    DatasetDetail,
+    DatasetList,
+    EpisodeDetail,
+    EpisodeMap,
+    Statistics,
+    TablePage,
+    TableRequest,
+)
+from carstage.web.messages.base import DatasetId, Name
+from carstage.web.routes.access import MISSING, Access
+
+router = APIRouter(prefix="/api/datasets", tags=["datasets"])
+
+
+@router.get("")
+def datasets(services: Access) -> DatasetList:
+    """All datasets below the roots."""
+    return services.datasets.all()
+
+
+@router.get("/{dataset}", responses=MISSING)
+def dataset(dataset: DatasetId, services: Access) -> DatasetDetail:
+    """A dataset with its episodes and colours."""
+    return services.datasets.detail(dataset)
+
+
+@router.get("/{dataset}/episodes/{episode}", responses=MISSING)
+def episode(dataset: DatasetId, episode: Name, services: Access) -> EpisodeDetail:
+    """An episode: rig, times, what was asked for."""
+    return services.episodes.detail(dataset, episode)
+
+
+@router.get("/{dataset}/episodes/{episode}/map", responses=MISSING)
+def episode_map(dataset: DatasetId, episode: Name, services: Access) -> EpisodeMap:
+    """Lanes of the map and the ego's track, for the top view."""
+    return services.episodes.map(dataset, episode)
+
+
+@router.post("/{dataset}/table", responses=MISSING)
+def table(dataset: DatasetId, request: TableRequest, services: Access) -> TablePage:
+    """A page of a label table, filtered and sorted."""
+    return services.tables.page(dataset, request)
+
+
+@router.get("/{dataset}/statistics", responses=MISSING)
+def statistics(dataset: DatasetId, services: Access) -> Statistics:
+    """Counts over the labels."""
+    return services.tables.statistics(dataset)

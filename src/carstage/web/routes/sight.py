@@ -1,0 +1,32 @@
+"""Preview through a sensor of the rig."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+from fastapi.responses import Response
+
+from carstage.web.messages import PreviewRequest
+from carstage.web.routes.access import BUSY, Access, Responses
+
+router = APIRouter(prefix="/api", tags=["preview"])
+
+_PICTURE: Responses = {
+    200: {"content": {"image/jpeg": {}}, "description": "What the sensor sees now."},
+    **BUSY,
+}
+
+
+@router.post("/preview", responses=_PICTURE, response_class=Response)
+def preview(request: PreviewRequest, services: Access) -> Response:
+    """A picture through one sensor, from the embedded simulator, which stays warm for minutes.
+
+    Answers 503 with code ``warming`` while the simulator starts: ask again.
+    """
+    picture = services.sight.look(request)
+    return Response(picture, media_type="image/jpeg", headers={"Cache-Control": "no-store"})
+
+
+@router.post("/preview/warm", status_code=202, responses=BUSY)
+def warm(services: Access) -> dict[str, bool]:
+    """Begin to start the simulator, so that the first picture comes sooner."""
+    return {"warm": services.sight.warm()}

@@ -1,0 +1,93 @@
+"""What the handlers use, put together once per process."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+
+from carstage.errors import CarStageError
+from carstage.web.catalogue import Catalogue
+from carstage.web.checking import ConfigChecker
+from carstage.web.config_store import ConfigStore
+from carstage.web.description import DescriptionService
+from carstage.web.episode_service import EpisodeService
+from carstage.web.frame_service import FrameService
+from carstage.web.job_service import JobService
+from carstage.web.label_tables import LabelTables
+from carstage.web.launches import Launches
+from carstage.web.live import LiveHub
+from carstage.web.messages import ConfigState
+from carstage.web.pictures import Pictures
+from carstage.web.previews import Previews
+from carstage.web.roots import Roots
+from carstage.web.run_service import RunService
+from carstage.web.schema import SchemaService
+from carstage.web.server_check import ServerCheckService
+from carstage.web.settings import WebSettings
+from carstage.web.sight import SightService
+from carstage.web.texts import ConfigTexts
+
+_log = logging.getLogger("carstage.web")
+
+
+class Services:
+    """The composition root of the server.
+
+    Args:
+        settings: roots and state folder.
+    """
+
+    def __init__(self, settings: WebSettings) -> None:
+        settings.state.mkdir(mode=0o700, parents=True, exist_ok=True)
+        roots = Roots(settings.roots)
+        self.schema = SchemaService()
+        self.description = DescriptionService()
+        self.checker = ConfigChecker(roots)
+        self.config = ConfigStore(settings.state / "config.json", self.checker, self._changed)
+        self.texts = ConfigTexts(self.checker, self.config)
+        self.server_check = ServerCheckService()
+        self.sight = SightService(self.checker)
+        self.jobs = JobService(settings.state, roots)
+        self.datasets = Catalogue(roots, self.jobs)
+        self.episodes = EpisodeService(self.datasets, self.description)
+        self.frames = FrameService(self.datasets)
+        self.pictures = Pictures(self.frames)
+        self.tables = LabelTables(self.datasets, roots)
+        self.previews = Previews()
+        launches = Launches(settings.state / "launches", settings.root)
+        self.runs = RunService(roots, launches, self.checker, self.config, self.previews)
+        self.live = LiveHub(self.config, self.runs, self.jobs, self.previews, roots)
+
+    @classmethod
+    @asynccontextmanager
+    async def running(cls, settings: WebSettings) -> AsyncIterator[Services]:
+        """The services, with the task that looks after runs; all is given back at the end.
+
+        Runs, exports and validations that go on are left to themselves.
+        """
+        services = cls(settings)
+        looking = asyncio.create_task(services.live.look_on())
+        threading.Thread(target=services.warm_up, name="warm-up", daemon=True).start()
+        try:
+            yield services
+        finally:
+            looking.cancel()
+            with suppress(asyncio.CancelledError):
+                await looking
+            await services.live.close()
+            await asyncio.to_thread(services.sight.close)
+            await asyncio.to_thread(services.previews.close)
+
+    def warm_up(self) -> None:
+        """Do early what the first request for it would have to wait for."""
+        try:
+            self.schema.message()
+            self.description.message()
+        except CarStageError as error:
+            _log.warning("the embedded simulator cannot be described: %s", error)
+
+    def _changed(self, state: ConfigState) -> None:
+        self.live.config_changed(state)

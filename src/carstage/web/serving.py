@@ -1,0 +1,127 @@
+"""Runs the server until Ctrl-C: one process, one port, one state folder."""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+import socket
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import uvicorn
+
+from carstage.errors import BadInputError
+from carstage.web.app import create_app
+from carstage.web.settings import WebSettings, is_loopback, new_token
+
+_GRACE_S = 3
+_LARGEST_MESSAGE_BYTES = 65_536
+
+
+def serve(roots: Sequence[Path], host: str, port: int, ready: Callable[[str], None]) -> None:
+    """Serve until SIGINT or SIGTERM.
+
+    Args:
+        roots: folders of datasets; the first is made when it is missing.
+        host: address to bind.
+        port: port to bind; 0: a free one.
+        ready: told the address to open, when the server listens.
+
+    Raises:
+        BadInputError: the address is taken or not ours, or a folder cannot be used.
+    """
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    folders = tuple(_folder(root, make=number == 0) for number, root in enumerate(roots))
+    listener = _listen(host, port)
+    with listener:
+        bound = WebSettings(
+            roots=folders,
+            host=host,
+            port=listener.getsockname()[1],
+            token=None if is_loopback(host) else new_token(),
+        )
+        with _only_server(bound.state):
+            _Server(bound, ready).run(sockets=[listener])
+
+
+class _Server(uvicorn.Server):
+    """Says when it listens; its own log stays silent: the token stands in an address."""
+
+    def __init__(self, settings: WebSettings, ready: Callable[[str], None]) -> None:
+        super().__init__(
+            uvicorn.Config(
+                create_app(settings),
+                log_config=None,
+                log_level="warning",
+                access_log=False,
+                server_header=False,
+                timeout_graceful_shutdown=_GRACE_S,
+                ws="websockets-sansio",
+                ws_max_size=_LARGEST_MESSAGE_BYTES,
+                # Previews are JPEG already, and must not wait.
+                ws_per_message_deflate=False,
+                proxy_headers=False,
+            )
+        )
+        self._url = settings.url
+        self._ready = ready
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if self.started:
+            self._ready(self._url)
+
+
+def _folder(root: Path, *, make: bool) -> Path:
+    root = root.expanduser().absolute()
+    try:
+        if make:
+            root.mkdir(parents=True, exist_ok=True)
+        if not root.is_dir():
+            raise BadInputError(f"{root} is not a folder.", "Name a folder of datasets.")
+    except OSError as error:
+        raise BadInputError(
+            f"{root} cannot be used: {error.strerror}.", "Name another folder by --datasets."
+        ) from error
+    return root
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host, port))
+        listener.listen(128)
+    except OSError as error:
+        listener.close()
+        raise BadInputError(
+            f"{host}:{port} cannot be listened on: {error.strerror or error}.",
+            "Choose another --port or --host; is another `carstage gui` running?",
+        ) from error
+    return listener
+
+
+@contextmanager
+def _only_server(state: Path) -> Iterator[None]:
+    """Hold the state folder; the system gives it back with the process, however that ends."""
+    try:
+        state.mkdir(mode=0o700, exist_ok=True)
+        handle = os.open(state / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    except OSError as error:
+        raise BadInputError(
+            f"{state} cannot be used: {error.strerror}.", "Name another folder by --datasets."
+        ) from error
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise BadInputError(
+                f"Another `carstage gui` serves {state.parent}.",
+                "Use that one, or name another folder by --datasets.",
+            ) from error
+        yield
+    finally:
+        os.close(handle)

@@ -15,6 +15,7 @@ from carstage_sim.cache import prune
 from carstage_sim.cli import Options, parse_bake, parse_options
 from carstage_sim.description import describe
 from carstage_sim.jit import do_without_scipy
+from carstage_sim.map_lanes import map_lanes
 from carstage_sim.maps import MapCatalogue, MapFileError, MapSamplingError, UnknownTownError
 from carstage_sim.prebake import prebake
 from carstage_sim.render.gpu.device import NoGpuError
@@ -44,6 +45,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         maps = MapCatalogue(options.maps, options.aliases)
         if options.describe:
             print(json.dumps(describe(options.protocol, maps)), flush=True)
+            return 0
+        if options.lanes is not None:
+            print(json.dumps(map_lanes(maps.load(options.lanes))), flush=True)
             return 0
         if options.vehicle is not None:
             print(json.dumps(vehicle_shape(options.vehicle)), flush=True)

@@ -49,6 +49,7 @@ class Options:
         exit_with_parent: end when the process that started this one is gone.
         parent_pid: id of that process; None: the parent that the server finds itself with.
         describe: print what there is, as JSON, and end.
+        lanes: print the lanes of this map, as JSON, and end.
         vehicle: print the shape of the vehicle with this blueprint id, as JSON, and end.
     """
 
@@ -67,6 +68,7 @@ class Options:
     exit_with_parent: bool
     parent_pid: int | None
     describe: bool
+    lanes: str | None
     vehicle: str | None
     log_level: str
 
@@ -156,6 +158,9 @@ def _parser() -> _Parser:
     )
     parser.add_argument(
         "--describe", action="store_true", help="print maps and blueprints as JSON and end"
+    )
+    parser.add_argument(
+        "--lanes", metavar="MAP", help="print the lanes of this map as JSON and end"
     )
     parser.add_argument(
         "--vehicle", metavar="ID", help="print the shape of this vehicle as JSON and end"
@@ -260,6 +265,7 @@ def parse_options(argv: Sequence[str] | None) -> Options:
         exit_with_parent=namespace.exit_with_parent is not None,
         parent_pid=namespace.exit_with_parent or None,
         describe=namespace.describe,
+        lanes=namespace.lanes,
         vehicle=namespace.vehicle,
         log_level=namespace.log_level,
     )

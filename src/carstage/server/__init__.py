@@ -8,6 +8,7 @@ from carstage.server.base import Endpoint, Server
 from carstage.server.description import (
     BlueprintDescription,
     SimulatorDescription,
+    ask_embedded,
     cache_folder,
     describe_embedded,
 )
@@ -29,6 +30,7 @@ __all__ = [
     "Server",
     "SimulatorDescription",
     "allot_ports",
+    "ask_embedded",
     "cache_folder",
     "check_ports_free",
     "describe_embedded",

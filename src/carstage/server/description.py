@@ -94,8 +94,35 @@ def describe_embedded(
     return description
 
 
-def _ask() -> str:
-    command = [sys.executable, "-m", MODULE, "--describe"]
+def ask_embedded(option: str, name: str, folder: Path | None = None) -> dict[str, Any]:
+    """What the embedded simulator prints for a question; kept on disk like its description.
+
+    Args:
+        option: ``--vehicle`` or ``--lanes``.
+        name: of a vehicle's blueprint or a map, as the description has it.
+        folder: where it is kept; None uses :func:`cache_folder`.
+
+    Raises:
+        ServerError: the simulator did not answer.
+    """
+    path = (folder or cache_folder()) / f"simulator-{_fingerprint()}{option[1:]}-{name}.json"
+    try:
+        kept: dict[str, Any] = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError):
+        pass  # not there yet, or not whole
+    else:
+        return kept
+    text = _ask(option, name)
+    try:
+        answer: dict[str, Any] = json.loads(text)
+    except ValueError as error:
+        raise ServerError(f"The embedded simulator's answer cannot be read: {error!r}.") from error
+    _keep(path, text)
+    return answer
+
+
+def _ask(*question: str) -> str:
+    command = [sys.executable, "-m", MODULE, *(question or ("--describe",))]
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=DESCRIBE_S, check=False
@@ -106,7 +133,7 @@ def _ask() -> str:
         raise ServerError(
             f"The embedded simulator cannot describe itself (exit status {done.returncode}):\n"
             f"{done.stderr[-2000:]}",
-            f"Run `python -m {MODULE} --describe`.",
+            f"Run `{' '.join(['python', *command[1:]])}`.",
         )
     return done.stdout
 

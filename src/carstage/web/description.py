@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 import threading
 from typing import Any
 
-from carstage.errors import ServerError
-from carstage.web.errors import WebError, not_found
+from carstage.web.errors import not_found
 from carstage.web.messages import DescriptionMessage, MapEntry, VehicleEntry
 
-_PATIENCE_S = 120.0
 _VEHICLES = "vehicle."
 
 
@@ -42,7 +37,8 @@ class DescriptionService:
         """The shape of a vehicle.
 
         Raises:
-            WebError: there is no such vehicle, or the simulator does not answer.
+            WebError: there is no such vehicle.
+            ServerError: the simulator does not answer.
         """
         if blueprint not in {vehicle.id for vehicle in self.message().vehicles}:
             raise not_found(f"vehicle {blueprint}")
@@ -58,7 +54,9 @@ class DescriptionService:
     def _ask(self, option: str, name: str) -> dict[str, Any]:
         with self._lock:
             if (option, name) not in self._answers:
-                self._answers[option, name] = _run(option, name)
+                from carstage.server import ask_embedded
+
+                self._answers[option, name] = ask_embedded(option, name)
             return self._answers[option, name]
 
     def _describe(self) -> DescriptionMessage:
@@ -91,23 +89,3 @@ class DescriptionService:
                 if cls.blueprint in blueprints
             },
         )
-
-
-def _run(option: str, name: str) -> dict[str, Any]:
-    """What the simulator prints for one question."""
-    command = [sys.executable, "-m", "carstage_sim", option, name]
-    try:
-        done = subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            timeout=_PATIENCE_S,
-            check=False,
-        )
-        if done.returncode == 0:
-            answer: dict[str, Any] = json.loads(done.stdout)
-            return answer
-    except (subprocess.TimeoutExpired, ValueError) as error:
-        raise ServerError("The embedded simulator did not answer.", "Try again.") from error
-    hint = f"Try `carstage sim {option} {name}`."
-    raise WebError(503, "The embedded simulator could not answer.", hint)

@@ -26,7 +26,8 @@ _POINTS: Responses = {
     **MISSING,
 }
 #: Committed files never change; the address does not tell a re-recorded one, so not for long.
-_KEEP = {"Cache-Control": "private, max-age=60"}
+_KEEP = {"Cache-Control": "private, max-age=60", "Content-Encoding": "identity"}
+"""Pictures and points are not squeezed once more: it would take longer than to send them."""
 
 
 def _answer(media: Media) -> Response:

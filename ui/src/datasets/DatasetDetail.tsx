@@ -1,0 +1,75 @@
+import { useState } from "react";
+import { useAnswer } from "../api/useAnswer";
+import type { DatasetDetail } from "../api/types";
+import { bytes, count } from "../ui/format";
+import { StateBadge } from "./DatasetsPage";
+import { EpisodeList } from "./EpisodeList";
+import { ExportView } from "./ExportView";
+import { LabelTable } from "./LabelTable";
+import { StatisticsView } from "./StatisticsView";
+import { ValidationView } from "./ValidationView";
+
+const TABS = ["Episodes", "Statistics", "Labels", "Validation", "Export"] as const;
+type Tab = (typeof TABS)[number];
+
+/** A dataset: its episodes, what it holds, whether it is right, and other formats of it. */
+export function DatasetDetailView({ dataset, version }: { dataset: string; version: number }) {
+  const base = `/datasets/${encodeURIComponent(dataset)}`;
+  const answer = useAnswer<DatasetDetail>(base, version);
+  const [tab, setTab] = useState<Tab>("Episodes");
+  const detail = answer.data;
+  if (!detail)
+    return (
+      <section className="panel">
+        <h1 className="sr-only">Dataset</h1>
+        <p className="empty">{answer.error ?? "Loading…"}</p>
+      </section>
+    );
+  const { summary } = detail;
+  return (
+    <section className="dataset" aria-label={summary.name}>
+      <header className="page-head">
+        <h1>{summary.name}</h1>
+        <StateBadge summary={summary} />
+        <span className="muted">
+          {count(summary.episodes ?? 0, "episode")}, {count(summary.frames ?? 0, "frame")}, {bytes(summary.bytes)}
+        </span>
+      </header>
+      {summary.problem && (
+        <p className="field-error" role="alert">
+          {summary.problem}
+        </p>
+      )}
+      <div className="tabs" role="tablist" aria-label="Dataset">
+        {TABS.map((name) => (
+          <button
+            key={name}
+            type="button"
+            role="tab"
+            id={`tab-${name}`}
+            aria-selected={name === tab}
+            aria-controls="tab-panel"
+            tabIndex={name === tab ? 0 : -1}
+            onClick={() => setTab(name)}
+            onKeyDown={(event) => {
+              const by = event.key === "ArrowRight" ? 1 : event.key === "ArrowLeft" ? -1 : 0;
+              const next = TABS[(TABS.indexOf(name) + by + TABS.length) % TABS.length];
+              if (by === 0 || !next) return;
+              setTab(next);
+              document.getElementById(`tab-${next}`)?.focus();
+            }}
+          >
+            {name}
+          </button>
+        ))}
+      </div>
+      <div className="tab-panel" id="tab-panel" role="tabpanel" aria-labelledby={`tab-${tab}`} tabIndex={0}>
+        {tab === "Episodes" && <EpisodeList dataset={dataset} episodes={detail.episodes} />}
+        {tab === "Statistics" && <StatisticsView base={base} version={version} />}
+        {tab === "Labels" && <LabelTable base={base} dataset={dataset} episodes={detail.episodes} />}
+        {tab === "Validation" && <ValidationView base={base} dataset={dataset} version={version} />}
+        {tab === "Export" && <ExportView base={base} dataset={dataset} />}
+      </div>
+    </section>
+  );
+}

@@ -1,0 +1,124 @@
+import type { EpisodeDetail, FrameMessage, FrameObject } from "../api/types";
+
+interface Props {
+  detail: EpisodeDetail;
+  frame: FrameMessage;
+  chosen: number | null;
+  onChoose(track: number | null): void;
+}
+
+/** What is true in this frame: the ego, its small sensors, everybody around. */
+export function FrameFacts({ detail, frame, chosen, onChoose }: Props) {
+  const { ego } = frame;
+  const near = [...frame.objects].sort((a, b) => distance(a) - distance(b));
+  const row = chosenRow(frame, chosen);
+  return (
+    <div className="facts">
+      <section className="panel" aria-label="Ego">
+        <header className="panel-head">
+          <h2>Ego</h2>
+        </header>
+        <dl className="fact-list">
+          <Fact name="Speed" value={ego?.speed_m_s == null ? "–" : `${(ego.speed_m_s * 3.6).toFixed(1)} km/h`} />
+          <Fact name="Throttle, brake" value={`${number(ego?.throttle)}, ${number(ego?.brake)}`} />
+          <Fact name="Steering" value={number(ego?.steer)} />
+          <Fact name="Position" value={ego ? `${ego.location.map((v) => v.toFixed(1)).join(", ")} m` : "–"} />
+          {Object.entries(frame.readings).flatMap(([sensor, columns]) =>
+            Object.entries(columns)
+              .filter(([column]) => column !== "k" && column !== "timestamp_s")
+              .map(([column, value]) => <Fact key={sensor + column} name={`${sensor} ${column}`} value={reading(value)} />),
+          )}
+          <Fact name="Road users" value={`${detail.spawned.vehicles ?? "–"} vehicles, ${detail.spawned.pedestrians ?? "–"} pedestrians`} />
+        </dl>
+      </section>
+      <section className="panel" aria-label="Objects in this frame">
+        <header className="panel-head">
+          <h2>Objects</h2>
+          <span className="muted">{near.length} in this frame, nearest first</span>
+        </header>
+        <div className="table-scroll" tabIndex={0} role="region" aria-label="Objects, nearest first">
+          <table>
+            <thead>
+              <tr>
+                <th>Class</th>
+                <th className="number">Track</th>
+                <th className="number">Distance m</th>
+                <th className="number">Speed m/s</th>
+                <th className="number">LiDAR points</th>
+              </tr>
+            </thead>
+            <tbody>
+              {near.map((object) => (
+                <tr key={object.track_id} aria-selected={object.track_id === chosen}>
+                  <td>
+                    <button
+                      type="button"
+                      className="link"
+                      aria-pressed={object.track_id === chosen}
+                      onClick={() => onChoose(object.track_id === chosen ? null : object.track_id)}
+                    >
+                      <span className="dot" style={{ "--colour": `rgb(${object.colour.join(",")})` } as React.CSSProperties} />
+                      {object.class_name}
+                    </button>
+                  </td>
+                  <td className="number">{object.track_id}</td>
+                  <td className="number">{distance(object).toFixed(1)}</td>
+                  <td className="number">{object.speed_m_s.toFixed(1)}</td>
+                  <td className="number">{object.num_lidar_points ?? "–"}</td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+        </div>
+      </section>
+      {row && (
+        <section className="panel" aria-label="Label of the chosen object">
+          <header className="panel-head">
+            <h2>Label</h2>
+            <span className="muted">
+              {row.sensor}, track {chosen}
+            </span>
+          </header>
+          <dl className="fact-list">
+            {Object.entries(row.values).map(([column, value]) => (
+              <Fact key={column} name={column} value={reading(value)} />
+            ))}
+          </dl>
+        </section>
+      )}
+    </div>
+  );
+}
+
+function chosenRow(frame: FrameMessage, chosen: number | null) {
+  if (chosen === null) return null;
+  for (const [sensor, objects] of Object.entries(frame.camera_objects)) {
+    const found = objects.find((object) => object.track_id === chosen);
+    if (found) return { sensor, values: found.row };
+  }
+  return null;
+}
+
+function Fact({ name, value }: { name: string; value: string }) {
+  return (
+    <div>
+      <dt>{name}</dt>
+      <dd>{value}</dd>
+    </div>
+  );
+}
+
+function distance({ ego_from_box: m }: FrameObject): number {
+  return Math.hypot(m[0]?.[3] ?? 0, m[1]?.[3] ?? 0, m[2]?.[3] ?? 0);
+}
+
+function number(value: number | null | undefined): string {
+  return value === null || value === undefined ? "–" : value.toFixed(2);
+}
+
+function reading(value: unknown): string {
+  if (typeof value === "number") return Number.isInteger(value) ? String(value) : value.toPrecision(5);
+  if (Array.isArray(value)) return value.map(reading).join(", ");
+  if (value === null || value === undefined) return "–";
+  return typeof value === "object" ? JSON.stringify(value) : String(value as string | boolean);
+}

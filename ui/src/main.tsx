@@ -1,0 +1,16 @@
+import { createRoot } from "react-dom/client";
+import { connect } from "./api/live";
+import { Shell } from "./app/Shell";
+import { applyTheme } from "./app/theme";
+import { receiveConfig } from "./state/draft";
+import "./styles/base.css";
+import "./styles/controls.css";
+import "./styles/shell.css";
+import "./styles/configure.css";
+import "./styles/run.css";
+import "./styles/datasets.css";
+
+applyTheme();
+connect(receiveConfig);
+const root = document.getElementById("root");
+if (root) createRoot(root).render(<Shell />);

@@ -1,0 +1,159 @@
+import { lazy, Suspense, useCallback, useEffect, useMemo, useState, type KeyboardEvent } from "react";
+import { useAnswer } from "../api/useAnswer";
+import type { RigPreset, SchemaMessage } from "../api/types";
+import { dispatch, edit } from "../state/draft";
+import { getAt, setAt, type JsonObject } from "../state/json";
+import type { SchemaNode } from "../form/schema";
+import type { CoverageChoice } from "./CoverageLayer";
+import { Inspector } from "./Inspector";
+import { mountsOf, type VehicleShape } from "./mounts";
+import { PlanView } from "./PlanView";
+import { SIDE, TOP } from "./plane";
+import { RigToolbar } from "./RigToolbar";
+import { SensorList } from "./SensorList";
+import {
+  sensorsOf,
+  unfolded,
+  viewOf,
+  without,
+  withCopies,
+  withMirrored,
+  withPoses,
+  type PresetSensors,
+} from "./sensors";
+import { RigContext, type Rig } from "./useRig";
+import { ViewFrame } from "./ViewFrame";
+
+const View3D = lazy(() => import("./View3D"));
+const NONE: PresetSensors = [];
+
+/** Sensors on the car: views, list and numbers of one document, always in step. */
+export function RigEditor({ document, schema }: { document: JsonObject; schema: SchemaMessage }) {
+  const [selected, setSelected] = useState<readonly string[]>([]);
+  const [trueRanges, setTrueRanges] = useState(false);
+  const [coverage, setCoverage] = useState<CoverageChoice>("off");
+  const [mode, setMode] = useState<"translate" | "rotate">("translate");
+  const [large, setLarge] = useState<string | null>(null);
+
+  const named = getAt(document, ["rig", "preset"]);
+  const preset = useAnswer<RigPreset>(typeof named === "string" ? `/presets/rig/${named}` : null);
+  const presetSensors = (preset.data?.sensors as JsonObject[] | undefined) ?? NONE;
+  const blueprint = getAt(document, ["ego", "blueprint"]) ?? "vehicle.tesla.model3";
+  const shape = useAnswer<VehicleShape>(`/vehicles/${encodeURIComponent(String(blueprint))}`);
+
+  const sensors = useMemo(() => sensorsOf(document, presetSensors), [document, presetSensors]);
+  const mounts = useMemo(() => (shape.data ? mountsOf(shape.data) : []), [shape.data]);
+  const change = useCallback(
+    (make: (now: JsonObject) => JsonObject, gesture?: string) =>
+      edit((now) => make(unfolded(now, presetSensors)), gesture),
+    [presetSensors],
+  );
+  const endGesture = useCallback(() => dispatch({ type: "endGesture" }), []);
+
+  const rig: Rig = useMemo(() => {
+    const copied = (make: (now: JsonObject) => [JsonObject, string[]]) => {
+      let ids: string[] = [];
+      change((now) => {
+        const [next, made] = make(now);
+        ids = made;
+        return next;
+      });
+      setSelected(ids);
+    };
+    return {
+      document,
+      sensors,
+      shape: shape.data,
+      mounts,
+      selected,
+      select: setSelected,
+      trueRanges,
+      view: (sensor) => viewOf(sensor, document),
+      pose: (ids, how, gesture) => change((now) => withPoses(now, ids, how), gesture),
+      endGesture,
+      remove: (ids) => {
+        change((now) => without(now, ids));
+        setSelected([]);
+      },
+      duplicate: (ids) => copied((now) => withCopies(now, ids)),
+      mirror: (ids) => copied((now) => withMirrored(now, ids)),
+    };
+  }, [document, sensors, shape.data, mounts, selected, trueRanges, change, endGesture]);
+
+  useEffect(() => {
+    const known = new Set(sensors.map((sensor) => sensor.id));
+    setSelected((now) => (now.every((id) => known.has(id)) ? now : now.filter((id) => known.has(id))));
+  }, [sensors]);
+
+  const keys = (event: KeyboardEvent<HTMLElement>) => {
+    if ((event.target as HTMLElement).closest("input, select, textarea")) return;
+    const command = event.ctrlKey || event.metaKey;
+    const key = event.key.toLowerCase();
+    if ((key === "delete" || key === "backspace") && selected.length > 0) rig.remove(selected);
+    else if (command && key === "d" && selected.length > 0) rig.duplicate(selected);
+    else if (key === "escape") setSelected([]);
+    else if (!command && key === "w") setMode("translate");
+    else if (!command && key === "e") setMode("rotate");
+    else return;
+    event.preventDefault();
+  };
+
+  const enlarge = (name: string) => ({
+    large: large === name,
+    toggle: () => setLarge(large === name ? null : name),
+  });
+  return (
+    <RigContext.Provider value={rig}>
+      <section className="panel rig" aria-label="Sensor rig" onKeyDown={keys}>
+        <RigToolbar
+          schema={schema}
+          coverage={coverage}
+          onCoverage={setCoverage}
+          onTrueRanges={() => setTrueRanges(!trueRanges)}
+          onPreset={(name) =>
+            edit((now) => setAt(setAt(now, ["rig", "sensors"], []), ["rig", "preset"], name))
+          }
+        />
+        <div className={`views${large ? ` views-large views-${large}` : ""}`}>
+          <PlanView plane={TOP} coverage={coverage} actions={<ViewFrame.Enlarge name="Top" {...enlarge("top")} />} />
+          <section className="view view-3d" aria-label="3D view">
+            <header className="view-head">
+              <h3>3D</h3>
+              <span className="spacer" />
+              <div className="segments small" role="group" aria-label="Gizmo">
+                {(["translate", "rotate"] as const).map((one) => (
+                  <button
+                    key={one}
+                    type="button"
+                    className="segment"
+                    aria-pressed={mode === one}
+                    title={one === "translate" ? "Move (W)" : "Rotate (E)"}
+                    onClick={() => setMode(one)}
+                  >
+                    {one === "translate" ? "Move" : "Rotate"}
+                  </button>
+                ))}
+              </div>
+              <ViewFrame.Enlarge name="3D" {...enlarge("3d")} />
+            </header>
+            <div className="view-body">
+              <Suspense fallback={<p className="empty">Loading the 3D view…</p>}>
+                <View3D mode={mode} />
+              </Suspense>
+            </div>
+          </section>
+          <PlanView plane={SIDE} actions={<ViewFrame.Enlarge name="Side" {...enlarge("side")} />} />
+        </div>
+      </section>
+      <aside className="panel sensors" aria-label="Sensors and their settings" onKeyDown={keys}>
+        <header className="panel-head">
+          <h2>Sensors</h2>
+          <span className="muted">{sensors.length}</span>
+          {typeof named === "string" && <span className="badge">preset {named}</span>}
+        </header>
+        <SensorList />
+        <Inspector schema={schema.config_schema as SchemaNode} />
+      </aside>
+    </RigContext.Provider>
+  );
+}

@@ -1,0 +1,80 @@
+import { useEffect, useRef, useState } from "react";
+import { ApiError, post, postForBlob, sentence } from "../api/client";
+import { getAt } from "../state/json";
+import { Icon } from "../ui/Icon";
+import type { RigSensor } from "./sensors";
+import { useRig } from "./useRig";
+
+const SILENCE_MS = 120;
+const WARMING_MS = 900;
+
+/** A live picture through a sensor, asked anew whenever it is moved. */
+export function SensorPreview({ sensor }: { sensor: RigSensor }) {
+  const rig = useRig();
+  const [on, setOn] = useState(false);
+  const [picture, setPicture] = useState<string | null>(null);
+  const [state, setState] = useState("");
+  const own = sensor.index === null ? null : getAt(rig.document, ["rig", "sensors", sensor.index]);
+  const wanted = JSON.stringify([own, rig.document.map, rig.document.weather, rig.document.ego]);
+  const shown = useRef<string | null>(null);
+  const body = useRef({ config: rig.document, sensor: own });
+  body.current = { config: rig.document, sensor: own };
+
+  useEffect(() => {
+    if (!on) return;
+    const stop = new AbortController();
+    let timer = window.setTimeout(ask, SILENCE_MS);
+    async function ask() {
+      setState((now) => now || "drawing…");
+      try {
+        const blob = await postForBlob("/preview", { ...body.current, width: 640 }, stop.signal);
+        if (shown.current) URL.revokeObjectURL(shown.current);
+        shown.current = URL.createObjectURL(blob);
+        setPicture(shown.current);
+        setState("");
+      } catch (error) {
+        if (stop.signal.aborted) return;
+        if (error instanceof ApiError && error.answer.code === "warming") {
+          setState("starting the simulator…");
+          timer = window.setTimeout(ask, WARMING_MS);
+        } else setState(sentence(error));
+      }
+    }
+    return () => {
+      stop.abort();
+      window.clearTimeout(timer);
+    };
+  }, [on, wanted]);
+
+  useEffect(
+    () => () => {
+      if (shown.current) URL.revokeObjectURL(shown.current);
+    },
+    [],
+  );
+
+  if (!on)
+    return (
+      <button
+        type="button"
+        className="button wide"
+        onClick={() => {
+          setOn(true);
+          post("/preview/warm").catch((error: unknown) => setState(sentence(error)));
+        }}
+      >
+        <Icon name="eye" /> Preview through this sensor
+      </button>
+    );
+  return (
+    <figure className="sensor-preview" aria-busy={state !== ""}>
+      {picture ? <img src={picture} alt={`View through ${sensor.id}`} /> : <div className="preview-blank" />}
+      <figcaption>
+        <span role="status">{state || "live: follows every change"}</span>
+        <button type="button" className="button small" onClick={() => setOn(false)}>
+          Close
+        </button>
+      </figcaption>
+    </figure>
+  );
+}

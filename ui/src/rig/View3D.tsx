@@ -1,0 +1,91 @@
+import { useEffect, useRef, useState } from "react";
+import { useTheme } from "../app/theme";
+import { RigStage } from "../three/RigStage";
+import type { Pose } from "./frames";
+import { drawnReach, useRig, type Rig } from "./useRig";
+
+declare global {
+  interface Window {
+    /** For tests of the gizmo: where a point of the car is on the canvas. */
+    carstage3d?: { project(x: number, y: number, z: number): [number, number]; drawn(): number };
+  }
+}
+
+/** The rig in 3D; loaded when it is first shown, with three.js. */
+export default function View3D({ mode }: { mode: "translate" | "rotate" }) {
+  const rig = useRig();
+  const host = useRef<HTMLDivElement>(null);
+  const [stage, setStage] = useState<RigStage | null>(null);
+  const [failed, setFailed] = useState(false);
+  const [theme] = useTheme();
+  const current = useRef<Rig>(rig);
+  current.current = rig;
+
+  useEffect(() => {
+    if (!host.current) return;
+    let made: RigStage;
+    try {
+      made = new RigStage(host.current, {
+        pick: (id) => current.current.select(id === null ? [] : [id]),
+        drag: (pose) => dragTo(current.current, pose),
+        dropped: () => current.current.endGesture(),
+      });
+    } catch (error) {
+      console.info("no WebGL", error);
+      setFailed(true);
+      return;
+    }
+    setStage(made);
+    window.carstage3d = { project: (x, y, z) => made.project(x, y, z), drawn: () => made.drawn };
+    return () => {
+      delete window.carstage3d;
+      made.dispose();
+      setStage(null);
+    };
+  }, []);
+
+  useEffect(() => {
+    stage?.recolour();
+    stage?.showCar(rig.shape);
+  }, [stage, rig.shape, theme]);
+
+  useEffect(() => {
+    stage?.showSensors(rig.sensors, rig.selected, (sensor) => {
+      const view = rig.view(sensor);
+      return { view, distance: view ? drawnReach(view, rig.trueRanges) * (rig.trueRanges ? 1 : 0.55) : 0 };
+    });
+    stage?.hold(leader(rig)?.pose ?? null);
+  }, [stage, rig, theme]);
+
+  useEffect(() => stage?.mode(mode), [stage, mode]);
+
+  if (failed)
+    return <p className="empty">This browser shows no 3D (no WebGL). The top and side views do all the same.</p>;
+  return <div ref={host} className="stage-host" data-ready={stage !== null} />;
+}
+
+function leader(rig: Rig) {
+  return rig.sensors.find((sensor) => sensor.onEgo && rig.selected.includes(sensor.id));
+}
+
+/** The leading sensor takes the gizmo's pose; what is chosen with it moves along and turns as much. */
+function dragTo(rig: Rig, goal: Pose): void {
+  const lead = leader(rig);
+  if (!lead) return;
+  const from = lead.pose;
+  rig.pose(
+    rig.selected,
+    (pose, id) =>
+      id === lead.id
+        ? goal
+        : {
+            x: pose.x + goal.x - from.x,
+            y: pose.y + goal.y - from.y,
+            z: pose.z + goal.z - from.z,
+            roll_deg: pose.roll_deg + goal.roll_deg - from.roll_deg,
+            pitch_deg: pose.pitch_deg + goal.pitch_deg - from.pitch_deg,
+            yaw_deg: pose.yaw_deg + goal.yaw_deg - from.yaw_deg,
+          },
+    "gizmo",
+  );
+}

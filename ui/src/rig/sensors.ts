@@ -1,0 +1,203 @@
+import { getAt, isObject, setAt, type Json, type JsonObject } from "../state/json";
+import type { Pose } from "./frames";
+import { wrapDegrees } from "./frames";
+import { isCamera, kindInfo } from "./kinds";
+
+/** A sensor of the document with every number filled in. */
+export interface RigSensor {
+  id: string;
+  kind: string;
+  pose: Pose;
+  attributes: JsonObject;
+  onEgo: boolean;
+  /** Place in `rig.sensors`; null: it comes from `rig.preset` and is copied when it is changed. */
+  index: number | null;
+}
+
+const ANGLES = ["roll_deg", "pitch_deg", "yaw_deg"] as const;
+const PLACES = ["x", "y", "z"] as const;
+
+/** Sensors as plain JSON of `rig.preset`, or none while they are not known. */
+export type PresetSensors = readonly JsonObject[];
+
+function number(value: Json | undefined, otherwise = 0): number {
+  return typeof value === "number" && Number.isFinite(value) ? value : otherwise;
+}
+
+export function poseOf(value: Json | undefined): Pose {
+  const pose = isObject(value) ? value : {};
+  return {
+    x: number(pose.x),
+    y: number(pose.y),
+    z: number(pose.z),
+    roll_deg: number(pose.roll_deg),
+    pitch_deg: number(pose.pitch_deg),
+    yaw_deg: number(pose.yaw_deg),
+  };
+}
+
+function rigSensor(value: Json, index: number | null): RigSensor | null {
+  if (!isObject(value)) return null;
+  return {
+    id: String(value.id ?? ""),
+    kind: String(value.kind ?? ""),
+    pose: poseOf(value.pose),
+    attributes: isObject(value.attributes) ? value.attributes : {},
+    onEgo: (value.attach_to ?? "ego") === "ego",
+    index,
+  };
+}
+
+/** All sensors of the rig, those of the preset first. */
+export function sensorsOf(document: JsonObject, preset: PresetSensors): RigSensor[] {
+  const listed = getAt(document, ["rig", "sensors"]);
+  const named = getAt(document, ["rig", "preset"]);
+  const from = typeof named === "string" ? preset.map((one) => rigSensor(one, null)) : [];
+  const own = Array.isArray(listed) ? listed.map((one, index) => rigSensor(one, index)) : [];
+  return [...from, ...own].filter((one) => one !== null);
+}
+
+/** The document with the preset's sensors written out, so that they can be changed. */
+export function unfolded(document: JsonObject, preset: PresetSensors): JsonObject {
+  if (typeof getAt(document, ["rig", "preset"]) !== "string") return document;
+  const listed = getAt(document, ["rig", "sensors"]);
+  const all = [...preset, ...(Array.isArray(listed) ? listed : [])];
+  return setAt(setAt(document, ["rig", "sensors"], all as Json[]), ["rig", "preset"], undefined);
+}
+
+function list(document: JsonObject): JsonObject[] {
+  const listed = getAt(document, ["rig", "sensors"]);
+  return Array.isArray(listed) ? listed.filter(isObject) : [];
+}
+
+function withList(document: JsonObject, sensors: JsonObject[]): JsonObject {
+  return setAt(document, ["rig", "sensors"], sensors);
+}
+
+function tidy(value: number): number {
+  return Math.round(value * 1e4) / 1e4;
+}
+
+/** Poses rounded to a tenth of a millimetre; zeros stay out of the document, as one would write it. */
+export function poseJson(pose: Pose): JsonObject {
+  const made: JsonObject = {};
+  for (const key of PLACES) if (tidy(pose[key]) !== 0) made[key] = tidy(pose[key]);
+  for (const key of ANGLES) {
+    const angle = tidy(wrapDegrees(pose[key]));
+    if (angle !== 0) made[key] = angle;
+  }
+  return made;
+}
+
+/** Give sensors another pose. */
+export function withPoses(
+  document: JsonObject,
+  ids: readonly string[],
+  change: (pose: Pose, id: string) => Pose,
+): JsonObject {
+  return withList(
+    document,
+    list(document).map((sensor) =>
+      ids.includes(String(sensor.id))
+        ? { ...sensor, pose: poseJson(change(poseOf(sensor.pose), String(sensor.id))) }
+        : sensor,
+    ),
+  );
+}
+
+/** A name that is not taken: `CAM`, `CAM_2`, … */
+export function freeName(wanted: string, taken: readonly string[]): string {
+  if (!taken.includes(wanted)) return wanted;
+  const stem = wanted.replace(/_\d+$/, "");
+  for (let n = 2; ; n += 1) if (!taken.includes(`${stem}_${n}`)) return `${stem}_${n}`;
+}
+
+export function withSensor(document: JsonObject, kind: string, pose: Pose): [JsonObject, string] {
+  const sensors = list(document);
+  const id = freeName(kindInfo(kind).short, sensors.map((one) => String(one.id)));
+  return [withList(document, [...sensors, { id, kind, pose: poseJson(pose), attributes: {} }]), id];
+}
+
+export function without(document: JsonObject, ids: readonly string[]): JsonObject {
+  return withList(document, list(document).filter((one) => !ids.includes(String(one.id))));
+}
+
+export function withCopies(document: JsonObject, ids: readonly string[]): [JsonObject, string[]] {
+  const sensors = list(document);
+  const taken = sensors.map((one) => String(one.id));
+  const copies = sensors
+    .filter((one) => ids.includes(String(one.id)))
+    .map((one) => {
+      const id = freeName(String(one.id), taken);
+      taken.push(id);
+      // Aside, so that it is seen; several in one place keep their place among each other.
+      const pose = poseOf(one.pose);
+      return { ...structuredClone(one), id, pose: poseJson({ ...pose, y: pose.y + 0.2 }) };
+    });
+  return [withList(document, [...sensors, ...copies]), copies.map((one) => String(one.id))];
+}
+
+/** Copies on the other side of the car; a name that says the side changes it. */
+export function withMirrored(document: JsonObject, ids: readonly string[]): [JsonObject, string[]] {
+  const sensors = list(document);
+  const taken = sensors.map((one) => String(one.id));
+  const copies = sensors
+    .filter((one) => ids.includes(String(one.id)))
+    .map((one) => {
+      const id = freeName(mirrorName(String(one.id)), taken);
+      taken.push(id);
+      return { ...structuredClone(one), id, pose: poseJson(mirrored(poseOf(one.pose))) };
+    });
+  return [withList(document, [...sensors, ...copies]), copies.map((one) => String(one.id))];
+}
+
+export function mirrored(pose: Pose): Pose {
+  return { ...pose, y: -pose.y, yaw_deg: -pose.yaw_deg, roll_deg: -pose.roll_deg };
+}
+
+export function mirrorName(id: string): string {
+  const swap: Record<string, string> = { LEFT: "RIGHT", RIGHT: "LEFT", left: "right", right: "left" };
+  return id.replace(/LEFT|RIGHT|left|right/g, (side) => swap[side] ?? side);
+}
+
+/** Horizontal and vertical field of view of a camera, degrees, as a pinhole. */
+export function cameraAngles(sensor: RigSensor, document: JsonObject): { h: number; v: number } {
+  const h = number(sensor.attributes.fov_deg ?? sensor.attributes.fov, 90);
+  const size = sensor.attributes.image_size ?? getAt(document, ["image_size"]);
+  const [width, height] = Array.isArray(size) ? [number(size[0], 640), number(size[1], 360)] : [640, 360];
+  const half = (Math.tan((Math.min(h, 179) * Math.PI) / 360) * height) / Math.max(width, 1);
+  return { h, v: (Math.atan(half) * 360) / Math.PI };
+}
+
+/** What a sensor looks at. */
+export type View =
+  | { shape: "pyramid"; h: number; v: number; range: number }
+  | { shape: "cone"; h: number; v: number; range: number }
+  | { shape: "sweep"; h: number; upper: number; lower: number; channels: number; range: number };
+
+export function viewOf(sensor: RigSensor, document: JsonObject): View | null {
+  const { attributes: a } = sensor;
+  if (isCamera(sensor.kind))
+    return {
+      shape: "pyramid",
+      ...cameraAngles(sensor, document),
+      range: number(getAt(document, ["max_distance_m"]), 80),
+    };
+  if (sensor.kind === "radar")
+    return {
+      shape: "cone",
+      h: number(a.horizontal_fov_deg ?? a.horizontal_fov, 30),
+      v: number(a.vertical_fov_deg ?? a.vertical_fov, 30),
+      range: number(a.range_m ?? a.range, 100),
+    };
+  if (kindInfo(sensor.kind).modality === "lidar")
+    return {
+      shape: "sweep",
+      h: number(a.horizontal_fov_deg ?? a.horizontal_fov, 360),
+      upper: number(a.upper_fov_deg ?? a.upper_fov, 10),
+      lower: number(a.lower_fov_deg ?? a.lower_fov, -30),
+      channels: number(a.channels, 64),
+      range: number(a.range_m ?? a.range, 100),
+    };
+  return null;
+}

@@ -1,0 +1,40 @@
+import { createContext, useContext } from "react";
+import type { JsonObject } from "../state/json";
+import type { Pose } from "./frames";
+import type { Mount, VehicleShape } from "./mounts";
+import type { RigSensor, View } from "./sensors";
+
+/** What all parts of the rig editor share. */
+export interface Rig {
+  document: JsonObject;
+  sensors: readonly RigSensor[];
+  shape: VehicleShape | null;
+  mounts: readonly Mount[];
+  selected: readonly string[];
+  select(ids: readonly string[]): void;
+  view(sensor: RigSensor): View | null;
+  /** Draw fields of view as far as they reach, not as symbols. */
+  trueRanges: boolean;
+  /** Move or turn sensors; one gesture is one undo step. */
+  pose(ids: readonly string[], change: (pose: Pose, id: string) => Pose, gesture?: string): void;
+  endGesture(): void;
+  remove(ids: readonly string[]): void;
+  duplicate(ids: readonly string[]): void;
+  mirror(ids: readonly string[]): void;
+}
+
+export const RigContext = createContext<Rig | null>(null);
+
+export function useRig(): Rig {
+  const rig = useContext(RigContext);
+  if (!rig) throw new Error("a part of the rig editor stands outside of it");
+  return rig;
+}
+
+const SYMBOL_M: Record<View["shape"], number> = { pyramid: 2.2, cone: 2.8, sweep: 3.4 };
+const MOST_M = 120;
+
+/** How far to draw what a sensor sees, metres. */
+export function drawnReach(view: View, trueRanges: boolean): number {
+  return trueRanges ? Math.min(view.range, MOST_M) : Math.min(SYMBOL_M[view.shape], view.range);
+}

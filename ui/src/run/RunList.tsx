@@ -1,0 +1,36 @@
+import { href } from "../app/routes";
+import type { RunSummary } from "../api/types";
+import { day, percent } from "../ui/format";
+import { isActive, told } from "./states";
+
+/** The queue and what has been, newest first. */
+export function RunList({ runs, chosen }: { runs: readonly RunSummary[]; chosen: string }) {
+  return (
+    <aside className="panel run-list" aria-label="All runs">
+      <header className="panel-head">
+        <h2>Runs</h2>
+        <span className="muted">{runs.length}</span>
+      </header>
+      <ul>
+        {runs.map((run) => {
+          const { text, tone } = told(run);
+          return (
+            <li key={run.run_id}>
+              <a
+                className="run-row"
+                href={href({ page: "run", run: run.run_id })}
+                aria-current={run.run_id === chosen ? "true" : undefined}
+              >
+                <span className="run-name">{run.name}</span>
+                <span className={`badge badge-${tone}`}>{isActive(run) ? percent(run.progress ?? 0) : text}</span>
+                <span className="muted run-when">
+                  {run.dataset.replaceAll("~", "/")} · {day(run.started)}
+                </span>
+              </a>
+            </li>
+          );
+        })}
+      </ul>
+    </aside>
+  );
+}

@@ -158,6 +158,20 @@ class CollectorProcess:
             )
         return [self._parse(line) for line in lines if line.strip()]
 
+    def tell(self, line: str) -> None:
+        """Write a line to its standard input, for a module that reads there.
+
+        Raises:
+            CollectorError: it does not read any more.
+        """
+        stream = self._started.stdin
+        assert stream is not None
+        try:
+            stream.write(line.encode() + b"\n")
+            stream.flush()
+        except BrokenPipeError as error:
+            raise CollectorError("The collector has ended.", f"See {self._log_path}.") from error
+
     def stop(self) -> None:
         """Ask it to end after the frame that it is at."""
         self._started.terminate()

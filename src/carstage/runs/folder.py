@@ -13,13 +13,15 @@ from dataclasses import asdict, dataclass, field
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import psutil
 
-from carstage.config import Config, dump_config
-from carstage.plan import EpisodeSpec
 from carstage.storage.disk import disk_error
+
+if TYPE_CHECKING:
+    from carstage.config import Config
+    from carstage.plan import EpisodeSpec
 
 FORMAT_VERSION = 1
 State = Literal["planning", "starting", "recording", "converting", "done", "failed", "interrupted"]
@@ -131,6 +133,8 @@ class RunFolder:
 
     def write_plan(self, config: Config, episodes: Sequence[EpisodeSpec]) -> None:
         """Write ``plan.json``."""
+        from carstage.config import dump_config
+
         document = {
             "format_version": FORMAT_VERSION,
             "run_id": self.run_id,

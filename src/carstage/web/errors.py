@@ -114,13 +114,12 @@ async def _system(_request: Request, error: Exception) -> JSONResponse:
     )
 
 
-async def _bug(request: Request, error: Exception) -> JSONResponse:
-    _log.error("a bug: %s %s", request.method, request.url.path, exc_info=error)
+async def _bug(_request: Request, error: Exception) -> JSONResponse:
     return answer(
         WebError(
             500,
             f"This is a bug in Car-STAGE ({type(error).__name__}).",
             "The terminal of `carstage gui` shows the details; please report them.",
-            code="bug",
+            code="bug",  # which the server logs with its traceback
         )
     )

@@ -19,6 +19,7 @@ from pydantic import ValidationError
 
 from carstage.web.config_store import ConfigStore
 from carstage.web.job_service import JobService
+from carstage.web.loading import load
 from carstage.web.messages import (
     Channel,
     ChannelsMessage,
@@ -131,6 +132,7 @@ class LiveHub:
     async def look_on(self) -> None:
         """Look until cancelled."""
         self._loop = asyncio.get_running_loop()
+        await asyncio.to_thread(load)
         number = 0
         while True:
             try:
@@ -150,6 +152,7 @@ class LiveHub:
             await socket.close(_TRY_AGAIN_LATER, "too many connections")
             return
         client = _Client(socket)
+        await asyncio.to_thread(load)
         client.tell(await asyncio.to_thread(self._snapshot))
         self._clients.add(client)
         sender = asyncio.create_task(self._send(client))

@@ -11,7 +11,6 @@ from typing import Any
 from carstage.errors import BadInputError
 from carstage.runs.folder import new_run_id
 from carstage.runs.launching import StopError, ask_to_stop
-from carstage.runs.server_lock import server_key
 from carstage.web.checking import ConfigChecker
 from carstage.web.config_store import ConfigStore
 from carstage.web.errors import WebError, not_found
@@ -96,6 +95,7 @@ class RunService:
         if sum(launch.queued for launch in self._launches.all()) >= _MOST_QUEUED:
             raise WebError(409, f"{_MOST_QUEUED} runs are queued already.", "Wait for their end.")
         from carstage.config import dump_config
+        from carstage.runs.server_lock import server_key
 
         out = self._roots.new(request.dataset)
         run_id = new_run_id()
@@ -194,6 +194,7 @@ class RunService:
             return "here"
         try:
             from carstage.config import check_config
+            from carstage.runs.server_lock import server_key
 
             return server_key(check_config({"server": plan.config.get("server", {})}))
         except BadInputError:

@@ -19,6 +19,7 @@ from carstage.web.job_service import JobService
 from carstage.web.label_tables import LabelTables
 from carstage.web.launches import Launches
 from carstage.web.live import LiveHub
+from carstage.web.loading import load
 from carstage.web.messages import ConfigState
 from carstage.web.pictures import Pictures
 from carstage.web.previews import Previews
@@ -83,6 +84,7 @@ class Services:
 
     def warm_up(self) -> None:
         """Do early what the first request for it would have to wait for."""
+        load()
         try:
             self.schema.message()
             self.description.message()

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
+from carstage.web.loading import load
 from carstage.web.messages import ErrorMessage
 from carstage.web.services import Services
 
@@ -27,6 +28,7 @@ BUSY: Responses = {
 
 
 def _services(connection: HTTPConnection) -> Services:
+    load()
     services: Services = connection.app.state.services
     return services
 

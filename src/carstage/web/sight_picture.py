@@ -1,0 +1,33 @@
+"""One record of a sensor as the picture of its preview."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from carstage.dataset.report.drawing import birds_eye_view
+from carstage.geometry import pose_matrix, transform_points
+from carstage.plan import SensorSpec
+from carstage.rawlog.newest import NewRecord
+from carstage.web.previewer import draw_record
+from carstage.web.sensor_views import IMAGE_KINDS, RADAR, jpeg, scaled
+
+_QUALITY = 85
+
+
+def sight_picture(sensor: SensorSpec, server: str, record: NewRecord, width: int) -> bytes:
+    """JPEG: of a camera what it sees, of LiDAR and radar their points from above."""
+    drawn = draw_record(sensor.kind, server, record, width)
+    if sensor.kind in IMAGE_KINDS:
+        return drawn
+    points = np.frombuffer(drawn, "<f4").reshape(-1, 4).astype(np.float64)
+    pose = sensor.pose
+    ego_from_sensor = pose_matrix(
+        [pose.x_m, pose.y_m, pose.z_m], [pose.pitch_deg, pose.yaw_deg, pose.roll_deg]
+    )
+    places = transform_points(ego_from_sensor, points[:, :3])
+    if sensor.kind == RADAR:
+        rates = points[:, 3].astype(np.float32)
+        picture = birds_eye_view(np.zeros((0, 3)), [], [(places, rates)])
+    else:
+        picture = birds_eye_view(places, [])
+    return jpeg(scaled(picture, width), _QUALITY)

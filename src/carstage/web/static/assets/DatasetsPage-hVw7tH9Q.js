@@ -1,1 +1,0 @@
-import{y as e}from"./index-1qrKpAbi.js";var t=e();function n(e){return(0,t.jsx)(`main`,{})}export{n as default};

@@ -103,7 +103,7 @@ interface MarkProps {
 function ObjectMark({ object, overlays, chosen, sensor, onChoose }: MarkProps) {
   const colour = `rgb(${object.colour.join(",")})`;
   const box = object.bbox_modal ?? object.bbox_amodal;
-  const size = Math.max(9, sensor.width / 62);
+  const size = sensor.width / 58;
   return (
     <g
       className={`object${chosen ? " object-chosen" : ""}${object.visible ? "" : " object-hidden"}`}
@@ -115,7 +115,7 @@ function ObjectMark({ object, overlays, chosen, sensor, onChoose }: MarkProps) {
       {box && (overlays.boxes2d || chosen) && <rect {...rectangle(box)} />}
       {box && <rect className="object-hit" {...rectangle(box)} />}
       {box && (overlays.boxes2d || chosen) && (box[2] ?? 0) - (box[0] ?? 0) > sensor.width * 0.035 && (
-        <text x={box[0]} y={Math.max((box[1] ?? 0) - 3, size)} fontSize={size} style={{ fill: colour }}>
+        <text x={box[0]} y={Math.max((box[1] ?? 0) - 3, size)} fontSize={size} strokeWidth={size / 4} style={{ fill: colour }}>
           {object.class_name}
           {object.distance_m === null ? "" : ` ${object.distance_m?.toFixed(0)} m`}
         </text>

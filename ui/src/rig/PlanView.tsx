@@ -24,7 +24,11 @@ export function PlanView({ plane, coverage = "off", actions }: Props) {
   const [ref, size] = useSize<SVGSVGElement>();
   const [low, high] = useMemo(() => bounds(rig, plane, coverage), [rig, plane, coverage]);
   const { screen, ground, zoom, reset } = usePlaneCamera(ref, size, low, high);
-  const stacks = useMemo(() => stacksOf(rig.sensors), [rig.sensors]);
+  // What is nearer to the eye is drawn last, and so is on top.
+  const stacks = useMemo(
+    () => stacksOf(rig.sensors).sort((a, b) => plane.depth(a.pose) - plane.depth(b.pose)),
+    [rig.sensors, plane],
+  );
   const chosen = new Set(rig.selected);
   const ordered = [...rig.sensors].sort((a, b) => Number(chosen.has(a.id)) - Number(chosen.has(b.id)));
   return (

@@ -8,6 +8,8 @@ export interface Plane {
   axes: string;
   /** From vehicle coordinates to the plane, metres. */
   flat(v: Vector): Point;
+  /** How near to the eye. */
+  depth(pose: Pose): number;
   /** A pose moved within the plane. */
   moved(pose: Pose, by: Point): Pose;
   /** The angle that the handle turns, and the direction that it points to, degrees. */
@@ -20,6 +22,7 @@ export const TOP: Plane = {
   title: "Top",
   axes: "x ↑ forward, y → right",
   flat: ([x, y]) => [y, x],
+  depth: ({ z }) => z,
   moved: (pose, [u, v]) => ({ ...pose, x: pose.x + v, y: pose.y + u }),
   // On the screen forward is up: yaw grows clockwise from there.
   turned: (pose, angle) => ({ ...pose, yaw_deg: 90 - angle }),
@@ -31,6 +34,7 @@ export const SIDE: Plane = {
   title: "Side",
   axes: "x → forward, z ↑ up",
   flat: ([x, , z]) => [x, z],
+  depth: ({ y }) => y,
   moved: (pose, [u, v]) => ({ ...pose, x: pose.x + u, z: pose.z + v }),
   turned: (pose, angle) => ({ ...pose, pitch_deg: pitchFrom(angle, facesBack(pose)) }),
   angle: (pose) => (facesBack(pose) ? 180 - pose.pitch_deg : pose.pitch_deg),

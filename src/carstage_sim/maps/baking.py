@@ -26,7 +26,14 @@ from carstage_sim.maps.levels import station_levels
 from carstage_sim.maps.lights import light_sites
 from carstage_sim.maps.navmesh import fits_in_a_tile, navigation_file
 from carstage_sim.maps.scenery import scenery
-from carstage_sim.maps.signals import LIGHT, STOP, GovernedLane, SignalPlan, signal_plan
+from carstage_sim.maps.signals import (
+    LIGHT,
+    SPEED_LIMIT,
+    STOP,
+    GovernedLane,
+    SignalPlan,
+    signal_plan,
+)
 from carstage_sim.maps.signs import sign_sites
 from carstage_sim.maps.spawning import spawn_points
 from carstage_sim.maps.strips import (
@@ -149,7 +156,7 @@ def bake(name: str, opendrive: str, options: BakeOptions = EVERYTHING) -> Town:
         opendrive=opendrive,
         geo_reference=plan.geo_reference,
         spawn_points=spawn_points(lanes, spawn_rng),
-        lanes=driving_lanes(samples),
+        lanes=driving_lanes(samples, plan.of_kind(SPEED_LIMIT)),
         traffic_lights=lights,
         navigation=_navigation(name, walk),
         static_mesh=merge_meshes([*meshes, *stage.meshes]),

@@ -39,7 +39,7 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
         Columns of lane samples, one row each: ``location`` (N, 3) m and ``rotation_deg`` (N, 3),
         along the direction of travel, in CARLA's frame; ``width_m``, ``s_m``, ``road_id``,
         ``section_id``, ``lane_id``, ``junction_id``, ``lane_kind`` (index into ``LANE_KINDS``),
-        ``speed_limit_kmh`` (0 where the file gives none); ``inner_mark`` and ``outer_mark`` (N, 2)
+        ``inner_mark`` and ``outer_mark`` (N, 2)
         kind (index into ``MARK_KINDS``) and 1 for yellow; ``mark_width_m`` (N, 2) of those two;
         ``station`` (N,): rows of one cross-section have one number, ascending along each section.
         ``crosswalk`` (M, 3): closed outlines, one after the other. ``record``: JSON, uint8, see
@@ -51,7 +51,7 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
         key: []
         for key in (
             "location", "rotation_deg", "width_m", "s_m", "road_id", "section_id", "lane_id",
-            "junction_id", "lane_kind", "speed_limit_kmh", "inner_mark", "outer_mark",
+            "junction_id", "lane_kind", "inner_mark", "outer_mark",
             "mark_width_m", "station",
         )
     }  # fmt: skip
@@ -63,7 +63,6 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
         road_id, junction_id = int(road.get("id")), int(road.get("junction"))
         sections = road.findall("lanes/laneSection")
         starts = [float(section.get("s")) for section in sections] + [float(road.get("length"))]
-        road_limit = road.find("type/speed")
         for section_id, section in enumerate(sections):
             begin, end = starts[section_id], starts[section_id + 1]
             if end - begin < 4 * _END_M:
@@ -73,7 +72,6 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
             for lane in section.iterfind("*/lane"):
                 if lane.get("type") not in LANE_KINDS or lane.get("id") == "0":
                     continue
-                limit = lane.find("speed") if lane.find("speed") is not None else road_limit
                 for number, s_m in enumerate(stations):
                     waypoint = town.get_waypoint_xodr(road_id, int(lane.get("id")), float(s_m))
                     if waypoint is None:
@@ -90,7 +88,6 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
                         "lane_id": waypoint.lane_id,
                         "junction_id": junction_id,
                         "lane_kind": LANE_KINDS.index(lane.get("type")),
-                        "speed_limit_kmh": _kmh(limit),
                         "inner_mark": _mark(inner),
                         "outer_mark": _mark(outer),
                         "mark_width_m": (_mark_width(inner), _mark_width(outer)),
@@ -242,13 +239,6 @@ def _turns(town: carla.Map) -> list[tuple[int, int, list[str]]]:
             if not source.is_junction:
                 found[source.road_id, source.lane_id].add(turn)
     return [(road, lane, sorted(turns)) for (road, lane), turns in sorted(found.items())]
-
-
-def _kmh(speed: etree._Element | None) -> float:
-    if speed is None or not str(speed.get("max")).replace(".", "", 1).isdigit():
-        return 0.0
-    factor = {"km/h": 1.0, "mph": 1.609344}.get(speed.get("unit", "m/s"), 3.6)
-    return float(speed.get("max")) * factor
 
 
 def _mark(marking: carla.LaneMarking | None) -> tuple[int, int]:

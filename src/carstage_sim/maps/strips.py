@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,13 +10,16 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from carstage_sim.maps.signals import Signal
 from carstage_sim.maps.town import LaneSamples
 
 Samples = Mapping[str, NDArray[np.generic]]
 """The columns that ``carstage_sim.maps.opendrive.sample`` describes."""
 
-DEFAULT_LIMIT_KMH = 30.0
-"""Where a file gives no speed limit: zero would stop the client's Traffic Manager."""
+UNPOSTED_LIMIT_KMH = 30.0
+"""Before the first sign, as in CARLA."""
+_SIGN_REACH_M = 3.0
+"""A vehicle of 200 km/h is within this of a sign at one of twenty frames a second."""
 
 LANE_KINDS = (
     "driving", "shoulder", "sidewalk", "parking", "biking", "border", "median", "none", "stop",
@@ -158,19 +161,39 @@ def strips(samples: Samples, level: NDArray[np.int64]) -> list[Strip]:
     return result
 
 
-def driving_lanes(samples: Samples) -> LaneSamples:
-    """The rows of the driving lanes."""
+def driving_lanes(samples: Samples, signs: Sequence[Signal]) -> LaneSamples:
+    """The rows of the driving lanes.
+
+    Args:
+        samples: the map's.
+        signs: of speed limits. As in CARLA the limit of a vehicle is that of the last sign that it
+            passed, and 30 km/h before the first, whatever limits the roads of the file have
+            (``WheeledVehicleAIController.h``, ``SpeedLimitComponent.cpp``). Not as in CARLA, a
+            vehicle that appears on a road with signs for its direction has passed the nearest.
+    """
     rows = np.flatnonzero(samples["lane_kind"] == LANE_KINDS.index("driving"))
     column = {
         key: np.asarray(samples[key])[rows] for key in samples if key not in ("crosswalk", "record")
     }
-    posted = column["speed_limit_kmh"].astype(np.float64)
-    limit = np.where(posted > 0.0, posted, DEFAULT_LIMIT_KMH)
+    limit = np.full(len(rows), UNPOSTED_LIMIT_KMH, np.float32)
+    posted = np.zeros(len(rows), np.float32)
+    nearest_m = np.full(len(rows), np.inf)
+    is_left = column["lane_id"].astype(np.int32) > 0
+    for sign in signs:
+        for lane in sign.lanes:
+            same_road = column["road_id"] == lane.road_id
+            same_way = same_road & (is_left == (lane.lane_id > 0))
+            apart_m = np.linalg.norm(column["location"] - np.array(lane.stop), axis=1)
+            nearer = same_way & (apart_m < nearest_m)
+            limit[nearer], nearest_m[nearer] = sign.value, apart_m[nearer]
+            passed = same_way & (column["lane_id"] == lane.lane_id) & (apart_m <= _SIGN_REACH_M)
+            posted[passed] = sign.value
     return LaneSamples(
         location=column["location"].astype(np.float64),
         rotation_deg=column["rotation_deg"].astype(np.float64),
         width_m=column["width_m"].astype(np.float32),
-        speed_limit_kmh=limit.astype(np.float32),
+        speed_limit_kmh=limit,
+        posted_kmh=posted,
         road_id=column["road_id"].astype(np.int32),
         section_id=column["section_id"].astype(np.int32),
         lane_id=column["lane_id"].astype(np.int32),

@@ -22,7 +22,8 @@ class LaneSamples:
         location: ``(N, 3)`` float64 world metres.
         rotation_deg: ``(N, 3)`` float64 pitch, yaw, roll along the direction of travel.
         width_m: ``(N,)`` float32.
-        speed_limit_kmh: ``(N,)`` float32.
+        speed_limit_kmh: ``(N,)`` float32, of a vehicle that appears here.
+        posted_kmh: ``(N,)`` float32, what a sign says that is passed here; 0 for none.
         road_id, section_id, lane_id: ``(N,)`` int32, OpenDRIVE's.
         s_m: ``(N,)`` float64 along the road's reference line.
         junction_id: ``(N,)`` int32, -1 outside junctions.
@@ -32,6 +33,7 @@ class LaneSamples:
     rotation_deg: NDArray[np.float64]
     width_m: NDArray[np.float32]
     speed_limit_kmh: NDArray[np.float32]
+    posted_kmh: NDArray[np.float32]
     road_id: NDArray[np.int32]
     section_id: NDArray[np.int32]
     lane_id: NDArray[np.int32]

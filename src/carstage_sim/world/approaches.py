@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.maps.town import LaneSamples, OrientedBox, TrafficLightSite
+from carstage_sim.world.lane_graph import LaneGraph
 from carstage_sim.world.traffic_lights import Queues
 
 QUEUE_M = 60.0
@@ -32,11 +33,16 @@ class Approaches:
         self._junction_of_sample = lanes.junction_id
         self._light_of_sample = np.full(len(lanes.s_m), -1, np.int32)
         self._is_near = np.zeros(len(lanes.s_m), np.bool_)
+        nearest_m = np.full(len(lanes.s_m), np.inf)
+        graph = LaneGraph(lanes)
         for light, site in enumerate(sites):
             for box in site.trigger:
-                samples, distance_m = _before(box, lanes)
+                samples, before_m = _before(box, lanes, graph)
+                first = before_m < nearest_m[samples]  # where a lane forks, the nearer light counts
+                samples, before_m = samples[first], before_m[first]
+                nearest_m[samples] = before_m
                 self._light_of_sample[samples] = light
-                self._is_near[samples] = distance_m < NEAR_M
+                self._is_near[samples] = before_m < NEAR_M
 
     def queues(self, samples: NDArray[np.int32]) -> Queues:
         """What the detectors see.
@@ -54,15 +60,13 @@ class Approaches:
         )
 
 
-def _before(box: OrientedBox, lanes: LaneSamples) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Samples of the lane that leads through a light's trigger, and their metres before it."""
+def _before(
+    box: OrientedBox, lanes: LaneSamples, graph: LaneGraph
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Samples of the lanes that lead through a light's trigger, and their metres before it."""
     distance_m = np.linalg.norm(lanes.location - np.array(box.center), axis=1)
     distance_m[lanes.junction_id >= 0] = np.inf
     here = int(distance_m.argmin())
     if distance_m[here] > _BEYOND_M:
-        return np.zeros(0, np.intp), np.zeros(0)
-    same_lane = (lanes.road_id == lanes.road_id[here]) & (lanes.lane_id == lanes.lane_id[here])
-    # Lanes with negative numbers run along the road, the others against it.
-    before_m = (lanes.s_m[here] - lanes.s_m) * (-1.0 if lanes.lane_id[here] > 0 else 1.0)
-    samples = np.flatnonzero(same_lane & (before_m < QUEUE_M) & (before_m > -_BEYOND_M))
-    return samples, before_m[samples]
+        return np.zeros(0, np.int64), np.zeros(0)
+    return graph.before(here, QUEUE_M, _BEYOND_M)

@@ -147,7 +147,7 @@ def _vehicle_columns(world: World) -> VehicleColumns:
         reverse=fleet.reverse.copy(),
         manual_gear_shift=fleet.manual.copy(),
         gear=np.where(fleet.manual, fleet.manual_gear, fleet.gear).astype(np.int32),
-        speed_limit_kmh=world.lanes.speed_limit_kmh(table.location[rows]),
+        speed_limit_kmh=fleet.speed_limit_kmh.copy(),
         light_id=ids[light],
         light_state=states,
     )

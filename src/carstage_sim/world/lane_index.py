@@ -63,11 +63,6 @@ class LaneIndex:
         limit_m = self._lanes.width_m[samples] / 2.0 + _BESIDE_LANE_M
         return np.asarray(aside_m <= limit_m)
 
-    def speed_limit_kmh(self, location: NDArray[np.float64]) -> NDArray[np.float32]:
-        """``(N,)`` speed limits at ``(N, 3)`` locations."""
-        limits: NDArray[np.float32] = self._lanes.speed_limit_kmh[self.nearest(location)]
-        return limits
-
 
 @kernel
 def _look_up(  # type: ignore[no-untyped-def]

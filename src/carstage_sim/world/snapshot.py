@@ -19,7 +19,7 @@ class VehicleColumns:
         control: ``(V, 3)`` float32 throttle, steer, brake.
         hand_brake, reverse, manual_gear_shift: ``(V,)`` bool.
         gear: ``(V,)`` int32.
-        speed_limit_kmh: ``(V,)`` float32 of the nearest lane.
+        speed_limit_kmh: ``(V,)`` float32 of the last sign that was passed.
         light_id: ``(V,)`` uint32 traffic light whose trigger holds the vehicle, 0 for none.
         light_state: ``(V,)`` uint8 of that light; green where there is none.
     """

@@ -51,6 +51,8 @@ class VehicleRows:
     constant_velocity: FloatArray
     force: FloatArray
     torque_up: FloatArray
+    # What signs tell the driver; 0 before the first tick.
+    speed_limit_kmh: NDArray[np.float32]
     # Motion.
     speed: FloatArray
     slide: FloatArray
@@ -138,6 +140,7 @@ _WIDTH = {
 _DTYPE: dict[str, type[Any]] = {
     "ids": np.uint32,
     "control": np.float32,
+    "speed_limit_kmh": np.float32,
     "hand_brake": np.bool_,
     "reverse": np.bool_,
     "manual": np.bool_,

@@ -126,6 +126,11 @@ class VehicleFleet:
         return self._rows.manual_gear
 
     @property
+    def speed_limit_kmh(self) -> NDArray[np.float32]:
+        """``(N,)`` limit of the last sign that each vehicle passed."""
+        return self._rows.speed_limit_kmh
+
+    @property
     def wheel_angle_deg(self) -> FloatArray:
         """``(N,)`` angle of the front wheels, positive to the right."""
         return self._rows.wheel_angle_deg
@@ -191,6 +196,17 @@ class VehicleFleet:
         self._rows.delete(self.row(actor_id))
         self._commanded.pop(actor_id, None)
         self._row_of = {int(i): index for index, i in enumerate(self._rows.ids)}
+
+    def see_signs(self, limit_kmh: NDArray[np.float32], posted_kmh: NDArray[np.float32]) -> None:
+        """Changes the speed limits of vehicles that have none yet, or pass a sign.
+
+        Args:
+            limit_kmh: ``(N,)`` where each vehicle is, for those that have just appeared.
+            posted_kmh: ``(N,)`` on the sign that each vehicle passes, 0 for none.
+        """
+        old = self._rows.speed_limit_kmh
+        known = np.where(old > 0.0, old, limit_kmh)
+        self._rows.speed_limit_kmh = np.where(posted_kmh > 0.0, posted_kmh, known)
 
     # Commands ------------------------------------------------------------------------------------
 

@@ -534,8 +534,9 @@ class World:
 
     def _control_traffic(self, delta_s: float) -> None:
         """Let lights and turns follow who is on the lanes; who is parked beside them is not."""
-        fleet = self.fleet
+        fleet, lanes = self.fleet, self.town.lanes
         samples = self.lanes.nearest(fleet.location)
+        fleet.see_signs(lanes.speed_limit_kmh[samples], lanes.posted_kmh[samples])
         on_lane = np.flatnonzero(self.lanes.is_on_lane(fleet.location, samples))
         self.lights.step(delta_s, self._approaches.queues(samples[on_lane]))
         _, half_size, _ = fleet.footprints()

@@ -16,7 +16,7 @@ from carstage_sim.maps.drape import Drape
 from carstage_sim.maps.ground import ground_height
 from carstage_sim.maps.ground_mesh import LevelSurface
 from carstage_sim.maps.partition import partition
-from carstage_sim.maps.strips import DEFAULT_LIMIT_KMH, LaneMark, Strip
+from carstage_sim.maps.strips import LaneMark, Strip
 from carstage_sim.maps.surfaces import Layer
 from carstage_sim.mesh import Material, TriangleMesh
 
@@ -182,10 +182,6 @@ def test_layers_of_different_height_are_joined_by_a_wall():
     ).sum()
     assert area / 2 == pytest.approx(upper.exterior.length * 0.15, rel=1e-5)
     assert set(mesh.material[vertical]) == {Material.KERB}
-
-
-def test_a_file_without_limits_still_lets_traffic_move():
-    assert DEFAULT_LIMIT_KMH > 0
 
 
 def test_ground_height_takes_places_anywhere(stage01):

@@ -29,7 +29,7 @@ def town(*meshes: TriangleMesh, geo_reference: tuple[float, float] = (0.0, 0.0))
     """A town of nothing but meshes."""
     none = np.empty(0)
     lanes = LaneSamples(
-        *(np.empty((0, 3)), np.empty((0, 3)), none, none, none, none, none, none, none)
+        *(np.empty((0, 3)), np.empty((0, 3)), none, none, none, none, none, none, none, none)
     )
     return Town(
         name="Test", opendrive="", geo_reference=geo_reference, spawn_points=np.empty((0, 6)),

@@ -32,6 +32,7 @@ def crossing(arms: int, shortest_m: int = _LANE_M) -> LaneSamples:
             parts["rotation_deg"].append(np.tile([0.0, heading_deg, 0.0], (count, 1)))
             parts["width_m"].append(np.full(count, 3.5, np.float32))
             parts["speed_limit_kmh"].append(np.full(count, 30.0, np.float32))
+            parts["posted_kmh"].append(np.zeros(count, np.float32))
             parts["road_id"].append(np.full(count, road + (10 if junction >= 0 else 0), np.int32))
             parts["section_id"].append(np.zeros(count, np.int32))
             parts["lane_id"].append(np.full(count, -1, np.int32))

@@ -25,6 +25,7 @@ def street(*lengths_m: int, lane_id: int = -1) -> LaneSamples:
         rotation_deg=np.zeros((count, 3)),
         width_m=np.full(count, 3.5, np.float32),
         speed_limit_kmh=np.full(count, 30.0, np.float32),
+        posted_kmh=np.zeros(count, np.float32),
         road_id=road_id,
         section_id=np.zeros(count, np.int32),
         lane_id=np.full(count, lane_id, np.int32),

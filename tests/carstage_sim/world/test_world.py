@@ -271,7 +271,24 @@ def test_who_is_told_to_let_others_pass_sees_red_and_no_light(world: World, stag
     assert columns.light_state.tolist() == [TrafficLightState.GREEN, TrafficLightState.RED]
 
 
-def test_speed_limit_is_that_of_the_nearest_lane(world: World, stage01: Town) -> None:
+def test_speed_limit_is_that_of_the_last_sign_passed(world: World, stage01: Town) -> None:
+    lanes = stage01.lanes
+
+    def limit_after_being_at(sample: int) -> float:
+        pose = Pose(tuple(lanes.location[sample]), tuple(lanes.rotation_deg[sample]))
+        world.set_pose(car.actor_id, pose)
+        return float(ticks(world, 1).vehicles.speed_limit_kmh[0])
+
+    signs = {kmh: int(np.flatnonzero(lanes.posted_kmh == kmh)[0]) for kmh in (30.0, 40.0)}
+    without = int(np.flatnonzero((lanes.posted_kmh == 0.0) & (lanes.speed_limit_kmh == 40.0))[0])
+    car = world.spawn(CAR, {}, place(stage01))
+    assert limit_after_being_at(signs[30.0]) == 30.0
+    assert limit_after_being_at(without) == 30.0
+    assert limit_after_being_at(signs[40.0]) == 40.0
+    assert limit_after_being_at(without) == 40.0
+
+
+def test_who_appears_on_a_signed_road_has_its_limit(world: World, stage01: Town) -> None:
     for index in (0, 20, 40, 60):
         world.spawn(CAR, {}, place(stage01, index))
     state = ticks(world, 1)

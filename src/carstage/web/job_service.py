@@ -44,7 +44,6 @@ class JobService:
         self._reports = folder / "validations"
         self._roots = roots
         self._lock = threading.RLock()
-        self._children: list[subprocess.Popen[bytes]] = []
         self._over: dict[str, Job] = {}
         for made in (self._jobs, self._reports):
             made.mkdir(parents=True, exist_ok=True)
@@ -52,7 +51,6 @@ class JobService:
     def all(self) -> list[Job]:
         """All, newest first."""
         with self._lock:
-            self._children = [child for child in self._children if child.poll() is None]
             names = sorted(path.parent.name for path in self._jobs.glob("*/job.json"))
             jobs = [job for name in names[-_MOST_KEPT:] if (job := self._job(name)) is not None]
         return sorted(jobs, key=lambda job: job.started, reverse=True)
@@ -199,7 +197,7 @@ class JobService:
                     stderr=log,
                     start_new_session=True,
                 )
-            self._children.append(child)
+            threading.Thread(target=child.wait, name=f"job {job_id}", daemon=True).start()
             document |= {"pid": child.pid, "pid_started": process_start_time(child.pid)}
             _write(folder / "job.json", document)
             begun = self._job(job_id)

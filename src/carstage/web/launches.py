@@ -11,6 +11,7 @@ import os
 import subprocess
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from typing import Any
 from carstage.web.messages.base import Document
 
 _TAIL_BYTES = 4000
+Start = Callable[..., subprocess.Popen[bytes]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,13 +58,14 @@ class Launches:
     Args:
         folder: ``STATE/launches``; made when missing.
         root: what relative paths in configurations are relative to.
+        start: starts a run's process; default: ``carstage.runs.launching.launch``.
     """
 
-    def __init__(self, folder: Path, root: Path) -> None:
+    def __init__(self, folder: Path, root: Path, start: Start | None = None) -> None:
         self._folder = folder
         self._root = root
+        self._start = start
         self._lock = threading.RLock()
-        self._children: dict[str, subprocess.Popen[bytes]] = {}
         folder.mkdir(parents=True, exist_ok=True)
         self._launches = {launch.run_id: launch for launch in self._kept()}
 
@@ -95,7 +98,7 @@ class Launches:
         with self._lock:
             waiting = self._launches[run_id]
             folder = self._folder / run_id
-            child = launch(
+            child = (self._start or launch)(
                 folder / "config.yaml",
                 Path(waiting.out),
                 run_id,
@@ -103,7 +106,8 @@ class Launches:
                 retries=waiting.retries,
                 folder=self._root,
             )
-            self._children[run_id] = child
+            # Waited for, so that it does not stay as a zombie; its status says how it ended.
+            threading.Thread(target=child.wait, name=f"run {run_id}", daemon=True).start()
             self._keep(replace(waiting, pid=child.pid, pid_started=process_start_time(child.pid)))
 
     def stop_asked(self, run_id: str) -> None:
@@ -112,13 +116,6 @@ class Launches:
             launch = self._launches.get(run_id)
             if launch is not None:
                 self._keep(replace(launch, stop=launch.stop + 1, withdrawn=launch.pid is None))
-
-    def reap(self) -> None:
-        """Take the exit status of children that have ended: else they would look alive."""
-        with self._lock:
-            for run_id, child in list(self._children.items()):
-                if child.poll() is not None:
-                    del self._children[run_id]
 
     def alive(self, launch: Launch) -> bool:
         """Whether its process lives."""

@@ -103,7 +103,13 @@ class _Stream:
         return record.tick
 
 
-def draw_record(kind: str, server: str, record: NewRecord, width: int = _WIDTH) -> bytes:
+def draw_record(
+    kind: str,
+    server: str,
+    record: NewRecord,
+    width: int = _WIDTH,
+    most_points: int = _MOST_POINTS,
+) -> bytes:
     """JPEG of a camera's record; float32 ``(N, 4)`` of a LiDAR's or radar's.
 
     Args:
@@ -111,6 +117,7 @@ def draw_record(kind: str, server: str, record: NewRecord, width: int = _WIDTH) 
         server: version of the server that it is from.
         record: from the raw log.
         width: of the picture, at most.
+        most_points: of a LiDAR; of more, every n-th is taken.
     """
     if kind == RADAR:
         return points_of(kind, np.frombuffer(record.payload, "<f4").reshape(-1, 4)).tobytes()
@@ -118,7 +125,7 @@ def draw_record(kind: str, server: str, record: NewRecord, width: int = _WIDTH) 
     data = codec_for(kind)[1].raw_array(record.meta, payload)
     if kind in POINT_KINDS:
         points = points_of(kind, data)
-        return points[:: max(1, -(-len(points) // _MOST_POINTS))].tobytes()
+        return points[:: max(1, -(-len(points) // most_points))].tobytes()
     return jpeg(scaled(picture(kind, data), width))
 
 

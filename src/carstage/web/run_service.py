@@ -174,7 +174,6 @@ class RunService:
     def advance(self) -> None:
         """Begin what is next in the queue, for each server that is free."""
         with self._lock:
-            self._launches.reap()
             records = self._records.all()
             busy = {self._server_of(record) for record in records.values() if _lives(record)}
             for launch in self._launches.all():

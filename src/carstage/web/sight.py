@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from carstage.errors import CarStageError, CollectorError, ConfigError
 from carstage.web.checking import ConfigChecker
 from carstage.web.errors import WebError
-from carstage.web.messages import PreviewRequest
+from carstage.web.messages import PreviewPending, PreviewRequest
 from carstage.web.messages.base import Document
 
 if TYPE_CHECKING:
@@ -71,12 +71,12 @@ class SightService:
                 self._starting.start()
             return False
 
-    def look(self, request: PreviewRequest) -> bytes:
+    def look(self, request: PreviewRequest) -> bytes | PreviewPending:
         """What a sensor sees, as JPEG; LiDAR and radar from above.
 
         Raises:
             ConfigError: the sensor is wrong.
-            WebError: the simulator is starting (code ``warming``), or busy.
+            WebError: it sees nothing.
             CarStageError: it cannot make the picture.
         """
         spec = self._plan(request)
@@ -84,11 +84,9 @@ class SightService:
             problem, self._problem = self._problem, None
             if problem is not None:
                 raise problem
-            raise WebError(
-                503, "The simulator is starting.", "Ask again in a moment.", code="warming"
-            )
+            return PreviewPending(state="warming", message="The simulator is starting.")
         if not self._turn.acquire(timeout=_TURN_S):
-            raise WebError(503, "Other pictures are being made.", "Ask again.", code="busy")
+            return PreviewPending(state="busy", message="Other pictures are being made.")
         try:
             return self._draw(spec, self._record(spec), request.width)
         finally:

@@ -12,11 +12,12 @@ from carstage.web.previewer import draw_record
 from carstage.web.sensor_views import IMAGE_KINDS, RADAR, jpeg, scaled
 
 _QUALITY = 85
+_MOST_POINTS = 200_000
 
 
 def sight_picture(sensor: SensorSpec, server: str, record: NewRecord, width: int) -> bytes:
     """JPEG: of a camera what it sees, of LiDAR and radar their points from above."""
-    drawn = draw_record(sensor.kind, server, record, width)
+    drawn = draw_record(sensor.kind, server, record, width, _MOST_POINTS)
     if sensor.kind in IMAGE_KINDS:
         return drawn
     points = np.frombuffer(drawn, "<f4").reshape(-1, 4).astype(np.float64)

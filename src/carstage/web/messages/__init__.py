@@ -69,7 +69,7 @@ from carstage.web.messages.runs import (
     RunSummary,
     TickPoint,
 )
-from carstage.web.messages.sight import PreviewRequest
+from carstage.web.messages.sight import PreviewPending, PreviewRequest
 
 __all__ = [
     "CameraObject",
@@ -114,6 +114,7 @@ __all__ = [
     "LogMessage",
     "MapEntry",
     "Message",
+    "PreviewPending",
     "PreviewRequest",
     "RigPresetMessage",
     "RigSensor",

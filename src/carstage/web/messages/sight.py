@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -21,3 +21,14 @@ class PreviewRequest(Message):
     config: Document
     sensor: Document
     width: Annotated[int, Field(ge=64, le=1280)] = 640
+
+
+class PreviewPending(Message):
+    """No picture yet: ask again in a moment.
+
+    Attributes:
+        state: ``warming``: the simulator starts; ``busy``: pictures for others are being made.
+    """
+
+    state: Literal["warming", "busy"]
+    message: str

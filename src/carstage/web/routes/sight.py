@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from fastapi import APIRouter
-from fastapi.responses import Response
+from fastapi.responses import JSONResponse, Response
 
-from carstage.web.messages import PreviewRequest
+from carstage.web.messages import PreviewPending, PreviewRequest
 from carstage.web.routes.access import BUSY, Access, Responses
 
 router = APIRouter(prefix="/api", tags=["preview"])
 
 _PICTURE: Responses = {
     200: {"content": {"image/jpeg": {}}, "description": "What the sensor sees now."},
+    202: {"model": PreviewPending, "description": "Not yet: ask again in a moment."},
     **BUSY,
 }
 
 
 @router.post("/preview", responses=_PICTURE, response_class=Response)
 def preview(request: PreviewRequest, services: Access) -> Response:
-    """A picture through one sensor, from the embedded simulator, which stays warm for minutes.
-
-    Answers 503 with code ``warming`` while the simulator starts: ask again.
-    """
+    """A picture through one sensor, from the embedded simulator, which stays warm for minutes."""
     picture = services.sight.look(request)
+    if isinstance(picture, PreviewPending):
+        return JSONResponse(picture.model_dump(mode="json"), status_code=202)
     return Response(picture, media_type="image/jpeg", headers={"Cache-Control": "no-store"})
 
 

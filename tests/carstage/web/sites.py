@@ -1,0 +1,104 @@
+"""A running application, and fake runs for it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+from fastapi.testclient import TestClient
+
+from carstage.web.app import create_app
+from carstage.web.settings import WebSettings
+
+HERE = "http://127.0.0.1:8321"
+
+
+@dataclass(frozen=True)
+class Site:
+    """A running application."""
+
+    client: TestClient
+    root: Path
+    dataset: str
+    episode: str
+
+    @property
+    def episode_url(self) -> str:
+        return f"/api/datasets/{self.dataset}/episodes/{self.episode}"
+
+
+def open_site(root: Path, **settings: Any) -> TestClient:
+    return TestClient(create_app(WebSettings(roots=(root,), **settings)), base_url=HERE)
+
+
+class FakeRun:
+    """A folder as a run leaves it, and, for one that lives, a process that does nothing."""
+
+    def __init__(self, out: Path, run_id: str, config: dict[str, Any]) -> None:
+        self.folder = out / "runs" / run_id
+        self.folder.mkdir(parents=True)
+        (out / "commits").mkdir(exist_ok=True)
+        description = {"format_version": 1, "name": "fake", "created_by": "a test", "tags": []}
+        (out / "dataset.json").write_text(json.dumps(description))
+        self.process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+        self._status = {
+            "format_version": 1,
+            "run_id": run_id,
+            "state": "recording",
+            "pid": self.process.pid,
+            "pid_started": psutil.Process(self.process.pid).create_time(),
+            "heartbeat": time.time(),
+            "episodes": {"total": 2, "committed": 1, "failed": 0, "skipped": 0},
+            "current": {
+                "episode_id": "e2",
+                "index": 1,
+                "attempt": "a1",
+                "ticks_done": 5,
+                "ticks_total": 10,
+                "frames_converted": 0,
+                "frames_total": 10,
+            },
+            "message": None,
+            "host": os.uname().nodename,
+        }
+        spec = {
+            "steps": 10,
+            "save_every": 1,
+            "sensors": [
+                {"id": "CAM", "kind": "rgb", "hidden": False},
+                {"id": "CAM.depth", "kind": "depth", "hidden": True},
+                {"id": "IMU", "kind": "imu", "hidden": False},
+                {"id": "TOP", "kind": "lidar", "hidden": False},
+            ],
+        }
+        plan = {
+            "format_version": 1,
+            "run_id": run_id,
+            "config": config,
+            "episodes": [{"episode_id": name, "spec": spec} for name in ("e1", "e2")],
+        }
+        (self.folder / "plan.json").write_text(json.dumps(plan))
+        self.say()
+        self.event("run_started", run_id=run_id)
+
+    def say(self, **changes: Any) -> None:
+        """Replace ``status.json``."""
+        self._status.update(changes)
+        temporary = self.folder / ".status"
+        temporary.write_text(json.dumps(self._status))
+        temporary.replace(self.folder / "status.json")
+
+    def event(self, name: str, **fields: Any) -> None:
+        with (self.folder / "events.jsonl").open("a") as events:
+            events.write(json.dumps({"time": time.time(), "event": name, **fields}) + "\n")
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.wait()

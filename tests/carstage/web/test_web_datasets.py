@@ -1,0 +1,182 @@
+"""Datasets over the wire: lists, frames, pictures, points, tables, counts."""
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+from sites import Site
+
+from carstage.dataset import Dataset
+
+
+def test_datasets_are_listed_with_sizes_and_states(site: Site) -> None:
+    listed = {d["dataset"]: d for d in site.client.get("/api/datasets").json()["datasets"]}
+    episode = Dataset(site.root / "town").episodes[0]
+    entry = listed["town"]
+    assert (entry["state"], entry["episodes"], entry["frames"]) == ("ready", 1, episode.frames)
+    assert entry["bytes"] == sum(file.bytes for file in episode.marker.files)
+    assert entry["name"] == "analytic <scene>"
+
+
+def test_damaged_datasets_say_so_and_hide_nothing_else(site: Site) -> None:
+    broken = site.root / "broken"
+    (broken / "commits").mkdir(parents=True)
+    (broken / "dataset.json").write_text("{")
+    site.client.get("/api/datasets")
+    listed = {}
+    for _ in range(30):
+        listed = {d["dataset"]: d for d in site.client.get("/api/datasets").json()["datasets"]}
+        if "broken" in listed:
+            break
+    assert listed["town"]["state"] == "ready"
+    if "broken" in listed:  # the list is looked for once a second
+        assert listed["broken"]["state"] == "damaged"
+        assert str(site.root) not in listed["broken"]["problem"]
+    assert site.client.get("/api/datasets/broken").status_code == 409
+
+
+def test_frames_carry_what_the_dataset_holds(site: Site) -> None:
+    episode = Dataset(site.root / "town").episodes[0]
+    frame = list(episode.iter_frames())[1]
+    told = site.client.get(f"{site.episode_url}/frames/1").json()
+    assert told["timestamp_s"] == frame.timestamp_s
+    assert {o["track_id"] for o in told["objects"]} == set(frame.objects)
+    for row in told["objects"]:
+        known = frame.objects[row["track_id"]]
+        np.testing.assert_allclose(np.array(row["ego_from_box"])[:3, 3], known["box_center_ego"])
+    for camera, rows in told["camera_objects"].items():
+        assert len(rows) == len(frame.camera_objects[camera])
+        for row in rows:
+            assert row["has_mask"] == (row["track_id"] in masked(frame, camera))
+            assert "mask_modal" not in row["row"]
+
+
+def masked(frame: object, camera: str) -> set[int]:
+    rows = frame.camera_objects[camera]  # type: ignore[attr-defined]
+    return {row["track_id"] for row in rows if row["mask_modal"] is not None}
+
+
+def test_edges_of_boxes_surround_the_amodal_box(site: Site) -> None:
+    told = site.client.get(f"{site.episode_url}/frames/0").json()
+    seen = 0
+    for rows in told["camera_objects"].values():
+        for row in rows:
+            if row["bbox_amodal"] is None or not row["lines"] or row["truncated"]:
+                continue
+            ends = np.array(row["lines"]).reshape(-1, 2)
+            bounds = [*ends.min(axis=0), *ends.max(axis=0)]
+            np.testing.assert_allclose(bounds, row["bbox_amodal"], atol=1.0)
+            seen += 1
+    assert seen
+
+
+def test_pictures_are_the_datasets_own_and_others_are_coloured(site: Site) -> None:
+    episode = Dataset(site.root / "town").episodes[0]
+    for sensor in episode.sensors:
+        url = f"{site.episode_url}/sensors/{sensor.id}/0.png"
+        answer = site.client.get(url)
+        if not sensor.calibration.is_camera:
+            assert answer.status_code == 404
+            continue
+        picture = Image.open(io.BytesIO(answer.content))
+        assert picture.size == (sensor.calibration.width, sensor.calibration.height)
+        if sensor.kind == "rgb":
+            assert answer.content == sensor.paths(0)[0].read_bytes()
+        small = Image.open(io.BytesIO(site.client.get(url, params={"width": 64}).content))
+        assert small.width == 64
+
+
+def test_masks_cover_the_pixels_of_visible_objects(site: Site) -> None:
+    frame = next(iter(Dataset(site.root / "town").episodes[0].iter_frames()))
+    camera, rows = next(iter(frame.camera_objects.items()))
+    answer = site.client.get(f"{site.episode_url}/masks/{camera}/0.png")
+    alpha = np.asarray(Image.open(io.BytesIO(answer.content)))[..., 3]
+    expected = sum(row["visible_px"] for row in rows if row["visible"] and row["mask_modal"])
+    assert np.count_nonzero(alpha) == expected
+
+
+def test_points_are_in_the_egos_axes(site: Site) -> None:
+    episode = Dataset(site.root / "town").episodes[0]
+    lidar = next(sensor for sensor in episode.sensors if sensor.kind == "lidar")
+    answer = site.client.get(f"{site.episode_url}/points/{lidar.id}/0")
+    points = np.frombuffer(answer.content, "<f4").reshape(-1, 4)
+    own = lidar.read(0)
+    pose = lidar.calibration.ego_from_sensor
+    expected = own[:, :3].astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
+    np.testing.assert_allclose(points[:, :3], expected, atol=1e-4)
+    np.testing.assert_array_equal(points[:, 3], own[:, 3])
+
+
+def test_episodes_tell_rig_times_and_way(site: Site) -> None:
+    episode = site.client.get(site.episode_url).json()
+    assert len(episode["times_s"]) == episode["episode"]["frames"]
+    assert {s["data"] for s in episode["sensors"]} >= {"image", "points"}
+    town = site.client.get(f"{site.episode_url}/map").json()
+    assert town["lanes"] == []  # no map of the simulator
+    assert len(town["track"]) == episode["episode"]["frames"]
+
+
+@pytest.mark.parametrize("k", [10_000, -1, "x"])
+def test_frames_that_are_not_there_are_not_found(site: Site, k: object) -> None:
+    assert site.client.get(f"{site.episode_url}/frames/{k}").status_code in (404, 422)
+
+
+def test_tables_are_filtered_sorted_and_cut(site: Site) -> None:
+    url = f"/api/datasets/{site.dataset}/table"
+    everything = site.client.post(url, json={"table": "camera_objects", "limit": 1000}).json()
+    names = [column["name"] for column in everything["columns"]]
+    assert {"class", "blueprint", "episode_id"} < set(names)
+    request = {
+        "table": "camera_objects",
+        "filters": [
+            {"column": "class", "op": "eq", "value": "car"},
+            {"column": "visible", "op": "eq", "value": True},
+            {"column": "distance", "op": "lt", "value": 40},
+            {"column": "blueprint", "op": "contains", "value": "AUDI"},
+        ],
+        "sort": "distance",
+        "descending": True,
+        "limit": 3,
+    }
+    page = site.client.post(url, json=request).json()
+    rows = [dict(zip(names, row, strict=True)) for row in everything["rows"]]
+    fitting = [r["distance"] for r in rows
+               if r["class"] == "car" and r["visible"] and r["distance"] < 40
+               and "audi" in r["blueprint"]]  # fmt: skip
+    assert page["total"] == len(fitting) > 0
+    shown = [row[names.index("distance")] for row in page["rows"]]
+    assert shown == sorted(fitting, reverse=True)[:3]
+
+
+@pytest.mark.parametrize("table", ["objects", "ego", "frames"])
+def test_every_table_has_pages(site: Site, table: str) -> None:
+    page = site.client.post(f"/api/datasets/{site.dataset}/table", json={"table": table}).json()
+    assert page["rows"]
+    assert page["columns"]
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        {"filters": [{"column": "nothing", "op": "eq", "value": 1}]},
+        {"filters": [{"column": "distance", "op": "eq", "value": "near"}]},
+        {"filters": [{"column": "corners_uv", "op": "lt", "value": 1}]},
+        {"sort": "nothing"},
+        {"sort": "corners_uv"},
+        {"limit": 0},
+        {"table": "secrets"},
+    ],
+)
+def test_conditions_that_make_no_sense_are_refused(site: Site, request_: dict[str, object]) -> None:
+    answer = site.client.post(f"/api/datasets/{site.dataset}/table", json=request_)
+    assert answer.status_code == 422
+
+
+def test_statistics_count_the_labels(site: Site) -> None:
+    episode = Dataset(site.root / "town").episodes[0]
+    told = site.client.get(f"/api/datasets/{site.dataset}/statistics").json()
+    assert told["visible"] == episode.camera_objects()["visible"].to_pylist().count(True)
+    assert sum(told["frames_by_map"].values()) == episode.frames
+    for histogram in told["histograms"]:
+        assert len(histogram["bins"]) == len(histogram["counts"])

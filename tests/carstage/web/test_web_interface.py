@@ -1,0 +1,66 @@
+"""The interface as a whole: what it promises, what it loads, what strange requests do to it."""
+
+import subprocess
+import sys
+from typing import Any
+
+import hypothesis
+import pytest
+import schemathesis
+from sites import Site
+
+from carstage.web.openapi import openapi_document
+
+EXAMPLES = 8
+#: Routes that start processes or wait for a simulator are tried by hand in other tests.
+STARTING = ("/api/runs", "/api/preview", "/api/preview/warm", "/api/datasets/{dataset}/export",
+            "/api/datasets/{dataset}/validation")  # fmt: skip
+
+document = openapi_document()
+schema = schemathesis.openapi.from_dict(document)
+
+
+def operations() -> list[Any]:
+    found = [result.ok() for result in schema.get_all_operations()]
+    return [o for o in found if not (o.method == "post" and o.path in STARTING)]
+
+
+@pytest.mark.parametrize("operation", operations(), ids=lambda o: f"{o.method} {o.path}")
+def test_no_request_makes_the_server_fail(site: Site, operation: Any) -> None:
+    @hypothesis.given(case=operation.as_strategy())
+    @hypothesis.settings(
+        max_examples=EXAMPLES,
+        database=None,
+        deadline=None,
+        derandomize=True,
+        suppress_health_check=list(hypothesis.HealthCheck),
+    )
+    def check(case: Any) -> None:
+        arguments = case.as_transport_kwargs(base_url="http://127.0.0.1:8321")
+        answer = site.client.request(
+            arguments["method"],
+            arguments["url"],
+            **{key: arguments[key] for key in ("params", "json", "headers") if key in arguments},
+        )
+        assert answer.status_code < 500, answer.text
+        assert "Traceback" not in answer.text
+
+    check()
+
+
+def test_every_route_is_described_and_so_are_its_errors() -> None:
+    for path, methods in document["paths"].items():
+        for method, operation in methods.items():
+            assert operation["description"], f"{method} {path}"
+            assert operation["operationId"]
+    schemas = document["components"]["schemas"]
+    assert {"LiveMessage", "ClientMessage", "SnapshotMessage", "ErrorMessage"} <= set(schemas)
+
+
+def test_starting_the_server_loads_nothing_heavy() -> None:
+    heavy = ["numpy", "pyarrow", "PIL", "numba", "carla", "yaml"]
+    program = f"import carstage.web.app, sys; print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,99 @@
+"""Who may speak to the server."""
+
+from pathlib import Path
+
+import pytest
+from sites import Site, open_site
+from starlette.websockets import WebSocketDisconnect
+
+LIVE = "ws://127.0.0.1:8321/api/live"
+TOKEN = "a-token-that-nobody-guesses"
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:8321", "127.0.0.1.evil.example"])
+def test_names_bent_to_loopback_are_refused(site: Site, host: str) -> None:
+    answer = site.client.get("/api/config", headers={"Host": host})
+    assert answer.status_code == 403
+    assert set(answer.json()) == {"code", "message", "hint", "errors"}
+
+
+@pytest.mark.parametrize("host", ["localhost:9", "127.0.0.1:1234", "[::1]:8321"])
+def test_loopback_is_served_on_any_port_as_behind_a_tunnel(site: Site, host: str) -> None:
+    assert site.client.get("/api/runs", headers={"Host": host}).status_code == 200
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "http://127.0.0.1:1", "null"])
+def test_pages_of_other_origins_are_refused(site: Site, origin: str) -> None:
+    answer = site.client.post("/api/preview/warm", headers={"Origin": origin})
+    assert answer.status_code == 403
+
+
+def test_the_own_page_is_served(site: Site) -> None:
+    headers = {"Origin": "http://127.0.0.1:8321", "Sec-Fetch-Site": "same-origin"}
+    assert site.client.get("/api/runs", headers=headers).status_code == 200
+
+
+def test_pictures_are_not_for_other_pages(site: Site) -> None:
+    headers = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"}
+    assert site.client.get("/api/runs", headers=headers).status_code == 403
+
+
+@pytest.mark.parametrize("headers", [{"Origin": "http://evil.example"}, {"Host": "evil.example"}])
+def test_web_sockets_of_other_pages_are_refused(site: Site, headers: dict[str, str]) -> None:
+    with (
+        pytest.raises(WebSocketDisconnect),
+        site.client.websocket_connect(LIVE, headers=headers),
+    ):
+        pass
+
+
+def test_web_sockets_of_the_own_page_are_served(site: Site) -> None:
+    headers = {"Origin": "http://127.0.0.1:8321"}
+    with site.client.websocket_connect(LIVE, headers=headers) as socket:
+        assert socket.receive_json()["type"] == "snapshot"
+
+
+def test_every_answer_forbids_what_the_page_does_not_need(site: Site) -> None:
+    headers = site.client.get("/api/nothing").headers
+    assert "default-src 'self'" in headers["content-security-policy"]
+    assert "frame-ancestors 'none'" in headers["content-security-policy"]
+    assert headers["x-content-type-options"] == "nosniff"
+
+
+def test_no_page_that_loads_scripts_from_elsewhere_is_served(site: Site) -> None:
+    assert site.client.get("/docs").status_code == 404
+    assert site.client.get("/redoc").status_code == 404
+
+
+def test_beyond_loopback_nothing_answers_without_the_token(tmp_path: Path) -> None:
+    with open_site(tmp_path, host="0.0.0.0", token=TOKEN) as client:
+        for path in ("/", "/?token=wrong", "/api/config", "/api/openapi.json", "/assets/x.js"):
+            answer = client.get(path, headers={"Host": "box.lan:8321"}, follow_redirects=False)
+            assert answer.status_code == 403, path
+            assert TOKEN not in answer.text
+        with pytest.raises(WebSocketDisconnect), client.websocket_connect(LIVE):
+            pass
+
+
+def test_the_token_in_the_address_becomes_a_cookie_that_scripts_cannot_read(
+    tmp_path: Path,
+) -> None:
+    with open_site(tmp_path, host="0.0.0.0", token=TOKEN) as client:
+        welcome = client.get(f"/?token={TOKEN}", follow_redirects=False)
+        assert welcome.status_code == 303
+        assert "token" not in welcome.headers["location"]
+        cookie = welcome.headers["set-cookie"].lower()
+        assert "httponly" in cookie
+        assert "samesite=strict" in cookie
+        assert client.get("/api/runs").status_code == 200  # the client keeps the cookie
+        with client.websocket_connect(LIVE) as socket:
+            assert socket.receive_json()["type"] == "snapshot"
+        refused = client.get("/api/runs", headers={"Origin": "http://evil.example"})
+        assert refused.status_code == 403
+
+
+def test_programs_give_the_token_as_bearer(tmp_path: Path) -> None:
+    with open_site(tmp_path, host="0.0.0.0", token=TOKEN) as client:
+        right = client.get("/api/runs", headers={"Authorization": f"Bearer {TOKEN}"})
+        wrong = client.get("/api/runs", headers={"Authorization": "Bearer no"})
+        assert (right.status_code, wrong.status_code) == (200, 403)

@@ -7,7 +7,7 @@ import logging
 import os
 import socket
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import uvicorn
@@ -42,7 +42,8 @@ def serve(roots: Sequence[Path], host: str, port: int, ready: Callable[[str], No
             port=listener.getsockname()[1],
             token=None if is_loopback(host) else new_token(),
         )
-        with _only_server(bound.state):
+        # Ctrl-C is how it ends; the server has closed everything before it passes the signal on.
+        with _only_server(bound.state), suppress(KeyboardInterrupt):
             _Server(bound, ready).run(sockets=[listener])
 
 

@@ -77,6 +77,7 @@ class ConfigTexts:
 def _read_yaml(text: str) -> Document:
     from carstage.config.yaml_text import parse_yaml
 
+    _check_depth(text)
     document = parse_yaml(text, "the text")
     if document is None:
         return {}
@@ -86,6 +87,22 @@ def _read_yaml(text: str) -> Document:
         )
     _check_size(document)
     return document
+
+
+def _check_depth(text: str) -> None:
+    """Refuse brackets in brackets in brackets: the parser takes seconds to give up on them.
+
+    Raises:
+        BadInputError: they are nested too deeply.
+    """
+    depth = 0
+    for character in text:
+        if character in "[{":
+            depth += 1
+            if depth > _DEEPEST:
+                raise BadInputError("The text is nested too deeply.", "Is it the right one?")
+        elif character in "]}":
+            depth = max(0, depth - 1)
 
 
 def _check_size(document: Any) -> None:

@@ -10,6 +10,8 @@ from sites import Site
 from carstage.config import RIG_PRESETS, SENSOR_KINDS, check_config, parse_config
 from carstage.web.carla_sensors import read_sensors, write_sensors
 
+pytestmark = pytest.mark.xdist_group("web")  # one site for all
+
 
 def check(site: Site, config: dict[str, Any]) -> dict[str, Any]:
     answer = site.client.post("/api/config/check", json={"config": config})

@@ -11,6 +11,8 @@ from carstage.web.errors import WebError
 from carstage.web.limits import MOST_BYTES
 from carstage.web.roots import Roots
 
+pytestmark = pytest.mark.xdist_group("web")  # one site for all
+
 TRAVERSALS = [
     "../secret",
     "..%2fsecret",

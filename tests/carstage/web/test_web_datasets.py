@@ -9,6 +9,8 @@ from sites import Site
 
 from carstage.dataset import Dataset
 
+pytestmark = pytest.mark.xdist_group("web")  # one site for all
+
 
 def test_datasets_are_listed_with_sizes_and_states(site: Site) -> None:
     listed = {d["dataset"]: d for d in site.client.get("/api/datasets").json()["datasets"]}

@@ -11,7 +11,8 @@ from sites import Site
 
 from carstage.web.openapi import openapi_document
 
-EXAMPLES = 8
+pytestmark = pytest.mark.xdist_group("web")
+EXAMPLES = 6
 #: Routes that start processes or wait for a simulator are tried by hand in other tests.
 STARTING = ("/api/runs", "/api/preview", "/api/preview/warm", "/api/datasets/{dataset}/export",
             "/api/datasets/{dataset}/validation")  # fmt: skip

@@ -4,10 +4,13 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pytest
 from fastapi.testclient import TestClient
 from sites import Site, open_site
 
 from waiting import await_that
+
+pytestmark = pytest.mark.xdist_group("web")  # one site for all
 
 
 def ended(client: TestClient, job_id: str) -> dict[str, Any]:

@@ -6,6 +6,8 @@ import pytest
 from sites import Site, open_site
 from starlette.websockets import WebSocketDisconnect
 
+pytestmark = pytest.mark.xdist_group("web")  # one site for all
+
 LIVE = "ws://127.0.0.1:8321/api/live"
 TOKEN = "a-token-that-nobody-guesses"
 

@@ -1,0 +1,101 @@
+"""Preview through a sensor: pictures of a simulator that is kept warm."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from sites import Site
+
+from carstage.server import Endpoint, free_port
+from carstage.web.checking import ConfigChecker
+from carstage.web.errors import WebError
+from carstage.web.messages import PreviewPending, PreviewRequest
+from carstage.web.roots import Roots
+from carstage.web.sight import SightService
+from running_simulator import RunningSimulator
+from waiting import await_that
+
+pytestmark = pytest.mark.end_to_end
+
+
+class Borrowed:
+    """The tests' simulator in place of one that is started."""
+
+    simulator: RunningSimulator
+
+    def __init__(self, **_: Any) -> None:
+        self.endpoint = Endpoint(
+            self.simulator.host, self.simulator.port, free_port(), "0.9.16", None
+        )
+
+    def start(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+    def alive(self) -> bool:
+        return True
+
+
+@pytest.fixture
+def sight(
+    simulator: RunningSimulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[SightService]:
+    monkeypatch.setattr(Borrowed, "simulator", simulator, raising=False)
+    monkeypatch.setattr("carstage.server.EmbeddedServer", Borrowed)
+    service = SightService(ConfigChecker(Roots((tmp_path,))))
+    await_that(service.warm)
+    yield service
+    service.close()
+
+
+def asked(config: dict[str, Any], kind: str, **sensor: Any) -> PreviewRequest:
+    entry = {"id": "LOOK", "kind": kind, "pose": {"x": 1.5, "z": 1.6}, **sensor}
+    return PreviewRequest(config=config, sensor=entry, width=160)
+
+
+def picture(content: bytes | PreviewPending) -> Image.Image:
+    assert isinstance(content, bytes)
+    return Image.open(io.BytesIO(content))
+
+
+def test_each_kind_of_sensor_gives_a_picture_of_what_it_sees(
+    sight: SightService, demo: dict[str, Any]
+) -> None:
+    front = picture(sight.look(asked(demo, "rgb")))
+    assert (front.format, front.size) == ("JPEG", (160, 90))
+    left = picture(sight.look(asked(demo, "rgb", pose={"z": 1.6, "yaw_deg": -90})))
+    assert np.abs(np.asarray(front, int) - np.asarray(left, int)).mean() > 10
+    again = picture(sight.look(asked(demo, "rgb")))
+    assert np.abs(np.asarray(front, int) - np.asarray(again, int)).mean() < 10
+    for kind in ("depth", "lidar", "radar"):
+        assert np.asarray(picture(sight.look(asked(demo, kind)))).any(), kind
+    assert not np.asarray(picture(sight.look(asked(demo, "flow")))).any()  # all stands still
+    elsewhere = {**demo, "weather": {"choice": "ClearNight"}, "map": {"choice": "Atlantis"}}
+    night = picture(sight.look(asked(elsewhere, "rgb")))
+    assert np.asarray(night).mean() < 0.8 * np.asarray(front).mean()
+    with pytest.raises(WebError, match="sees nothing"):
+        sight.look(asked(demo, "imu"))
+
+
+def test_while_the_simulator_starts_the_page_is_told_to_ask_again(
+    site: Site, demo: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(SightService, "warm", lambda _: False)
+    request = asked(demo, "rgb").model_dump()
+    answer = site.client.post("/api/preview", json=request)
+    assert (answer.status_code, answer.json()["state"]) == (202, "warming")
+
+
+@pytest.mark.parametrize("sensor", [{"kind": "rgb"}, {"id": "A", "kind": "eye"}, {}])
+def test_wrong_sensors_are_refused_with_the_field(
+    site: Site, demo: dict[str, Any], sensor: dict[str, Any]
+) -> None:
+    answer = site.client.post("/api/preview", json={"config": demo, "sensor": sensor})
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["path"][0] in ("id", "kind")

@@ -53,8 +53,10 @@ export async function post<T>(path: string, body?: unknown, signal?: AbortSignal
   return (await (await send(path, withBody("POST", body, signal))).json()) as T;
 }
 
-export async function postForBlob(path: string, body: unknown, signal?: AbortSignal): Promise<Blob> {
-  return (await send(path, withBody("POST", body, signal))).blob();
+/** A file; null while the server prepares what it needs for it (202). */
+export async function postForBlob(path: string, body: unknown, signal?: AbortSignal): Promise<Blob | null> {
+  const response = await send(path, withBody("POST", body, signal));
+  return response.status === 202 ? null : response.blob();
 }
 
 export async function put<T>(path: string, body: unknown): Promise<T> {

@@ -204,8 +204,6 @@ export interface paths {
         /**
          * Preview
          * @description A picture through one sensor, from the embedded simulator, which stays warm for minutes.
-         *
-         *     Answers 503 with code ``warming`` while the simulator starts: ask again.
          */
         post: operations["preview"];
         delete?: never;
@@ -1495,6 +1493,22 @@ export interface components {
             spawn_points: number;
         };
         /**
+         * PreviewPending
+         * @description No picture yet: ask again in a moment.
+         *
+         *     Attributes:
+         *         state: ``warming``: the simulator starts; ``busy``: pictures for others are being made.
+         */
+        PreviewPending: {
+            /**
+             * State
+             * @enum {string}
+             */
+            state: "warming" | "busy";
+            /** Message */
+            message: string;
+        };
+        /**
          * PreviewRequest
          * @description A picture through one sensor of a configuration that need not be saved.
          *
@@ -2774,6 +2788,15 @@ export interface operations {
                 };
                 content: {
                     "image/jpeg": unknown;
+                };
+            };
+            /** @description Not yet: ask again in a moment. */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PreviewPending"];
                 };
             };
             /** @description The request is wrong. */

@@ -36,7 +36,7 @@ export function StartBar() {
   };
   const wrong = problems.length > 0;
   return (
-    <footer className="start-bar">
+    <footer className="start-bar" data-saved={saved}>
       <div className="estimate" role="status" aria-live="polite">
         {wrong ? (
           <span className="bad">

@@ -45,14 +45,16 @@ export function ExportView({ base, dataset }: { base: string; dataset: string })
         ))}
       </fieldset>
       <div className="export-options">
-        <label className="inline-label">
-          <span className="field-title">2D boxes</span>
-          <select className="input compact" value={boxes} onChange={(event) => setBoxes(event.target.value as typeof boxes)}>
+        <div className="inline-label">
+          <label className="field-title" htmlFor="export-boxes">
+            2D boxes
+          </label>
+          <select id="export-boxes" className="input compact" value={boxes} onChange={(event) => setBoxes(event.target.value as typeof boxes)}>
             <option value="">the format's own</option>
             <option value="amodal">amodal</option>
             <option value="modal">modal</option>
           </select>
-        </label>
+        </div>
         <label className="inline-label">
           <input type="checkbox" checked={invisible} onChange={(event) => setInvisible(event.target.checked)} /> with invisible
           objects

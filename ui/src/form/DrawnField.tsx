@@ -47,7 +47,9 @@ export function DrawnField({ path, field }: ControlProps) {
           ))}
         </select>
       </FieldFrame>
-      {drawn && list && <ListField path={[...path, "random_from"]} field={{ ...list, title: `${field.title}s to draw from` }} />}
+      {drawn && list && (
+        <ListField path={[...path, "random_from"]} field={{ ...list, optional: false, title: `${field.title}s to draw from` }} />
+      )}
     </>
   );
 }

@@ -25,8 +25,9 @@ export function NumberInput(props: Props) {
   const [text, setText] = useState(shown);
   const typing = useRef(false);
   useEffect(() => {
-    if (!typing.current) setText(shown);
-  }, [shown]);
+    // While one types, "1." stays as it is; what changes otherwise (undo, a drag) is shown at once.
+    setText((now) => (typing.current && (value === undefined || Number(now.replace(",", ".")) === value) ? now : shown));
+  }, [shown, value]);
 
   const take = (next: string) => {
     setText(next);

@@ -7,8 +7,8 @@ import { percent } from "../ui/format";
 
 export type CoverageChoice = "off" | "all" | Modality;
 
-const HALF_M = 20;
-const CELLS = 160;
+const HALF_M = 36;
+const CELLS = 216;
 const NEAR_M = 10;
 /** Opacity by how many sensors see a place, from one on. */
 const ALPHA = [60, 105, 140, 165, 180];

@@ -12,9 +12,9 @@ import type { RigSensor } from "./sensors";
 import { useRig } from "./useRig";
 
 const AXES: { key: keyof Pose; title: string; unit: string; step: number; help: string }[] = [
-  { key: "x", title: "x forward", unit: "m", step: 0.05, help: "Forward from the vehicle's origin." },
-  { key: "y", title: "y right", unit: "m", step: 0.05, help: "To the right of the vehicle's origin." },
-  { key: "z", title: "z up", unit: "m", step: 0.05, help: "Above the ground." },
+  { key: "x", title: "x", unit: "m", step: 0.05, help: "Forward from the vehicle's origin." },
+  { key: "y", title: "y", unit: "m", step: 0.05, help: "To the right of the vehicle's origin." },
+  { key: "z", title: "z", unit: "m", step: 0.05, help: "Above the ground." },
   { key: "roll_deg", title: "Roll", unit: "°", step: 1, help: "Positive: right side down." },
   { key: "pitch_deg", title: "Pitch", unit: "°", step: 1, help: "Positive: up." },
   { key: "yaw_deg", title: "Yaw", unit: "°", step: 1, help: "Positive: to the right." },
@@ -43,11 +43,11 @@ export function Inspector({ schema }: { schema: SchemaNode }) {
         <strong>{chosen.length > 1 ? `${chosen.length} sensors` : lead.id}</strong>
         <span className="muted">{chosen.length > 1 ? chosen.map((one) => one.id).join(", ") : kindInfo(lead.kind).label}</span>
       </header>
+      {chosen.length === 1 && kindInfo(lead.kind).looks && <SensorPreview sensor={lead} />}
       <PoseFields chosen={chosen} lead={lead} />
       {chosen.length === 1 && lead.index !== null && (
         <OwnFields schema={schema} sensor={lead} index={lead.index} />
       )}
-      {chosen.length === 1 && kindInfo(lead.kind).looks && <SensorPreview sensor={lead} />}
     </div>
   );
 }
@@ -57,6 +57,7 @@ function PoseFields({ chosen, lead }: { chosen: readonly RigSensor[]; lead: RigS
   const { problems, change } = useForm();
   return (
     <div className="pose-grid">
+      <p className="axes-note">x forward, y right, z up; from the vehicle's centre on the ground</p>
       {AXES.map(({ key, title, unit, step, help }) => {
         const path = ["rig", "sensors", lead.index ?? -1, "pose", key];
         const wrong = problems.filter((problem) => pathText(problem.path) === pathText(path));
@@ -87,9 +88,12 @@ function MountMenu({ chosen }: { chosen: readonly RigSensor[] }) {
   const rig = useRig();
   if (rig.mounts.length === 0) return null;
   return (
-    <label className="mount-menu">
-      <span className="field-title">Mount point</span>
+    <div className="mount-menu">
+      <label className="field-title" htmlFor="mount-point">
+        Mount point
+      </label>
       <select
+        id="mount-point"
         className="input"
         value=""
         onChange={(event) => {
@@ -102,7 +106,7 @@ function MountMenu({ chosen }: { chosen: readonly RigSensor[] }) {
           <option key={name}>{name}</option>
         ))}
       </select>
-    </label>
+    </div>
   );
 }
 

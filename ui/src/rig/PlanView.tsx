@@ -1,4 +1,4 @@
-import { memo, useMemo, type ReactNode } from "react";
+import { memo, useMemo, useRef, type ReactNode } from "react";
 import { Icon } from "../ui/Icon";
 import { useSize } from "../ui/useSize";
 import { CoverageLayer } from "./CoverageLayer";
@@ -7,6 +7,7 @@ import { pathOf, toScreen, type Plane, type Screen } from "./plane";
 import { SensorMark } from "./SensorMark";
 import { stacksOf } from "./stacks";
 import type { Point } from "./outline";
+import { useMarkDrag } from "./useMarkDrag";
 import { usePlaneCamera } from "./usePlaneCamera";
 import { drawnReach, useRig } from "./useRig";
 import type { VehicleShape } from "./mounts";
@@ -29,6 +30,8 @@ export function PlanView({ plane, coverage = "off", actions }: Props) {
     () => stacksOf(rig.sensors).sort((a, b) => plane.depth(a.pose) - plane.depth(b.pose)),
     [rig.sensors, plane],
   );
+  const { begin, dragging } = useMarkDrag(plane, screen);
+  const focused = useRef<string | null>(null);
   const chosen = new Set(rig.selected);
   const ordered = [...rig.sensors].sort((a, b) => Number(chosen.has(a.id)) - Number(chosen.has(b.id)));
   return (
@@ -71,7 +74,15 @@ export function PlanView({ plane, coverage = "off", actions }: Props) {
                 <Origin screen={screen} />
               </g>
               {stacks.map((stack) => (
-                <SensorMark key={stack.key + stack.sensors[0]?.id} stack={stack} plane={plane} screen={screen} />
+                <SensorMark
+                  key={stack.sensors[0]?.id}
+                  stack={stack}
+                  plane={plane}
+                  screen={screen}
+                  dragging={dragging}
+                  focused={focused}
+                  onBegin={begin}
+                />
               ))}
               <ScaleBar screen={screen} />
             </>

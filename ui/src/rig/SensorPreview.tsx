@@ -28,6 +28,11 @@ export function SensorPreview({ sensor }: { sensor: RigSensor }) {
       setState((now) => now || "drawing…");
       try {
         const blob = await postForBlob("/preview", { ...body.current, width: 640 }, stop.signal);
+        if (blob === null) {
+          setState("starting the simulator…");
+          timer = window.setTimeout(ask, WARMING_MS);
+          return;
+        }
         if (shown.current) URL.revokeObjectURL(shown.current);
         shown.current = URL.createObjectURL(blob);
         setPicture(shown.current);

@@ -29,7 +29,7 @@ export function Progress({ run }: { run: RunSummary }) {
       <dl className="tiles">
         <Tile name="Rate" value={run.rate_ticks_s ? `${run.rate_ticks_s.toFixed(1)} steps/s` : "–"} />
         <Tile name={run.ended ? "Took" : "Elapsed"} value={duration(elapsed)} />
-        <Tile name="Still" value={isActive(run) ? duration(run.eta_s) : "–"} />
+        <Tile name="Time left" value={isActive(run) ? duration(run.eta_s) : "–"} />
         <Tile name="Committed" value={`${committed} of ${total}`} />
         <Tile name="Failed" value={String(failed)} tone={failed > 0 ? "bad" : ""} />
         <Tile name="Disk free" value={bytes(run.disk_free_bytes)} />

@@ -4,19 +4,16 @@ import type { Channel, RunSummary } from "../api/types";
 import { colourOf } from "../rig/kinds";
 import { useStore } from "../state/store";
 import { drawFromAbove } from "./fromAbove";
-import { isActive } from "./states";
+import { LastFrame } from "./LastFrame";
 
 /** The newest picture of every camera, and LiDAR and radar from above. */
 export function Thumbnails({ run }: { run: RunSummary }) {
   const channels = useStore(live, (now) => now.channels);
+  if (run.alive === "ended" || run.alive === "dead") return <LastFrame run={run} />;
   if (channels.length === 0)
     return (
       <section className="panel thumbs-empty" aria-label="Live pictures">
-        <p className="empty">
-          {isActive(run)
-            ? "Pictures appear with the first recorded frames."
-            : "Live pictures are there while a run goes on; afterwards the dataset has them all."}
-        </p>
+        <p className="empty">Pictures appear with the first recorded frames.</p>
       </section>
     );
   const kinds = new Map((run.sensors ?? []).map((sensor) => [sensor.id, sensor.kind]));

@@ -19,7 +19,7 @@ _RANDOM_POSES = 40
 def poses() -> list[dict[str, Any]]:
     """Axis-aligned and random poses, each with its 4x4 matrix."""
     angles = [(0, 0, 0), (0, 0, 90), (0, 0, -90), (0, 0, 180), (0, 30, 0), (20, 0, 0)]
-    draw = random.Random(7)  # noqa: S311
+    draw = random.Random(7)
     for _ in range(_RANDOM_POSES):
         angles.append((draw.randint(-180, 180), draw.randint(-89, 89), draw.randint(-180, 180)))
     made = []

@@ -1,0 +1,114 @@
+"""From an empty page to an exported dataset, on the embedded simulator; and what may go wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from browser_pages import PICTURES, Gui, OpenPage, Watch, field, load_demo, saved_config
+from playwright.sync_api import Page, expect
+
+pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.end_to_end]
+
+RUN_MS = 240_000
+FRAMES = 50 if PICTURES else 12
+
+
+def configure_small(page: Page, name: str, frames: int) -> None:
+    """The demonstration, shorter and smaller; as it is when pictures are made."""
+    load_demo(page)
+    field(page, "Name").fill(name)
+    field(page, "Duration").fill(str(frames / 10))
+    field(page, "Vehicles").fill("20" if PICTURES else "8")
+    field(page, "Pedestrians").fill("10" if PICTURES else "4")
+    if not PICTURES:
+        page.get_by_label("Image size: Width").first.fill("160")
+        page.get_by_label("Image size: Height").first.fill("90")
+    assert saved_config(page)["name"] == name
+
+
+def runs(page: Page) -> list[dict[str, Any]]:
+    answer: dict[str, Any] = page.evaluate("fetch('api/runs').then((a) => a.json())")
+    found: list[dict[str, Any]] = answer["runs"]
+    return found
+
+
+def picture(page: Page, name: str) -> None:
+    """A picture of the page for the documentation, where one was asked for."""
+    if PICTURES:
+        page.screenshot(path=Path(PICTURES) / f"gui-{name}.png")
+
+
+def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui) -> None:
+    page = open_page()
+    configure_small(page, "journey", FRAMES)
+    page.get_by_role("list", name="Sensors").get_by_role("button", name="CAM_FRONT").click()
+    page.locator(".stage-host[data-ready=true]").wait_for()
+    page.wait_for_timeout(500)
+    picture(page, "configure")
+    page.get_by_role("button", name="Start", exact=True).click()
+    expect(page.get_by_role("heading", name="journey")).to_be_visible()
+    stop = page.get_by_role("button", name="Stop", exact=True)
+    expect(stop).to_be_visible()
+
+    # Reload in mid-run: everything is there again.
+    page.reload()
+    expect(page.get_by_role("heading", name="journey")).to_be_visible()
+    expect(stop).to_be_visible()
+    camera = page.locator('[data-sensor="CAM_FRONT"] canvas[data-tick]:not([data-tick=""])')
+    camera.wait_for(timeout=RUN_MS)
+    page.locator('[data-sensor="LIDAR_TOP"] canvas[data-tick]:not([data-tick=""])').wait_for()
+    expect(page.get_by_label("Log of journey").get_by_role("listitem").nth(3)).to_be_visible()
+    page.wait_for_timeout(2500 if PICTURES else 100)
+    picture(page, "run")
+    badge = page.locator(".page-head .badge")
+    expect(badge).to_have_text("done", timeout=RUN_MS)
+    expect(page.get_by_text("1 of 1")).to_be_visible()
+
+    page.get_by_role("link", name="Open the dataset").click()
+    expect(page.get_by_role("heading", name="journey")).to_be_visible()
+    page.get_by_role("link", name="Episode 1").click()
+    large = page.locator('.stage-cameras [data-sensor="CAM_FRONT"][data-k="0"]')
+    large.wait_for()
+    page.get_by_role("button", name="3D boxes").click()
+    page.get_by_role("slider", name="Frame").fill(str(FRAMES // 2))
+    page.locator(f'.stage-cameras [data-k="{FRAMES // 2}"]').wait_for()
+    page.locator(".cloud-view:not([data-points='0'])").wait_for()
+    page.wait_for_timeout(500)
+    picture(page, "episode")
+
+    page.goto(gui.url + "#/datasets/journey")
+    page.get_by_role("tab", name="Export").click()
+    page.get_by_label("coco").check()
+    page.get_by_role("button", name="Export", exact=True).click()
+    page.locator('.job[data-state="done"]').wait_for(timeout=60_000)
+    assert any(gui.datasets.glob("journey-coco/**/*.json"))
+    page.get_by_role("tab", name="Statistics").click()
+    expect(page.get_by_role("heading", name="Objects by class")).to_be_visible()
+    picture(page, "datasets")
+
+
+def test_a_killed_interface_finds_its_run_again_and_another_browser_stops_it(
+    open_page: OpenPage, gui: Gui, watch: Watch
+) -> None:
+    page, other = open_page(), open_page("#/run")
+    configure_small(page, "long", 3000)
+    page.get_by_role("button", name="Start", exact=True).click()
+    expect(page.get_by_role("heading", name="long")).to_be_visible()
+    expect(page.get_by_role("button", name="Stop", exact=True)).to_be_visible()
+    run = next(one for one in runs(page) if one["name"] == "long")
+
+    watch.server_may_be_gone = True
+    gui.kill()
+    expect(page.get_by_role("status").filter(has_text="reconnecting")).to_be_visible()
+    gui.start()
+    expect(page.get_by_role("status").filter(has_text="connected")).to_be_visible(timeout=30_000)
+    again = next(one for one in runs(page) if one["run_id"] == run["run_id"])
+    assert again["alive"] == "running"
+    page.get_by_label("Log of long").get_by_text("has begun").wait_for()
+
+    expect(other.get_by_role("heading", name="long")).to_be_visible(timeout=30_000)
+    other.get_by_role("button", name="Stop", exact=True).click()
+    expect(page.locator(".page-head .badge")).to_have_text("stopped", timeout=60_000)
+    expect(other.locator(".page-head .badge")).to_have_text("stopped", timeout=20_000)

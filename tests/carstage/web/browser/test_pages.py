@@ -1,0 +1,105 @@
+"""What holds for every page: accessible, small, usable on small screens, nothing stale."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+from typing import Any
+
+import golden_poses
+import pytest
+from browser_pages import OpenPage
+from playwright.sync_api import Page, expect
+
+pytestmark = pytest.mark.xdist_group("browser")
+
+ROOT = Path(__file__).parents[4]
+STATIC = ROOT / "src" / "carstage" / "web" / "static"
+AXE = ROOT / "ui" / "node_modules" / "axe-core" / "axe.min.js"
+MOST_BYTES = 400_000
+LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
+
+
+def episode_address(page: Page) -> str:
+    answer: dict[str, Any] = page.evaluate("fetch('api/datasets/scene').then((a) => a.json())")
+    return f"#/datasets/scene/{answer['episodes'][0]['episode_id']}"
+
+
+def settle(page: Page) -> None:
+    page.get_by_role("heading", level=1).first.wait_for(state="attached")
+    page.wait_for_load_state("networkidle")
+
+
+def violations(page: Page) -> list[str]:
+    found: dict[str, Any] = page.evaluate(
+        "(levels) => axe.run(document, {runOnly: {type: 'tag', values: levels}})", LEVELS
+    )
+    return [
+        f"{one['id']}: {one['help']}: {node['html'][:160]}"
+        for one in found["violations"]
+        for node in one["nodes"]
+    ]
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_axe_finds_no_violation_of_level_a_or_aa(open_page: OpenPage, theme: str) -> None:
+    if not AXE.exists():
+        pytest.skip("no axe-core: npm ci in ui/")
+    page = open_page("#/configure", theme=theme)
+    episode = episode_address(page)
+    source = AXE.read_text()
+    found: dict[str, list[str]] = {}
+
+    def look(name: str) -> None:
+        settle(page)
+        if wrong := violations(page):
+            found[name] = wrong
+
+    page.evaluate(source)
+    page.get_by_role("list", name="Sensors").get_by_role("button").first.click()
+    look("configure")
+    page.get_by_role("button", name="YAML", exact=True).click()
+    look("yaml")
+    for address in ("#/run", "#/datasets/scene", episode):
+        page.evaluate(f"location.hash = '{address}'")
+        look(address)
+        for tab in page.get_by_role("tab").all():
+            tab.click()
+            look(f"{address} {tab.inner_text()}")
+    assert found == {}
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (820, 1180)])
+def test_no_page_is_wider_than_the_screen(open_page: OpenPage, width: int, height: int) -> None:
+    page = open_page("#/configure", width=width, height=height)
+    for address in ("#/configure", "#/run", "#/datasets/scene", episode_address(page)):
+        page.evaluate(f"location.hash = '{address}'")
+        settle(page)
+        over = page.evaluate(
+            "document.querySelector('.content').scrollWidth - document.documentElement.clientWidth"
+        )
+        assert over <= 0, address
+    if width >= 1280:
+        page.evaluate("location.hash = '#/configure'")
+        form, rig = page.get_by_label("Parameters", exact=True), page.get_by_label("Sensor rig")
+        expect(form).to_be_visible()
+        left, right = form.bounding_box(), rig.bounding_box()
+        assert left is not None
+        assert right is not None
+        assert left["x"] + left["width"] <= right["x"], "parameters and rig stand side by side"
+        assert right["y"] + right["height"] <= height, "and both fit on the screen"
+
+
+def test_scripts_and_styles_are_small_and_3d_comes_later(open_page: OpenPage) -> None:
+    files = [path for path in STATIC.rglob("*") if path.suffix in (".js", ".css")]
+    sizes = {path.name: len(gzip.compress(path.read_bytes())) for path in files}
+    assert sum(sizes.values()) <= MOST_BYTES, sizes
+    page = open_page("#/run")
+    settle(page)
+    loaded = page.evaluate("performance.getEntriesByType('resource').map((one) => one.name)")
+    heavy = max(sizes, key=lambda name: sizes[name])
+    assert not any(name.endswith(heavy) for name in loaded), "three.js only where 3D is shown"
+
+
+def test_golden_poses_are_those_of_python() -> None:
+    assert golden_poses.GOLDEN.read_text() == golden_poses.text()

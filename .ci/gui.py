@@ -1,0 +1,36 @@
+"""Start the installed `carstage gui`; fetch its page, the assets that it names, the datasets."""
+
+import json
+import re
+import subprocess
+import sys
+import urllib.request
+
+
+def fetch(url: str) -> bytes:
+    with urllib.request.urlopen(url, timeout=60) as answer:
+        content: bytes = answer.read()
+    return content
+
+
+def main() -> int:
+    command = ["carstage", "gui", "--port", "0", "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            match = re.search(r"http://\S+", process.stdout.readline())
+            assert match is not None, "it printed no address"
+            page = fetch(match[0]).decode()
+            assets = re.findall(r'(?:src|href)="\.?/(assets/[^"]+)"', page)
+            assert assets, "the page names no asset"
+            for asset in assets:
+                assert fetch(match[0] + asset), asset
+            datasets = json.loads(fetch(f"{match[0]}api/datasets"))["datasets"]
+        finally:
+            process.terminate()
+    print(f"page with {len(assets)} assets; datasets: {[d['dataset'] for d in datasets]}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

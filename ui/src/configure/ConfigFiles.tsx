@@ -39,7 +39,7 @@ export function ConfigFiles({ schema, text, onText }: Props) {
       <button type="button" className="button small" aria-pressed={text} onClick={onText}>
         YAML
       </button>
-      <Menu label="File" name="Configuration file">
+      <Menu label="File" name="configuration">
         <button type="button" role="menuitem" onClick={() => file.current?.click()}>
           <Icon name="upload" /> Import YAML
         </button>

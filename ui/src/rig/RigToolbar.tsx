@@ -72,7 +72,7 @@ export function RigToolbar({ schema, coverage, onCoverage, onTrueRanges, onPrese
             {QUICK_NAMES[kind]}
           </button>
         ))}
-        <Menu label="More" name="Add another kind of sensor">
+        <Menu label="More" name="other kinds of sensor">
           {Object.entries(KINDS)
             .filter(([kind]) => !QUICK.includes(kind))
             .map(([kind, { label }]) => (

@@ -100,12 +100,12 @@ export function SensorMark({ stack, plane, screen, dragging, focused, onBegin }:
       >
         <circle className="mark-hit" cx={px} cy={py} r={12} />
         <circle className="mark-dot" cx={px} cy={py} r={chosen.length > 0 ? 8 : 6.5} />
-        {ids.length > 1 && (
-          <text className="mark-count" x={px} y={py + 3.2}>
-            {ids.length}
-          </text>
-        )}
       </g>
+      {ids.length > 1 && (
+        <text className="mark-count" x={px} y={py + 3.2} aria-hidden="true">
+          {ids.length}
+        </text>
+      )}
       {chosen.length > 0 && (
         <text className="mark-name" {...beside(px, py, screen)}>
           {chosen.length > 1 ? `${lead.id} and ${chosen.length - 1} more` : lead.id}

@@ -1,7 +1,7 @@
 import { useEffect, useRef, useState, type KeyboardEvent, type ReactNode } from "react";
 
 /** A button that opens a list of commands; arrow keys move in it, Escape closes it. */
-export function Menu({ label, name, children }: { label: ReactNode; name: string; children: ReactNode }) {
+export function Menu({ label, name, children }: { label: string; name: string; children: ReactNode }) {
   const [open, setOpen] = useState(false);
   const root = useRef<HTMLDivElement>(null);
   useEffect(() => {
@@ -33,7 +33,7 @@ export function Menu({ label, name, children }: { label: ReactNode; name: string
         className="button small"
         aria-haspopup="menu"
         aria-expanded={open}
-        aria-label={name}
+        aria-label={`${label}: ${name}`}
         onClick={() => setOpen(!open)}
       >
         {label} <span aria-hidden="true">▾</span>

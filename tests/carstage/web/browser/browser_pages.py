@@ -21,7 +21,7 @@ FLAGS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshad
 #: Folder for the documentation's pictures; empty: none are made.
 PICTURES = os.environ.get("CARSTAGE_PICTURES", "")
 START_S = 60.0
-PATIENCE_MS = 10_000
+PATIENCE_MS = 25_000
 #: Refusals that a page provokes on purpose and shows at the field; browsers log them as errors.
 REFUSALS = re.compile(r"status of (409|422) ")
 #: While the server is gone, requests of the page fail.
@@ -116,7 +116,7 @@ OpenPage = Callable[..., Page]
 
 def load_demo(page: Page) -> None:
     """The demonstration's configuration, as it is at first, and nothing chosen."""
-    page.get_by_role("button", name="Configuration file").click()
+    page.get_by_role("button", name="File: configuration").click()
     page.get_by_role("menuitem", name="Load the demonstration").click()
     wait_until_saved(page)
     page.get_by_role("heading", name="Sensor rig").click()

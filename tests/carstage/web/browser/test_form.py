@@ -74,7 +74,7 @@ def test_the_text_view_is_the_same_document(configure: Page) -> None:
 def test_files_come_back_as_they_went_out(configure: Page, tmp_path: Path) -> None:
     page = configure
     before = saved_config(page)
-    page.get_by_role("button", name="Configuration file").click()
+    page.get_by_role("button", name="File: configuration").click()
     with page.expect_download() as download:
         page.get_by_role("menuitem", name="Export YAML").click()
     kept = tmp_path / "kept.yaml"
@@ -85,7 +85,7 @@ def test_files_come_back_as_they_went_out(configure: Page, tmp_path: Path) -> No
     expect(field(page, "Seed")).to_have_value("7")
     assert saved_config(page) == before
 
-    page.get_by_role("button", name="CARLA-style sensor list").click()
+    page.get_by_role("button", name="JSON: CARLA-style sensor list").click()
     with page.expect_download() as download:
         page.get_by_role("menuitem", name="Export a sensor list").click()
     sensors = tmp_path / "sensors.json"

@@ -11,8 +11,8 @@ from playwright.sync_api import Page, expect
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.end_to_end]
 
-RUN_MS = 240_000
-FRAMES = 50 if PICTURES else 12
+RUN_MS = 200_000
+FRAMES = 50 if PICTURES else 40
 
 
 def configure_small(page: Page, name: str, frames: int) -> None:
@@ -20,8 +20,9 @@ def configure_small(page: Page, name: str, frames: int) -> None:
     load_demo(page)
     field(page, "Name").fill(name)
     field(page, "Duration").fill(str(frames / 10))
-    field(page, "Vehicles").fill("20" if PICTURES else "8")
-    field(page, "Pedestrians").fill("10" if PICTURES else "4")
+    traffic = page.get_by_role("region", name="Traffic")
+    traffic.get_by_role("textbox", name="Vehicles").fill("20" if PICTURES else "8")
+    traffic.get_by_role("textbox", name="Pedestrians").fill("10" if PICTURES else "4")
     if not PICTURES:
         page.get_by_label("Image size: Width").first.fill("160")
         page.get_by_label("Image size: Height").first.fill("90")

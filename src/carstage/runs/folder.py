@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import secrets
 import socket
 import time
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import psutil
 
+from carstage.errors import BadInputError
 from carstage.storage.disk import disk_error
 
 if TYPE_CHECKING:
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from carstage.plan import EpisodeSpec
 
 FORMAT_VERSION = 1
+_RUN_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 State = Literal["planning", "starting", "recording", "converting", "done", "failed", "interrupted"]
 FINAL_STATES = ("done", "failed", "interrupted")
 FOREIGN_SILENCE_S = 900.0
@@ -95,6 +98,10 @@ class RunFolder:
 
     def __init__(self, out: Path, run_id: str | None = None) -> None:
         self.run_id = run_id or new_run_id()
+        if not _RUN_ID.fullmatch(self.run_id):
+            raise BadInputError(
+                f"{self.run_id!r} cannot be a run's name.", "Use letters and digits."
+            )
         self.path = out / "runs" / self.run_id
         self._torn = False
         try:

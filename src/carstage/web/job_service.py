@@ -14,10 +14,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from carstage.runs.folder import is_alive, process_start_time
+from carstage.runs.folder import is_alive
 from carstage.runs.reading import read_document
 from carstage.web.errors import WebError, not_found
 from carstage.web.export_formats import FORMATS, available
+from carstage.web.launches import started_at
 from carstage.web.messages import (
     ExportFormat,
     ExportFormats,
@@ -198,7 +199,7 @@ class JobService:
                     start_new_session=True,
                 )
             threading.Thread(target=child.wait, name=f"job {job_id}", daemon=True).start()
-            document |= {"pid": child.pid, "pid_started": process_start_time(child.pid)}
+            document |= {"pid": child.pid, "pid_started": started_at(child.pid)}
             _write(folder / "job.json", document)
             begun = self._job(job_id)
             assert begun is not None

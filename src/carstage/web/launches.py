@@ -52,6 +52,18 @@ class Launch:
         return self.pid is None and not self.withdrawn
 
 
+def started_at(pid: int) -> float:
+    """Unix time at which a child began; now, if it has ended already."""
+    from psutil import Error
+
+    from carstage.runs.folder import process_start_time
+
+    try:
+        return process_start_time(pid)
+    except Error:
+        return time.time()
+
+
 class Launches:
     """The launches of a state folder; safe to use from several threads.
 
@@ -92,7 +104,6 @@ class Launches:
 
     def begin(self, run_id: str) -> None:
         """Start the process of a queued run."""
-        from carstage.runs.folder import process_start_time
         from carstage.runs.launching import launch
 
         with self._lock:
@@ -108,7 +119,7 @@ class Launches:
             )
             # Waited for, so that it does not stay as a zombie; its status says how it ended.
             threading.Thread(target=child.wait, name=f"run {run_id}", daemon=True).start()
-            self._keep(replace(waiting, pid=child.pid, pid_started=process_start_time(child.pid)))
+            self._keep(replace(waiting, pid=child.pid, pid_started=started_at(child.pid)))
 
     def stop_asked(self, run_id: str) -> None:
         """Remember that a run was asked to stop; a queued one is withdrawn."""

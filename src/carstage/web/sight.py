@@ -53,6 +53,7 @@ class SightService:
         self._server: EmbeddedServer | None = None
         self._collector: CollectorProcess | None = None
         self._starting: threading.Thread | None = None
+        self._candidate: EmbeddedServer | None = None
         self._problem: CarStageError | None = None
         self._used_s = 0.0
         self._number = 0
@@ -88,6 +89,8 @@ class SightService:
         if not self._turn.acquire(timeout=_TURN_S):
             return PreviewPending(state="busy", message="Other pictures are being made.")
         try:
+            if self._server is None:  # it ended meanwhile, as nobody had asked
+                return PreviewPending(state="warming", message="The simulator is starting.")
             return self._draw(spec, self._record(spec), request.width)
         finally:
             self._turn.release()
@@ -95,6 +98,8 @@ class SightService:
     def close(self) -> None:
         """End simulator and collector."""
         self._closing.set()
+        if self._candidate is not None:
+            self._candidate.kill()  # its first start may take minutes
         if self._starting is not None:
             self._starting.join()
         with self._turn:
@@ -126,6 +131,7 @@ class SightService:
         facts = embedded_facts("0.9.16")
         if config.map.choice not in facts.maps:  # a map of another server, or a random one
             document["map"] = {"choice": next(iter(facts.maps))}
+            document["ego"] = {"blueprint": config.ego.blueprint}
             config = self._checker.parse(document)
         return plan_episodes(config, facts)[0]
 
@@ -133,11 +139,14 @@ class SightService:
         from carstage.server import EmbeddedServer
 
         server = EmbeddedServer(arguments=("--quality", "low"))
+        self._candidate = server
         try:
             server.start()
         except CarStageError as error:
             self._problem = error
             return
+        finally:
+            self._candidate = None
         with self._lock:
             self._server = server
             self._used_s = time.monotonic()
@@ -145,10 +154,10 @@ class SightService:
 
     def _end_when_idle(self) -> None:
         while not self._closing.wait(_LOOK_EVERY_S):
-            if time.monotonic() - self._used_s > _IDLE_S:
-                with self._turn:
+            with self._turn:
+                if time.monotonic() - self._used_s > _IDLE_S:
                     self._end()
-                return
+                    return
 
     def _end(self) -> None:
         collector, self._collector = self._collector, None

@@ -7,12 +7,13 @@ from typing import Any
 import hypothesis
 import pytest
 import schemathesis
+from schemathesis import GenerationMode
 from sites import Site
 
 from carstage.web.openapi import openapi_document
 
 pytestmark = pytest.mark.xdist_group("web")
-EXAMPLES = 6
+EXAMPLES = 4
 #: Routes that start processes or wait for a simulator are tried by hand in other tests.
 STARTING = ("/api/runs", "/api/preview", "/api/preview/warm", "/api/datasets/{dataset}/export",
             "/api/datasets/{dataset}/validation")  # fmt: skip
@@ -21,22 +22,23 @@ document = openapi_document()
 schema = schemathesis.openapi.from_dict(document)
 
 
-def operations() -> list[Any]:
+def attempts() -> list[Any]:
+    """Each operation with valid requests, and those that take values with wrong ones, too."""
     found = [result.ok() for result in schema.get_all_operations()]
-    return [o for o in found if not (o.method == "post" and o.path in STARTING)]
+    tried = [o for o in found if not (o.method == "post" and o.path in STARTING)]
+    takes = [o for o in tried if list(o.iter_parameters()) or o.body]
+    return [(o, GenerationMode.POSITIVE) for o in tried] + [
+        (o, GenerationMode.NEGATIVE) for o in takes
+    ]
 
 
-@pytest.mark.parametrize("operation", operations(), ids=lambda o: f"{o.method} {o.path}")
-def test_no_request_makes_the_server_fail(site: Site, operation: Any) -> None:
-    @hypothesis.given(case=operation.as_strategy())
-    @hypothesis.settings(
-        max_examples=EXAMPLES,
-        database=None,
-        deadline=None,
-        derandomize=True,
-        suppress_health_check=list(hypothesis.HealthCheck),
-    )
-    def check(case: Any) -> None:
+@pytest.mark.parametrize(
+    ("operation", "mode"), attempts(), ids=lambda v: getattr(v, "label", getattr(v, "value", v))
+)
+def test_no_request_makes_the_server_fail(site: Site, operation: Any, mode: GenerationMode) -> None:
+    there = {"dataset": site.dataset, "episode": site.episode}
+
+    def send(case: Any) -> None:
         arguments = case.as_transport_kwargs(base_url="http://127.0.0.1:8321")
         answer = site.client.request(
             arguments["method"],
@@ -45,6 +47,21 @@ def test_no_request_makes_the_server_fail(site: Site, operation: Any) -> None:
         )
         assert answer.status_code < 500, answer.text
         assert "Traceback" not in answer.text
+
+    @hypothesis.given(case=operation.as_strategy(generation_mode=mode))
+    @hypothesis.settings(
+        max_examples=EXAMPLES,
+        database=None,
+        deadline=None,
+        derandomize=True,
+        suppress_health_check=list(hypothesis.HealthCheck),
+    )
+    def check(case: Any) -> None:
+        send(case)
+        if "dataset" in case.path_parameters:  # once more for what is there
+            names = case.path_parameters.keys() & there.keys()
+            case.path_parameters.update({name: there[name] for name in names})
+            send(case)
 
     check()
 

@@ -15,6 +15,7 @@ import psutil
 from fastapi.testclient import TestClient
 
 from carstage.web.app import create_app
+from carstage.web.loading import load
 from carstage.web.settings import WebSettings
 
 HERE = "http://127.0.0.1:8321"
@@ -35,6 +36,7 @@ class Site:
 
 
 def open_site(root: Path, **settings: Any) -> TestClient:
+    load()  # here, so that a test never meets modules that a thread of the server is importing
     return TestClient(create_app(WebSettings(roots=(root,), **settings)), base_url=HERE)
 
 

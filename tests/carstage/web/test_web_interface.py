@@ -40,11 +40,10 @@ def test_no_request_makes_the_server_fail(site: Site, operation: Any, mode: Gene
 
     def send(case: Any) -> None:
         arguments = case.as_transport_kwargs(base_url="http://127.0.0.1:8321")
-        answer = site.client.request(
-            arguments["method"],
-            arguments["url"],
-            **{key: arguments[key] for key in ("params", "json", "headers") if key in arguments},
-        )
+        sent = {key: arguments[key] for key in ("params", "json", "headers") if key in arguments}
+        if isinstance(arguments.get("data"), bytes | str):
+            sent["content"] = arguments["data"]
+        answer = site.client.request(arguments["method"], arguments["url"], **sent)
         assert answer.status_code < 500, answer.text
         assert "Traceback" not in answer.text
 

@@ -84,7 +84,7 @@ def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui
     page.get_by_label("coco").check()
     page.get_by_role("button", name="Export", exact=True).click()
     page.locator('.job[data-state="done"]').wait_for(timeout=60_000)
-    assert any(gui.datasets.glob("journey-coco/**/*.json"))
+    assert any(gui.datasets.glob("exports/journey-coco/**/*.json"))
     page.get_by_role("tab", name="Statistics").click()
     expect(page.get_by_role("heading", name="Objects by class")).to_be_visible()
     picture(page, "datasets")

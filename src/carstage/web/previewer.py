@@ -42,7 +42,9 @@ WANT = "want"
 INDEX = "index.json"
 WANT_S = 4.0
 """How old ``want`` may be; whoever watches refreshes it each second."""
-_ROUND_S = 0.1
+_ROUND_S = 0.05
+_PICTURE_EVERY_S = 0.1
+"""At most ten pictures of a sensor in a second on average: one that gives ten is shown whole."""
 _WIDTH = 640
 _MOST_POINTS = 6000
 _NICE = 5
@@ -92,12 +94,15 @@ class _Stream:
         self._kind = str(sensor["kind"])
         self._server = server
         self._records = NewestRecords(attempt, self.id)
+        self._next_s = 0.0
 
     def draw(self, folder: Path) -> int | None:
         """Draw the newest record, if there is a new one; its tick."""
-        record = self._records.look()
+        now_s = time.monotonic()
+        record = self._records.look() if now_s >= self._next_s else None
         if record is None:
             return None
+        self._next_s = max(self._next_s, now_s - _PICTURE_EVERY_S) + _PICTURE_EVERY_S
         suffix = ".jpg" if self._kind in IMAGE_KINDS else ".f32"
         replace_file(folder / f"{self.id}{suffix}", draw_record(self._kind, self._server, record))
         return record.tick

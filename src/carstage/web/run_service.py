@@ -50,6 +50,7 @@ class RunService:
         self._records = RunRecords(roots)
         self._lock = threading.RLock()
         self._followers: dict[str, RunFollower] = {}
+        self._folders: dict[str, Path] = {}
 
     def summaries(self) -> list[RunSummary]:
         """All runs: queued ones in their order, then the others, newest first."""
@@ -152,10 +153,10 @@ class RunService:
 
     def follow(self, run_id: str) -> RunFollower | None:
         """The follower of a run; None for one without a folder. Use it under ``locked``."""
-        record = self._records.all().get(run_id)
-        if record is None:
+        folder = self.folder(run_id)
+        if folder is None:
             return None
-        follower = self._followers.pop(run_id, None) or RunFollower(record.folder)
+        follower = self._followers.pop(run_id, None) or RunFollower(folder)
         self._followers[run_id] = follower  # the newest last
         while len(self._followers) > _MOST_FOLLOWED:
             del self._followers[next(iter(self._followers))]
@@ -167,9 +168,13 @@ class RunService:
         return self._lock
 
     def folder(self, run_id: str) -> Path | None:
-        """The folder of a run, if it has one."""
-        record = self._records.all().get(run_id)
-        return None if record is None else record.folder
+        """The folder of a run, if it has one; looked for until it is found."""
+        if run_id not in self._folders:
+            record = self._records.all().get(run_id)
+            if record is None:
+                return None
+            self._folders[run_id] = record.folder
+        return self._folders[run_id]
 
     def advance(self) -> None:
         """Begin what is next in the queue, for each server that is free."""

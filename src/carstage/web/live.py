@@ -61,6 +61,7 @@ class _Client:
     fresh: bool = False
     lines_seen: int = 0
     ticks_seen: int = 0
+    channels_seen: list[Channel] | None = None
     pictures_seen: dict[str, int] = field(default_factory=dict)
     texts: list[str] = field(default_factory=list)
     pictures: dict[int, bytes] = field(default_factory=dict)
@@ -88,6 +89,7 @@ class _Look:
     previews: bool
     lines_seen: int
     ticks_seen: int
+    channels_seen: list[Channel] | None
 
 
 @dataclass(slots=True)
@@ -96,6 +98,7 @@ class _Found:
 
     lines_seen: int = 0
     ticks_seen: int = 0
+    channels: list[Channel] = field(default_factory=list)
     messages: list[Message] = field(default_factory=list)
     ticks: dict[str, int] = field(default_factory=dict)
     pictures: dict[int, bytes] = field(default_factory=dict)
@@ -241,14 +244,23 @@ class LiveHub:
             return
         if client.fresh:
             client.lines_seen = client.ticks_seen = 0
+            client.channels_seen = None
             client.pictures_seen.clear()
-        look = _Look(run_id, client.fresh, client.previews, client.lines_seen, client.ticks_seen)
+        look = _Look(
+            run_id,
+            client.fresh,
+            client.previews,
+            client.lines_seen,
+            client.ticks_seen,
+            client.channels_seen,
+        )
         client.fresh = False
         found = await asyncio.to_thread(self._look_at_run, look, dict(client.pictures_seen))
         if found is None:
             client.fresh = look.fresh  # the run has no folder yet
         elif client.run_id == run_id:  # it may have turned to another one meanwhile
             client.lines_seen, client.ticks_seen = found.lines_seen, found.ticks_seen
+            client.channels_seen = found.channels
             client.pictures_seen.update(found.ticks)
             client.pictures.update(found.pictures)
             for message in found.messages:
@@ -276,7 +288,8 @@ class LiveHub:
             found.messages.append(LogMessage(run_id=run.run_id, reset=look.fresh, lines=lines))
         if ticks or look.fresh:
             found.messages.append(TicksMessage(run_id=run.run_id, reset=look.fresh, ticks=ticks))
-        if look.fresh:
+        found.channels = channels
+        if channels != look.channels_seen:  # while a run is planned, its sensors are not known
             found.messages.append(ChannelsMessage(run_id=run.run_id, channels=channels))
         if look.previews:
             if run.alive == "running":

@@ -11,8 +11,9 @@ from browser_pages import CHROMIUM, FLAGS, PATIENCE_MS, Gui, OpenPage, Watch, lo
 from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
+    """Chromium, for one module: while Playwright runs, this thread can run no other event loop."""
     if not Path(CHROMIUM).exists():
         pytest.skip("no Chromium: apt-get install chromium")
     with sync_playwright() as playwright:
@@ -77,7 +78,7 @@ def new_page(browser: Browser, watch: Watch, width: int, height: int, theme: str
     return page
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def shared_page(browser: Browser, gui: Gui, all_pages: Watch) -> Iterator[Page]:
     """One page for all tests that only change the configuration: loading it is the dear part."""
     page = new_page(browser, all_pages, 1440, 900, "dark")

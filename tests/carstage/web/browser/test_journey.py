@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +62,8 @@ def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui
     camera.wait_for(timeout=RUN_MS)
     page.locator('[data-sensor="LIDAR_TOP"] canvas[data-tick]:not([data-tick=""])').wait_for()
     expect(page.get_by_label("Log of journey").get_by_role("listitem").nth(3)).to_be_visible()
-    page.wait_for_timeout(2500 if PICTURES else 100)
+    if PICTURES:
+        page.get_by_text(re.compile(r"^[1-9]\d* / 50 frames$")).wait_for(timeout=RUN_MS)
     picture(page, "run")
     badge = page.locator(".page-head .badge")
     expect(badge).to_have_text("done", timeout=RUN_MS)

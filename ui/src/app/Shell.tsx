@@ -1,7 +1,8 @@
 import { lazy, Suspense } from "react";
 import { live } from "../api/live";
 import { ConfigurePage } from "../configure/ConfigurePage";
-import icon from "../icon.svg";
+// The page's head names the file, too: inlined here or not would be a matter of chance.
+import icon from "../icon.svg?no-inline";
 import { useStore } from "../state/store";
 import { Icon } from "../ui/Icon";
 import { percent } from "../ui/format";

@@ -29,7 +29,11 @@ export default function DatasetsPage({ dataset }: { dataset: string | null }) {
             </li>
           ))}
         </ul>
-        {list.data && <p className="muted root">in {list.data.root}</p>}
+        {list.data && (
+          <p className="muted root" title={list.data.root}>
+            New ones are made in the folder {list.data.root.split("/").at(-1)}.
+          </p>
+        )}
       </aside>
       {chosen ? (
         <DatasetDetailView key={chosen} dataset={chosen} version={version} />

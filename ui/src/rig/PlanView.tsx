@@ -55,6 +55,7 @@ export function PlanView({ plane, coverage = "off", actions }: Props) {
       </header>
       <div className="view-body">
         {plane.name === "top" && coverage !== "off" && <CoverageLayer screen={screen} choice={coverage} />}
+        {!rig.shape && <p className="view-note">Loading the car…</p>}
         <svg ref={ref} className="plan" data-scale={screen.scale.toFixed(3)}>
           {size.width > 0 && (
             <>

@@ -137,6 +137,7 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
               <ViewFrame.Enlarge name="3D" {...enlarge("3d")} />
             </header>
             <div className="view-body">
+              {!shape.data && <p className="view-note">{shape.error ?? "Loading the car…"}</p>}
               <Suspense fallback={<p className="empty">Loading the 3D view…</p>}>
                 <View3D mode={mode} />
               </Suspense>

@@ -8,7 +8,9 @@ from pathlib import Path
 import analytic_dataset
 import pytest
 from browser_pages import CHROMIUM, FLAGS, PATIENCE_MS, Gui, OpenPage, Watch, load_demo
-from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+
+expect.set_options(timeout=PATIENCE_MS)
 
 
 @pytest.fixture(scope="module")

@@ -126,6 +126,17 @@ def load_demo(page: Page) -> None:
     page.get_by_label("Coverage of the ground").select_option("off")
 
 
+def wait_until(page: Page, condition: str) -> None:
+    """Until an expression of JavaScript is true.
+
+    ``Page.wait_for_function`` would evaluate it inside the page, whose policy forbids that.
+    """
+    deadline = time.monotonic() + PATIENCE_MS / 1000
+    while not page.evaluate(condition):
+        assert time.monotonic() < deadline, f"not within {PATIENCE_MS} ms: {condition}"
+        page.wait_for_timeout(50)
+
+
 def wait_until_saved(page: Page) -> None:
     """Until nothing is on its way to the server any more."""
     page.locator("[data-saved=saved]").wait_for()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -58,7 +59,7 @@ def test_the_text_view_is_the_same_document(configure: Page) -> None:
     page = configure
     page.get_by_role("button", name="YAML", exact=True).click()
     text = page.get_by_label("Configuration as YAML")
-    page.wait_for_function("document.querySelector('.yaml-text').value.includes('name: demo')")
+    expect(text).to_have_value(re.compile("name: demo"))
     changed = text.input_value().replace("fps: 10", "fps: 20")
     text.fill(changed)
     page.wait_for_timeout(600)

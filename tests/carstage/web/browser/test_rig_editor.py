@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from browser_pages import field, saved_config, wait_until_saved
+from browser_pages import field, saved_config, wait_until, wait_until_saved
 from playwright.sync_api import Locator, Page, expect
 
 pytestmark = pytest.mark.xdist_group("browser")
@@ -108,7 +108,7 @@ def test_the_gizmo_moves_a_sensor_up(configure: Page) -> None:
     choose(page, "LIDAR_TOP")
     stage = page.locator(".stage-host[data-ready=true] canvas")
     stage.wait_for()
-    page.wait_for_function("window.carstage3d && window.carstage3d.drawn() > 0")
+    wait_until(page, "window.carstage3d && window.carstage3d.drawn() > 0")
     box = stage.bounding_box()
     assert box is not None
     foot = page.evaluate("window.carstage3d.project(0, 0, 1.9)")
@@ -136,7 +136,7 @@ def test_the_3d_view_draws_only_when_something_changes(configure: Page) -> None:
     page.wait_for_timeout(700)
     assert page.evaluate("window.carstage3d.drawn()") == before
     choose(page, "CAM_LEFT")
-    page.wait_for_function(f"window.carstage3d.drawn() > {before}")
+    wait_until(page, f"window.carstage3d.drawn() > {before}")
 
 
 def test_mirror_add_and_mount_points(configure: Page) -> None:

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from browser_pages import OpenPage, field, saved_config, wait_until_saved
+from browser_pages import OpenPage, field, saved_config, wait_until_saved, wait_until_saved_as
 from playwright.sync_api import Page, expect
 
 pytestmark = pytest.mark.xdist_group("browser")
@@ -62,8 +62,7 @@ def test_the_text_view_is_the_same_document(configure: Page) -> None:
     expect(text).to_have_value(re.compile("name: demo"))
     changed = text.input_value().replace("fps: 10", "fps: 20")
     text.fill(changed)
-    page.wait_for_timeout(600)
-    assert saved_config(page)["fps"] == 20
+    wait_until_saved_as(page, "fps", 20)
     text.fill(changed.replace("fps: 20", "fps: fast"))
     expect(page.locator(".yaml .field-error")).to_contain_text("fps")
     assert saved_config(page)["fps"] == 20

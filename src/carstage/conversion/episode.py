@@ -32,8 +32,8 @@ from carstage.conversion.segment import (
 from carstage.conversion.sensors import SensorPlan, plan_sensors
 from carstage.dataset.codecs import codec_for
 from carstage.dataset.tables import ROW_SENSORS, read_table, write_table
-from carstage.dataset.whole import write_whole
 from carstage.errors import ConversionError, ConverterDiedError, DatasetError
+from carstage.files.whole import write_whole
 from carstage.rawlog.format import LEDGER
 from carstage.rawlog.reader import EpisodeLog
 from carstage.storage.marker import FileEntry

@@ -20,8 +20,8 @@ from carstage.conversion.tag_numbers import dataset_payload
 from carstage.dataset.codecs import codec_for
 from carstage.dataset.codecs.codec import image_bgra
 from carstage.dataset.tables import ROW_SENSORS, arrow_type, write_table
-from carstage.dataset.whole import write_whole
 from carstage.errors import ConversionError
+from carstage.files.whole import write_whole
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.format import KIND_DATA, LEDGER
 from carstage.rawlog.reader import EpisodeLog, Record

@@ -12,8 +12,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from carstage.dataset.whole import whole_file
 from carstage.errors import DatasetError
+from carstage.files.whole import whole_file
 
 _COMPRESSION: Literal["zstd"] = "zstd"
 _COMPRESSION_LEVEL = 3

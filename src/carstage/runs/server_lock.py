@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
-import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -12,6 +10,7 @@ from pathlib import Path
 from carstage.config import Config
 from carstage.config.recording import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError
+from carstage.files.locks import take_lock
 from carstage.server import cache_folder
 
 
@@ -46,22 +45,14 @@ def server_lock(config: Config, folder: Path | None = None) -> Iterator[None]:
     with suppress(OSError):  # a cache that cannot be written guards nothing and hinders nobody
         folder.mkdir(parents=True, exist_ok=True)
     try:
-        handle = os.open(
-            folder / f"server-{re.sub(r'[^A-Za-z0-9.-]', '_', key)}.lock",
-            os.O_RDWR | os.O_CREAT | os.O_CLOEXEC,
-            0o666,
-        )
+        held = take_lock(folder / f"server-{re.sub(r'[^A-Za-z0-9.-]', '_', key)}.lock", 0o666)
     except OSError:
         yield
         return
-    try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise BadInputError(
-                f"server: another run uses the server at {key}.",
-                "Wait for its end, or choose another server or port.",
-            ) from error
+    if held is None:
+        raise BadInputError(
+            f"server: another run uses the server at {key}.",
+            "Wait for its end, or choose another server or port.",
+        )
+    with held:
         yield
-    finally:
-        os.close(handle)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import threading
 from collections.abc import Callable
 from pathlib import Path
 
 from carstage.errors import ConfigError
+from carstage.files.whole import write_whole
 from carstage.web.checking import ConfigChecker
 from carstage.web.messages import ConfigChange, ConfigConflict, ConfigSaved, ConfigState
 from carstage.web.messages.base import Document
@@ -86,6 +86,4 @@ class ConfigStore:
         return state.model_copy(update={"config": dump_config(config)})
 
     def _keep(self, state: ConfigState) -> None:
-        temporary = self._path.with_name(f".{self._path.name}.{os.getpid()}")
-        temporary.write_text(state.model_dump_json(), "utf-8")
-        temporary.replace(self._path)
+        write_whole(self._path, state.model_dump_json().encode())

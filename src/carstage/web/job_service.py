@@ -14,6 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from carstage.files.whole import write_whole
 from carstage.runs.folder import is_alive
 from carstage.runs.reading import read_document
 from carstage.web.errors import WebError, not_found
@@ -189,7 +190,7 @@ class JobService:
                 "path": str(found.path),
                 "started": time.time(),
             }
-            _write(folder / "job.json", document)
+            write_whole(folder / "job.json", json.dumps(document).encode())
             with (folder / "output.log").open("ab") as log:
                 child = subprocess.Popen(
                     [sys.executable, "-m", "carstage.web.job_worker", str(folder)],
@@ -200,7 +201,7 @@ class JobService:
                 )
             threading.Thread(target=child.wait, name=f"job {job_id}", daemon=True).start()
             document |= {"pid": child.pid, "pid_started": started_at(child.pid)}
-            _write(folder / "job.json", document)
+            write_whole(folder / "job.json", json.dumps(document).encode())
             begun = self._job(job_id)
             assert begun is not None
             return begun
@@ -247,9 +248,3 @@ def fingerprint(dataset: Path) -> str:
     with suppress(OSError), os.scandir(dataset / "commits") as entries:
         names = sorted(f"{entry.name}:{entry.stat().st_mtime_ns}" for entry in entries)
     return "|".join(names)
-
-
-def _write(path: Path, document: dict[str, Any]) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_text(json.dumps(document), "utf-8")
-    temporary.replace(path)

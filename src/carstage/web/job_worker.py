@@ -7,7 +7,6 @@ A process of its own: it goes on when the server ends, and what it does not give
 from __future__ import annotations
 
 import json
-import os
 import signal
 import sys
 import time
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from carstage.errors import CarStageError
+from carstage.files.whole import write_whole
 
 _WRITE_EVERY_S = 0.25
 
@@ -31,9 +31,7 @@ class Status:
     def write(self, **changes: Any) -> None:
         """Replace the file with these values changed."""
         self._document.update(changes)
-        temporary = self._path.with_name(f".{self._path.name}.{os.getpid()}")
-        temporary.write_text(json.dumps(self._document), "utf-8")
-        temporary.replace(self._path)
+        write_whole(self._path, json.dumps(self._document).encode())
 
     def progress(self, stage: str) -> Callable[[int, int], None]:
         """A callback for what counts frames; writes a few times a second."""

@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from carstage.files.whole import write_whole
 from carstage.web.messages.base import Document
 
 _TAIL_BYTES = 4000
@@ -153,9 +154,7 @@ class Launches:
 
     def _keep(self, launch: Launch) -> None:
         path = self._folder / launch.run_id / "launch.json"
-        temporary = path.with_name(f".{path.name}.{os.getpid()}")
-        temporary.write_text(json.dumps(asdict(launch)), "utf-8")
-        temporary.replace(path)
+        write_whole(path, json.dumps(asdict(launch)).encode())
         self._launches[launch.run_id] = launch
 
     def _kept(self) -> list[Launch]:

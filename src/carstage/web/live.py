@@ -48,6 +48,9 @@ _MOST_PENDING = 2000
 _MOST_CLIENTS = 64
 _TRY_AGAIN_LATER = 1013
 
+_GONE = (WebSocketDisconnect, RuntimeError, OSError)
+"""What sending raises when the page has gone."""
+
 _log = logging.getLogger("carstage.web")
 
 
@@ -171,13 +174,14 @@ class LiveHub:
         finally:
             self._clients.discard(client)
             sender.cancel()
-            with suppress(asyncio.CancelledError, Exception):
-                await sender
+            (fault,) = await asyncio.gather(sender, return_exceptions=True)
+            if isinstance(fault, Exception) and not isinstance(fault, _GONE):
+                _log.error("sending to a page failed", exc_info=fault)
 
     async def close(self) -> None:
         """Say good-bye to all."""
         for client in list(self._clients):
-            with suppress(Exception):
+            with suppress(*_GONE):
                 await client.socket.close(1001)
 
     def _snapshot(self) -> SnapshotMessage:

@@ -9,14 +9,13 @@ their ticks, written last.
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,8 @@ import numpy as np
 
 from carstage.conversion.tag_numbers import dataset_payload
 from carstage.dataset.codecs import codec_for
+from carstage.files.locks import take_lock
+from carstage.files.whole import write_whole
 from carstage.rawlog.newest import NewestRecords, NewRecord
 from carstage.runs.folder import FINAL_STATES
 from carstage.runs.reading import read_document
@@ -82,7 +83,7 @@ def _draw(run: Path, folder: Path) -> None:
                 ticks[stream.id] = {"tick": tick, "time": time.time()}
                 drawn = True
         if drawn:
-            replace_file(folder / INDEX, json.dumps(ticks).encode())
+            write_whole(folder / INDEX, json.dumps(ticks).encode())
         pause.wait(max(_ROUND_S / 5, _ROUND_S - (time.monotonic() - begin_s)))
 
 
@@ -104,7 +105,7 @@ class _Stream:
             return None
         self._next_s = max(self._next_s, now_s - _PICTURE_EVERY_S) + _PICTURE_EVERY_S
         suffix = ".jpg" if self._kind in IMAGE_KINDS else ".f32"
-        replace_file(folder / f"{self.id}{suffix}", draw_record(self._kind, self._server, record))
+        write_whole(folder / f"{self.id}{suffix}", draw_record(self._kind, self._server, record))
         return record.tick
 
 
@@ -132,16 +133,6 @@ def draw_record(
         points = points_of(kind, data)
         return points[:: max(1, -(-len(points) // most_points))].tobytes()
     return jpeg(scaled(picture(kind, data), width))
-
-
-def replace_file(path: Path, content: bytes) -> None:
-    """Readers see the old file or the new one."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        temporary.write_bytes(content)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _attempt(run: Path, status: Mapping[str, Any]) -> Path | None:
@@ -176,19 +167,11 @@ def _wanted(folder: Path) -> bool:
 def _alone(folder: Path) -> Iterator[bool]:
     """Whether no other process draws this run; holds the place meanwhile."""
     try:
-        handle = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        held = take_lock(folder / ".lock", 0o644)
     except OSError:
-        yield False
-        return
-    try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            yield False
-        else:
-            yield True
-    finally:
-        os.close(handle)
+        held = None
+    with held or nullcontext():
+        yield held is not None
 
 
 if __name__ == "__main__":

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import fcntl
 import logging
-import os
 import socket
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -13,6 +11,7 @@ from pathlib import Path
 import uvicorn
 
 from carstage.errors import BadInputError
+from carstage.files.locks import take_lock
 from carstage.web.app import create_app
 from carstage.web.settings import WebSettings, is_loopback, new_token
 
@@ -111,19 +110,15 @@ def _only_server(state: Path) -> Iterator[None]:
     """Hold the state folder; the system gives it back with the process, however that ends."""
     try:
         state.mkdir(mode=0o700, exist_ok=True)
-        handle = os.open(state / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        held = take_lock(state / "lock", 0o600)
     except OSError as error:
         raise BadInputError(
             f"{state} cannot be used: {error.strerror}.", "Name another folder by --datasets."
         ) from error
-    try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise BadInputError(
-                f"Another `carstage gui` serves {state.parent}.",
-                "Use that one, or name another folder by --datasets.",
-            ) from error
+    if held is None:
+        raise BadInputError(
+            f"Another `carstage gui` serves {state.parent}.",
+            "Use that one, or name another folder by --datasets.",
+        )
+    with held:
         yield
-    finally:
-        os.close(handle)

@@ -26,7 +26,7 @@ from carstage.dataset.report.statistics import (
 )
 from carstage.dataset.report.verdict import badge, validation_section
 from carstage.dataset.validation import ValidationReport, validate_dataset
-from carstage.dataset.whole import write_whole
+from carstage.files.whole import write_whole
 
 MOST_EPISODES_WITH_PICTURES = 6
 

@@ -12,7 +12,7 @@ from carstage.dataset.checks.findings import Problem
 from carstage.dataset.reading import Dataset
 from carstage.dataset.report import html
 from carstage.dataset.validation import ValidationReport
-from carstage.dataset.whole import write_whole
+from carstage.files.whole import write_whole
 
 _MOST_PROBLEMS = 200
 

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import logging
 import threading
+from collections import defaultdict
 from typing import Any
 
+from carstage.errors import CarStageError
 from carstage.web.errors import not_found
 from carstage.web.messages import DescriptionMessage, MapEntry, VehicleEntry
 
 _VEHICLES = "vehicle."
+
+_log = logging.getLogger("carstage.web")
 
 
 class DescriptionService:
@@ -21,6 +26,26 @@ class DescriptionService:
         self._lock = threading.Lock()
         self._message: DescriptionMessage | None = None
         self._answers: dict[tuple[str, str], dict[str, Any]] = {}
+        self._asking: defaultdict[tuple[str, str], threading.Lock] = defaultdict(threading.Lock)
+
+    def warm(self, vehicle: str, cancelled: threading.Event) -> None:
+        """Ask what pages will ask first, so that they need not wait: after an update of the
+        simulator each answer takes seconds.
+
+        Args:
+            vehicle: whose shape the first page shows; one of another server is left out.
+            cancelled: ends it before the next question.
+        """
+        try:
+            message = self.message()
+            if not cancelled.is_set() and vehicle in {entry.id for entry in message.vehicles}:
+                self.vehicle(vehicle)
+            for entry in message.maps:
+                if cancelled.is_set():
+                    return
+                self.lanes(entry.name)
+        except CarStageError as error:
+            _log.warning("the embedded simulator cannot be described: %s", error)
 
     def message(self) -> DescriptionMessage:
         """All of it but shapes and lanes.
@@ -52,12 +77,15 @@ class DescriptionService:
         return self._ask("--lanes", short)
 
     def _ask(self, option: str, name: str) -> dict[str, Any]:
+        question = (option, name)
         with self._lock:
-            if (option, name) not in self._answers:
+            asking = self._asking[question]
+        with asking:  # others may ask something else meanwhile
+            if question not in self._answers:
                 from carstage.server import ask_embedded
 
-                self._answers[option, name] = ask_embedded(option, name)
-            return self._answers[option, name]
+                self._answers[question] = ask_embedded(option, name)
+            return self._answers[question]
 
     def _describe(self) -> DescriptionMessage:
         from carstage.config import SENSOR_KINDS, WEATHER_PRESETS

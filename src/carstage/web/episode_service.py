@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 from carstage.web.catalogue import Catalogue
 from carstage.web.description import DescriptionService
-from carstage.web.messages import EpisodeDetail, EpisodeMap, RigSensor
+from carstage.web.messages import EgoSignals, EpisodeDetail, EpisodeMap, RigSensor
 
 if TYPE_CHECKING:
     from carstage.dataset import SensorCalibration
@@ -77,6 +77,26 @@ class EpisodeService:
                 min(xs) - _MARGIN_M, min(ys) - _MARGIN_M, max(xs) + _MARGIN_M, max(ys) + _MARGIN_M,
             ],
         )  # fmt: skip
+
+    def ego(self, dataset: str, episode_id: str) -> EgoSignals:
+        """Speed, acceleration and steering of the ego.
+
+        Raises:
+            WebError: there is no such episode.
+            DatasetError: the table is damaged.
+        """
+        table = self._catalogue.episode(dataset, episode_id).ego()
+        rows = table.select(["speed", "acceleration_ego", "steer"]).to_pylist()
+        return EgoSignals(
+            speed_m_s=[row["speed"] for row in rows],
+            acceleration_m_s2=[_forward(row["acceleration_ego"]) for row in rows],
+            steer=[row["steer"] for row in rows],
+        )
+
+
+def _forward(vector: list[float] | None) -> float | None:
+    """What a vector has along x."""
+    return None if vector is None else vector[0]
 
 
 def _sensor(sensor: SensorCalibration) -> RigSensor:

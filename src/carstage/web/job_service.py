@@ -29,6 +29,7 @@ from carstage.web.messages import (
 )
 from carstage.web.roots import EXPORTS, FoundDataset, Roots
 
+WORKER = (sys.executable, "-m", "carstage.web.job_worker")
 _MOST_RUNNING = 2
 _MOST_KEPT = 50
 
@@ -193,7 +194,7 @@ class JobService:
             write_whole(folder / "job.json", json.dumps(document).encode())
             with (folder / "output.log").open("ab") as log:
                 child = subprocess.Popen(
-                    [sys.executable, "-m", "carstage.web.job_worker", str(folder)],
+                    [*WORKER, str(folder)],
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=log,

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 
-from carstage.errors import CarStageError
 from carstage.web.catalogue import Catalogue
 from carstage.web.checking import ConfigChecker
 from carstage.web.config_store import ConfigStore
@@ -30,8 +28,6 @@ from carstage.web.server_check import ServerCheckService
 from carstage.web.settings import WebSettings
 from carstage.web.sight import SightService
 from carstage.web.texts import ConfigTexts
-
-_log = logging.getLogger("carstage.web")
 
 
 class Services:
@@ -71,10 +67,14 @@ class Services:
         """
         services = cls(settings)
         looking = asyncio.create_task(services.live.look_on())
-        threading.Thread(target=services.warm_up, name="warm-up", daemon=True).start()
+        closing = threading.Event()
+        threading.Thread(
+            target=services.warm_up, args=(closing,), name="warm-up", daemon=True
+        ).start()
         try:
             yield services
         finally:
+            closing.set()
             looking.cancel()
             with suppress(asyncio.CancelledError):
                 await looking
@@ -82,14 +82,12 @@ class Services:
             await asyncio.to_thread(services.sight.close)
             await asyncio.to_thread(services.previews.close)
 
-    def warm_up(self) -> None:
+    def warm_up(self, closing: threading.Event) -> None:
         """Do early what the first request for it would have to wait for."""
         load()
-        try:
-            self.schema.message()
-            self.description.message()
-        except CarStageError as error:
-            _log.warning("the embedded simulator cannot be described: %s", error)
+        self.schema.message()
+        config = self.checker.parse(self.config.state().config)
+        self.description.warm(config.ego.blueprint, closing)
 
     def _changed(self, state: ConfigState) -> None:
         self.live.config_changed(state)

@@ -110,6 +110,16 @@ def test_points_are_in_the_egos_axes(site: Site) -> None:
     np.testing.assert_array_equal(points[:, 3], own[:, 3])
 
 
+def test_the_egos_signals_are_those_of_its_table(site: Site) -> None:
+    rows = Dataset(site.root / "town").episodes[0].ego().to_pylist()
+    told = site.client.get(f"{site.episode_url}/ego").json()
+    assert told["speed_m_s"] == [row["speed"] for row in rows]
+    assert told["steer"] == [row["steer"] for row in rows]
+    forward = [row["acceleration_ego"] and row["acceleration_ego"][0] for row in rows]
+    assert told["acceleration_m_s2"] == forward
+    assert len(rows) == len(site.client.get(site.episode_url).json()["times_s"])
+
+
 def test_episodes_tell_rig_times_and_way(site: Site) -> None:
     episode = site.client.get(site.episode_url).json()
     assert len(episode["times_s"]) == episode["episode"]["frames"]

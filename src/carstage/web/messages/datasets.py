@@ -215,6 +215,19 @@ class EpisodeMap(Message):
     bounds: Vector
 
 
+class EgoSignals(Message):
+    """How the ego drove: one value per frame, None where it is not known; empty without ego motion.
+
+    Attributes:
+        acceleration_m_s2: along the ego's x axis.
+        steer: -1 (left) to 1.
+    """
+
+    speed_m_s: list[float | None]
+    acceleration_m_s2: list[float | None]
+    steer: list[float | None]
+
+
 class TableFilter(Message):
     """A condition on one column."""
 

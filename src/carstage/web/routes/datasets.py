@@ -7,6 +7,7 @@ from fastapi import APIRouter
 from carstage.web.messages import (
     DatasetDetail,
     DatasetList,
+    EgoSignals,
     EpisodeDetail,
     EpisodeMap,
     Statistics,
@@ -41,6 +42,12 @@ def episode(dataset: DatasetId, episode: Name, services: Access) -> EpisodeDetai
 def episode_map(dataset: DatasetId, episode: Name, services: Access) -> EpisodeMap:
     """Lanes of the map and the ego's track, for the top view."""
     return services.episodes.map(dataset, episode)
+
+
+@router.get("/{dataset}/episodes/{episode}/ego", responses=MISSING)
+def episode_ego(dataset: DatasetId, episode: Name, services: Access) -> EgoSignals:
+    """How the ego drove, frame by frame, for the plots."""
+    return services.episodes.ego(dataset, episode)
 
 
 @router.post("/{dataset}/table", responses=MISSING)

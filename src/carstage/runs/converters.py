@@ -15,12 +15,12 @@ class Converters:
     """The pool that converts, and the broken ones before it.
 
     Args:
-        workers: number of processes; ``auto``: one for two usable cores.
+        workers: number of processes; ``auto``: one for each usable core. Theirs is a lower
+            priority, so that they take what the simulator leaves.
     """
 
     def __init__(self, workers: int | Literal["auto"]) -> None:
-        cores = len(os.sched_getaffinity(0))
-        self._workers = max(1, cores // 2) if workers == "auto" else workers
+        self._workers = len(os.sched_getaffinity(0)) if workers == "auto" else workers
         self._pool: Pool | None = None
         self._retired: list[Pool] = []
 

@@ -107,6 +107,7 @@ def _serve(options: Options, maps: MapCatalogue) -> None:
                 rpc_socket=rpc_socket,
                 streaming_socket=streaming_socket,
                 frames_per_s=options.frames_per_s,
+                pace_hz=options.pace_hz,
                 parent_pid=parent_pid,
             )
         )

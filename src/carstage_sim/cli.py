@@ -10,6 +10,7 @@ from pathlib import Path
 
 from carstage_sim.render.gpu.device import Choice
 from carstage_sim.render.quality import Quality
+from carstage_sim.sensors.looping import Looping
 from carstage_sim.wire.dialect import DIALECTS
 
 _WITHOUT_EFFECT = (
@@ -42,7 +43,8 @@ class Options:
         maps: OpenDRIVE files, and folders of them, to offer.
         aliases: names that stand for maps.
         threads: threads of the numeric kernels, None for all cores.
-        loop: frames that each sensor renders before it repeats them, None for no repetition.
+        loop: how each sensor repeats its first frames, None for no repetition.
+        pace_hz: most ticks per second in synchronous mode, None for as many as can be.
         quality: of colour pictures.
         device: what casts rays and makes pictures.
         frames_per_s: pace of the free run in asynchronous mode.
@@ -60,7 +62,8 @@ class Options:
     maps: tuple[Path, ...]
     aliases: dict[str, str]
     threads: int | None
-    loop: int | None
+    loop: Looping | None
+    pace_hz: float | None
     quality: Quality
     device: Choice
     protocol: str
@@ -130,6 +133,20 @@ def _parser() -> _Parser:
         type=_count,
         metavar="N",
         help="each sensor renders N frames once and then sends them in turn, at any pace",
+    )
+    parser.add_argument(
+        "--loop-noise",
+        type=_deviation,
+        default=0.0,
+        metavar="SIGMA",
+        help="with --loop: normal noise on colour pictures, as of a camera, in steps of 0 to 255 "
+        "(default: 0)",
+    )
+    parser.add_argument(
+        "--pace",
+        type=_rate,
+        metavar="HZ",
+        help="in synchronous mode at most so many ticks per second, as from a server that draws",
     )
     parser.add_argument(
         "--quality",
@@ -257,7 +274,8 @@ def parse_options(argv: Sequence[str] | None) -> Options:
         maps=tuple(namespace.maps),
         aliases=dict(namespace.aliases),
         threads=namespace.threads,
-        loop=namespace.loop,
+        loop=Looping(namespace.loop, namespace.loop_noise) if namespace.loop else None,
+        pace_hz=namespace.pace,
         quality=namespace.quality,
         device=namespace.device,
         protocol=namespace.protocol,
@@ -297,6 +315,13 @@ def _count(text: str) -> int:
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{value} is too few: at least 1")
+    return value
+
+
+def _deviation(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value <= 100.0:
+        raise argparse.ArgumentTypeError(f"{value:g} is no deviation from 0 to 100")
     return value
 
 

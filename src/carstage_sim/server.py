@@ -49,6 +49,8 @@ class Server:
         dialect: protocol version.
         rpc_socket, streaming_socket: bound sockets to accept clients on; the server owns them.
         frames_per_s: pace of the free run.
+        pace_hz: most ticks per second in synchronous mode, as a server has that draws; None: no
+            bound.
         parent_pid: end when this process is no longer the parent, None to run on.
 
     Raises:
@@ -63,12 +65,15 @@ class Server:
         rpc_socket: socket.socket,
         streaming_socket: socket.socket,
         frames_per_s: float,
+        pace_hz: float | None = None,
         parent_pid: int | None = None,
     ) -> None:
         self._simulation = simulation
         self._dialect = dialect
         self._relabelled = Relabelling(dialect.labels)
         self._period_s = 1.0 / frames_per_s
+        self._shortest_tick_s = 1.0 / pace_hz if pace_hz else 0.0
+        self._paced_until_s = 0.0
         self._parent_pid = parent_pid
         self._stop = threading.Event()
         self._next_tick_s = 0.0
@@ -118,9 +123,7 @@ class Server:
         self._episode_began()
         while not self._stop.is_set():
             if self._simulation.settings.synchronous_mode:
-                self._serve_one(_POLL_S)
-                if self._tick_requests:
-                    self._tick()
+                self._run_when_told()
             else:
                 self._run_freely()
             self._guarded(self._simulation.bakes.advance)
@@ -128,6 +131,15 @@ class Server:
             if self._parent_pid is not None and os.getppid() != self._parent_pid:
                 logger.info("parent process is gone: ending")
                 return
+
+    def _run_when_told(self) -> None:
+        wait_s = self._paced_until_s - time.monotonic() if self._tick_requests else _POLL_S
+        if wait_s > 0.0:
+            self._serve_one(min(wait_s, _POLL_S))
+        now_s = time.monotonic()
+        if self._tick_requests and now_s >= self._paced_until_s:
+            self._paced_until_s = now_s + self._shortest_tick_s
+            self._tick()
 
     def _run_freely(self) -> None:
         wait_s = self._next_tick_s - time.monotonic()

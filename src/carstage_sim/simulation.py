@@ -18,6 +18,7 @@ from carstage_sim.render.gpu.device import Choice, chosen_gpu
 from carstage_sim.render.quality import Quality
 from carstage_sim.sensors import SensorAttributeError, SensorSuite
 from carstage_sim.sensors.frames import SensorFrame, SensorRequest
+from carstage_sim.sensors.looping import Looping
 from carstage_sim.sensors.projection import GeoProjection
 from carstage_sim.sensors.sensor import SensorRegistry
 from carstage_sim.world.actors import Actor
@@ -52,7 +53,7 @@ class Simulation:
         town_name: the map to begin with.
         maps: the maps that clients may load; by default the built-in ones.
         threads: threads of the numeric kernels, None for all cores.
-        loop: how many times each sensor measures until it repeats itself, None for ever.
+        loop: how each sensor repeats itself; None: it measures for ever.
         projection: of GNSS sensors, which differs between CARLA's versions.
         quality: of colour pictures.
         device: what casts rays and makes pictures.
@@ -76,7 +77,7 @@ class Simulation:
         *,
         maps: MapCatalogue | None = None,
         threads: int | None = None,
-        loop: int | None = None,
+        loop: Looping | None = None,
         projection: GeoProjection = GeoProjection.TRANSVERSE_MERCATOR,
         quality: Quality = Quality.LOW,
         device: Choice = "cpu",

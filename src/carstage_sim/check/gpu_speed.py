@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from carstage_sim.check.render.stage import Stage, populate, town_of
 from carstage_sim.check.verdict import Figure, Verdict
 from carstage_sim.geometry import rotation_matrix
-from carstage_sim.render.gpu.camera import GpuCameras, Product, Shot
+from carstage_sim.render.gpu.camera import GpuCameras, Order, Product, Shot
 from carstage_sim.render.gpu.caster import GpuCaster
 from carstage_sim.render.gpu.device import Gpu, NoGpuError, open_gpu
 from carstage_sim.render.scene import Frame
@@ -73,10 +73,8 @@ def _measure(gpu: Gpu, stage: Stage, frame: Frame) -> tuple[Figure, ...]:
 
     def pictures(products: Collection[Product], count: int = 1) -> Callable[[], object]:
         def take() -> object:
-            under_way = [
-                cameras.take(frame, shot, products, light, turns=turns) for shot in shots[:count]
-            ]
-            return [pending.pictures() for pending in under_way]
+            orders = [Order(shot, products, turns=turns) for shot in shots[:count]]
+            return [pending.pictures() for pending in cameras.take(frame, orders, light)]
 
         return take
 

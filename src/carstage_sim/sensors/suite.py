@@ -32,7 +32,7 @@ from carstage_sim.sensors import (  # noqa: F401 - they register themselves
 )
 from carstage_sim.sensors.actors import ActorModels
 from carstage_sim.sensors.frames import SensorFrame, SensorRequest
-from carstage_sim.sensors.looping import LoopingSensor
+from carstage_sim.sensors.looping import Looping, LoopingSensor
 from carstage_sim.sensors.sensor import Sensor, SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.pose import Vector3
@@ -49,7 +49,7 @@ class SensorSuite:
         town: the map.
         threads: threads that cast rays; default: all CPUs of this process.
         meshes: replaces the actors' meshes, for tests.
-        loop: how many times each sensor measures until it repeats itself, None for ever.
+        loop: how each sensor repeats itself; None: it measures for ever.
         cache: folder of stored meshes and acceleration structures; default: the user's cache.
         quality: of colour pictures.
         gpu: the card that casts rays and makes pictures; None leaves it to the CPU.
@@ -60,7 +60,7 @@ class SensorSuite:
         town: Town,
         *,
         threads: int | None = None,
-        loop: int | None = None,
+        loop: Looping | None = None,
         meshes: Callable[[str], TriangleMesh] | None = None,
         cache: Path | None = None,
         quality: Quality = Quality.LOW,

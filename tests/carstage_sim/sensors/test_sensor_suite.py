@@ -8,6 +8,7 @@ from sensor_worlds import GROUND, WALL, request, state, town
 
 from carstage_sim.mesh import TriangleMesh
 from carstage_sim.sensors import SensorAttributeError, SensorSuite
+from carstage_sim.sensors.looping import Looping
 from carstage_sim.sensors.sensor import SensorRegistry
 
 pytestmark = pytest.mark.xdist_group("kernels")
@@ -173,7 +174,7 @@ def test_actors_move_between_frames(suite):
 
 
 def test_looping_sensors_render_a_few_frames_and_send_them_in_turn(trees):
-    with SensorSuite(town(GROUND, WALL), threads=1, loop=3, cache=trees) as suite:
+    with SensorSuite(town(GROUND, WALL), threads=1, loop=Looping(3), cache=trees) as suite:
         captures = [suite.capture(moving(frame), rig()) for frame in range(1, 4)]
         rendered = [dict(capture) for capture in captures]
         assert not np.array_equal(rendered[0][10].pixels, rendered[1][10].pixels)
@@ -185,9 +186,26 @@ def test_looping_sensors_render_a_few_frames_and_send_them_in_turn(trees):
             assert all(a is b for (_, a), (_, b) in zip(repeated, earlier, strict=True))
 
 
+def test_noise_of_looping_sensors_is_on_colours_alone_and_the_same_again(trees):
+    def captured(noise):
+        with SensorSuite(
+            town(GROUND, WALL), threads=1, loop=Looping(1, noise), cache=trees
+        ) as suite:
+            cameras = [request("camera.rgb", 10), request("camera.depth", 11)]
+            return {key: frame.pixels for key, frame in suite.capture(moving(1), cameras)}
+
+    clean, noisy, again = captured(0.0), captured(4.0), captured(4.0)
+    assert np.array_equal(noisy[10], again[10])
+    assert np.array_equal(noisy[11], clean[11])
+    added = noisy[10].astype(float) - clean[10]
+    assert not added[..., 3].any()
+    inside = ((clean[10] > 20) & (clean[10] < 235))[..., :3]
+    assert np.std(added[..., :3][inside]) == pytest.approx(4.0, abs=0.3)
+
+
 def test_looping_sensors_keep_to_their_interval(trees):
     slow = request("camera.depth", 10, sensor_tick=0.2)
-    with SensorSuite(town(GROUND, WALL), threads=1, loop=1, cache=trees) as suite:
+    with SensorSuite(town(GROUND, WALL), threads=1, loop=Looping(1), cache=trees) as suite:
         sent = [bool(suite.capture(moving(frame), [slow])) for frame in range(1, 9)]
     assert sent == [True, False] * 4
 

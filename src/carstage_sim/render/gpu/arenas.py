@@ -52,6 +52,7 @@ class Arenas:
         self._buffers = {name: gpu.storage(256) for name in ARENAS}
         self._held: dict[str, list[Any]] = {}
         self._table = np.zeros((_ENTRIES, 4), np.int32)
+        self._written = b""
         self.directory = gpu.uniform(self._table.nbytes)
 
     @property
@@ -129,7 +130,9 @@ class Arenas:
                 continue
             self._fill(name, found)
             self._held[name] = arrays
-        self._gpu.write(self.directory, self._table)
+        if self._written != self._table.tobytes():
+            self._written = self._table.tobytes()
+            self._gpu.write(self.directory, self._table)
 
     def _fill(self, name: str, found: list[tuple[int, Any]]) -> None:
         parts = []

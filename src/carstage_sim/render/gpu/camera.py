@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntFlag
 from typing import Any
 
@@ -12,20 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.render.film import Film
-from carstage_sim.render.gpu.caster import MOST_GROUPS, GpuCaster, groups_of
-from carstage_sim.render.gpu.device import Gpu, Readback, padded
+from carstage_sim.render.gpu.caster import GROUP, GpuCaster, groups_of
+from carstage_sim.render.gpu.device import Gpu, Readback
 from carstage_sim.render.gpu.program import CameraProgram, frame_source, words_of
 from carstage_sim.render.materials import material_table
 from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame
 from carstage_sim.render.sky import Lighting
 
-_MOST_EXTRA_RAYS = MOST_GROUPS * 64
-"""Extra rays of a round; a picture that has more takes several rounds."""
 _MOST_SAMPLES = 8
 _SHOT_WORDS = 72
 _TILE = 8
-_MOST_ROOMS = 8
+_MOST_ROOMS = 16
+_TOGETHER = 5
+"""Cameras whose passes run side by side: the last rays of one leave much of a card idle."""
+_MOST_TOGETHER_PX = 1 << 23
 
 
 class Product(IntFlag):
@@ -70,58 +71,67 @@ class Shot:
     high: float
 
 
+@dataclass(frozen=True, slots=True)
+class Order:
+    """Pictures of one camera that are wanted.
+
+    Attributes:
+        shot: the camera.
+        products: the pictures.
+        film: how light becomes codes.
+        turns: ``(I + 1, 3, 4)`` rotation minus identity, and shift, that take a point from today's
+            camera axes to those of before: of the town, then of each instance row; only flow needs
+            it.
+    """
+
+    shot: Shot
+    products: Collection[Product]
+    film: Film = field(default_factory=Film)
+    turns: NDArray[np.float64] | None = None
+
+
 class _Room:
-    """Buffers of cameras with one lens, and the bind groups over them.
+    """Buffers of a camera, and the bind groups over them.
 
     Attributes:
         invocations: one for each pixel of whole tiles.
         slopes_of: the array whose slopes are on the card.
     """
 
-    def __init__(self, gpu: Gpu, shot: Shot, samples: int) -> None:
+    def __init__(self, gpu: Gpu, shot: Shot) -> None:
         pixels = self.pixels = shot.width * shot.height
         self.invocations = -(-shot.width // _TILE) * -(-shot.height // _TILE) * _TILE * _TILE
         self.slopes_of = shot.slopes
-        extra = min(pixels * samples, _MOST_EXTRA_RAYS // samples * samples)
-        self.extra_rays = max(extra, samples)
-        self.rounds = -(-pixels * samples // self.extra_rays)
         self.shot = gpu.uniform(_SHOT_WORDS * 4)
-        self.passes = [gpu.uniform(16) for _ in range(1 + self.rounds)]
         self.slopes, self.hits = gpu.storage(16 * pixels), gpu.storage(20 * pixels)
         self.colours, self.codes = gpu.storage(16 * pixels), gpu.storage(4 * pixels)
         self.edges = gpu.storage(4 + 4 * pixels)
-        self.extra_hits = gpu.storage(20 * self.extra_rays)
-        self.extra_colours = gpu.storage(16 * self.extra_rays)
-        # A pass may not write what tells how much work there is.
-        self.plan, self.groups = gpu.storage(16 * self.rounds), gpu.storage(16 * self.rounds)
-        self.out = gpu.storage(24 * pixels)
+        self.out: Any = None
         self.motions = gpu.storage(48)
-        gpu.write(self.slopes, np.stack(_split(shot.slopes), axis=2))
         self.bound: dict[Any, tuple[tuple[Any, ...], Any]] = {}
-        rays = [(pixels, 0, 0)] + [
-            (self.extra_rays, 1, r * self.extra_rays) for r in range(self.rounds)
-        ]
-        for buffer, (count, edges, first) in zip(self.passes, rays, strict=True):
-            gpu.write(buffer, np.array([count, edges, first, 0], np.uint32))
+        gpu.write(self.slopes, np.stack(_split(shot.slopes), axis=2))
 
 
-_Parts = dict[Product, tuple[int, int]]
-"""Where in a read-back each picture begins, and its bytes."""
+class _Batch:
+    """What was submitted together."""
+
+    def __init__(self) -> None:
+        self.submission = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Pending:
-    """Pictures that the card is working at; those that are ready first come first."""
+    """Pictures of a camera that the card is working at."""
 
-    parts: Sequence[tuple[Readback, _Parts]]
+    readback: Readback
+    parts: dict[Product, tuple[int, int]]
+    """Where each picture begins, and its bytes."""
+    batch: _Batch
 
     def pictures(self) -> dict[Product, NDArray[np.uint8]]:
         """Bytes of each picture, flat; waits for the card. Once."""
-        found: dict[Product, NDArray[np.uint8]] = {}
-        for readback, parts in self.parts:
-            data = readback.bytes()
-            found |= {product: data[a : a + n] for product, (a, n) in parts.items()}
-        return found
+        data = self.readback.bytes(self.batch.submission)
+        return {product: data[a : a + n] for product, (a, n) in self.parts.items()}
 
 
 class GpuCameras:
@@ -139,68 +149,82 @@ class GpuCameras:
         self._sampling = SAMPLING[quality]
         self._materials = material_table()
         self._program: CameraProgram | None = None
-        self._rooms: dict[int, _Room] = {}
+        self._rooms: dict[tuple[int, int], _Room] = {}
         self._curves: dict[float, Any] = {}
 
-    def take(
-        self,
-        frame: Frame,
-        shot: Shot,
-        products: Collection[Product],
-        light: Lighting,
-        *,
-        film: Film | None = None,
-        turns: NDArray[np.float64] | None = None,
-    ) -> Pending:
-        """Begin pictures of one camera.
+    def take(self, frame: Frame, orders: Sequence[Order], light: Lighting) -> list[Pending]:
+        """Begin pictures of some cameras.
 
         Args:
             frame: what is seen.
-            shot: the camera.
-            products: the pictures.
+            orders: the cameras, and what of each.
             light: of the weather; only colours need it.
-            film: how light becomes codes.
-            turns: ``(I + 1, 3, 4)`` rotation minus identity, and shift, that take a point from
-                today's camera axes to those of before: of the town, then of each instance row; only
-                flow needs it.
         """
-        film = film or Film()
-        source = frame_source(frame, self._materials, film.exposed(light))
         self._caster.geometry.update(frame.scene)
+        pending: list[Pending] = []
+        batch: list[Order] = []
+        for order in [*orders, None]:
+            if batch and (order is None or not self._joins(order, batch)):
+                pending += self._take_together(frame, batch, light)
+                batch = []
+            if order is not None:
+                batch.append(order)
+        return pending
+
+    @staticmethod
+    def _joins(order: Order, batch: Sequence[Order]) -> bool:
+        """Whether a camera's passes can run beside those of others."""
+        sizes = [one.shot.width * one.shot.height for one in (*batch, order)]
+        same = order.film == batch[0].film
+        return same and len(batch) < _TOGETHER and sum(sizes) <= _MOST_TOGETHER_PX
+
+    def _take_together(
+        self, frame: Frame, orders: Sequence[Order], light: Lighting
+    ) -> list[Pending]:
+        """Begin pictures of cameras with one film."""
+        film = orders[0].film
+        source = frame_source(frame, self._materials, film.exposed(light))
         if self._program is None:
             self._program = CameraProgram(self._caster, source, epic=self._epic)
         self._program.arenas.update(source)
-        place = self._place(shot)
-        wanted = sorted(products)
-        self._aim(place, shot, sum(wanted))
-        if turns is not None:
-            rows = turns.astype(np.float32)
-            if place.motions.size < rows.nbytes:
-                place.motions = self._gpu.storage(2 * rows.nbytes)
-            self._gpu.write(place.motions, rows)
-        work = _Work(self._caster, self._program, place, self._curve(film))
-        return work.expose(wanted)
+        curve, batch = self._curve(film), _Batch()
+        encoder = self._gpu.device.create_command_encoder()
+        works: list[_Work] = []
+        for number, order in enumerate(orders):
+            place = self._place(order.shot, number)
+            self._aim(place, order)
+            works.append(_Work(self._caster, self._program, place, curve, order.products))
+        compute = encoder.begin_compute_pass()
+        # All cameras' first pass, then all cameras' second: a pass waits for the one before only.
+        for entry in ("shoot", "products", "shade", "find_edges", "sample_edges"):
+            for work in works:
+                work.run(compute, entry, len(self._sampling.offsets))
+        compute.end()
+        pending = [Pending(work.collect(encoder), work.parts, batch) for work in works]
+        batch.submission = self._gpu.submit(encoder)
+        return pending
 
     def warm_up(self, frame: Frame, light: Lighting) -> None:
         """Compile every pass, and bring the town to the card."""
         slopes = np.zeros((_TILE * _TILE, 2))
         shot = Shot(_TILE, _TILE, 90.0, slopes, np.zeros(3), np.eye(3), -1, 0.1, 1.0)
         turns = np.zeros((1 + len(frame.actor_id), 3, 4))
-        self.take(frame, shot, list(Product), light, turns=turns).pictures()
+        for one in self.take(frame, [Order(shot, list(Product), turns=turns)], light):
+            one.pictures()
         self._caster.cast(frame.scene, np.zeros(3), np.eye(3, dtype=np.float32), low=0.1, high=1.0)
 
-    def _place(self, shot: Shot) -> _Room:
-        """The buffers of a lens: what one camera leaves in them is copied before the next comes."""
-        place = self._rooms.get(id(shot.slopes))
+    def _place(self, shot: Shot, number: int) -> _Room:
+        """The buffers of a lens and of a place among those that work side by side."""
+        key = (id(shot.slopes), number)
+        place = self._rooms.get(key)
         if place is None:
             if len(self._rooms) == _MOST_ROOMS:
                 self._rooms.pop(next(iter(self._rooms)))
-            place = _Room(self._gpu, shot, len(self._sampling.offsets))
-            self._rooms[id(shot.slopes)] = place
+            place = self._rooms[key] = _Room(self._gpu, shot)
         return place
 
-    def _aim(self, place: _Room, shot: Shot, wanted: int) -> None:
-        offsets = self._sampling.offsets
+    def _aim(self, place: _Room, order: Order) -> None:
+        shot, offsets = order.shot, self._sampling.offsets
         if len(offsets) > _MOST_SAMPLES:
             raise ValueError(f"more than {_MOST_SAMPLES} extra rays of a pixel")
         axes = np.zeros((7, 4), np.float32)
@@ -214,9 +238,14 @@ class GpuCameras:
         numbers[2:3] = np.array([shot.skip_row], np.int32).view(np.uint32)
         numbers[3] = len(offsets)
         numbers[4:7] = words_of([shot.low, shot.high, 2.0 * half_width / shot.width])
-        numbers[7:11] = self._sampling.strong, self._sampling.weak, 0, wanted
+        numbers[7:11] = self._sampling.strong, self._sampling.weak, 0, sum(order.products)
         numbers[11:] = words_of([half_width])
         self._gpu.write(place.shot, np.concatenate([words_of(axes), numbers, words_of(places)]))
+        if order.turns is not None:
+            rows = order.turns.astype(np.float32)
+            if place.motions.size < rows.nbytes:
+                place.motions = self._gpu.storage(2 * rows.nbytes)
+            self._gpu.write(place.motions, rows)
 
     def _curve(self, film: Film) -> Any:
         if film.gamma not in self._curves:
@@ -228,37 +257,75 @@ class GpuCameras:
 
 
 class _Work:
-    """The passes of one camera, put down one after the other."""
+    """The passes of one camera.
 
-    def __init__(self, caster: GpuCaster, program: CameraProgram, place: _Room, curve: Any) -> None:
-        self._gpu = caster.gpu
-        self._program = program
-        self._place = place
+    Attributes:
+        parts: where in the read-back each picture begins, and its bytes; the colours come last.
+    """
+
+    def __init__(
+        self,
+        caster: GpuCaster,
+        program: CameraProgram,
+        place: _Room,
+        curve: Any,
+        products: Collection[Product],
+    ) -> None:
+        self._gpu, self._program, self._place = caster.gpu, program, place
+        self._coloured = Product.COLOURS in products
+        others = sorted(product for product in products if product is not Product.COLOURS)
+        self.parts: dict[Product, tuple[int, int]] = {}
+        self._end = 0
+        for product in [*others, *([Product.COLOURS] if self._coloured else [])]:
+            size = place.pixels * bytes_per_pixel(product)
+            self.parts[product] = (self._end, size)
+            self._end += size
+        self._others = self._end - 4 * place.pixels * self._coloured
+        self._readback = self._gpu.readback(self._end)
+        if self._others and not self._gpu.shares_memory and place.out is None:
+            place.out = self._gpu.storage(24 * place.pixels)
+        out = self._readback.buffer if self._gpu.shares_memory else place.out
         self._scene = self._group("scene", caster.scene_layout, caster.geometry.buffers)
         self._arenas = self._group("arenas", program.arena_layout, program.arenas.buffers)
-        self._last = {
-            "develop": (curve, place.codes, place.extra_colours, place.plan),
-            "products": (place.out, place.motions),
+        rays = (place.shot, place.slopes, place.hits)
+        self._rays = {
+            writes: self._group(("rays", writes), program.shot[writes], rays)
+            for writes in (True, False)
         }
-        self._encoder = self._gpu.device.create_command_encoder()
+        self._last: dict[str, Any] = {}
+        if self._coloured:
+            buffers = (curve, place.colours, place.codes, place.edges)
+            self._last["colours"] = self._group("colours", program.last["colours"], buffers)
+        if self._others:
+            self._last["products"] = self._group(
+                ("products", id(out)), program.last["products"], (out, place.motions)
+            )
 
-    def expose(self, products: Sequence[Product]) -> Pending:
-        """Cast and make the pictures; colours last, while the others are read back."""
-        place = self._place
-        parts = []
-        self._run(["shoot"])
-        others = [product for product in products if product is not Product.COLOURS]
-        if others:
-            self._run(["products"])
-            parts.append(self._submit(place.out, others))
-        if len(others) < len(products):
-            self._run(["shade", "develop", "find_edges", "plan_rounds"])
-            size = padded(16 * place.rounds)
-            self._encoder.copy_buffer_to_buffer(place.plan, 0, place.groups, 0, size)
-            for number in range(place.rounds):
-                self._run(["shoot", "shade", "blend"], number + 1)
-            parts.append(self._submit(place.codes, [Product.COLOURS]))
-        return Pending(parts)
+    def run(self, compute: Any, entry: str, samples: int) -> None:
+        """Put a pass down, if what is wanted needs it."""
+        count = self._place.invocations
+        if entry == "sample_edges":
+            count = -(-self._place.pixels // (GROUP // samples)) * GROUP
+        kind = "products" if entry == "products" else "colours"
+        if entry != "shoot":
+            if kind not in self._last:
+                return
+            compute.set_bind_group(3, self._last[kind])
+        compute.set_pipeline(self._program.pipeline(entry))
+        compute.set_bind_group(0, self._scene)
+        compute.set_bind_group(1, self._rays[entry == "shoot"])
+        compute.set_bind_group(2, self._arenas)
+        compute.dispatch_workgroups(*groups_of(count))
+
+    def collect(self, encoder: Any) -> Readback:
+        """Copy to where it can be read what the passes did not write there."""
+        place, buffer = self._place, self._readback.buffer
+        if self._others and buffer is not place.out and place.out is not None:
+            encoder.copy_buffer_to_buffer(place.out, 0, buffer, 0, self._others)
+        if self._coloured:
+            size = 4 * place.pixels
+            encoder.copy_buffer_to_buffer(place.codes, 0, buffer, self._others, size)
+        return self._readback
 
     def _group(self, key: Any, layout: Any, buffers: Sequence[Any]) -> Any:
         """A bind group, the same again while its buffers are."""
@@ -268,54 +335,6 @@ class _Work:
             held = (tuple(buffers), self._gpu.group(layout, buffers))
             self._place.bound[key] = held
         return held[1]
-
-    def _shot_group(self, number: int, *, extra: bool) -> Any:
-        place = self._place
-        hits = place.extra_hits if extra else place.hits
-        colours = place.extra_colours if extra else place.colours
-        buffers = (place.shot, place.passes[number], place.slopes, hits, colours, place.edges)
-        return self._group((number, extra), self._program.shot, buffers)
-
-    def _run(self, entries: Sequence[str], number: int = 0) -> None:
-        """Put passes down: of all pixels (0), or of a round of extra rays."""
-        place, program = self._place, self._program
-        compute = self._encoder.begin_compute_pass()
-        compute.set_bind_group(0, self._scene)
-        shot: Any = None
-        compute.set_bind_group(2, self._arenas)
-        for entry in entries:
-            compute.set_pipeline(program.pipeline(entry))
-            # Blending reads the colours of the pixels, and the extra ones apart.
-            of_edges = number > 0 and entry != "blend"
-            group = self._shot_group(1 if entry == "plan_rounds" else number, extra=of_edges)
-            if group is not shot:
-                compute.set_bind_group(1, group)
-                shot = group
-            if entry not in ("shoot", "shade"):
-                kind = "products" if entry == "products" else "develop"
-                last = self._group(kind, program.last[kind], self._last[kind])
-                compute.set_bind_group(3, last)
-            if entry == "plan_rounds":
-                compute.dispatch_workgroups(1, 1, 1)
-            elif number:
-                compute.dispatch_workgroups_indirect(place.groups, 16 * (number - 1))
-            else:
-                compute.dispatch_workgroups(*groups_of(place.invocations))
-        compute.end()
-
-    def _submit(self, source: Any, products: Sequence[Product]) -> tuple[Readback, _Parts]:
-        """Let the card work, and copy pictures to where they can be read."""
-        parts: _Parts = {}
-        end = 0
-        for product in products:
-            size = self._place.pixels * bytes_per_pixel(product)
-            parts[product] = (end, size)
-            end += size
-        readback = self._gpu.readback(end)
-        readback.copy(self._encoder, source, 0, padded(end))
-        self._gpu.device.queue.submit([self._encoder.finish()])
-        self._encoder = self._gpu.device.create_command_encoder()
-        return readback, parts
 
 
 def _split(array: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.render.cast import Scene
 from carstage_sim.render.caster import Hits, RayCaster
-from carstage_sim.render.gpu.device import Gpu, padded, wgsl
+from carstage_sim.render.gpu.device import Gpu, Readback, padded, wgsl
 from carstage_sim.render.gpu.geometry import GpuGeometry
 
 GROUP = 64
@@ -35,18 +36,18 @@ class GpuCaster(RayCaster):
         self._layout = gpu.layout("rrwu")
         self._pipelines: dict[int, Any] = {}
         self._batch = gpu.uniform(24)
-        self._buffers: dict[str, Any] = {}
+        self._found: Any = None
+        self._origins, self._ways = gpu.upload(1 << 12), gpu.upload(1 << 16)
+        self._groups: dict[Any, tuple[tuple[Any, ...], Any]] = {}
 
-    def room(self, name: str, size: int) -> Any:
-        """A buffer for the moment, of at least ``size`` bytes; the same one again next time."""
-        buffer = self._buffers.get(name)
-        if buffer is None or buffer.size < size:
-            buffer = self._buffers[name] = self.gpu.storage(size)
-        return buffer
-
-    def scene_group(self) -> Any:
-        """Bind group 0 of the scene that is on the card."""
-        return self.gpu.group(self.scene_layout, self.geometry.buffers)
+    def _group(self, key: Any, layout: Any, buffers: Sequence[Any]) -> Any:
+        """A bind group, the same again while its buffers are."""
+        held = self._groups.get(key)
+        same = held is not None and all(a is b for a, b in zip(held[0], buffers, strict=True))
+        if held is None or not same:
+            held = (tuple(buffers), self.gpu.group(layout, buffers))
+            self._groups[key] = held
+        return held[1]
 
     def source(self, *names: str) -> str:
         """Sources behind that of the ray caster, with a stack that is deep enough."""
@@ -73,26 +74,34 @@ class GpuCaster(RayCaster):
             none = np.empty(0, np.int32)
             return Hits(start, rays, np.empty(0, np.float32), none, none, np.empty((0, 2), "f4"))
         self.geometry.update(scene)
-        places, ways = self.room("origins", origins.nbytes), self.room("rays", rays.nbytes)
-        found = self.room("hits", 20 * count)
-        size = (20 if weights else 12) * count
         gpu = self.gpu
-        gpu.write(places, origins)
-        gpu.write(ways, rays)
-        batch = np.array([count, len(origins) == 1, skip_row, 0, 0, 0], np.int64).astype(np.uint32)
+        if self._origins.size < origins.nbytes:
+            self._origins = gpu.upload(origins.nbytes)
+        if self._ways.size < rays.nbytes:
+            self._ways = gpu.upload(rays.nbytes)
+        self._origins.write(origins)
+        self._ways.write(rays)
+        batch = np.array([count, len(origins) == 1, skip_row, weights, 0, 0], np.int64)
+        batch = batch.astype(np.uint32)
         batch[4:] = np.array([low, high], np.float32).view(np.uint32)
         gpu.write(self._batch, batch)
+        size = (20 if weights else 12) * count
+        readback = gpu.readback(size)
+        found = self._target(readback, size)
+        used = (self._origins.buffer, self._ways.buffer, found, self._batch)
         encoder = gpu.device.create_command_encoder()
         work = encoder.begin_compute_pass()
         work.set_pipeline(self._pipeline())
-        work.set_bind_group(0, self.scene_group())
-        work.set_bind_group(1, gpu.group(self._layout, (places, ways, found, self._batch)))
+        work.set_bind_group(0, self._group("scene", self.scene_layout, self.geometry.buffers))
+        work.set_bind_group(1, self._group(id(found), self._layout, used))
         work.dispatch_workgroups(*groups_of(count))
         work.end()
-        readback = gpu.readback(size)
-        readback.copy(encoder, found, 0, padded(size))
-        gpu.device.queue.submit([encoder.finish()])
-        words = readback.bytes().view(np.uint32)
+        if found is not readback.buffer:
+            encoder.copy_buffer_to_buffer(found, 0, readback.buffer, 0, padded(size))
+        submission = gpu.submit(encoder)
+        self._origins.read_by(submission)
+        self._ways.read_by(submission)
+        words = readback.bytes(submission).view(np.uint32)
         return Hits(
             start,
             rays,
@@ -102,13 +111,19 @@ class GpuCaster(RayCaster):
             words[3 * count :].view(np.float32).reshape(-1, 2),
         )
 
+    def _target(self, readback: Readback, size: int) -> Any:
+        """Where hits are written: what is read, if the card can."""
+        if self.gpu.shares_memory:
+            return readback.buffer
+        if self._found is None or self._found.size < size:
+            self._found = self.gpu.storage(size)
+        return self._found
+
     def _pipeline(self) -> Any:
         depth = self.geometry.stack
         if depth not in self._pipelines:
             layouts = (self.scene_layout, self._layout)
-            self._pipelines[depth] = self.gpu.pipeline(
-                self.source("cast"), "cast_rays", layouts, None
-            )
+            self._pipelines[depth] = self.gpu.pipeline(self.source("cast"), "cast_rays", layouts)
         return self._pipelines[depth]
 
 

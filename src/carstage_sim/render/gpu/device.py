@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-import sys
+from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from importlib import resources
@@ -12,6 +12,8 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from carstage_sim.render.gpu.native import READ, WRITE, Native
 
 Choice = Literal["auto", "cpu", "gpu"]
 """What ``--device`` can say."""
@@ -27,14 +29,15 @@ _LARGE_LIMITS = (
 _BLOCK = 256
 """Copies and sizes are multiples of this many bytes."""
 
-_MOST_DESTINATIONS = 16
-"""Arrays of one size that are kept to be filled again."""
-_UNUSED_REFERENCES = 3
-"""References to an array that only its keeper and those who count hold."""
+_MOST_LENT = 1 << 29
+"""Bytes of pictures that are read where the card wrote them; what is beyond is copied."""
 
 _COPIERS = min(4, len(os.sched_getaffinity(0)))
 _PIECE = 1 << 20
 """Bytes that one of the copying threads copies at a time."""
+
+_SHARED = "mappable-primary-buffers"
+"""Feature: kernels read and write memory that the CPU reads and writes."""
 
 _log = logging.getLogger(__name__)
 
@@ -108,6 +111,7 @@ class Gpu:
         name: the card's own.
         kind: ``DiscreteGPU``, ``IntegratedGPU``, ``CPU``, ...
         driver: what the driver says of itself.
+        shares_memory: whether kernels write straight into memory that the CPU reads.
         device: wgpu's device.
     """
 
@@ -115,16 +119,21 @@ class Gpu:
         import wgpu
 
         self._usage = wgpu.BufferUsage
-        self._read_mode = wgpu.MapMode.READ
         info = adapter.info
         self.name = str(info["device"])
         self.kind = str(info["adapter_type"])
         self.driver = f"{info['vendor']} {info['description']} ({info['backend_type']})".strip()
         limits = {name: adapter.limits[name] for name in _LARGE_LIMITS}
-        self.device: Any = adapter.request_device_sync(required_limits=limits)
-        self._copiers = ThreadPoolExecutor(_COPIERS, thread_name_prefix="readback")
+        self.shares_memory = _SHARED in adapter.features
+        self.device: Any = adapter.request_device_sync(
+            required_limits=limits, required_features=[_SHARED] if self.shares_memory else []
+        )
+        self._native = Native(self.device)
+        self._copiers = ThreadPoolExecutor(_COPIERS, thread_name_prefix="copier")
+        self._shaders: dict[str, Any] = {}
         self._staging: dict[int, list[Any]] = {}
-        self._destinations: dict[int, list[NDArray[np.uint8]]] = {}
+        self._returned: deque[Any] = deque()
+        self._lent = 0
 
     def storage(self, size: int) -> Any:
         """A buffer of at least ``size`` bytes that kernels read and write."""
@@ -137,22 +146,23 @@ class Gpu:
             size=padded(size), usage=self._usage.UNIFORM | self._usage.COPY_DST
         )
 
+    def filled(self, size: int) -> Any:
+        """A buffer that the CPU fills and kernels read, where :attr:`shares_memory` holds."""
+        usage = self._usage.STORAGE | self._usage.MAP_WRITE
+        return self.device.create_buffer(size=padded(size), usage=usage)
+
     def write(self, buffer: Any, array: NDArray[Any], offset: int = 0) -> None:
         """Copy an array into a buffer; its size in bytes is a multiple of four."""
         if array.nbytes:
             self.device.queue.write_buffer(buffer, offset, np.ascontiguousarray(array))
 
-    def pipeline(
-        self, code: str, entry: str, layouts: Sequence[Any], constants: dict[str, float] | None
-    ) -> Any:
-        """A compute pipeline."""
+    def pipeline(self, code: str, entry: str, layouts: Sequence[Any]) -> Any:
+        """A compute pipeline; all loops of its code have to end."""
+        if code not in self._shaders:
+            self._shaders[code] = self._native.shader(code)
         return self.device.create_compute_pipeline(
             layout=self.device.create_pipeline_layout(bind_group_layouts=list(layouts)),
-            compute={
-                "module": self.device.create_shader_module(code=code),
-                "entry_point": entry,
-                "constants": constants or {},
-            },
+            compute={"module": self._shaders[code], "entry_point": entry},
         )
 
     def layout(self, kinds: str) -> Any:
@@ -172,41 +182,56 @@ class Gpu:
         ]
         return self.device.create_bind_group(layout=layout, entries=entries)
 
+    def submit(self, encoder: Any) -> int:
+        """Let the card do what an encoder has; the number is for :meth:`Readback.bytes`."""
+        return self._native.submit(encoder.finish())
+
     def readback(self, size: int) -> Readback:
         """A way back for ``size`` bytes."""
+        while self._returned:
+            staging = self._returned.popleft()
+            self._lent -= staging.size
+            self._native.unmap(staging)
+            self._staging[staging.size].append(staging)
         step = 1 << max(padded(size).bit_length() - 3, 8)
         room = -(-size // step) * step or step
         free = self._staging.setdefault(room, [])
         if not free:
             usage = self._usage.MAP_READ | self._usage.COPY_DST
+            if self.shares_memory:
+                usage |= self._usage.STORAGE
             free.append(self.device.create_buffer(size=room, usage=usage))
         return Readback(self, free.pop(), size)
 
-    def received(self, staging: Any, size: int) -> NDArray[np.uint8]:
-        """What the card wrote into a staging buffer, which is free again."""
-        staging.map_sync(self._read_mode, 0, padded(size))
-        try:
-            data = self._destination(staging.size)[:size]
-            arrived = np.frombuffer(staging.read_mapped(0, padded(size), copy=False), np.uint8)[
-                :size
-            ]
-            pieces = [slice(k, k + _PIECE) for k in range(0, size, _PIECE)]
-            list(self._copiers.map(lambda piece: np.copyto(data[piece], arrived[piece]), pieces))
-        finally:
-            staging.unmap()
-            self._staging[staging.size].append(staging)
+    def received(self, staging: Any, size: int, after: int) -> NDArray[np.uint8]:
+        """What the card wrote into a staging buffer, where it wrote it.
+
+        The buffer is used again as soon as nobody holds the array.
+        """
+        returned = self._returned
+        self._lent += staging.size
+        arrived = self._native.map(
+            staging, padded(size), READ, after, lambda: returned.append(staging)
+        )[:size]
+        if self._lent <= _MOST_LENT:
+            return arrived
+        # Somebody keeps pictures: a card's memory is too dear for that.
+        data = np.empty(size, np.uint8)
+        self.copy(data, arrived)
         return data
 
-    def _destination(self, size: int) -> NDArray[np.uint8]:
-        """Memory that nobody holds any more, or new: new pages take longer than the copy."""
-        kept = self._destinations.setdefault(size, [])
-        for array in kept:
-            if sys.getrefcount(array) == _UNUSED_REFERENCES:
-                return array
-        array = np.empty(size, np.uint8)
-        if len(kept) < _MOST_DESTINATIONS:
-            kept.append(array)
-        return array
+    def upload(self, size: int) -> Upload:
+        """Memory that the CPU fills and kernels read, of at least ``size`` bytes."""
+        return Upload(self, self._native, padded(size + size // 4))
+
+    def copy(self, target: NDArray[np.uint8], source: NDArray[np.uint8]) -> None:
+        """Copy bytes, large arrays by several threads."""
+        size = len(source)
+        if size <= _PIECE:
+            np.copyto(target, source)
+            return
+        pieces = [slice(k, k + _PIECE) for k in range(0, size, _PIECE)]
+        list(self._copiers.map(lambda piece: np.copyto(target[piece], source[piece]), pieces))
 
 
 class Readback:
@@ -214,20 +239,54 @@ class Readback:
 
     Args:
         gpu: the card.
-        staging: where they arrive.
+        buffer: where they arrive.
         size: how many.
     """
 
-    def __init__(self, gpu: Gpu, staging: Any, size: int) -> None:
-        self._gpu, self._staging, self._size = gpu, staging, size
+    def __init__(self, gpu: Gpu, buffer: Any, size: int) -> None:
+        self._gpu, self.buffer, self._size = gpu, buffer, size
 
-    def copy(self, encoder: Any, source: Any, offset: int, size: int) -> None:
-        """Let an encoder copy the first bytes of a buffer to an offset."""
-        encoder.copy_buffer_to_buffer(source, 0, self._staging, offset, size)
+    def bytes(self, after: int) -> NDArray[np.uint8]:
+        """Wait for the submission that writes them; once."""
+        return self._gpu.received(self.buffer, self._size, after)
 
-    def bytes(self) -> NDArray[np.uint8]:
-        """Wait for them; once."""
-        return self._gpu.received(self._staging, self._size)
+
+class Upload:
+    """Arrays that change in every tick, on their way to a card.
+
+    Args:
+        gpu: the card.
+        native: its own functions.
+        size: bytes that there is room for.
+
+    Attributes:
+        buffer: what kernels read.
+    """
+
+    def __init__(self, gpu: Gpu, native: Native, size: int) -> None:
+        self._gpu, self._native = gpu, native
+        self.size = size
+        self.buffer = gpu.storage(size) if not gpu.shares_memory else gpu.filled(size)
+        self._after = 0
+
+    def write(self, array: NDArray[Any]) -> None:
+        """Fill it, when the card has read what was in it before."""
+        if not self._gpu.shares_memory:
+            self._gpu.write(self.buffer, array)
+            return
+        data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
+        target = self._native.map(self.buffer, padded(len(data)), WRITE, self._after, _nothing)
+        self._gpu.copy(target[: len(data)], data)
+        del target
+        self._native.unmap(self.buffer)
+
+    def read_by(self, submission: int) -> None:
+        """Say which submission reads it."""
+        self._after = submission
+
+
+def _nothing() -> None:
+    """What is mapped for writing is unmapped by the writer."""
 
 
 def padded(size: int) -> int:

@@ -8,7 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.render.cast import Geometry, Scene, empty_geometry
-from carstage_sim.render.gpu.binary import BinaryTree, binary_tree, leaf_triangles
+from carstage_sim.render.gpu.binary import (
+    BinaryTree,
+    binary_tree,
+    leaf_triangles,
+    with_small_leaves,
+)
 from carstage_sim.render.gpu.device import Gpu
 
 Words = NDArray[np.uint32]
@@ -39,6 +44,15 @@ def node_words(tree: BinaryTree, nodes: int, leaves: NDArray[np.int32]) -> Words
     placed = np.where(inner, children + nodes, np.where(children < 0, -1 - reference, _ABSENT))
     words[:, 12:14] = placed.astype(np.int32).view(np.uint32)
     return words
+
+
+def _hierarchy(
+    geometry: Geometry,
+) -> tuple[BinaryTree, NDArray[np.float32], NDArray[np.int32]]:
+    """Nodes, triangles and leaves of a geometry as the card has them."""
+    return with_small_leaves(
+        binary_tree(geometry.planes, geometry.children), *leaf_triangles(geometry)
+    )
 
 
 class GpuGeometry:
@@ -88,11 +102,9 @@ class GpuGeometry:
         self._upload_instances(scene, over)
 
     def _upload(self, static: Geometry, actors: Geometry, new_town: bool) -> None:
-        tree = binary_tree(actors.planes, actors.children)
-        triangles, leaves = leaf_triangles(actors)
+        tree, triangles, leaves = _hierarchy(actors)
         if new_town:
-            town = binary_tree(static.planes, static.children)
-            town_triangles, town_leaves = leaf_triangles(static)
+            town, town_triangles, town_leaves = _hierarchy(static)
             self._town = (len(town.boxes), len(town_triangles), town.depth)
         first, before, town_depth = self._reserved + self._town[0], self._town[1], self._town[2]
         words = node_words(tree, first, leaves + (before << _COUNT_BITS))

@@ -91,7 +91,8 @@ class CameraProgram:
         epic: as the shading kernel's parameter.
 
     Attributes:
-        shot, last: layouts of bind groups 1 and, by pass, 3.
+        shot: layouts of bind group 1, by whether a pass writes the hits.
+        last: layouts of bind group 3: of the passes of colours, and of the other products.
         arenas: the arrays of bind group 2.
     """
 
@@ -100,35 +101,40 @@ class CameraProgram:
         self._gpu = caster.gpu
         self._epic = epic
         self.arenas = Arenas(self._gpu, source)
-        self.shot = self._gpu.layout("uurwww")
+        # What a pass could write makes the card wait for it, whether it does or not.
+        self.shot = {True: self._gpu.layout("urw"), False: self._gpu.layout("urr")}
         self.arena_layout = self._gpu.layout("rrrru")
-        self.last = {"develop": self._gpu.layout("rwrw"), "products": self._gpu.layout("wr")}
+        self.last = {"colours": self._gpu.layout("rwww"), "products": self._gpu.layout("wr")}
         self._shading = self._shading_source()
-        self._develop = self._develop_source()
+        self._edges = self._edges_source()
         self._products = self._products_source()
         self._pipelines: dict[tuple[str, int], Any] = {}
 
     def pipeline(self, entry: str) -> Any:
         """The pipeline of an entry point."""
-        depth = self._caster.geometry.stack if entry in ("shoot", "shade") else 0
+        depth = self._caster.geometry.stack if entry in _TRACING else 0
         key = (entry, depth)
         if key not in self._pipelines:
-            layouts = [self._caster.scene_layout, self.shot, self.arena_layout]
+            layouts = [self._caster.scene_layout, self.shot[entry == "shoot"], self.arena_layout]
+            access = "read_write" if entry == "shoot" else "read"
+            shot = wgsl("shot").replace("HITS", access)
             if entry == "shoot":
-                code = self._caster.source("shot", "rays", "shoot")
-            elif entry == "shade":
-                arrays = self.arenas.source(_ARENAS)
-                code = self._caster.source("shot", "rays") + _TRACED + arrays + self._shading
+                code = self._caster.source() + shot + wgsl("rays", "shoot")
+            elif entry == "products":
+                layouts.append(self.last["products"])
+                code = shot + self.arenas.source(_ARENAS) + wgsl("rays") + self._products
             else:
-                made_by = "develop" if entry in _DEVELOPING else "products"
-                layouts.append(self.last[made_by])
-                code = wgsl("shot") + self.arenas.source(_ARENAS)
-                code += self._develop if made_by == "develop" else wgsl("rays") + self._products
-            self._pipelines[key] = self._gpu.pipeline(code, entry, layouts, None)
+                layouts.append(self.last["colours"])
+                code = shot + self.arenas.source(_ARENAS) + wgsl("film")
+                if entry == "find_edges":
+                    code += self._edges
+                else:
+                    code += self._caster.source() + wgsl("rays") + _TRACED + self._shading
+            self._pipelines[key] = self._gpu.pipeline(code, entry, layouts)
         return self._pipelines[key]
 
     def _shading_source(self) -> str:
-        """The shading kernel, translated, and the pass that runs it."""
+        """The shading kernel, translated, and the passes that run it."""
         given: dict[str, Bound] = {
             "scratch": Record("scratch", _no_member),
             "colour": self._array("colour"),
@@ -164,8 +170,8 @@ class CameraProgram:
         text = wgsl("shade").replace("SHADE(0, 1)", f"{name}({passed})")
         return translator.source() + "\n" + text
 
-    def _develop_source(self) -> str:
-        """The passes from light to codes, around the translated comparison of two pixels."""
+    def _edges_source(self) -> str:
+        """The pass that finds edges, around the translated comparison of two pixels."""
         translator = Translator({})
         place = Value("i", "i32")
         row, triangle = Array("hit_row", "i32", 1), Array("hit_triangle", "i32", 1)
@@ -173,7 +179,7 @@ class CameraProgram:
         unlike, _ = translator.function(_unlike, [*records, row, triangle, place, place])
         codes = Array("code_at", "i32", 3)
         apart, _ = translator.function(_apart, [codes, place, place, place, place])
-        text = wgsl("develop").replace("APART(", f"{apart}(").replace("UNLIKE(", f"{unlike}(")
+        text = wgsl("edges").replace("APART(", f"{apart}(").replace("UNLIKE(", f"{unlike}(")
         return translator.source() + "\n" + text
 
     def _products_source(self) -> str:
@@ -203,7 +209,7 @@ class CameraProgram:
         return array
 
 
-_DEVELOPING = ("develop", "find_edges", "plan_rounds", "blend")
+_TRACING = ("shoot", "shade", "sample_edges")
 
 
 def _no_member(name: str) -> Array:

@@ -4,7 +4,7 @@ struct Batch {
   count: u32,
   shared_origin: u32,
   skip: i32,
-  first: u32,
+  weights: u32,  // whether u and v are wanted
   low: f32,
   high: f32,
 }
@@ -28,6 +28,9 @@ fn cast_rays(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) 
   hits[i] = bitcast<u32>(hit.t);
   hits[n + i] = bitcast<u32>(hit.row);
   hits[2u * n + i] = bitcast<u32>(hit.triangle);
+  if (batch.weights == 0u) {
+    return;
+  }
   hits[3u * n + 2u * i] = bitcast<u32>(hit.u);
   hits[3u * n + 2u * i + 1u] = bitcast<u32>(hit.v);
 }

@@ -13,8 +13,8 @@ const BEHIND: f32 = 1e-9;
 const SKY_TAG: u32 = 11u;
 const OPAQUE: u32 = 0xff000000u;
 
-fn row_of(i: u32) -> i32 { return bitcast<i32>(hits[pass_.count + i]); }
-fn triangle_of(i: u32) -> i32 { return bitcast<i32>(hits[2u * pass_.count + i]); }
+fn row_of(i: u32) -> i32 { return bitcast<i32>(hits[pixel_count() + i]); }
+fn triangle_of(i: u32) -> i32 { return bitcast<i32>(hits[2u * pixel_count() + i]); }
 
 fn tag_of(i: u32) -> u32 {
   let row = row_of(i);
@@ -44,9 +44,9 @@ fn normal_of(i: u32) -> vec3f {
   if (row == -2) {
     return vec3f(0.0);
   }
-  let u = bitcast<f32>(hits[3u * pass_.count + i]);
-  let v = bitcast<f32>(hits[4u * pass_.count + i]);
-  let d = normalize(direction_of(i));
+  let u = bitcast<f32>(hits[3u * pixel_count() + i]);
+  let v = bitcast<f32>(hits[4u * pixel_count() + i]);
+  let d = normalize(centre_direction(i));
   let n = FACING(row < 0, row, triangle_of(i), u, v, d.x, d.y, d.z);
   return vec3f(n.m0, n.m1, n.m2);
 }
@@ -79,7 +79,7 @@ fn flow_of(i: u32) -> vec2f {
 @compute @workgroup_size(64)
 fn products(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
   let i = linear_index(id, groups);
-  let n = pass_.count;
+  let n = pixel_count();
   if (i >= n) {
     return;
   }

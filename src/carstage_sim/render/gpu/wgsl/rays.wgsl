@@ -1,15 +1,4 @@
-// The rays of a pass.
-
-@group(1) @binding(5) var<storage, read_write> edges: array<u32>;    // how many, then the pixels
-
-// Rays that this pass has to send.
-fn ray_count() -> u32 {
-  if (pass_.edges == 0u) {
-    return pass_.count;
-  }
-  let all = edges[0] * shot.samples;
-  return min(select(0u, all - pass_.first, all > pass_.first), pass_.count);
-}
+// The rays of a camera.
 
 // Keeps a compiler from rearranging what is exact only in this order.
 fn kept(x: vec3f) -> vec3f {
@@ -36,29 +25,4 @@ fn centre_direction(pixel: u32) -> vec3f {
   let total = kept(sum + upwards);
   let rest = lost(shot.forward.xyz, across, sum) + lost(sum, upwards, total);
   return total + (rest + (across_rest + upwards_rest + shot.forward_rest.xyz));
-}
-
-// Direction of a ray of this pass.
-fn direction_of(i: u32) -> vec3f {
-  if (pass_.edges == 0u) {
-    return centre_direction(i);
-  }
-  let j = i + pass_.first;
-  let moved = shot.offsets[j % shot.samples].xy * shot.angle;
-  let away = moved.x * shot.right.xyz - moved.y * shot.up.xyz;
-  return centre_direction(edges[1u + j / shot.samples]) + away;
-}
-
-// The ray of an invocation; pixels go in tiles of eight by eight, whose rays stay together. As many
-// as `ray_count()` or more: none.
-fn ray_of_invocation(id: vec3u, groups: vec3u) -> u32 {
-  let i = linear_index(id, groups);
-  if (pass_.edges != 0u) {
-    return i;
-  }
-  let tiles = (shot.width + 7u) / 8u;
-  let tile = i / 64u;
-  let x = (tile % tiles) * 8u + i % 8u;
-  let y = (tile / tiles) * 8u + (i % 64u) / 8u;
-  return select(0xffffffffu, y * shot.width + x, x < shot.width && y < shot.height);
 }

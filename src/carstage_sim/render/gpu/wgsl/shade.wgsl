@@ -1,4 +1,4 @@
-// What the translated shading kernel reads and writes: the ray of this invocation.
+// Colours of pixels. The translated shading kernel reads and writes the ray of this invocation.
 
 var<private> the_ray: vec3f;
 var<private> the_hit: Hit;
@@ -12,17 +12,57 @@ fn hit_triangle(i: i32) -> i32 { return the_hit.triangle; }
 fn hit_weight(i: i32, corner: i32) -> f32 { return select(the_hit.v, the_hit.u, corner == 0); }
 fn set_colour(i: i32, channel: i32, value: f32) { the_colour[channel] = value; }
 
+// Codes of all pixels, one ray each; and no edges yet.
 @compute @workgroup_size(64)
 fn shade(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-  let i = ray_of_invocation(id, groups);
-  if (i >= ray_count()) {
+  let i = pixel_of_invocation(id, groups);
+  let n = pixel_count();
+  if (i >= n) {
     return;
   }
-  let n = pass_.count;
-  the_ray = direction_of(i);
+  if (i == 0u) {
+    atomicStore(&edges[0], 0u);
+  }
+  the_ray = centre_direction(i);
   the_hit = Hit(
     bitcast<f32>(hits[i]), bitcast<i32>(hits[n + i]), bitcast<i32>(hits[2u * n + i]),
     bitcast<f32>(hits[3u * n + i]), bitcast<f32>(hits[4u * n + i]));
   SHADE(0, 1);
   colours[i] = vec4f(the_colour, 0.0);
+  codes[i] = developed(the_colour);
+}
+
+// Colours of the extra rays of a work group.
+var<workgroup> sampled: array<vec3f, 64>;
+
+// Edge pixels become the mean of their rays. As many pixels as a work group has rays for.
+@compute @workgroup_size(64)
+fn sample_edges(
+  @builtin(workgroup_id) group: vec3u,
+  @builtin(num_workgroups) groups: vec3u,
+  @builtin(local_invocation_index) lane: u32,
+) {
+  let held = 64u / shot.samples;
+  let edge = (group.x + group.y * groups.x) * held + lane / shot.samples;
+  let number = lane % shot.samples;
+  let used = lane < held * shot.samples && edge < atomicLoad(&edges[0]);
+  var pixel = 0u;
+  if (used) {
+    pixel = atomicLoad(&edges[1u + edge]);
+    let moved = shot.offsets[number].xy * shot.angle;
+    let away = moved.x * shot.right.xyz - moved.y * shot.up.xyz;
+    the_ray = centre_direction(pixel) + away;
+    the_hit = trace(shot.origin.xyz, the_ray, shot.low, shot.high, shot.skip, false);
+    SHADE(0, 1);
+    sampled[lane] = the_colour;
+  }
+  workgroupBarrier();
+  if (used && number == 0u) {
+    var total = vec3f(0.0);
+    for (var k = 0u; k < shot.samples; k++) {
+      total += sampled[lane + k];
+    }
+    total += colours[pixel].xyz;
+    codes[pixel] = developed(total / f32(shot.samples + 1u));
+  }
 }

@@ -2,12 +2,12 @@
 
 @compute @workgroup_size(64)
 fn shoot(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-  let i = ray_of_invocation(id, groups);
-  if (i >= ray_count()) {
+  let i = pixel_of_invocation(id, groups);
+  let n = pixel_count();
+  if (i >= n) {
     return;
   }
-  let n = pass_.count;
-  let hit = trace(shot.origin.xyz, direction_of(i), shot.low, shot.high, shot.skip, false);
+  let hit = trace(shot.origin.xyz, centre_direction(i), shot.low, shot.high, shot.skip, false);
   hits[i] = bitcast<u32>(hit.t);
   hits[n + i] = bitcast<u32>(hit.row);
   hits[2u * n + i] = bitcast<u32>(hit.triangle);

@@ -1,4 +1,4 @@
-// A camera: its rays, the hits of its pixels, and those of the extra rays through its edges.
+// A camera, its rays, and what the rays through the centres of its pixels met.
 
 struct Shot {
   forward: vec4f,  // the camera's axes in the world
@@ -23,20 +23,23 @@ struct Shot {
   offsets: array<vec4f, 8>,
 }
 
-// Rays of a pass: those of all pixels, or a part of those of the edges.
-struct Pass {
-  count: u32,   // rays that there is room for
-  edges: u32,   // 1: extra rays
-  first: u32,   // edge ray that the first one is
-  pad: u32,
-}
-
 @group(1) @binding(0) var<uniform> shot: Shot;
-@group(1) @binding(1) var<uniform> pass_: Pass;
-@group(1) @binding(2) var<storage, read> slopes: array<vec4f>;  // right, its rest, up, its rest
-@group(1) @binding(3) var<storage, read_write> hits: array<u32>;    // t, row, triangle, u, v
-@group(1) @binding(4) var<storage, read_write> colours: array<vec4f>;
+@group(1) @binding(1) var<storage, read> slopes: array<vec4f>;  // right, its rest, up, its rest
+@group(1) @binding(2) var<storage, HITS> hits: array<u32>;      // t, row, triangle, u, v
+
+fn pixel_count() -> u32 { return shot.width * shot.height; }
 
 fn linear_index(id: vec3u, groups: vec3u) -> u32 {
   return id.x + id.y * groups.x * 64u;
+}
+
+// The pixel of an invocation; they go in tiles of eight by eight, whose rays stay together.
+// As many as `pixel_count()` or more: none.
+fn pixel_of_invocation(id: vec3u, groups: vec3u) -> u32 {
+  let i = linear_index(id, groups);
+  let tiles = (shot.width + 7u) / 8u;
+  let tile = i / 64u;
+  let x = (tile % tiles) * 8u + i % 8u;
+  let y = (tile / tiles) * 8u + (i % 64u) / 8u;
+  return select(0xffffffffu, y * shot.width + x, x < shot.width && y < shot.height);
 }

@@ -1,0 +1,100 @@
+"""Calls of wgpu-native itself, where wgpu's Python does more than is needed in every frame.
+
+Its own way to read a buffer submits once more, wakes a thread that waits until all work is done,
+and copies. Here the caller waits for one submission, and gets the mapped memory itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+READ, WRITE = 1, 2
+"""Modes of mapping, as ``WGPUMapMode`` has them."""
+
+_BOUNDS_CHECKS = 1
+
+
+class Native:
+    """The functions of one device.
+
+    Args:
+        device: wgpu's device.
+    """
+
+    def __init__(self, device: Any) -> None:
+        from wgpu.backends.wgpu_native._ffi import ffi, lib
+
+        self._ffi, self._lib = ffi, lib
+        self._device = device
+        self._status = 0
+
+        def mapped(status: int, message: object, first: object, second: object) -> None:
+            self._status = int(status)
+
+        signature = "void(WGPUMapAsyncStatus, WGPUStringView, void *, void *)"
+        self._callback = ffi.callback(signature, mapped)
+        self._info = ffi.new("WGPUBufferMapCallbackInfo *")
+        self._info.mode = lib.WGPUCallbackMode_AllowProcessEvents
+        self._info.callback = self._callback
+        self._commands = ffi.new("WGPUCommandBuffer[1]")
+        self._index = ffi.new("WGPUSubmissionIndex *")
+
+    def submit(self, commands: Any) -> int:
+        """Let the card begin; the number tells this submission from others."""
+        self._commands[0] = commands._internal
+        queue = self._device.queue._internal
+        return int(self._lib.wgpuQueueSubmitForIndex(queue, 1, self._commands))
+
+    def map(
+        self, buffer: Any, size: int, mode: int, after: int, done: Callable[[], None]
+    ) -> NDArray[np.uint8]:
+        """A buffer's memory, once the card has done a submission.
+
+        Args:
+            buffer: that may be mapped so.
+            size: its first bytes.
+            mode: :data:`READ` or :data:`WRITE`.
+            after: the submission.
+            done: called, from any thread, when nobody holds the memory any more.
+
+        Raises:
+            RuntimeError: the card was lost.
+        """
+        lib, internal = self._lib, buffer._internal
+        self._status = 0
+        lib.wgpuBufferMapAsync(internal, mode, 0, size, self._info[0])
+        self._index[0] = after
+        # Answers arrive within this call, in this thread.
+        lib.wgpuDevicePoll(self._device._internal, True, self._index)
+        if self._status != lib.WGPUMapAsyncStatus_Success:
+            raise RuntimeError(f"the card's memory could not be mapped (status {self._status})")
+        get = lib.wgpuBufferGetConstMappedRange if mode == READ else lib.wgpuBufferGetMappedRange
+        memory = self._ffi.gc(get(internal, 0, size), lambda _: done())
+        return np.frombuffer(self._ffi.buffer(memory, size), np.uint8)
+
+    def unmap(self, buffer: Any) -> None:
+        """Give a buffer's memory back to the card."""
+        self._lib.wgpuBufferUnmap(buffer._internal)
+
+    def shader(self, code: str) -> Any:
+        """A shader whose loops are known to end: WebGPU would count every round of each."""
+        from wgpu.backends.wgpu_native import _api as api
+
+        ffi, lib = self._ffi, self._lib
+        source = api.new_struct_p("WGPUShaderSourceWGSL *", code=api.to_c_string_view(code))
+        source[0].chain.next = ffi.NULL
+        source[0].chain.sType = lib.WGPUSType_ShaderSourceWGSL
+        descriptor = api.new_struct_p(
+            "WGPUShaderModuleDescriptor *",
+            nextInChain=ffi.cast("WGPUChainedStruct *", source),
+            label=api.to_c_string_view(""),
+        )
+        create = api.libf.wgpuDeviceCreateShaderModuleTrusted
+        made = create(self._device._internal, descriptor, _BOUNDS_CHECKS)
+        if made == ffi.NULL:
+            raise RuntimeError("a shader was refused")
+        return api.GPUShaderModule("", made, self._device)

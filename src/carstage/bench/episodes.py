@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import selectors
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -38,7 +38,9 @@ def roof_sensor(name: str, kind: str, **attributes: Any) -> dict[str, Any]:
 
 
 @contextmanager
-def looping_server(loop: int, running: Endpoint | None = None) -> Iterator[Endpoint]:
+def looping_server(
+    loop: int, running: Endpoint | None = None, *, arguments: Sequence[str] = ()
+) -> Iterator[Endpoint]:
     """A simulator whose sensors render ``loop`` frames and then repeat them.
 
     Its streaming port follows its RPC port.
@@ -46,11 +48,14 @@ def looping_server(loop: int, running: Endpoint | None = None) -> Iterator[Endpo
     Args:
         loop: how many distinct frames there are.
         running: one that runs already; None starts one.
+        arguments: further ones of the simulator.
     """
     if running is not None:
         yield running
         return
-    with EmbeddedServer(port=allot_ports().rpc, arguments=("--loop", str(loop))) as server:
+    with EmbeddedServer(
+        port=allot_ports().rpc, arguments=("--loop", str(loop), *arguments)
+    ) as server:
         yield server.endpoint
 
 
@@ -70,6 +75,7 @@ def client_plan(
     host: str | None = None,
     queue_bytes: int = _QUEUE_BYTES,
     raw_store: str = "chunklog",
+    sensor_warmup_ticks: int | None = _SENSOR_WARMUP_TICKS,
 ) -> dict[str, Any]:
     """The plan for one client: one episode, recorded into ``folder``.
 
@@ -77,7 +83,9 @@ def client_plan(
         host: the server's address, where it is not the endpoint's own.
         queue_bytes: sensor data that may wait for the disk.
         raw_store: how payloads of cameras are stored.
+        sensor_warmup_ticks: steps of the warm-up with sensors on; None: all.
     """
+    warm = {} if sensor_warmup_ticks is None else {"sensor_warmup_ticks": sensor_warmup_ticks}
     return {
         "plan_version": 1,
         "server": {
@@ -88,7 +96,7 @@ def client_plan(
         },
         "queue_bytes": queue_bytes,
         "raw_store": raw_store,
-        "sensor_warmup_ticks": _SENSOR_WARMUP_TICKS,
+        **warm,
         "episodes": [
             {
                 "episode_id": spec.episode_id,

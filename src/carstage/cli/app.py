@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from carstage.cli import comparison  # noqa: F401 - adds its commands to bench_app
 from carstage.cli.bench import bench_app
 from carstage.cli.export import export
 from carstage.cli.gui import gui

@@ -36,7 +36,7 @@ class RawStore(str, Enum):
 Store = Annotated[RawStore, typer.Option("--raw-store", help="How raw pictures are kept.")]
 
 
-def _report(verdict: Verdict, json: bool, text: str = "", **rows: Any) -> int:
+def report_verdict(verdict: Verdict, json: bool, text: str = "", **rows: Any) -> int:
     """Print a verdict and return the exit code.
 
     Args:
@@ -75,7 +75,7 @@ def overhead(
             scratch=scratch,
             progress=progress,
         )
-    return _report(verdict, json)
+    return report_verdict(verdict, json)
 
 
 @bench_app.command()
@@ -94,7 +94,7 @@ def conversion(
         verdict = measure_conversion(
             frames=frames, rounds=rounds, scratch=scratch, progress=progress
         )
-    return _report(verdict, json)
+    return report_verdict(verdict, json)
 
 
 @bench_app.command()
@@ -110,7 +110,7 @@ def memory(
 
     with watch_steps("Ticks", "ticks") as progress:
         verdict = measure_memory(frames=frames, scratch=scratch, progress=progress)
-    return _report(verdict, json)
+    return report_verdict(verdict, json)
 
 
 @bench_app.command("frames-check")
@@ -126,7 +126,7 @@ def frames_check(
 
     with watch_steps("Ticks", "ticks") as progress:
         verdict = check_frames(ticks=ticks, scratch=scratch, progress=progress)
-    return _report(verdict, json)
+    return report_verdict(verdict, json)
 
 
 @bench_app.command()
@@ -148,7 +148,7 @@ def labels(
         verdict, objects = measure_labels(
             towns=towns or TOWNS, scenes=scenes, maps=maps, scratch=scratch, progress=progress
         )
-    return _report(verdict, json, objects=objects)
+    return report_verdict(verdict, json, objects=objects)
 
 
 @bench_app.command()
@@ -163,7 +163,7 @@ def annotation(
 
     with watch_steps("Frames", "frames") as progress:
         verdict = measure_annotation(frames=frames, progress=progress)
-    return _report(verdict, json)
+    return report_verdict(verdict, json)
 
 
 @bench_app.command()
@@ -189,4 +189,4 @@ def faults(
         count=n, seed=seed, kinds=kind or (), scratch=scratch, minutes=minutes, say=note
     )
     rows = {"kinds": table(trials), "trials": [asdict(trial) for trial in trials]}
-    return _report(verdict, json, table_text(trials), **rows)
+    return report_verdict(verdict, json, table_text(trials), **rows)

@@ -47,15 +47,20 @@ def main(arguments: Optional[List[str]] = None) -> int:
 
 
 def parse_options(arguments: Optional[List[str]]) -> argparse.Namespace:
+    """The options of the collector."""
+    return collector_parser(main.__doc__).parse_args(arguments)
+
+
+def collector_parser(description: Optional[str]) -> argparse.ArgumentParser:
     """The command line of the collector, and of clients that stand in for it."""
-    parser = argparse.ArgumentParser(prog="python -m carstage.collector", description=main.__doc__)
+    parser = argparse.ArgumentParser(description=description)
     parser.add_argument("plan", help="the plan, JSON; see docs/formats/run-folder.md")
     parser.add_argument(
         "--exit-with-input",
         action="store_true",
         help="end cleanly when standard input closes: whoever started this is gone",
     )
-    return parser.parse_args(arguments)
+    return parser
 
 
 def private_stdout() -> int:

@@ -1,0 +1,85 @@
+"""``python -m carstage.bench.clients.native_async PLAN.json``: saving in the asynchronous mode.
+
+The server runs on its own; every callback saves what it gets. As many frames as the plan has steps
+are looked at: how many pictures never came, and how many frames are not whole.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from carstage.bench.clients.native import add_options, save
+from carstage.bench.clients.opened import Opened, run_program
+from carstage.bench.clients.rows import RowFiles
+
+
+class Saved:
+    """The frames that each sensor's callback saved, from ``first`` on."""
+
+    def __init__(self, opened: Opened, suffix: str, rows: RowFiles) -> None:
+        self._opened = opened
+        self._suffix = suffix
+        self._rows = rows
+        self._lock = threading.Lock()
+        self._busy = 0
+        self._idle = threading.Condition(self._lock)
+        self.first: int | None = None
+        self.frames: dict[str, set[int]] = {name: set() for name in opened.scene.rig.actors}
+
+    def callback(self, name: str) -> Callable[[Any], None]:
+        """The function to give to ``listen``."""
+        kind = self._opened.sensors[name].kind
+
+        def keep(data: Any) -> None:
+            with self._lock:
+                if self.first is None or not 0 <= data.frame - self.first < self._opened.spec.steps:
+                    return
+                tick = data.frame - self.first
+                self._busy += 1
+            try:
+                save(self._opened, name, kind, tick, data, self._suffix, self._rows)
+                self.frames[name].add(tick)
+            finally:
+                with self._idle:
+                    self._busy -= 1
+                    self._idle.notify_all()
+
+        return keep
+
+    def wait_idle(self) -> None:
+        """Wait until no callback saves."""
+        with self._idle:
+            self._idle.wait_for(lambda: self._busy == 0)
+
+
+def record(opened: Opened, options: argparse.Namespace) -> Mapping[str, Any]:
+    """Save what comes; returns ``lost`` (pictures) and ``torn`` (frames that are not whole)."""
+    with RowFiles(opened.folder) as rows:
+        saved = Saved(opened, options.format, rows)
+        callbacks = {name: saved.callback(name) for name in opened.scene.rig.actors}
+        opened.warm_up(lambda: opened.scene.rig.listen(callbacks), lambda frame: None)
+        frame = saved.first = opened.scene.step(0).frame + 1
+        while frame < saved.first + opened.spec.steps:
+            frame = opened.scene.step(0).frame
+        saved.wait_idle()
+        opened.scene.rig.stop()
+    ticks = range(opened.spec.steps)
+    have = {tick: sum(tick in frames for frames in saved.frames.values()) for tick in ticks}
+    every = len(saved.frames)
+    return {
+        "lost": sum(every - count for count in have.values()),
+        "torn": sum(0 < count < every for count in have.values()),
+    }
+
+
+def main() -> int:
+    """Record one episode."""
+    return run_program(record, __doc__, add_options)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

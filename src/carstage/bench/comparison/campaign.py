@@ -1,0 +1,166 @@
+"""All runs of a comparison, one after the other; each result is kept as soon as it is there."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from carstage.bench.calibration import slowness
+from carstage.bench.comparison.machine import describe_machine
+from carstage.bench.comparison.presets import Experiment, Preset
+from carstage.bench.comparison.running import Stage
+from carstage.bench.comparison.trials import (
+    LOOP,
+    Key,
+    Trial,
+    TrialResult,
+    estimate_s,
+    plan_trials,
+)
+from carstage.config import check_config
+from carstage.errors import BadInputError
+from carstage.runs.servers import ServerSetup
+from carstage.server import EmbeddedServer, Endpoint, RemoteServer, Server, allot_ports
+
+TRIALS_FILE = "trials.jsonl"
+NOISE = 4.0
+"""Standard deviation of what is added to pictures: drawn ones are smoother than a camera's."""
+PACE_HZ = 10.0
+_FORMAT = 1
+
+Progress = Callable[[int, int], None]
+
+
+class Campaign:
+    """The runs of a preset, and what is known of them.
+
+    Args:
+        preset: how much is measured.
+        experiments: which.
+        out: folder of results; those of an earlier, broken-off campaign are gone on with.
+        server: ``host:port`` of a server that runs already; None starts the embedded simulator
+            with frames that repeat.
+        scratch: folder for what programs write, on the disk to be measured; default: ``out``.
+
+    Raises:
+        BadInputError: ``out`` holds results of another campaign.
+    """
+
+    def __init__(
+        self,
+        preset: Preset,
+        experiments: Iterable[Experiment],
+        out: Path,
+        *,
+        server: tuple[str, int] | None = None,
+        scratch: Path | None = None,
+    ) -> None:
+        self.preset = preset
+        self._out = out
+        self._given = server
+        out.mkdir(parents=True, exist_ok=True)
+        self._scratch = scratch or out
+        self.trials = plan_trials(preset, experiments)
+        self.results: dict[Key, tuple[Trial, TrialResult]] = {}
+        self.machine = self._read()
+
+    @property
+    def left(self) -> list[Trial]:
+        """Runs that have no result yet, in their order."""
+        return [trial for trial in self.trials if trial.key not in self.results]
+
+    @property
+    def estimate_s(self) -> float:
+        """Rough seconds that the rest takes on this machine."""
+        return estimate_s(self.left, self.preset) * max(1.0, float(self.machine["slowness"]))
+
+    def run(self, progress: Progress = lambda done, total: None) -> None:
+        """Make what is left.
+
+        Raises:
+            CollectorError: a program failed; the same command goes on with it.
+        """
+        for paced in (False, True):
+            todo = [trial for trial in self.left if (trial.experiment == "totals") == paced]
+            if not todo:
+                continue
+            with self._stage(paced) as stage:
+                # What the first run of all pays for (kernels, files that are read) is no figure.
+                stage.run(dataclasses.replace(todo[0], frames=2), look=False)
+                for trial in todo:
+                    self._keep(trial, stage.run(trial, look=trial.repeat == 0))
+                    progress(len(self.results), len(self.trials))
+
+    @contextmanager
+    def _stage(self, paced: bool) -> Iterator[Stage]:
+        with ExitStack() as stack:
+            endpoint = stack.enter_context(self._server(paced)).endpoint
+            config = check_config({"server": _remote(endpoint), "rig": {"sensors": [_ANY]}})
+            setup = ServerSetup(config)
+            with setup.facts() as facts:
+                yield Stage(endpoint, facts, str(setup.client.path), self.preset, self._scratch)
+
+    def _server(self, paced: bool) -> Server:
+        if self._given is not None:
+            return RemoteServer(*self._given)
+        arguments = ["--loop", str(LOOP), "--loop-noise", str(NOISE)]
+        arguments += ["--protocol", self.preset.carla_version]
+        if paced:
+            # Ten frames per second are meant for the machine that targets were written for.
+            arguments += ["--pace", f"{PACE_HZ / max(1.0, slowness()):.3f}"]
+        return EmbeddedServer(port=allot_ports().rpc, arguments=arguments)
+
+    def _keep(self, trial: Trial, result: TrialResult) -> None:
+        self.results[trial.key] = trial, result
+        row = {**dataclasses.asdict(trial), "result": dataclasses.asdict(result)}
+        with (self._out / TRIALS_FILE).open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row, allow_nan=True) + "\n")
+
+    def _read(self) -> dict[str, Any]:
+        """The machine of an earlier campaign with its results, or this one's, written first."""
+        path = self._out / TRIALS_FILE
+        preset = dataclasses.asdict(dataclasses.replace(self.preset, repeats=0))
+        if not path.exists():
+            machine = describe_machine(self._scratch)
+            head = {"format": _FORMAT, "preset": preset, "machine": machine}
+            path.write_text(json.dumps(head) + "\n", "utf-8")
+            return machine
+        first, *rows = _lines(path)
+        if first.get("format") != _FORMAT or first["preset"] != json.loads(json.dumps(preset)):
+            raise BadInputError(
+                f"{path} holds results of another comparison.", "Choose another --out."
+            )
+        planned = {trial.key: trial for trial in self.trials}
+        for row in rows:
+            result = TrialResult(**row.pop("result"))
+            trial = Trial(**row)
+            if planned.get(trial.key) == trial:
+                self.results[trial.key] = trial, result
+        machine = first["machine"]
+        assert isinstance(machine, dict)
+        return machine
+
+
+def _lines(path: Path) -> list[dict[str, Any]]:
+    """The rows of a file; a torn last one is cut off, so that the next begins a line."""
+    content = path.read_bytes()
+    whole = content[: content.rfind(b"\n") + 1]
+    if len(whole) < len(content):
+        path.write_bytes(whole)
+    return [json.loads(line) for line in whole.splitlines()]
+
+
+_ANY = {"id": "IMU", "kind": "imu"}
+
+
+def _remote(endpoint: Endpoint) -> dict[str, Any]:
+    return {
+        "kind": "remote",
+        "host": endpoint.host,
+        "port": endpoint.port,
+        "self_test": "off",
+    }

@@ -1,0 +1,205 @@
+"""What a comparison shows: ratios beside their targets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from carstage.bench.comparison.figures import (
+    Line,
+    Measured,
+    Quantity,
+    line,
+    of,
+    programs_in,
+    spread,
+    values_in,
+)
+from carstage.bench.comparison.presets import EXPERIMENTS, QUICK, Experiment, Preset
+from carstage.bench.comparison.programs import CARSTAGE, DISCARD, FPNG, NATIVE, PROGRAMS
+from carstage.bench.verdict import Figure, Verdict
+
+RATIO_TARGETS: Final[Mapping[Experiment, tuple[tuple[str, str, float | None], ...]]] = {
+    "frames": ((NATIVE, CARSTAGE, 15.0),),
+    "cameras": (
+        (NATIVE, CARSTAGE, 25.0),
+        (NATIVE, FPNG, 45.0),
+        ("native-threads", CARSTAGE, 12.0),
+        ("paper", CARSTAGE, 2.0),
+        ("paper-own-png", CARSTAGE, None),
+        ("pillow", CARSTAGE, None),
+        ("native-tiff", CARSTAGE, None),
+        ("native-jpg", CARSTAGE, None),
+    ),
+    "lidars": (("native-ply", CARSTAGE, 40.0), ("native-npy", CARSTAGE, 1.0)),
+    "objects": ((NATIVE, CARSTAGE, 1.0),),
+}
+"""Slower program, faster program, least ratio of the added times."""
+TARGET_TOTAL_OF_DISCARD = 1.15
+TARGET_R2 = 0.99
+TARGET_GROWTH = 1.1
+QUEUE_MB = 256.0
+"""Sensor data that may wait in memory, ``output.raw_queue_mb``; a tick's data come on top."""
+_TICK_SHARE = 1.1
+_BOX_TOLERANCE_PX = 0.05
+_QUANTITIES: Final[Mapping[Quantity, str]] = {"wall_s": "", "cpu_s": ", CPU time"}
+_UNITS: Final[Mapping[Experiment, str]] = {
+    "frames": "per frame",
+    "cameras": "per added camera and frame",
+    "lidars": "per added LiDAR and frame",
+    "objects": "per added 100 actors and frame",
+}
+
+
+def judge(preset: Preset, measured: Measured, command: str) -> Verdict:
+    """All figures of a comparison; targets hold for presets that have enough runs to tell.
+
+    Args:
+        preset: how much was measured.
+        measured: the runs.
+        command: what repeats it.
+    """
+    figures: list[Figure] = []
+    for experiment in EXPERIMENTS:
+        if programs_in(measured, experiment):
+            figures += _figures_of(experiment, measured)
+    figures += _equality(measured)
+    notes = [
+        "Seconds of a line fitted through all runs by the clock, conversion, labels and the "
+        "syncing of the disk included; with fewer frames for slow programs, see the preset."
+    ]
+    if preset.name == QUICK:
+        figures = [Figure(one.name, one.value) for one in figures]
+        notes.append("The quick preset shows that everything runs; it judges nothing.")
+    return Verdict("comparison", command, tuple(figures), notes)
+
+
+def _figures_of(experiment: Experiment, measured: Measured) -> list[Figure]:
+    if experiment == "totals":
+        return _totals(measured)
+    scale = 100.0 if experiment == "objects" else 1.0
+    figures: list[Figure] = []
+    lines: dict[tuple[str, Quantity], Line] = {}
+    for name in programs_in(measured, experiment):
+        for quantity in _QUANTITIES:
+            found = line(of(measured, experiment, name), quantity)
+            if found is not None:
+                lines[name, quantity] = found
+        if (name, "wall_s") in lines:
+            ms = 1e3 * scale * lines[name, "wall_s"].per_unit_s
+            figures.append(Figure(f"{experiment}: {name}, ms {_UNITS[experiment]}", ms))
+    for slower, faster, target in RATIO_TARGETS[experiment]:
+        for quantity, label in _QUANTITIES.items():
+            pair = lines.get((slower, quantity)), lines.get((faster, quantity))
+            if pair[0] is None or pair[1] is None:
+                continue
+            ratio = pair[0].per_unit_s / pair[1].per_unit_s
+            wanted = target if quantity == "wall_s" else None
+            figures.append(Figure(f"{experiment}: {slower} / {faster}{label}", ratio, ">=", wanted))
+    if experiment == "frames":
+        figures += _steadiness(measured, lines)
+    if experiment in ("frames", "cameras"):
+        figures += _memory(experiment, measured)
+    return figures
+
+
+def _steadiness(measured: Measured, lines: Mapping[tuple[str, Quantity], Line]) -> list[Figure]:
+    figures = []
+    own = lines.get((CARSTAGE, "wall_s"))
+    if own is not None and own.values > 2:
+        figures.append(Figure("frames: R2 of Car-STAGE's line", own.r2, ">=", TARGET_R2))
+    spreads = {}
+    for name in (CARSTAGE, NATIVE):
+        runs = of(measured, "frames", name)
+        spreads[name] = [spread(runs, value) for value in values_in(runs)]
+    if all(spreads.values()) and min(one.runs for one in spreads[CARSTAGE]) > 1:
+        own_s, native_s = (
+            float(np.median([one.iqr_s for one in spreads[name]])) for name in (CARSTAGE, NATIVE)
+        )
+        figures.append(Figure("frames: median IQR of native-png, s", native_s))
+        figures.append(
+            Figure("frames: median IQR of Car-STAGE, s", own_s, "<=", round(native_s, 4))
+        )
+    return figures
+
+
+def _memory(experiment: Experiment, measured: Measured) -> list[Figure]:
+    runs = of(measured, experiment, CARSTAGE)
+    queues = [result.found["queue_mb"] for _, result in runs if "queue_mb" in result.found]
+    figures = []
+    if queues:
+        figures.append(
+            Figure(
+                f"{experiment}: most data that waited, MB",
+                max(queues),
+                "<=",
+                QUEUE_MB * _TICK_SHARE,
+            )
+        )
+    values = values_in(runs)
+    if experiment == "frames" and len(values) > 2:
+        # The shortest runs end before all of their processes have grown up.
+        growth = spread(runs, values[-1]).peak_mb / spread(runs, values[-2]).peak_mb
+        name = f"frames: memory with {values[-1]} frames / with {values[-2]}"
+        figures.append(Figure(name, growth, "<=", TARGET_GROWTH))
+    return figures
+
+
+def _totals(measured: Measured) -> list[Figure]:
+    figures = []
+    for value in values_in(of(measured, "totals", CARSTAGE)):
+        own, least = (
+            spread(of(measured, "totals", name), value).median_s for name in (CARSTAGE, DISCARD)
+        )
+        name = f"totals: Car-STAGE / discard with {value} cameras"
+        figures.append(Figure(name, own / least, "<=", TARGET_TOTAL_OF_DISCARD))
+    return figures
+
+
+def _equality(measured: Measured) -> list[Figure]:
+    """Whether programs wrote the same pictures, clouds and boxes."""
+    compared, different, boxes, wrong = 0, [], 0, 0
+    looked: dict[tuple[str, int], dict[str, Mapping[str, Any]]] = {}
+    for trial, result in measured:
+        if result.contents:
+            place = looked.setdefault((trial.experiment, trial.value), {})
+            place[trial.program] = result.contents
+    for programs in looked.values():
+        reference: dict[str, Any] = {}
+        for name in sorted(programs, key=lambda one: (one == CARSTAGE, one)):
+            if not PROGRAMS[name].lossless:
+                continue
+            contents = dict(programs[name])
+            rows = contents.pop("boxes", None)
+            for key, digest in contents.items():
+                if key in reference:
+                    compared += 1
+                    if digest != reference[key]:
+                        different.append(f"{name} {key}")
+                else:
+                    reference[key] = digest
+            if rows is not None and "boxes" in reference:
+                count, bad = _compare_boxes(rows, reference["boxes"])
+                boxes, wrong = boxes + count, wrong + bad
+            elif rows is not None:
+                reference["boxes"] = rows
+    figures = []
+    if compared:
+        figures.append(Figure("pictures and clouds compared between programs", compared, ">=", 1))
+        figures.append(Figure("pictures and clouds that differ", len(different), "==", 0))
+    if boxes:
+        figures.append(Figure("boxes compared with native-png's", boxes, ">=", 1))
+        figures.append(Figure("boxes that differ", wrong, "==", 0))
+    return figures
+
+
+def _compare_boxes(rows: Iterable[list[float]], others: Iterable[list[float]]) -> tuple[int, int]:
+    """How many boxes two programs have, and how many only one has or has otherwise."""
+    one, two = ({(row[0], row[1]): row[2:] for row in table} for table in (rows, others))
+    bad = len(one.keys() ^ two.keys())
+    for key in one.keys() & two.keys():
+        near = np.allclose(one[key][:4], two[key][:4], atol=_BOX_TOLERANCE_PX, rtol=0.0)
+        bad += not near or one[key][4:] != two[key][4:]
+    return len(one.keys() | two.keys()), bad

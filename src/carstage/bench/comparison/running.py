@@ -1,0 +1,203 @@
+"""One run of one program: started, watched, its files looked at and removed."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from carstage.bench.comparison.contents import contents_of
+from carstage.bench.comparison.presets import Preset
+from carstage.bench.comparison.programs import PROGRAMS
+from carstage.bench.comparison.trials import Trial, TrialResult
+from carstage.bench.episodes import client_plan
+from carstage.bench.process_figures import process_cpu_s, resident_bytes
+from carstage.config import check_config
+from carstage.errors import CollectorError
+from carstage.plan import ServerFacts, plan_episodes
+from carstage.server import Endpoint
+
+_SAMPLE_EVERY_S = 0.25
+_LONGEST_S = 6 * 3600.0
+_TAIL_BYTES = 2000
+_SAID = "said.txt"
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Where programs run.
+
+    Attributes:
+        endpoint: the server.
+        facts: what it offers.
+        python: interpreter with its client.
+        preset: how much is measured.
+        scratch: where runs write, on the disk that is measured.
+    """
+
+    endpoint: Endpoint
+    facts: ServerFacts
+    python: str
+    preset: Preset
+    scratch: Path
+
+    def run(self, trial: Trial, *, look: bool) -> TrialResult:
+        """Let a program record, and remove what it wrote.
+
+        Args:
+            trial: what is run.
+            look: take note of its first pictures and labels, to be compared with others'.
+
+        Raises:
+            CollectorError: it failed.
+        """
+        folder = self.scratch / "trial"
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        try:
+            return self._measured(trial, folder, look=look)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def _measured(self, trial: Trial, folder: Path, *, look: bool) -> TrialResult:
+        command = self._command(trial, folder)
+        server = self.endpoint.pid
+        server_before = process_cpu_s(server) if server else float("nan")
+        cpu_before, began = _cpu_of_children(), time.monotonic()
+        peak_bytes = _run(command, folder)
+        subprocess.run(["sync", "--file-system", str(folder)], check=True)
+        wall_s = time.monotonic() - began
+        cpu_s = _cpu_of_children() - cpu_before
+        server_cpu_s = process_cpu_s(server) - server_before if server else float("nan")
+        kept = _dataset_files(folder) if PROGRAMS[trial.program].keeps else []
+        found, spawned = _told(folder)
+        document = trial.document(self.preset)
+        return TrialResult(
+            wall_s=wall_s,
+            cpu_s=cpu_s,
+            server_cpu_s=server_cpu_s,
+            peak_mb=peak_bytes / 1e6,
+            files=len(kept),
+            mb=sum(path.stat().st_size for path in kept) / 1e6,
+            spawned=spawned,
+            found=found,
+            contents=contents_of(folder, document) if look else {},
+        )
+
+    def _command(self, trial: Trial, folder: Path) -> list[str]:
+        program = PROGRAMS[trial.program]
+        document = trial.document(self.preset)
+        document["server"] = {
+            "kind": "remote",
+            "host": self.endpoint.host,
+            "port": self.endpoint.port,
+            "client_python": self.python,
+            "self_test": "off",
+        }
+        if program.module is None:
+            if program.codec is not None:
+                sensors = document["rig"]["sensors"]
+                names = [sensor["id"] for sensor in sensors if sensor["kind"] == "rgb"]
+                document["conversion"] = {"codecs": dict.fromkeys(names, program.codec)}
+            return program.own_command(document, folder)
+        (spec,) = plan_episodes(check_config(document), self.facts)
+        plan = client_plan(spec, self.endpoint, folder / "files", sensor_warmup_ticks=None)
+        (folder / "plan.json").write_text(json.dumps(plan), "utf-8")
+        return program.command(folder / "plan.json", self.python, trial.labels)
+
+
+def _run(command: Sequence[str], folder: Path) -> int:
+    """Run a command to its end; the most resident bytes of it and all that it started."""
+    with (
+        (folder / _SAID).open("wb") as events,
+        (folder / "program.log").open("wb") as log,
+        subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=events,
+            stderr=log,
+            start_new_session=True,
+        ) as process,
+    ):
+        deadline_s = time.monotonic() + _LONGEST_S
+        peak = 0
+        try:
+            while True:
+                peak = max(peak, _family_bytes(process.pid))
+                try:
+                    code = process.wait(_SAMPLE_EVERY_S)
+                    break
+                except subprocess.TimeoutExpired:
+                    if time.monotonic() > deadline_s:
+                        raise
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+    if code != 0:
+        raise CollectorError(
+            f"{' '.join(command[:4])} … ended with {code}.",
+            _tail(folder / _SAID) + _tail(folder / "program.log"),
+        )
+    return peak
+
+
+def _tail(path: Path) -> str:
+    return path.read_bytes()[-_TAIL_BYTES:].decode("utf-8", "replace")
+
+
+def _family_bytes(pid: int) -> int:
+    total = 0
+    with suppress(psutil.NoSuchProcess):
+        root = psutil.Process(pid)
+        for one in (root, *root.children(recursive=True)):
+            with suppress(psutil.NoSuchProcess, psutil.ZombieProcess):
+                total += resident_bytes(one.pid)
+    return total
+
+
+def _cpu_of_children() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def _dataset_files(folder: Path) -> list[Path]:
+    """What a user would keep: a client's files, or the episodes of a dataset."""
+    places = [folder / "files", folder / "dataset" / "episodes"]
+    return [path for place in places for path in place.rglob("*") if path.is_file()]
+
+
+def _told(folder: Path) -> tuple[dict[str, float], int]:
+    """What a program counted, and how many actors found a place."""
+    found: dict[str, float] = {}
+    spawned = 0
+    own = [*folder.glob("dataset/**/events.jsonl")]
+    for path in own or [folder / _SAID]:
+        for event in _events(path):
+            spawned = max(spawned, _actors(event))
+            for name in ("lost", "torn", "incomplete"):
+                if name in event:
+                    found[name] = float(event[name])
+            if "queued_bytes" in event:
+                found["queue_mb"] = max(found.get("queue_mb", 0.0), event["queued_bytes"] / 1e6)
+    return found, spawned
+
+
+def _events(path: Path) -> list[Mapping[str, Any]]:
+    lines = path.read_text("utf-8").splitlines()
+    return [event for line in lines if isinstance(event := json.loads(line), dict)]
+
+
+def _actors(event: Mapping[str, Any]) -> int:
+    spawned = event.get("spawned", {})
+    return sum(int(spawned.get(group, 0)) for group in ("vehicles", "pedestrians"))

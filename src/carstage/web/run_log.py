@@ -48,10 +48,9 @@ def _tested(event: Event) -> str:
 
 
 def _finished(event: Event) -> str:
-    return (
-        f"The run is {event['state']}: {event.get('committed', 0)} episodes committed, "
-        f"{event.get('failed', 0)} failed."
-    )
+    committed = event.get("committed", 0)
+    episodes = "1 episode" if committed == 1 else f"{committed} episodes"
+    return f"The run is {event['state']}: {episodes} committed, {event.get('failed', 0)} failed."
 
 
 def _recorded(event: Event) -> str:

@@ -378,6 +378,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/datasets/{dataset}/episodes/{episode}/ego": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Episode Ego
+         * @description How the ego drove, frame by frame, for the plots.
+         */
+        get: operations["episode_ego"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/datasets/{dataset}/table": {
         parameters: {
             query?: never;
@@ -1039,6 +1059,22 @@ export interface components {
             weather?: {
                 [key: string]: unknown;
             } | null;
+        };
+        /**
+         * EgoSignals
+         * @description How the ego drove: one value per frame, None where it is not known; empty without ego motion.
+         *
+         *     Attributes:
+         *         acceleration_m_s2: along the ego's x axis.
+         *         steer: -1 (left) to 1.
+         */
+        EgoSignals: {
+            /** Speed M S */
+            speed_m_s: (number | null)[];
+            /** Acceleration M S2 */
+            acceleration_m_s2: (number | null)[];
+            /** Steer */
+            steer: (number | null)[];
         };
         /**
          * EpisodeCountsMessage
@@ -3382,6 +3418,74 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["EpisodeMap"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` says which. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    episode_ego: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                dataset: string;
+                episode: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["EgoSignals"];
                 };
             };
             /** @description The request is wrong. */

@@ -23,6 +23,7 @@ export type Job = Schemas["Job"];
 export type DatasetSummary = Schemas["DatasetSummary"];
 export type DatasetList = Schemas["DatasetList"];
 export type DatasetDetail = Schemas["DatasetDetail"];
+export type EgoSignals = Schemas["EgoSignals"];
 export type EpisodeSummary = Schemas["EpisodeSummary"];
 export type EpisodeDetail = Schemas["EpisodeDetail"];
 export type EpisodeMap = Schemas["EpisodeMap"];

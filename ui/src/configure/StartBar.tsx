@@ -3,7 +3,7 @@ import { goTo } from "../app/routes";
 import { live } from "../api/live";
 import { ApiError, post, sentence } from "../api/client";
 import type { RunSummary } from "../api/types";
-import { draft, settled } from "../state/draft";
+import { draft, problemsOf, settled, standing } from "../state/draft";
 import { pathText } from "../state/json";
 import { useStore } from "../state/store";
 import { bytes, count, duration } from "../ui/format";
@@ -11,7 +11,10 @@ import { Icon } from "../ui/Icon";
 
 /** What the run will cost, and the button that begins it. */
 export function StartBar() {
-  const { estimate, problems, warnings, saved, history } = useStore(draft, (now) => now);
+  const now = useStore(draft, (value) => value);
+  const { estimate, warnings, history } = now;
+  const problems = problemsOf(now);
+  const saved = standing(now);
   const runs = useStore(live, (now) => now.runs);
   const [error, setError] = useState("");
   const [busy, setBusy] = useState(false);

@@ -1,49 +1,39 @@
 import { useEffect, useState } from "react";
 import { post, sentence } from "../api/client";
-import type { ConfigImportResult, ConfigText } from "../api/types";
-import { draft, edit } from "../state/draft";
-import { pathText, type JsonObject } from "../state/json";
+import type { ConfigText } from "../api/types";
+import { draft } from "../state/draft";
+import { pathText } from "../state/json";
 import { useStore } from "../state/store";
-
-const SILENCE_MS = 300;
+import { showText, typeText } from "../state/typedText";
 
 /** The configuration as the YAML file that it is; what is typed here changes the form. */
 export function YamlView() {
   const document = useStore(draft, (now) => now.history.present);
+  const typed = useStore(draft, (now) => now.typed);
   const [text, setText] = useState("");
-  const [typing, setTyping] = useState(false);
-  const [error, setError] = useState("");
+  const [focused, setFocused] = useState(false);
+  const [failure, setFailure] = useState("");
+  const wrong = typed?.map((one) => `${pathText(one.path)}: ${one.message} ${one.hint}`).join("\n");
+  const error = wrong || failure;
 
   useEffect(() => {
-    if (typing) return;
+    showText(true);
+    return () => showText(false);
+  }, []);
+
+  useEffect(() => {
+    if (focused || typed !== null) return;
     const stop = new AbortController();
     post<ConfigText>("/config/export", { config: document, format: "yaml" }, stop.signal)
-      .then((answer) => setText(answer.text))
-      .catch((failure: unknown) => {
-        if (!stop.signal.aborted) setError(sentence(failure));
+      .then((answer) => {
+        setText(answer.text);
+        setFailure("");
+      })
+      .catch((reason: unknown) => {
+        if (!stop.signal.aborted) setFailure(sentence(reason));
       });
     return () => stop.abort();
-  }, [document, typing]);
-
-  useEffect(() => {
-    if (!typing) return;
-    const stop = new AbortController();
-    const timer = window.setTimeout(() => {
-      post<ConfigImportResult>("/config/import", { text, format: "yaml" }, stop.signal)
-        .then((answer) => {
-          const errors = answer.errors ?? [];
-          setError(errors.map((one) => `${pathText(one.path)}: ${one.message} ${one.hint}`).join("\n"));
-          if (errors.length === 0) edit(() => answer.config as JsonObject, "yaml");
-        })
-        .catch((failure: unknown) => {
-          if (!stop.signal.aborted) setError(sentence(failure));
-        });
-    }, SILENCE_MS);
-    return () => {
-      stop.abort();
-      window.clearTimeout(timer);
-    };
-  }, [text, typing]);
+  }, [document, focused, typed]);
 
   return (
     <div className="yaml">
@@ -52,11 +42,12 @@ export function YamlView() {
         aria-label="Configuration as YAML"
         spellCheck={false}
         value={text}
-        onFocus={() => setTyping(true)}
-        onBlur={() => {
-          if (!error) setTyping(false);
+        onFocus={() => setFocused(true)}
+        onBlur={() => setFocused(false)}
+        onChange={(event) => {
+          setText(event.target.value);
+          typeText(event.target.value);
         }}
-        onChange={(event) => setText(event.target.value)}
       />
       {error && (
         <p className="field-error pre" role="alert">

@@ -3,6 +3,7 @@ import { href } from "../app/routes";
 import { useAnswer } from "../api/useAnswer";
 import type { EpisodeDetail } from "../api/types";
 import { CameraView, type Overlays } from "./CameraView";
+import { EgoPlots } from "./EgoPlots";
 import { FrameFacts } from "./FrameFacts";
 import { MapView } from "./MapView";
 import { Timeline } from "./Timeline";
@@ -79,6 +80,7 @@ function PlayerOf({ base, detail, dataset }: { base: string; detail: EpisodeDeta
         </div>
       )}
       <Timeline player={player} detail={detail} />
+      <EgoPlots base={base} times={detail.times_s} k={player.k} onSeek={player.seek} />
       {frame && (
         <>
           <div className="strip" role="group" aria-label="Other cameras">

@@ -42,6 +42,7 @@ export function MapView({ base, frame, egoBox, chosen, onChoose }: Props) {
         </button>
       </header>
       <div className="view-body">
+        {!map.data && <p className="view-note">{map.error ?? "Loading the lanes…"}</p>}
         <svg className="plan" viewBox={`${cx - metres / 2} ${cy - metres / 2} ${metres} ${metres}`} preserveAspectRatio="xMidYMid slice">
           {lanes.map(({ width, path }) => (
             <path key={width} className="lane" d={path} strokeWidth={width} />

@@ -4,6 +4,7 @@ import { Control } from "../form/Control";
 import { FieldFrame } from "../form/FieldFrame";
 import { NumberInput } from "../form/NumberInput";
 import { fieldOf, type Field, type SchemaNode } from "../form/schema";
+import { ChosenTools } from "./ChosenTools";
 import { colourOf, kindInfo } from "./kinds";
 import { pathText, type Path } from "../state/json";
 import type { Pose } from "./frames";
@@ -42,6 +43,8 @@ export function Inspector({ schema }: { schema: SchemaNode }) {
         <span className="dot" />
         <strong>{chosen.length > 1 ? `${chosen.length} sensors` : lead.id}</strong>
         <span className="muted">{chosen.length > 1 ? chosen.map((one) => one.id).join(", ") : kindInfo(lead.kind).label}</span>
+        <span className="spacer" />
+        <ChosenTools />
       </header>
       {chosen.length === 1 && kindInfo(lead.kind).looks && <SensorPreview sensor={lead} />}
       <PoseFields chosen={chosen} lead={lead} />

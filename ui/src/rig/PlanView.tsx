@@ -4,7 +4,7 @@ import { useSize } from "../ui/useSize";
 import { CoverageLayer } from "./CoverageLayer";
 import { FieldOfView } from "./FieldOfView";
 import { pathOf, toScreen, type Plane, type Screen } from "./plane";
-import { SensorMark } from "./SensorMark";
+import { MarkName, SensorMark } from "./SensorMark";
 import { stacksOf } from "./stacks";
 import type { Point } from "./outline";
 import { useMarkDrag } from "./useMarkDrag";
@@ -84,6 +84,9 @@ export function PlanView({ plane, coverage = "off", actions }: Props) {
                   focused={focused}
                   onBegin={begin}
                 />
+              ))}
+              {stacks.map((stack) => (
+                <MarkName key={stack.sensors[0]?.id} stack={stack} plane={plane} screen={screen} />
               ))}
               <ScaleBar screen={screen} />
             </>

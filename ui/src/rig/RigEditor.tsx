@@ -11,6 +11,7 @@ import { PlanView } from "./PlanView";
 import { SIDE, TOP } from "./plane";
 import { RigToolbar } from "./RigToolbar";
 import { SensorList } from "./SensorList";
+import { SensorLists } from "./SensorLists";
 import {
   sensorsOf,
   unfolded,
@@ -151,6 +152,8 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
           <h2>Sensors</h2>
           <span className="muted">{sensors.length}</span>
           {typeof named === "string" && <span className="badge">preset {named}</span>}
+          <span className="spacer" />
+          <SensorLists />
         </header>
         <SensorList />
         <Inspector schema={schema.config_schema as SchemaNode} />

@@ -1,9 +1,5 @@
-import { useRef, useState } from "react";
-import { post, sentence } from "../api/client";
-import type { ConfigImportResult, ConfigText, SchemaMessage } from "../api/types";
-import { draft, edit } from "../state/draft";
-import type { JsonObject } from "../state/json";
-import { saveText } from "../ui/files";
+import type { SchemaMessage } from "../api/types";
+import { edit } from "../state/draft";
 import { Icon } from "../ui/Icon";
 import { Menu } from "../ui/Menu";
 import type { CoverageChoice } from "./CoverageLayer";
@@ -25,7 +21,6 @@ const QUICK_NAMES: Record<string, string> = { rgb: "Camera", lidar: "LiDAR", rad
 /** Presets, new sensors, changes of what is chosen, and how fields of view are drawn. */
 export function RigToolbar({ schema, coverage, onCoverage, onTrueRanges, onPreset }: Props) {
   const rig = useRig();
-  const none = rig.selected.length === 0;
   const add = (kind: string) => {
     const roof = rig.mounts[0]?.pose ?? { x: 0, y: 0, z: 1.8, roll_deg: 0, pitch_deg: 0, yaw_deg: 0 };
     const bumper = rig.mounts.find(({ name }) => name === "Front bumper")?.pose ?? roof;
@@ -83,22 +78,18 @@ export function RigToolbar({ schema, coverage, onCoverage, onTrueRanges, onPrese
             ))}
         </Menu>
       </div>
-      <div className="button-row" role="group" aria-label="Change what is chosen">
-        <ToolButton icon="copy" name="Duplicate" hint="Ctrl-D" disabled={none} onClick={() => rig.duplicate(rig.selected)} />
-        <ToolButton icon="mirror" name="Mirror left-right" disabled={none} onClick={() => rig.mirror(rig.selected)} />
-        <ToolButton icon="trash" name="Delete" hint="Del" disabled={none} onClick={() => rig.remove(rig.selected)} />
-      </div>
       <span className="spacer" />
       <label className="inline-label">
-        <span className="muted">Coverage</span>
+        <span className="sr-only">Coverage of the ground</span>
         <select
           className="input compact"
           aria-label="Coverage of the ground"
+          title="How many sensors see each place of the ground"
           value={coverage}
           onChange={(event) => onCoverage(event.target.value as CoverageChoice)}
         >
-          <option value="off">off</option>
-          <option value="all">all sensors</option>
+          <option value="off">Coverage</option>
+          <option value="all">All sensors</option>
           {(Object.keys(MODALITIES) as Modality[])
             .filter((one) => one !== "inertial" && one !== "truth")
             .map((one) => (
@@ -117,78 +108,11 @@ export function RigToolbar({ schema, coverage, onCoverage, onTrueRanges, onPrese
       >
         True ranges
       </button>
-      <SensorLists />
     </header>
-  );
-}
-
-function ToolButton(props: { icon: string; name: string; hint?: string; disabled: boolean; onClick(): void }) {
-  return (
-    <button
-      type="button"
-      className="icon-button"
-      aria-label={props.name}
-      title={props.hint ? `${props.name} (${props.hint})` : props.name}
-      disabled={props.disabled}
-      onClick={props.onClick}
-    >
-      <Icon name={props.icon} />
-    </button>
   );
 }
 
 function presetName(name: string): string {
   const known: Record<string, string> = { kitti: "KITTI", nuscenes: "nuScenes", waymo: "Waymo-like", paper: "Paper", demo: "Demo" };
   return known[name] ?? name;
-}
-
-/** CARLA-style sensor lists: in from a file, out to one. */
-function SensorLists() {
-  const file = useRef<HTMLInputElement>(null);
-  const [note, setNote] = useState("");
-  const write = async () => {
-    const config = draft.get().history.present;
-    const answer = await post<ConfigText>("/config/export", { config, format: "carla-json" });
-    saveText(answer.file_name, answer.text, "application/json");
-  };
-  const read = async (chosen: File) => {
-    const base = draft.get().history.present;
-    const answer = await post<ConfigImportResult>("/config/import", {
-      text: await chosen.text(),
-      format: "carla-json",
-      base,
-    });
-    edit(() => answer.config as JsonObject);
-    setNote("");
-  };
-  const attempt = (work: Promise<void>) => void work.catch((error: unknown) => setNote(sentence(error)));
-  return (
-    <>
-      <Menu label="JSON" name="CARLA-style sensor list">
-        <button type="button" role="menuitem" onClick={() => file.current?.click()}>
-          <Icon name="upload" /> Import a sensor list
-        </button>
-        <button type="button" role="menuitem" onClick={() => attempt(write())}>
-          <Icon name="download" /> Export a sensor list
-        </button>
-      </Menu>
-      <input
-        ref={file}
-        type="file"
-        accept=".json,application/json"
-        hidden
-        aria-label="Sensor list file"
-        onChange={(event) => {
-          const [chosen] = event.target.files ?? [];
-          event.target.value = "";
-          if (chosen) attempt(read(chosen));
-        }}
-      />
-      {note && (
-        <p className="toast toast-bad" role="alert">
-          {note}
-        </p>
-      )}
-    </>
-  );
 }

@@ -106,12 +106,20 @@ export function SensorMark({ stack, plane, screen, dragging, focused, onBegin }:
           {ids.length}
         </text>
       )}
-      {chosen.length > 0 && (
-        <text className="mark-name" {...beside(px, py, screen)}>
-          {chosen.length > 1 ? `${lead.id} and ${chosen.length - 1} more` : lead.id}
-        </text>
-      )}
     </g>
+  );
+}
+
+/** Whose mark is chosen; drawn after all marks, so that none covers it. */
+export function MarkName({ stack, plane, screen }: Pick<Props, "stack" | "plane" | "screen">) {
+  const rig = useRig();
+  const [px, py] = toScreen(screen, plane.flat([stack.pose.x, stack.pose.y, stack.pose.z]));
+  const chosen = stack.sensors.filter((sensor) => rig.selected.includes(sensor.id));
+  if (!chosen[0] || !Number.isFinite(px + py)) return null;
+  return (
+    <text className="mark-name" {...beside(px, py, screen)}>
+      {chosen.length > 1 ? `${chosen[0].id} and ${chosen.length - 1} more` : chosen[0].id}
+    </text>
   );
 }
 

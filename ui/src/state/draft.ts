@@ -15,6 +15,8 @@ export interface Draft {
   loaded: boolean;
   saved: "saved" | "saving" | "wrong" | "offline" | "conflict";
   problems: readonly Problem[];
+  /** Text is typed and not yet read (nothing in it), or wrong; null: the document is all there is. */
+  typed: readonly Problem[] | null;
   warnings: readonly string[];
   estimate: Estimate | null;
   /** Theirs, when somebody else has changed it meanwhile. */
@@ -33,6 +35,7 @@ export const draft = createStore<Draft>({
   loaded: false,
   saved: "saved",
   problems: [],
+  typed: null,
   warnings: [],
   estimate: null,
   theirs: null,
@@ -100,7 +103,7 @@ export function receiveConfig(state: ConfigState, first: boolean): void {
   const now = draft.get();
   if (state.author === author && !first) return;
   if (now.loaded && state.rev === now.rev) return;
-  const dirty = now.loaded && now.saved !== "saved";
+  const dirty = now.loaded && (now.saved !== "saved" || now.typed !== null);
   if (dirty && !equal(now.history.present, state.config as JsonObject)) {
     draft.set({ ...now, saved: "conflict", theirs: state });
     return;
@@ -119,6 +122,7 @@ function adopt(state: ConfigState): void {
     loaded: true,
     saved: "saved",
     problems: [],
+    typed: null,
     theirs: null,
   }));
   void check();
@@ -147,14 +151,27 @@ export function resolve(keep: "mine" | "theirs"): void {
   schedule(0);
 }
 
+/** How the draft stands, text that is being typed included. */
+export function standing({ saved, typed }: Draft): Draft["saved"] {
+  if (typed === null || saved === "conflict") return saved;
+  return typed.length > 0 ? "wrong" : "saving";
+}
+
+/** What is wrong with the draft or with the text that is typed. */
+export function problemsOf({ problems, typed }: Draft): readonly Problem[] {
+  return typed?.length ? typed : problems;
+}
+
 /** Resolves when the draft is saved, or rejects with why it cannot be. */
 export async function settled(): Promise<number> {
   for (;;) {
-    const { saved, rev, problems } = draft.get();
-    if (saved === "saved") return rev;
-    if (saved === "wrong")
-      throw new Error(problems[0] ? `${problems[0].message} ${problems[0].hint}` : "The configuration is not right.");
-    if (saved === "conflict") throw new Error("Somebody else has changed the configuration.");
+    const now = draft.get();
+    const state = standing(now);
+    const [problem] = problemsOf(now);
+    if (state === "saved") return now.rev;
+    if (state === "wrong")
+      throw new Error(problem ? `${problem.message} ${problem.hint}` : "The configuration is not right.");
+    if (state === "conflict") throw new Error("Somebody else has changed the configuration.");
     await new Promise<void>((done) => {
       const stop = draft.subscribe(() => {
         stop();

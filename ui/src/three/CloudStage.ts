@@ -12,7 +12,7 @@ import {
   PointsMaterial,
 } from "three";
 import type { FrameObject } from "../api/types";
-import { disposeAll } from "./sensorModel";
+import { disposeShapes } from "./sensorModel";
 import { cssColour, Stage } from "./stage";
 
 /** Left-handed to right-handed: y changes its sign on both sides of a transform. */
@@ -41,7 +41,7 @@ export class CloudStage extends Stage {
 
   /** @param points x, y, z and a value each, in the ego's axes. */
   showPoints(points: Float32Array | null, size: number): void {
-    disposeAll(this.clouds);
+    disposeShapes(this.clouds);
     if (points) {
       const count = Math.floor(points.length / 4);
       const positions = new Float32Array(count * 3);
@@ -59,24 +59,24 @@ export class CloudStage extends Stage {
       const geometry = new BufferGeometry();
       geometry.setAttribute("position", new BufferAttribute(positions, 3));
       geometry.setAttribute("color", new BufferAttribute(colours, 3));
-      const material = new PointsMaterial({ size, sizeAttenuation: false, vertexColors: true });
-      this.clouds.add(new Points(geometry, material));
+      const dots = () => new PointsMaterial({ size, sizeAttenuation: false, vertexColors: true });
+      this.clouds.add(new Points(geometry, this.materials.take(`points ${size}`, new Color(), dots)));
     }
     this.invalidate();
   }
 
   showBoxes(objects: readonly FrameObject[], ego: Record<string, number[]>, chosen: number | null): void {
-    disposeAll(this.boxes);
+    disposeShapes(this.boxes);
     for (const object of objects) {
       const [r = 128, g = 128, b = 128] = object.colour;
       const colour = object.track_id === chosen ? cssColour("--text") : new Color(`rgb(${r},${g},${b})`);
-      const box = wireBox(object.extent, colour);
+      const box = this.wireBox(object.extent, colour);
       box.matrixAutoUpdate = false;
       box.matrix.set(...(object.ego_from_box.flat() as Parameters<Matrix4["set"]>));
       box.matrix.premultiply(FLIP).multiply(FLIP);
       this.boxes.add(box);
     }
-    const own = wireBox(ego.extent ?? [2.4, 1, 0.75], cssColour("--accent-text"));
+    const own = this.wireBox(ego.extent ?? [2.4, 1, 0.75], cssColour("--accent-text"));
     const [x = 0, y = 0, z = 0] = ego.location ?? [];
     own.position.set(x, -y, z);
     this.boxes.add(own);
@@ -84,16 +84,16 @@ export class CloudStage extends Stage {
   }
 
   override dispose(): void {
-    disposeAll(this.clouds);
-    disposeAll(this.boxes);
+    disposeShapes(this.clouds);
+    disposeShapes(this.boxes);
     super.dispose();
   }
-}
 
-function wireBox(extent: readonly number[], color: Color): LineSegments {
-  const [x = 1, y = 1, z = 1] = extent;
-  const solid = new BoxGeometry(2 * x, 2 * y, 2 * z);
-  const edges = new EdgesGeometry(solid);
-  solid.dispose();
-  return new LineSegments(edges, new LineBasicMaterial({ color }));
+  private wireBox(extent: readonly number[], color: Color): LineSegments {
+    const [x = 1, y = 1, z = 1] = extent;
+    const solid = new BoxGeometry(2 * x, 2 * y, 2 * z);
+    const edges = new EdgesGeometry(solid);
+    solid.dispose();
+    return new LineSegments(edges, this.materials.take("box", color, () => new LineBasicMaterial({ color })));
+  }
 }

@@ -4,7 +4,7 @@ import { fromThree, type Pose, type Vector } from "../rig/frames";
 import type { VehicleShape } from "../rig/mounts";
 import type { RigSensor, View } from "../rig/sensors";
 import { carModel } from "./car";
-import { disposeAll, place, sensorModel } from "./sensorModel";
+import { disposeShapes, place, sensorModel } from "./sensorModel";
 import { Stage } from "./stage";
 
 export interface RigStageEvents {
@@ -50,7 +50,7 @@ export class RigStage extends Stage {
       this.pressed = [event.clientX, event.clientY];
     });
     canvas.addEventListener("pointerup", (event) => this.released(event));
-    this.look([5.2, 4.6, 3.6], [0.1, 0, 0.7]);
+    this.look([4.6, 4.1, 3.1], [0.1, 0, 0.75]);
     this.snapping(true);
   }
 
@@ -66,8 +66,8 @@ export class RigStage extends Stage {
   }
 
   showCar(shape: VehicleShape | null): void {
-    disposeAll(this.car);
-    if (shape) this.car.add(carModel(shape));
+    disposeShapes(this.car);
+    if (shape) this.car.add(carModel(this.materials, shape));
     this.invalidate();
   }
 
@@ -76,12 +76,25 @@ export class RigStage extends Stage {
     chosen: readonly string[],
     view: (sensor: RigSensor) => { view: View | null; distance: number },
   ): void {
-    for (const model of [...this.models.children]) disposeAll(model as Group);
-    this.models.clear();
-    for (const sensor of sensors) {
+    const before = new Map(this.models.children.map((model) => [model.name, model as Group]));
+    for (const [index, sensor] of sensors.entries()) {
       if (!sensor.onEgo) continue;
-      const seen = view(sensor);
-      this.models.add(sensorModel(sensor, seen.view, seen.distance, chosen.includes(sensor.id)));
+      const { view: seen, distance } = view(sensor);
+      const held = chosen.includes(sensor.id);
+      const { theme } = document.documentElement.dataset;
+      const name = JSON.stringify([index, sensor.id, sensor.kind, seen, distance, held, theme]);
+      const known = before.get(name);
+      before.delete(name);
+      if (known) place(known, sensor.pose);
+      else {
+        const model = sensorModel(this.materials, sensor, seen, distance, held);
+        model.name = name;
+        this.models.add(model);
+      }
+    }
+    for (const model of before.values()) {
+      disposeShapes(model);
+      this.models.remove(model);
     }
     this.invalidate();
   }
@@ -99,8 +112,8 @@ export class RigStage extends Stage {
   override dispose(): void {
     this.gizmo.detach();
     this.gizmo.dispose();
-    disposeAll(this.car);
-    for (const model of this.models.children) disposeAll(model as Group);
+    disposeShapes(this.car);
+    for (const model of this.models.children) disposeShapes(model as Group);
     super.dispose();
   }
 

@@ -1,5 +1,6 @@
-import { BufferAttribute, BufferGeometry, Color, Group, Mesh, MeshLambertMaterial } from "three";
+import { BufferAttribute, BufferGeometry, Color, DoubleSide, Group, Mesh, MeshLambertMaterial } from "three";
 import type { VehicleShape } from "../rig/mounts";
+import type { Materials } from "./Materials";
 import { cssColour } from "./stage";
 
 const FIXED: Record<string, number> = {
@@ -19,7 +20,7 @@ const FIXED: Record<string, number> = {
 };
 
 /** The vehicle as triangles, in three.js's axes. Its paint follows the page's theme. */
-export function carModel(shape: VehicleShape): Group {
+export function carModel(materials: Materials, shape: VehicleShape): Group {
   const group = new Group();
   for (const { material, corners } of shape.parts) {
     const positions = new Float32Array(corners);
@@ -30,8 +31,8 @@ export function carModel(shape: VehicleShape): Group {
     const fixed = FIXED[material];
     const colour = fixed === undefined ? cssColour("--car-paint") : new Color(fixed);
     // Mirroring y turned every triangle around; both sides are drawn, so that it does not matter.
-    const surface = new MeshLambertMaterial({ color: colour, side: 2 });
-    group.add(new Mesh(geometry, surface));
+    const surface = () => new MeshLambertMaterial({ color: colour, side: DoubleSide });
+    group.add(new Mesh(geometry, materials.take("car", colour, surface)));
   }
   return group;
 }

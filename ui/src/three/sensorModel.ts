@@ -20,16 +20,23 @@ import { eulerZYX, toThree, type Pose, type Vector } from "../rig/frames";
 import { isCamera, kindInfo } from "../rig/kinds";
 import { direction, pinhole } from "../rig/outline";
 import type { RigSensor, View } from "../rig/sensors";
+import type { Materials } from "./Materials";
 import { cssColour } from "./stage";
 
 const HIT_RADIUS_M = 0.14;
 
 /** A sensor with what it sees; `userData.sensor` names it on everything that can be hit. */
-export function sensorModel(sensor: RigSensor, view: View | null, distance: number, chosen: boolean): Group {
+export function sensorModel(
+  materials: Materials,
+  sensor: RigSensor,
+  view: View | null,
+  distance: number,
+  chosen: boolean,
+): Group {
   const group = new Group();
   const colour = cssColour(`--${kindInfo(sensor.kind).modality}`);
-  group.add(body(sensor, colour, chosen), hitArea(sensor.id));
-  if (view) group.add(...seen(view, distance, colour, chosen));
+  group.add(body(materials, sensor, colour, chosen), hitArea(materials, sensor.id));
+  if (view) group.add(...seen(materials, view, distance, colour, chosen));
   place(group, sensor.pose);
   group.userData.sensor = sensor.id;
   return group;
@@ -41,7 +48,7 @@ export function place(object: { position: Group["position"]; rotation: Euler }, 
   object.rotation.set(...eulerZYX(pose), "ZYX");
 }
 
-function body(sensor: RigSensor, colour: Color, chosen: boolean): Mesh {
+function body(materials: Materials, sensor: RigSensor, colour: Color, chosen: boolean): Mesh {
   const { modality } = kindInfo(sensor.kind);
   const shape = isCamera(sensor.kind)
     ? new BoxGeometry(0.12, 0.1, 0.08)
@@ -51,17 +58,25 @@ function body(sensor: RigSensor, colour: Color, chosen: boolean): Mesh {
         ? new BoxGeometry(0.04, 0.16, 0.1)
         : new BoxGeometry(0.08, 0.08, 0.05);
   const emissive = colour.clone().multiplyScalar(chosen ? 0.55 : 0.2);
-  return new Mesh(shape, new MeshLambertMaterial({ color: colour, emissive }));
+  const surface = () => new MeshLambertMaterial({ color: colour, emissive });
+  return new Mesh(shape, materials.take(`body ${chosen}`, colour, surface));
 }
 
-function hitArea(id: string): Mesh {
-  const mesh = new Mesh(new SphereGeometry(HIT_RADIUS_M, 8, 6), new MeshBasicMaterial({ visible: false }));
+function hitArea(materials: Materials, id: string): Mesh {
+  const unseen = materials.take("hit", new Color(), () => new MeshBasicMaterial({ visible: false }));
+  const mesh = new Mesh(new SphereGeometry(HIT_RADIUS_M, 8, 6), unseen);
   mesh.userData.sensor = id;
   return mesh;
 }
 
-function seen(view: View, distance: number, colour: Color, chosen: boolean): (Line | LineSegments | Mesh)[] {
-  if (view.shape === "sweep") return sweep(view, distance, colour, chosen);
+function seen(
+  materials: Materials,
+  view: View,
+  distance: number,
+  colour: Color,
+  chosen: boolean,
+): (Line | LineSegments | Mesh)[] {
+  if (view.shape === "sweep") return sweep(materials, view, distance, colour, chosen);
   const corner = (right: number, up: number): Vector => {
     if (view.shape === "pyramid") return pinhole(view.h, view.v, right, up);
     return direction((right * view.h) / 2, (up * view.v) / 2);
@@ -72,16 +87,28 @@ function seen(view: View, distance: number, colour: Color, chosen: boolean): (Li
   const origin: Vector = [0, 0, 0];
   const edges = corners.flatMap((c, i) => [origin, c, c, corners[(i + 1) % 4] ?? c]);
   const sides = corners.flatMap((c, i) => [origin, c, corners[(i + 1) % 4] ?? c]);
+  const edge = () => new LineBasicMaterial({ color: colour, transparent: true, opacity: chosen ? 1 : 0.5 });
+  const glow = () =>
+    new MeshBasicMaterial({
+      color: colour,
+      transparent: true,
+      opacity: chosen ? 0.16 : 0.05,
+      side: DoubleSide,
+      depthWrite: false,
+    });
   return [
-    new LineSegments(
-      points(edges),
-      new LineBasicMaterial({ color: colour, transparent: true, opacity: chosen ? 1 : 0.5 }),
-    ),
-    new Mesh(points(sides), glow(colour, chosen ? 0.16 : 0.05)),
+    new LineSegments(points(edges), materials.take(`edge ${chosen}`, colour, edge)),
+    new Mesh(points(sides), materials.take(`glow ${chosen}`, colour, glow)),
   ];
 }
 
-function sweep(view: View & { shape: "sweep" }, distance: number, colour: Color, chosen: boolean) {
+function sweep(
+  materials: Materials,
+  view: View & { shape: "sweep" },
+  distance: number,
+  colour: Color,
+  chosen: boolean,
+): Line[] {
   const elevations = [view.lower, (view.lower + view.upper) / 2, view.upper];
   return elevations.map((elevation, i) => {
     const steps = 72;
@@ -89,21 +116,19 @@ function sweep(view: View & { shape: "sweep" }, distance: number, colour: Color,
       const d = direction(-view.h / 2 + (view.h * k) / steps, elevation);
       return toThree([d[0] * distance, d[1] * distance, d[2] * distance]);
     });
-    const material = new LineDashedMaterial({
-      color: colour,
-      dashSize: 0.12,
-      gapSize: i === 1 ? 0 : 0.1,
-      transparent: true,
-      opacity: chosen ? 1 : 0.45,
-    });
-    const line = new Line(points(ring), material);
+    const gapSize = i === 1 ? 0 : 0.1;
+    const dashed = () =>
+      new LineDashedMaterial({
+        color: colour,
+        dashSize: 0.12,
+        gapSize,
+        transparent: true,
+        opacity: chosen ? 1 : 0.45,
+      });
+    const line = new Line(points(ring), materials.take(`ring ${gapSize} ${chosen}`, colour, dashed));
     line.computeLineDistances();
     return line;
   });
-}
-
-function glow(color: Color, opacity: number): MeshBasicMaterial {
-  return new MeshBasicMaterial({ color, transparent: true, opacity, side: DoubleSide, depthWrite: false });
 }
 
 function points(list: readonly Vector[]): BufferGeometry {
@@ -112,13 +137,8 @@ function points(list: readonly Vector[]): BufferGeometry {
   return geometry;
 }
 
-/** Give back what a model holds on the graphics card. */
-export function disposeAll(group: Group): void {
-  group.traverse((object) => {
-    const mesh = object as Partial<Mesh>;
-    mesh.geometry?.dispose();
-    const { material } = mesh;
-    for (const one of Array.isArray(material) ? material : material ? [material] : []) one.dispose();
-  });
+/** Empty a group and give back its shapes; materials stay. */
+export function disposeShapes(group: Group): void {
+  group.traverse((object) => (object as Partial<Mesh>).geometry?.dispose());
   group.clear();
 }

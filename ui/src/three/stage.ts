@@ -10,6 +10,7 @@ import {
   WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { Materials } from "./Materials";
 
 /** A 3D view that draws only when something has changed: no loop runs while nothing moves. */
 export class Stage {
@@ -18,6 +19,7 @@ export class Stage {
   readonly orbit: OrbitControls;
   readonly renderer: WebGLRenderer;
   readonly content = new Group();
+  protected readonly materials = new Materials();
   /** Pictures drawn so far; a test looks whether it stands still. */
   drawn = 0;
   private asked = 0;
@@ -29,7 +31,13 @@ export class Stage {
     private readonly host: HTMLElement,
     private readonly gridSize: number,
   ) {
-    this.renderer = new WebGLRenderer({ antialias: true, alpha: false });
+    const canvas = document.createElement("canvas");
+    // Asked for here: three.js would write an error to the console before it throws.
+    const context = canvas.getContext("webgl2", { antialias: true, alpha: false, stencil: false });
+    if (!context) throw new Error("no WebGL");
+    this.renderer = new WebGLRenderer({ canvas, context, antialias: true, alpha: false });
+    // To look for a shader's errors is to wait for the compiler.
+    this.renderer.debug.checkShaderErrors = false;
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.domElement.className = "stage";
     host.append(this.renderer.domElement);
@@ -99,6 +107,7 @@ export class Stage {
     this.asked = -1; // nothing is drawn any more
     this.observer.disconnect();
     this.orbit.dispose();
+    this.materials.dispose();
     this.renderer.dispose();
     this.renderer.forceContextLoss();
     this.renderer.domElement.remove();

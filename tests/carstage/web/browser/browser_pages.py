@@ -17,7 +17,9 @@ from urllib.parse import urlsplit
 from playwright.sync_api import ConsoleMessage, Locator, Page
 
 CHROMIUM = "/usr/bin/chromium"
-FLAGS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+#: WebGL in software, as on a machine without a graphics card. The rest of the page must not go
+#: through it, too: that takes sixteen times as long.
+FLAGS = ["--enable-unsafe-swiftshader", "--disable-gpu-compositing", "--no-sandbox"]
 #: Folder for the documentation's pictures; empty: none are made.
 PICTURES = os.environ.get("CARSTAGE_PICTURES", "")
 START_S = 60.0
@@ -146,8 +148,13 @@ def wait_until_saved(page: Page) -> None:
 
 
 def saved_config(page: Page) -> dict[str, Any]:
-    """The configuration as the server has it."""
+    """The configuration as the server has it when nothing is on its way any more."""
     wait_until_saved(page)
+    return server_config(page)
+
+
+def server_config(page: Page) -> dict[str, Any]:
+    """The configuration as the server has it now."""
     answer: dict[str, dict[str, Any]] = page.evaluate("fetch('api/config').then((a) => a.json())")
     return answer["config"]
 

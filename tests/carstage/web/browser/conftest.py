@@ -57,10 +57,17 @@ def open_page(browser: Browser, gui: Gui, watch: Watch) -> Iterator[OpenPage]:
     contexts: list[BrowserContext] = []
 
     def make(
-        address: str = "", *, width: int = 1440, height: int = 900, theme: str = "dark"
+        address: str = "",
+        *,
+        width: int = 1440,
+        height: int = 900,
+        theme: str = "dark",
+        script: str = "",
     ) -> Page:
         page = new_page(browser, watch, width, height, theme)
         contexts.append(page.context)
+        if script:
+            page.add_init_script(script)
         page.goto(gui.url + address)
         return page
 

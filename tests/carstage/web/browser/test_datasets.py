@@ -47,6 +47,21 @@ def test_labels_are_drawn_and_an_object_is_followed(open_page: OpenPage) -> None
     expect(page.locator(".road-user.object-chosen")).to_have_count(1)
 
 
+def test_the_egos_signals_follow_the_frame_and_lead_to_another(open_page: OpenPage) -> None:
+    page = open_dataset(open_page)
+    page.get_by_role("link", name="Episode 1").click()
+    speed = page.get_by_role("img", name="Speed over the episode")
+    now = page.locator(".signal-now").first
+    first = now.get_attribute("d")
+    page.get_by_role("button", name="Frame forward").click()
+    expect(now).not_to_have_attribute("d", first or "")
+    box = speed.bounding_box()
+    assert box is not None
+    speed.click(position={"x": box["width"] - 1, "y": 10})
+    slider = page.get_by_role("slider", name="Frame")
+    expect(slider).to_have_value(slider.get_attribute("max") or "")
+
+
 def test_rows_are_filtered_by_the_server(open_page: OpenPage) -> None:
     page = open_dataset(open_page)
     page.get_by_role("tab", name="Labels").click()

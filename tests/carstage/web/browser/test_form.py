@@ -6,8 +6,15 @@ import re
 from pathlib import Path
 
 import pytest
-from browser_pages import OpenPage, field, saved_config, wait_until_saved, wait_until_saved_as
-from playwright.sync_api import Page, expect
+from browser_pages import (
+    OpenPage,
+    field,
+    saved_config,
+    server_config,
+    wait_until_saved,
+    wait_until_saved_as,
+)
+from playwright.sync_api import Page, Route, expect
 
 pytestmark = pytest.mark.xdist_group("browser")
 
@@ -65,10 +72,41 @@ def test_the_text_view_is_the_same_document(configure: Page) -> None:
     wait_until_saved_as(page, "fps", 20)
     text.fill(changed.replace("fps: 20", "fps: fast"))
     expect(page.locator(".yaml .field-error")).to_contain_text("fps")
-    assert saved_config(page)["fps"] == 20
+    assert server_config(page)["fps"] == 20
     text.fill(changed)
     page.get_by_role("button", name="YAML", exact=True).click()
     expect(field(page, "Frame rate")).to_have_value("20")
+
+
+def test_text_that_is_not_read_yet_is_not_saved_and_wrong_text_starts_nothing(
+    configure: Page,
+) -> None:
+    page = configure
+    start = page.get_by_role("button", name="Start", exact=True)
+    held: list[Route] = []
+    page.route("**/api/config/import", lambda route: held.append(route))
+    page.get_by_role("button", name="YAML", exact=True).click()
+    text = page.get_by_label("Configuration as YAML")
+    expect(text).to_have_value(re.compile("name: demo"))
+    changed = text.input_value().replace("fps: 10", "fps: 25")
+    text.fill(changed)
+    expect(page.locator("[data-saved=saving]")).to_be_visible()
+    # What is typed is read also when the text view has been left meanwhile.
+    page.get_by_role("button", name="YAML", exact=True).click()
+    while not held:
+        page.wait_for_timeout(20)
+    expect(page.locator("[data-saved=saving]")).to_be_visible()
+    held[0].continue_()
+    page.unroute("**/api/config/import")
+    wait_until_saved_as(page, "fps", 25)
+
+    page.get_by_role("button", name="YAML", exact=True).click()
+    text.fill(changed.replace("fps: 25", "fps: fast"))
+    expect(start).to_be_disabled()
+    expect(page.get_by_role("status").filter(has_text="1 problem: fps")).to_be_visible()
+    page.get_by_role("button", name="YAML", exact=True).click()
+    expect(start).to_be_enabled()
+    assert saved_config(page)["fps"] == 25
 
 
 def test_files_come_back_as_they_went_out(configure: Page, tmp_path: Path) -> None:

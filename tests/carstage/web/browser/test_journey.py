@@ -10,10 +10,12 @@ import pytest
 from browser_pages import PICTURES, Gui, OpenPage, Watch, field, load_demo, saved_config
 from playwright.sync_api import Page, expect
 
-pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.end_to_end]
+pytestmark = [pytest.mark.xdist_group("journey"), pytest.mark.end_to_end]
 
 RUN_MS = 200_000
-FRAMES = 50 if PICTURES else 40
+#: The canvas of a live picture that has come.
+SHOWN = 'canvas[data-tick]:not([data-tick=""])'
+FRAMES = 50 if PICTURES else 20
 
 
 def configure_small(page: Page, name: str, frames: int) -> None:
@@ -45,9 +47,10 @@ def picture(page: Page, name: str) -> None:
 def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui) -> None:
     page = open_page()
     configure_small(page, "journey", FRAMES)
+    page.get_by_role("button", name="Radar", exact=True).click()
     page.get_by_role("list", name="Sensors").get_by_role("button", name="CAM_FRONT").click()
     page.locator(".stage-host[data-ready=true]").wait_for()
-    page.wait_for_timeout(500)
+    page.locator(".view-top .car-body").first.wait_for()
     picture(page, "configure")
     page.get_by_role("button", name="Start", exact=True).click()
     expect(page.get_by_role("heading", name="journey")).to_be_visible()
@@ -58,12 +61,13 @@ def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui
     page.reload()
     expect(page.get_by_role("heading", name="journey")).to_be_visible()
     expect(stop).to_be_visible()
-    camera = page.locator('[data-sensor="CAM_FRONT"] canvas[data-tick]:not([data-tick=""])')
-    camera.wait_for(timeout=RUN_MS)
-    page.locator('[data-sensor="LIDAR_TOP"] canvas[data-tick]:not([data-tick=""])').wait_for()
+    page.locator(SHOWN).first.wait_for(timeout=RUN_MS)
+    for sensor in ("CAM_FRONT", "CAM_LEFT", "DEPTH_FRONT", "LIDAR_TOP", "RADAR"):
+        page.locator(f'[data-sensor="{sensor}"] {SHOWN}').wait_for()
     expect(page.get_by_label("Log of journey").get_by_role("listitem").nth(3)).to_be_visible()
     if PICTURES:
         page.get_by_text(re.compile(r"^[1-9]\d* / 50 frames$")).wait_for(timeout=RUN_MS)
+        expect(page.locator(SHOWN)).to_have_count(7)
     picture(page, "run")
     badge = page.locator(".page-head .badge")
     expect(badge).to_have_text("done", timeout=RUN_MS)
@@ -78,7 +82,7 @@ def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui
     page.get_by_role("slider", name="Frame").fill(str(FRAMES // 2))
     page.locator(f'.stage-cameras [data-k="{FRAMES // 2}"]').wait_for()
     page.locator(".cloud-view:not([data-points='0'])").wait_for()
-    page.wait_for_timeout(500)
+    page.locator(".map-view .lane").first.wait_for()
     picture(page, "episode")
 
     page.goto(gui.url + "#/datasets/journey")
@@ -101,6 +105,14 @@ def test_a_killed_interface_finds_its_run_again_and_another_browser_stops_it(
     expect(page.get_by_role("heading", name="long")).to_be_visible()
     expect(page.get_by_role("button", name="Stop", exact=True)).to_be_visible()
     run = next(one for one in runs(page) if one["name"] == "long")
+
+    # Another run waits until it is its turn, and is taken out again.
+    other.evaluate("location.hash = '#/configure'")
+    other.get_by_role("button", name="Queue", exact=True).click()
+    badge = other.locator(".page-head .badge")
+    expect(badge).to_have_text("queued, place 1")
+    other.get_by_role("button", name="Take out").click()
+    other.evaluate("location.hash = '#/run'")
 
     watch.server_may_be_gone = True
     gui.kill()

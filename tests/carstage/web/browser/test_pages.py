@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import gzip
 from pathlib import Path
 from typing import Any
 
 import golden_poses
 import pytest
-from browser_pages import OpenPage
+from browser_pages import OpenPage, load_demo, wait_until_saved
 from playwright.sync_api import Page, expect
+
+from carstage.bench.gui.bundle import BUNDLE_BYTES, compressed_bytes
 
 pytestmark = pytest.mark.xdist_group("browser")
 
 ROOT = Path(__file__).parents[4]
-STATIC = ROOT / "src" / "carstage" / "web" / "static"
 AXE = ROOT / "ui" / "node_modules" / "axe-core" / "axe.min.js"
-MOST_BYTES = 400_000
 LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
 ALL_RULES = {"type": "tag", "values": LEVELS}
 #: The pages are the same in both themes but for their colours.
@@ -94,14 +93,35 @@ def test_no_page_is_wider_than_the_screen(open_page: OpenPage, width: int, heigh
 
 
 def test_scripts_and_styles_are_small_and_3d_comes_later(open_page: OpenPage) -> None:
-    files = [path for path in STATIC.rglob("*") if path.suffix in (".js", ".css")]
-    sizes = {path.name: len(gzip.compress(path.read_bytes())) for path in files}
-    assert sum(sizes.values()) <= MOST_BYTES, sizes
+    sizes = compressed_bytes()
+    assert sum(sizes.values()) <= BUNDLE_BYTES, sizes
     page = open_page("#/run")
     settle(page)
     loaded = page.evaluate("performance.getEntriesByType('resource').map((one) => one.name)")
     heavy = max(sizes, key=lambda name: sizes[name])
     assert not any(name.endswith(heavy) for name in loaded), "three.js only where 3D is shown"
+
+
+NO_WEBGL = """
+const usual = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+  return kind.startsWith('webgl') ? null : usual.call(this, kind, ...more);
+};
+"""
+
+
+def test_without_webgl_sensors_are_placed_and_episodes_looked_through(open_page: OpenPage) -> None:
+    page = open_page("#/configure", script=NO_WEBGL)
+    expect(page.get_by_label("3D view", exact=True)).to_contain_text("no WebGL")
+    load_demo(page)
+    page.locator('.view-top [data-sensor="CAM_LEFT"]').focus()
+    page.keyboard.press("ArrowUp")
+    wait_until_saved(page)
+    expect(page.locator("#pose-x")).to_have_value("1.05")
+    page.evaluate(f"location.hash = '{episode_address(page)}'")
+    expect(page.get_by_label("Points in 3D")).to_contain_text("no WebGL")
+    page.get_by_role("button", name="Frame forward").click()
+    expect(page.locator(".stage-cameras .camera")).to_have_attribute("data-k", "1")
 
 
 def test_golden_poses_are_those_of_python() -> None:

@@ -190,3 +190,28 @@ def faults(
     )
     rows = {"kinds": table(trials), "trials": [asdict(trial) for trial in trials]}
     return report_verdict(verdict, json, table_text(trials), **rows)
+
+
+@bench_app.command()
+@command
+def gui(
+    minutes: Annotated[
+        float, typer.Option(min=0.2, help="How long a run's live pictures are watched.")
+    ] = 5.0,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="File for the JSON object, too.")
+    ] = None,
+    scratch: Scratch = None,
+    json: Json = False,
+) -> int:
+    """How fast the interface is there, follows a drag, and shows a run; needs Chromium."""
+    from json import dumps
+
+    from carstage.bench.gui import measure_gui
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Watched", "s") as progress:
+        verdict = measure_gui(minutes=minutes, scratch=scratch, progress=progress)
+    if out is not None:
+        out.write_text(dumps(verdict.record(), indent=1) + "\n", "utf-8")
+    return report_verdict(verdict, json)

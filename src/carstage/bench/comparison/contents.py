@@ -17,8 +17,6 @@ from carstage.bench.clients.boxes_file import BOXES_FILE
 
 FRAMES = 4
 _DIGEST_BYTES = 8
-_RED_ONLY = ("semantic",)
-"""Kinds of which Car-STAGE keeps the channel that CARLA writes: red."""
 
 
 def contents_of(folder: Path, document: Mapping[str, Any]) -> dict[str, Any]:
@@ -34,7 +32,7 @@ def contents_of(folder: Path, document: Mapping[str, Any]) -> dict[str, Any]:
             content = _array(path, sensor["kind"])
             if content is not None:
                 digest = hashlib.blake2b(content.tobytes(), digest_size=_DIGEST_BYTES)
-                found[f"{sensor['id']}/{int(path.name.split('.')[0])}"] = digest.hexdigest()
+                found[f"{sensor['id']}/{int(path.stem)}"] = digest.hexdigest()
     boxes = list(_boxes(folder))
     if boxes:
         found["boxes"] = boxes
@@ -44,11 +42,11 @@ def contents_of(folder: Path, document: Mapping[str, Any]) -> dict[str, Any]:
 def _first_files(folder: Path, sensor: str) -> list[Path]:
     places = [folder / "files" / sensor, *folder.glob(f"dataset/episodes/*/*/sensors/{sensor}")]
     files = [path for place in places for path in place.glob("*.*")]
-    return [path for path in sorted(files) if path.name.split(".")[0] < f"{FRAMES:06d}"]
+    return [path for path in sorted(files) if path.stem.isdecimal() and int(path.stem) < FRAMES]
 
 
 def _array(path: Path, kind: str) -> NDArray[Any] | None:
-    """A picture as ``(H, W, 3)`` or one channel, a cloud as float32; None for lossy files."""
+    """A picture as ``(H, W, 3)`` or what is coded in it, a cloud as float32; None: lossy."""
     if path.suffix == ".npy":
         return np.asarray(np.load(path), np.float32)
     if path.suffix == ".bin":
@@ -57,9 +55,12 @@ def _array(path: Path, kind: str) -> NDArray[Any] | None:
         return None
     with Image.open(path) as image:
         pixels = np.asarray(image)
-    if pixels.ndim == 2:
-        return pixels
-    return np.ascontiguousarray(pixels[..., 0] if kind in _RED_ONLY else pixels[..., :3])
+    if kind == "instance":  # of which the tag is a file of its own in a dataset
+        codes = pixels.astype(np.uint16)
+        return codes if codes.ndim == 2 else codes[..., 1] + (codes[..., 2] << 8)
+    if kind == "semantic":
+        return pixels if pixels.ndim == 2 else np.ascontiguousarray(pixels[..., 0])
+    return np.ascontiguousarray(pixels[..., :3])
 
 
 def _boxes(folder: Path) -> Iterator[list[float]]:

@@ -196,8 +196,10 @@ def _equality(measured: Measured) -> list[Figure]:
 
 
 def _compare_boxes(rows: Iterable[list[float]], others: Iterable[list[float]]) -> tuple[int, int]:
-    """How many boxes two programs have, and how many only one has or has otherwise."""
+    """How many boxes two programs have in frames of both, and how many differ or are one's."""
     one, two = ({(row[0], row[1]): row[2:] for row in table} for table in (rows, others))
+    frames = {frame for frame, _ in one} & {frame for frame, _ in two}
+    one, two = ({key: table[key] for key in table if key[0] in frames} for table in (one, two))
     bad = len(one.keys() ^ two.keys())
     for key in one.keys() & two.keys():
         near = np.allclose(one[key][:4], two[key][:4], atol=_BOX_TOLERANCE_PX, rtol=0.0)

@@ -1,0 +1,184 @@
+"""The comparison: who takes turns, what is made of the runs, what is written; on made-up runs."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from carstage.bench.comparison import EXPERIMENTS, PRESETS, Campaign, judge, plan_trials
+from carstage.bench.comparison.campaign import TRIALS_FILE
+from carstage.bench.comparison.contents import contents_of
+from carstage.bench.comparison.figures import line, of, spread
+from carstage.bench.comparison.programs import CARSTAGE, DISCARD, NATIVE, PROGRAMS
+from carstage.bench.comparison.report import write_report
+from carstage.bench.comparison.trials import Trial, TrialResult, estimate_s
+from carstage.config import check_config
+from carstage.errors import BadInputError
+
+DOCS = PRESETS["docs"]
+MACHINE = {
+    "date": "2026-01-01", "cpu": "a CPU", "cores": 2, "slowness": 1.0, "memory_gb": 8.0,
+    "gpu": None, "disk": "ext4", "system": "Linux", "python": "3.11", "packages": {},
+}  # fmt: skip
+START_S = {CARSTAGE: 6.0, DISCARD: 3.0}
+CAMERA_S = {CARSTAGE: 0.02, DISCARD: 0.004, NATIVE: 0.8, "native-threads": 0.4, "paper": 0.05}
+
+
+def result(wall_s: float, **known: float) -> TrialResult:
+    values = {"cpu_s": wall_s, "server_cpu_s": 1.0, "peak_mb": 100.0, "mb": 5.0, **known}
+    return TrialResult(wall_s=wall_s, files=3, spawned=20, **values)  # type: ignore[arg-type]
+
+
+def camera_runs() -> list[tuple[Trial, TrialResult]]:
+    """Every program takes its share for each camera and frame, and a little by chance."""
+    chance = np.random.default_rng(0)
+    runs = []
+    for trial in plan_trials(DOCS, ["cameras"]):
+        per_picture = CAMERA_S.get(trial.program, 0.03)
+        wall_s = START_S.get(trial.program, 3.0) + trial.value * trial.frames * per_picture
+        runs.append((trial, result(wall_s + chance.uniform(0.0, 0.02))))
+    return runs
+
+
+@pytest.mark.parametrize("preset", PRESETS.values(), ids=PRESETS)
+def test_every_scene_of_every_preset_is_a_valid_configuration(preset) -> None:
+    for trial in plan_trials(dataclasses.replace(preset, repeats=1), EXPERIMENTS):
+        config = check_config(trial.document(preset))
+        assert round(config.duration_s * config.fps) == trial.frames
+
+
+def test_programs_take_turns_and_change_places() -> None:
+    trials = plan_trials(DOCS, ["lidars"])
+    turns = [t.program for t in trials if (t.value, t.repeat) == (3, 0)]
+    assert turns == [DISCARD, "native-ply", CARSTAGE, "native-npy"]
+    assert [t.program for t in trials if (t.value, t.repeat) == (3, 1)] == turns[::-1]
+    assert len({trial.key for trial in trials}) == len(trials)
+
+
+def test_slow_programs_record_fewer_frames_and_the_paper_preset_spares_nobody() -> None:
+    frames = {t.program: t.frames for t in plan_trials(DOCS, ["cameras"])}
+    assert (frames[NATIVE], frames[CARSTAGE]) == (10, 100)
+    paper = plan_trials(PRESETS["paper"], EXPERIMENTS)
+    assert {t.frames for t in paper if t.experiment == "cameras"} == {2000}
+    assert estimate_s(paper, PRESETS["paper"]) > 24 * 3600
+
+
+def test_added_time_is_per_frame_however_many_frames_a_program_records() -> None:
+    runs = camera_runs()
+    for name in (NATIVE, CARSTAGE, "native-threads"):
+        found = line(of(runs, "cameras", name))
+        assert found is not None
+        assert found.per_unit_s == pytest.approx(CAMERA_S[name], rel=0.02)
+        assert found.begin_s == pytest.approx(START_S.get(name, 3.0), abs=0.1)
+        assert found.r2 > 0.999
+
+
+def test_spread_is_median_and_middle_half() -> None:
+    trials = [Trial("cameras", CARSTAGE, 1, repeat, 10) for repeat in range(5)]
+    found = spread([(t, result(s)) for t, s in zip(trials, (1, 2, 3, 4, 90), strict=True)], 1)
+    assert (found.median_s, found.iqr_s, found.mean_s) == (3.0, 2.0, 20.0)
+
+
+def test_ratios_stand_beside_their_targets() -> None:
+    verdict = judge(DOCS, camera_runs(), "carstage bench cameras")
+    figures = {figure.name: figure for figure in verdict.figures}
+    native = figures["cameras: native-png / carstage"]
+    assert (float(native.value), native.ok) == (pytest.approx(40.0, rel=0.03), True)
+    assert figures["cameras: paper / carstage"].ok
+    slow = [
+        (trial, dataclasses.replace(one, wall_s=3.0 * one.wall_s))
+        if trial.program == CARSTAGE
+        else (trial, one)
+        for trial, one in camera_runs()
+    ]
+    assert not judge(DOCS, slow, "carstage bench cameras").ok
+
+
+def test_the_quick_preset_judges_nothing() -> None:
+    quick = PRESETS["quick"]
+    runs = [(t, result(1.0 + t.repeat)) for t in plan_trials(quick, ["cameras"])]
+    assert judge(quick, runs, "").ok
+    assert all(figure.target is None for figure in judge(quick, runs, "").figures)
+
+
+def test_other_pictures_and_boxes_are_seen() -> None:
+    def run(program: str, contents: dict[str, object]) -> tuple[Trial, TrialResult]:
+        one = dataclasses.replace(result(1.0), contents=contents)
+        return Trial("frames", program, 20, 0, 20), one
+
+    box = [0, 7, 1.0, 2.0, 3.0, 4.0, 6, 0]
+    native = run(NATIVE, {"CAM_1/0": "aa", "CAM_1/1": "bb", "boxes": [box]})
+
+    def differing(contents: dict[str, object]) -> tuple[float, float]:
+        verdict = judge(DOCS, [native, run(CARSTAGE, contents)], "")
+        found = {figure.name: float(figure.value) for figure in verdict.figures}
+        return found["pictures and clouds that differ"], found["boxes that differ"]
+
+    near = [0, 7, 1.01, 2.0, 3.0, 4.0, 6, 0]
+    far = [0, 7, 1.5, 2.0, 3.0, 4.0, 6, 0]
+    level = [0, 7, 1.0, 2.0, 3.0, 4.0, 5, 1]
+    other = [0, 8, 1.0, 2.0, 3.0, 4.0, 6, 0]
+    assert differing({"CAM_1/0": "aa", "boxes": [near]}) == (0, 0)
+    assert differing({"CAM_1/0": "ab", "boxes": [far]}) == (1, 1)
+    assert differing({"CAM_1/1": "bb", "boxes": [level]}) == (0, 1)
+    assert differing({"CAM_1/1": "bb", "boxes": [other]}) == (0, 2)
+
+
+def test_files_of_both_layouts_have_the_same_contents(tmp_path: Path) -> None:
+    bgra = np.random.default_rng(0).integers(0, 256, (4, 6, 4), np.uint8)
+    rgba = np.ascontiguousarray(bgra[..., [2, 1, 0, 3]])
+    rig = [{"id": "CAM", "kind": "rgb"}, {"id": "INST", "kind": "instance"}]
+    native, own = tmp_path / "native", tmp_path / "own"
+    attempt = own / "dataset/episodes/e/a1/sensors"
+    for folder in (native / "files", attempt):
+        for sensor in rig:
+            (folder / sensor["id"]).mkdir(parents=True)
+    Image.fromarray(rgba).save(native / "files/CAM/000000.tiff")
+    Image.fromarray(rgba).save(native / "files/INST/000000.png")
+    Image.fromarray(rgba[..., :3]).save(attempt / "CAM/000000.png")
+    ids = bgra[..., 1].astype(np.uint16) + 256 * bgra[..., 0].astype(np.uint16)
+    Image.fromarray(ids).save(attempt / "INST/000000.png")
+    Image.fromarray(bgra[..., 2]).save(attempt / "INST/000000.tag.png")
+    document = {"rig": {"sensors": rig}}
+    assert contents_of(native, document) == contents_of(own, document)
+    assert sorted(contents_of(own, document)) == ["CAM/0", "INST/0"]
+
+
+def test_results_are_kept_at_once_and_gone_on_with(tmp_path: Path) -> None:
+    first = Campaign(DOCS, ["lidars"], tmp_path)
+    trial = first.left[0]
+    row = {**dataclasses.asdict(trial), "result": dataclasses.asdict(result(2.0))}
+    path = tmp_path / TRIALS_FILE
+    with path.open("a") as file:
+        file.write(json.dumps(row) + "\n" + json.dumps(row)[:40])  # the last one is torn
+    again = Campaign(DOCS, ["lidars"], tmp_path)
+    assert len(again.left) == len(first.left) - 1
+    assert again.results[trial.key][1].wall_s == 2.0
+    assert path.read_bytes().endswith(b"\n")
+    more = Campaign(dataclasses.replace(DOCS, repeats=5), ["lidars"], tmp_path)
+    assert trial.key in more.results
+    with pytest.raises(BadInputError, match="another comparison"):
+        Campaign(PRESETS["quick"], ["lidars"], tmp_path)
+
+
+def test_the_report_is_written_in_every_form(tmp_path: Path) -> None:
+    runs = camera_runs()
+    verdict = judge(DOCS, runs, "carstage bench cameras --preset docs")
+    paths = write_report(tmp_path, DOCS, MACHINE, runs, verdict)
+    assert {path.name for path in paths} == {
+        "comparison.json", "comparison.md", "comparison.html", "cameras.svg",
+    }  # fmt: skip
+    assert (tmp_path / "cameras.png").read_bytes().startswith(b"\x89PNG")
+    record = json.loads((tmp_path / "comparison.json").read_text())
+    assert len(record["trials"]) == len(runs)
+    assert record["machine"]["cpu"] == "a CPU"
+    page = (tmp_path / "comparison.html").read_text()
+    assert "http" not in page.replace("http-equiv", "").split("<img")[0]
+    assert html.escape(PROGRAMS["paper"].what) in page
+    assert "| paper |" in (tmp_path / "comparison.md").read_text()

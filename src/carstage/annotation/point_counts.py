@@ -73,6 +73,8 @@ def count_points(
         sensor_from_boxes: ``(M, 4, 4)``.
         extents_m: ``(M, 3)`` half sizes.
     """
+    if len(extents_m) == 0:
+        return np.zeros(0, dtype=np.int64)
     grid = PointGrid(points)
     counts = [
         grid.count(pose, extent) for pose, extent in zip(sensor_from_boxes, extents_m, strict=True)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, Final
 
-from carstage.bench.comparison.figures import Measured, of, programs_in, spread, values_in
+from carstage.bench.comparison.figures import Measured, line, of, programs_in, values_in
 from carstage.bench.comparison.presets import EXPERIMENTS, Experiment
 from carstage.bench.comparison.programs import CARSTAGE, DISCARD, FPNG, NATIVE
 from carstage.errors import BadInputError
@@ -68,15 +69,18 @@ def _draw(axes: Axes, experiment: Experiment, names: Iterable[str], measured: Me
         runs = of(measured, experiment, name)
         values = values_in(runs)
         colour = _COLOURS.get(name) or next(others)
-        # Programs may have recorded other numbers of frames: what is comparable is a frame's share.
-        share = [1.0 if experiment == "frames" else 1.0 / _frames(runs, value) for value in values]
         xs = [_frames(runs, value) for value in values] if experiment == "frames" else values
-        medians = [spread(runs, v).median_s * s for v, s in zip(values, share, strict=True)]
+        # Programs may have recorded other numbers of frames: what is comparable is a frame's share
+        # of the time after the start.
+        fitted = line(runs)
+        begin_s = fitted.begin_s if fitted is not None and experiment != "frames" else 0.0
+        boxes = []
+        for value in values:
+            share = 1.0 if experiment == "frames" else 1e3 / _frames(runs, value)
+            times = [one.wall_s - begin_s for trial, one in runs if trial.value == value]
+            boxes.append([share * time_s for time_s in times])
+        medians = [median(box) for box in boxes]
         axes.plot(xs, medians, color=colour, marker="o", markersize=3, label=name)
-        boxes = [
-            [result.wall_s * s for trial, result in runs if trial.value == value]
-            for value, s in zip(values, share, strict=True)
-        ]
         if all(len(box) > 1 for box in boxes):
             width = 0.04 * (max(xs) - min(xs)) if len(xs) > 1 else 0.1
             axes.boxplot(
@@ -91,8 +95,12 @@ def _draw(axes: Axes, experiment: Experiment, names: Iterable[str], measured: Me
                 medianprops={"color": colour},
             )
     axes.set_xlabel(_LABELS[experiment])
-    axes.set_ylabel("seconds of a run" if experiment == "frames" else "seconds of a run, per frame")
-    axes.set_yscale("log")
+    if experiment == "frames":
+        axes.set_ylabel("seconds of a run")
+    else:
+        axes.set_ylabel("ms per frame, without the start of program and scene")
+    if experiment != "objects":
+        axes.set_yscale("log")
     axes.grid(visible=True, which="both", alpha=0.25)
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
 

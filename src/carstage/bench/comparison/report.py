@@ -29,7 +29,7 @@ _STYLE = (
     "body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem;"
     "color:#1b1f24;background:#fff}table{border-collapse:collapse;margin:1rem 0}"
     "th,td{border-bottom:1px solid #d5dae0;padding:.3rem .7rem;text-align:right}"
-    "th:first-child,td:first-child{text-align:left}img{max-width:100%;height:auto}"
+    "th:first-child,td:first-child,.words td{text-align:left}img{max-width:100%;height:auto}"
     ".bad{color:#b3261e;font-weight:600}"
     "@media(prefers-color-scheme:dark){body{color:#e6e9ee;background:#14171c}"
     "th,td{border-color:#343b45}img{background:#fff}.bad{color:#ff8a80}}"
@@ -64,7 +64,7 @@ def write_report(
         **verdict.record(),
         "preset": asdict(preset),
         "machine": dict(machine),
-        "programs": {name: PROGRAMS[name].what for name in _names(measured)},
+        "programs": dict(_described(measured)),
         "trials": rows,
     }
     plots = plot_all(out, measured)
@@ -79,8 +79,10 @@ def write_report(
     return [*paths, *plots.values()]
 
 
-def _names(measured: Measured) -> list[str]:
-    return list(dict.fromkeys(trial.program for trial, _ in measured))
+def _described(measured: Measured) -> list[tuple[str, str]]:
+    """Every program that has a run, and what it is."""
+    names = dict.fromkeys(trial.program for trial, _ in measured)
+    return [(name, PROGRAMS[name].what) for name in names]
 
 
 def _without_contents(row: dict[str, Any]) -> dict[str, Any]:
@@ -183,7 +185,10 @@ def _page(
         f"<p>Preset <code>{preset.name}</code>, <code>{html.escape(verdict.command)}</code></p>",
         _html_table(_figure_rows(verdict)),
         "<h2>Programs</h2>",
-        _html_table([("program", ""), *((name, PROGRAMS[name].what) for name in _names(measured))]),
+        _html_table(
+            [("program", ""), *_described(measured)],
+            of_words=True,
+        ),
     ]
     for experiment, rows in tables.items():
         parts.append(f"<h2>{_PARAGRAPHS[experiment][0]}</h2>")
@@ -197,11 +202,14 @@ def _page(
     return "\n".join(parts) + "\n"
 
 
-def _html_table(rows: Sequence[Sequence[str]]) -> str:
+def _html_table(rows: Sequence[Sequence[str]], *, of_words: bool = False) -> str:
     def line_of(row: Sequence[str], tag: str) -> str:
         mark = " class=bad" if "missed" in row else ""
         cells = "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in row)
         return f"<tr{mark}>{cells}</tr>"
 
     head, *body = rows
-    return f"<table>{line_of(head, 'th')}{''.join(line_of(row, 'td') for row in body)}</table>"
+    kind = " class=words" if of_words else ""
+    return (
+        f"<table{kind}>{line_of(head, 'th')}{''.join(line_of(row, 'td') for row in body)}</table>"
+    )

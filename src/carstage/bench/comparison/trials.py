@@ -49,7 +49,7 @@ class Trial:
     def document(self, preset: Preset) -> dict[str, Any]:
         """The configuration of its scene, without server and codecs."""
         sensors, size, actors = _rig(self.experiment, self.value, preset)
-        labelled = ["CAM_1"] if self.experiment in ("frames", "objects") else []
+        labelled = self.experiment in ("frames", "objects")
         return {
             "name": "comparison",
             "seed": 7,
@@ -59,7 +59,12 @@ class Trial:
             "vehicles": {"count": actors},
             "pedestrians": {"count": actors},
             "timing": {"warmup_ticks": WARMUP_TICKS, **PROGRAMS[self.program].timing},
-            "labels": {"cameras": labelled, "method": "stage_vo", "level_objects": []},
+            "labels": {
+                "cameras": ["CAM_1"] if labelled else [],
+                "method": "stage_vo",
+                "level_objects": [],
+            },
+            "ground_truth": dict.fromkeys(("vehicles", "pedestrians", "ego_motion"), labelled),
             "rig": {"sensors": sensors},
         }
 

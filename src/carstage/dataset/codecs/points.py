@@ -159,6 +159,7 @@ def _points(content: bytes | memoryview) -> NDArray[np.float32]:
     if len(content) % _POINT_BYTES:
         raise ValueError(f"{len(content)} bytes are no whole number of points")
     points = np.frombuffer(content, "<f4").reshape(-1, 4)
-    if not np.isfinite(points).all():
+    # A sum is finite if all of its terms are, unless it overflows: the quick test comes first.
+    if not np.isfinite(points.sum(dtype=np.float32)) and not np.isfinite(points).all():
         raise ValueError("a coordinate is not finite")
     return points

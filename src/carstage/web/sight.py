@@ -34,6 +34,7 @@ _ANSWER_S = 30.0
 """For a look at another map, which has to be loaded."""
 _CALL_S = 20.0
 _SHAPELESS = (360, 640)
+_BUSY = "Other pictures are being made."
 
 _log = logging.getLogger("carstage.web")
 
@@ -57,6 +58,7 @@ class SightService:
         self._problem: CarStageError | None = None
         self._used_s = 0.0
         self._number = 0
+        self._newest = 0
         self._closing = threading.Event()
 
     def warm(self) -> bool:
@@ -75,6 +77,9 @@ class SightService:
     def look(self, request: PreviewRequest) -> bytes | PreviewPending:
         """What a sensor sees, as JPEG; LiDAR and radar from above.
 
+        A request that a newer one has overtaken while it waited is not looked at any more: whoever
+        drags a sensor asks faster than pictures come. Its page asks again if it still wants it.
+
         Raises:
             ConfigError: the sensor is wrong.
             WebError: it sees nothing.
@@ -86,9 +91,14 @@ class SightService:
             if problem is not None:
                 raise problem
             return PreviewPending(state="warming", message="The simulator is starting.")
+        with self._lock:
+            self._newest += 1
+            number = self._newest
         if not self._turn.acquire(timeout=_TURN_S):
-            return PreviewPending(state="busy", message="Other pictures are being made.")
+            return PreviewPending(state="busy", message=_BUSY)
         try:
+            if number != self._newest:
+                return PreviewPending(state="busy", message=_BUSY)
             if self._server is None:  # it ended meanwhile, as nobody had asked
                 return PreviewPending(state="warming", message="The simulator is starting.")
             return self._draw(spec, self._record(spec), request.width)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import threading
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ import pytest
 from PIL import Image
 from sites import Site
 
+from carstage.plan import EpisodeSpec
 from carstage.server import Endpoint, free_port
 from carstage.web.checking import ConfigChecker
 from carstage.web.errors import WebError
@@ -81,6 +84,45 @@ def test_each_kind_of_sensor_gives_a_picture_of_what_it_sees(
     assert np.asarray(night).mean() < 0.8 * np.asarray(front).mean()
     with pytest.raises(WebError, match="sees nothing"):
         sight.look(asked(demo, "imu"))
+
+
+def test_of_requests_that_wait_only_the_newest_is_looked_at(
+    site: Site, demo: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    del site  # it has loaded what the service imports
+    looking, go_on = threading.Event(), threading.Event()
+    looks: list[float] = []
+
+    def record(_: SightService, spec: EpisodeSpec) -> Path:
+        looks.append(spec.sensors[0].pose.y)
+        looking.set()
+        assert go_on.wait(60)
+        return tmp_path
+
+    monkeypatch.setattr(SightService, "warm", lambda _: True)
+    monkeypatch.setattr(SightService, "_record", record)
+    monkeypatch.setattr(SightService, "_draw", lambda *_: b"picture")
+    service = SightService(ConfigChecker(Roots((tmp_path,))))
+    service._server = Borrowed.__new__(Borrowed)  # type: ignore[assignment]
+    with ThreadPoolExecutor(4) as pool:
+
+        def ask(y: float) -> Future[bytes | PreviewPending]:
+            asked_before = service._newest
+            request = asked(demo, "rgb", pose={"y": y})
+            answer = pool.submit(service.look, request)
+            await_that(lambda: service._newest > asked_before)
+            return answer
+
+        first = ask(0.1)
+        assert looking.wait(60)
+        overtaken, newest = ask(0.2), ask(0.3)
+        go_on.set()
+        assert first.result() == newest.result() == b"picture"
+        waited = overtaken.result()
+    assert isinstance(waited, PreviewPending)
+    assert waited.state == "busy"
+    assert looks == [0.1, 0.3]
+    service.close()
 
 
 def test_while_the_simulator_starts_the_page_is_told_to_ask_again(

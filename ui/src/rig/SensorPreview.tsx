@@ -6,7 +6,10 @@ import type { RigSensor } from "./sensors";
 import { useRig } from "./useRig";
 
 const SILENCE_MS = 120;
+/** While a button is down: a hand that rests is shown what it would leave. */
+const HELD_SILENCE_MS = 500;
 const WARMING_MS = 900;
+const BUSY_MS = 150;
 
 /** A live picture through a sensor, asked anew whenever it is moved. */
 export function SensorPreview({ sensor }: { sensor: RigSensor }) {
@@ -20,17 +23,28 @@ export function SensorPreview({ sensor }: { sensor: RigSensor }) {
   const body = useRef({ config: rig.document, sensor: own });
   body.current = { config: rig.document, sensor: own };
 
+  const held = useHeldButton();
+
   useEffect(() => {
     if (!on) return;
     const stop = new AbortController();
-    let timer = window.setTimeout(ask, SILENCE_MS);
+    let timer = window.setTimeout(ask, held.current ? HELD_SILENCE_MS : SILENCE_MS);
+    let asking = false;
+    const letGo = () => {
+      if (asking) return;
+      window.clearTimeout(timer);
+      timer = window.setTimeout(ask);
+    };
+    if (held.current) window.addEventListener("pointerup", letGo, { signal: stop.signal, once: true });
     async function ask() {
+      asking = true;
       setState((now) => now || "drawing…");
       try {
         const blob = await postForBlob("/preview", { ...body.current, width: 640 }, stop.signal);
         if (blob === null) {
-          setState("starting the simulator…");
-          timer = window.setTimeout(ask, WARMING_MS);
+          const first = shown.current === null;
+          if (first) setState("starting the simulator…");
+          timer = window.setTimeout(ask, first ? WARMING_MS : BUSY_MS);
           return;
         }
         if (shown.current) URL.revokeObjectURL(shown.current);
@@ -49,7 +63,7 @@ export function SensorPreview({ sensor }: { sensor: RigSensor }) {
       stop.abort();
       window.clearTimeout(timer);
     };
-  }, [on, wanted]);
+  }, [on, wanted, held]);
 
   useEffect(
     () => () => {
@@ -82,4 +96,18 @@ export function SensorPreview({ sensor }: { sensor: RigSensor }) {
       </figcaption>
     </figure>
   );
+}
+
+/** Whether a button of the mouse, a finger or a pen is down. */
+function useHeldButton() {
+  const held = useRef(false);
+  useEffect(() => {
+    const stop = new AbortController();
+    const options = { capture: true, signal: stop.signal };
+    window.addEventListener("pointerdown", () => (held.current = true), options);
+    for (const end of ["pointerup", "pointercancel"] as const)
+      window.addEventListener(end, () => (held.current = false), options);
+    return () => stop.abort();
+  }, []);
+  return held;
 }

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.check.gpu_wire import wire_figures
 from carstage_sim.check.render.stage import Stage, populate, town_of
 from carstage_sim.check.verdict import Figure, Verdict
 from carstage_sim.geometry import rotation_matrix
-from carstage_sim.render.gpu.camera import GpuCameras, Order, Product, Shot
+from carstage_sim.render.gpu.camera import GpuCameras, Product, Shot
 from carstage_sim.render.gpu.caster import GpuCaster
 from carstage_sim.render.gpu.device import Gpu, NoGpuError, open_gpu
 from carstage_sim.render.scene import Frame
@@ -22,13 +23,13 @@ from carstage_sim.render.sky import SkyModel
 from carstage_sim.sensors import SensorSuite
 from carstage_sim.world.state import Weather
 
-_WARM_S = 1.0
-_TRIES = 60
+_WARM_S = 2.0
+_TRIES = 200
 _SIZE = (1280, 720)
 
 
-def _median_ms(work: Callable[[], object]) -> float:
-    """Median wall time after the card has come up to speed."""
+def _wall_ms(name: str, work: Callable[[], object], target: float | None = None) -> list[Figure]:
+    """Median of wall times after the card has come up to speed, and what nine in ten stay below."""
     until = time.perf_counter() + _WARM_S
     while time.perf_counter() < until:
         work()
@@ -36,8 +37,12 @@ def _median_ms(work: Callable[[], object]) -> float:
     for _ in range(_TRIES):
         begun = time.perf_counter()
         work()
-        spent.append(time.perf_counter() - begun)
-    return statistics.median(spent) * 1e3
+        spent.append((time.perf_counter() - begun) * 1e3)
+    median = statistics.median(spent)
+    most = Figure(f"{name}, nine of ten", statistics.quantiles(spent, n=10)[8])
+    if target is None:
+        return [Figure(name, median), most]
+    return [Figure(name, median, "<=", target), most]
 
 
 def _shots(stage: Stage) -> list[Shot]:
@@ -73,8 +78,10 @@ def _measure(gpu: Gpu, stage: Stage, frame: Frame) -> tuple[Figure, ...]:
 
     def pictures(products: Collection[Product], count: int = 1) -> Callable[[], object]:
         def take() -> object:
-            orders = [Order(shot, products, turns=turns) for shot in shots[:count]]
-            return [pending.pictures() for pending in cameras.take(frame, orders, light)]
+            under_way = [
+                cameras.take(frame, shot, products, light, turns=turns) for shot in shots[:count]
+            ]
+            return [pending.pictures() for pending in under_way]
 
         return take
 
@@ -84,13 +91,13 @@ def _measure(gpu: Gpu, stage: Stage, frame: Frame) -> tuple[Figure, ...]:
 
     colours, everything = [Product.COLOURS], list(Product)
     return (
-        Figure("one camera, all outputs, ms", _median_ms(pictures(everything)), "<=", 3.0),
-        Figure("one camera, colours, ms", _median_ms(pictures(colours))),
-        Figure("one camera, depth, ms", _median_ms(pictures([Product.DEPTH]))),
-        Figure("five cameras, all outputs, ms", _median_ms(pictures(everything, 5)), "<=", 13.0),
-        Figure("five cameras, colours, ms", _median_ms(pictures(colours, 5))),
-        Figure("100,000 rays, ms", _median_ms(rays(100_000)), "<=", 1.0),
-        Figure("1,000,000 rays, ms", _median_ms(rays(1_000_000)), "<=", 2.8),
+        *_wall_ms("one camera, all outputs, ms", pictures(everything), 3.0),
+        *_wall_ms("one camera, colours, ms", pictures(colours)),
+        *_wall_ms("one camera, depth, ms", pictures([Product.DEPTH])),
+        *_wall_ms("five cameras, all outputs, ms", pictures(everything, 5), 13.0),
+        *_wall_ms("five cameras, colours, ms", pictures(colours, 5)),
+        *_wall_ms("100,000 rays, ms", rays(100_000), 1.0),
+        *_wall_ms("1,000,000 rays, ms", rays(1_000_000), 2.8),
     )
 
 
@@ -98,6 +105,9 @@ def add_gpu(checks: Any) -> None:
     """Add this check to the command line."""
     parser = checks.add_parser("gpu", help="what pictures and sweeps cost on a graphics card")
     parser.add_argument("--map", default="Stage02", help="town of the reference scene")
+    parser.add_argument(
+        "--wire", nargs="*", default=["Stage02"], metavar="TOWN", help="towns sent to a client"
+    )
     parser.add_argument("--json", action="store_true", help="last line is a JSON object")
     parser.set_defaults(run=_run)
 
@@ -118,4 +128,6 @@ def _run(arguments: argparse.Namespace) -> Verdict:
         Figure("triangles of the town", len(frame.static.material)),
         Figure("instances", len(frame.actor_id)),
     )
-    return Verdict("gpu", (*what, *measured))
+    sent = [figure for name in arguments.wire for figure in wire_figures(name)]
+    notes = (f"medians of {_TRIES} times after {_WARM_S:g} s of the same work",)
+    return Verdict("gpu", (*what, *measured, *sent), notes)

@@ -15,7 +15,7 @@ from carstage_sim.labels import CityObjectLabel
 from carstage_sim.render.cast import STATIC
 from carstage_sim.render.caster import Hits, RayCaster
 from carstage_sim.render.film import Film
-from carstage_sim.render.gpu.camera import GpuCameras, Order, Pending, Product, Shot
+from carstage_sim.render.gpu.camera import GpuCameras, Pending, Product, Shot
 from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.picture import Picture, PictureMaker
 from carstage_sim.render.scene import Frame
@@ -236,7 +236,7 @@ class View:
             camera: who looks.
             product: what the picture shows.
             film: of colours.
-            turns: as in :class:`carstage_sim.render.gpu.camera.Order`, for flow.
+            turns: as for :meth:`carstage_sim.render.gpu.camera.GpuCameras.take`, for flow.
         """
         if self._cameras is None or self._is_drawn_on(product):
             return None
@@ -261,12 +261,15 @@ class View:
     def _take_expected(self, cameras: GpuCameras, turns: NDArray[np.float64] | None) -> None:
         light = self._pictures.sky.lighting(self._weather, self._time_s)
         self.cast_count += len(self._expected)
-        orders = [
-            Order(self._shot(camera), products, film, turns if Product.FLOW in products else None)
-            for (camera, film), products in self._expected.items()
-        ]
-        taken = cameras.take(self.frame, orders, light)
-        self._pending.update(zip(self._expected, taken, strict=True))
+        for key, products in self._expected.items():
+            self._pending[key] = cameras.take(
+                self.frame,
+                self._shot(key[0]),
+                products,
+                light,
+                film=key[1],
+                turns=turns if Product.FLOW in products else None,
+            )
         self._expected.clear()
 
     def _shot(self, camera: Camera) -> Shot:

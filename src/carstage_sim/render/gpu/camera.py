@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntFlag
 from typing import Any
 
@@ -23,10 +23,7 @@ from carstage_sim.render.sky import Lighting
 _MOST_SAMPLES = 8
 _SHOT_WORDS = 72
 _TILE = 8
-_MOST_ROOMS = 16
-_TOGETHER = 5
-"""Cameras whose passes run side by side: the last rays of one leave much of a card idle."""
-_MOST_TOGETHER_PX = 1 << 23
+_MOST_ROOMS = 8
 
 
 class Product(IntFlag):
@@ -71,27 +68,8 @@ class Shot:
     high: float
 
 
-@dataclass(frozen=True, slots=True)
-class Order:
-    """Pictures of one camera that are wanted.
-
-    Attributes:
-        shot: the camera.
-        products: the pictures.
-        film: how light becomes codes.
-        turns: ``(I + 1, 3, 4)`` rotation minus identity, and shift, that take a point from today's
-            camera axes to those of before: of the town, then of each instance row; only flow needs
-            it.
-    """
-
-    shot: Shot
-    products: Collection[Product]
-    film: Film = field(default_factory=Film)
-    turns: NDArray[np.float64] | None = None
-
-
 class _Room:
-    """Buffers of a camera, and the bind groups over them.
+    """Buffers of cameras with one lens, and the bind groups over them.
 
     Attributes:
         invocations: one for each pixel of whole tiles.
@@ -106,31 +84,29 @@ class _Room:
         self.slopes, self.hits = gpu.storage(16 * pixels), gpu.storage(20 * pixels)
         self.colours, self.codes = gpu.storage(16 * pixels), gpu.storage(4 * pixels)
         self.edges = gpu.storage(4 + 4 * pixels)
-        self.out: Any = None
+        self.out = gpu.storage(24 * pixels)
         self.motions = gpu.storage(48)
         self.bound: dict[Any, tuple[tuple[Any, ...], Any]] = {}
         gpu.write(self.slopes, np.stack(_split(shot.slopes), axis=2))
 
 
-class _Batch:
-    """What was submitted together."""
-
-    def __init__(self) -> None:
-        self.submission = 0
-
-
 @dataclass(frozen=True, slots=True)
 class Pending:
-    """Pictures of a camera that the card is working at."""
+    """Pictures of a camera that the card is working at.
+
+    Attributes:
+        readback: where they arrive.
+        parts: where each begins there, and its bytes.
+        submission: what makes them.
+    """
 
     readback: Readback
     parts: dict[Product, tuple[int, int]]
-    """Where each picture begins, and its bytes."""
-    batch: _Batch
+    submission: int
 
     def pictures(self) -> dict[Product, NDArray[np.uint8]]:
         """Bytes of each picture, flat; waits for the card. Once."""
-        data = self.readback.bytes(self.batch.submission)
+        data = self.readback.bytes(self.submission)
         return {product: data[a : a + n] for product, (a, n) in self.parts.items()}
 
 
@@ -149,82 +125,66 @@ class GpuCameras:
         self._sampling = SAMPLING[quality]
         self._materials = material_table()
         self._program: CameraProgram | None = None
-        self._rooms: dict[tuple[int, int], _Room] = {}
+        self._rooms: dict[int, _Room] = {}
         self._curves: dict[float, Any] = {}
 
-    def take(self, frame: Frame, orders: Sequence[Order], light: Lighting) -> list[Pending]:
-        """Begin pictures of some cameras.
+    def take(
+        self,
+        frame: Frame,
+        shot: Shot,
+        products: Collection[Product],
+        light: Lighting,
+        *,
+        film: Film | None = None,
+        turns: NDArray[np.float64] | None = None,
+    ) -> Pending:
+        """Begin pictures of one camera.
 
         Args:
             frame: what is seen.
-            orders: the cameras, and what of each.
+            shot: the camera.
+            products: the pictures.
             light: of the weather; only colours need it.
+            film: how light becomes codes.
+            turns: ``(I + 1, 3, 4)`` rotation minus identity, and shift, that take a point from
+                today's camera axes to those of before: of the town, then of each instance row; only
+                flow needs it.
         """
-        self._caster.geometry.update(frame.scene)
-        pending: list[Pending] = []
-        batch: list[Order] = []
-        for order in [*orders, None]:
-            if batch and (order is None or not self._joins(order, batch)):
-                pending += self._take_together(frame, batch, light)
-                batch = []
-            if order is not None:
-                batch.append(order)
-        return pending
-
-    @staticmethod
-    def _joins(order: Order, batch: Sequence[Order]) -> bool:
-        """Whether a camera's passes can run beside those of others."""
-        sizes = [one.shot.width * one.shot.height for one in (*batch, order)]
-        same = order.film == batch[0].film
-        return same and len(batch) < _TOGETHER and sum(sizes) <= _MOST_TOGETHER_PX
-
-    def _take_together(
-        self, frame: Frame, orders: Sequence[Order], light: Lighting
-    ) -> list[Pending]:
-        """Begin pictures of cameras with one film."""
-        film = orders[0].film
+        film = film or Film()
         source = frame_source(frame, self._materials, film.exposed(light))
+        self._caster.geometry.update(frame.scene)
         if self._program is None:
             self._program = CameraProgram(self._caster, source, epic=self._epic)
         self._program.arenas.update(source)
-        curve, batch = self._curve(film), _Batch()
-        encoder = self._gpu.device.create_command_encoder()
-        works: list[_Work] = []
-        for number, order in enumerate(orders):
-            place = self._place(order.shot, number)
-            self._aim(place, order)
-            works.append(_Work(self._caster, self._program, place, curve, order.products))
-        compute = encoder.begin_compute_pass()
-        # All cameras' first pass, then all cameras' second: a pass waits for the one before only.
-        for entry in ("shoot", "products", "shade", "find_edges", "sample_edges"):
-            for work in works:
-                work.run(compute, entry, len(self._sampling.offsets))
-        compute.end()
-        pending = [Pending(work.collect(encoder), work.parts, batch) for work in works]
-        batch.submission = self._gpu.submit(encoder)
-        return pending
+        place = self._place(shot)
+        self._aim(place, shot, sum(products))
+        if turns is not None:
+            rows = turns.astype(np.float32)
+            if place.motions.size < rows.nbytes:
+                place.motions = self._gpu.storage(2 * rows.nbytes)
+            self._gpu.write(place.motions, rows)
+        work = _Work(self._caster, self._program, place, self._curve(film), products)
+        return work.expose(len(self._sampling.offsets))
 
     def warm_up(self, frame: Frame, light: Lighting) -> None:
         """Compile every pass, and bring the town to the card."""
         slopes = np.zeros((_TILE * _TILE, 2))
         shot = Shot(_TILE, _TILE, 90.0, slopes, np.zeros(3), np.eye(3), -1, 0.1, 1.0)
         turns = np.zeros((1 + len(frame.actor_id), 3, 4))
-        for one in self.take(frame, [Order(shot, list(Product), turns=turns)], light):
-            one.pictures()
+        self.take(frame, shot, list(Product), light, turns=turns).pictures()
         self._caster.cast(frame.scene, np.zeros(3), np.eye(3, dtype=np.float32), low=0.1, high=1.0)
 
-    def _place(self, shot: Shot, number: int) -> _Room:
-        """The buffers of a lens and of a place among those that work side by side."""
-        key = (id(shot.slopes), number)
-        place = self._rooms.get(key)
+    def _place(self, shot: Shot) -> _Room:
+        """The buffers of a lens: what one camera leaves in them is copied before the next comes."""
+        place = self._rooms.get(id(shot.slopes))
         if place is None:
             if len(self._rooms) == _MOST_ROOMS:
                 self._rooms.pop(next(iter(self._rooms)))
-            place = self._rooms[key] = _Room(self._gpu, shot)
+            place = self._rooms[id(shot.slopes)] = _Room(self._gpu, shot)
         return place
 
-    def _aim(self, place: _Room, order: Order) -> None:
-        shot, offsets = order.shot, self._sampling.offsets
+    def _aim(self, place: _Room, shot: Shot, wanted: int) -> None:
+        offsets = self._sampling.offsets
         if len(offsets) > _MOST_SAMPLES:
             raise ValueError(f"more than {_MOST_SAMPLES} extra rays of a pixel")
         axes = np.zeros((7, 4), np.float32)
@@ -238,14 +198,9 @@ class GpuCameras:
         numbers[2:3] = np.array([shot.skip_row], np.int32).view(np.uint32)
         numbers[3] = len(offsets)
         numbers[4:7] = words_of([shot.low, shot.high, 2.0 * half_width / shot.width])
-        numbers[7:11] = self._sampling.strong, self._sampling.weak, 0, sum(order.products)
+        numbers[7:11] = self._sampling.strong, self._sampling.weak, 0, wanted
         numbers[11:] = words_of([half_width])
         self._gpu.write(place.shot, np.concatenate([words_of(axes), numbers, words_of(places)]))
-        if order.turns is not None:
-            rows = order.turns.astype(np.float32)
-            if place.motions.size < rows.nbytes:
-                place.motions = self._gpu.storage(2 * rows.nbytes)
-            self._gpu.write(place.motions, rows)
 
     def _curve(self, film: Film) -> Any:
         if film.gamma not in self._curves:
@@ -282,9 +237,6 @@ class _Work:
             self._end += size
         self._others = self._end - 4 * place.pixels * self._coloured
         self._readback = self._gpu.readback(self._end)
-        if self._others and not self._gpu.shares_memory and place.out is None:
-            place.out = self._gpu.storage(24 * place.pixels)
-        out = self._readback.buffer if self._gpu.shares_memory else place.out
         self._scene = self._group("scene", caster.scene_layout, caster.geometry.buffers)
         self._arenas = self._group("arenas", program.arena_layout, program.arenas.buffers)
         rays = (place.shot, place.slopes, place.hits)
@@ -294,38 +246,47 @@ class _Work:
         }
         self._last: dict[str, Any] = {}
         if self._coloured:
-            buffers = (curve, place.colours, place.codes, place.edges)
-            self._last["colours"] = self._group("colours", program.last["colours"], buffers)
+            film = (curve, place.colours, place.codes, place.edges)
+            self._last["colours"] = self._group("colours", program.last["colours"], film)
         if self._others:
-            self._last["products"] = self._group(
-                ("products", id(out)), program.last["products"], (out, place.motions)
-            )
+            out = (place.out, place.motions)
+            self._last["products"] = self._group("products", program.last["products"], out)
 
-    def run(self, compute: Any, entry: str, samples: int) -> None:
-        """Put a pass down, if what is wanted needs it."""
-        count = self._place.invocations
-        if entry == "sample_edges":
-            count = -(-self._place.pixels // (GROUP // samples)) * GROUP
-        kind = "products" if entry == "products" else "colours"
-        if entry != "shoot":
-            if kind not in self._last:
-                return
-            compute.set_bind_group(3, self._last[kind])
-        compute.set_pipeline(self._program.pipeline(entry))
+    def expose(self, samples: int) -> Pending:
+        """Let the card cast and make the pictures.
+
+        Args:
+            samples: extra rays of a pixel on an edge.
+        """
+        place = self._place
+        on_edges = -(-place.pixels // (GROUP // samples)) * GROUP
+        encoder = self._gpu.device.create_command_encoder()
+        compute = encoder.begin_compute_pass()
         compute.set_bind_group(0, self._scene)
-        compute.set_bind_group(1, self._rays[entry == "shoot"])
         compute.set_bind_group(2, self._arenas)
-        compute.dispatch_workgroups(*groups_of(count))
-
-    def collect(self, encoder: Any) -> Readback:
-        """Copy to where it can be read what the passes did not write there."""
-        place, buffer = self._place, self._readback.buffer
-        if self._others and buffer is not place.out and place.out is not None:
-            encoder.copy_buffer_to_buffer(place.out, 0, buffer, 0, self._others)
+        self._run(compute, "shoot", place.invocations)
+        if self._others:
+            self._run(compute, "products", place.invocations)
+        if self._coloured:
+            self._run(compute, "shade", place.invocations)
+            self._run(compute, "find_edges", place.invocations)
+            # At most so many are on edges: groups that find no work end at once.
+            self._run(compute, "sample_edges", on_edges)
+        compute.end()
+        target = self._readback.buffer
+        if self._others:
+            encoder.copy_buffer_to_buffer(place.out, 0, target, 0, self._others)
         if self._coloured:
             size = 4 * place.pixels
-            encoder.copy_buffer_to_buffer(place.codes, 0, buffer, self._others, size)
-        return self._readback
+            encoder.copy_buffer_to_buffer(place.codes, 0, target, self._others, size)
+        return Pending(self._readback, self.parts, self._gpu.submit(encoder))
+
+    def _run(self, compute: Any, entry: str, invocations: int) -> None:
+        compute.set_pipeline(self._program.pipeline(entry))
+        compute.set_bind_group(1, self._rays[entry == "shoot"])
+        if entry != "shoot":
+            compute.set_bind_group(3, self._last[entry if entry == "products" else "colours"])
+        compute.dispatch_workgroups(*groups_of(invocations))
 
     def _group(self, key: Any, layout: Any, buffers: Sequence[Any]) -> Any:
         """A bind group, the same again while its buffers are."""

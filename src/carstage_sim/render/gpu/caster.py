@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.render.cast import Scene
 from carstage_sim.render.caster import Hits, RayCaster
-from carstage_sim.render.gpu.device import Gpu, Readback, padded, wgsl
+from carstage_sim.render.gpu.device import Gpu, padded, wgsl
 from carstage_sim.render.gpu.geometry import GpuGeometry
 
 GROUP = 64
@@ -79,25 +79,25 @@ class GpuCaster(RayCaster):
             self._origins = gpu.upload(origins.nbytes)
         if self._ways.size < rays.nbytes:
             self._ways = gpu.upload(rays.nbytes)
-        self._origins.write(origins)
-        self._ways.write(rays)
+        if self._found is None or self._found.size < 20 * count:
+            self._found = gpu.storage(25 * count)
         batch = np.array([count, len(origins) == 1, skip_row, weights, 0, 0], np.int64)
         batch = batch.astype(np.uint32)
         batch[4:] = np.array([low, high], np.float32).view(np.uint32)
         gpu.write(self._batch, batch)
         size = (20 if weights else 12) * count
         readback = gpu.readback(size)
-        found = self._target(readback, size)
-        used = (self._origins.buffer, self._ways.buffer, found, self._batch)
+        used = (self._origins.buffer, self._ways.buffer, self._found, self._batch)
         encoder = gpu.device.create_command_encoder()
+        self._origins.write(origins, encoder)
+        self._ways.write(rays, encoder)
         work = encoder.begin_compute_pass()
         work.set_pipeline(self._pipeline())
         work.set_bind_group(0, self._group("scene", self.scene_layout, self.geometry.buffers))
-        work.set_bind_group(1, self._group(id(found), self._layout, used))
+        work.set_bind_group(1, self._group("batch", self._layout, used))
         work.dispatch_workgroups(*groups_of(count))
         work.end()
-        if found is not readback.buffer:
-            encoder.copy_buffer_to_buffer(found, 0, readback.buffer, 0, padded(size))
+        encoder.copy_buffer_to_buffer(self._found, 0, readback.buffer, 0, padded(size))
         submission = gpu.submit(encoder)
         self._origins.read_by(submission)
         self._ways.read_by(submission)
@@ -110,14 +110,6 @@ class GpuCaster(RayCaster):
             words[2 * count : 3 * count].view(np.int32),
             words[3 * count :].view(np.float32).reshape(-1, 2),
         )
-
-    def _target(self, readback: Readback, size: int) -> Any:
-        """Where hits are written: what is read, if the card can."""
-        if self.gpu.shares_memory:
-            return readback.buffer
-        if self._found is None or self._found.size < size:
-            self._found = self.gpu.storage(size)
-        return self._found
 
     def _pipeline(self) -> Any:
         depth = self.geometry.stack

@@ -36,9 +36,6 @@ _COPIERS = min(4, len(os.sched_getaffinity(0)))
 _PIECE = 1 << 20
 """Bytes that one of the copying threads copies at a time."""
 
-_SHARED = "mappable-primary-buffers"
-"""Feature: kernels read and write memory that the CPU reads and writes."""
-
 _log = logging.getLogger(__name__)
 
 
@@ -111,7 +108,6 @@ class Gpu:
         name: the card's own.
         kind: ``DiscreteGPU``, ``IntegratedGPU``, ``CPU``, ...
         driver: what the driver says of itself.
-        shares_memory: whether kernels write straight into memory that the CPU reads.
         device: wgpu's device.
     """
 
@@ -124,10 +120,7 @@ class Gpu:
         self.kind = str(info["adapter_type"])
         self.driver = f"{info['vendor']} {info['description']} ({info['backend_type']})".strip()
         limits = {name: adapter.limits[name] for name in _LARGE_LIMITS}
-        self.shares_memory = _SHARED in adapter.features
-        self.device: Any = adapter.request_device_sync(
-            required_limits=limits, required_features=[_SHARED] if self.shares_memory else []
-        )
+        self.device: Any = adapter.request_device_sync(required_limits=limits)
         self._native = Native(self.device)
         self._copiers = ThreadPoolExecutor(_COPIERS, thread_name_prefix="copier")
         self._shaders: dict[str, Any] = {}
@@ -147,8 +140,8 @@ class Gpu:
         )
 
     def filled(self, size: int) -> Any:
-        """A buffer that the CPU fills and kernels read, where :attr:`shares_memory` holds."""
-        usage = self._usage.STORAGE | self._usage.MAP_WRITE
+        """A buffer that the CPU fills and the card copies from."""
+        usage = self._usage.COPY_SRC | self._usage.MAP_WRITE
         return self.device.create_buffer(size=padded(size), usage=usage)
 
     def write(self, buffer: Any, array: NDArray[Any], offset: int = 0) -> None:
@@ -198,8 +191,6 @@ class Gpu:
         free = self._staging.setdefault(room, [])
         if not free:
             usage = self._usage.MAP_READ | self._usage.COPY_DST
-            if self.shares_memory:
-                usage |= self._usage.STORAGE
             free.append(self.device.create_buffer(size=room, usage=usage))
         return Readback(self, free.pop(), size)
 
@@ -221,7 +212,7 @@ class Gpu:
         return data
 
     def upload(self, size: int) -> Upload:
-        """Memory that the CPU fills and kernels read, of at least ``size`` bytes."""
+        """A way to the card for at least ``size`` bytes."""
         return Upload(self, self._native, padded(size + size // 4))
 
     def copy(self, target: NDArray[np.uint8], source: NDArray[np.uint8]) -> None:
@@ -252,7 +243,7 @@ class Readback:
 
 
 class Upload:
-    """Arrays that change in every tick, on their way to a card.
+    """An array that changes in every tick, on its way to a card.
 
     Args:
         gpu: the card.
@@ -266,22 +257,22 @@ class Upload:
     def __init__(self, gpu: Gpu, native: Native, size: int) -> None:
         self._gpu, self._native = gpu, native
         self.size = size
-        self.buffer = gpu.storage(size) if not gpu.shares_memory else gpu.filled(size)
+        self.buffer = gpu.storage(size)
+        self._staging = gpu.filled(size)
         self._after = 0
 
-    def write(self, array: NDArray[Any]) -> None:
-        """Fill it, when the card has read what was in it before."""
-        if not self._gpu.shares_memory:
-            self._gpu.write(self.buffer, array)
-            return
+    def write(self, array: NDArray[Any], encoder: Any) -> None:
+        """Let an encoder copy an array, which may change afterwards, to the card."""
         data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
-        target = self._native.map(self.buffer, padded(len(data)), WRITE, self._after, _nothing)
+        size = padded(len(data))
+        target = self._native.map(self._staging, size, WRITE, self._after, _nothing)
         self._gpu.copy(target[: len(data)], data)
         del target
-        self._native.unmap(self.buffer)
+        self._native.unmap(self._staging)
+        encoder.copy_buffer_to_buffer(self._staging, 0, self.buffer, 0, size)
 
     def read_by(self, submission: int) -> None:
-        """Say which submission reads it."""
+        """Say with which submission it goes."""
         self._after = submission
 
 

@@ -94,7 +94,7 @@ def test_of_requests_that_wait_only_the_newest_is_looked_at(
     looks: list[float] = []
 
     def record(_: SightService, spec: EpisodeSpec) -> Path:
-        looks.append(spec.sensors[0].pose.y)
+        looks.append(spec.sensors[0].pose.y_m)
         looking.set()
         assert go_on.wait(60)
         return tmp_path

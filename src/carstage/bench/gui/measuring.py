@@ -11,7 +11,7 @@ from carstage.bench.gui.bundle import BUNDLE_BYTES, compressed_bytes
 from carstage.bench.gui.chromium import chromium
 from carstage.bench.gui.editing import Followed, Looked, drag, look, median, usable_s
 from carstage.bench.gui.interface import interface
-from carstage.bench.gui.thumbnails import CAMERAS, RATE_HZ, Watched, watch_run
+from carstage.bench.gui.thumbnails import CAMERAS, PACE_HZ, RATE_HZ, Watched, watch_run
 from carstage.bench.verdict import Figure, Verdict
 
 MINUTES = 5.0
@@ -66,8 +66,8 @@ def measure_gui(
         (
             "Chromium with WebGL in software, 1440x900, on the machine of server and simulator.",
             "A picture's age: from its record in the raw log to its drawing in the page.",
-            f"The simulator repeats {CAMERAS} cameras of 320x180 at {RATE_HZ:g} Hz; first and last "
-            f"are the first and last {part_s:g} s.",
+            f"The simulator repeats {CAMERAS} cameras of 320x180 at {PACE_HZ:g} Hz, of which "
+            f"{RATE_HZ:g} are shown; first and last are the first and last {part_s:g} s.",
         ),
     )
 

@@ -23,7 +23,7 @@ RATE_HZ = 10.0
 CAMERAS = 5
 _SIZE = (320, 180)
 """Of a camera: as many pixels as a thumbnail has, and raw data that any disk takes."""
-_PACE_HZ = 12.0
+PACE_HZ = 12.0
 """Faster than is shown, as most runs are."""
 _LOOP = 20
 _LOOK_S = 0.02
@@ -102,7 +102,7 @@ def watch_run(
     Raises:
         ServerError: the run does not get under way.
     """
-    arguments = ("--loop", str(_LOOP), "--pace", str(_PACE_HZ))
+    arguments = ("--loop", str(_LOOP), "--pace", str(PACE_HZ))
     with (
         EmbeddedServer(arguments=arguments) as simulator,
         _run(served, simulator.endpoint, seconds) as run,

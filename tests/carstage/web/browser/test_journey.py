@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,19 @@ RUN_MS = 200_000
 #: The canvas of a live picture that has come.
 SHOWN = 'canvas[data-tick]:not([data-tick=""])'
 FRAMES = 50 if PICTURES else 20
+
+
+@pytest.fixture(scope="module")
+def gui(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Gui]:
+    """A server over an empty folder."""
+    folder = tmp_path_factory.mktemp("journey") / "datasets"
+    folder.mkdir()
+    made = Gui(folder)
+    made.start()
+    try:
+        yield made
+    finally:
+        made.stop()
 
 
 def configure_small(page: Page, name: str, frames: int) -> None:

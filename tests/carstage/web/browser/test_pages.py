@@ -92,6 +92,22 @@ def test_no_page_is_wider_than_the_screen(open_page: OpenPage, width: int, heigh
         assert right["y"] + right["height"] <= height, "and both fit on the screen"
 
 
+def test_at_1440_px_the_toolbar_is_one_row_and_no_name_of_a_setting_is_cut(
+    open_page: OpenPage,
+) -> None:
+    page = open_page("#/configure")
+    page.get_by_role("list", name="Sensors").get_by_role("button", name="LIDAR_TOP").click()
+    tops = page.locator(".toolbar .button").evaluate_all(
+        "(all) => all.map((one) => Math.round(one.getBoundingClientRect().top))"
+    )
+    assert len(set(tops)) == 1
+    cut = page.locator(".inspector .field-title").evaluate_all(
+        "(all) => all.filter((one) => one.scrollWidth > one.clientWidth + 1)"
+        ".map((one) => one.textContent)"
+    )
+    assert cut == []
+
+
 def test_scripts_and_styles_are_small_and_3d_comes_later(open_page: OpenPage) -> None:
     sizes = compressed_bytes()
     assert sum(sizes.values()) <= BUNDLE_BYTES, sizes

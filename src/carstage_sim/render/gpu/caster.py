@@ -51,7 +51,8 @@ class GpuCaster(RayCaster):
 
     def source(self, *names: str) -> str:
         """Sources behind that of the ray caster, with a stack that is deep enough."""
-        return f"const STACK: u32 = {self.geometry.stack}u;\n" + wgsl("trace", *names)
+        stack = f"const STACK: u32 = {self.geometry.stack}u;\n"
+        return stack + self.gpu.constants + wgsl("trace", *names)
 
     def cast(
         self,

@@ -108,6 +108,8 @@ class Gpu:
         name: the card's own.
         kind: ``DiscreteGPU``, ``IntegratedGPU``, ``CPU``, ...
         driver: what the driver says of itself.
+        constants: WGSL of what kernels have to know of the card: whether it rounds a multiply-add
+            once. Mesa's driver on the CPU rounds twice.
         device: wgpu's device.
     """
 
@@ -119,6 +121,7 @@ class Gpu:
         self.name = str(info["device"])
         self.kind = str(info["adapter_type"])
         self.driver = f"{info['vendor']} {info['description']} ({info['backend_type']})".strip()
+        self.constants = f"const FUSED: bool = {str(self.kind != 'CPU').lower()};\n"
         limits = {name: adapter.limits[name] for name in _LARGE_LIMITS}
         self.device: Any = adapter.request_device_sync(required_limits=limits)
         self._native = Native(self.device)

@@ -122,7 +122,8 @@ class CameraProgram:
                 code = self._caster.source() + shot + wgsl("rays", "shoot")
             elif entry == "products":
                 layouts.append(self.last["products"])
-                code = shot + self.arenas.source(_ARENAS) + wgsl("rays") + self._products
+                code = self._gpu.constants + shot + self.arenas.source(_ARENAS)
+                code += wgsl("rays") + self._products
             else:
                 layouts.append(self.last["colours"])
                 code = shot + self.arenas.source(_ARENAS) + wgsl("film")

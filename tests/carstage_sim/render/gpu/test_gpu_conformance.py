@@ -65,6 +65,30 @@ def test_pictures_of_all_kinds_agree(suites, sensor_worlds):
     assert np.allclose(cpu["optical_flow"].flow, gpu["optical_flow"].flow, atol=1e-5)
 
 
+def test_surfaces_in_one_plane_win_the_same_pixels(software_gpu, sensor_worlds):
+    """Which of the two is seen is decided by the last bit of the distance."""
+    carpet = sensor_worlds.box(
+        (3.07, -4.13, 0.0), (17.9, 5.3, 0.0), Material.METAL, CityObjectLabel.STATIC, object_id=9
+    )
+    town = sensor_worlds.town(sensor_worlds.GROUND, carpet)
+    request = sensor_worlds.request(
+        "camera.instance_segmentation",
+        400,
+        rotation_deg=(-7.3, 3.1, 1.7),
+        image_size_x=320,
+        image_size_y=192,
+    )
+    pixels = []
+    for gpu in (None, software_gpu):
+        with SensorSuite(town, threads=2, gpu=gpu) as suite:
+            ((_, frame),) = suite.capture(sensor_worlds.state(1), [request])
+            pixels.append(frame.pixels)
+    cpu, card = pixels
+    seen = {tuple(pixel) for pixel in cpu.reshape(-1, 4).tolist()}
+    assert len(seen) >= 3, "sky, ground and carpet"
+    assert np.array_equal(cpu, card)
+
+
 def test_semantic_lidars_agree_and_frames_repeat_to_the_byte(suites, sensor_worlds):
     request = sensor_worlds.request("lidar.ray_cast_semantic", 300, range=80)
     state = sensor_worlds.state(1, vehicles=[(7, (8.0, 1.0, 0.0), 40.0)])

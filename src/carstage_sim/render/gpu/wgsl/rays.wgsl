@@ -11,15 +11,35 @@ fn lost(a: vec3f, b: vec3f, sum: vec3f) -> vec3f {
   return (a - kept(sum - b_part)) + (b - b_part);
 }
 
+// A number's upper half, whose products have no more digits than there is room for (Veltkamp).
+fn upper_half(x: vec3f) -> vec3f {
+  let wide = kept(x * 4097.0);
+  return kept(wide - kept(wide - x));
+}
+
+// What rounding took from a product.
+fn rest_of_product(a: vec3f, b: f32, product: vec3f) -> vec3f {
+  if (FUSED) {
+    return fma(a, vec3f(b), -product);
+  }
+  // Dekker's product.
+  let a_high = upper_half(a);
+  let a_low = a - a_high;
+  let b_high = upper_half(vec3f(b));
+  let b_low = vec3f(b) - b_high;
+  let upper = kept(kept(a_high * b_high) - product);
+  return kept(kept(upper + kept(a_high * b_low)) + kept(a_low * b_high)) + kept(a_low * b_low);
+}
+
 // Direction through a pixel's centre whose part along the optical axis is 1, so that the ray's
 // parameter is the depth. Rounded once, as on the CPU: a ray that passes an edge passes it there too.
 fn centre_direction(pixel: u32) -> vec3f {
   let slope = slopes[pixel];
   let across = kept(shot.right.xyz * slope.x);
-  let across_rest = fma(shot.right.xyz, vec3f(slope.x), -across)
+  let across_rest = rest_of_product(shot.right.xyz, slope.x, across)
     + (shot.right.xyz * slope.y + shot.right_rest.xyz * slope.x);
   let upwards = kept(shot.up.xyz * slope.z);
-  let upwards_rest = fma(shot.up.xyz, vec3f(slope.z), -upwards)
+  let upwards_rest = rest_of_product(shot.up.xyz, slope.z, upwards)
     + (shot.up.xyz * slope.w + shot.up_rest.xyz * slope.z);
   let sum = kept(shot.forward.xyz + across);
   let total = kept(sum + upwards);

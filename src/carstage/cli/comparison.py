@@ -60,6 +60,10 @@ Values = Annotated[
 Frames = Annotated[
     int | None, typer.Option(min=2, help="Of each run, not the preset's; not for `frames`.")
 ]
+Programs = Annotated[
+    list[str] | None,
+    typer.Option("--program", help="Compare this program only. Repeatable."),
+]
 Scratch = Annotated[
     Path | None,
     typer.Option(
@@ -78,11 +82,12 @@ def frames_(
     repeat: Repeat = None,
     out: Out = _OUT,
     value: Values = None,
+    program: Programs = None,
     scratch: Scratch = None,
     json: Json = False,
 ) -> int:
     """Seconds per frame of the paper's rig, labelled, by the number of frames."""
-    return _compare(["frames"], preset, server, repeat, out, scratch, json, value)
+    return _compare(["frames"], preset, server, repeat, out, program, scratch, json, value)
 
 
 @bench_app.command()
@@ -94,11 +99,12 @@ def cameras(
     out: Out = _OUT,
     value: Values = None,
     frames: Frames = None,
+    program: Programs = None,
     scratch: Scratch = None,
     json: Json = False,
 ) -> int:
     """What each further camera adds, by every program."""
-    return _compare(["cameras"], preset, server, repeat, out, scratch, json, value, frames)
+    return _compare(["cameras"], preset, server, repeat, out, program, scratch, json, value, frames)
 
 
 @bench_app.command()
@@ -110,11 +116,12 @@ def lidars(
     out: Out = _OUT,
     value: Values = None,
     frames: Frames = None,
+    program: Programs = None,
     scratch: Scratch = None,
     json: Json = False,
 ) -> int:
     """What each further LiDAR of 100,000 points adds."""
-    return _compare(["lidars"], preset, server, repeat, out, scratch, json, value, frames)
+    return _compare(["lidars"], preset, server, repeat, out, program, scratch, json, value, frames)
 
 
 @bench_app.command()
@@ -126,11 +133,12 @@ def objects(
     out: Out = _OUT,
     value: Values = None,
     frames: Frames = None,
+    program: Programs = None,
     scratch: Scratch = None,
     json: Json = False,
 ) -> int:
     """What further vehicles and pedestrians add, labelled."""
-    return _compare(["objects"], preset, server, repeat, out, scratch, json, value, frames)
+    return _compare(["objects"], preset, server, repeat, out, program, scratch, json, value, frames)
 
 
 @bench_app.command()
@@ -142,11 +150,12 @@ def totals(
     out: Out = _OUT,
     value: Values = None,
     frames: Frames = None,
+    program: Programs = None,
     scratch: Scratch = None,
     json: Json = False,
 ) -> int:
     """How far from the limit: the whole time against a client that ticks and drops everything."""
-    return _compare(["totals"], preset, server, repeat, out, scratch, json, value, frames)
+    return _compare(["totals"], preset, server, repeat, out, program, scratch, json, value, frames)
 
 
 @bench_app.command("all")
@@ -156,13 +165,14 @@ def all_(
     server: Server = None,
     repeat: Repeat = None,
     out: Out = _OUT,
+    program: Programs = None,
     scratch: Scratch = None,
     json: Json = False,
 ) -> int:
     """Every experiment of the comparison, by one command."""
     from carstage.bench.comparison import EXPERIMENTS
 
-    return _compare(EXPERIMENTS, preset, server, repeat, out, scratch, json)
+    return _compare(EXPERIMENTS, preset, server, repeat, out, program, scratch, json)
 
 
 @bench_app.command()
@@ -186,6 +196,7 @@ def _compare(
     server: str | None,
     repeat: int | None,
     out: Path,
+    programs: list[str] | None,
     scratch: Path | None,
     json: bool,
     values: list[int] | None = None,
@@ -195,7 +206,9 @@ def _compare(
     from carstage.cli.progress import watch_steps
 
     preset = _changed(PRESETS[preset_name.value], experiments, repeat, values, frames)
-    campaign = Campaign(preset, experiments, out, server=_address(server), scratch=scratch)
+    campaign = Campaign(
+        preset, experiments, out, programs=programs, server=_address(server), scratch=scratch
+    )
     done = len(campaign.trials) - len(campaign.left)
     if done:
         note(f"{done} of {len(campaign.trials)} runs are in {out} already.")
@@ -205,12 +218,10 @@ def _compare(
     with watch_steps("Runs", "runs") as progress:
         campaign.run(progress)
     name = experiments[0] if len(experiments) == 1 else "all"
-    verdict = judge(
-        preset, list(campaign.results.values()), f"carstage bench {name} --preset {preset.name}"
-    )
-    for path in write_report(
-        out, preset, campaign.machine, list(campaign.results.values()), verdict
-    ):
+    measured = list(campaign.results.values())
+    again = f"carstage bench {name} --preset {preset.name}"
+    verdict = judge(preset, measured, again, campaign.machine)
+    for path in write_report(out, preset, campaign.machine, measured, verdict):
         note(f"Wrote {path}")
     return report_verdict(verdict, json)
 

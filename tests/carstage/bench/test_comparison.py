@@ -86,7 +86,7 @@ def test_spread_is_median_and_middle_half() -> None:
 
 
 def test_ratios_stand_beside_their_targets() -> None:
-    verdict = judge(DOCS, camera_runs(), "carstage bench cameras")
+    verdict = judge(DOCS, camera_runs(), "carstage bench cameras", MACHINE)
     figures = {figure.name: figure for figure in verdict.figures}
     native = figures["cameras: native-png / carstage"]
     assert (float(native.value), native.ok) == (pytest.approx(40.0, rel=0.03), True)
@@ -97,14 +97,14 @@ def test_ratios_stand_beside_their_targets() -> None:
         else (trial, one)
         for trial, one in camera_runs()
     ]
-    assert not judge(DOCS, slow, "carstage bench cameras").ok
+    assert not judge(DOCS, slow, "carstage bench cameras", MACHINE).ok
 
 
 def test_the_quick_preset_judges_nothing() -> None:
     quick = PRESETS["quick"]
     runs = [(t, result(1.0 + t.repeat)) for t in plan_trials(quick, ["cameras"])]
-    assert judge(quick, runs, "").ok
-    assert all(figure.target is None for figure in judge(quick, runs, "").figures)
+    assert judge(quick, runs, "", MACHINE).ok
+    assert all(figure.target is None for figure in judge(quick, runs, "", MACHINE).figures)
 
 
 def test_other_pictures_and_boxes_are_seen() -> None:
@@ -116,7 +116,7 @@ def test_other_pictures_and_boxes_are_seen() -> None:
     native = run(NATIVE, {"CAM_1/0": "aa", "CAM_1/1": "bb", "boxes": [box]})
 
     def differing(contents: dict[str, object]) -> tuple[float, float]:
-        verdict = judge(DOCS, [native, run(CARSTAGE, contents)], "")
+        verdict = judge(DOCS, [native, run(CARSTAGE, contents)], "", MACHINE)
         found = {figure.name: float(figure.value) for figure in verdict.figures}
         return found["pictures and clouds that differ"], found["boxes that differ"]
 
@@ -167,9 +167,16 @@ def test_results_are_kept_at_once_and_gone_on_with(tmp_path: Path) -> None:
         Campaign(PRESETS["quick"], ["lidars"], tmp_path)
 
 
+def test_only_the_programs_that_are_asked_for_run(tmp_path: Path) -> None:
+    campaign = Campaign(DOCS, ["cameras"], tmp_path, programs=[CARSTAGE, NATIVE])
+    assert {trial.program for trial in campaign.left} == {CARSTAGE, NATIVE}
+    with pytest.raises(BadInputError, match="no program 'carstge'"):
+        Campaign(DOCS, ["cameras"], tmp_path, programs=["carstge"])
+
+
 def test_the_report_is_written_in_every_form(tmp_path: Path) -> None:
     runs = camera_runs()
-    verdict = judge(DOCS, runs, "carstage bench cameras --preset docs")
+    verdict = judge(DOCS, runs, "carstage bench cameras --preset docs", MACHINE)
     paths = write_report(tmp_path, DOCS, MACHINE, runs, verdict)
     assert {path.name for path in paths} == {
         "comparison.json", "comparison.md", "comparison.html", "cameras.svg",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 from carstage.bench.calibration import slowness
 from carstage.bench.comparison.machine import describe_machine
 from carstage.bench.comparison.presets import Experiment, Preset
+from carstage.bench.comparison.programs import PROGRAMS
 from carstage.bench.comparison.running import Stage
 from carstage.bench.comparison.trials import (
     LOOP,
@@ -42,12 +43,13 @@ class Campaign:
         preset: how much is measured.
         experiments: which.
         out: folder of results; those of an earlier, broken-off campaign are gone on with.
-        server: ``host:port`` of a server that runs already; None starts the embedded simulator
+        programs: names of those that are compared; None: all.
+        server: host and port of a server that runs already; None starts the embedded simulator
             with frames that repeat.
         scratch: folder for what programs write, on the disk to be measured; default: ``out``.
 
     Raises:
-        BadInputError: ``out`` holds results of another campaign.
+        BadInputError: ``out`` holds results of another campaign, or there is no such program.
     """
 
     def __init__(
@@ -56,6 +58,7 @@ class Campaign:
         experiments: Iterable[Experiment],
         out: Path,
         *,
+        programs: Collection[str] | None = None,
         server: tuple[str, int] | None = None,
         scratch: Path | None = None,
     ) -> None:
@@ -64,7 +67,13 @@ class Campaign:
         self._given = server
         out.mkdir(parents=True, exist_ok=True)
         self._scratch = scratch or out
-        self.trials = plan_trials(preset, experiments)
+        unknown = sorted(set(programs or ()) - set(PROGRAMS))
+        if unknown:
+            raise BadInputError(
+                f"There is no program {unknown[0]!r}.", f"Choose from {', '.join(PROGRAMS)}."
+            )
+        planned = plan_trials(preset, experiments)
+        self.trials = [one for one in planned if not programs or one.program in programs]
         self.results: dict[Key, tuple[Trial, TrialResult]] = {}
         self.machine = self._read()
 

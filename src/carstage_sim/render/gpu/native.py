@@ -81,9 +81,15 @@ class Native:
         self._lib.wgpuBufferUnmap(buffer._internal)
 
     def shader(self, code: str) -> Any:
-        """A shader whose loops are known to end: WebGPU would count every round of each."""
+        """A shader whose loops are known to end: WebGPU would count every round of each.
+
+        wgpu 0.31, the last for Python 3.10, cannot be told and counts.
+        """
         from wgpu.backends.wgpu_native import _api as api
 
+        create = getattr(api.libf, "wgpuDeviceCreateShaderModuleTrusted", None)
+        if create is None:
+            return self._device.create_shader_module(code=code)
         ffi, lib = self._ffi, self._lib
         source = api.new_struct_p("WGPUShaderSourceWGSL *", code=api.to_c_string_view(code))
         source[0].chain.next = ffi.NULL
@@ -93,7 +99,6 @@ class Native:
             nextInChain=ffi.cast("WGPUChainedStruct *", source),
             label=api.to_c_string_view(""),
         )
-        create = api.libf.wgpuDeviceCreateShaderModuleTrusted
         made = create(self._device._internal, descriptor, _BOUNDS_CHECKS)
         if made == ffi.NULL:
             raise RuntimeError("a shader was refused")

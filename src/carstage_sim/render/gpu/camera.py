@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.caster import GROUP, GpuCaster, groups_of
-from carstage_sim.render.gpu.device import Gpu, Readback
+from carstage_sim.render.gpu.device import Gpu
 from carstage_sim.render.gpu.program import CameraProgram, frame_source, words_of
+from carstage_sim.render.gpu.transfer import Readback
 from carstage_sim.render.materials import material_table
 from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from carstage_sim.render.cast import Scene
 from carstage_sim.render.caster import Hits, RayCaster
-from carstage_sim.render.gpu.device import Gpu, padded, wgsl
+from carstage_sim.render.gpu.device import Gpu, wgsl
 from carstage_sim.render.gpu.geometry import GpuGeometry
+from carstage_sim.render.gpu.transfer import padded
 
 GROUP = 64
 """Rays of a work group."""

@@ -13,7 +13,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.render.gpu.native import READ, WRITE, Native
+from carstage_sim.render.gpu.native import READ, Native
+from carstage_sim.render.gpu.transfer import Readback, Upload, padded
 
 Choice = Literal["auto", "cpu", "gpu"]
 """What ``--device`` can say."""
@@ -26,9 +27,6 @@ _LARGE_LIMITS = (
     "max-storage-buffer-binding-size",
     "max-storage-buffers-per-shader-stage",
 )
-_BLOCK = 256
-"""Copies and sizes are multiples of this many bytes."""
-
 _MOST_LENT = 1 << 29
 """Bytes of pictures that are read where the card wrote them; what is beyond is copied."""
 
@@ -226,63 +224,3 @@ class Gpu:
             return
         pieces = [slice(k, k + _PIECE) for k in range(0, size, _PIECE)]
         list(self._copiers.map(lambda piece: np.copyto(target[piece], source[piece]), pieces))
-
-
-class Readback:
-    """Bytes on their way from a card.
-
-    Args:
-        gpu: the card.
-        buffer: where they arrive.
-        size: how many.
-    """
-
-    def __init__(self, gpu: Gpu, buffer: Any, size: int) -> None:
-        self._gpu, self.buffer, self._size = gpu, buffer, size
-
-    def bytes(self, after: int) -> NDArray[np.uint8]:
-        """Wait for the submission that writes them; once."""
-        return self._gpu.received(self.buffer, self._size, after)
-
-
-class Upload:
-    """An array that changes in every tick, on its way to a card.
-
-    Args:
-        gpu: the card.
-        native: its own functions.
-        size: bytes that there is room for.
-
-    Attributes:
-        buffer: what kernels read.
-    """
-
-    def __init__(self, gpu: Gpu, native: Native, size: int) -> None:
-        self._gpu, self._native = gpu, native
-        self.size = size
-        self.buffer = gpu.storage(size)
-        self._staging = gpu.filled(size)
-        self._after = 0
-
-    def write(self, array: NDArray[Any], encoder: Any) -> None:
-        """Let an encoder copy an array, which may change afterwards, to the card."""
-        data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
-        size = padded(len(data))
-        target = self._native.map(self._staging, size, WRITE, self._after, _nothing)
-        self._gpu.copy(target[: len(data)], data)
-        del target
-        self._native.unmap(self._staging)
-        encoder.copy_buffer_to_buffer(self._staging, 0, self.buffer, 0, size)
-
-    def read_by(self, submission: int) -> None:
-        """Say with which submission it goes."""
-        self._after = submission
-
-
-def _nothing() -> None:
-    """What is mapped for writing is unmapped by the writer."""
-
-
-def padded(size: int) -> int:
-    """The next multiple of the block size that is not zero."""
-    return max(_BLOCK, -(-size // _BLOCK) * _BLOCK)

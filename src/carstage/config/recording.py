@@ -327,7 +327,8 @@ class Conversion(Section):
     workers: Literal["auto"] | Annotated[int, Field(ge=1, le=256)] = setting(
         "auto",
         title="Workers",
-        description="Processes that convert; `auto`: one for each core, of low priority.",
+        description="Processes that convert; `auto`: one for each core, at most 8; of low "
+        "priority.",
         group="conversion",
     )
     codecs: dict[str, str] = setting(

@@ -10,17 +10,21 @@ from typing import Literal
 
 from carstage.conversion import conversion_pool
 
+_MOST_AUTO = 8
+"""Each takes a hundred megabytes and seconds of CPU to start; this many encode 300 pictures/s."""
+
 
 class Converters:
     """The pool that converts, and the broken ones before it.
 
     Args:
-        workers: number of processes; ``auto``: one for each usable core. Theirs is a lower
-            priority, so that they take what the simulator leaves.
+        workers: number of processes; ``auto``: one for each usable core, at most eight. Theirs is
+            a lower priority, so that they take what the simulator leaves.
     """
 
     def __init__(self, workers: int | Literal["auto"]) -> None:
-        self._workers = len(os.sched_getaffinity(0)) if workers == "auto" else workers
+        cores = len(os.sched_getaffinity(0))
+        self._workers = min(cores, _MOST_AUTO) if workers == "auto" else workers
         self._pool: Pool | None = None
         self._retired: list[Pool] = []
 

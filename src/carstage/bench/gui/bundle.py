@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import gzip
-
-from carstage.web.app import STATIC
+from importlib.resources import files
+from pathlib import Path
 
 BUNDLE_BYTES = 400_000
 """All that it may have."""
@@ -12,5 +12,6 @@ BUNDLE_BYTES = 400_000
 
 def compressed_bytes() -> dict[str, int]:
     """Bytes of each script and style of the page, gzip'd as it is sent."""
-    files = [path for path in STATIC.rglob("*") if path.suffix in (".js", ".css")]
-    return {path.name: len(gzip.compress(path.read_bytes())) for path in files}
+    static = Path(str(files("carstage"))) / "web" / "static"
+    parts = [path for path in static.rglob("*") if path.suffix in (".js", ".css")]
+    return {path.name: len(gzip.compress(path.read_bytes())) for path in parts}

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import timedelta
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import typer
 
@@ -16,7 +16,6 @@ from carstage.cli.output import command, note
 from carstage.errors import BadInputError
 
 if TYPE_CHECKING:
-    from carstage.bench.comparison import Preset
     from carstage.bench.comparison.presets import Experiment
 
 
@@ -57,12 +56,18 @@ Values = Annotated[
     list[int] | None,
     typer.Option("--value", min=0, help="Measure at this value only. Repeatable."),
 ]
-Frames = Annotated[
-    int | None, typer.Option(min=2, help="Of each run, not the preset's; not for `frames`.")
-]
+Frames = Annotated[int | None, typer.Option(min=2, help="Of each run, not the preset's.")]
 Programs = Annotated[
     list[str] | None,
     typer.Option("--program", help="Compare this program only. Repeatable."),
+]
+Minutes = Annotated[
+    float | None,
+    typer.Option(
+        min=0.0,
+        help="Begin no further run after that time and report what there is; the same command "
+        "again continues.",
+    ),
 ]
 Scratch = Annotated[
     Path | None,
@@ -72,90 +77,54 @@ Scratch = Annotated[
     ),
 ]
 _OUT = Path("benchmark")
+_FRAMES_OF: Final = {
+    "cameras": "camera_frames",
+    "lidars": "lidar_frames",
+    "objects": "object_frames",
+    "totals": "totals_frames",
+}
 
 
-@bench_app.command("frames")
-@command
-def frames_(
-    preset: PresetOption = PresetName.QUICK,
-    server: Server = None,
-    repeat: Repeat = None,
-    out: Out = _OUT,
-    value: Values = None,
-    program: Programs = None,
-    scratch: Scratch = None,
-    json: Json = False,
-) -> int:
-    """Seconds per frame of the paper's rig, labelled, by the number of frames."""
-    return _compare(["frames"], preset, server, repeat, out, program, scratch, json, value)
+_EXPERIMENTS: Final[dict[Experiment, str]] = {
+    "frames": "Seconds per frame of the paper's rig, labelled, by the number of frames.",
+    "cameras": "What each further camera adds, by every program.",
+    "lidars": "What each further LiDAR of 100,000 points adds.",
+    "objects": "What further vehicles and pedestrians add, labelled.",
+    "totals": "The whole time against a client that ticks and drops everything: the limit.",
+}
 
 
-@bench_app.command()
-@command
-def cameras(
-    preset: PresetOption = PresetName.QUICK,
-    server: Server = None,
-    repeat: Repeat = None,
-    out: Out = _OUT,
-    value: Values = None,
-    frames: Frames = None,
-    program: Programs = None,
-    scratch: Scratch = None,
-    json: Json = False,
-) -> int:
-    """What each further camera adds, by every program."""
-    return _compare(["cameras"], preset, server, repeat, out, program, scratch, json, value, frames)
+def _add_command(experiment: Experiment, text: str) -> None:
+    """A command for one experiment."""
+
+    @bench_app.command(experiment, help=text)
+    @command
+    def run(
+        preset: PresetOption = PresetName.QUICK,
+        server: Server = None,
+        repeat: Repeat = None,
+        out: Out = _OUT,
+        value: Values = None,
+        frames: Frames = None,
+        program: Programs = None,
+        minutes: Minutes = None,
+        scratch: Scratch = None,
+        json: Json = False,
+    ) -> int:
+        changes: dict[str, Any] = {} if repeat is None else {"repeats": repeat}
+        if value:
+            name = "totals_cameras" if experiment == "totals" else experiment
+            changes[name] = tuple(sorted(value))
+        if frames is not None:
+            if experiment == "frames":
+                raise BadInputError("--frames: here it is what varies.", "Use --value.")
+            changes[_FRAMES_OF[experiment]] = frames
+        place = Place(out, server, scratch)
+        return _compare([experiment], preset, changes, place, program, minutes, json)
 
 
-@bench_app.command()
-@command
-def lidars(
-    preset: PresetOption = PresetName.QUICK,
-    server: Server = None,
-    repeat: Repeat = None,
-    out: Out = _OUT,
-    value: Values = None,
-    frames: Frames = None,
-    program: Programs = None,
-    scratch: Scratch = None,
-    json: Json = False,
-) -> int:
-    """What each further LiDAR of 100,000 points adds."""
-    return _compare(["lidars"], preset, server, repeat, out, program, scratch, json, value, frames)
-
-
-@bench_app.command()
-@command
-def objects(
-    preset: PresetOption = PresetName.QUICK,
-    server: Server = None,
-    repeat: Repeat = None,
-    out: Out = _OUT,
-    value: Values = None,
-    frames: Frames = None,
-    program: Programs = None,
-    scratch: Scratch = None,
-    json: Json = False,
-) -> int:
-    """What further vehicles and pedestrians add, labelled."""
-    return _compare(["objects"], preset, server, repeat, out, program, scratch, json, value, frames)
-
-
-@bench_app.command()
-@command
-def totals(
-    preset: PresetOption = PresetName.DOCS,
-    server: Server = None,
-    repeat: Repeat = None,
-    out: Out = _OUT,
-    value: Values = None,
-    frames: Frames = None,
-    program: Programs = None,
-    scratch: Scratch = None,
-    json: Json = False,
-) -> int:
-    """How far from the limit: the whole time against a client that ticks and drops everything."""
-    return _compare(["totals"], preset, server, repeat, out, program, scratch, json, value, frames)
+for _experiment, _text in _EXPERIMENTS.items():
+    _add_command(_experiment, _text)
 
 
 @bench_app.command("all")
@@ -166,13 +135,14 @@ def all_(
     repeat: Repeat = None,
     out: Out = _OUT,
     program: Programs = None,
+    minutes: Minutes = None,
     scratch: Scratch = None,
     json: Json = False,
 ) -> int:
     """Every experiment of the comparison, by one command."""
-    from carstage.bench.comparison import EXPERIMENTS
-
-    return _compare(EXPERIMENTS, preset, server, repeat, out, program, scratch, json)
+    changes = {} if repeat is None else {"repeats": repeat}
+    place = Place(out, server, scratch)
+    return _compare(list(_EXPERIMENTS), preset, changes, place, program, minutes, json)
 
 
 @bench_app.command()
@@ -190,62 +160,52 @@ def codecs(
     return report_verdict(verdict, json)
 
 
+class Place(NamedTuple):
+    """Where results go, which server is used, and where programs write."""
+
+    out: Path
+    server: str | None
+    scratch: Path | None
+
+
 def _compare(
     experiments: Sequence[Experiment],
     preset_name: PresetName,
-    server: str | None,
-    repeat: int | None,
-    out: Path,
+    changes: Mapping[str, Any],
+    place: Place,
     programs: list[str] | None,
-    scratch: Path | None,
+    minutes: float | None,
     json: bool,
-    values: list[int] | None = None,
-    frames: int | None = None,
 ) -> int:
     from carstage.bench.comparison import PRESETS, Campaign, judge, write_report
     from carstage.cli.progress import watch_steps
 
-    preset = _changed(PRESETS[preset_name.value], experiments, repeat, values, frames)
+    preset = dataclasses.replace(PRESETS[preset_name.value], **changes)
     campaign = Campaign(
-        preset, experiments, out, programs=programs, server=_address(server), scratch=scratch
+        preset,
+        experiments,
+        place.out,
+        programs=programs,
+        server=_address(place.server),
+        scratch=place.scratch,
     )
     done = len(campaign.trials) - len(campaign.left)
     if done:
-        note(f"{done} of {len(campaign.trials)} runs are in {out} already.")
+        note(f"{done} of {len(campaign.trials)} runs are in {place.out} already.")
     if campaign.left:
         estimate = timedelta(seconds=round(campaign.estimate_s))
         note(f"{len(campaign.left)} runs to go, about {estimate} on this machine.")
     with watch_steps("Runs", "runs") as progress:
-        campaign.run(progress)
-    name = experiments[0] if len(experiments) == 1 else "all"
+        campaign.run(progress, minutes)
+    if campaign.left:
+        note(f"{len(campaign.left)} runs are left; the same command continues.")
     measured = list(campaign.results.values())
+    name = experiments[0] if len(experiments) == 1 else "all"
     again = f"carstage bench {name} --preset {preset.name}"
     verdict = judge(preset, measured, again, campaign.machine)
-    for path in write_report(out, preset, campaign.machine, measured, verdict):
+    for path in write_report(place.out, preset, campaign.machine, measured, verdict):
         note(f"Wrote {path}")
     return report_verdict(verdict, json)
-
-
-def _changed(
-    preset: Preset,
-    experiments: Sequence[Experiment],
-    repeat: int | None,
-    values: list[int] | None,
-    frames: int | None,
-) -> Preset:
-    """A preset with what the command line says otherwise."""
-    changes: dict[str, object] = {}
-    if repeat is not None:
-        changes["repeats"] = repeat
-    (only,) = experiments if len(experiments) == 1 else (None,)
-    if values:
-        if only == "totals":
-            changes["totals_cameras"] = tuple(sorted(values))
-        elif only is not None:
-            changes[only] = tuple(sorted(values))
-    if frames is not None and only is not None:
-        changes[f"{only.removesuffix('s') if only != 'totals' else only}_frames"] = frames
-    return dataclasses.replace(preset, **changes)  # type: ignore[arg-type]
 
 
 def _address(text: str | None) -> tuple[str, int] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,6 +18,7 @@ MEASURED = {
     "memory": "carstage.bench.memory.measure_memory",
     "frames-check": "carstage.bench.frames_check.check_frames",
     "annotation": "carstage.bench.annotation.measure_annotation",
+    "codecs": "carstage.bench.codecs.measure_codecs",
 }
 
 
@@ -74,3 +76,32 @@ def test_labels_print_their_objects_by_class_and_town_beside_the_figures(
     assert ended.exit_code == 0, ended.output
     assert (asked["towns"], asked["scenes"]) == (["Stage02"], 2)
     assert json.loads(ended.stdout.splitlines()[-1])["objects"] == {"car": {"Stage02": 3}}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["frames", "--frames", "10"], "--frames: here it is what varies"),
+        (["cameras", "--server", "somewhere"], "'somewhere' is no address"),
+        (["lidars", "--program", "carstge"], "no program 'carstge'"),
+        (["objects", "--value", "-1"], "greater than or equal to 0"),
+    ],
+)
+def test_bad_comparisons_are_refused_before_anything_runs(
+    tmp_path: Path, arguments: list[str], message: str
+) -> None:
+    ended = CliRunner().invoke(app, ["bench", *arguments, "--out", str(tmp_path / "out")])
+    assert ended.exit_code == 2
+    assert message in ended.stderr
+    assert not (tmp_path / "out" / "comparison.json").exists()
+
+
+def test_a_comparison_may_be_cut_short_and_reports_what_there_is(
+    tmp_path: Path,
+) -> None:
+    asked = ["bench", "cameras", "--preset", "docs", "--minutes", "0", "--out", str(tmp_path)]
+    ended = CliRunner().invoke(app, [*asked, "--json"])
+    assert ended.exit_code == 0
+    assert "120 runs are left" in ended.stderr
+    assert json.loads(ended.stdout.splitlines()[-1])["figures"] == {}
+    assert (tmp_path / "comparison.html").exists()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
+import time
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -87,20 +89,29 @@ class Campaign:
         """Rough seconds that the rest takes on this machine."""
         return estimate_s(self.left, self.preset) * max(1.0, float(self.machine["slowness"]))
 
-    def run(self, progress: Progress = lambda done, total: None) -> None:
+    def run(
+        self, progress: Progress = lambda done, total: None, minutes: float | None = None
+    ) -> None:
         """Make what is left.
+
+        Args:
+            progress: told of runs done.
+            minutes: begin no further run after that time; None: make all.
 
         Raises:
             CollectorError: a program failed; the same command goes on with it.
         """
+        end_s = math.inf if minutes is None else time.monotonic() + 60.0 * minutes
         for paced in (False, True):
             todo = [trial for trial in self.left if (trial.experiment == "totals") == paced]
-            if not todo:
+            if not todo or time.monotonic() > end_s:
                 continue
             with self._stage(paced) as stage:
                 # What the first run of all pays for (kernels, files that are read) is no figure.
                 stage.run(dataclasses.replace(todo[0], frames=2), look=False)
                 for trial in todo:
+                    if time.monotonic() > end_s:
+                        break
                     self._keep(trial, stage.run(trial, look=trial.repeat == 0))
                     progress(len(self.results), len(self.trials))
 

@@ -68,7 +68,8 @@ PRESETS: Final[dict[str, Preset]] = {
             lidar_frames=40,
             objects=(0, 50),
             object_frames=20,
-            totals_frames=0,
+            totals_frames=50,
+            totals_cameras=(1,),
             sides=(),
         ),
         Preset(

@@ -197,7 +197,9 @@ def _compare(
         note(f"{len(campaign.left)} runs to go, about {estimate} on this machine.")
     with watch_steps("Runs", "runs") as progress:
         campaign.run(progress, minutes)
-    if campaign.left:
+    for program, reason in campaign.left_out.items():
+        note(f"{program} was left out: {reason}.")
+    if campaign.left and not campaign.left_out:
         note(f"{len(campaign.left)} runs are left; the same command continues.")
     measured = list(campaign.results.values())
     name = experiments[0] if len(experiments) == 1 else "all"

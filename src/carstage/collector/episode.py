@@ -131,6 +131,7 @@ class EpisodeRecorder:
                     for sensor in spec.sensors
                     if SENSOR_KINDS[sensor.kind].one_size
                 },
+                self._plan.durable,
             )
         )
         pipeline = stack.enter_context(

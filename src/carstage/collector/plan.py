@@ -220,10 +220,13 @@ class Plan:
             one; ``None`` listens through the whole warm-up, as a camera with automatic exposure
             needs.
         raw_store: how payloads of cameras are stored, see ``carstage.rawlog.writing``.
+        durable: sealed segments outlive a crash of the machine; those that are converted at once
+            and then removed need not.
     """
 
     server: ServerPlan
     queue_bytes: int
     raw_store: str
+    durable: bool
     sensor_warmup_ticks: Optional[int]
     episodes: Tuple[EpisodePlan, ...]

@@ -100,6 +100,7 @@ def parse_plan(value: Any) -> Plan:
         if "queue_bytes" in plan
         else DEFAULT_QUEUE_BYTES,
         raw_store=plan.text("raw_store", RAW_STORES) if "raw_store" in plan else CHUNKLOG,
+        durable=plan.flag("durable") if "durable" in plan else True,
         sensor_warmup_ticks=plan.integer("sensor_warmup_ticks", 0)
         if "sensor_warmup_ticks" in plan
         else None,

@@ -54,6 +54,7 @@ class LogWriters:
         on_sealed: called with each sealed segment, from the writer's thread.
         on_failure: called with the error that ended a writer.
         stores: how payloads of a stream are stored, where not in its records.
+        durable: see ``StreamWriter``.
     """
 
     def __init__(
@@ -66,6 +67,7 @@ class LogWriters:
         on_sealed: Callable[[SealedSegment], None],
         on_failure: Callable[[BaseException], None],
         stores: Optional[Mapping[str, str]] = None,
+        durable: bool = True,
     ) -> None:
         self._on_written = on_written
         self._on_sealed = on_sealed
@@ -85,7 +87,7 @@ class LogWriters:
         for stream, size in [*expected_segment_bytes.items(), (LEDGER, 0)]:
             store = (stores or {}).get(stream, CHUNKLOG)
             self._writers[stream] = StreamWriter(
-                folder, stream, ticks_per_segment, size, store=store
+                folder, stream, ticks_per_segment, size, store=store, durable=durable
             )
 
     @property

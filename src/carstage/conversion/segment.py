@@ -83,7 +83,7 @@ def encode_segment(
             raise _bad_record(sensor, record, str(error)) from error
         for suffix, content in zip(codec.suffixes, contents, strict=True):
             name = f"{below}/{ticks[record.tick]:06d}{suffix}"
-            write_whole(attempt_folder / name, content)
+            write_whole(attempt_folder / name, content, on_its_way=True)
             files.append(FileEntry(name, len(content), hashlib.sha256(content).hexdigest()))
     return EncodedSegment(files=tuple(files))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,7 +23,18 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise
 
 
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file that is never seen half written under its own name."""
-    with whole_file(path) as temporary:
-        temporary.write_bytes(content)
+def write_whole(path: Path, content: bytes, *, on_its_way: bool = False) -> None:
+    """Write a file that is never seen half written under its own name.
+
+    Args:
+        path: its name.
+        content: all of it.
+        on_its_way: let the system begin to bring it to the disk now, while others work; whoever
+            makes it durable later then waits for little.
+    """
+    with whole_file(path) as temporary, temporary.open("wb") as file:
+        file.write(content)
+        if on_its_way:
+            file.flush()
+            # Of pages that are not on the disk yet it drops none, but has them written.
+            os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)

@@ -54,13 +54,14 @@ class MappedPayloads:
         self._used += 1
         return slot
 
-    def finish(self) -> None:
-        """Bring all slots to the disk, cut off those never used, and close."""
+    def finish(self, durable: bool = True) -> None:
+        """Cut off the slots that were never used, bring all to the disk if asked to, and close."""
         if self._map is not None:
             self._map.close()
             self._map = None
         os.ftruncate(self._fd, self._used * self._slot_bytes)
-        os.fsync(self._fd)
+        if durable:
+            os.fsync(self._fd)
         self.close()
 
     def close(self) -> None:

@@ -65,6 +65,7 @@ class SegmentWriter:
         expected_bytes: int = 0,
         checksum: bool = False,
         mapped_slots: int = 0,
+        durable: bool = True,
     ) -> None:
         if not 0 <= index <= MAX_SEGMENT_INDEX:
             raise ValueError("segment index %d is outside 0...%d" % (index, MAX_SEGMENT_INDEX))
@@ -79,6 +80,7 @@ class SegmentWriter:
         self._folder = folder
         self._checksum = checksum
         self._mapped_slots = mapped_slots
+        self._durable = durable
         self._payloads: Optional[MappedPayloads] = None
         self._sequence = 0
         self._size = 0
@@ -173,15 +175,17 @@ class SegmentWriter:
             },
         )
         if self._payloads is not None:
-            self._payloads.finish()
+            self._payloads.finish(self._durable)
             os.rename(self._payloads.path, self._payload_path)
         if self._reserved:
             os.ftruncate(self._fd, self._size)
-        os.fsync(self._fd)
+        if self._durable:
+            os.fsync(self._fd)
         self.close()
         # The records last: a sealed segment has its payloads.
         os.rename(self.open_path, self.path)
-        _sync_folder(self._folder)
+        if self._durable:
+            _sync_folder(self._folder)
         return sealed
 
     def close(self) -> None:
@@ -223,6 +227,7 @@ class StreamWriter:
             more.
         checksum: also protect payloads by CRC-32.
         store: ``chunklog``, or ``mmap`` for streams whose payloads have one size.
+        durable: what is sealed outlives a crash of the machine, not of the process alone.
     """
 
     def __init__(
@@ -233,6 +238,7 @@ class StreamWriter:
         expected_segment_bytes: int = 0,
         checksum: bool = False,
         store: str = CHUNKLOG,
+        durable: bool = True,
     ) -> None:
         if store not in RAW_STORES:
             raise ValueError("store must be one of %s, not %r" % (", ".join(RAW_STORES), store))
@@ -244,6 +250,7 @@ class StreamWriter:
         self._expected_bytes = expected_segment_bytes
         self._checksum = checksum
         self._mapped_slots = ticks_per_segment if store == MMAP else 0
+        self._durable = durable
         self._next_index = 0
         self._segment: Optional[SegmentWriter] = None
         os.makedirs(self.folder, exist_ok=True)
@@ -310,6 +317,7 @@ class StreamWriter:
                 0 if self._mapped_slots else self._expected_bytes,
                 self._checksum,
                 self._mapped_slots,
+                self._durable,
             )
         return self._segment
 

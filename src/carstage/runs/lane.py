@@ -265,6 +265,7 @@ class ServerLane:
             },
             "queue_bytes": self._setup.output.raw_queue_mb * _BYTES_PER_MB,
             "raw_store": self._setup.output.raw_store,
+            "durable": self._setup.raw_must_last,
             "sensor_warmup_ticks": self._setup.sensor_warmup_ticks,
             "episodes": [
                 {

@@ -101,6 +101,15 @@ class ServerSetup:
         return self._config.output
 
     @property
+    def raw_must_last(self) -> bool:
+        """Whether raw recordings are needed after a crash of the machine.
+
+        Those that are converted at once are not: a broken attempt is recorded again. To bring them
+        to the disk would cost it twice what the dataset does.
+        """
+        return self.output.keep_raw or self._config.conversion.mode == "deferred"
+
+    @property
     def restart_every(self) -> int:
         """Episodes after which the server is replaced; 0: never."""
         server = self._config.server

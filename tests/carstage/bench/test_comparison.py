@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import html
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -172,6 +173,12 @@ def test_only_the_programs_that_are_asked_for_run(tmp_path: Path) -> None:
     assert {trial.program for trial in campaign.left} == {CARSTAGE, NATIVE}
     with pytest.raises(BadInputError, match="no program 'carstge'"):
         Campaign(DOCS, ["cameras"], tmp_path, programs=["carstge"])
+
+
+def test_a_program_whose_packages_the_client_lacks_is_named() -> None:
+    unknown = dataclasses.replace(PROGRAMS["paper"], needs=("numpy", "no_such_package"))
+    assert unknown.lacks(sys.executable, labels=False) == ["no_such_package"]
+    assert PROGRAMS[NATIVE].lacks(sys.executable, labels=True) == []
 
 
 def test_the_report_is_written_in_every_form(tmp_path: Path) -> None:

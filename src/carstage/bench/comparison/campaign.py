@@ -77,6 +77,9 @@ class Campaign:
         planned = plan_trials(preset, experiments)
         self.trials = [one for one in planned if not programs or one.program in programs]
         self.results: dict[Key, tuple[Trial, TrialResult]] = {}
+        self.left_out: dict[str, str] = {}
+        """Programs that cannot run here, and why."""
+        self._looked_at: set[str] = set()
         self.machine = self._read()
 
     @property
@@ -112,8 +115,20 @@ class Campaign:
                 for trial in todo:
                     if time.monotonic() > end_s:
                         break
+                    if self._is_left_out(trial, stage.python):
+                        continue
                     self._keep(trial, stage.run(trial, look=trial.repeat == 0))
                     progress(len(self.results), len(self.trials))
+
+    def _is_left_out(self, trial: Trial, python: str) -> bool:
+        """Whether the client's Python lacks what a program needs."""
+        name = trial.program
+        if name not in self._looked_at:
+            self._looked_at.add(name)
+            lacks = PROGRAMS[name].lacks(python, trial.labels)
+            if lacks:
+                self.left_out[name] = f"the client's Python has no {', '.join(lacks)}"
+        return name in self.left_out
 
     @contextmanager
     def _stage(self, paced: bool) -> Iterator[Stage]:

@@ -155,7 +155,10 @@ def _memory(experiment: Experiment, measured: Measured) -> list[Figure]:
 
 def _totals(measured: Measured, target: float) -> list[Figure]:
     figures = []
-    for value in values_in(of(measured, "totals", CARSTAGE)):
+    own_values, least_values = (
+        values_in(of(measured, "totals", name)) for name in (CARSTAGE, DISCARD)
+    )
+    for value in sorted(set(own_values) & set(least_values)):
         own, least = (
             spread(of(measured, "totals", name), value).median_s for name in (CARSTAGE, DISCARD)
         )

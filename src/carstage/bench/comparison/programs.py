@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,6 +15,10 @@ from carstage.execution.collector_process import interpreter_command
 _CLIENTS = "carstage.bench.clients"
 CARSTAGE, FPNG, DISCARD = "carstage", "carstage-fpng", "discard"
 NATIVE = "native-png"
+_LOOK_FOR = """
+import importlib.util, sys
+print(*[name for name in sys.argv[1:] if importlib.util.find_spec(name) is None])
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +35,7 @@ class Program:
         seconds: rough seconds per picture and per point cloud on two cores, for the estimate.
         lossless: its pictures can be compared with the others'.
         timing: how the world is stepped, where not in the synchronous mode.
+        needs: packages that the client's Python must have, besides ``carla``.
     """
 
     name: str
@@ -41,11 +47,20 @@ class Program:
     seconds: float = 0.02
     lossless: bool = True
     timing: Mapping[str, Any] = field(default_factory=dict)
+    needs: tuple[str, ...] = ()
 
     @property
     def keeps(self) -> bool:
         """Whether it leaves anything on the disk."""
         return self.name != DISCARD
+
+    def lacks(self, python: str, labels: bool) -> list[str]:
+        """Packages that it needs and an interpreter has not; Car-STAGE runs with its own."""
+        needs = (*self.needs, "numpy") if labels and self.module is not None else self.needs
+        ended = subprocess.run(
+            [python, "-c", _LOOK_FOR, *needs], capture_output=True, text=True, check=True
+        )
+        return ended.stdout.split()
 
     def command(self, plan: Path, python: str, labels: bool) -> list[str]:
         """The command of a client.
@@ -119,6 +134,7 @@ PROGRAMS: Final[dict[str, Program]] = {
             "the paper's design: thread pool, memory-mapped seconds, then a process pool, OpenCV",
             "paper",
             seconds=0.1,
+            needs=("numpy", "cv2"),
         ),
         Program(
             "paper-own-png",
@@ -126,6 +142,7 @@ PROGRAMS: Final[dict[str, Program]] = {
             "paper",
             ("--encoder", "carstage"),
             seconds=0.05,
+            needs=("numpy", "deflate", "numba", "PIL"),
         ),
         Program(
             "native-ply",
@@ -135,6 +152,11 @@ PROGRAMS: Final[dict[str, Program]] = {
             seconds=0.4,
             lossless=False,
         ),
-        Program("native-npy", "numpy.save of point clouds in the callback", "native_npy"),
+        Program(
+            "native-npy",
+            "numpy.save of point clouds in the callback",
+            "native_npy",
+            needs=("numpy",),
+        ),
     )
 }

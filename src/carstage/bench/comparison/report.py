@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -70,7 +71,7 @@ def write_report(
     plots = plot_all(out, measured)
     paths = [out / RESULT_FILE, out / TABLES_FILE, out / PAGE_FILE]
     contents = (
-        json.dumps(record, indent=1, allow_nan=True) + "\n",
+        json.dumps(record, indent=1, allow_nan=False) + "\n",
         "\n".join(_markdown(tables, machine, verdict)) + "\n",
         _page(tables, plots, preset, machine, measured, verdict),
     )
@@ -87,9 +88,12 @@ def _described(measured: Measured) -> list[tuple[str, str]]:
 
 def _without_contents(row: dict[str, Any]) -> dict[str, Any]:
     row.pop("contents")
-    return {
-        key: round(value, 3) if isinstance(value, float) else value for key, value in row.items()
-    }
+    return {name: _rounded(one) if isinstance(one, float) else one for name, one in row.items()}
+
+
+def _rounded(value: float) -> float | None:
+    """Three decimals; None for what is not known, since JSON has no NaN."""
+    return None if math.isnan(value) else round(value, 3)
 
 
 def _table(experiment: Experiment, measured: Measured) -> Rows:

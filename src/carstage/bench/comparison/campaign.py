@@ -25,7 +25,7 @@ from carstage.bench.comparison.trials import (
     plan_trials,
 )
 from carstage.config import check_config
-from carstage.errors import BadInputError
+from carstage.errors import BadInputError, CollectorError
 from carstage.runs.servers import ServerSetup
 from carstage.server import EmbeddedServer, Endpoint, RemoteServer, Server, allot_ports
 
@@ -117,7 +117,7 @@ class Campaign:
                         break
                     if self._is_left_out(trial, stage.python):
                         continue
-                    self._keep(trial, stage.run(trial, look=trial.repeat == 0))
+                    self._keep(trial, _second_chance(stage, trial))
                     progress(len(self.results), len(self.trials))
 
     def _is_left_out(self, trial: Trial, python: str) -> bool:
@@ -178,6 +178,18 @@ class Campaign:
         machine = first["machine"]
         assert isinstance(machine, dict)
         return machine
+
+
+def _second_chance(stage: Stage, trial: Trial) -> TrialResult:
+    """A run, made once more if it failed: clients sometimes abort while they end.
+
+    Raises:
+        CollectorError: it failed twice.
+    """
+    try:
+        return stage.run(trial, look=trial.repeat == 0)
+    except CollectorError:
+        return stage.run(trial, look=trial.repeat == 0)
 
 
 def _lines(path: Path) -> list[dict[str, Any]]:

@@ -21,17 +21,15 @@ from PIL import Image
 from carstage.bench.episodes import (
     Progress,
     camera,
-    client_plan,
-    events_of,
     looping_server,
     planned_episode,
+    record_episode,
     roof_sensor,
 )
 from carstage.bench.verdict import Figure, Verdict
 from carstage.dataset.codecs import codec_for, codec_names
 from carstage.dataset.codecs.codec import image_bgra
 from carstage.errors import BadInputError
-from carstage.execution import CollectorProcess
 from carstage.rawlog.format import KIND_DATA
 from carstage.rawlog.reader import EpisodeLog
 
@@ -135,14 +133,7 @@ def _record(folder: Path, size: tuple[int, int]) -> dict[str, list[Record]]:
     )
     arguments = ("--loop-noise", str(_NOISE))
     with looping_server(_FRAMES, arguments=arguments) as endpoint:
-        client = CollectorProcess(
-            client_plan(spec, endpoint, folder / "raw"),
-            plan_path=folder / "plan.json",
-            log_path=folder / "collector.log",
-        )
-        with client:
-            for _ in events_of(client):
-                pass
+        record_episode(spec, endpoint, folder)
     log = EpisodeLog(folder / "raw")
     return {
         kind: [

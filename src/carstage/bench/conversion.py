@@ -17,16 +17,14 @@ from pathlib import Path
 from carstage.bench.episodes import (
     Progress,
     camera,
-    client_plan,
-    events_of,
     looping_server,
     planned_episode,
+    record_episode,
 )
 from carstage.bench.verdict import Figure, Verdict
 from carstage.conversion.segment import encode_segment
 from carstage.conversion.sensors import RecordedSensor
 from carstage.dataset.codecs import codec_for
-from carstage.execution import CollectorProcess
 from carstage.rawlog.format import KIND_DATA
 from carstage.rawlog.reader import EpisodeLog
 
@@ -126,11 +124,4 @@ def _record(folder: Path, frames: int, size: tuple[int, int]) -> None:
         }
     )
     with looping_server(_LOOP) as endpoint:
-        client = CollectorProcess(
-            client_plan(spec, endpoint, folder / "raw"),
-            plan_path=folder / "plan.json",
-            log_path=folder / "collector.log",
-        )
-        with client:
-            for _ in events_of(client):
-                pass
+        record_episode(spec, endpoint, folder)

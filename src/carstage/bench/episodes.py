@@ -108,6 +108,22 @@ def client_plan(
     }
 
 
+def record_episode(spec: EpisodeSpec, endpoint: Endpoint, folder: Path) -> None:
+    """Let the collector record one episode into ``folder/raw``.
+
+    Raises:
+        CollectorError: it failed; see ``events_of``.
+    """
+    client = CollectorProcess(
+        client_plan(spec, endpoint, folder / "raw"),
+        plan_path=folder / "plan.json",
+        log_path=folder / "collector.log",
+    )
+    with client:
+        for _ in events_of(client):
+            pass
+
+
 def events_of(client: CollectorProcess) -> Iterator[dict[str, Any]]:
     """What a client says until it ends.
 

@@ -50,6 +50,23 @@ def test_frames_come_back_as_written(tmp_path: Path, store: str) -> None:
     ]
 
 
+@pytest.mark.parametrize("durable", [True, False])
+def test_only_what_must_outlive_a_crash_of_the_machine_is_brought_to_the_disk(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, store: str, durable: bool
+) -> None:
+    log = episode(tmp_path)
+    brought: list[int] = []
+    monkeypatch.setattr(os, "fsync", brought.append)
+    with StreamWriter(str(tmp_path), "CAM", TICKS, store=store, durable=durable) as writer:
+        for tick in range(TICKS):
+            write(writer, tick, frame(tick))
+        writer.seal(TICKS - 1)
+    assert bool(brought) == durable
+    assert [bytes(record.payload) for record in log.read_segment("CAM", 0)] == [
+        frame(tick) for tick in range(TICKS)
+    ]
+
+
 def test_payloads_of_another_size_and_empty_ones_come_back(tmp_path: Path, store: str) -> None:
     log = episode(tmp_path)
     contents = [frame(1), b"", b"abc", frame(2) * 2, frame(3)]

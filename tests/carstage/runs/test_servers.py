@@ -51,6 +51,20 @@ def remote(server: Server) -> ServerSetup:
     return ServerSetup(config("server={kind: remote}"), lambda config, log_path: server)
 
 
+@pytest.mark.parametrize(
+    ("setting", "must_last"),
+    [
+        ("conversion.mode=streaming", False),
+        ("conversion.mode=deferred", True),
+        ("output.keep_raw=true", True),
+    ],
+)
+def test_raw_recordings_must_last_where_they_are_needed_later(
+    setting: str, must_last: bool
+) -> None:
+    assert ServerSetup(config(setting)).raw_must_last is must_last
+
+
 def test_server_older_than_0_9_13_is_refused_with_both_versions() -> None:
     server = Elsewhere(free_port(), "0.9.12")
     with pytest.raises(BadInputError, match=r"0\.9\.12.*0\.9\.13"), remote(server).facts():

@@ -19,7 +19,9 @@ SYNCHRONOUS = EpisodeSettings(synchronous_mode=True)
 
 
 @contextmanager
-def serving(advance: Callable[[Server], None]) -> Iterator[tuple[Server, Any]]:
+def serving(
+    advance: Callable[[Server], None], pace_hz: float | None = None
+) -> Iterator[tuple[Server, Any]]:
     """A server of a simulation that has settings and bakes, and no world."""
     simulation = SimpleNamespace(settings=SYNCHRONOUS, bakes=SimpleNamespace())
     with (
@@ -31,6 +33,7 @@ def serving(advance: Callable[[Server], None]) -> Iterator[tuple[Server, Any]]:
             rpc_socket=rpc_socket,
             streaming_socket=streaming_socket,
             frames_per_s=20.0,
+            pace_hz=pace_hz,
         ) as server,
     ):
         simulation.bakes.advance = lambda: advance(server)
@@ -81,3 +84,32 @@ def test_a_delayed_load_that_resets_the_settings_frees_the_world_of_its_holders(
         server._after(0.0, load)
         server._run_due()
         assert not server._claims.held
+
+
+@pytest.mark.parametrize(
+    ("pace_hz", "ticked_at_s"), [(None, [0.0, 0.0, 0.0]), (4.0, [0.0, 0.25, 0.5])]
+)
+def test_a_pace_keeps_ticks_apart_and_calls_are_served_meanwhile(
+    monkeypatch: pytest.MonkeyPatch, pace_hz: float | None, ticked_at_s: list[float]
+) -> None:
+    clock_s = [100.0]
+    ticks: list[float] = []
+    waits: list[float] = []
+    monkeypatch.setattr("carstage_sim.server.time.monotonic", lambda: clock_s[0])
+    with serving(lambda _: None, pace_hz) as (server, _):
+
+        def serve_one(timeout_s: float) -> bool:
+            waits.append(timeout_s)
+            clock_s[0] += timeout_s
+            return False
+
+        def tick() -> None:
+            ticks.append(clock_s[0] - 100.0)
+
+        monkeypatch.setattr(server, "_serve_one", serve_one)
+        monkeypatch.setattr(server, "_tick", tick)
+        server._tick_requests.append(None)  # a client that asks again at once
+        while len(ticks) < 3:
+            server._run_when_told()
+    assert ticks == pytest.approx(ticked_at_s)
+    assert bool(waits) == (pace_hz is not None)

@@ -33,11 +33,11 @@ class Boxes:
         self._world = opened.world
         self._ego_id = opened.scene.ego.id
         self._most_m = float(opened.spec.raw["max_distance_m"])
-        self._cameras: list[tuple[str, str, Any, Any]] = []
+        self._cameras: list[tuple[str, str, Any]] = []
         for raw in opened.spec.raw["sensors"]:
             if raw["labelled"]:
                 actor = opened.scene.rig.actors[raw["id"]]
-                self._cameras.append((raw["id"], raw["depth"], actor, _intrinsics(actor)))
+                self._cameras.append((raw["id"], raw["depth"], _intrinsics(actor)))
         self._actors: list[Any] = []
         self._rows: list[tuple[Any, ...]] = []
 
@@ -53,7 +53,7 @@ class Boxes:
             everybody = self._world.get_actors()
             self._actors = [*everybody.filter("vehicle.*"), *everybody.filter("walker.*")]
         depths: dict[str, Any] = {}
-        for camera_id, depth_id, _camera, k in self._cameras:
+        for camera_id, depth_id, k in self._cameras:
             image = data[depth_id]
             if depth_id not in depths:
                 depths[depth_id] = _metres(image)

@@ -69,7 +69,10 @@ class Opened(NamedTuple):
 
 
 class FrameQueues:
-    """A queue for each sensor, as in CARLA's example of the synchronous mode."""
+    """A queue for each sensor, as in CARLA's example of the synchronous mode.
+
+    They have no bound, and need none: the next tick is made when this one's data were taken.
+    """
 
     def __init__(self, opened: Opened) -> None:
         self._timeout_s = opened.timeout_s

@@ -183,13 +183,20 @@ class Campaign:
 def _second_chance(stage: Stage, trial: Trial) -> TrialResult:
     """A run, made once more if it failed: clients sometimes abort while they end.
 
+    The result of a second run says so: ``failed_before`` in what was found.
+
     Raises:
-        CollectorError: it failed twice.
+        CollectorError: it failed twice; the cause is how it failed first.
     """
+    look = trial.repeat == 0
     try:
-        return stage.run(trial, look=trial.repeat == 0)
-    except CollectorError:
-        return stage.run(trial, look=trial.repeat == 0)
+        return stage.run(trial, look=look)
+    except CollectorError as first:
+        try:
+            result = stage.run(trial, look=look)
+        except CollectorError as second:
+            raise second from first
+    return dataclasses.replace(result, found={**result.found, "failed_before": 1.0})
 
 
 def _lines(path: Path) -> list[dict[str, Any]]:

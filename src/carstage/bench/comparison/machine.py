@@ -8,7 +8,7 @@ import shutil
 import subprocess
 from contextlib import suppress
 from datetime import datetime, timezone
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +72,6 @@ def _file_system(folder: Path) -> str:
 
 
 def _version(package: str) -> str | None:
-    with suppress(Exception):
+    with suppress(PackageNotFoundError):
         return version(package)
     return None

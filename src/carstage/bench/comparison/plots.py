@@ -73,7 +73,9 @@ def _draw(axes: Axes, experiment: Experiment, names: Iterable[str], measured: Me
         # Programs may have recorded other numbers of frames: what is comparable is a frame's share
         # of the time after the start.
         fitted = line(runs)
-        begin_s = fitted.begin_s if fitted is not None and experiment != "frames" else 0.0
+        if fitted is None:
+            continue  # one value alone does not tell the start from the rest
+        begin_s = 0.0 if experiment == "frames" else fitted.begin_s
         boxes = []
         for value in values:
             share = 1.0 if experiment == "frames" else 1e3 / _frames(runs, value)
@@ -95,6 +97,7 @@ def _draw(axes: Axes, experiment: Experiment, names: Iterable[str], measured: Me
                 medianprops={"color": colour},
             )
     axes.set_xlabel(_LABELS[experiment])
+    axes.xaxis.get_major_locator().set_params(integer=True)
     if experiment == "frames":
         axes.set_ylabel("seconds of a run")
     else:

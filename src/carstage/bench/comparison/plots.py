@@ -97,7 +97,7 @@ def _draw(axes: Axes, experiment: Experiment, names: Iterable[str], measured: Me
                 medianprops={"color": colour},
             )
     axes.set_xlabel(_LABELS[experiment])
-    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.locator_params(axis="x", integer=True)
     if experiment == "frames":
         axes.set_ylabel("seconds of a run")
     else:

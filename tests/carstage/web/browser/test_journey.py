@@ -126,6 +126,8 @@ def test_a_killed_interface_finds_its_run_again_and_another_browser_stops_it(
     badge = other.locator(".page-head .badge")
     expect(badge).to_have_text("queued, place 1")
     other.get_by_role("button", name="Take out").click()
+    # Not before the server knows: a request under way would die with it, and the queue would last.
+    expect(other.get_by_text("queued, place 1")).to_have_count(0)
     other.evaluate("location.hash = '#/run'")
 
     watch.server_may_be_gone = True

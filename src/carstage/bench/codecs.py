@@ -39,7 +39,7 @@ _NOISE = 4.0
 _PICTURES = ("rgb", "instance")
 
 Record = tuple[Mapping[str, Any], memoryview]
-Encode = Callable[[Mapping[str, Any], memoryview], Sequence[bytes]]
+Encode = Callable[[Mapping[str, Any], memoryview], Sequence[bytes | memoryview]]
 
 
 def measure_codecs(
@@ -81,7 +81,7 @@ def measure_codecs(
     return Verdict("codecs", "carstage bench codecs --json", tuple(figures), notes)
 
 
-def _length(contents: Sequence[bytes]) -> int:
+def _length(contents: Sequence[bytes | memoryview]) -> int:
     return sum(len(content) for content in contents)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
 import os
 import signal
@@ -16,6 +17,10 @@ _THREAD_LIMITS = (
     "NUMBA_NUM_THREADS",
 )
 _NICENESS = 5
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+_LARGEST_KEPT_BYTES = 32 << 20
+"""As much as the allocator allows."""
+_KEPT_BYTES = 128 << 20
 
 
 def conversion_pool(workers: int | None = None) -> Executor:
@@ -38,9 +43,21 @@ def conversion_pool(workers: int | None = None) -> Executor:
 def _initialise_worker() -> None:
     """Run once in each worker, before the numerical libraries are loaded where that is possible."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _keep_memory()
     os.environ.update(dict.fromkeys(_THREAD_LIMITS, "1"))
     os.nice(_NICENESS)
     threading.Thread(target=_end_with_parent, name="parent-watch", daemon=True).start()
+
+
+def _keep_memory() -> None:
+    """Let the allocator keep what pictures need: the next one needs as much again.
+
+    Else it goes back to the system after each, and every page of the next one's is cleared anew.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:  # of the GNU C library
+        mallopt(_M_MMAP_THRESHOLD, _LARGEST_KEPT_BYTES)
+        mallopt(_M_TRIM_THRESHOLD, _KEPT_BYTES)
 
 
 def _end_with_parent() -> None:

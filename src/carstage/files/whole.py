@@ -23,7 +23,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise
 
 
-def write_whole(path: Path, content: bytes, *, on_its_way: bool = False) -> None:
+def write_whole(path: Path, content: bytes | memoryview, *, on_its_way: bool = False) -> None:
     """Write a file that is never seen half written under its own name.
 
     Args:

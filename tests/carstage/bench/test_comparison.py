@@ -33,7 +33,8 @@ CAMERA_S = {CARSTAGE: 0.02, DISCARD: 0.004, NATIVE: 0.8, "native-threads": 0.4, 
 
 def result(wall_s: float, **known: float) -> TrialResult:
     values = {"cpu_s": wall_s, "server_cpu_s": 1.0, "peak_mb": 100.0, "mb": 5.0, **known}
-    return TrialResult(wall_s=wall_s, files=3, spawned=20, **values)  # type: ignore[arg-type]
+    times = {"wall_s": wall_s, "recorded_s": wall_s}
+    return TrialResult(files=3, spawned=20, **times, **values)  # type: ignore[arg-type]
 
 
 def camera_runs() -> list[tuple[Trial, TrialResult]]:
@@ -93,7 +94,7 @@ def test_ratios_stand_beside_their_targets() -> None:
     assert (float(native.value), native.ok) == (pytest.approx(40.0, rel=0.03), True)
     assert figures["cameras: paper / carstage"].ok
     slow = [
-        (trial, dataclasses.replace(one, wall_s=3.0 * one.wall_s))
+        (trial, dataclasses.replace(one, recorded_s=3.0 * one.recorded_s))
         if trial.program == CARSTAGE
         else (trial, one)
         for trial, one in camera_runs()

@@ -28,9 +28,7 @@ def record(opened: Opened, options: argparse.Namespace) -> None:
     opened.warm_up(lambda: opened.scene.rig.listen(callbacks), arrivals.wait_for)
     frame = 0
     for tick in range(opened.spec.steps):
-        frame = opened.scene.step(tick).frame
-        if tick == 0:
-            opened.told(tick, frame)
+        frame = opened.step(tick).frame
     arrivals.wait_for(frame)
     opened.told(opened.spec.steps - 1, frame)
 

@@ -24,7 +24,7 @@ def record(opened: Opened, options: argparse.Namespace) -> None:
     opened.warm_up(queues.listen, queues.take)
     with RowFiles(opened.folder) as rows:
         for tick in range(opened.spec.steps):
-            step = opened.scene.step(tick)
+            step = opened.step(tick)
             data = queues.take(step.frame)
             for name, sensor in opened.sensors.items():
                 save(opened, name, sensor.kind, tick, data[name], options.format, rows)

@@ -62,7 +62,7 @@ def record(opened: Opened, options: argparse.Namespace) -> Mapping[str, Any]:
         saved = Saved(opened, options.format, rows)
         callbacks = {name: saved.callback(name) for name in opened.scene.rig.actors}
         opened.warm_up(lambda: opened.scene.rig.listen(callbacks), lambda frame: None)
-        frame = saved.first = opened.scene.step(0).frame + 1
+        frame = saved.first = opened.step(0).frame + 1
         while frame < saved.first + opened.spec.steps:
             frame = opened.scene.step(0).frame
         saved.wait_idle()

@@ -36,7 +36,7 @@ def record(opened: Opened, options: argparse.Namespace) -> None:
     last = opened.warm_up(lambda: opened.scene.rig.listen(callbacks), arrivals.wait_for)
     first[0] = last + 1
     for tick in range(opened.spec.steps):
-        arrivals.wait_for(opened.scene.step(tick).frame)
+        arrivals.wait_for(opened.step(tick).frame)
 
 
 def main() -> int:

@@ -28,7 +28,7 @@ def record(opened: Opened, options: argparse.Namespace) -> None:
     jobs: list[Future[None]] = []
     with RowFiles(opened.folder) as rows, ThreadPoolExecutor(threads) as pool:
         for tick in range(opened.spec.steps):
-            data = queues.take(opened.scene.step(tick).frame)
+            data = queues.take(opened.step(tick).frame)
             for name, sensor in opened.sensors.items():
                 room.acquire()
                 job = pool.submit(

@@ -23,6 +23,7 @@ from carstage.collector.plan import EpisodeSpec, Plan, SensorPlan
 from carstage.collector.reading import read_plan
 from carstage.collector.scene import Scene, build_scene
 from carstage.collector.stopping import StopRequest
+from carstage.collector.timing import Tick
 from carstage.collector.world import WorldSession
 
 
@@ -36,6 +37,7 @@ class Opened(NamedTuple):
         timeout_s: how long data of a tick may take.
         listen_from: step of the warm-up from which sensors are listened to.
         told: hears of the first tick and of the last one: number and frame.
+        afterwards: what is left to do when the scene is gone, in this order.
     """
 
     world: Any
@@ -46,6 +48,7 @@ class Opened(NamedTuple):
     timeout_s: float
     listen_from: int
     told: Callable[[int, int], None]
+    afterwards: list[Callable[[], object]]
 
     def warm_up(self, listen: Callable[[], object], settle: Callable[[int], object]) -> int:
         """Make the ticks before the first that counts; returns the last frame.
@@ -62,6 +65,13 @@ class Opened(NamedTuple):
             if number >= self.listen_from:
                 settle(frame)
         return frame
+
+    def step(self, tick: int) -> Tick:
+        """Make the next tick that counts; the first is told of."""
+        made = self.scene.step(tick)
+        if tick == 0:
+            self.told(tick, made.frame)
+        return made
 
     def path(self, sensor: str, tick: int, suffix: str) -> str:
         """The file of one sensor and tick."""
@@ -163,6 +173,7 @@ def _opened_scene(plan: Plan, events: EventStream, stop: StopRequest) -> Iterato
             timeout_s=plan.server.timeout_s,
             listen_from=max(0, spec.warmup_ticks - (plan.sensor_warmup_ticks or spec.warmup_ticks)),
             told=lambda tick, frame: events.tick(episode.episode_id, True, tick=tick, frame=frame),
+            afterwards=[],
         )
 
 
@@ -187,6 +198,9 @@ def run_program(
         with _opened_scene(read_plan(options.plan), events, stop) as opened:
             spawned = opened.scene.spawned
             found = record(opened, options) or {}
+            afterwards = opened.afterwards
+        for work in afterwards:
+            work()
     except (CollectorError, RuntimeError) as error:
         events.emit("error", kind="client", message=str(error), hint="")
         return EXIT_FAILED

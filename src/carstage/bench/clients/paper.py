@@ -70,7 +70,7 @@ class MappedSeconds:
 
 
 def record(opened: Opened, options: argparse.Namespace) -> None:
-    """Capture, then convert."""
+    """Capture; convert when the scene is gone."""
     per_second = max(1, round(1.0 / opened.spec.timing.step_s))
     seconds = {name: MappedSeconds(opened.folder / name, per_second) for name in opened.sensors}
     shapes = _capture(opened, seconds)
@@ -84,8 +84,13 @@ def record(opened: Opened, options: argparse.Namespace) -> None:
         for name, shape in sorted(shapes.items())
         for second in range(-(-opened.spec.steps // per_second))
     ]
+    # A process that forks while the client has threads may abort when it ends.
+    opened.afterwards.append(lambda: _convert_all(jobs, options.encoder))
+
+
+def _convert_all(jobs: list[RawSecond], encoder: str) -> None:
     with ProcessPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-        for _ in pool.map(partial(convert, encoder=options.encoder), jobs):
+        for _ in pool.map(partial(convert, encoder=encoder), jobs):
             pass
 
 
@@ -115,7 +120,7 @@ def _capture(opened: Opened, seconds: dict[str, MappedSeconds]) -> dict[str, tup
         last = opened.warm_up(lambda: opened.scene.rig.listen(callbacks), arrivals.wait_for)
         first[0] = last + 1
         for tick in range(opened.spec.steps):
-            arrivals.wait_for(opened.scene.step(tick).frame)
+            arrivals.wait_for(opened.step(tick).frame)
     for job in jobs:
         job.result()
     return shapes
@@ -145,7 +150,7 @@ def _own_png(bgra: Any) -> bytes:
     (content,) = codec_for("rgb")[1].encode(
         {"width": width, "height": height}, memoryview(bytearray(bgra))
     )
-    return content
+    return bytes(content)
 
 
 def _add_options(parser: argparse.ArgumentParser) -> None:

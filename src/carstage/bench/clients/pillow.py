@@ -20,7 +20,7 @@ def record(opened: Opened, options: argparse.Namespace) -> None:
     queues = FrameQueues(opened)
     opened.warm_up(queues.listen, queues.take)
     for tick in range(opened.spec.steps):
-        data = queues.take(opened.scene.step(tick).frame)
+        data = queues.take(opened.step(tick).frame)
         for name in opened.sensors:
             image = data[name]
             array = np.frombuffer(image.raw_data, dtype=np.uint8)

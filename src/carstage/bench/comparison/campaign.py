@@ -33,7 +33,7 @@ TRIALS_FILE = "trials.jsonl"
 NOISE = 4.0
 """Standard deviation of what is added to pictures: drawn ones are smoother than a camera's."""
 PACE_HZ = 10.0
-_FORMAT = 1
+_FORMAT = 2
 
 Progress = Callable[[int, int], None]
 

@@ -12,7 +12,7 @@ from carstage.bench.comparison.presets import Experiment
 from carstage.bench.comparison.trials import Trial, TrialResult
 
 Measured = Sequence[tuple[Trial, TrialResult]]
-Quantity = Literal["wall_s", "cpu_s"]
+Quantity = Literal["recorded_s", "cpu_s"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Line:
 
     Attributes:
         per_unit_s: seconds per frame (``frames``), or added by a sensor (or an actor) to a frame.
-        begin_s: seconds of a run at value 0, start of the program and of the scene included.
+        begin_s: seconds at value 0.
         r2: coefficient of determination of the medians; 1 is a line.
         values: how many values there are; with two, ``r2`` says nothing.
     """
@@ -82,7 +82,7 @@ def spread(runs: Measured, value: int) -> Spread:
     )
 
 
-def line(runs: Measured, quantity: Quantity = "wall_s") -> Line | None:
+def line(runs: Measured, quantity: Quantity = "recorded_s") -> Line | None:
     """The line of seconds over what the experiment varies; None with fewer than two values.
 
     In ``frames`` its slope is seconds per frame; elsewhere the slope is divided by the frames of

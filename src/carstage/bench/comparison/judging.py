@@ -46,7 +46,7 @@ QUEUE_MB = 256.0
 """Sensor data that may wait in memory, ``output.raw_queue_mb``; a tick's data come on top."""
 _TICK_SHARE = 1.1
 _BOX_TOLERANCE_PX = 0.05
-_QUANTITIES: Final[Mapping[Quantity, str]] = {"wall_s": "", "cpu_s": ", CPU time"}
+_QUANTITIES: Final[Mapping[Quantity, str]] = {"recorded_s": "", "cpu_s": ", CPU time"}
 _UNITS: Final[Mapping[Experiment, str]] = {
     "frames": "per frame",
     "cameras": "per added camera and frame",
@@ -70,8 +70,9 @@ def judge(preset: Preset, measured: Measured, command: str, machine: Mapping[str
             figures += _figures_of(experiment, measured, machine)
     figures += _equality(measured)
     notes = [
-        "Seconds of a line fitted through all runs by the clock, conversion, labels and the "
-        "syncing of the disk included; with fewer frames for slow programs, see the preset."
+        "Seconds of a line fitted through all runs by the clock, from the first tick that counts "
+        "until all is on the disk, conversion and labels included; with fewer frames for slow "
+        "programs, see the preset. Totals count from the start of the program."
     ]
     if preset.name == QUICK:
         figures = [Figure(one.name, one.value) for one in figures]
@@ -93,8 +94,8 @@ def _figures_of(
             found = line(of(measured, experiment, name), quantity)
             if found is not None:
                 lines[name, quantity] = found
-        if (name, "wall_s") in lines:
-            ms = 1e3 * scale * lines[name, "wall_s"].per_unit_s
+        if (name, "recorded_s") in lines:
+            ms = 1e3 * scale * lines[name, "recorded_s"].per_unit_s
             figures.append(Figure(f"{experiment}: {name}, ms {_UNITS[experiment]}", ms))
     for slower, faster, target in RATIO_TARGETS[experiment]:
         for quantity, label in _QUANTITIES.items():
@@ -102,7 +103,7 @@ def _figures_of(
             if pair[0] is None or pair[1] is None:
                 continue
             ratio = pair[0].per_unit_s / pair[1].per_unit_s
-            wanted = target if quantity == "wall_s" else None
+            wanted = target if quantity == "recorded_s" else None
             figures.append(Figure(f"{experiment}: {slower} / {faster}{label}", ratio, ">=", wanted))
     if experiment == "frames":
         figures += _steadiness(measured, lines)
@@ -113,7 +114,7 @@ def _figures_of(
 
 def _steadiness(measured: Measured, lines: Mapping[tuple[str, Quantity], Line]) -> list[Figure]:
     figures = []
-    own = lines.get((CARSTAGE, "wall_s"))
+    own = lines.get((CARSTAGE, "recorded_s"))
     if own is not None and own.values > 2:
         figures.append(Figure("frames: R2 of Car-STAGE's line", own.r2, ">=", TARGET_R2))
     spreads = {}

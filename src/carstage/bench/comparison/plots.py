@@ -79,7 +79,7 @@ def _draw(axes: Axes, experiment: Experiment, names: Iterable[str], measured: Me
         boxes = []
         for value in values:
             share = 1.0 if experiment == "frames" else 1e3 / _frames(runs, value)
-            times = [one.wall_s - begin_s for trial, one in runs if trial.value == value]
+            times = [one.recorded_s - begin_s for trial, one in runs if trial.value == value]
             boxes.append([share * time_s for time_s in times])
         medians = [median(box) for box in boxes]
         axes.plot(xs, medians, color=colour, marker="o", markersize=3, label=name)
@@ -101,11 +101,12 @@ def _draw(axes: Axes, experiment: Experiment, names: Iterable[str], measured: Me
     if experiment == "frames":
         axes.set_ylabel("seconds of a run")
     else:
-        axes.set_ylabel("ms per frame, without the start of program and scene")
+        axes.set_ylabel("ms per frame, without what a line has at 0")
     if experiment != "objects":
         axes.set_yscale("log")
     axes.grid(visible=True, which="both", alpha=0.25)
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
+    if axes.has_data():
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
 
 
 def _frames(runs: Measured, value: int) -> int:

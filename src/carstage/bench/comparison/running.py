@@ -77,21 +77,22 @@ class Stage:
         cpu_before, began = _cpu_of_children(), time.monotonic()
         peak_bytes = _run(command, folder)
         subprocess.run(["sync", "--file-system", str(folder)], check=True)
-        wall_s = time.monotonic() - began
+        wall_s, ended_at_s = time.monotonic() - began, time.time()
         cpu_s = _cpu_of_children() - cpu_before
         server_cpu_s = process_cpu_s(server) - server_before if server else float("nan")
         kept = _dataset_files(folder) if PROGRAMS[trial.program].keeps else []
-        found, spawned = _told(folder)
+        told = _told(folder)
         document = trial.document(self.preset)
         return TrialResult(
             wall_s=wall_s,
+            recorded_s=ended_at_s - told.first_tick_at_s,
             cpu_s=cpu_s,
             server_cpu_s=server_cpu_s,
             peak_mb=peak_bytes / 1e6,
             files=len(kept),
             mb=sum(path.stat().st_size for path in kept) / 1e6,
-            spawned=spawned,
-            found=found,
+            spawned=told.spawned,
+            found=told.found,
             contents=contents_of(folder, document) if look else {},
         )
 
@@ -177,20 +178,30 @@ def _dataset_files(folder: Path) -> list[Path]:
     return [path for place in places for path in place.rglob("*") if path.is_file()]
 
 
-def _told(folder: Path) -> tuple[dict[str, float], int]:
-    """What a program counted, and how many actors found a place."""
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """What a program counted, how many actors found a place, and when its first tick was made."""
+
+    found: Mapping[str, float]
+    spawned: int
+    first_tick_at_s: float
+
+
+def _told(folder: Path) -> _Told:
     found: dict[str, float] = {}
-    spawned = 0
+    spawned, first_tick_at_s = 0, float("nan")
     own = [*folder.glob("dataset/**/events.jsonl")]
     for path in own or [folder / _SAID]:
         for event in _events(path):
             spawned = max(spawned, _actors(event))
+            if event.get("event") == "tick" and event["tick"] == 0:
+                first_tick_at_s = float(event["time"])
             for name in ("lost", "torn", "incomplete"):
                 if name in event:
                     found[name] = float(event[name])
             if "queued_bytes" in event:
                 found["queue_mb"] = max(found.get("queue_mb", 0.0), event["queued_bytes"] / 1e6)
-    return found, spawned
+    return _Told(found, spawned, first_tick_at_s)
 
 
 def _events(path: Path) -> list[Mapping[str, Any]]:

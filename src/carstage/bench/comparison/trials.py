@@ -75,6 +75,8 @@ class TrialResult:
 
     Attributes:
         wall_s: time that passed, conversion and labels included.
+        recorded_s: the same from the first tick that counts: without the start of the program,
+            of the scene, and without the pictures that a repeating server first has to draw.
         cpu_s: CPU seconds of the program and all that it started.
         server_cpu_s: of the server meanwhile; NaN for one that we did not start.
         peak_mb: most resident memory of the program and all that it started, without pages of
@@ -86,6 +88,7 @@ class TrialResult:
     """
 
     wall_s: float
+    recorded_s: float
     cpu_s: float
     server_cpu_s: float
     peak_mb: float

@@ -15,6 +15,9 @@ from carstage.errors import BadInputError
 
 ENTRY_POINT_GROUP = "carstage.codecs"
 
+Content = bytes | memoryview
+"""What a file will hold."""
+
 
 class Codec(ABC):
     """Turns one frame of one sensor into file contents, and back.
@@ -38,11 +41,12 @@ class Codec(ABC):
     lossless: ClassVar[bool] = True
 
     @abstractmethod
-    def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[bytes, ...]:
+    def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[Content, ...]:
         """Content of the frame's files.
 
         Args:
-            meta, payload: a data record of the raw log, see ``docs/formats/raw-log.md``.
+            meta, payload: a data record of the raw log, see ``docs/formats/raw-log.md``. What is
+                written as it came need not be copied: the payload stays as long as it is held.
 
         Raises:
             ValueError: the payload does not have the size that the meta says.

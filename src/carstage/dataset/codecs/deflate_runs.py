@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 _ZLIB_HEADER: Final = b"\x78\x01"
-_HEAD_WORDS: Final = 64
-"""More than the head of a block takes, in words of 32 bits."""
+_HEAD_BYTES: Final = 256
+"""More than head and end of a block take."""
 
 
 def zlib_of_runs(data: NDArray[np.uint8]) -> bytes:
@@ -33,8 +33,7 @@ def zlib_of_runs(data: NDArray[np.uint8]) -> bytes:
     whole = flat.size - flat.size % WORD_BYTES
     words, rest = np.frombuffer(flat.data[:whole], "<u8"), flat[whole:]
     blocks = 1 + words.size // BLOCK_WORDS
-    # No symbol takes more than 15 bits, and one of a run with what follows not more than 21.
-    out = np.empty(flat.size // 2 + (blocks + 1) * _HEAD_WORDS, np.uint32)
-    size = encode(words, rest, out, RUNS)
-    body = out.astype("<u4", copy=False).view(np.uint8)[:size].tobytes()
+    # No symbol takes two bytes, and one of a run with what follows not more than three.
+    out = np.empty(2 * flat.size + (blocks + 1) * _HEAD_BYTES, np.uint8)
+    body = out[: encode(words, rest, out, RUNS)].tobytes()
     return b"".join((_ZLIB_HEADER, body, deflate.adler32(flat.data).to_bytes(4, "big")))

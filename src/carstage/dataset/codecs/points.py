@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.dataset.codecs.codec import Codec, register
+from carstage.dataset.codecs.codec import Codec, Content, register
 from carstage.dataset.codecs.extras import need
 from carstage.dataset.codecs.npz import pack_npz, unpack_npz
 
@@ -28,13 +28,13 @@ class LidarBin(Codec):
 
     suffixes: ClassVar = (".bin",)
 
-    def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[bytes, ...]:
+    def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[Content, ...]:
         """See ``Codec.encode``."""
         points = _points(payload)
         counts = meta.get("counts")
         if counts is not None and sum(counts) != len(points):
             raise ValueError(f"a LiDAR record says {sum(counts)} points and holds {len(points)}")
-        return (bytes(payload),)
+        return (payload,)
 
     def decode(self, contents: Sequence[bytes]) -> NDArray[Any]:
         """See ``Codec.decode``."""
@@ -73,7 +73,7 @@ class _HeadedPoints(LidarBin):
     def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[bytes, ...]:
         """See ``Codec.encode``."""
         (content,) = super().encode(meta, payload)
-        return (self._header(len(content) // _POINT_BYTES) + content,)
+        return (b"".join((self._header(len(content) // _POINT_BYTES), content)),)
 
     def decode(self, contents: Sequence[bytes]) -> NDArray[Any]:
         """See ``Codec.decode``."""

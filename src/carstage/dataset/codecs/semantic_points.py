@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.dataset.codecs.codec import Codec, register
+from carstage.dataset.codecs.codec import Codec, Content, register
 from carstage.dataset.codecs.npz import pack_npz, unpack_npz
 
 SEMANTIC_POINT = np.dtype(
@@ -37,13 +37,13 @@ class SemanticLidarBin(Codec):
 
     suffixes: ClassVar = (".bin",)
 
-    def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[bytes, ...]:
+    def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[Content, ...]:
         """See ``Codec.encode``."""
         points = _points(payload)
         counts = meta.get("counts")
         if counts is not None and sum(counts) != len(points):
             raise ValueError(f"a record says {sum(counts)} points and holds {len(points)}")
-        return (bytes(payload),)
+        return (payload,)
 
     def decode(self, contents: Sequence[bytes]) -> NDArray[Any]:
         """See ``Codec.decode``."""

@@ -20,20 +20,28 @@ _HEAD_BYTES: Final = 256
 """More than head and end of a block take."""
 
 
-def zlib_of_runs(data: NDArray[np.uint8]) -> bytes:
-    """A zlib stream of bytes.
+class ZlibOfRuns:
+    """Makes zlib streams, in a buffer that it keeps; not for several threads at once."""
 
-    Args:
-        data: contiguous, not empty, any shape.
-    """
-    # Numba takes half a second to import: only processes that encode pictures shall pay for it.
-    from carstage.dataset.codecs.deflate_kernel import BLOCK_WORDS, RUNS, WORD_BYTES, encode
+    def __init__(self) -> None:
+        self._out: NDArray[np.uint8] = np.empty(0, np.uint8)
 
-    flat = data.reshape(-1)
-    whole = flat.size - flat.size % WORD_BYTES
-    words, rest = np.frombuffer(flat.data[:whole], "<u8"), flat[whole:]
-    blocks = 1 + words.size // BLOCK_WORDS
-    # No symbol takes two bytes, and one of a run with what follows not more than three.
-    out = np.empty(2 * flat.size + (blocks + 1) * _HEAD_BYTES, np.uint8)
-    body = out[: encode(words, rest, out, RUNS)].tobytes()
-    return b"".join((_ZLIB_HEADER, body, deflate.adler32(flat.data).to_bytes(4, "big")))
+    def __call__(self, data: NDArray[np.uint8]) -> tuple[bytes | memoryview, ...]:
+        """The parts of a stream; they are valid until the next call.
+
+        Args:
+            data: contiguous, not empty, any shape.
+        """
+        # Numba takes half a second to import: only processes that encode pictures shall pay.
+        from carstage.dataset.codecs.deflate_kernel import BLOCK_WORDS, RUNS, WORD_BYTES, encode
+
+        flat = data.reshape(-1)
+        whole = flat.size - flat.size % WORD_BYTES
+        words, rest = np.frombuffer(flat.data[:whole], "<u8"), flat[whole:]
+        blocks = 1 + words.size // BLOCK_WORDS
+        # No symbol takes two bytes, and one of a run with what follows not more than three.
+        most_bytes = 2 * flat.size + (blocks + 1) * _HEAD_BYTES
+        if self._out.size < most_bytes:
+            self._out = np.empty(most_bytes, np.uint8)
+        body = self._out[: encode(words, rest, self._out, RUNS)].data
+        return _ZLIB_HEADER, body, deflate.adler32(flat.data).to_bytes(4, "big")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from carstage.dataset.codecs.codec import Codec, image_bgra, register
-from carstage.dataset.codecs.deflate_runs import zlib_of_runs
+from carstage.dataset.codecs.deflate_runs import ZlibOfRuns
 from carstage.dataset.codecs.extras import need
 from carstage.dataset.codecs.png import PngPacker, unpack_png
 
@@ -63,7 +63,7 @@ class RgbRunsPng(RgbPng):
     """
 
     def __init__(self) -> None:
-        super().__init__(PngPacker(zlib_of_runs))
+        super().__init__(PngPacker(ZlibOfRuns()))
 
 
 @register("rgb", "fpng")

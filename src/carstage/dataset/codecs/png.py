@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import deflate
 import numpy as np
@@ -24,8 +24,12 @@ _FILTER_UP = 2
 _LEVEL = 1
 
 
-def _libdeflate(rows: NDArray[np.uint8]) -> bytes:
-    return bytes(deflate.zlib_compress(rows.data, _LEVEL))
+Parts = Sequence[bytes | bytearray | memoryview]
+"""What follows one another in a file."""
+
+
+def _libdeflate(rows: NDArray[np.uint8]) -> Parts:
+    return (deflate.zlib_compress(rows.data, _LEVEL),)
 
 
 class PngPacker:
@@ -34,10 +38,10 @@ class PngPacker:
     Not for use by several threads at once.
 
     Args:
-        compress: makes a zlib stream of filtered rows.
+        compress: makes a zlib stream of filtered rows, in parts.
     """
 
-    def __init__(self, compress: Callable[[NDArray[np.uint8]], bytes] = _libdeflate) -> None:
+    def __init__(self, compress: Callable[[NDArray[np.uint8]], Parts] = _libdeflate) -> None:
         self._compress = compress
         self._filtered: NDArray[np.uint8] = np.empty((0, 0), np.uint8)
 
@@ -69,20 +73,22 @@ class PngPacker:
             self._filtered[:, 0] = _FILTER_UP
         self._filtered[0, 1:] = rows[0]
         np.subtract(rows[1:], rows[:-1], out=self._filtered[1:, 1:])
-        data = self._compress(self._filtered)
         return b"".join(
             (
                 _SIGNATURE,
-                *_chunk(b"IHDR", _IHDR.pack(width, height, bits, colour, 0, 0, 0)),
-                *_chunk(b"IDAT", data),
-                *_chunk(b"IEND", b""),
+                *_chunk(b"IHDR", [_IHDR.pack(width, height, bits, colour, 0, 0, 0)]),
+                *_chunk(b"IDAT", self._compress(self._filtered)),
+                *_chunk(b"IEND", []),
             )
         )
 
 
-def _chunk(kind: bytes, data: bytes | bytearray) -> tuple[bytes, bytes, bytes | bytearray, bytes]:
-    checksum = deflate.crc32(data, deflate.crc32(kind))
-    return struct.pack(">I", len(data)), kind, data, struct.pack(">I", checksum)
+def _chunk(kind: bytes, data: Parts) -> Parts:
+    checksum = deflate.crc32(kind)
+    for part in data:
+        checksum = deflate.crc32(part, checksum)
+    length = sum(len(part) for part in data)
+    return struct.pack(">I", length), kind, *data, struct.pack(">I", checksum)
 
 
 def unpack_png(content: bytes) -> NDArray[np.uint8] | NDArray[np.uint16]:

@@ -10,9 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from carstage.dataset.codecs.deflate_runs import zlib_of_runs
+from carstage.dataset.codecs.deflate_runs import ZlibOfRuns
 
 BLOCK_BYTES = 1 << 17
+
+
+def zlib_of_runs(data: NDArray[np.uint8]) -> bytes:
+    return b"".join(ZlibOfRuns()(data))
 
 
 def read_back(data: NDArray[np.uint8]) -> bytes:

@@ -148,11 +148,28 @@ class Crowd:
         for actor_id, one, pose, extent in zip(
             self._ids.tolist(), self._cast, self._world_from_box, self._extent, strict=True
         ):
-            enter = _entry(rays, pose, _SOLID * extent)
-            nearer = enter < depth
-            depth[nearer] = enter[nearer]
-            bgra[nearer] = (actor_id >> 8 & 0xFF, actor_id & 0xFF, one[2], 255)
+            window = _window(k, pose, _SOLID * extent)
+            enter = _entry(rays[window], pose, _SOLID * extent)
+            nearer = enter < depth[window]
+            depth[window][nearer] = enter[nearer]
+            bgra[window][nearer] = (actor_id >> 8 & 0xFF, actor_id & 0xFF, one[2], 255)
         return CameraImages(depth.astype(np.float32), bgra)
+
+
+def _window(k: FloatArray, world_from_box: FloatArray, extent: FloatArray) -> tuple[slice, slice]:
+    """Rows and columns that a box before the camera may be seen in; all if it reaches behind."""
+    signs = np.array(np.meshgrid((-1, 1), (-1, 1), (-1, 1))).reshape(3, -1).T
+    corners = signs * extent @ world_from_box[:3, :3].T + world_from_box[:3, 3]
+    at = corners @ OPTICAL_FROM_SENSOR[:3, :3].T @ k.T
+    if at[:, 2].min() <= 0.0:
+        return slice(None), slice(None)
+    pixels = at[:, :2] / at[:, 2:]
+    (left, top), (right, bottom) = pixels.min(0), pixels.max(0)
+    rows, columns = (
+        slice(max(0, int(low) - 1), max(0, int(high) + 2))
+        for low, high in ((top, bottom), (left, right))
+    )
+    return rows, columns
 
 
 def _entry(rays_optical: FloatArray, world_from_box: FloatArray, extent: FloatArray) -> FloatArray:

@@ -5,6 +5,6 @@ the processes of ``conversion_pool``.
 """
 
 from carstage.conversion.episode import EpisodeConversion
-from carstage.conversion.pool import conversion_pool
+from carstage.conversion.pool import conversion_pool, load_libraries
 
-__all__ = ["EpisodeConversion", "conversion_pool"]
+__all__ = ["EpisodeConversion", "conversion_pool", "load_libraries"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import importlib
 import multiprocessing
 import os
 import signal
@@ -17,6 +18,11 @@ _THREAD_LIMITS = (
     "NUMBA_NUM_THREADS",
 )
 _NICENESS = 5
+_LIBRARIES = (
+    "carstage.conversion.segment",
+    "carstage.annotation.pixel_kernel",
+    "carstage.files.sha256_lanes",
+)
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _LARGEST_KEPT_BYTES = 32 << 20
 """As much as the allocator allows."""
@@ -38,6 +44,17 @@ def conversion_pool(workers: int | None = None) -> Executor:
         mp_context=multiprocessing.get_context("spawn"),
         initializer=_initialise_worker,
     )
+
+
+def load_libraries() -> None:
+    """Import what work on a segment needs, and encode a picture: two seconds of a new process."""
+    # Not before this is called: the supervisor needs none of it.
+    for name in _LIBRARIES:
+        importlib.import_module(name)
+    from carstage.dataset.codecs import codec_for
+
+    # The first call of compiled code takes as long as the imports.
+    codec_for("rgb")[1].encode({"width": 1, "height": 1}, memoryview(bytes(4)))
 
 
 def _initialise_worker() -> None:

@@ -8,7 +8,7 @@ from concurrent.futures import Executor as Pool
 from multiprocessing import resource_tracker
 from typing import Literal
 
-from carstage.conversion import conversion_pool
+from carstage.conversion import conversion_pool, load_libraries
 
 _MOST_AUTO = 8
 """Each takes a hundred megabytes and seconds of CPU to start; this many encode 300 pictures/s."""
@@ -48,7 +48,7 @@ class Converters:
 
 
 def start_pool(workers: int) -> Pool:
-    """Converters whose processes exist already.
+    """Converters whose processes exist already, and load their libraries.
 
     They are started with the terminal's signals blocked, which a child inherits: Ctrl-C reaches a
     worker also before it can decide to ignore it.
@@ -58,7 +58,7 @@ def start_pool(workers: int) -> Pool:
     try:
         pool = conversion_pool(workers)
         for _ in range(workers):
-            pool.submit(os.getpid)
+            pool.submit(load_libraries)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
     return pool

@@ -26,6 +26,7 @@ duration_s: 2
 fps: 10
 vehicles: {count: 6}
 pedestrians: {count: 3}
+conversion: {workers: 1}
 image_size: [96, 54]
 rig: {preset: demo}
 """

@@ -12,6 +12,8 @@ from pathlib import Path
 import psutil
 import pytest
 
+from carstage.conversion import conversion_pool, load_libraries
+
 _DEADLINE_S = 30.0
 _PARENT = """
 import os, sys, time
@@ -66,3 +68,13 @@ def test_workers_ignore_an_interrupt_and_die_with_their_parent(
     gone, alive = psutil.wait_procs(workers, timeout=_DEADLINE_S)
     assert not alive
     assert len(gone) == len(workers)
+
+
+def test_workers_load_what_a_segment_needs_before_there_is_one() -> None:
+    with conversion_pool(1) as pool:
+        assert pool.submit(load_libraries).result(_DEADLINE_S) is None
+        assert pool.submit(_has_segment).result(_DEADLINE_S)
+
+
+def _has_segment() -> bool:
+    return "carstage.conversion.segment" in sys.modules

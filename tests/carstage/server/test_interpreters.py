@@ -55,6 +55,13 @@ def test_this_python_serves_servers_of_its_own_release(machine: Path) -> None:
     assert (found.path, found.client) == (Path(sys.executable), "0.9.16")
 
 
+def test_nobody_asks_uv_while_this_python_fits(
+    machine: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interpreters, "_found_by_uv", lambda version: pytest.fail("asked"))
+    assert find_client("0.9.16").path == Path(sys.executable)
+
+
 def test_python_on_path_with_the_servers_wheel_is_found(machine: Path) -> None:
     python = interpreter(machine / "bin" / "python3.8", "3.8", "0.9.13")
     assert find_client("0.9.13").path == python

@@ -50,9 +50,10 @@ class Saved:
 
         return keep
 
-    def wait_idle(self) -> None:
-        """Wait until no callback saves."""
+    def end(self) -> None:
+        """Save nothing more, and wait until what is being saved is whole."""
         with self._idle:
+            self.first = None
             self._idle.wait_for(lambda: self._busy == 0)
 
 
@@ -62,10 +63,11 @@ def record(opened: Opened, options: argparse.Namespace) -> Mapping[str, Any]:
         saved = Saved(opened, options.format, rows)
         callbacks = {name: saved.callback(name) for name in opened.scene.rig.actors}
         opened.warm_up(lambda: opened.scene.rig.listen(callbacks), lambda frame: None)
-        frame = saved.first = opened.step(0).frame + 1
-        while frame < saved.first + opened.spec.steps:
+        first = saved.first = opened.step(0).frame + 1
+        frame = first
+        while frame < first + opened.spec.steps:
             frame = opened.scene.step(0).frame
-        saved.wait_idle()
+        saved.end()
         opened.scene.rig.stop()
     ticks = range(opened.spec.steps)
     have = {tick: sum(tick in frames for frames in saved.frames.values()) for tick in ticks}

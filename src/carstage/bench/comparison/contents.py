@@ -29,10 +29,15 @@ def contents_of(folder: Path, document: Mapping[str, Any]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for sensor in document["rig"]["sensors"]:
         for path in _first_files(folder, sensor["id"]):
-            content = _array(path, sensor["kind"])
+            name = f"{sensor['id']}/{int(path.stem)}"
+            try:
+                content = _array(path, sensor["kind"])
+            except (OSError, ValueError, EOFError) as error:
+                found[name] = f"unreadable: {error}"  # which no other program's is equal to
+                continue
             if content is not None:
                 digest = hashlib.blake2b(content.tobytes(), digest_size=_DIGEST_BYTES)
-                found[f"{sensor['id']}/{int(path.stem)}"] = digest.hexdigest()
+                found[name] = digest.hexdigest()
     boxes = list(_boxes(folder))
     if boxes:
         found["boxes"] = boxes

@@ -1,35 +1,21 @@
 """The loops over the pixels of silhouettes and masks, compiled: the only use of numba in labels.
 
 They do in one pass what numpy would do in some thirty, with the same float64 operations in the same
-order. Nothing here calls another file, whose changes numba would not notice when it looks for
-machine code that it kept.
+order.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from carstage.machine_code import compiled
 
 _TINY: Final = 1e-300
 _LONGEST: Final = 7
 """Characters of the largest run length."""
-
-
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a kernel at its first call, and keep the machine code where that can be done.
-
-    Numba keeps it beside this file or else in the user's cache. Where neither can be written, as in
-    a container that is read-only, each process compiles for itself.
-    """
-    try:
-        kept: Callable[..., Any] = numba.njit(cache=True, error_model="numpy")(function)
-    except RuntimeError:
-        kept = numba.njit(error_model="numpy")(function)
-    return kept
 
 
 @compiled

@@ -1,8 +1,6 @@
 """SHA-256 (FIPS 180-4) in sixteen lanes, written as LLVM vector code; see ``digests``.
 
 numba has no vector types. LLVM splits the vectors on processors with narrower registers.
-Nothing here calls another file, whose changes numba would not notice when it looks for machine code
-that it kept.
 """
 
 from __future__ import annotations
@@ -11,13 +9,14 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
+
+from carstage.machine_code import compiled
 
 LANES: Final = 16
 _BLOCK_BYTES: Final = 64
@@ -192,16 +191,7 @@ def _one_block(_: Any, state: Any, places: Any, offset: Any) -> Any:
     return types.void(state, places, offset), generate
 
 
-def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile at the first call, and keep the machine code where that can be done."""
-    try:
-        kept: Callable[..., Any] = numba.njit(cache=True, nogil=True)(function)
-    except RuntimeError:  # neither this folder nor the user's cache can be written
-        kept = numba.njit(nogil=True)(function)
-    return kept
-
-
-@_compiled
+@compiled
 def _compress(state: Any, places: Any, first: int, end: int) -> None:
     """Take blocks ``first`` to ``end`` behind each lane's place into the states."""
     for block in range(first, end):

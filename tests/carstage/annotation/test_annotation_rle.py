@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from carstage.annotation.pixel_kernel import compiled
 from carstage.annotation.pixels import ModalMask
 from carstage.annotation.rle import encode_mask
 
@@ -81,15 +79,3 @@ def test_a_mask_that_is_wholly_set_is_one_run_after_no_zeros() -> None:
 def test_the_box_of_a_single_pixel_is_one_by_one(i: int, j: int) -> None:
     x0, y0, x1, y1 = ModalMask(np.ones((1, 1), dtype=np.bool_), i, j).bounds()
     assert (x0, y0, x1 - x0, y1 - y0) == (i, j, 1.0, 1.0)
-
-
-def test_kernels_work_where_no_machine_code_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    compile_for_now = numba.njit
-
-    def without_cache(**options: object) -> object:
-        if "cache" in options:
-            raise RuntimeError("cannot cache function: no locator available")
-        return compile_for_now(**options)
-
-    monkeypatch.setattr(numba, "njit", without_cache)
-    assert compiled(lambda number: number + 1)(2) == 3

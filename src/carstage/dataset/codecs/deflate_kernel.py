@@ -1,21 +1,18 @@
-"""The loops of our deflate, compiled; see ``deflate_runs``.
-
-Nothing here calls another file, whose changes numba would not notice when it looks for machine code
-that it kept.
-"""
+"""The loops of our deflate, compiled; see ``deflate_runs``."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any, Final
 
-import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
+
+from carstage.machine_code import compiled
 
 _END: Final = 256
 _SYMBOLS: Final = 286
@@ -60,16 +57,7 @@ RUNS: Final = _run_table()
 """For :func:`encode`."""
 
 
-def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile at the first call, and keep the machine code where that can be done."""
-    try:
-        kept: Callable[..., Any] = numba.njit(cache=True)(function)
-    except RuntimeError:  # neither this folder nor the user's cache can be written
-        kept = numba.njit(function)
-    return kept
-
-
-@_compiled
+@compiled
 def _code_lengths(counts: Any, lengths: Any) -> None:
     """Huffman's lengths of at most ``_LONGEST_CODE`` bits; 0 for symbols that do not occur.
 
@@ -106,7 +94,7 @@ def _code_lengths(counts: Any, lengths: Any) -> None:
         lengths[order[place]] = depth[place]
 
 
-@_compiled
+@compiled
 def _canonical(lengths: Any, codes: Any) -> None:
     """Codes by length and symbol: the length, and << 8 the code with its bits turned round."""
     code = 0
@@ -135,7 +123,7 @@ def _put(_: Any, out: Any, at: Any, held: Any) -> Any:
     return types.void(out, types.intp, types.uint64), generate
 
 
-@_compiled
+@compiled
 def _flushed(out: Any, at: int, held: Any, bits: Any) -> tuple[int, Any, Any]:
     """Write what is held, keep what is not a whole byte: place, bits and number of those kept.
 
@@ -147,7 +135,7 @@ def _flushed(out: Any, at: int, held: Any, bits: Any) -> tuple[int, Any, Any]:
     return at + int(bits >> _THREE), held >> whole, bits - whole
 
 
-@_compiled
+@compiled
 def _count(words: Any, begin: int, end: int, runs: Any, counts: Any) -> None:
     """Add how often each symbol occurs in the words of a block, ``(4, _SYMBOLS)``.
 
@@ -175,7 +163,7 @@ def _count(words: Any, begin: int, end: int, runs: Any, counts: Any) -> None:
         counts[0, runs[run] & 0xFFFF] += 1
 
 
-@_compiled
+@compiled
 def _head(
     last: bool, lengths: Any, out: Any, at: int, held: Any, bits: Any
 ) -> tuple[int, Any, Any]:
@@ -197,7 +185,7 @@ def _head(
     return at, held, bits
 
 
-@_compiled
+@compiled
 def _literals(
     words: Any,
     place: int,
@@ -230,7 +218,7 @@ def _literals(
     return place, before, at, held, bits
 
 
-@_compiled
+@compiled
 def encode(words: Any, rest: Any, out: Any, runs: Any) -> int:
     """Write all blocks; the number of bytes.
 

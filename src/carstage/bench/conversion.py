@@ -11,7 +11,8 @@ import shutil
 import statistics
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from hashlib import sha256
 from pathlib import Path
 
 from carstage.bench.episodes import (
@@ -25,6 +26,7 @@ from carstage.bench.verdict import Figure, Verdict
 from carstage.conversion.segment import encode_segment
 from carstage.conversion.sensors import RecordedSensor
 from carstage.dataset.codecs import codec_for
+from carstage.files.digests import sha256_of_each
 from carstage.rawlog.format import KIND_DATA
 from carstage.rawlog.reader import EpisodeLog
 
@@ -81,13 +83,19 @@ def compare(raw: Path, camera_id: str, files: Path, rounds: int, progress: Progr
     def convert() -> None:
         encode_segment(raw, files, sensor, 0)
 
+    def contents() -> list[bytes]:
+        return [path.read_bytes() for path in sorted(files.rglob("*.png"))]
+
     encode()  # buffers are made once
-    alone, whole = [], []
+    alone, whole, hashes, plain_hashes = [], [], [], []
     written = 0
     for number in range(rounds):
         alone.append(_cpu_ms(encode) / len(records))
         whole.append(_cpu_ms(convert) / len(records))
-        written = sum(path.stat().st_size for path in files.rglob("*.png"))
+        made = contents()
+        written = sum(len(content) for content in made)
+        hashes.append(_cpu_ms(sha256_of_each, made) / len(made))
+        plain_hashes.append(_cpu_ms(_one_by_one, made) / len(made))
         shutil.rmtree(files)
         progress(number + 1, rounds)
     encoder_ms, conversion_ms = statistics.median(alone), statistics.median(whole)
@@ -100,15 +108,22 @@ def compare(raw: Path, camera_id: str, files: Path, rounds: int, progress: Progr
             Figure("kb_per_file", written / len(records) / 1e3),
             Figure("encoder_cpu_ms", encoder_ms),
             Figure("conversion_cpu_ms", conversion_ms),
+            Figure("hash_cpu_ms", statistics.median(hashes)),
+            Figure("hashlib_cpu_ms", statistics.median(plain_hashes)),
             Figure("conversion_of_encoder", conversion_ms / encoder_ms, "<=", TARGET_RATIO),
         ),
         (f"Codec {name}; conversion reads the log, encodes, writes the file and hashes it.",),
     )
 
 
-def _cpu_ms(work: Callable[[], None]) -> float:
+def _one_by_one(contents: Iterable[bytes]) -> None:
+    for content in contents:
+        sha256(content)
+
+
+def _cpu_ms(work: Callable[..., object], *arguments: object) -> float:
     began = time.process_time()
-    work()
+    work(*arguments)
     return 1e3 * (time.process_time() - began)
 
 

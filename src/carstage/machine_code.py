@@ -16,9 +16,8 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     none of another file, whose changes numba would not notice. Divisions are NumPy's; other
     threads go on meanwhile.
     """
-    options = {"error_model": "numpy", "nogil": True}
     try:
-        kept: Callable[..., Any] = numba.njit(cache=True, **options)(function)
+        kept: Callable[..., Any] = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
     except RuntimeError:
-        kept = numba.njit(**options)(function)
+        kept = numba.njit(error_model="numpy", nogil=True)(function)
     return kept

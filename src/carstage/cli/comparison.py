@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import signal
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import timedelta
 from enum import Enum
 from pathlib import Path
@@ -195,7 +198,7 @@ def _compare(
     if campaign.left:
         estimate = timedelta(seconds=round(campaign.estimate_s))
         note(f"{len(campaign.left)} runs to go, about {estimate} on this machine.")
-    with watch_steps("Runs", "runs") as progress:
+    with watch_steps("Runs", "runs") as progress, _ending_on_request():
         campaign.run(progress, minutes)
     for program, reason in campaign.left_out.items():
         note(f"{program} was left out: {reason}.")
@@ -217,3 +220,13 @@ def _address(text: str | None) -> tuple[str, int] | None:
     if not separator or not host or not port.isdecimal():
         raise BadInputError(f"--server: {text!r} is no address.", "Write HOST:PORT.")
     return host, int(port)
+
+
+@contextmanager
+def _ending_on_request() -> Iterator[None]:
+    """A stretch in which SIGTERM is an exception, so that what is measured ends, too."""
+    before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

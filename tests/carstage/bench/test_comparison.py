@@ -7,6 +7,7 @@ import html
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,10 +32,10 @@ START_S = {CARSTAGE: 6.0, DISCARD: 3.0}
 CAMERA_S = {CARSTAGE: 0.02, DISCARD: 0.004, NATIVE: 0.8, "native-threads": 0.4, "paper": 0.05}
 
 
-def result(wall_s: float, **known: float) -> TrialResult:
+def result(wall_s: float, **known: Any) -> TrialResult:
     values = {"cpu_s": wall_s, "server_cpu_s": 1.0, "peak_mb": 100.0, "mb": 5.0, **known}
     times = {"wall_s": wall_s, "recorded_s": wall_s}
-    return TrialResult(files=3, spawned=20, **times, **values)  # type: ignore[arg-type]
+    return TrialResult(files=3, spawned=20, **times, **values)
 
 
 def camera_runs() -> list[tuple[Trial, TrialResult]]:
@@ -197,3 +198,18 @@ def test_the_report_is_written_in_every_form(tmp_path: Path) -> None:
     assert "http" not in page.replace("http-equiv", "").split("<img")[0]
     assert html.escape(PROGRAMS["paper"].what) in page
     assert "| paper |" in (tmp_path / "comparison.md").read_text()
+
+
+def test_memory_is_judged_without_the_data_that_waited() -> None:
+    runs = [
+        (trial, result(4.0, peak_mb=300.0 + queue_mb, found={"queue_mb": queue_mb}))
+        for trial, queue_mb in zip(
+            [t for t in plan_trials(DOCS, ["frames"]) if t.program == CARSTAGE][:4],
+            (20.0, 40.0, 60.0, 200.0),
+            strict=True,
+        )
+    ]
+    figures = {one.name: one for one in judge(DOCS, runs, "", MACHINE).figures}
+    growth = figures["frames: memory without what waited, 160 frames / 80"]
+    assert (growth.value, growth.ok) == (pytest.approx(1.0), True)
+    assert figures["frames: most data that waited, MB"].value == 200.0

@@ -147,11 +147,21 @@ def _memory(experiment: Experiment, measured: Measured) -> list[Figure]:
         )
     values = values_in(runs)
     if experiment == "frames" and len(values) > 2:
-        # The shortest runs end before all of their processes have grown up.
-        growth = spread(runs, values[-1]).peak_mb / spread(runs, values[-2]).peak_mb
-        name = f"frames: memory with {values[-1]} frames / with {values[-2]}"
+        # The shortest runs end before all of their processes have grown up. What waits for the
+        # disk has a bound of its own, see above, and is more where the disk is slow.
+        most, less = (_beside_queue_mb(runs, value) for value in (values[-1], values[-2]))
+        growth = most / less
+        name = f"frames: memory without what waited, {values[-1]} frames / {values[-2]}"
         figures.append(Figure(name, growth, "<=", TARGET_GROWTH))
     return figures
+
+
+def _beside_queue_mb(runs: Measured, value: int) -> float:
+    return max(
+        result.peak_mb - result.found.get("queue_mb", 0.0)
+        for trial, result in runs
+        if trial.value == value
+    )
 
 
 def _totals(measured: Measured, target: float) -> list[Figure]:

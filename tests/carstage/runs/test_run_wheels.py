@@ -24,7 +24,6 @@ duration_s: 0.4
 fps: 10
 vehicles: {count: 4}
 pedestrians: {count: 2}
-conversion: {workers: 1}
 image_size: [96, 54]
 timing: {warmup_ticks: 6}
 conversion: {workers: 1}

@@ -70,8 +70,8 @@ def _draw(axes: Axes, experiment: Experiment, names: Iterable[str], measured: Me
         values = values_in(runs)
         colour = _COLOURS.get(name) or next(others)
         xs = [_frames(runs, value) for value in values] if experiment == "frames" else values
-        # Programs may have recorded other numbers of frames: what is comparable is a frame's share
-        # of the time after the start.
+        # Programs may have recorded other numbers of frames, of which each has a share of what is
+        # constant: what is comparable is a frame's share of the rest.
         fitted = line(runs)
         if fitted is None:
             continue  # one value alone does not tell the start from the rest
@@ -101,7 +101,7 @@ def _draw(axes: Axes, experiment: Experiment, names: Iterable[str], measured: Me
     if experiment == "frames":
         axes.set_ylabel("seconds of a run")
     else:
-        axes.set_ylabel("ms per frame, without what a line has at 0")
+        axes.set_ylabel("ms per frame, less the constant part")
     if experiment != "objects":
         axes.set_yscale("log")
     axes.grid(visible=True, which="both", alpha=0.25)

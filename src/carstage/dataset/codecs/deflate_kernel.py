@@ -167,8 +167,10 @@ def _count(words: Any, begin: int, end: int, runs: Any, counts: Any) -> None:
 def _head(
     last: bool, lengths: Any, out: Any, at: int, held: Any, bits: Any
 ) -> tuple[int, Any, Any]:
-    """The head of a block: last or not, dynamic codes, 286 symbols, one distance, 19 lengths of
-    lengths, of which those of 0 to 15 are 4 and so make plain numbers of the lengths."""
+    """The head of a block with codes of its own: 286 symbols, one distance.
+
+    Of the 19 lengths of lengths those of 0 to 15 are 4, and so make plain numbers of the lengths.
+    """
     held |= np.uint64((1 if last else 0) | 2 << 1 | 29 << 3 | 15 << 13) << bits
     at, held, bits = _flushed(out, at, held, bits + np.uint64(17))
     for number in range(19 + _SYMBOLS + 1):

@@ -34,7 +34,7 @@ from carstage.dataset.codecs import codec_for
 from carstage.dataset.tables import ROW_SENSORS, read_table, write_table
 from carstage.errors import ConversionError, ConverterDiedError, DatasetError
 from carstage.files.whole import write_whole
-from carstage.rawlog.format import LEDGER
+from carstage.rawlog.format import LEDGER, WORLD
 from carstage.rawlog.reader import EpisodeLog
 from carstage.storage.marker import FileEntry
 
@@ -89,6 +89,7 @@ class EpisodeConversion:
         self._plan = SensorPlan((), frozenset())
         self._tasks: dict[tuple[int, str], Future[Any]] = {}
         self._sealed: set[tuple[str, int]] = set()
+        self._kept_from: dict[str, int] = {}
         self._finished = False
 
     @property
@@ -145,6 +146,24 @@ class EpisodeConversion:
             tasks = [task for _, task in sorted(self._tasks.items()) if task.done()]
         for task in tasks:
             _raise_error_of(task)
+
+    def remove_converted(self) -> None:
+        """Remove raw segments of sensors that no work will read any more; cheap to ask often.
+
+        The newest of each stay, for previews. For recordings that are made anew where anything
+        fails: what is removed cannot be converted again. Pages that are given back at once are
+        used for the next frames, and never brought to the disk.
+        """
+        with self._lock:
+            newest: dict[str, int] = {}
+            for stream, segment in self._sealed:
+                newest[stream] = max(segment, newest.get(stream, segment))
+            for stream in newest.keys() - {WORLD, LEDGER}:  # `finish` reads those
+                for segment in range(self._kept_from.get(stream, 0), newest[stream]):
+                    if not self._is_read(stream, segment):
+                        break
+                    self._load().remove_segment(stream, segment)
+                    self._kept_from[stream] = segment + 1
 
     def finish(self) -> Converted:
         """Wait for all work and write what belongs to the whole episode.
@@ -244,6 +263,12 @@ class EpisodeConversion:
             return False
         return all((stream, segment) in self._sealed for stream in streams)
 
+    def _is_read(self, stream: str, segment: int) -> bool:
+        """Whether all work that reads a stream's segment is done, and well."""
+        tasks = [_LABELS] if stream in self._plan.label_streams else []
+        tasks += [sensor.id for sensor in self._plan.written if sensor.id == stream]
+        return all(_is_well_done(self._tasks.get((segment, task))) for task in tasks)
+
     def _frames_in(self, first_tick: int, end_tick: int) -> int:
         assert self._log is not None
         every = int(self._log.header["spec"]["save_every"])
@@ -305,6 +330,10 @@ class EpisodeConversion:
             suffix = path.name[path.name.index(".") :] if path.name[0] != "." else ""
             if suffix not in endings.get(path.parent.name, ()):
                 path.unlink()
+
+
+def _is_well_done(task: Future[Any] | None) -> bool:
+    return task is not None and task.done() and not task.cancelled() and task.exception() is None
 
 
 def _raise_error_of(task: Future[Any]) -> None:

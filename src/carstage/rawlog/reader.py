@@ -222,6 +222,13 @@ class EpisodeLog:
             raise RawLogError(f"{path} holds segment {found.segment} of stream {found.stream!r}.")
         return _sealed_records(path, data)
 
+    def remove_segment(self, stream: str, index: int) -> None:
+        """Remove a sealed segment; whoever has read it keeps what is mapped."""
+        path = self._segment_path(stream, index)
+        # The payloads last: a sealed segment has them.
+        for part in (path, path.with_suffix(raw.PAYLOAD_SUFFIX)):
+            part.unlink(missing_ok=True)
+
     def _segment_path(self, stream: str, index: int) -> Path:
         return self.folder / stream / f"{index:06d}{raw.SEALED_SUFFIX}"
 

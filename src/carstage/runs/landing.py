@@ -114,6 +114,11 @@ class Landing:
             self._conversion.use(pool)
             self._conversion.scan()
 
+    def remove_converted(self) -> None:
+        """Remove what of the raw recording is converted; the rest goes with :meth:`remove_raw`."""
+        with suppress(OSError):
+            self._conversion.remove_converted()
+
     def is_ready(self) -> bool:
         """Whether all frames are converted.
 

@@ -259,6 +259,9 @@ class _Session:
             shown = self._landings[0]
         if current is not None and shown is not None and _is_of(current, shown):
             current.frames_converted = shown.frames_done
+        if not self._setup.raw_must_last:
+            for landing in self._under_way():
+                landing.remove_converted()
         if self._config.conversion.mode == "streaming" or self._recording is None:
             for landing in list(self._landings):
                 self._land(landing)
@@ -456,14 +459,17 @@ class _Session:
 
     def _give_back(self) -> None:
         """Remove attempts that did not land and end the converters, whatever the disk says."""
-        recording = [] if self._recording is None else [self._recording]
-        for landing in [*recording, *self._landings, *self._recorded]:
+        for landing in [*self._under_way(), *self._recorded]:
             try:
                 landing.give_up()
             except (CarStageError, OSError) as error:
                 folder = f"episodes/{landing.job.episode_id}/{landing.attempt}"
                 self._observer.say(f"{folder} could not be removed and is no part of it: {error}")
         self._converters.end()
+
+    def _under_way(self) -> list[Landing]:
+        """What is recorded now, and what is being converted."""
+        return [*([] if self._recording is None else [self._recording]), *self._landings]
 
     def _enter(self, state: State) -> None:
         self._status.state = state

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from carstage.bench.comparison import EXPERIMENTS, PRESETS, Campaign, judge, plan_trials
-from carstage.bench.comparison.campaign import TRIALS_FILE
+from carstage.bench.comparison.campaign import TRIALS_FILE, _warm_up
 from carstage.bench.comparison.contents import contents_of
 from carstage.bench.comparison.figures import line, of, spread
 from carstage.bench.comparison.programs import CARSTAGE, DISCARD, NATIVE, PROGRAMS
@@ -168,6 +168,17 @@ def test_results_are_kept_at_once_and_gone_on_with(tmp_path: Path) -> None:
     assert trial.key in more.results
     with pytest.raises(BadInputError, match="another comparison"):
         Campaign(PRESETS["quick"], ["lidars"], tmp_path)
+
+
+def test_what_compiles_is_warmed_up_before_anything_counts() -> None:
+    todo = plan_trials(DOCS, ["frames", "cameras"])
+    warm = _warm_up(todo)
+    assert warm[0] == todo[0]
+    assert CARSTAGE in {trial.program for trial in warm}
+    assert len(warm) <= 2
+    others = [trial for trial in todo if trial.program == NATIVE]
+    assert _warm_up(others) == others[:1]
+    assert _warm_up([]) == []
 
 
 def test_only_the_programs_that_are_asked_for_run(tmp_path: Path) -> None:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import multiprocessing
 import os
 import random
+import shutil
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import analytic_dataset
@@ -77,6 +79,54 @@ def test_announced_in_any_order_the_bytes_are_the_same(
     assert done == sorted(done)
     assert conversion.frames_done == 6
     assert contents(tmp_path / "other") == contents(converted)
+
+
+def test_what_is_converted_may_go_and_the_bytes_are_the_same(
+    converted: Path, tmp_path: Path
+) -> None:
+    analytic_scene.write_raw_log(tmp_path / "raw")
+    log = EpisodeLog(tmp_path / "raw")
+
+    class Held(ThreadPoolExecutor):
+        """Begins nothing before it is told to."""
+
+        def __init__(self) -> None:
+            super().__init__(2)
+            self.go = Event()
+
+        def submit(self, function: Any, /, *arguments: Any, **_: Any) -> Future[Any]:
+            return super().submit(lambda: (self.go.wait(), function(*arguments))[1])
+
+    with Held() as pool:
+        conversion = EpisodeConversion(log.folder, tmp_path / "other", pool)
+        conversion.remove_converted()
+        conversion.scan()
+        conversion.remove_converted()
+        assert all(log.sealed_segments(stream) == (0, 1) for stream in log.streams)
+        pool.go.set()
+        while conversion.frames_done < 6:
+            conversion.remove_converted()
+        conversion.remove_converted()
+        kept = {stream for stream in log.streams if log.sealed_segments(stream) == (0, 1)}
+        assert kept == {"world", "ledger"}
+        assert all(log.sealed_segments(stream) == (1,) for stream in set(log.streams) - kept)
+        conversion.finish()
+    assert contents(tmp_path / "other") == contents(converted)
+
+
+def test_what_could_not_be_converted_stays(raw: Path, tmp_path: Path) -> None:
+    shutil.copytree(raw, tmp_path / "raw")
+    path = tmp_path / "raw/CAM_FRONT/000000.seg"
+    path.write_bytes(path.read_bytes()[:-100])
+    with ThreadPoolExecutor(1) as pool:
+        conversion = EpisodeConversion(tmp_path / "raw", tmp_path / "out", pool)
+        conversion.scan()
+        with pytest.raises(RawLogError):
+            conversion.finish()
+        conversion.remove_converted()
+    log = EpisodeLog(tmp_path / "raw")
+    assert log.sealed_segments("CAM_FRONT") == (0, 1)
+    assert log.sealed_segments("CAM_LEFT") == (1,)
 
 
 def test_another_attempt_in_processes_gives_the_same_bytes(converted: Path, tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from carstage.runs.landing import Job
 from carstage.runs.outcome import Nobody
 from carstage.runs.servers import ServerSetup
 from carstage.runs.session import _Session
-from carstage.storage import open_store
+from carstage.storage import Store, open_store
 
 RETRIES = 2
 
@@ -82,12 +82,20 @@ def made(tmp_path: Path) -> Iterator[Made]:
     store = open_store(tmp_path)
     store.initialise("test")
     listener = Listener()
-    config = check_config({})
     with RunFolder(tmp_path) as folder, Interruption() as interruption:
-        session = _Session(
-            config, ServerSetup(config), store, folder, tmp_path, interruption, listener, RETRIES
-        )
-        yield session, listener, folder
+        yield make_session({}, store, folder, interruption, listener), listener, folder
+
+
+def make_session(
+    written: Mapping[str, Any],
+    store: Store,
+    folder: RunFolder,
+    interruption: Interruption,
+    listener: Listener,
+) -> _Session:
+    config = check_config(written)
+    setup = ServerSetup(config)
+    return _Session(config, setup, store, folder, store.root, interruption, listener, RETRIES)
 
 
 def events(folder: RunFolder) -> list[str]:
@@ -203,3 +211,34 @@ def test_disk_that_refuses_the_last_words_does_not_hide_why_the_run_ended(
     with pytest.raises(CollectorError, match="It broke"):
         session.run((), [], Fail(CollectorError("It broke.")))
     assert "The next run on this dataset clears up." in listener.said[-1]
+
+
+@pytest.mark.parametrize(
+    ("written", "removed"),
+    [
+        ({}, 2),
+        ({"output": {"keep_raw": True}}, 0),
+        ({"conversion": {"mode": "deferred"}}, 0),
+    ],
+)
+def test_raw_data_go_while_an_episode_is_recorded_unless_they_must_last(
+    tmp_path: Path, spec: EpisodeSpec, written: Mapping[str, Any], removed: int
+) -> None:
+    class Landing(GivenUp):
+        removed = 0
+
+        def remove_converted(self) -> None:
+            self.removed += 1
+
+        def is_ready(self) -> bool:
+            return False
+
+    store = open_store(tmp_path)
+    store.initialise("test")
+    with RunFolder(tmp_path) as folder, Interruption() as interruption:
+        session = make_session(written, store, folder, interruption, Listener())
+        landings = Landing(spec, 0), Landing(spec, 1)
+        session._recording = landings[0]  # type: ignore[assignment]
+        session._landings.append(landings[1])  # type: ignore[arg-type]
+        session.poll()
+    assert sum(landing.removed for landing in landings) == removed

@@ -128,7 +128,14 @@ PROGRAMS: Final[dict[str, Program]] = {
             lossless=False,
             timing={"mode": "async"},
         ),
-        Program("pillow", "NumPy and Pillow with its defaults", "pillow", slow=True, seconds=0.8),
+        Program(
+            "pillow",
+            "NumPy and Pillow with its defaults",
+            "pillow",
+            slow=True,
+            seconds=0.8,
+            needs=("numpy", "PIL"),
+        ),
         Program(
             "paper",
             "the paper's design: thread pool, memory-mapped seconds, then a process pool, OpenCV",

@@ -89,7 +89,7 @@ class EpisodeConversion:
         self._plan = SensorPlan((), frozenset())
         self._tasks: dict[tuple[int, str], Future[Any]] = {}
         self._sealed: set[tuple[str, int]] = set()
-        self._kept_from: dict[str, int] = {}
+        self._unread: set[tuple[str, int]] = set()
         self._finished = False
 
     @property
@@ -150,20 +150,14 @@ class EpisodeConversion:
     def remove_converted(self) -> None:
         """Remove raw segments of sensors that no work will read any more; cheap to ask often.
 
-        The newest of each stay, for previews. For recordings that are made anew where anything
-        fails: what is removed cannot be converted again. Pages that are given back at once are
-        used for the next frames, and never brought to the disk.
+        For recordings that are made anew where anything fails: what is removed cannot be converted
+        again. Pages that are given back at once are used for the next frames, and never brought to
+        the disk.
         """
         with self._lock:
-            newest: dict[str, int] = {}
-            for stream, segment in self._sealed:
-                newest[stream] = max(segment, newest.get(stream, segment))
-            for stream in newest.keys() - {WORLD, LEDGER}:  # `finish` reads those
-                for segment in range(self._kept_from.get(stream, 0), newest[stream]):
-                    if not self._is_read(stream, segment):
-                        break
-                    self._load().remove_segment(stream, segment)
-                    self._kept_from[stream] = segment + 1
+            for stream, segment in [one for one in self._unread if self._is_read(*one)]:
+                self._load().remove_segment(stream, segment)
+                self._unread.remove((stream, segment))
 
     def finish(self) -> Converted:
         """Wait for all work and write what belongs to the whole episode.
@@ -244,6 +238,8 @@ class EpisodeConversion:
         if (stream, segment) in self._sealed:
             return
         self._sealed.add((stream, segment))
+        if stream not in (WORLD, LEDGER):  # `finish` reads those
+            self._unread.add((stream, segment))
         for sensor in self._plan.written:
             if self._is_ready(segment, sensor.id, {sensor.id, LEDGER}):
                 self._tasks[segment, sensor.id] = self._submit(

@@ -127,7 +127,10 @@ class Campaign:
             self._looked_at.add(name)
             lacks = PROGRAMS[name].lacks(python, trial.labels)
             if lacks:
-                self.left_out[name] = f"the client's Python has no {', '.join(lacks)}"
+                self.left_out[name] = (
+                    f"{python}, the client's Python, has no {', '.join(lacks)}; install it there "
+                    "and give the same command again"
+                )
         return name in self.left_out
 
     @contextmanager

@@ -50,6 +50,20 @@ def test_frames_come_back_as_written(tmp_path: Path, store: str) -> None:
     ]
 
 
+def test_removed_segment_leaves_nothing_and_the_next_one_alone(tmp_path: Path, store: str) -> None:
+    log = episode(tmp_path)
+    with StreamWriter(str(tmp_path), "CAM", TICKS, store=store) as writer:
+        for tick in range(2 * TICKS):
+            write(writer, tick, frame(tick))
+            if tick % TICKS == TICKS - 1:
+                writer.seal(tick)
+    read = log.read_segment("CAM", 0)
+    log.remove_segment("CAM", 0)
+    assert not list((tmp_path / "CAM").glob("000000*"))
+    assert [bytes(record.payload) for record in read] == [frame(tick) for tick in range(TICKS)]
+    assert len(log.read_segment("CAM", 1)) == TICKS
+
+
 @pytest.mark.parametrize("durable", [True, False])
 def test_only_what_must_outlive_a_crash_of_the_machine_is_brought_to_the_disk(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, store: str, durable: bool

@@ -78,8 +78,8 @@ class Campaign:
         self.trials = [one for one in planned if not programs or one.program in programs]
         self.results: dict[Key, tuple[Trial, TrialResult]] = {}
         self.left_out: dict[str, str] = {}
-        """Programs that cannot run here, and why."""
-        self._looked_at: set[str] = set()
+        """Programs that cannot run here, or not with labels, and why."""
+        self._lacking: dict[tuple[str, bool], list[str]] = {}
         self.machine = self._read()
 
     @property
@@ -110,28 +110,26 @@ class Campaign:
             if not todo or time.monotonic() > end_s:
                 continue
             with self._stage(paced) as stage:
+                todo = [trial for trial in todo if not self._is_left_out(trial, stage.python)]
                 for trial in _warm_up(todo):
                     stage.run(dataclasses.replace(trial, frames=2), look=False)
                 for trial in todo:
                     if time.monotonic() > end_s:
                         break
-                    if self._is_left_out(trial, stage.python):
-                        continue
                     self._keep(trial, _second_chance(stage, trial))
                     progress(len(self.results), len(self.trials))
 
     def _is_left_out(self, trial: Trial, python: str) -> bool:
         """Whether the client's Python lacks what a program needs."""
-        name = trial.program
-        if name not in self._looked_at:
-            self._looked_at.add(name)
-            lacks = PROGRAMS[name].lacks(python, trial.labels)
+        name, key = trial.program, (trial.program, trial.labels)
+        if key not in self._lacking:
+            lacks = self._lacking[key] = PROGRAMS[name].lacks(python, trial.labels)
             if lacks:
                 self.left_out[name] = (
                     f"{python}, the client's Python, has no {', '.join(lacks)}; install it there "
                     "and give the same command again"
                 )
-        return name in self.left_out
+        return bool(self._lacking[key])
 
     @contextmanager
     def _stage(self, paced: bool) -> Iterator[Stage]:

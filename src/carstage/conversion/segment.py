@@ -21,7 +21,7 @@ from carstage.dataset.codecs.codec import Content, image_bgra
 from carstage.dataset.tables import ROW_SENSORS, arrow_type, write_table
 from carstage.errors import ConversionError
 from carstage.files.digests import sha256_of_each
-from carstage.files.whole import write_whole
+from carstage.files.streaming import FileStream
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.format import KIND_DATA, LEDGER
 from carstage.rawlog.reader import EpisodeLog, Record
@@ -77,16 +77,17 @@ def encode_segment(
     (attempt_folder / below).mkdir(parents=True, exist_ok=True)
     server = str(log.header["server_version"])
     hashed = _HashedFiles()
-    for record in records:
-        try:
-            payload = dataset_payload(sensor.kind, server, record.payload)
-            contents = codec.encode(record.meta, payload)
-        except (ValueError, KeyError) as error:
-            raise _bad_record(sensor, record, str(error)) from error
-        for suffix, content in zip(codec.suffixes, contents, strict=True):
-            name = f"{below}/{ticks[record.tick]:06d}{suffix}"
-            write_whole(attempt_folder / name, content, on_its_way=True)
-            hashed.add(name, content)
+    with FileStream() as files:
+        for record in records:
+            try:
+                payload = dataset_payload(sensor.kind, server, record.payload)
+                contents = codec.encode(record.meta, payload)
+            except (ValueError, KeyError) as error:
+                raise _bad_record(sensor, record, str(error)) from error
+            for suffix, content in zip(codec.suffixes, contents, strict=True):
+                name = f"{below}/{ticks[record.tick]:06d}{suffix}"
+                files.write(attempt_folder / name, content)
+                hashed.add(name, content)
     return EncodedSegment(files=hashed.all())
 
 

@@ -40,11 +40,10 @@ class RgbPng(Codec):
 
     def __init__(self, packer: PngPacker | None = None) -> None:
         self._packer = packer or PngPacker()
-        self._rgb = RgbBuffer()
 
     def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[bytes, ...]:
         """See ``Codec.encode``."""
-        return (self._packer.pack(self._rgb.fill(image_bgra(meta, payload))),)
+        return (self._packer.pack_bgra(image_bgra(meta, payload)),)
 
     def decode(self, contents: Sequence[bytes]) -> NDArray[Any]:
         """See ``Codec.decode``."""
@@ -72,6 +71,7 @@ class RgbFpng(RgbPng):
 
     def __init__(self) -> None:
         super().__init__()
+        self._rgb = RgbBuffer()
         self._fpng = need("fpng", extra="fast-png", codec="fpng")
 
     def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[bytes, ...]:

@@ -326,6 +326,20 @@ def test_a_used_packer_packs_as_a_new_one(images: list[np.ndarray[Any, Any]]) ->
     assert [packer.pack(image) for image in images] == [PngPacker().pack(i) for i in images]
 
 
+@given(
+    image=arrays.arrays(np.uint8, st.tuples(st.integers(1, 20), st.integers(1, 20), st.just(4))),
+    aligned=st.booleans(),
+)
+def test_the_order_of_the_raw_record_packs_as_the_order_of_the_file(
+    image: np.ndarray[Any, Any], aligned: bool
+) -> None:
+    if not aligned:
+        content = memoryview(b"-" + image.tobytes())[1:]
+        image = np.frombuffer(content, np.uint8).reshape(image.shape)
+    packer = PngPacker()
+    assert packer.pack_bgra(image) == packer.pack(np.ascontiguousarray(image[..., 2::-1]))
+
+
 @pytest.mark.parametrize(
     "image",
     [

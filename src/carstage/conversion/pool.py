@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 import ctypes
+import gc
 import importlib
 import multiprocessing
 import os
@@ -18,11 +20,8 @@ _THREAD_LIMITS = (
     "NUMBA_NUM_THREADS",
 )
 _NICENESS = 5
-_LIBRARIES = (
-    "carstage.conversion.segment",
-    "carstage.annotation.pixel_kernel",
-    "carstage.files.sha256_lanes",
-)
+_LIBRARIES = ("carstage.conversion.segment",)
+_LIBRARIES_FOR_PICTURES = ("carstage.annotation.pixel_kernel",)
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _LARGEST_KEPT_BYTES = 32 << 20
 """As much as the allocator allows."""
@@ -46,20 +45,35 @@ def conversion_pool(workers: int | None = None) -> Executor:
     )
 
 
-def load_libraries() -> None:
-    """Import what work on a segment needs, and encode a picture: two seconds of a new process."""
-    # Not before this is called: the supervisor needs none of it.
-    for name in _LIBRARIES:
-        importlib.import_module(name)
-    from carstage.dataset.codecs import codec_for
+def load_libraries(pictures: bool) -> None:
+    """Import what work on a segment needs, and encode a picture: up to two seconds of a process.
 
-    # The first call of compiled code takes as long as the imports.
-    codec_for("rgb")[1].encode({"width": 1, "height": 1}, memoryview(bytes(4)))
+    Args:
+        pictures: also what only pictures need, which is more than half of it.
+    """
+    # What is made by an import stays; looking through it for garbage again and again is a third
+    # of the time.
+    gc.disable()
+    try:
+        # Not before this is called: the supervisor needs none of it.
+        for name in (*_LIBRARIES, *(_LIBRARIES_FOR_PICTURES if pictures else ())):
+            importlib.import_module(name)
+        from carstage.dataset.codecs import codec_for
+        from carstage.files.digests import load_lanes
+
+        load_lanes()
+        if pictures:
+            # The first call of compiled code takes as long as the imports.
+            codec_for("rgb")[1].encode({"width": 1, "height": 1}, memoryview(bytes(4)))
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def _initialise_worker() -> None:
     """Run once in each worker, before the numerical libraries are loaded where that is possible."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    atexit.register(os._exit, 0)  # taking apart all that was imported takes a third of a second
     _keep_memory()
     os.environ.update(dict.fromkeys(_THREAD_LIMITS, "1"))
     os.nice(_NICENESS)

@@ -38,6 +38,12 @@ def sha256_of_each(contents: Sequence[bytes | memoryview]) -> list[str]:
     return found
 
 
+def load_lanes() -> None:
+    """Load what hashing side by side needs, on processors where that is done."""
+    if _lanes_pay():
+        import carstage.files.sha256_lanes  # noqa: F401
+
+
 @cache
 def _lanes_pay() -> bool:
     """Whether the processor has wide registers, and no instructions for SHA."""

@@ -20,18 +20,20 @@ class Converters:
     Args:
         workers: number of processes; ``auto``: one for each usable core, at most eight. Theirs is
             a lower priority, so that they take what the simulator leaves.
+        pictures: whether there will be any.
     """
 
-    def __init__(self, workers: int | Literal["auto"]) -> None:
+    def __init__(self, workers: int | Literal["auto"], *, pictures: bool) -> None:
         cores = len(os.sched_getaffinity(0))
         self._workers = min(cores, _MOST_AUTO) if workers == "auto" else workers
+        self._pictures = pictures
         self._pool: Pool | None = None
         self._retired: list[Pool] = []
 
     def pool(self) -> Pool:
         """The pool that takes work now; its processes are started by the first call."""
         if self._pool is None:
-            self._pool = start_pool(self._workers)
+            self._pool = start_pool(self._workers, self._pictures)
         return self._pool
 
     def retire(self) -> None:
@@ -47,7 +49,7 @@ class Converters:
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def start_pool(workers: int) -> Pool:
+def start_pool(workers: int, pictures: bool) -> Pool:
     """Converters whose processes exist already, and load their libraries.
 
     They are started with the terminal's signals blocked, which a child inherits: Ctrl-C reaches a
@@ -58,7 +60,7 @@ def start_pool(workers: int) -> Pool:
     try:
         pool = conversion_pool(workers)
         for _ in range(workers):
-            pool.submit(load_libraries)
+            pool.submit(load_libraries, pictures)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
     return pool

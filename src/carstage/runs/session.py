@@ -139,7 +139,9 @@ class _Session:
         self._clock_s = clock_s
         self._next_heartbeat_s = 0.0
         self._self_test: Mapping[str, Any] | None = None
-        self._converters = Converters(config.conversion.workers)
+        self._converters = Converters(
+            config.conversion.workers, pictures=any(sensor.is_camera for sensor in config.sensors)
+        )
         self._jobs: deque[Job] = deque()
         self._recording: Landing | None = None
         self._recorded: deque[Landing] = deque()

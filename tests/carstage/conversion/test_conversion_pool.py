@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import subprocess
@@ -70,11 +71,15 @@ def test_workers_ignore_an_interrupt_and_die_with_their_parent(
     assert len(gone) == len(workers)
 
 
-def test_workers_load_what_a_segment_needs_before_there_is_one() -> None:
+@pytest.mark.parametrize("pictures", [True, False])
+def test_workers_load_what_a_segment_needs_before_there_is_one(pictures: bool) -> None:
     with conversion_pool(1) as pool:
-        assert pool.submit(load_libraries).result(_DEADLINE_S) is None
-        assert pool.submit(_has_segment).result(_DEADLINE_S)
+        assert pool.submit(load_libraries, pictures).result(_DEADLINE_S) is None
+        assert pool.submit(_has, "carstage.conversion.segment").result(_DEADLINE_S)
+        kernel = "carstage.annotation.pixel_kernel"
+        assert pool.submit(_has, kernel).result(_DEADLINE_S) is pictures
+        assert pool.submit(gc.isenabled).result(_DEADLINE_S)
 
 
-def _has_segment() -> bool:
-    return "carstage.conversion.segment" in sys.modules
+def _has(module: str) -> bool:
+    return module in sys.modules

@@ -110,7 +110,7 @@ def test_first_converter_is_deaf_to_ctrl_c_from_its_first_instruction() -> None:
         "from pathlib import Path\n"
         "from carstage.runs.converters import start_pool\n"
         "if __name__ == '__main__':\n"
-        "    with start_pool(1) as pool:\n"
+        "    with start_pool(1, True) as pool:\n"
         "        status = Path(f'/proc/{pool.submit(os.getpid).result()}/status').read_text()\n"
         "    blocked = int(re.search(r'SigBlk:\\s*(\\w+)', status).group(1), 16)\n"
         "    print(bool(blocked >> (signal.SIGINT - 1) & 1))\n"

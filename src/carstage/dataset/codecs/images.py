@@ -13,21 +13,24 @@ from PIL import Image
 from carstage.dataset.codecs.codec import Codec, image_bgra, register
 from carstage.dataset.codecs.deflate_runs import ZlibOfRuns
 from carstage.dataset.codecs.extras import need
-from carstage.dataset.codecs.png import PngPacker, unpack_png
+from carstage.dataset.codecs.png import PngPacker, pixel_words, unpack_png
 
 
 class RgbBuffer:
-    """An RGB image that is filled from BGRA images of one size, plane by plane."""
+    """An RGB image that is filled from BGRA images of one size."""
 
     def __init__(self) -> None:
         self._rgb: NDArray[np.uint8] = np.empty((0, 0, 3), np.uint8)
 
     def fill(self, bgra: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """The buffer, ``(H, W, 3)``, until the next call."""
-        if self._rgb.shape[:2] != bgra.shape[:2]:
-            self._rgb = np.empty((*bgra.shape[:2], 3), np.uint8)
-        for channel in range(3):
-            self._rgb[..., channel] = bgra[..., 2 - channel]
+        # Numba takes half a second to import: only processes that encode pictures shall pay.
+        from carstage.dataset.codecs.bgra_kernels import colours
+
+        height, width = bgra.shape[:2]
+        if self._rgb.shape[:2] != (height, width):
+            self._rgb = np.empty((height, width, 3), np.uint8)
+        colours(pixel_words(bgra), self._rgb.reshape(height, 3 * width))
         return self._rgb
 
 

@@ -80,13 +80,11 @@ class PngPacker:
             image: ``(H, W, 4)`` blue, green, red and alpha, which is left out.
         """
         # Numba takes half a second to import: only processes that encode pictures shall pay.
-        from carstage.dataset.codecs.filter_kernel import filter_up
+        from carstage.dataset.codecs.bgra_kernels import filter_up
 
         height, width = image.shape[:2]
-        pixels = np.require(image, requirements=["C", "A"]).view("<u4")[..., 0]
-        pixels.flags.writeable = False  # one type, one compilation
         filtered = self._buffer(height, 3 * width)
-        filter_up(pixels, filtered)
+        filter_up(pixel_words(image), filtered)
         return self._file(width, height, 8, _RGB, filtered)
 
     def _buffer(self, height: int, row_bytes: int) -> NDArray[np.uint8]:
@@ -106,6 +104,13 @@ class PngPacker:
                 *_chunk(b"IEND", []),
             )
         )
+
+
+def pixel_words(image: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    """A picture ``(H, W, 4)`` as one word for each pixel, ``(H, W)``, for compiled loops."""
+    words = np.require(image, requirements=["C", "A"]).view("<u4")[..., 0]
+    words.flags.writeable = False  # one type, one compilation
+    return words
 
 
 def _chunk(kind: bytes, data: Parts) -> Parts:

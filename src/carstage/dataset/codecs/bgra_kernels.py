@@ -1,4 +1,4 @@
-"""The loop that makes a PNG's rows of a camera's picture, compiled; see ``png``."""
+"""Loops over a camera's picture as it came, compiled; see ``png`` and ``images``."""
 
 from __future__ import annotations
 
@@ -37,3 +37,20 @@ def filter_up(pixels: NDArray[np.uint32], rows: NDArray[np.uint8]) -> Any:
             rows[row, 1 + 3 * column] = less >> _SIXTEEN
             rows[row, 2 + 3 * column] = less >> _EIGHT
             rows[row, 3 + 3 * column] = less
+
+
+@compiled
+def colours(pixels: NDArray[np.uint32], rows: NDArray[np.uint8]) -> Any:
+    """Red, green and blue of each pixel.
+
+    Args:
+        pixels: ``(H, W)``, of bytes blue, green, red, alpha.
+        rows: ``(H, 3 W)``, to be filled.
+    """
+    height, width = pixels.shape
+    for row in range(height):
+        for column in range(width):
+            here = pixels[row, column]
+            rows[row, 3 * column] = here >> _SIXTEEN
+            rows[row, 1 + 3 * column] = here >> _EIGHT
+            rows[row, 2 + 3 * column] = here

@@ -62,8 +62,8 @@ class FileStream:
             content: all of it.
 
         Raises:
-            OSError: this file or one before it could not be written; the end of the block raises
-                it, too.
+            OSError: a file before it could not be written; what is still under way then, the end
+                of the block raises.
         """
         if len(content) < _DIRECT_FROM_BYTES:
             write_whole(path, content, on_its_way=True)

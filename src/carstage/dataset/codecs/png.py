@@ -65,10 +65,8 @@ class PngPacker:
         else:
             raise ValueError(f"no PNG of an array of shape {image.shape} and type {image.dtype}")
         height, width = image.shape[:2]
-        if height < 1 or width < 1:
-            raise ValueError(f"no PNG of an empty array of shape {image.shape}")
+        filtered = self._buffer(height, samples.nbytes // max(1, height))
         rows = np.ascontiguousarray(samples).reshape(height, -1)
-        filtered = self._buffer(height, rows.shape[1])
         filtered[0, 1:] = rows[0]
         np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])
         return self._file(width, height, bits, colour, filtered)
@@ -78,6 +76,9 @@ class PngPacker:
 
         Args:
             image: ``(H, W, 4)`` blue, green, red and alpha, which is left out.
+
+        Raises:
+            ValueError: it is empty.
         """
         # Numba takes half a second to import: only processes that encode pictures shall pay.
         from carstage.dataset.codecs.bgra_kernels import filter_up
@@ -88,6 +89,8 @@ class PngPacker:
         return self._file(width, height, 8, _RGB, filtered)
 
     def _buffer(self, height: int, row_bytes: int) -> NDArray[np.uint8]:
+        if height < 1 or row_bytes < 1:
+            raise ValueError(f"no PNG of an empty array of {height} rows of {row_bytes} bytes")
         if self._filtered.shape != (height, 1 + row_bytes):
             self._filtered = np.empty((height, 1 + row_bytes), np.uint8)
             self._filtered[:, 0] = _FILTER_UP

@@ -354,6 +354,12 @@ def test_what_is_no_png_of_ours_is_refused(image: np.ndarray[Any, Any]) -> None:
         PngPacker().pack(image)
 
 
+@pytest.mark.parametrize("shape", [(0, 2, 4), (2, 0, 4)])
+def test_an_empty_picture_is_refused(shape: tuple[int, int, int]) -> None:
+    with pytest.raises(ValueError, match="no PNG"):
+        PngPacker().pack_bgra(np.zeros(shape, np.uint8))
+
+
 def test_a_flipped_byte_in_the_pixels_is_damage_or_another_picture() -> None:
     image = np.random.default_rng(1).integers(0, 256, (16, 16, 3), dtype=np.uint8)
     content = bytearray(PngPacker().pack(image))

@@ -20,8 +20,6 @@ _THREAD_LIMITS = (
     "NUMBA_NUM_THREADS",
 )
 _NICENESS = 5
-_LIBRARIES = ("carstage.conversion.segment",)
-_LIBRARIES_FOR_PICTURES = ("carstage.annotation.pixel_kernel",)
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _LARGEST_KEPT_BYTES = 32 << 20
 """As much as the allocator allows."""
@@ -56,13 +54,13 @@ def load_libraries(pictures: bool) -> None:
     gc.disable()
     try:
         # Not before this is called: the supervisor needs none of it.
-        for name in (*_LIBRARIES, *(_LIBRARIES_FOR_PICTURES if pictures else ())):
-            importlib.import_module(name)
+        importlib.import_module("carstage.conversion.segment")
         from carstage.dataset.codecs import codec_for
         from carstage.files.digests import load_lanes
 
         load_lanes()
         if pictures:
+            importlib.import_module("carstage.annotation.pixel_kernel")
             # The first call of compiled code takes as long as the imports.
             codec_for("rgb")[1].encode({"width": 1, "height": 1}, memoryview(bytes(4)))
     finally:

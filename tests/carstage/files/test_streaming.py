@@ -42,7 +42,7 @@ def test_content_replaces_what_stood_there(tmp_path: Path) -> None:
         assert written(tmp_path, files) == files
 
 
-def test_large_files_are_not_in_the_page_cache(
+def test_large_files_are_written_past_the_page_cache(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     direct = 0

@@ -5,49 +5,74 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from functools import cache
-from typing import Final
+from itertools import pairwise
+from typing import Final, Literal
 
 _LANES: Final = 16
 _LANES_FROM: Final = 4
 """So many contents take as long one after the other as sixteen side by side."""
 _SMALL_BYTES: Final = 1 << 16
-"""Of contents this small, too little time is gained to load the kernel."""
+"""Of contents this small, too little time is gained to load anything for it."""
+
+_Content = bytes | memoryview
 
 
-def sha256_of_each(contents: Sequence[bytes | memoryview]) -> list[str]:
+def sha256_of_each(contents: Sequence[_Content]) -> list[str]:
     """SHA-256 of each content in hexadecimal digits, as ``hashlib`` has it, but sooner.
 
     Each step of SHA-256 needs the one before, so one file leaves most of a core idle. Contents are
-    hashed side by side, in the lanes of the vector registers; that gains most where sixteen or more
-    are of about one size. Processors with instructions for SHA hash one after the other.
+    hashed side by side: two by the processor's instructions for it, or else sixteen in the lanes
+    of wide vector registers. That gains most where contents are of about one size.
     """
     by_size = sorted(range(len(contents)), key=lambda index: len(contents[index]), reverse=True)
-    found = [""] * len(contents)
-    for first in range(0, len(by_size), _LANES):
-        group = by_size[first : first + _LANES]
-        many = len(group) >= _LANES_FROM and len(contents[group[-1]]) >= _SMALL_BYTES
-        if many and _lanes_pay():
-            # Numba takes half a second to import: only processes that hash much shall pay for it.
-            from carstage.files.sha256_lanes import digests
-
-            for index, digest in zip(group, digests([contents[i] for i in group]), strict=True):
-                found[index] = digest.hex()
-        else:
-            for index in group:
-                found[index] = hashlib.sha256(contents[index]).hexdigest()
-    return found
+    large = [index for index in by_size if len(contents[index]) >= _SMALL_BYTES]
+    found: dict[int, bytes] = {}
+    way = _way()
+    if way == "pairs":
+        _by_pairs(contents, large, found)
+    elif way == "lanes":
+        _by_lanes(contents, large, found)
+    return [
+        (found[index] if index in found else hashlib.sha256(content).digest()).hex()
+        for index, content in enumerate(contents)
+    ]
 
 
-def load_lanes() -> None:
-    """Load what hashing side by side needs, on processors where that is done."""
-    if _lanes_pay():
-        import carstage.files.sha256_lanes  # noqa: F401
+def load_digests() -> None:
+    """Load what hashing side by side needs on this processor; a tenth of a second or more."""
+    way = _way()
+    if way == "pairs":
+        from carstage.files.sha256.pairs import load
+
+        load()
+    elif way == "lanes":
+        import carstage.files.sha256.lanes  # noqa: F401
+
+
+def _by_pairs(contents: Sequence[_Content], large: list[int], found: dict[int, bytes]) -> None:
+    from carstage.files.sha256.pairs import pair_digests
+
+    for first, second in list(pairwise(large))[::2]:
+        found[first], found[second] = pair_digests(contents[first], contents[second])
+
+
+def _by_lanes(contents: Sequence[_Content], large: list[int], found: dict[int, bytes]) -> None:
+    # Numba takes half a second to import: only processes that hash much shall pay for it.
+    from carstage.files.sha256.lanes import lane_digests
+
+    for start in range(0, len(large), _LANES):
+        group = large[start : start + _LANES]
+        if len(group) >= _LANES_FROM:
+            digests = lane_digests([contents[index] for index in group])
+            found.update(zip(group, digests, strict=True))
 
 
 @cache
-def _lanes_pay() -> bool:
-    """Whether the processor has wide registers, and no instructions for SHA."""
+def _way() -> Literal["pairs", "lanes", "plain"]:
+    """How contents are hashed side by side on this processor."""
     from llvmlite import binding
 
     features = binding.get_host_cpu_features()
-    return bool(features.get("avx2")) and not features.get("sha")
+    if features.get("sha"):
+        return "pairs"
+    return "lanes" if features.get("avx2") else "plain"

@@ -1,11 +1,10 @@
-"""SHA-256 (FIPS 180-4) in sixteen lanes, written as LLVM vector code; see ``digests``.
+"""SHA-256 in sixteen lanes, written as LLVM vector code.
 
 numba has no vector types. LLVM splits the vectors on processors with narrower registers.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
@@ -16,12 +15,10 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from carstage.files.sha256.standard import BLOCK_BYTES, H0, ROUNDS, K, address, last_blocks
 from carstage.machine_code import compiled
 
 LANES: Final = 16
-_BLOCK_BYTES: Final = 64
-_ROUNDS: Final = 64
-_LENGTH_BYTES: Final = 8
 
 _struct_of: Any = cgutils.create_struct_proxy
 _llvm_function: Any = cgutils.get_or_insert_function
@@ -30,31 +27,7 @@ _I32: Final = ir.IntType(32)
 _LANE: Final = ir.VectorType(_I32, LANES)
 
 
-def _primes(count: int) -> list[int]:
-    found: list[int] = []
-    candidate = 2
-    while len(found) < count:
-        if all(candidate % prime for prime in found):
-            found.append(candidate)
-        candidate += 1
-    return found
-
-
-def _cube_root(number: int) -> int:
-    """The largest whole number whose cube is not above ``number``."""
-    root = 0
-    for bit in range(number.bit_length() // 3, -1, -1):
-        if (root | 1 << bit) ** 3 <= number:
-            root |= 1 << bit
-    return root
-
-
-# The first 32 bits behind the point of cube and square roots of the first primes (4.2.2, 5.3.3).
-_K: Final = [_cube_root(prime << 96) & 0xFFFFFFFF for prime in _primes(_ROUNDS)]
-_H0: Final = np.array([math.isqrt(p << 64) & 0xFFFFFFFF for p in _primes(8)], np.uint32)
-
-
-def digests(contents: Sequence[bytes | memoryview]) -> list[bytes]:
+def lane_digests(contents: Sequence[bytes | memoryview]) -> list[bytes]:
     """The digests of at most sixteen contents, the longest first.
 
     Raises:
@@ -63,15 +36,15 @@ def digests(contents: Sequence[bytes | memoryview]) -> list[bytes]:
     lengths = [len(content) for content in contents]
     if len(contents) > LANES or lengths != sorted(lengths, reverse=True):
         raise ValueError("at most sixteen contents are hashed at once, the longest first")
-    state = np.repeat(_H0[:, None], LANES, axis=1)
+    state = np.repeat(H0[:, None], LANES, axis=1)
     places = np.zeros(LANES, np.uint64)
     # Lanes without a content, and those that are done, repeat what the first one does.
-    places[:] = _address(contents[0])
-    places[: len(contents)] = [_address(content) for content in contents]
+    places[:] = address(contents[0])
+    places[: len(contents)] = [address(content) for content in contents]
     done = 0
     before_tail: list[NDArray[np.uint32]] = [state[:, 0]] * len(contents)
     for lane in range(len(contents) - 1, -1, -1):
-        blocks = lengths[lane] // _BLOCK_BYTES
+        blocks = lengths[lane] // BLOCK_BYTES
         _compress(state, places, done, blocks)
         done = blocks
         before_tail[lane] = state[:, lane].copy()
@@ -81,17 +54,13 @@ def digests(contents: Sequence[bytes | memoryview]) -> list[bytes]:
 
 def _tails(contents: Sequence[bytes | memoryview], before: list[NDArray[np.uint32]]) -> list[bytes]:
     """Digests from the states before each content's last, padded block or two (5.1.1)."""
-    tails = np.zeros((LANES, 2 * _BLOCK_BYTES), np.uint8)
+    tails = np.zeros((LANES, 2 * BLOCK_BYTES), np.uint8)
     blocks = []
     for tail, content in zip(tails, contents, strict=False):
-        rest = content[len(content) - len(content) % _BLOCK_BYTES :]
-        count = 1 if len(rest) < _BLOCK_BYTES - _LENGTH_BYTES else 2
-        tail[: len(rest)] = np.frombuffer(rest, np.uint8)
-        tail[len(rest)] = 0x80
-        length = (8 * len(content)).to_bytes(_LENGTH_BYTES, "big")
-        tail[_BLOCK_BYTES * count - _LENGTH_BYTES : _BLOCK_BYTES * count] = bytearray(length)
-        blocks.append(count)
-    state = np.repeat(_H0[:, None], LANES, axis=1)
+        end = last_blocks(content)
+        tail[: len(end)] = np.frombuffer(end, np.uint8)
+        blocks.append(len(end) // BLOCK_BYTES)
+    state = np.repeat(H0[:, None], LANES, axis=1)
     state[:, : len(before)] = np.stack(before, axis=1)
     places = tails.ctypes.data + np.arange(LANES, dtype=np.uint64) * np.uint64(tails.shape[1])
     _compress(state, places, 0, 1)
@@ -101,11 +70,6 @@ def _tails(contents: Sequence[bytes | memoryview], before: list[NDArray[np.uint3
         (short if count == 1 else state)[:, lane].astype(">u4").tobytes()
         for lane, count in enumerate(blocks)
     ]
-
-
-def _address(content: bytes | memoryview) -> int:
-    """Where a content lies; an empty one, of which nothing is read, lies nowhere."""
-    return np.frombuffer(content, np.uint8).ctypes.data if content else 0
 
 
 def _all_lanes(value: int) -> Any:
@@ -155,7 +119,7 @@ def _hashed(builder: Any, state: list[Any], words: list[Any]) -> list[Any]:
 
     a, b, c, d, e, f, g, h = state
     w = list(words)
-    for t in range(_ROUNDS):
+    for t in range(ROUNDS):
         now = t % 16
         if t >= 16:
             x, y = w[(t - 15) % 16], w[(t - 2) % 16]
@@ -164,7 +128,7 @@ def _hashed(builder: Any, state: list[Any], words: list[Any]) -> list[Any]:
             w[now] = add(add(w[now], small0), add(w[(t - 7) % 16], small1))
         sum1 = xor(rotated(e, 6), rotated(e, 11), rotated(e, 25))
         choice = builder.xor(g, and_(e, builder.xor(f, g)))
-        t1 = add(add(add(h, add(w[now], _all_lanes(_K[t]))), choice), sum1)
+        t1 = add(add(add(h, add(w[now], _all_lanes(K[t]))), choice), sum1)
         sum0 = xor(rotated(a, 2), rotated(a, 13), rotated(a, 22))
         majority = or_(and_(a, b), and_(c, or_(a, b)))
         a, b, c, d, e, f, g, h = add(add(sum0, majority), t1), a, b, c, add(d, t1), e, f, g
@@ -195,4 +159,4 @@ def _one_block(_: Any, state: Any, places: Any, offset: Any) -> Any:
 def _compress(state: Any, places: Any, first: int, end: int) -> None:
     """Take blocks ``first`` to ``end`` behind each lane's place into the states."""
     for block in range(first, end):
-        _one_block(state, places, np.uint64(_BLOCK_BYTES * block))
+        _one_block(state, places, np.uint64(BLOCK_BYTES * block))

@@ -326,6 +326,8 @@ def _count_points(
 ) -> dict[int, list[tuple[str, int]]]:
     """Points per LiDAR or radar, by the ids of the objects with a valid box."""
     chosen = np.flatnonzero(scene.valid)
+    if not len(chosen):
+        return {}
     counts: dict[int, list[tuple[str, int]]] = {scene.facts[i].info.id: [] for i in chosen.tolist()}
     for sensor_id, mount in mounts.items():
         if sensor_id not in clouds:

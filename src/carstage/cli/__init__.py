@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import os
 import platform
 import sys
@@ -39,6 +41,8 @@ def main() -> None:
     arguments = sys.argv[1:]
     if arguments[:1] == ["sim"]:
         os.execv(sys.executable, [sys.executable, "-m", "carstage_sim", *arguments[1:]])
+    # What is there at the end ends with the process: Python need not look through it for garbage.
+    atexit.register(gc.freeze)
     try:
         from carstage.cli.app import app
 

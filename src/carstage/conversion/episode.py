@@ -25,14 +25,14 @@ from carstage.conversion.documents import (
 from carstage.conversion.segment import (
     LABEL_PARTS,
     encode_segment,
-    label_part,
     label_schema,
     label_segment,
+    read_label_part,
 )
 from carstage.conversion.sensors import SensorPlan, plan_sensors
 from carstage.dataset.codecs import codec_for
-from carstage.dataset.tables import ROW_SENSORS, read_table, write_table
-from carstage.errors import ConversionError, ConverterDiedError, DatasetError
+from carstage.dataset.tables import ROW_SENSORS, write_table
+from carstage.errors import ConversionError, ConverterDiedError
 from carstage.files.whole import write_whole
 from carstage.rawlog.format import LEDGER, WORLD
 from carstage.rawlog.reader import EpisodeLog
@@ -70,6 +70,7 @@ class EpisodeConversion:
         attempt_folder: folder below ``episodes/`` that receives the files.
         pool: where the work is done, see ``conversion_pool``; the caller shuts it down.
         codecs: name of the codec by sensor id, where it is not the default of the sensor's kind.
+        progress: called whenever some work is done, well or not; from any thread.
     """
 
     def __init__(
@@ -79,11 +80,13 @@ class EpisodeConversion:
         pool: Executor,
         *,
         codecs: Mapping[str, str] = MappingProxyType({}),
+        progress: Callable[[], None] = lambda: None,
     ) -> None:
         self.raw_folder = Path(raw_folder)
         self.attempt_folder = Path(attempt_folder)
         self._pool = pool
         self._codecs = codecs
+        self._progress = progress
         self._lock = threading.Lock()
         self._log: EpisodeLog | None = None
         self._plan = SensorPlan((), frozenset())
@@ -250,9 +253,11 @@ class EpisodeConversion:
 
     def _submit(self, work: Callable[..., Any], *arguments: object) -> Future[Any]:
         try:
-            return self._pool.submit(work, *arguments)
+            task = self._pool.submit(work, *arguments)
         except BrokenProcessPool as error:
             raise _worker_died() from error
+        task.add_done_callback(lambda _: self._progress())
+        return task
 
     def _is_ready(self, segment: int, task: str, streams: frozenset[str] | set[str]) -> bool:
         if (segment, task) in self._tasks:
@@ -305,10 +310,7 @@ class EpisodeConversion:
     def _merge_labels(self, segments: range) -> None:
         for name, columns in TABLES.items():
             schema = label_schema(columns)
-            try:
-                parts = [read_table(label_part(self.raw_folder, name, i)) for i in segments]
-            except DatasetError as error:
-                raise ConversionError(f"A label part is gone: {error}", "Try again.") from error
+            parts = [read_label_part(self.raw_folder, name, segment) for segment in segments]
             if not all(part.schema.equals(schema) for part in parts):
                 raise ConversionError(
                     f"Label parts of {name} are of another version of Car-STAGE.", "Try again."

@@ -18,10 +18,11 @@ from carstage.conversion.sensors import LIDAR_KIND, RADAR_KIND, RecordedSensor
 from carstage.conversion.tag_numbers import dataset_payload
 from carstage.dataset.codecs import codec_for
 from carstage.dataset.codecs.codec import Content, image_bgra
-from carstage.dataset.tables import ROW_SENSORS, arrow_type, write_table
+from carstage.dataset.tables import ROW_SENSORS, arrow_type
 from carstage.errors import ConversionError
 from carstage.files.digests import sha256_of_each
 from carstage.files.streaming import FileStream
+from carstage.files.whole import whole_file
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.format import KIND_DATA, LEDGER
 from carstage.rawlog.reader import EpisodeLog, Record
@@ -176,13 +177,34 @@ def label_segment(raw_folder: Path, segment: int) -> None:
     folder = raw_folder / LABEL_PARTS
     folder.mkdir(exist_ok=True)
     for name, columns in TABLES.items():
-        table = rows_to_table(rows[name], columns, name)
-        write_table(table, label_part(raw_folder, name, segment))
+        _write_part(rows_to_table(rows[name], columns, name), _part(raw_folder, name, segment))
 
 
-def label_part(raw_folder: Path, table: str, segment: int) -> Path:
-    """The part file of a label table for one segment."""
-    return raw_folder / LABEL_PARTS / f"{segment:06d}.{table}"
+def read_label_part(raw_folder: Path, table: str, segment: int) -> pa.Table:
+    """What ``label_segment`` has made of one segment for a table.
+
+    Raises:
+        ConversionError: it is gone.
+    """
+    try:
+        with pa.OSFile(str(_part(raw_folder, table, segment)), "rb") as file:
+            return pa.ipc.open_file(file).read_all()
+    except (OSError, pa.ArrowException) as error:
+        raise ConversionError(f"A label part is gone: {error}", "Try again.") from error
+
+
+def _write_part(table: pa.Table, path: Path) -> None:
+    """Keep a part as Arrow has it in memory: to compress what is read once takes far longer."""
+    with (
+        whole_file(path) as temporary,
+        pa.OSFile(str(temporary), "wb") as file,
+        pa.ipc.new_file(file, table.schema) as writer,
+    ):
+        writer.write_table(table)
+
+
+def _part(raw_folder: Path, table: str, segment: int) -> Path:
+    return raw_folder / LABEL_PARTS / f"{segment:06d}.{Path(table).stem}.arrow"
 
 
 def rows_to_table(rows: Sequence[dict[str, Any]], columns: Sequence[Column], name: str) -> pa.Table:

@@ -173,7 +173,7 @@ def read_table(path: Path) -> pa.Table:
     """
     try:
         with path.open("rb") as file:
-            return pq.read_table(file, use_threads=False)
+            return pq.ParquetFile(file).read(use_threads=False)
     except FileNotFoundError as error:
         raise DatasetError(f"{path.name} is missing in {path.parent}.") from error
     except (OSError, pa.ArrowException) as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -56,6 +56,7 @@ class Landing:
         codecs: codec by sensor id, where it is not the kind's own.
         self_test: verdict on the server; None where it was not tested.
         deferred: nothing is converted before :meth:`convert_all`.
+        progress: called whenever something is converted; from any thread.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class Landing:
         self_test: Mapping[str, Any] | None = None,
         *,
         deferred: bool = False,
+        progress: Callable[[], None] = lambda: None,
     ) -> None:
         self.job = job
         self.attempt = attempt
@@ -81,6 +83,7 @@ class Landing:
             store.attempt_folder(job.episode_id, attempt),
             pool,
             codecs=codecs,
+            progress=progress,
         )
 
     @property

@@ -25,6 +25,7 @@ from carstage.errors import (
 from carstage.execution import Executor, InlineExecutor
 from carstage.plan import EpisodeSpec, estimate_run, plan_episodes
 from carstage.runs.attempts import dead_runs, remove_leftovers, reserve_attempt
+from carstage.runs.bell import Bell
 from carstage.runs.converters import Converters
 from carstage.runs.folder import (
     CurrentEpisode,
@@ -105,10 +106,10 @@ def run(
             check_disk(out, estimate)
             store.initialise(config.name)
             watcher.planned(estimate, len(todo), len(episodes) - len(todo))
-            with RunFolder(out, run_id) as folder, marked(folder.run_id):
+            with RunFolder(out, run_id) as folder, marked(folder.run_id), Bell() as bell:
                 folder.write_plan(config, episodes)
                 session = _Session(
-                    config, setup, store, folder, out, interruption, watcher, retries
+                    config, setup, store, folder, out, interruption, bell, watcher, retries
                 )
                 return session.run(episodes, todo, executor or InlineExecutor())
 
@@ -124,6 +125,7 @@ class _Session:
         folder: RunFolder,
         out: Path,
         interruption: Interruption,
+        bell: Bell,
         observer: RunObserver,
         retries: int,
         clock_s: Callable[[], float] = time.monotonic,
@@ -134,6 +136,7 @@ class _Session:
         self._folder = folder
         self._out = out
         self._interruption = interruption
+        self._bell = bell
         self._observer = observer
         self._retries = retries
         self._clock_s = clock_s
@@ -235,6 +238,7 @@ class _Session:
             self._config.conversion.codecs,
             self._self_test,
             deferred=self._config.conversion.mode == "deferred",
+            progress=self._bell.ring,
         )
         self._recording = landing
         self._status.current = CurrentEpisode(
@@ -381,6 +385,7 @@ class _Session:
     def _take(self) -> Job | None:
         """The next episode; waits while conversions lag behind or may have to be repeated."""
         while True:
+            self._bell.silence()
             with self._interruption.held():
                 self.poll()
             self._interruption.check()
@@ -393,7 +398,7 @@ class _Session:
                     self._convert(self._recorded.popleft())
             if not self._jobs:
                 self._show_conversion()
-            self._wait(POLL_S)
+            self._wait()
 
     def _show_conversion(self) -> None:
         landing = self._landings[0]
@@ -410,10 +415,12 @@ class _Session:
             frames_total=frames,
         )
 
-    def _wait(self, timeout_s: float) -> None:
+    def _wait(self) -> None:
+        """Wait until something is converted, a signal comes, or the status has to be renewed."""
         with selectors.DefaultSelector() as selector:
             selector.register(self._interruption, selectors.EVENT_READ)
-            selector.select(timeout_s)
+            selector.register(self._bell, selectors.EVENT_READ)
+            selector.select(POLL_S)
 
     # Landing.
 

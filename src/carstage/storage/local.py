@@ -8,9 +8,10 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from carstage.storage.marker import CommitMarker, FileEntry
 from carstage.storage.store import Store
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-_HASH_THREADS = 4
+_FLUSH_THREADS = 4
 _CHUNK_BYTES = 1 << 20
 
 
@@ -91,32 +92,35 @@ class LocalStore(Store):
         marker_path = self._commits / f"{episode_id}.json"
         if marker_path.exists():
             self._lose(episode_id, attempt, marker_path)
-        paths = sorted(_files_below(folder)) if folder.is_dir() else []
-        if not paths:
+        names, folders = _below(folder)
+        if not names:
             raise StorageError(
                 f"Attempt {attempt} of episode {episode_id} has no files to commit.",
                 "Convert the episode again.",
             )
-        for path in paths:
-            if path.name.startswith("."):
+        for name in names:
+            if name.rpartition("/")[2].startswith("."):
                 raise StorageError(
-                    f"Attempt {attempt} of episode {episode_id} is unfinished: {path.name} "
+                    f"Attempt {attempt} of episode {episode_id} is unfinished: {name} "
                     "is a temporary file.",
                     "Convert the episode again.",
                 )
         known = {entry.path: entry for entry in hashed}
-        names = [path.relative_to(folder).as_posix() for path in paths]
         for lost in sorted(known.keys() - set(names)):
             raise StorageError(
                 f"Attempt {attempt} of episode {episode_id} has lost its file {lost}.",
                 "Convert the episode again.",
             )
-        with ThreadPoolExecutor(_HASH_THREADS) as threads:
-            entries = threads.map(lambda name: _flushed(folder, name, known.get(name)), names)
+
+        def flushed(share: list[str]) -> list[FileEntry]:
+            return [_flushed(folder, name, known.get(name)) for name in share]
+
+        with ThreadPoolExecutor(_FLUSH_THREADS) as threads:
+            shares = [names[first::_FLUSH_THREADS] for first in range(_FLUSH_THREADS)]
+            entries = chain.from_iterable(threads.map(flushed, shares))
             files = tuple(sorted(entries, key=lambda entry: entry.path))
-        for directory in sorted({path.parent for path in paths} | {folder, folder.parent}):
+        for directory in (*folders, folder.parent, self.root / "episodes"):
             _flush_folder(directory)
-        _flush_folder(self.root / "episodes")
         marker = CommitMarker(
             episode_id,
             attempt,
@@ -222,21 +226,27 @@ class LocalStore(Store):
                 source.unlink(missing_ok=True)
 
 
-def _files_below(folder: Path) -> Iterator[Path]:
-    for parent, _, names in os.walk(folder):
-        for name in names:
-            yield Path(parent) / name
+def _below(folder: Path) -> tuple[list[str], list[Path]]:
+    """Names of the files below a folder, relative to it, and all folders, itself among them."""
+    names: list[str] = []
+    folders: list[Path] = []
+    for parent, _, found in os.walk(folder):
+        above = Path(parent).relative_to(folder).as_posix()
+        names += found if above == "." else [f"{above}/{name}" for name in found]
+        folders.append(Path(parent))
+    return names, folders
 
 
 def _flushed(folder: Path, name: str, known: FileEntry | None) -> FileEntry:
     """The entry of a file, which is on the disk when this returns; read where it is not known."""
-    with (folder / name).open("rb") as file:
+    path = folder / name
+    with path.open("rb", buffering=0) as file:
         os.fsync(file.fileno())
         size = os.fstat(file.fileno()).st_size
         if known is not None:
             if known.bytes != size:
                 raise StorageError(
-                    f"{folder / name} has {size} bytes, and {known.bytes} were written.",
+                    f"{path} has {size} bytes, and {known.bytes} were written.",
                     "Convert the episode again.",
                 )
             return known

@@ -21,6 +21,7 @@ from carstage.errors import (
     StorageError,
 )
 from carstage.plan import EpisodeSpec, ServerFacts, plan_episodes
+from carstage.runs.bell import Bell
 from carstage.runs.folder import RunFolder
 from carstage.runs.interruption import Interruption
 from carstage.runs.landing import Job
@@ -82,8 +83,8 @@ def made(tmp_path: Path) -> Iterator[Made]:
     store = open_store(tmp_path)
     store.initialise("test")
     listener = Listener()
-    with RunFolder(tmp_path) as folder, Interruption() as interruption:
-        yield make_session({}, store, folder, interruption, listener), listener, folder
+    with RunFolder(tmp_path) as folder, Interruption() as interruption, Bell() as bell:
+        yield make_session({}, store, folder, interruption, bell, listener), listener, folder
 
 
 def make_session(
@@ -91,11 +92,12 @@ def make_session(
     store: Store,
     folder: RunFolder,
     interruption: Interruption,
+    bell: Bell,
     listener: Listener,
 ) -> _Session:
     config = check_config(written)
     setup = ServerSetup(config)
-    return _Session(config, setup, store, folder, store.root, interruption, listener, RETRIES)
+    return _Session(config, setup, store, folder, store.root, interruption, bell, listener, RETRIES)
 
 
 def events(folder: RunFolder) -> list[str]:
@@ -235,8 +237,8 @@ def test_raw_data_go_while_an_episode_is_recorded_unless_they_must_last(
 
     store = open_store(tmp_path)
     store.initialise("test")
-    with RunFolder(tmp_path) as folder, Interruption() as interruption:
-        session = make_session(written, store, folder, interruption, Listener())
+    with RunFolder(tmp_path) as folder, Interruption() as interruption, Bell() as bell:
+        session = make_session(written, store, folder, interruption, bell, Listener())
         landings = Landing(spec, 0), Landing(spec, 1)
         session._recording = landings[0]  # type: ignore[assignment]
         session._landings.append(landings[1])  # type: ignore[arg-type]

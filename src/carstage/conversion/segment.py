@@ -20,7 +20,7 @@ from carstage.dataset.codecs import codec_for
 from carstage.dataset.codecs.codec import Content, image_bgra
 from carstage.dataset.tables import ROW_SENSORS, arrow_type
 from carstage.errors import ConversionError
-from carstage.files.digests import sha256_of_each
+from carstage.files.digests import hashed_at_once, sha256_of_each
 from carstage.files.streaming import FileStream
 from carstage.files.whole import whole_file
 from carstage.rawlog.clock import elapsed_s
@@ -30,7 +30,6 @@ from carstage.storage.marker import FileEntry
 
 LABEL_PARTS = ".labels"
 """Folder of the label parts below the raw log; its name can be no stream's."""
-_HASHED_AT_ONCE = 32
 _MOST_WAITING_BYTES = 64 << 20
 
 
@@ -89,7 +88,8 @@ def encode_segment(
                 name = f"{below}/{ticks[record.tick]:06d}{suffix}"
                 files.write(attempt_folder / name, content)
                 hashed.add(name, content)
-    return EncodedSegment(files=hashed.all())
+        entries = hashed.all()  # while the last files are being written
+    return EncodedSegment(files=entries)
 
 
 class _HashedFiles:
@@ -99,11 +99,12 @@ class _HashedFiles:
         self._entries: list[FileEntry] = []
         self._waiting: list[tuple[str, Content]] = []
         self._waiting_bytes = 0
+        self._at_once = hashed_at_once()
 
     def add(self, name: str, content: Content) -> None:
         self._waiting.append((name, content))
         self._waiting_bytes += len(content)
-        if len(self._waiting) >= _HASHED_AT_ONCE or self._waiting_bytes >= _MOST_WAITING_BYTES:
+        if len(self._waiting) >= self._at_once or self._waiting_bytes >= _MOST_WAITING_BYTES:
             self._hash()
 
     def all(self) -> tuple[FileEntry, ...]:

@@ -38,6 +38,11 @@ def sha256_of_each(contents: Sequence[_Content]) -> list[str]:
     ]
 
 
+def hashed_at_once() -> int:
+    """How many contents should be at hand for ``sha256_of_each`` on this processor."""
+    return {"pairs": 2, "lanes": 2 * _LANES, "plain": 1}[_way()]
+
+
 def load_digests() -> None:
     """Load what hashing side by side needs on this processor; a tenth of a second or more."""
     way = _way()

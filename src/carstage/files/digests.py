@@ -26,12 +26,12 @@ def sha256_of_each(contents: Sequence[_Content]) -> list[str]:
     """
     by_size = sorted(range(len(contents)), key=lambda index: len(contents[index]), reverse=True)
     large = [index for index in by_size if len(contents[index]) >= _SMALL_BYTES]
-    found: dict[int, bytes] = {}
     way = _way()
+    found: dict[int, bytes] = {}
     if way == "pairs":
-        _by_pairs(contents, large, found)
+        found = _in_pairs(contents, large)
     elif way == "lanes":
-        _by_lanes(contents, large, found)
+        found = _in_lanes(contents, large)
     return [
         (found[index] if index in found else hashlib.sha256(content).digest()).hex()
         for index, content in enumerate(contents)
@@ -54,22 +54,28 @@ def load_digests() -> None:
         import carstage.files.sha256.lanes  # noqa: F401
 
 
-def _by_pairs(contents: Sequence[_Content], large: list[int], found: dict[int, bytes]) -> None:
+def _in_pairs(contents: Sequence[_Content], large: list[int]) -> dict[int, bytes]:
+    """Digests by index; one that is left over has none."""
     from carstage.files.sha256.pairs import pair_digests
 
+    found = {}
     for first, second in list(pairwise(large))[::2]:
         found[first], found[second] = pair_digests(contents[first], contents[second])
+    return found
 
 
-def _by_lanes(contents: Sequence[_Content], large: list[int], found: dict[int, bytes]) -> None:
+def _in_lanes(contents: Sequence[_Content], large: list[int]) -> dict[int, bytes]:
+    """Digests by index; a few that are left over have none."""
     # Numba takes half a second to import: only processes that hash much shall pay for it.
     from carstage.files.sha256.lanes import lane_digests
 
+    found: dict[int, bytes] = {}
     for start in range(0, len(large), _LANES):
         group = large[start : start + _LANES]
         if len(group) >= _LANES_FROM:
             digests = lane_digests([contents[index] for index in group])
             found.update(zip(group, digests, strict=True))
+    return found
 
 
 @cache

@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import random
 import shutil
+from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -206,6 +207,32 @@ def test_a_damaged_segment_fails_with_its_name(tmp_path: Path) -> None:
             conversion.finish()
         with pytest.raises(RawLogError):
             conversion.raise_if_failed()
+
+
+def test_progress_is_told_for_all_work_when_it_is_done(raw: Path, tmp_path: Path) -> None:
+    done: list[int] = []
+    with ThreadPoolExecutor(2) as pool:
+        conversion = EpisodeConversion(
+            raw, tmp_path / "out", pool, progress=lambda: done.append(conversion.frames_done)
+        )
+        conversion.finish()
+    segments = len(list((raw / "ledger").glob("*.seg")))
+    streams = len(list((raw).glob("*/000000.seg")))
+    assert segments < len(done) <= segments * streams
+    assert max(done) == conversion.frames_done > 0
+
+
+@pytest.mark.parametrize("damage", [Path.unlink, lambda part: part.write_bytes(b"no table")])
+def test_label_part_that_is_gone_or_damaged_is_told(
+    damage: Callable[[Path], object], raw: Path, tmp_path: Path
+) -> None:
+    with ThreadPoolExecutor(2) as pool:
+        conversion = EpisodeConversion(raw, tmp_path / "out", pool)
+        conversion.scan()
+    damage(next((raw / ".labels").glob("000001.objects*")))
+    with pytest.raises(ConversionError, match="label part"):
+        conversion.finish()
+    conversion.cancel()
 
 
 def test_cancelling_removes_the_attempt_and_the_label_parts(raw: Path, tmp_path: Path) -> None:

@@ -31,12 +31,14 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """Least squares through the runs of one program.
+    """Least squares through the medians of one program's runs.
+
+    A single run that met a busy disk, which may hold it for seconds, does not turn it.
 
     Attributes:
         per_unit_s: seconds per frame (``frames``), or added by a sensor (or an actor) to a frame.
         begin_s: seconds at value 0.
-        r2: coefficient of determination of the medians; 1 is a line.
+        r2: coefficient of determination; 1 is a line.
         values: how many values there are; with two, ``r2`` says nothing.
     """
 
@@ -94,8 +96,8 @@ def line(runs: Measured, quantity: Quantity = "recorded_s") -> Line | None:
     if len(xs) < 2:
         return None
     medians = [_median(y for x, y in points if x == at) for at in xs]
-    slope, begin = np.polyfit([x for x, _ in points], [y for _, y in points], 1)
-    fitted = np.polyval(np.polyfit(xs, medians, 1), xs)
+    slope, begin = np.polyfit(xs, medians, 1)
+    fitted = np.polyval((slope, begin), xs)
     spread_of_all = float(np.sum((np.array(medians) - np.mean(medians)) ** 2))
     rest = float(np.sum((np.array(medians) - fitted) ** 2))
     trial = runs[0][0]

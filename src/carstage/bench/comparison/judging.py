@@ -70,9 +70,9 @@ def judge(preset: Preset, measured: Measured, command: str, machine: Mapping[str
             figures += _figures_of(experiment, measured, machine)
     figures += _equality(measured)
     notes = [
-        "Seconds of a line fitted through all runs by the clock, from the first tick that counts "
-        "until all is on the disk, conversion and labels included; with fewer frames for slow "
-        "programs, see the preset. Totals count from the start of the program."
+        "Seconds of a line fitted through the medians, by the clock, from the first tick that "
+        "counts until all is on the disk, conversion and labels included; with fewer frames for "
+        "slow programs, see the preset. Totals count from the start of the program."
     ]
     if preset.name == QUICK:
         figures = [Figure(one.name, one.value) for one in figures]

@@ -131,8 +131,8 @@ class Stage:
 def _spread(folder: Path) -> None:
     """Have an ext4 file system put each folder that is made in this one in a place of its own.
 
-    For every new file it looks through those that were deleted in its neighbourhood within the
-    last minutes, which programs of short runs would pay for one another: a millisecond per file
+    Without a journal it looks, for every new file, through those that were deleted nearby within
+    the last minutes: programs of short runs would pay for one another, a millisecond per file
     after some thousand. Other file systems have no such flag, and need none.
     """
     descriptor = os.open(folder, os.O_RDONLY)

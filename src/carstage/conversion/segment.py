@@ -185,13 +185,13 @@ def read_label_part(raw_folder: Path, table: str, segment: int) -> pa.Table:
     """What ``label_segment`` has made of one segment for a table.
 
     Raises:
-        ConversionError: it is gone.
+        ConversionError: it is gone or damaged.
     """
     try:
         with pa.OSFile(str(_part(raw_folder, table, segment)), "rb") as file:
             return pa.ipc.open_file(file).read_all()
     except (OSError, pa.ArrowException) as error:
-        raise ConversionError(f"A label part is gone: {error}", "Try again.") from error
+        raise ConversionError(f"A label part is gone or damaged: {error}", "Try again.") from error
 
 
 def _write_part(table: pa.Table, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Other threads wake the one that waits in a selector."""
+"""Other threads, and handlers of signals, wake the one that waits in a selector."""
 
 from __future__ import annotations
 
@@ -25,6 +25,10 @@ class Bell:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the descriptor back."""
         os.close(self._descriptor)
 
     def fileno(self) -> int:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
+
+from carstage.runs.bell import Bell
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 EXIT_CODE = 130
@@ -30,9 +31,7 @@ class Interruption:
         self._held = 0
         self._killers: list[Callable[[], None]] = []
         self._previous: dict[int, object] = {}
-        self._wake_receiver, self._wake_sender = socket.socketpair()
-        for end in (self._wake_receiver, self._wake_sender):
-            end.setblocking(False)
+        self._bell = Bell()
 
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread():
@@ -48,12 +47,11 @@ class Interruption:
     ) -> None:
         for number, handler in self._previous.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
-        self._wake_receiver.close()
-        self._wake_sender.close()
+        self._bell.close()
 
     def fileno(self) -> int:
         """A descriptor that becomes readable when a signal came, for ``selectors``."""
-        return self._wake_receiver.fileno()
+        return self._bell.fileno()
 
     @contextmanager
     def held(self) -> Iterator[None]:
@@ -85,8 +83,7 @@ class Interruption:
                     killer()
             os._exit(EXIT_CODE)
         self.requested = True
-        with suppress(OSError):
-            self._wake_sender.send(b"\0")
+        self._bell.ring()
         self._say("Ending after this frame; press Ctrl-C again to end at once.")
         if not self._held:
             raise KeyboardInterrupt

@@ -41,6 +41,9 @@ def main() -> None:
     arguments = sys.argv[1:]
     if arguments[:1] == ["sim"]:
         os.execv(sys.executable, [sys.executable, "-m", "carstage_sim", *arguments[1:]])
+    # Nothing multiplies matrices large enough to be shared out, but NumPy would have a thread for
+    # each core wait for some: a tenth of a second of CPU in each of a run's processes.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # What is there at the end ends with the process: Python need not look through it for garbage.
     atexit.register(gc.freeze)
     try:

@@ -7,6 +7,7 @@ import mmap
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,8 @@ ACTOR_DTYPE = np.dtype(
     ]
 )
 """One actor of a world snapshot, 68 bytes: ``carstage.rawlog.format.ACTOR_RECORD``."""
+_TABLES_KEPT = 4096
+"""Segments whose tables stay in memory; few but an episode's first have any."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,16 +263,16 @@ class EpisodeLog:
         tables = self._tables(up_to_segment)
         return [_level_object(row) for table in tables for row in table.get("level_objects", ())]
 
-    def _tables(self, up_to_segment: int | None) -> Iterator[dict[str, Any]]:
+    def _tables(self, up_to_segment: int | None) -> Iterator[Mapping[str, Any]]:
         for index in self.sealed_segments(raw.WORLD):
             if up_to_segment is not None and index > up_to_segment:
                 break
             path = self._segment_path(raw.WORLD, index)
-            data = _mapped(path)
-            # Tables only: the JSON of the snapshots between them is most of the stream.
-            for offset, header in raw.iter_whole_records(data)[0]:
-                if header.kind == raw.KIND_TABLE:
-                    yield _record(path, data, offset, header).meta
+            try:
+                found = path.stat()
+            except FileNotFoundError:
+                raise RawLogError(f"{path} is missing.") from None
+            yield from _tables_of(path, (found.st_ino, found.st_mtime_ns, found.st_size))
 
     def ledger(self) -> list[dict[str, Any]]:
         """Ledger rows of all sealed segments, in order.
@@ -316,6 +319,23 @@ def recover(path: Path) -> Recovery:
         if record.kind != raw.KIND_SEAL:
             records.append(record)
     return Recovery(header.stream, header.segment, records, end, len(data) - end)
+
+
+@lru_cache(maxsize=_TABLES_KEPT)
+def _tables_of(path: Path, state: tuple[int, ...]) -> tuple[Mapping[str, Any], ...]:
+    """What the tables of a sealed segment hold; each segment's labels need all the earlier ones.
+
+    Args:
+        path: the segment.
+        state: inode, time and size; where they differ, it is another segment of the same name.
+    """
+    data = _mapped(path)
+    # Tables only: the JSON of the snapshots between them is most of the stream.
+    return tuple(
+        _record(path, data, offset, header).meta
+        for offset, header in raw.iter_whole_records(data)[0]
+        if header.kind == raw.KIND_TABLE
+    )
 
 
 def _mapped(path: Path) -> memoryview:

@@ -58,6 +58,22 @@ def test_help_loads_nothing_heavy() -> None:
     assert ended.returncode == 0, ended.stderr
 
 
+@pytest.mark.parametrize(("given", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")])
+def test_threads_that_nothing_uses_are_not_started(given: dict[str, str], threads: str) -> None:
+    code = (
+        "import atexit, os, sys, carstage.cli\n"
+        "atexit.register(lambda: print(os.environ['OPENBLAS_NUM_THREADS']))\n"
+        "sys.argv = ['carstage', '--version']\n"
+        "carstage.cli.main()"
+    )
+    environment = {name: os.environ[name] for name in os.environ if "OPENBLAS" not in name}
+    ended = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment | given, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert ended.stdout.split()[-1] == threads
+
+
 @pytest.mark.parametrize(
     ("machine", "named"),
     [

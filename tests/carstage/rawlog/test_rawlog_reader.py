@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from carstage.errors import RawLogError
 from carstage.rawlog import format as raw
-from carstage.rawlog import writing
+from carstage.rawlog import reader, writing
 from carstage.rawlog.reader import EpisodeLog, Record, recover
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
@@ -214,6 +214,25 @@ def test_world_frames_and_actors_come_back(tmp_path: Path) -> None:
     assert found[9].parent == 7
     assert found[7].semantic_tags == (14,)
     np.testing.assert_array_equal(found[7].box_extent, [2, 1, 1])
+
+
+def test_tables_of_earlier_segments_are_read_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    episode(tmp_path, ticks=20)
+    box = dict.fromkeys(("location", "extent", "rotation_deg"), (0, 0, 0))
+    row = {"name": "Sign", "label": 8, "light": 0, "box": box}
+    with writing.StreamWriter(str(tmp_path), raw.WORLD, 1) as world:
+        for tick in range(20):
+            world.append(raw.KIND_TABLE, tick, tick, 0.0, {"level_objects": [{**row, "id": tick}]})
+            world.seal(tick)
+    opened = []
+    mapped = reader._mapped
+    monkeypatch.setattr(reader, "_mapped", lambda path: opened.append(path) or mapped(path))
+    for segment in range(20):
+        found = EpisodeLog(tmp_path).level_objects(up_to_segment=segment)
+        assert [one.id for one in found] == list(range(segment + 1))
+    assert len(opened) == 20
 
 
 def test_the_log_is_complete_when_every_tick_is_sealed(tmp_path: Path) -> None:

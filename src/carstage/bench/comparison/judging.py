@@ -148,7 +148,8 @@ def _memory(experiment: Experiment, measured: Measured) -> list[Figure]:
     values = values_in(runs)
     if experiment == "frames" and len(values) > 2:
         # The shortest runs end before all of their processes have grown up. What waits for the
-        # disk has a bound of its own, see above, and is more where the disk is slow.
+        # disk has a bound of its own, see above, and is more where the disk is slow. Its peak is
+        # known by samples only, hence medians of runs here, too.
         most, less = (_beside_queue_mb(runs, value) for value in (values[-1], values[-2]))
         growth = most / less
         name = f"frames: memory without what waited, {values[-1]} frames / {values[-2]}"
@@ -157,10 +158,14 @@ def _memory(experiment: Experiment, measured: Measured) -> list[Figure]:
 
 
 def _beside_queue_mb(runs: Measured, value: int) -> float:
-    return max(
-        result.peak_mb - result.found.get("queue_mb", 0.0)
-        for trial, result in runs
-        if trial.value == value
+    return float(
+        np.median(
+            [
+                result.peak_mb - result.found.get("queue_mb", 0.0)
+                for trial, result in runs
+                if trial.value == value
+            ]
+        )
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shlex
 import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -122,8 +123,12 @@ def _add_command(experiment: Experiment, text: str) -> None:
             if experiment == "frames":
                 raise BadInputError("--frames: here it is what varies.", "Use --value.")
             changes[_FRAMES_OF[experiment]] = frames
+        again = _command_line(
+            experiment, preset, server=server, repeat=repeat, value=value, frames=frames,
+            program=program,
+        )  # fmt: skip
         place = Place(out, server, scratch)
-        return _compare([experiment], preset, changes, place, program, minutes, json)
+        return _compare([experiment], preset, changes, place, program, minutes, json, again)
 
 
 for _experiment, _text in _EXPERIMENTS.items():
@@ -144,8 +149,9 @@ def all_(
 ) -> int:
     """Every experiment of the comparison, by one command."""
     changes = {} if repeat is None else {"repeats": repeat}
+    again = _command_line("all", preset, server=server, repeat=repeat, program=program)
     place = Place(out, server, scratch)
-    return _compare(list(_EXPERIMENTS), preset, changes, place, program, minutes, json)
+    return _compare(list(_EXPERIMENTS), preset, changes, place, program, minutes, json, again)
 
 
 @bench_app.command()
@@ -179,6 +185,7 @@ def _compare(
     programs: list[str] | None,
     minutes: float | None,
     json: bool,
+    again: str,
 ) -> int:
     from carstage.bench.comparison import PRESETS, Campaign, judge, write_report
     from carstage.cli.progress import watch_steps
@@ -205,12 +212,20 @@ def _compare(
     if campaign.left and not campaign.left_out:
         note(f"{len(campaign.left)} runs are left; the same command continues.")
     measured = list(campaign.results.values())
-    name = experiments[0] if len(experiments) == 1 else "all"
-    again = f"carstage bench {name} --preset {preset.name}"
     verdict = judge(preset, measured, again, campaign.machine)
     for path in write_report(place.out, preset, campaign.machine, measured, verdict):
         note(f"Wrote {path}")
     return report_verdict(verdict, json)
+
+
+def _command_line(name: str, preset: PresetName, **options: object) -> str:
+    """The command that measures the same once more, for the record; not where its files go."""
+    words = ["carstage", "bench", name, "--preset", preset.value]
+    for option, given in options.items():
+        values = given if isinstance(given, list) else [] if given is None else [given]
+        for value in values:
+            words += [f"--{option}", str(value)]
+    return shlex.join(words)
 
 
 def _address(text: str | None) -> tuple[str, int] | None:

@@ -105,3 +105,18 @@ def test_a_comparison_may_be_cut_short_and_reports_what_there_is(
     assert "120 runs are left" in ended.stderr
     assert json.loads(ended.stdout.splitlines()[-1])["figures"] == {}
     assert (tmp_path / "comparison.html").exists()
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        "carstage bench cameras --preset docs",
+        "carstage bench lidars --preset docs --repeat 7 --value 1 --value 5 --frames 20 "
+        "--program carstage --program discard",
+        "carstage bench all --preset quick --repeat 2 --program carstage",
+    ],
+)
+def test_a_comparison_says_which_command_repeats_it(tmp_path: Path, asked: str) -> None:
+    words = asked.split()[1:]
+    CliRunner().invoke(app, [*words, "--minutes", "0", "--out", str(tmp_path)])
+    assert json.loads((tmp_path / "comparison.json").read_text())["command"] == asked

@@ -129,6 +129,8 @@ def _ask(*question: str) -> str:
         )
     except subprocess.TimeoutExpired as error:
         raise ServerError(f"The embedded simulator said nothing for {DESCRIBE_S:g} s.") from error
+    except OSError as error:  # no process or memory left; the environment changed meanwhile
+        raise ServerError(f"The embedded simulator cannot be started: {error}.") from error
     if done.returncode != 0:
         raise ServerError(
             f"The embedded simulator cannot describe itself (exit status {done.returncode}):\n"

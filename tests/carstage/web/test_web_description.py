@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 import threading
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from carstage.server.description import CACHE_VARIABLE
 from carstage.web.description import DescriptionService
 
 CAR = "vehicle.tesla.model3"
@@ -42,6 +45,20 @@ def test_warming_leaves_out_another_servers_car_and_ends_with_the_server(
     closing.set()
     DescriptionService().warm("vehicle.of.another.server", closing)
     assert asked == []
+
+
+def test_a_simulator_that_cannot_be_started_is_told_and_pages_may_ask_again(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As where no process is left, or where another thread changes the environment meanwhile."""
+    service = DescriptionService()
+    name = service.message().maps[0].name
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "executable", str(tmp_path / "gone"))
+        service.warm("vehicle.of.another.server", threading.Event())
+    assert "cannot be started" in caplog.text
+    assert service.lanes(name) is not None
 
 
 def test_one_slow_answer_holds_up_no_other(monkeypatch: pytest.MonkeyPatch) -> None:

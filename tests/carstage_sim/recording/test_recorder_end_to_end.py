@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from carstage_sim.check.client_process import run_trial
+from carstage_sim.check.ticking import WatchedClock, wake_traffic_manager
 
 if TYPE_CHECKING:
     from running_simulator import RunningSimulator
@@ -88,9 +89,10 @@ def trial_of_a_recording(port: int, tm_port: int) -> dict[str, Any]:
     path = str(Path(tempfile.mkdtemp()) / "traffic.log")
     answered = client.start_recorder(path, True)
     recorded = []
-    for _ in range(TICKS):
-        world.tick()
-        recorded.append(places(world))
+    with WatchedClock(world, lambda: wake_traffic_manager(tm_port)) as clock:
+        for _ in range(TICKS):
+            clock.tick()
+            recorded.append(places(world))
     client.stop_recorder()
     texts = {
         "info": client.show_recorder_file_info(path, False),

@@ -1,7 +1,8 @@
 """Drives a server with the carla wheel of this interpreter and writes down what it found.
 
 Usage: ``python drive.py PORT TM_PORT FOUND.json``. It runs under an interpreter that the wheel
-exists for, Python 3.8 the oldest, with nothing but that wheel; the test judges what was found.
+exists for, Python 3.8 the oldest, with nothing but that wheel and, on its path, the collector's
+watch over ticks; the test judges what was found.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from typing import Any
 
 import carla
 from carla import command
+
+from carstage.collector.waking import TickWatch
 
 TICKS = 20
 STEP_S = 0.05
@@ -36,6 +39,22 @@ SENSORS = (
 """What delivers data in every frame."""
 
 
+class WatchedWorld:
+    """A ``carla.World`` whose ticks outlast a wake-up that the client's Traffic Manager loses."""
+
+    def __init__(self, world: Any, tm_port: int) -> None:
+        self._world = world
+        self._watch = TickWatch(world, tm_port)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._world, name)
+
+    def tick(self) -> int:
+        """One tick; the number of its frame."""
+        with self._watch.over_a_tick():
+            return int(self._world.tick())
+
+
 def find_all(port: int, tm_port: int) -> dict[str, Any]:
     """Everything in order; the Traffic Manager only after the last load of a map."""
     client = carla.Client("127.0.0.1", port)
@@ -51,7 +70,7 @@ def find_all(port: int, tm_port: int) -> dict[str, Any]:
     settings.fixed_delta_seconds = STEP_S
     world.apply_settings(settings)
     found["loads"] = loads(client, world)
-    world = client.get_world()
+    world = WatchedWorld(client.get_world(), tm_port)
     found["map"] = (world.get_map().name, len(world.get_map().get_spawn_points()))
     found["scenery"] = scenery(world)
     found["drive"] = drive(client, world, tm_port)

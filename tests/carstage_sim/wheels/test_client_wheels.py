@@ -14,12 +14,14 @@ from typing import Any
 
 import pytest
 
+import carstage
 from client_wheels import wheel_python
 from running_simulator import start_simulator, stop_simulator
 
 pytestmark = pytest.mark.end_to_end
 
 _PROGRAMS = Path(__file__).parent
+_SOURCES = str(Path(carstage.__file__).parents[1])
 _END_S = 120.0
 
 _KINDS = {
@@ -58,7 +60,7 @@ def run(program: str, version: str, tmp_path: Path) -> Any:
                 str(tm_port),
                 found,
             ],
-            env={"PATH": os.environ["PATH"], "HOME": str(tmp_path)},
+            env={"PATH": os.environ["PATH"], "HOME": str(tmp_path), "PYTHONPATH": _SOURCES},
             capture_output=True,
             text=True,
             timeout=_END_S,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from contextlib import ExitStack
-from typing import Any, Iterator, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Optional, Tuple
 
 from carstage.collector.errors import InterruptedByRequestError
 from carstage.collector.events import EventStream
@@ -27,9 +27,14 @@ from carstage.collector.timing import (
 )
 from carstage.collector.warming import warm_up
 from carstage.collector.world import WorldSession
-from carstage.collector.writing import LogWriters, expected_segments, writer_threads
+from carstage.collector.writing import (
+    LARGE_BYTES,
+    LogWriters,
+    expected_segments,
+    writer_threads,
+)
 from carstage.rawlog.format import ACTOR_RECORD, FORMAT_VERSION, WORLD, SealedSegment
-from carstage.rawlog.writing import write_episode_file
+from carstage.rawlog.writing import BLOCKS, CHUNKLOG, write_episode_file
 
 EXPECTED_ACTORS = 200
 
@@ -126,11 +131,7 @@ class EpisodeRecorder:
                 budget.give_back,
                 lambda sealed: self._announce(episode, sealed),
                 failures.append,
-                {
-                    sensor.id: self._plan.raw_store
-                    for sensor in spec.sensors
-                    if SENSOR_KINDS[sensor.kind].one_size
-                },
+                self._stores(spec, scene.rig.expected_bytes),
                 self._plan.durable,
             )
         )
@@ -181,6 +182,16 @@ class EpisodeRecorder:
             )
         self._finish(pipeline, writers, spec)
         return Recorded(spec.steps, pipeline.incomplete_ticks)
+
+    def _stores(self, spec: EpisodeSpec, bytes_per_tick: Mapping[str, int]) -> Dict[str, str]:
+        """Where payloads go that are not in their records; by sensor."""
+        stores = {}
+        for sensor in spec.sensors:
+            if SENSOR_KINDS[sensor.kind].one_size and self._plan.raw_store != CHUNKLOG:
+                stores[sensor.id] = self._plan.raw_store
+            elif not self._plan.durable and bytes_per_tick[sensor.id] >= LARGE_BYTES:
+                stores[sensor.id] = BLOCKS  # segments are removed as they are read
+        return stores
 
     def _ticks(self, scene: Scene, pipeline: Pipeline, steps: int) -> Iterator[Tuple[int, Tick]]:
         """The ticks to record; a request to end is obeyed after the frame at hand is booked.

@@ -9,6 +9,9 @@ from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Seq
 from carstage.rawlog.format import LEDGER, Buffer, SealedSegment
 from carstage.rawlog.writing import CHUNKLOG, StreamWriter
 
+LARGE_BYTES = 1 << 18
+"""A stream with so many bytes per tick spends its writer's time in the kernel."""
+
 Content = Callable[[], Tuple[Mapping[str, Any], Buffer]]
 
 
@@ -193,6 +196,6 @@ def expected_segments(
 
 
 def writer_threads(bytes_per_tick: Sequence[int]) -> int:
-    """One thread per large stream, at most four: they spend their time in the kernel."""
-    large: List[int] = [size for size in bytes_per_tick if size >= 1 << 18]
+    """One thread per large stream, at most four."""
+    large: List[int] = [size for size in bytes_per_tick if size >= LARGE_BYTES]
     return min(4, max(1, len(large)))

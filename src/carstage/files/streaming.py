@@ -74,7 +74,9 @@ class FileStream:
 
 
 def _at_a_block(content: bytes | memoryview) -> memoryview:
-    """A copy that begins where a block of memory does."""
+    """The content, copied if need be to begin where a block of memory does."""
+    if not np.frombuffer(content, np.uint8).ctypes.data % _BLOCK_BYTES:
+        return memoryview(content)
     room = np.empty(len(content) + _BLOCK_BYTES, np.uint8)
     begin = -room.ctypes.data % _BLOCK_BYTES
     copy = room[begin : begin + len(content)]

@@ -24,14 +24,21 @@ KIND_TABLE = 3
 FLAG_PAYLOAD_CRC = 1
 FLAG_PAYLOAD_MAPPED = 2
 """The payload is not in the record: it stands in the segment's payload file, at its slot."""
+FLAG_PAYLOAD_BLOCKS = 4
+"""The payload is not in the record: it stands in the segment's file of blocks, from one on."""
 
 WORLD = "world"
 LEDGER = "ledger"
 EPISODE_FILE = "episode.json"
 SEALED_SUFFIX = ".seg"
 PAYLOAD_SUFFIX = ".raw"
+BLOCKS_SUFFIX = ".blk"
 UNSEALED = ".open"
 """Ends the names of a segment's files until it is sealed."""
+FREE = ".free"
+"""Ends the names of a removed segment's files that a later one of the stream takes."""
+
+BLOCK_BYTES = 4096
 
 MAX_SEGMENT_INDEX = 999_999
 
@@ -83,8 +90,18 @@ class RecordHeader(NamedTuple):
     @property
     def record_bytes(self) -> int:
         """Bytes of the whole record in the segment: header, meta, payload if here, padding."""
-        inline = 0 if self.flags & FLAG_PAYLOAD_MAPPED else self.payload_bytes
+        elsewhere = self.flags & (FLAG_PAYLOAD_MAPPED | FLAG_PAYLOAD_BLOCKS)
+        inline = 0 if elsewhere else self.payload_bytes
         return padded(HEADER_BYTES + self.meta_bytes + inline)
+
+    @property
+    def payload_place(self) -> Optional[Tuple[str, int]]:
+        """Suffix of the file with the payload and its offset there; ``None``: in the record."""
+        if self.flags & FLAG_PAYLOAD_MAPPED:
+            return PAYLOAD_SUFFIX, self.slot * self.payload_bytes
+        if self.flags & FLAG_PAYLOAD_BLOCKS:
+            return BLOCKS_SUFFIX, self.slot * BLOCK_BYTES
+        return None
 
 
 class SealedSegment(NamedTuple):

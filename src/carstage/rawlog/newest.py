@@ -61,6 +61,11 @@ class NewestRecords:
                 continue  # sealed, or removed, meanwhile
         return None
 
+    def _is_there(self) -> bool:
+        """Whether the segment is not removed: a later one may use its files then."""
+        sealed = self._folder / f"{self._segment:06d}{raw.SEALED_SUFFIX}"
+        return sealed.exists() or sealed.with_name(sealed.name + raw.UNSEALED).exists()
+
     def _newest_segment(self) -> int | None:
         try:
             names = os.listdir(self._folder)  # noqa: PTH208 - names alone, ten times a second
@@ -88,22 +93,23 @@ class NewestRecords:
     def _record(self, file: int, offset: int, header: raw.RecordHeader) -> NewRecord | None:
         meta_at = offset + raw.HEADER_BYTES
         text = os.pread(file, header.meta_bytes, meta_at)
-        if header.flags & raw.FLAG_PAYLOAD_MAPPED:
-            payload = self._mapped(header)
-        else:
+        elsewhere = header.payload_place
+        payload: bytes | None
+        if elsewhere is None:
             payload = os.pread(file, header.payload_bytes, meta_at + header.meta_bytes)
-        if payload is None or len(payload) != header.payload_bytes:
+        else:
+            payload = self._payload_elsewhere(*elsewhere, header.payload_bytes)
+        if payload is None or len(payload) != header.payload_bytes or not self._is_there():
             return None
         return NewRecord(header.tick, json.loads(text) if text.strip() else {}, payload)
 
-    def _mapped(self, header: raw.RecordHeader) -> bytes | None:
-        """A payload in the file of equal slots beside the segment."""
-        for suffix in (raw.PAYLOAD_SUFFIX, raw.PAYLOAD_SUFFIX + raw.UNSEALED):
-            path = self._folder / f"{self._segment:06d}{suffix}"
+    def _payload_elsewhere(self, suffix: str, place: int, size: int) -> bytes | None:
+        """A payload in the file beside the segment; None where that is removed meanwhile."""
+        for ending in (suffix, suffix + raw.UNSEALED):
+            path = self._folder / f"{self._segment:06d}{ending}"
             try:
                 with path.open("rb", buffering=0) as file:
-                    place = header.slot * header.payload_bytes
-                    return os.pread(file.fileno(), header.payload_bytes, place)
+                    return os.pread(file.fileno(), size, place)
             except FileNotFoundError:
                 continue
         return None

@@ -1,4 +1,4 @@
-"""Payloads of one segment in a memory-mapped file, and the reservation of disk space.
+"""Payloads of one segment in a file of their own, and the reservation of disk space.
 
 Standard library only, Python 3.8.
 """
@@ -8,7 +8,9 @@ from __future__ import annotations
 import ctypes
 import mmap
 import os
-from typing import Any, Optional
+from typing import Any, Optional, Tuple
+
+from carstage.rawlog.format import BLOCK_BYTES, FREE, UNSEALED
 
 _ZEROS = bytes(1 << 20)
 
@@ -72,6 +74,72 @@ class MappedPayloads:
         if self._fd >= 0:
             os.close(self._fd)
             self._fd = -1
+
+
+class BlockPayloads:
+    """A file whose payloads begin at blocks; that of a removed segment is used again.
+
+    What is written over pages that the system holds already costs a copy; new pages cost several,
+    above all where the host of a virtual machine has to find them first. Beyond this segment's
+    payloads stand those of earlier ones, which no record names.
+
+    Args:
+        path: the file; it must not exist.
+        expected_bytes: reserve that much on disk, when the file system can; 0 reserves nothing.
+
+    Raises:
+        OSError: whatever the file system says.
+    """
+
+    def __init__(self, path: str, expected_bytes: int = 0) -> None:
+        self.path = path
+        self._end = 0
+        self._fd, used = open_free(path)
+        if expected_bytes > 0 and not used:
+            reserve(self._fd, expected_bytes)
+
+    def put(self, payload: memoryview) -> Optional[int]:
+        """Copy a payload to the next free block; its number."""
+        block = self._end // BLOCK_BYTES
+        place = self._end
+        self._end += -(-payload.nbytes // BLOCK_BYTES) * BLOCK_BYTES
+        # A signal or a nearly full disk may cut a write short: go on where it stopped.
+        while payload.nbytes:
+            written = os.pwrite(self._fd, payload, place)
+            place += written
+            payload = payload[written:]
+        return block
+
+    def finish(self, durable: bool = True) -> None:
+        """Bring all to the disk if asked to, and close."""
+        if durable:
+            os.fsync(self._fd)
+        self.close()
+
+    def close(self) -> None:
+        """Close the file as it is; closing twice is fine."""
+        if self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1
+
+
+def open_free(path: str) -> Tuple[int, bool]:
+    """Open a file that does not exist for writing: one that a removed segment left, or a new one.
+
+    Args:
+        path: ends with ``.open``; what is left in its folder ends with ``.free`` instead.
+
+    Returns:
+        The descriptor, and whether the file was used before and has its old content.
+    """
+    folder, name = os.path.split(path)
+    ending = name[name.index(".") : -len(UNSEALED)] + FREE
+    flags = os.O_WRONLY | os.O_CLOEXEC
+    for other in os.listdir(folder or "."):
+        if other.endswith(ending):
+            os.rename(os.path.join(folder, other), path)
+            return os.open(path, flags), True
+    return os.open(path, flags | os.O_CREAT | os.O_EXCL, 0o644), False
 
 
 def _fill(fd: int, size: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import mmap
+import os
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -226,11 +227,20 @@ class EpisodeLog:
         return _sealed_records(path, data)
 
     def remove_segment(self, stream: str, index: int) -> None:
-        """Remove a sealed segment; whoever has read it keeps what is mapped."""
+        """Remove a sealed segment that nobody reads any more.
+
+        The files of one with blocks are left to the writer, which uses them again: neither memory
+        nor names have to be found for the next one.
+        """
         path = self._segment_path(stream, index)
+        blocks = path.with_suffix(raw.BLOCKS_SUFFIX)
         # The payloads last: a sealed segment has them.
-        for part in (path, path.with_suffix(raw.PAYLOAD_SUFFIX)):
-            part.unlink(missing_ok=True)
+        if blocks.exists():
+            for part in (path, blocks):
+                part.rename(f"{part}{raw.FREE}")
+        else:
+            for part in (path, path.with_suffix(raw.PAYLOAD_SUFFIX)):
+                part.unlink(missing_ok=True)
 
     def _segment_path(self, stream: str, index: int) -> Path:
         return self.folder / stream / f"{index:06d}{raw.SEALED_SUFFIX}"
@@ -338,13 +348,19 @@ def _tables_of(path: Path, state: tuple[int, ...]) -> tuple[Mapping[str, Any], .
     )
 
 
-def _mapped(path: Path) -> memoryview:
+def _mapped(path: Path, begin: int = 0, most: int | None = None) -> memoryview:
+    """A file from one of the pages on, to its end or as much as is wanted of it."""
     try:
-        with path.open("rb") as file:
-            return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+        with path.open("rb", buffering=0) as file:
+            there = max(0, os.fstat(file.fileno()).st_size - begin)
+            length = there if most is None else min(there, most)
+            if not length:
+                return memoryview(b"")
+            found = mmap.mmap(file.fileno(), length, access=mmap.ACCESS_READ, offset=begin)
+            return memoryview(found)
     except FileNotFoundError:
         raise RawLogError(f"{path} is missing.") from None
-    except (OSError, ValueError) as error:  # mmap refuses an empty file with ValueError
+    except OSError as error:
         raise RawLogError(f"{path} cannot be read: {error}") from error
 
 
@@ -376,10 +392,11 @@ def _sealed_records(path: Path, data: memoryview) -> list[Record]:
 def _record(path: Path, data: memoryview, offset: int, header: raw.RecordHeader) -> Record:
     meta_at = offset + raw.HEADER_BYTES
     payload_at = meta_at + header.meta_bytes
-    if header.flags & raw.FLAG_PAYLOAD_MAPPED:
-        payload = _mapped_payload(path, header)
-    else:
+    place = header.payload_place
+    if place is None:
         payload = data[payload_at : payload_at + header.payload_bytes]
+    else:
+        payload = _payload_elsewhere(path, *place, header.payload_bytes)
     if header.flags & raw.FLAG_PAYLOAD_CRC and zlib.crc32(payload) != header.payload_crc:
         raise RawLogError(f"{path}, offset {payload_at}: the payload's CRC does not hold.")
     try:
@@ -399,11 +416,12 @@ def _record(path: Path, data: memoryview, offset: int, header: raw.RecordHeader)
     )
 
 
-def _mapped_payload(path: Path, header: raw.RecordHeader) -> memoryview:
-    payloads = path.with_name(path.name.replace(raw.SEALED_SUFFIX, raw.PAYLOAD_SUFFIX))
-    begin = header.slot * header.payload_bytes
-    payload = _mapped(payloads)[begin : begin + header.payload_bytes]
-    if payload.nbytes != header.payload_bytes:
+def _payload_elsewhere(path: Path, suffix: str, begin: int, size: int) -> memoryview:
+    """A payload in the file beside its segment's; no more of that is mapped than needed."""
+    payloads = path.with_name(path.name.replace(raw.SEALED_SUFFIX, suffix))
+    skipped = begin % mmap.ALLOCATIONGRANULARITY
+    payload = _mapped(payloads, begin - skipped, skipped + size)[skipped:]
+    if payload.nbytes != size:
         raise RawLogError(f"{payloads}, offset {begin}: the payload file is cut short.")
     return payload
 

@@ -1,7 +1,8 @@
 """Writes the raw log: segments, streams, ``episode.json``.
 
-Standard library only, Python 3.8. Two stores write the same segments: ``chunklog`` keeps payloads
-in the records, ``mmap`` (the paper's) in a memory-mapped file per segment beside them.
+Standard library only, Python 3.8. All stores write the same segments: ``chunklog`` keeps payloads
+in the records, ``mmap`` (the paper's) in a memory-mapped file per segment beside them, and
+``blocks`` in a file beside them that a later segment uses again.
 """
 
 from __future__ import annotations
@@ -10,10 +11,12 @@ import errno
 import json
 import os
 import zlib
-from typing import Any, List, Mapping, Optional
+from typing import Any, List, Mapping, Optional, Union
 
 from carstage.rawlog.format import (
+    BLOCKS_SUFFIX,
     EPISODE_FILE,
+    FLAG_PAYLOAD_BLOCKS,
     FLAG_PAYLOAD_CRC,
     FLAG_PAYLOAD_MAPPED,
     HEADER_BYTES,
@@ -30,11 +33,16 @@ from carstage.rawlog.format import (
     pack_record_header,
     pack_segment_header,
 )
-from carstage.rawlog.payloads import MappedPayloads, reserve
+from carstage.rawlog.payloads import BlockPayloads, MappedPayloads, open_free, reserve
 
 CHUNKLOG = "chunklog"
 MMAP = "mmap"
-RAW_STORES = (CHUNKLOG, MMAP)
+BLOCKS = "blocks"
+RAW_STORES = (CHUNKLOG, MMAP, BLOCKS)
+_PAYLOAD_FILES = {
+    MMAP: (PAYLOAD_SUFFIX, FLAG_PAYLOAD_MAPPED),
+    BLOCKS: (BLOCKS_SUFFIX, FLAG_PAYLOAD_BLOCKS),
+}
 
 
 class SegmentWriter:
@@ -49,8 +57,9 @@ class SegmentWriter:
         index: the segment's number.
         expected_bytes: reserve that much on disk, when the file system can; 0 reserves nothing.
         checksum: also protect payloads by CRC-32; it about doubles the cost of writing.
-        mapped_slots: 0 keeps payloads in their records; otherwise the payload file has room for so
-            many of the first one's size, and what does not fit goes into its record.
+        store: where payloads go.
+        slots: store ``mmap``: the payload file has room for so many of the first one's size, and
+            what does not fit goes into its record.
 
     Raises:
         FileExistsError: when that segment is there already.
@@ -64,7 +73,8 @@ class SegmentWriter:
         index: int,
         expected_bytes: int = 0,
         checksum: bool = False,
-        mapped_slots: int = 0,
+        store: str = CHUNKLOG,
+        slots: int = 0,
         durable: bool = True,
     ) -> None:
         if not 0 <= index <= MAX_SEGMENT_INDEX:
@@ -73,22 +83,30 @@ class SegmentWriter:
         self.index = index
         self.path = os.path.join(folder, "%06d%s" % (index, SEALED_SUFFIX))
         self.open_path = self.path + UNSEALED
-        self._payload_path = os.path.join(folder, "%06d%s" % (index, PAYLOAD_SUFFIX))
+        suffix, self._payload_flag = _PAYLOAD_FILES.get(store, ("", 0))
+        self._payload_path = os.path.join(folder, "%06d%s" % (index, suffix))
         if os.path.exists(self.path):
             raise FileExistsError(errno.EEXIST, "segment is sealed already", self.path)
         header = pack_segment_header(stream, index)
         self._folder = folder
         self._checksum = checksum
-        self._mapped_slots = mapped_slots
+        self._store = store
+        self._slots = slots
+        self._expected_bytes = expected_bytes
         self._durable = durable
-        self._payloads: Optional[MappedPayloads] = None
+        self._payloads: Union[MappedPayloads, BlockPayloads, None] = None
         self._sequence = 0
         self._size = 0
-        self._fd = os.open(
-            self.open_path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644
-        )
+        if store == BLOCKS:
+            self._fd, used = open_free(self.open_path)
+        else:
+            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+            self._fd, used = os.open(self.open_path, flags, 0o644), False
         try:
-            self._reserved = reserve(self._fd, expected_bytes) if expected_bytes > 0 else False
+            if used:
+                os.ftruncate(self._fd, 0)
+            inline = store == CHUNKLOG and expected_bytes > 0
+            self._reserved = reserve(self._fd, expected_bytes) if inline else False
             self._write([header])
         except BaseException:
             self.close()
@@ -113,7 +131,7 @@ class SegmentWriter:
         meta: Mapping[str, Any],
         payload: Buffer = b"",
     ) -> None:
-        """Write one record in one system call, after its payload if that is mapped.
+        """Write one record in one system call, after its payload if that has a file of its own.
 
         Args:
             kind: ``KIND_DATA`` or ``KIND_TABLE``.
@@ -128,14 +146,14 @@ class SegmentWriter:
         """
         view = memoryview(payload).cast("B") if len(payload) else memoryview(b"")
         meta_bytes = encode_meta(meta)
-        slot = self._map(view)
+        slot = self._put(view)
         flags = FLAG_PAYLOAD_CRC if self._checksum else 0
         header = RecordHeader(
             kind=kind,
             frame=frame,
             timestamp_s=timestamp_s,
             meta_bytes=len(meta_bytes),
-            flags=flags if slot is None else flags | FLAG_PAYLOAD_MAPPED,
+            flags=flags if slot is None else flags | self._payload_flag,
             payload_bytes=view.nbytes,
             payload_crc=zlib.crc32(view) if self._checksum else 0,
             sequence=self._sequence,
@@ -147,14 +165,16 @@ class SegmentWriter:
         self._write([pack_record_header(header), meta_bytes, inline, b"\0" * padding])
         self._sequence += 1
 
-    def _map(self, payload: memoryview) -> Optional[int]:
+    def _put(self, payload: memoryview) -> Optional[int]:
         """Put a payload into the payload file; its slot, or ``None`` where it does not go there."""
-        if not self._mapped_slots or not payload.nbytes:
+        if self._store == CHUNKLOG or not payload.nbytes:
             return None
         if self._payloads is None:
-            self._payloads = MappedPayloads(
-                self._payload_path + UNSEALED, self._mapped_slots, payload.nbytes
-            )
+            path = self._payload_path + UNSEALED
+            if self._store == MMAP:
+                self._payloads = MappedPayloads(path, self._slots, payload.nbytes)
+            else:
+                self._payloads = BlockPayloads(path, self._expected_bytes)
         return self._payloads.put(payload)
 
     def seal(self, first_tick: int, last_tick: int) -> SealedSegment:
@@ -226,7 +246,8 @@ class StreamWriter:
         expected_segment_bytes: reserved on disk for a segment; the largest one so far if that is
             more.
         checksum: also protect payloads by CRC-32.
-        store: ``chunklog``, or ``mmap`` for streams whose payloads have one size.
+        store: ``chunklog``; ``mmap`` for streams whose payloads have one size; or ``blocks`` for
+            streams of large ones whose segments are removed as they are read.
         durable: what is sealed outlives a crash of the machine, not of the process alone.
     """
 
@@ -249,7 +270,7 @@ class StreamWriter:
         self.ticks_per_segment = ticks_per_segment
         self._expected_bytes = expected_segment_bytes
         self._checksum = checksum
-        self._mapped_slots = ticks_per_segment if store == MMAP else 0
+        self._store = store
         self._durable = durable
         self._next_index = 0
         self._segment: Optional[SegmentWriter] = None
@@ -314,9 +335,10 @@ class StreamWriter:
                 self.folder,
                 self.stream,
                 self._next_index,
-                0 if self._mapped_slots else self._expected_bytes,
+                self._expected_bytes,
                 self._checksum,
-                self._mapped_slots,
+                self._store,
+                self.ticks_per_segment,
                 self._durable,
             )
         return self._segment

@@ -141,6 +141,30 @@ def test_only_planned_frames_are_saved(
     assert not (folder / "LIDAR" / "000000.raw").exists()
 
 
+def test_large_payloads_that_need_not_last_are_in_files_that_are_used_again(
+    collector: Collector, make_plan: PlanMaker, tmp_path: Path
+) -> None:
+    plans = {name: make_plan(tmp_path / name, steps=3) for name in ("lasting", "passing")}
+    for plan in plans.values():
+        for sensor in plan["episodes"][0]["spec"]["sensors"]:
+            if sensor["id"] == "CAM":
+                sensor["attributes"] |= {"image_size_x": "320", "image_size_y": "240"}
+    plans["passing"]["durable"] = False
+    for plan in plans.values():
+        assert collector.run(plan)[0] == 0
+    streams = {path.parent.name for path in (tmp_path / "passing").rglob("000000.blk")}
+    assert "CAM" in streams
+    assert not streams & {"IMU", "GNSS", raw.WORLD, raw.LEDGER}
+    assert not list((tmp_path / "lasting").rglob("*.blk"))
+    assert (tmp_path / "passing" / "CAM" / "000000.blk").stat().st_size == 3 * 4 * 320 * 240
+    passing, lasting = (
+        [(r.tick, r.meta, bytes(r.payload)) for r in EpisodeLog(folder).read_segment("CAM", 0)]
+        for folder in (tmp_path / "passing", tmp_path / "lasting")
+    )
+    assert len(passing) == 3
+    assert passing == lasting
+
+
 def test_a_termination_signal_gives_everything_back_and_ends_with_130(
     collector: Collector, make_plan: PlanMaker, tmp_path: Path
 ) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import mmap
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from carstage.files.streaming import FileStream
@@ -24,7 +26,11 @@ def contents() -> dict[str, bytes]:
     return {f"{size}.bin": os.urandom(size) for size in SIZES}
 
 
-def written(folder: Path, files: dict[str, bytes]) -> dict[str, bytes]:
+def address(content: memoryview) -> int:
+    return int(np.frombuffer(content, np.uint8).ctypes.data)
+
+
+def written(folder: Path, files: Mapping[str, bytes | memoryview]) -> dict[str, bytes]:
     """What is in the folder after all were written."""
     with FileStream() as stream:
         for name, content in files.items():
@@ -60,6 +66,27 @@ def test_large_files_are_written_past_the_page_cache(
     assert direct in (0, _LARGE)
     if not direct:
         pytest.skip(f"the file system of {tmp_path} has no direct writes")
+
+
+def test_what_begins_at_a_block_of_memory_is_written_as_it_lies(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    places = []
+
+    def pwrite(descriptor: int, content: memoryview, offset: int) -> int:
+        places.append(address(content) - offset)
+        return real(descriptor, content, offset)
+
+    real = os.pwrite
+    monkeypatch.setattr(os, "pwrite", pwrite)
+    with mmap.mmap(-1, 2 * _LARGE) as mapped:
+        mapped[:] = os.urandom(2 * _LARGE)
+        for begin in (0, 16):
+            places.clear()
+            content = memoryview(mapped)[begin : begin + _LARGE + 7]
+            assert written(tmp_path, {"a.bin": content}) == {"a.bin": bytes(content)}
+            assert (set(places) == {address(content)}) == (begin == 0)
+            content.release()
 
 
 def refuse_flag(real: Callable[..., int]) -> Callable[..., int]:

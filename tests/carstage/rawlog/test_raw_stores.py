@@ -15,12 +15,13 @@ from carstage.errors import RawLogError
 from carstage.rawlog import format as raw
 from carstage.rawlog import payloads
 from carstage.rawlog.reader import EpisodeLog, recover
-from carstage.rawlog.writing import MMAP, RAW_STORES, StreamWriter, write_episode_file
+from carstage.rawlog.writing import BLOCKS, MMAP, RAW_STORES, StreamWriter, write_episode_file
 
 pytestmark = pytest.mark.parametrize("store", RAW_STORES)
 
 FRAME_BYTES = 4 * 32 * 20
 TICKS = 5
+PAYLOADS_OF = {MMAP: "000000.raw", BLOCKS: "000000.blk"}
 
 
 def frame(tick: int) -> bytes:
@@ -59,7 +60,9 @@ def test_removed_segment_leaves_nothing_and_the_next_one_alone(tmp_path: Path, s
                 writer.seal(tick)
     read = log.read_segment("CAM", 0)
     log.remove_segment("CAM", 0)
-    assert not list((tmp_path / "CAM").glob("000000*"))
+    left = [path.name for path in (tmp_path / "CAM").glob("000000*")]
+    assert sorted(left) == (["000000.blk.free", "000000.seg.free"] if store == BLOCKS else [])
+    assert log.sealed_segments("CAM") == (1,)
     assert [bytes(record.payload) for record in read] == [frame(tick) for tick in range(TICKS)]
     assert len(log.read_segment("CAM", 1)) == TICKS
 
@@ -107,7 +110,9 @@ def test_a_sealed_segment_takes_no_more_than_its_frames(tmp_path: Path, store: s
         writer.seal(49)
     sizes = [path.stat().st_size for path in (tmp_path / "CAM").iterdir()]
     assert FRAME_BYTES < sum(sizes) < FRAME_BYTES + 1024
-    assert all(path.name.endswith((".seg", ".raw")) for path in (tmp_path / "CAM").iterdir())
+    assert all(
+        path.name.endswith((".seg", ".raw", ".blk")) for path in (tmp_path / "CAM").iterdir()
+    )
 
 
 def test_a_segment_without_frames_is_sealed_and_empty(tmp_path: Path, store: str) -> None:
@@ -122,7 +127,7 @@ def test_a_flipped_byte_is_found_by_the_checksum(tmp_path: Path, store: str) -> 
     with StreamWriter(str(tmp_path), "CAM", TICKS, checksum=True, store=store) as writer:
         write(writer, 0, frame(7))
         writer.seal(TICKS - 1)
-    path = tmp_path / "CAM" / ("000000.raw" if store == MMAP else "000000.seg")
+    path = tmp_path / "CAM" / PAYLOADS_OF.get(store, "000000.seg")
     content = bytearray(path.read_bytes())
     content[content.index(frame(7)) + 9] ^= 1
     path.write_bytes(content)
@@ -135,7 +140,7 @@ def test_a_missing_or_cut_file_is_named(tmp_path: Path, store: str) -> None:
     with StreamWriter(str(tmp_path), "CAM", TICKS, store=store) as writer:
         write(writer, 0, frame(7))
         writer.seal(TICKS - 1)
-    path = tmp_path / "CAM" / ("000000.raw" if store == MMAP else "000000.seg")
+    path = tmp_path / "CAM" / PAYLOADS_OF.get(store, "000000.seg")
     with path.open("r+b") as file:
         file.truncate(path.stat().st_size - 1)
     with pytest.raises(RawLogError, match=path.name):
@@ -156,6 +161,30 @@ def test_frames_come_back_where_space_cannot_be_reserved(
     assert [bytes(record.payload) for record in log.read_segment("CAM", 0)] == [frame(7)]
 
 
+def test_files_of_removed_segments_are_used_again_and_no_new_ones_made(
+    tmp_path: Path, store: str
+) -> None:
+    log = episode(tmp_path)
+    folder = tmp_path / "CAM"
+    seen: set[int] = set()
+    with StreamWriter(str(tmp_path), "CAM", TICKS, store=store) as writer:
+        for segment in range(6):
+            # Shorter than what stood in the file before, longer, and of several sizes.
+            contents = [
+                bytes([1 + segment]) * (1 + 5_000 * ((segment + tick) % 4)) for tick in range(TICKS)
+            ]
+            for tick, content in enumerate(contents):
+                write(writer, segment * TICKS + tick, content)
+            writer.seal(segment * TICKS + TICKS - 1)
+            found = log.read_segment("CAM", segment)
+            assert [bytes(record.payload) for record in found] == contents
+            seen |= {path.stat().st_ino for path in folder.iterdir()}
+            log.remove_segment("CAM", segment)
+    assert list(folder.glob("*.seg")) == []
+    if store == BLOCKS:
+        assert len(seen) == 2
+
+
 WRITER = """
 import sys
 sys.path.insert(0, sys.argv[2])
@@ -170,6 +199,12 @@ for tick in range(1000):
 
 
 def test_a_killed_writer_leaves_whole_records_and_a_torn_tail(tmp_path: Path, store: str) -> None:
+    log = episode(tmp_path)
+    with StreamWriter(str(tmp_path), "s", 1000, store=store) as earlier:
+        for tick in range(100):  # whole records, where the files are used again
+            earlier.append(1, tick, tick, 0.0, {"tick": -1}, bytes([255]) * 200_003)
+        earlier.seal(999)
+    log.remove_segment("s", 0)
     source = str(Path(raw.__file__).parents[2])
     writer = subprocess.Popen(
         [sys.executable, "-c", WRITER, str(tmp_path), source, store],

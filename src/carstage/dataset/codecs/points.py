@@ -159,7 +159,10 @@ def _points(content: bytes | memoryview) -> NDArray[np.float32]:
     if len(content) % _POINT_BYTES:
         raise ValueError(f"{len(content)} bytes are no whole number of points")
     points = np.frombuffer(content, "<f4").reshape(-1, 4)
-    # A sum is finite if all of its terms are, unless it overflows: the quick test comes first.
-    if not np.isfinite(points.sum(dtype=np.float32)) and not np.isfinite(points).all():
+    # A sum of squares is finite only if all numbers are; one that overflows says nothing.
+    numbers = points.reshape(-1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = numbers @ numbers
+    if not np.isfinite(squares) and not np.isfinite(numbers).all():
         raise ValueError("a coordinate is not finite")
     return points

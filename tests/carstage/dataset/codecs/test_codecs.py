@@ -268,7 +268,13 @@ class TestLidarBin(CodecTests):
             ({"counts": [2]}, memoryview(points.tobytes()[:-1])),
             ({"counts": [1]}, memoryview(points.tobytes())),
             ({"counts": [2]}, memoryview(nan.tobytes())),
+            ({"counts": [2]}, memoryview(np.array([[1, 2, 3, np.inf], [-np.inf] * 4], "<f4"))),
         ]
+
+    def test_numbers_are_finite_however_large(self) -> None:
+        points = np.full((5, 4), 3e38, "<f4")
+        (content,) = codec_for("lidar")[1].encode({}, memoryview(points.tobytes()))
+        np.testing.assert_array_equal(codec_for("lidar")[1].decode((bytes(content),)), points)
 
 
 class TestLidarNpz(TestLidarBin):

@@ -221,7 +221,7 @@ class Plan:
             needs.
         raw_store: how payloads of cameras are stored, see ``carstage.rawlog.writing``.
         durable: sealed segments outlive a crash of the machine; those that are converted at once
-            and then removed need not.
+            and then removed need not, and large ones are written over each other.
     """
 
     server: ServerPlan

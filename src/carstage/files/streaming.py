@@ -59,7 +59,7 @@ class FileStream:
 
         Args:
             path: its name.
-            content: all of it.
+            content: all of it; it must not change before the end of the block.
 
         Raises:
             OSError: a file before it could not be written; what is still under way then, the end

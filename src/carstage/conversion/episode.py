@@ -154,8 +154,7 @@ class EpisodeConversion:
         """Remove raw segments of sensors that no work will read any more; cheap to ask often.
 
         For recordings that are made anew where anything fails: what is removed cannot be converted
-        again. Pages that are given back at once are used for the next frames, and never brought to
-        the disk.
+        again. What is given back at once is used for the next frames.
         """
         with self._lock:
             for stream, segment in [one for one in self._unread if self._is_read(*one)]:

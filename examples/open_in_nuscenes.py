@@ -4,7 +4,7 @@ import sys
 
 from nuscenes.nuscenes import NuScenes
 
-from carstage.export import export_dataset
+from carstage.exporters import export_dataset
 
 
 def main() -> None:

@@ -13,15 +13,15 @@ from contextlib import ExitStack
 
 from carstage_sim.cache import prune
 from carstage_sim.cli import Options, parse_bake, parse_options
-from carstage_sim.description import describe
-from carstage_sim.jit import do_without_scipy
-from carstage_sim.map_lanes import map_lanes
+from carstage_sim.describe.map_lanes import map_lanes
+from carstage_sim.describe.offers import describe
+from carstage_sim.describe.vehicle_shape import UnknownVehicleError, vehicle_shape
+from carstage_sim.kernels import do_without_scipy
 from carstage_sim.maps import MapCatalogue, MapFileError, MapSamplingError, UnknownTownError
 from carstage_sim.prebake import prebake
 from carstage_sim.render.gpu.device import NoGpuError
 from carstage_sim.server import Server
 from carstage_sim.simulation import Simulation
-from carstage_sim.vehicle_shape import UnknownVehicleError, vehicle_shape
 from carstage_sim.wire.dialect import dialect
 from carstage_sim.wire.errors import BadAddressError, PortInUseError
 from carstage_sim.wire.socket_loop import bind

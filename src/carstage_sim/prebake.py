@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 from carstage_sim.maps import MapCatalogue, MapFileError, MapSamplingError, Town
 from carstage_sim.maps.loading import TownSource
-from carstage_sim.sensors import SensorSuite
+from carstage_sim.sensors import WorldSensors
 from carstage_sim.world.blueprints import catalogue
 from carstage_sim.world.rehearsal import rehearse
 from carstage_sim.world.world import World
@@ -76,7 +76,7 @@ def prebake(
 
 def _finish(town: Town, *, with_shapes: bool) -> None:
     """Store what a server of this town computes beside the town."""
-    with SensorSuite(town) as suite:
+    with WorldSensors(town) as suite:
         if with_shapes:
             suite.warm_up()
             rehearse(World(town, 1))

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from types import TracebackType
 
 from carstage_sim.maps import BackgroundBakes, Bake, MapCatalogue, Town
-from carstage_sim.recording import RecorderDeck
+from carstage_sim.recording import RecorderController
 from carstage_sim.render.gpu.device import Choice, chosen_gpu
 from carstage_sim.render.quality import Quality
-from carstage_sim.sensors import SensorAttributeError, SensorSuite
-from carstage_sim.sensors.frames import SensorFrame, SensorRequest
+from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from carstage_sim.sensors.looping import Looping
+from carstage_sim.sensors.measurements import SensorFrame, SensorRequest
 from carstage_sim.sensors.projection import GeoProjection
 from carstage_sim.sensors.sensor import SensorRegistry
 from carstage_sim.world.actors import Actor
@@ -85,7 +85,7 @@ class Simulation:
         self._gpu = chosen_gpu(device)
         self.settings = EpisodeSettings()
         self.imu_gravity = _STANDARD_GRAVITY
-        self.recordings = RecorderDeck()
+        self.recordings = RecorderController()
         self.maps = maps or MapCatalogue()
         self.bakes = BackgroundBakes(self.maps.cache_folder)
         self._threads = threads
@@ -161,8 +161,8 @@ class Simulation:
             self.settings = EpisodeSettings()
         logger.info("episode %d on %s", self.world.episode_id, self._town.name)
 
-    def _new_suite(self, town: Town) -> SensorSuite:
-        return SensorSuite(
+    def _new_suite(self, town: Town) -> WorldSensors:
+        return WorldSensors(
             town, threads=self._threads, loop=self._loop, quality=self._quality, gpu=self._gpu
         )
 

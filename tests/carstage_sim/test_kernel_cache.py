@@ -13,11 +13,11 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 import carstage_sim
-from carstage_sim import jit
+from carstage_sim import kernels as jit
 from carstage_sim.cache import CACHE_VARIABLE
 
 KERNEL = """
-from carstage_sim.jit import kernel
+from carstage_sim.kernels import kernel
 from kernels_of_a_test.callee import FACTOR
 
 @kernel

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.machine_code import compiled
+from carstage.kernels import compiled
 
 _TINY: Final = 1e-300
 _LONGEST: Final = 7

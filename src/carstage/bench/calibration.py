@@ -1,6 +1,6 @@
 """How fast this machine is now, against the machine that the targets were written for.
 
-The kernel is that of ``carstage_sim.check.calibration``:
+The kernel is that of ``benchmarks.simulator.calibration``:
 neither package imports the other, so change both.
 """
 

@@ -27,8 +27,8 @@ from carstage.bench.episodes import (
     roof_sensor,
 )
 from carstage.bench.verdict import Figure, Verdict
-from carstage.dataset.codecs import codec_for, codec_names
-from carstage.dataset.codecs.codec import image_bgra
+from carstage.codecs import codec_for, codec_names
+from carstage.codecs.codec import image_bgra
 from carstage.errors import BadInputError
 from carstage.rawlog.format import KIND_DATA
 from carstage.rawlog.reader import EpisodeLog

@@ -123,7 +123,7 @@ def _record(
         ended = record(config, out, retries=retries, observer=observer, run_id=run_id)
     report_path = None
     if report and ended.exit_code == 0:
-        from carstage.dataset import write_report
+        from carstage.report import write_report
 
         note("Writing the report.")
         report_path = write_report(ended.dataset)
@@ -180,7 +180,7 @@ def config_check(
     json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Check a configuration and say what it would record."""
+    """Check a configuration and notify what it would record."""
     del debug
     from carstage.cli.describe import describe_config
     from carstage.config import load_config
@@ -236,7 +236,8 @@ def validate(
     del debug
     from carstage.cli.describe import describe_problem, describe_validation
     from carstage.cli.progress import watch_frames
-    from carstage.dataset import validate_dataset, write_validation
+    from carstage.report import write_validation
+    from carstage.validation import validate_dataset
 
     with watch_frames("Checking") as progress:
         report = validate_dataset(dataset, progress=progress)
@@ -274,7 +275,7 @@ def report(
 ) -> None:
     """Write report.html: pictures with boxes, maps, LiDAR from above, statistics, validation."""
     del debug
-    from carstage.dataset import write_report
+    from carstage.report import write_report
 
     target = html or dataset / "report.html"
     _write(target, lambda: write_report(dataset, target, films=films))

@@ -64,7 +64,7 @@ def overhead(
     json: Json = False,
 ) -> int:
     """What capture adds to a tick, against a client that drops everything."""
-    from carstage.bench.overhead import measure_overhead
+    from benchmarks.framework.overhead import measure_overhead
     from carstage.cli.progress import watch_steps
 
     with watch_steps("Blocks", "blocks") as progress:
@@ -87,7 +87,7 @@ def conversion(
     json: Json = False,
 ) -> int:
     """What a picture costs from raw log to hashed file, against its encoder alone."""
-    from carstage.bench.conversion import measure_conversion
+    from benchmarks.framework.conversion import measure_conversion
     from carstage.cli.progress import watch_steps
 
     with watch_steps("Rounds", "rounds") as progress:
@@ -105,7 +105,7 @@ def memory(
     json: Json = False,
 ) -> int:
     """Whether memory stays within the budget while the disk is slow."""
-    from carstage.bench.memory import measure_memory
+    from benchmarks.framework.memory import measure_memory
     from carstage.cli.progress import watch_steps
 
     with watch_steps("Ticks", "ticks") as progress:
@@ -121,7 +121,7 @@ def frames_check(
     json: Json = False,
 ) -> int:
     """Whether the log holds, under each frame, what the server sent for it."""
-    from carstage.bench.frames_check import check_frames
+    from benchmarks.framework.frames_check import check_frames
     from carstage.cli.progress import watch_steps
 
     with watch_steps("Ticks", "ticks") as progress:
@@ -141,7 +141,7 @@ def labels(
     json: Json = False,
 ) -> int:
     """Whether labels of pixels, occlusion and 2D boxes are true, object by object."""
-    from carstage.bench.labels import TOWNS, measure_labels
+    from benchmarks.framework.labels import TOWNS, measure_labels
     from carstage.cli.progress import watch_steps
 
     with watch_steps("Scenes", "scenes") as progress:
@@ -158,7 +158,7 @@ def annotation(
     json: Json = False,
 ) -> int:
     """What labelling a frame with a hundred objects costs."""
-    from carstage.bench.annotation import measure_annotation
+    from benchmarks.framework.annotation import measure_annotation
     from carstage.cli.progress import watch_steps
 
     with watch_steps("Frames", "frames") as progress:
@@ -183,7 +183,7 @@ def faults(
     """Disturb tiny runs at random: does each end well, and is what it committed right?"""
     from dataclasses import asdict
 
-    from carstage.bench.faults import run_campaign, table, table_text
+    from benchmarks.framework.faults import run_campaign, table, table_text
 
     verdict, trials = run_campaign(
         count=n, seed=seed, kinds=kind or (), scratch=scratch, minutes=minutes, say=note
@@ -207,7 +207,7 @@ def gui(
     """How fast the interface is there, follows a drag, and shows a run; needs Chromium."""
     from json import dumps
 
-    from carstage.bench.gui import measure_gui
+    from benchmarks.framework.gui import measure_gui
     from carstage.cli.progress import watch_steps
 
     with watch_steps("Watched", "s") as progress:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from carstage.config import Config
-    from carstage.dataset import Problem, ValidationReport
+    from carstage.validation import Problem, ValidationReport
 
 
 #: `config check` cannot know how many spawn points a map has.

@@ -10,7 +10,7 @@ import typer
 from carstage.cli.output import command, enable_debug, note, result, result_json
 
 if TYPE_CHECKING:
-    from carstage.export import Completeness, ExportSummary
+    from carstage.exporters import Completeness, ExportSummary
 
 
 FORMATS = (
@@ -106,7 +106,7 @@ def export(
     del debug
     from carstage.cli.progress import watch_frames
     from carstage.dataset import Dataset
-    from carstage.export import (
+    from carstage.exporters import (
         ExportOptions,
         check_target,
         examine,

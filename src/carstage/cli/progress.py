@@ -73,7 +73,7 @@ class _Talking:
         elif name == "episode_failed":
             self._write(f"Episode {event['episode_id']} failed.")
 
-    def say(self, sentence: str) -> None:
+    def notify(self, sentence: str) -> None:
         """Say it."""
         self._write(sentence)
 

@@ -9,16 +9,16 @@ import platform
 import sys
 from typing import List, Optional, Union
 
-from carstage.collector.errors import (
+from carstage.collector.internals.errors import (
     CollectorError,
     InterruptedByRequestError,
     client_hint,
     writing_failed,
 )
-from carstage.collector.events import EventStream
-from carstage.collector.plan import Plan
-from carstage.collector.reading import read_plan
-from carstage.collector.stopping import StopRequest
+from carstage.collector.internals.events import EventStream
+from carstage.collector.internals.plan import Plan
+from carstage.collector.internals.reading import read_plan
+from carstage.collector.internals.stopping import StopRequest
 
 EXIT_OK = 0
 EXIT_FAILED = 1
@@ -88,8 +88,8 @@ def _record(plan: Plan, events: EventStream, stop: StopRequest) -> int:
     # Only now: a bad plan is refused even where no carla wheel is installed.
     try:
         from carstage.collector.client import answers, client_version, connect, versions
-        from carstage.collector.dialect import check_versions
-        from carstage.collector.episode import EpisodeRecorder, Versions
+        from carstage.collector.internals.dialect import check_versions
+        from carstage.collector.internals.episode import EpisodeRecorder, Versions
     except ImportError as error:
         raise CollectorError(
             "This Python (%s) has no carla wheel: %s." % (sys.executable, error),

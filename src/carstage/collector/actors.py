@@ -14,9 +14,9 @@ from typing import Any, Iterator, List, NamedTuple, Optional
 
 import carla
 
-from carstage.collector.errors import SceneError
+from carstage.collector.internals.errors import SceneError
+from carstage.collector.internals.plan import EpisodeSpec, GroupPlan
 from carstage.collector.maps import spawn_points
-from carstage.collector.plan import EpisodeSpec, GroupPlan
 from carstage.collector.world import WorldSession
 
 PLACES_PER_WALKER = 40

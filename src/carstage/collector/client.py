@@ -9,9 +9,9 @@ from typing import Any, Tuple
 
 import carla
 
-from carstage.collector.errors import ConnectionFailedError
-from carstage.collector.plan import ServerPlan
-from carstage.collector.stopping import StopRequest
+from carstage.collector.internals.errors import ConnectionFailedError
+from carstage.collector.internals.plan import ServerPlan
+from carstage.collector.internals.stopping import StopRequest
 
 RETRY_INTERVAL_S = 0.2
 PROBE_TIMEOUT_S = 2.0

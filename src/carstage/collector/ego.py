@@ -8,9 +8,9 @@ from typing import Any, Tuple
 import carla
 
 from carstage.collector.actors import dress, find_blueprint
-from carstage.collector.errors import SceneError
+from carstage.collector.internals.errors import SceneError
+from carstage.collector.internals.plan import EpisodeSpec
 from carstage.collector.maps import spawn_points
-from carstage.collector.plan import EpisodeSpec
 from carstage.collector.world import WorldSession
 
 

@@ -7,7 +7,7 @@ from typing import Any, Dict, List, Optional, Sequence
 
 import carla
 
-from carstage.collector.errors import SceneError
+from carstage.collector.internals.errors import SceneError
 
 
 def find_map(client: Any, name: str) -> str:

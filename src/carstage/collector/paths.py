@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from carstage.collector.errors import OUT_OF_SPACE, DiskFullError, RecordingError
+from carstage.collector.internals.errors import OUT_OF_SPACE, DiskFullError, RecordingError
 
 
 def prepare_folder(folder: str) -> str:

@@ -11,12 +11,19 @@ import time
 from queue import Empty, SimpleQueue
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple, Type
 
-from carstage.collector.errors import RecordingError, writing_failed
-from carstage.collector.matching import OFF, OK, ExpectedFrame, FrameMatcher, JoinedFrame, LedgerRow
+from carstage.collector.internals.errors import RecordingError, writing_failed
+from carstage.collector.internals.matching import (
+    OFF,
+    OK,
+    ExpectedFrame,
+    FrameMatcher,
+    JoinedFrame,
+    LedgerRow,
+)
+from carstage.collector.internals.snapshots import WorldMoment
+from carstage.collector.internals.stopping import StopRequest
+from carstage.collector.internals.writing import LogWriters, Write
 from carstage.collector.sensors.base import Sensor
-from carstage.collector.snapshots import WorldMoment
-from carstage.collector.stopping import StopRequest
-from carstage.collector.writing import LogWriters, Write
 from carstage.rawlog.format import KIND_DATA, KIND_TABLE, LEDGER, WORLD
 
 POLL_S = 0.1

@@ -7,9 +7,9 @@ from abc import ABC, abstractmethod
 from contextlib import ExitStack
 from typing import Any, Dict, Iterable, Iterator, NamedTuple, Optional, Type
 
-from carstage.collector.errors import RecordingError
-from carstage.collector.plan import TimingPlan
-from carstage.collector.waking import TickWatch
+from carstage.collector.internals.errors import RecordingError
+from carstage.collector.internals.plan import TimingPlan
+from carstage.collector.internals.traffic_manager_wakeup import TickWatch
 
 MAX_SEGMENT_BYTES = 256 * 1024 * 1024
 SKIP_PATIENCE_S = 1.0

@@ -7,10 +7,10 @@ from typing import Any, Dict, List, Mapping, Sequence, Tuple
 
 import carla
 
-from carstage.collector.dialect import weather_values
-from carstage.collector.errors import SceneError
-from carstage.collector.plan import WeatherMoment, WeatherPlan
-from carstage.collector.snapshots import WEATHER_PARAMETERS
+from carstage.collector.internals.dialect import weather_values
+from carstage.collector.internals.errors import SceneError
+from carstage.collector.internals.plan import WeatherMoment, WeatherPlan
+from carstage.collector.internals.snapshots import WEATHER_PARAMETERS
 
 Values = Dict[str, float]
 

@@ -9,8 +9,8 @@ from typing import Any, Callable, List, Tuple
 import carla
 
 from carstage.collector.client import answers
+from carstage.collector.internals.plan import DEFAULT_LOAD_TIMEOUT_S, EpisodeSpec
 from carstage.collector.maps import find_map, layers_of
-from carstage.collector.plan import DEFAULT_LOAD_TIMEOUT_S, EpisodeSpec
 from carstage.collector.timing import apply_timing, release_timing
 from carstage.collector.weather import Weather
 

@@ -16,6 +16,7 @@ from typing import Any
 import pyarrow as pa
 
 from carstage.annotation.schema import TABLES
+from carstage.codecs import codec_for
 from carstage.conversion.documents import (
     calibration_document,
     episode_document,
@@ -30,7 +31,6 @@ from carstage.conversion.segment import (
     read_label_part,
 )
 from carstage.conversion.sensors import SensorPlan, plan_sensors
-from carstage.dataset.codecs import codec_for
 from carstage.dataset.tables import ROW_SENSORS, write_table
 from carstage.errors import ConversionError, ConverterDiedError
 from carstage.files.whole import write_whole

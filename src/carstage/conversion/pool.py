@@ -55,7 +55,7 @@ def load_libraries(pictures: bool) -> None:
     try:
         # Not before this is called: the supervisor needs none of it.
         importlib.import_module("carstage.conversion.segment")
-        from carstage.dataset.codecs import codec_for
+        from carstage.codecs import codec_for
         from carstage.files.digests import load_digests
 
         load_digests()

@@ -14,10 +14,10 @@ from carstage.annotation import CameraImages, EpisodeLabeller
 from carstage.annotation.decoding import decode_depth_bgra
 from carstage.annotation.point_sensors import RADAR_DTYPE, radar_points
 from carstage.annotation.schema import TABLES, Column
+from carstage.codecs import codec_for
+from carstage.codecs.codec import Content, image_bgra
 from carstage.conversion.sensors import LIDAR_KIND, RADAR_KIND, RecordedSensor
 from carstage.conversion.tag_numbers import dataset_payload
-from carstage.dataset.codecs import codec_for
-from carstage.dataset.codecs.codec import Content, image_bgra
 from carstage.dataset.tables import ROW_SENSORS, arrow_type
 from carstage.errors import ConversionError
 from carstage.files.digests import hashed_at_once, sha256_of_each

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from carstage.dataset.codecs import codec_for
+from carstage.codecs import codec_for
 from carstage.dataset.tables import ROW_SENSORS
 from carstage.errors import BadInputError
 from carstage.rawlog.format import LEDGER, WORLD

@@ -1,7 +1,5 @@
-"""Reading, checking and showing a dataset; needs nothing but its files."""
+"""Reading a dataset; needs nothing but its files."""
 
-from carstage.dataset.checks.findings import Problem
-from carstage.dataset.frames import EpisodeFrames, Frame
 from carstage.dataset.masks import decode_mask
 from carstage.dataset.reading import (
     Calibration,
@@ -10,9 +8,8 @@ from carstage.dataset.reading import (
     Sensor,
     SensorCalibration,
 )
-from carstage.dataset.report import write_report, write_validation
 from carstage.dataset.samples import FrameSamples
-from carstage.dataset.validation import ValidationReport, validate_dataset
+from carstage.dataset.saved_frames import EpisodeFrames, Frame
 
 __all__ = [
     "Calibration",
@@ -21,12 +18,7 @@ __all__ = [
     "EpisodeFrames",
     "Frame",
     "FrameSamples",
-    "Problem",
     "Sensor",
     "SensorCalibration",
-    "ValidationReport",
     "decode_mask",
-    "validate_dataset",
-    "write_report",
-    "write_validation",
 ]

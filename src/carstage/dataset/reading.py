@@ -13,9 +13,9 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from carstage.dataset.codecs import codec_for
-from carstage.dataset.frames import EpisodeFrames, Frame
+from carstage.codecs import codec_for
 from carstage.dataset.querying import query_episodes
+from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.dataset.tables import ROW_SENSORS, read_table, require_columns
 from carstage.errors import BadInputError, DatasetError
 from carstage.geometry import is_pinhole, pose_matrix

@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from carstage.dataset.frames import EpisodeFrames, Frame
 from carstage.dataset.ledger import recorded_frames
 from carstage.dataset.reading import Dataset
+from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.errors import BadInputError
 
 Sample = TypeVar("Sample")

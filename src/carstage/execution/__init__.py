@@ -1,6 +1,6 @@
 """Where episodes are recorded: the executor's seam, and a collector as a child process."""
 
 from carstage.execution.collector_process import CollectorProcess, InterpreterError
-from carstage.execution.executor import Executor, InlineExecutor, Lane
+from carstage.execution.executor import Executor, InlineExecutor, Worker
 
-__all__ = ["CollectorProcess", "Executor", "InlineExecutor", "InterpreterError", "Lane"]
+__all__ = ["CollectorProcess", "Executor", "InlineExecutor", "InterpreterError", "Worker"]

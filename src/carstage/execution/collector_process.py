@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Any
 
 from carstage.errors import CollectorError
-from carstage.execution import borrowed
+from carstage.execution import foreign_python as borrowed
 
 _READ_BYTES = 1 << 16
 _LONGEST_LINE_BYTES = 1 << 20
@@ -158,7 +158,7 @@ class CollectorProcess:
             )
         return [self._parse(line) for line in lines if line.strip()]
 
-    def tell(self, line: str) -> None:
+    def send_line(self, line: str) -> None:
         """Write a line to its standard input, for a module that reads there.
 
         Raises:

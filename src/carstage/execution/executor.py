@@ -1,8 +1,8 @@
 """The seam between a run and the machines it uses.
 
-A **lane** is one server with the collector that records on it. An executor opens lanes and lets
-each take one episode after the other until none is left. Here: one lane, in this process. Several
-local lanes, or lanes on other machines, are further executors.
+A **worker** is one server with the collector that records on it. An executor opens workers and lets
+each take one episode after the other until none is left. Here: one worker, in this process. Several
+local workers, or workers on other machines, are further executors.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Job = TypeVar("Job")
 JobIn = TypeVar("JobIn", contravariant=True)
 
 
-class Lane(Protocol[JobIn]):
+class Worker(Protocol[JobIn]):
     """One server and its collector."""
 
     def record(self, job: JobIn) -> None:
@@ -23,34 +23,34 @@ class Lane(Protocol[JobIn]):
 
 
 class Executor(Protocol):
-    """Spreads episodes over lanes."""
+    """Spreads episodes over workers."""
 
     def execute(
         self,
         take: Callable[[], Job | None],
-        open_lane: Callable[[], AbstractContextManager[Lane[Job]]],
+        open_worker: Callable[[], AbstractContextManager[Worker[Job]]],
     ) -> None:
         """Record every job that ``take`` gives, until it gives None.
 
         Args:
             take: the next job; may wait for one that has to be repeated.
-            open_lane: a lane, which gives everything back on leaving the context.
+            open_worker: a worker, which gives everything back on leaving the context.
         """
 
 
 class InlineExecutor:
-    """One lane, one episode after the other."""
+    """One worker, one episode after the other."""
 
     def execute(
         self,
         take: Callable[[], Job | None],
-        open_lane: Callable[[], AbstractContextManager[Lane[Job]]],
+        open_worker: Callable[[], AbstractContextManager[Worker[Job]]],
     ) -> None:
         """See ``Executor.execute``."""
         job = take()
         if job is None:
             return
-        with open_lane() as lane:
+        with open_worker() as worker:
             while job is not None:
-                lane.record(job)
+                worker.record(job)
                 job = take()

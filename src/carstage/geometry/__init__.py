@@ -19,8 +19,7 @@ from carstage.geometry.camera import (
     velodyne_to_camera,
     vertical_fov_deg,
 )
-from carstage.geometry.earth import GeoPoint, compass_rad, geo_point, specific_force
-from carstage.geometry.frames import (
+from carstage.geometry.coordinates import (
     FLU_FROM_CARLA,
     NUSCENES_LIDAR_FROM_SENSOR,
     OPTICAL_FROM_SENSOR,
@@ -37,6 +36,7 @@ from carstage.geometry.frames import (
     transform_points,
     wrap_angle,
 )
+from carstage.geometry.earth import GeoPoint, compass_rad, geo_point, specific_force
 from carstage.geometry.polygons import (
     Point,
     Rectangle,

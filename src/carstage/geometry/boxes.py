@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from carstage.geometry.frames import FloatArray, pose_matrix
+from carstage.geometry.coordinates import FloatArray, pose_matrix
 
 CORNER_SIGNS: Final = np.array(
     [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]

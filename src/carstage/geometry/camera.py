@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from carstage.errors import BadInputError
-from carstage.geometry.frames import (
+from carstage.geometry.coordinates import (
     OPTICAL_FROM_SENSOR,
     FloatArray,
     invert_pose,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from carstage.geometry.frames import FloatArray, rotation_matrix
+from carstage.geometry.coordinates import FloatArray, rotation_matrix
 
 EARTH_RADIUS_M = 6378137.0
 GRAVITY_M_S2 = 9.81

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from carstage.geometry.boxes import EDGES
-from carstage.geometry.frames import FloatArray
+from carstage.geometry.coordinates import FloatArray
 
 Point = tuple[float, float]
 Rectangle = tuple[float, float, float, float]

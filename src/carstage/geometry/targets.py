@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from carstage.geometry.camera import observation_angle, optical_from_world, rotation_y
-from carstage.geometry.frames import (
+from carstage.geometry.coordinates import (
     FloatArray,
     flu_rotation,
     flu_vector,

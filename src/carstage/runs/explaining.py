@@ -9,7 +9,7 @@ from typing import Any
 
 from carstage.errors import CarStageError, CollectorError, DiskFullError, ServerError
 from carstage.execution import CollectorProcess
-from carstage.runs.landing import Landing
+from carstage.runs.attempt_commit import AttemptCommit
 from carstage.server import Server
 
 _TAIL_LINES = 12
@@ -33,7 +33,7 @@ _KINDS: dict[str, type[CarStageError]] = {
 
 
 def explain_end(
-    landing: Landing,
+    attempt_commit: AttemptCommit,
     logs: Path,
     server: Server | None,
     collector: CollectorProcess,
@@ -43,14 +43,14 @@ def explain_end(
     """The error of an attempt whose collector ended early.
 
     Args:
-        landing: the attempt.
+        attempt_commit: the attempt.
         logs: folder of the run's logs.
         server: who served it.
         collector: who recorded it.
         exit_code: the collector's; None when it had to be ended.
         last_words: the fields of the collector's last ``error`` event; empty without one.
     """
-    where = _where(landing)
+    where = _where(attempt_commit)
     if server is not None and not server.alive():
         return ServerError(
             f"The server ended while {where} was recorded{_manner(server.exit_code)}.",
@@ -74,18 +74,21 @@ def explain_end(
 
 
 def explain_loss(
-    landing: Landing, problem: CarStageError, server: Server | None, collector: CollectorProcess
+    attempt_commit: AttemptCommit,
+    problem: CarStageError,
+    server: Server | None,
+    collector: CollectorProcess,
 ) -> CarStageError:
     """The error of an attempt that was ended for what its watch has seen."""
-    message = f"{problem.message} ({_where(landing)})"
+    message = f"{problem.message} ({_where(attempt_commit)})"
     if isinstance(problem, ServerError):
         tail = "" if server is None else server.log_tail()
         return LostServerError(message, _with_tail(problem.hint, tail))
     return CollectorError(message, _with_tail(problem.hint, collector.log_tail()))
 
 
-def _where(landing: Landing) -> str:
-    return f"episode {landing.job.episode_id}, attempt {landing.attempt}"
+def _where(attempt_commit: AttemptCommit) -> str:
+    return f"episode {attempt_commit.job.episode_id}, attempt {attempt_commit.attempt}"
 
 
 def _manner(exit_code: int | None) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 
-from carstage.runs.bell import Bell
+from carstage.runs.wakeup_pipe import WakeupPipe
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 EXIT_CODE = 130
@@ -22,16 +22,16 @@ class Interruption:
     cut, such as a server's start; inside ``held`` it only sets ``requested`` and wakes ``fileno``.
 
     Args:
-        say: told a sentence for the user at the first signal.
+        notify: told a sentence for the user at the first signal.
     """
 
-    def __init__(self, say: Callable[[str], None] = lambda _: None) -> None:
+    def __init__(self, notify: Callable[[str], None] = lambda _: None) -> None:
         self.requested = False
-        self._say = say
+        self._notify = notify
         self._held = 0
         self._killers: list[Callable[[], None]] = []
         self._previous: dict[int, object] = {}
-        self._bell = Bell()
+        self._wakeup = WakeupPipe()
 
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread():
@@ -47,14 +47,14 @@ class Interruption:
     ) -> None:
         for number, handler in self._previous.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
-        self._bell.close()
+        self._wakeup.close()
 
     def fileno(self) -> int:
         """A descriptor that becomes readable when a signal came, for ``selectors``."""
-        return self._bell.fileno()
+        return self._wakeup.fileno()
 
     @contextmanager
-    def held(self) -> Iterator[None]:
+    def deferred(self) -> Iterator[None]:
         """A stretch that a signal does not cut; look at ``requested`` in it."""
         self._held += 1
         try:
@@ -83,7 +83,7 @@ class Interruption:
                     killer()
             os._exit(EXIT_CODE)
         self.requested = True
-        self._bell.ring()
-        self._say("Ending after this frame; press Ctrl-C again to end at once.")
+        self._wakeup.notify()
+        self._notify("Ending after this frame; press Ctrl-C again to end at once.")
         if not self._held:
             raise KeyboardInterrupt

@@ -23,7 +23,7 @@ class RunObserver(Protocol):
     def event(self, event: Mapping[str, Any]) -> None:
         """An event, as it is written to ``events.jsonl``."""
 
-    def say(self, sentence: str) -> None:
+    def notify(self, sentence: str) -> None:
         """Something that the user should read."""
 
 
@@ -39,7 +39,7 @@ class Nobody:
     def event(self, event: Mapping[str, Any]) -> None:
         """Nothing."""
 
-    def say(self, sentence: str) -> None:
+    def notify(self, sentence: str) -> None:
         """Nothing."""
 
 

@@ -90,7 +90,7 @@ def check_codecs(config: Config) -> None:
     Raises:
         ConfigError: with the field's path.
     """
-    from carstage.dataset.codecs import codec_names
+    from carstage.codecs import codec_names
 
     kinds = {sensor.id: sensor.kind for sensor in config.sensors}
     for sensor_id, codec in config.conversion.codecs.items():
@@ -108,7 +108,7 @@ def recording_of(config: Config) -> Recording | None:
     """
     if not isinstance(config.scenario, ReplayScenario):
         return None
-    from carstage.dataset.recording import read_recording
+    from carstage.dataset.trajectories import read_recording
 
     return read_recording(config.scenario.episode)
 

@@ -1,4 +1,4 @@
-"""Reads the folders of runs, those that go on too: what they say, and whether they live."""
+"""Reads the folders of runs, those that go on too: what they notify, and whether they live."""
 
 from __future__ import annotations
 

@@ -74,12 +74,12 @@ def run_self_test(
     return verdict
 
 
-def examine_server(config: Config, say: Callable[[str], None]) -> Verdict:
+def examine_server(config: Config, notify: Callable[[str], None]) -> Verdict:
     """Put the server of a configuration to the self-test, and stop it again if we started it.
 
     Args:
         config: only its ``server`` section matters.
-        say: told what takes long.
+        notify: told what takes long.
 
     Raises:
         BadInputError: the server is too old, cannot be, or there is no client for it.
@@ -88,8 +88,8 @@ def examine_server(config: Config, say: Callable[[str], None]) -> Verdict:
     """
     check_server(config)
     setup = ServerSetup(config)
-    with Interruption(say) as interruption, setup.facts(), TemporaryDirectory() as folder:
-        say("Starting or asking the server, then recording a few frames on it.")
+    with Interruption(notify) as interruption, setup.facts(), TemporaryDirectory() as folder:
+        notify("Starting or asking the server, then recording a few frames on it.")
         return run_self_test(
             setup.warm_up(None),
             setup.client,
@@ -161,7 +161,7 @@ def _record(
     )
     reason = ""
     with ExitStack() as stack:
-        stack.enter_context(interruption.held())
+        stack.enter_context(interruption.deferred())
         stack.enter_context(collector)
         stack.enter_context(interruption.kills(collector.kill))
         selector = stack.enter_context(selectors.DefaultSelector())

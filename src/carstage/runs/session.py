@@ -24,8 +24,8 @@ from carstage.errors import (
 )
 from carstage.execution import Executor, InlineExecutor
 from carstage.plan import EpisodeSpec, estimate_run, plan_episodes
+from carstage.runs.attempt_commit import AttemptCommit, Job
 from carstage.runs.attempts import dead_runs, remove_leftovers, reserve_attempt
-from carstage.runs.bell import Bell
 from carstage.runs.converters import Converters
 from carstage.runs.folder import (
     CurrentEpisode,
@@ -36,8 +36,6 @@ from carstage.runs.folder import (
     process_start_time,
 )
 from carstage.runs.interruption import Interruption
-from carstage.runs.landing import Job, Landing
-from carstage.runs.lane import POLL_S, ServerLane
 from carstage.runs.orphans import marked
 from carstage.runs.outcome import Nobody, RunObserver, RunResult
 from carstage.runs.preflight import (
@@ -49,13 +47,15 @@ from carstage.runs.preflight import (
 )
 from carstage.runs.selftesting import describe_verdict, refuse, run_self_test
 from carstage.runs.server_lock import server_lock
+from carstage.runs.server_worker import POLL_S, ServerWorker
 from carstage.runs.servers import ServerSetup
+from carstage.runs.wakeup_pipe import WakeupPipe
 from carstage.storage import Store, open_store
 from carstage.storage.disk import disk_error
 
 _HEARTBEAT_S = 1.0
 _EXPLAIN_AFTER_S = 5.0
-_MOST_LANDINGS = 2
+_MOST_COMMITS_UNDER_WAY = 2
 DEFAULT_RETRIES = 2
 
 
@@ -78,7 +78,7 @@ def run(
         out: folder of the dataset.
         retries: further attempts of an episode that fails.
         observer: who watches.
-        executor: where episodes are recorded; default: one lane on this machine.
+        executor: where episodes are recorded; default: one worker on this machine.
         run_id: name of the run's folder; default: a new one.
 
     Raises:
@@ -87,9 +87,9 @@ def run(
     """
     watcher: RunObserver = observer or Nobody()
     out = Path(out).expanduser().absolute()
-    with Interruption(watcher.say) as interruption:
+    with Interruption(watcher.notify) as interruption:
         for warning in config.warnings():
-            watcher.say(warning)
+            watcher.notify(warning)
         check_output(out)
         check_codecs(config)
         check_server(config)
@@ -99,23 +99,23 @@ def run(
             store = open_store(out)
             for dead in dead_runs(out):  # first, as what they left takes space on the disk
                 remove_leftovers(dead, store)
-                watcher.say(f"Removed what the dead run {dead.folder.name} had left.")
+                watcher.notify(f"Removed what the dead run {dead.folder.name} had left.")
             present = store.committed() if (out / "dataset.json").exists() else {}
             todo = [spec for spec in episodes if spec.episode_id not in present]
             estimate = estimate_run(config, todo)
             check_disk(out, estimate)
             store.initialise(config.name)
             watcher.planned(estimate, len(todo), len(episodes) - len(todo))
-            with RunFolder(out, run_id) as folder, marked(folder.run_id), Bell() as bell:
+            with RunFolder(out, run_id) as folder, marked(folder.run_id), WakeupPipe() as wakeup:
                 folder.write_plan(config, episodes)
                 session = _Session(
-                    config, setup, store, folder, out, interruption, bell, watcher, retries
+                    config, setup, store, folder, out, interruption, wakeup, watcher, retries
                 )
                 return session.run(episodes, todo, executor or InlineExecutor())
 
 
 class _Session:
-    """The state of a run between its plan and its end; the host of its lanes."""
+    """The state of a run between its plan and its end; the host of its workers."""
 
     def __init__(
         self,
@@ -125,7 +125,7 @@ class _Session:
         folder: RunFolder,
         out: Path,
         interruption: Interruption,
-        bell: Bell,
+        wakeup: WakeupPipe,
         observer: RunObserver,
         retries: int,
         clock_s: Callable[[], float] = time.monotonic,
@@ -136,7 +136,7 @@ class _Session:
         self._folder = folder
         self._out = out
         self._interruption = interruption
-        self._bell = bell
+        self._wakeup = wakeup
         self._observer = observer
         self._retries = retries
         self._clock_s = clock_s
@@ -146,9 +146,9 @@ class _Session:
             config.conversion.workers, pictures=any(sensor.is_camera for sensor in config.sensors)
         )
         self._jobs: deque[Job] = deque()
-        self._recording: Landing | None = None
-        self._recorded: deque[Landing] = deque()
-        self._landings: list[Landing] = []
+        self._recording: AttemptCommit | None = None
+        self._recorded: deque[AttemptCommit] = deque()
+        self._attempt_commits: list[AttemptCommit] = []
         self._failures: dict[str, str] = {}
         self._frames = 0
         self._status = RunStatus(
@@ -177,11 +177,11 @@ class _Session:
                     self._event("episode_skipped", episode_id=spec.episode_id, reason=reason)
             self._enter("starting")
             if todo:
-                with self._interruption.held():  # no pool that nobody knows of
+                with self._interruption.deferred():  # no pool that nobody knows of
                     self._converters.pool()  # they load their libraries while the server starts
                 self._interruption.check()
                 self._test_server()
-            executor.execute(self._take, self._open_lane)
+            executor.execute(self._take, self._open_worker)
             state = "done" if not self._failures else "failed"
         except KeyboardInterrupt:
             state = "interrupted"
@@ -194,7 +194,7 @@ class _Session:
             self._status.message = str(failure)
             raise failure from error
         finally:
-            with self._interruption.held():
+            with self._interruption.deferred():
                 self._give_back()
                 self._status.current = None
                 self._finish(state)
@@ -219,17 +219,17 @@ class _Session:
                 "run_finished", state=state, committed=counts.committed, failed=counts.failed
             )
         except StorageError as error:
-            self._observer.say(f"{error.message} The next run on this dataset clears up.")
+            self._observer.notify(f"{error.message} The next run on this dataset clears up.")
 
-    # What the lanes call.
+    # What the workers call.
 
-    def begin(self, job: Job) -> Landing:
+    def begin(self, job: Job) -> AttemptCommit:
         """Reserve an attempt of the job."""
         attempt = reserve_attempt(self._out, job.episode_id, job.first_attempt)
         self._event("attempt_reserved", episode_id=job.episode_id, attempt=attempt)
         raw_folder = self._folder.raw_attempt(job.episode_id, attempt)
         raw_folder.parent.mkdir(parents=True, exist_ok=True)
-        landing = Landing(
+        attempt_commit = AttemptCommit(
             job,
             attempt,
             raw_folder,
@@ -238,9 +238,9 @@ class _Session:
             self._config.conversion.codecs,
             self._self_test,
             deferred=self._config.conversion.mode == "deferred",
-            progress=self._bell.ring,
+            progress=self._wakeup.notify,
         )
-        self._recording = landing
+        self._recording = attempt_commit
         self._status.current = CurrentEpisode(
             episode_id=job.episode_id,
             index=job.spec.index,
@@ -249,9 +249,9 @@ class _Session:
             frames_total=job.spec.saved_frames,
         )
         self._enter("recording")
-        return landing
+        return attempt_commit
 
-    def heard(self, event: Mapping[str, Any]) -> None:
+    def on_event(self, event: Mapping[str, Any]) -> None:
         """Copy an event into the run's; follow the ticks."""
         if event["event"] == "tick" and self._status.current is not None:
             self._status.current.ticks_done = int(event["tick"]) + 1
@@ -261,16 +261,16 @@ class _Session:
     def poll(self) -> None:
         """Commit what is converted; keep the status fresh."""
         current, shown = self._status.current, self._recording
-        if shown is None and self._landings:
-            shown = self._landings[0]
+        if shown is None and self._attempt_commits:
+            shown = self._attempt_commits[0]
         if current is not None and shown is not None and _is_of(current, shown):
             current.frames_converted = shown.frames_done
         if not self._setup.raw_must_last:
-            for landing in self._under_way():
-                landing.remove_converted()
+            for attempt_commit in self._under_way():
+                attempt_commit.remove_converted()
         if self._config.conversion.mode == "streaming" or self._recording is None:
-            for landing in list(self._landings):
-                self._land(landing)
+            for attempt_commit in list(self._attempt_commits):
+                self._commit_if_ready(attempt_commit)
         now_s = self._clock_s()
         if now_s >= self._next_heartbeat_s:
             self._next_heartbeat_s = now_s + _HEARTBEAT_S
@@ -279,7 +279,7 @@ class _Session:
 
     @contextmanager
     def waiting(self, what: str) -> Iterator[None]:
-        """Keep the heartbeat while the caller waits; say ``what`` when it takes long."""
+        """Keep the heartbeat while the caller waits; notify ``what`` when it takes long."""
         over = threading.Event()
 
         def beat() -> None:
@@ -290,74 +290,84 @@ class _Session:
                     self._folder.write_status(self._status)
                 if not explained and self._clock_s() - begin_s > _EXPLAIN_AFTER_S:
                     explained = True
-                    self._observer.say(what)
+                    self._observer.notify(what)
 
         thread = threading.Thread(target=beat, name="heartbeat", daemon=True)
         thread.start()
         try:
             yield
         finally:
-            with self._interruption.held():
+            with self._interruption.deferred():
                 over.set()
                 thread.join()
 
-    def recorded(self, landing: Landing, incomplete_ticks: int) -> bool:
+    def recorded(self, attempt_commit: AttemptCommit, incomplete_ticks: int) -> bool:
         """Let a recording land, at once or after all others; returns whether it may.
 
         Where every sensor has to deliver, an attempt with gaps is repeated as long as that is
         allowed. The last one lands as it is: its ledger names every gap.
         """
-        job = landing.job
+        job = attempt_commit.job
         if incomplete_ticks and _demands_all(job.spec):
-            what = f"Episode {job.episode_id}, attempt {landing.attempt}: {incomplete_ticks} of "
-            what += f"{job.spec.steps} ticks lack data of a sensor."
+            what = f"Episode {job.episode_id}, attempt {attempt_commit.attempt}: "
+            what += f"{incomplete_ticks} of {job.spec.steps} ticks lack data of a sensor."
             if job.tries < self._retries:
-                landing.give_up()
+                attempt_commit.give_up()
                 gaps = CollectorError(what, "See the collector's log and the server's.")
-                self.attempt_failed(landing, gaps, final=False)
+                self.attempt_failed(attempt_commit, gaps, final=False)
                 return False
-            self._observer.say(f"{what} It is kept: the ledger frames.parquet names them.")
+            self._observer.notify(f"{what} It is kept: the ledger frames.parquet names them.")
         self._recording = None
         if self._config.conversion.mode == "deferred":
-            self._recorded.append(landing)
+            self._recorded.append(attempt_commit)
         else:
-            self._landings.append(landing)
+            self._attempt_commits.append(attempt_commit)
         return True
 
-    def attempt_failed(self, landing: Landing, error: CarStageError, *, final: bool) -> None:
+    def attempt_failed(
+        self, attempt_commit: AttemptCommit, error: CarStageError, *, final: bool
+    ) -> None:
         """Try the episode again, unless that is pointless or it was tried often enough.
 
         Raises:
             DiskFullError: the error, as no other episode would fare better.
         """
-        if landing is self._recording:  # else: converting it failed, while another is recorded
+        if (
+            attempt_commit is self._recording
+        ):  # else: converting it failed, while another is recorded
             self._recording = None
         if isinstance(error, ConverterDiedError):
             self._converters.retire()
-        job = landing.job
+        job = attempt_commit.job
         reason = str(error)
         full = isinstance(error, DiskFullError)
         if not final and not full and job.tries < self._retries:
-            number = int(landing.attempt[1:])
+            number = int(attempt_commit.attempt[1:])
             self._jobs.appendleft(Job(job.spec, job.episode_id, job.tries + 1, number + 1))
             self._event(
-                "episode_retried", episode_id=job.episode_id, attempt=landing.attempt, reason=reason
+                "episode_retried",
+                episode_id=job.episode_id,
+                attempt=attempt_commit.attempt,
+                reason=reason,
             )
-            self._observer.say(f"{error.message} The episode is recorded again.")
+            self._observer.notify(f"{error.message} The episode is recorded again.")
             return
         self._failures[job.episode_id] = reason
         self._status.episodes.failed += 1
         self._event(
-            "episode_failed", episode_id=job.episode_id, attempt=landing.attempt, reason=reason
+            "episode_failed",
+            episode_id=job.episode_id,
+            attempt=attempt_commit.attempt,
+            reason=reason,
         )
         if full:
             raise error
 
     # What the executor calls.
 
-    def _open_lane(self) -> ServerLane:
+    def _open_worker(self) -> ServerWorker:
         python = str(self._setup.client.path)
-        return ServerLane(self._setup, self, self._folder, self._interruption, python=python)
+        return ServerWorker(self._setup, self, self._folder, self._interruption, python=python)
 
     def _test_server(self) -> None:
         """Put the server to the self-test, where that is asked for, and keep the verdict.
@@ -378,40 +388,40 @@ class _Session:
         self._self_test = verdict.to_json()
         self._event("server_tested", **self._self_test)
         for sentence in describe_verdict(verdict):
-            self._observer.say(sentence)
+            self._observer.notify(sentence)
         if self._setup.must_pass and not verdict.ok:
             raise refuse(verdict)
 
     def _take(self) -> Job | None:
         """The next episode; waits while conversions lag behind or may have to be repeated."""
         while True:
-            self._bell.silence()
-            with self._interruption.held():
+            self._wakeup.clear()
+            with self._interruption.deferred():
                 self.poll()
             self._interruption.check()
-            if self._jobs and len(self._landings) < _MOST_LANDINGS:
+            if self._jobs and len(self._attempt_commits) < _MOST_COMMITS_UNDER_WAY:
                 return self._jobs.popleft()
-            if not self._jobs and not self._landings:
+            if not self._jobs and not self._attempt_commits:
                 if not self._recorded:
                     return None
-                with self._interruption.held():
+                with self._interruption.deferred():
                     self._convert(self._recorded.popleft())
             if not self._jobs:
                 self._show_conversion()
             self._wait()
 
     def _show_conversion(self) -> None:
-        landing = self._landings[0]
+        attempt_commit = self._attempt_commits[0]
         if self._status.state != "converting":
             self._enter("converting")
-        steps, frames = landing.job.spec.steps, landing.job.spec.saved_frames
+        steps, frames = attempt_commit.job.spec.steps, attempt_commit.job.spec.saved_frames
         self._status.current = CurrentEpisode(
-            episode_id=landing.job.episode_id,
-            index=landing.job.spec.index,
-            attempt=landing.attempt,
+            episode_id=attempt_commit.job.episode_id,
+            index=attempt_commit.job.spec.index,
+            attempt=attempt_commit.attempt,
             ticks_done=steps,
             ticks_total=steps,
-            frames_converted=landing.frames_done,
+            frames_converted=attempt_commit.frames_done,
             frames_total=frames,
         )
 
@@ -419,80 +429,87 @@ class _Session:
         """Wait until something is converted, a signal comes, or the status has to be renewed."""
         with selectors.DefaultSelector() as selector:
             selector.register(self._interruption, selectors.EVENT_READ)
-            selector.register(self._bell, selectors.EVENT_READ)
+            selector.register(self._wakeup, selectors.EVENT_READ)
             selector.select(POLL_S)
 
-    # Landing.
+    # AttemptCommit.
 
-    def _convert(self, landing: Landing) -> None:
+    def _convert(self, attempt_commit: AttemptCommit) -> None:
         """Begin to convert a recording that was kept for the end."""
-        self._landings.append(landing)
+        self._attempt_commits.append(attempt_commit)
         try:
-            landing.convert_all(self._converters.pool())
+            attempt_commit.convert_all(self._converters.pool())
         except CarStageError as error:
-            self._fell(landing, error)
+            self._commit_failed(attempt_commit, error)
 
-    def _land(self, landing: Landing) -> None:
-        """Commit the landing if its frames are converted."""
-        job = landing.job
+    def _commit_if_ready(self, attempt_commit: AttemptCommit) -> None:
+        """Commit the attempt_commit if its frames are converted."""
+        job = attempt_commit.job
         try:
-            if not landing.is_ready():
+            if not attempt_commit.is_ready():
                 return
-            frames = landing.commit()
+            frames = attempt_commit.commit()
         except EpisodeExistsError as error:
-            self._landings.remove(landing)
+            self._attempt_commits.remove(attempt_commit)
             self._status.episodes.skipped += 1
-            landing.remove_raw()
+            attempt_commit.remove_raw()
             self._event(
                 "episode_skipped",
                 episode_id=job.episode_id,
-                attempt=landing.attempt,
+                attempt=attempt_commit.attempt,
                 reason=error.message,
             )
         except CarStageError as error:
-            self._fell(landing, error)
+            self._commit_failed(attempt_commit, error)
         else:
-            self._landings.remove(landing)
+            self._attempt_commits.remove(attempt_commit)
             self._status.episodes.committed += 1
             self._frames += frames
             if not self._config.output.keep_raw:
-                landing.remove_raw()
+                attempt_commit.remove_raw()
             self._event("frames_converted", episode_id=job.episode_id, frames=frames)
-            self._event("episode_committed", episode_id=job.episode_id, attempt=landing.attempt)
+            self._event(
+                "episode_committed", episode_id=job.episode_id, attempt=attempt_commit.attempt
+            )
 
-    def _fell(self, landing: Landing, error: CarStageError) -> None:
-        """A landing failed; what it has written goes."""
-        self._landings.remove(landing)
-        landing.give_up()
-        self.attempt_failed(landing, error, final=isinstance(error, BadInputError))
+    def _commit_failed(self, attempt_commit: AttemptCommit, error: CarStageError) -> None:
+        """A attempt_commit failed; what it has written goes."""
+        self._attempt_commits.remove(attempt_commit)
+        attempt_commit.give_up()
+        self.attempt_failed(attempt_commit, error, final=isinstance(error, BadInputError))
 
     def _give_back(self) -> None:
         """Remove attempts that did not land and end the converters, whatever the disk says."""
-        for landing in [*self._under_way(), *self._recorded]:
+        for attempt_commit in [*self._under_way(), *self._recorded]:
             try:
-                landing.give_up()
+                attempt_commit.give_up()
             except (CarStageError, OSError) as error:
-                folder = f"episodes/{landing.job.episode_id}/{landing.attempt}"
-                self._observer.say(f"{folder} could not be removed and is no part of it: {error}")
+                folder = f"episodes/{attempt_commit.job.episode_id}/{attempt_commit.attempt}"
+                self._observer.notify(
+                    f"{folder} could not be removed and is no part of it: {error}"
+                )
         self._converters.end()
 
-    def _under_way(self) -> list[Landing]:
+    def _under_way(self) -> list[AttemptCommit]:
         """What is recorded now, and what is being converted."""
-        return [*([] if self._recording is None else [self._recording]), *self._landings]
+        return [*([] if self._recording is None else [self._recording]), *self._attempt_commits]
 
     def _enter(self, state: State) -> None:
         self._status.state = state
-        with self._interruption.held():
+        with self._interruption.deferred():
             self._folder.write_status(self._status)
         self._observer.status(self._status)
 
     def _event(self, event: str, **fields: Any) -> None:
-        with self._interruption.held():  # no torn lines
+        with self._interruption.deferred():  # no torn lines
             self._observer.event(self._folder.write_event(event, fields))
 
 
-def _is_of(current: CurrentEpisode, landing: Landing) -> bool:
-    return (current.episode_id, current.attempt) == (landing.job.episode_id, landing.attempt)
+def _is_of(current: CurrentEpisode, attempt_commit: AttemptCommit) -> bool:
+    return (current.episode_id, current.attempt) == (
+        attempt_commit.job.episode_id,
+        attempt_commit.attempt,
+    )
 
 
 def _demands_all(spec: EpisodeSpec) -> bool:

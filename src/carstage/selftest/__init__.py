@@ -1,12 +1,12 @@
 """Does a server do what the labels take for granted? A short recording, and who judges it.
 
 ``staging`` plans an episode in which the rig is moved by hand between ticks, ``evidence`` reads its
-raw log; ``frames``, ``sight``, ``alignment``, ``codes``, ``lidar_axes`` and
+raw log; ``frames``, ``view``, ``alignment``, ``codes``, ``lidar_axes`` and
 ``optical_flow`` ask one question each, ``judging`` asks all.
 """
 
 from carstage.selftest.judging import judge_log
-from carstage.selftest.staging import plan_self_test
+from carstage.selftest.scene_setup import plan_self_test
 from carstage.selftest.verdict import Check, Verdict, failed_verdict
 
 __all__ = ["Check", "Verdict", "failed_verdict", "judge_log", "plan_self_test"]

@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage.selftest.depth_view import CLEARLY, EXPLAINS, LAGS, DepthView, pairs
 from carstage.selftest.evidence import Body, Evidence
-from carstage.selftest.sight import CLEARLY, EXPLAINS, LAGS, Sight, pairs
 from carstage.selftest.verdict import Check
 from carstage.selftest.warping import inside_box
 
@@ -24,9 +24,9 @@ _SURFACE_M = 0.05
 _FEWEST = 10
 
 
-def check_poses(sight: Sight) -> Check:
+def check_poses(view: DepthView) -> Check:
     """The camera's pictures show what its pose of the same tick sees."""
-    shares = {lag: sight.fit(lag) for lag in LAGS}
+    shares = {lag: view.fit(lag) for lag in LAGS}
     lag = max(shares, key=lambda candidate: shares[candidate])
     others = max(share for other, share in shares.items() if other != lag)
     sure = shares[lag] >= EXPLAINS and shares[lag] >= CLEARLY * others
@@ -34,14 +34,14 @@ def check_poses(sight: Sight) -> Check:
     return Check("camera poses", sure and lag == 0, found, _OWN, shares[lag])
 
 
-def check_pictures(sight: Sight, name: str) -> Check:
+def check_pictures(view: DepthView, name: str) -> Check:
     """A camera's pictures are of the same ticks as the depth camera's.
 
     Judged by edges: along them, what is a pixel further on looks different.
     """
-    pictures = sight.evidence.pictures[name]
+    pictures = view.evidence.pictures[name]
     alike = _RULES[name]
-    shares = {lag: _likeness(sight, pictures, alike, lag) for lag in LAGS[:3]}
+    shares = {lag: _likeness(view, pictures, alike, lag) for lag in LAGS[:3]}
     lag = max(shares, key=lambda candidate: shares[candidate])
     others = max(share for other, share in shares.items() if other != lag)
     sure = shares[lag] > others
@@ -50,10 +50,10 @@ def check_pictures(sight: Sight, name: str) -> Check:
     return Check(f"{name} pictures", sure and lag == 0, found, _OWN, shares[lag])
 
 
-def check_actors(sight: Sight) -> Check:
+def check_actors(view: DepthView) -> Check:
     """The vehicle ahead is seen where the snapshot of the same tick has it."""
-    evidence = sight.evidence
-    seen = {lag: list(_seen_in_box(sight, evidence.vehicle, lag)) for lag in LAGS}
+    evidence = view.evidence
+    seen = {lag: list(_seen_in_box(view, evidence.vehicle, lag)) for lag in LAGS}
     own = sum(count for _, count in seen[0])
     # Lags leave out ticks at an end: each is measured against the same ticks without a lag.
     by_tick = dict(seen[0])
@@ -70,10 +70,10 @@ def check_actors(sight: Sight) -> Check:
     return Check("actor poses", lag == 0, found, expected, 1.0 - others)
 
 
-def _seen_in_box(sight: Sight, body: Body, lag: int) -> Iterator[tuple[int, int]]:
+def _seen_in_box(view: DepthView, body: Body, lag: int) -> Iterator[tuple[int, int]]:
     """Tick, and how many pixels of its picture show what lies in the box of a later tick."""
-    for tick, points in enumerate(sight.points):
-        if 0 <= tick + lag < sight.evidence.ticks:
+    for tick, points in enumerate(view.points):
+        if 0 <= tick + lag < view.evidence.ticks:
             box = body.world_from_box[tick + lag]
             above_road = points[:, 2] > box[2, 3] - body.extent[2] + _GROUND_M
             yield tick, int(np.sum(inside_box(points, box, body.extent, _SURFACE_M) & above_road))
@@ -103,12 +103,12 @@ _RULES: dict[str, Alike] = {
 PICTURES = tuple(_RULES)
 
 
-def _likeness(sight: Sight, pictures: NDArray[np.uint8], alike: Alike, lag: int) -> float:
+def _likeness(view: DepthView, pictures: NDArray[np.uint8], alike: Alike, lag: int) -> float:
     """Share of edge pixels that look alike where they reappear, if pictures lag so many ticks."""
     found = []
-    for tick, other in pairs(sight.evidence.ticks, lag):
+    for tick, other in pairs(view.evidence.ticks, lag):
         first, second = pictures[tick + lag], pictures[other + lag]
-        moved = sight.warp(tick, other)
+        moved = view.warp(tick, other)
         edge = _edges(first, alike)[moved.source[:, 0], moved.source[:, 1]]
         here = first[moved.source[edge, 0], moved.source[edge, 1]]
         there = second[moved.target[edge, 0], moved.target[edge, 1]]

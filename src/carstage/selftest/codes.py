@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.annotation.decoding import NO_HIT_M, decode_instance_bgra
+from carstage.selftest.depth_view import DepthView
 from carstage.selftest.evidence import Body
-from carstage.selftest.sight import Sight
 from carstage.selftest.verdict import Check
 from carstage.selftest.warping import inside_box
 from carstage.tags import TAGS_0_9_13, TAGS_0_9_14, Tag, tag_table, vehicle_tags, walker_tags
@@ -28,18 +28,18 @@ _HALF_WIDTH_M = 1.0
 _GROUND_M = 0.7
 
 
-def check_instance_ids(sight: Sight, *, actor_ids_needed: bool) -> Check:
+def check_instance_ids(view: DepthView, *, actor_ids_needed: bool) -> Check:
     """What the instance camera writes where the vehicle ahead is.
 
     Args:
-        sight: what the depth camera saw.
+        view: what the depth camera saw.
         actor_ids_needed: labels of this server's version are made from actor ids.
     """
-    evidence = sight.evidence
+    evidence = view.evidence
     pictures, wanted = evidence.pictures["instance"], evidence.vehicle.info.id & 0xFFFF
     low_first, high_first = [], []
     for tick, picture in enumerate(pictures):
-        ids = sight.at(decode_instance_bgra(picture)[0])[_on(sight, evidence.vehicle, tick)]
+        ids = view.at(decode_instance_bgra(picture)[0])[_on(view, evidence.vehicle, tick)]
         low_first.append(ids == wanted)
         high_first.append(ids.byteswap() == wanted)
     expected = LOW_FIRST if actor_ids_needed else f"{LOW_FIRST}, or {NO_ACTORS}"
@@ -51,9 +51,9 @@ def check_instance_ids(sight: Sight, *, actor_ids_needed: bool) -> Check:
     return Check("instance ids", found == LOW_FIRST, found, expected, share)
 
 
-def check_tags(sight: Sight, server: str) -> Check:
+def check_tags(view: DepthView, server: str) -> Check:
     """Which table numbers the tags of vehicle, walker, road and sky."""
-    seen = _tags_seen(sight)
+    seen = _tags_seen(view)
     expected = next(name for name, table in _TABLES.items() if table is tag_table(server))
     shares = {name: _fitting(seen, name, table) for name, table in _TABLES.items()}
     found = max(shares, key=lambda name: shares[name])
@@ -66,35 +66,35 @@ def check_tags(sight: Sight, server: str) -> Check:
     return Check("semantic tags", ok, words, _WORDS[expected], shares[found])
 
 
-def _tags_seen(sight: Sight) -> Mapping[str, NDArray[np.uint8]]:
+def _tags_seen(view: DepthView) -> Mapping[str, NDArray[np.uint8]]:
     """Tags of the sampled pixels of all ticks that show something we know, by what it is."""
     seen: dict[str, list[NDArray[np.uint8]]] = {}
-    evidence = sight.evidence
+    evidence = view.evidence
     for tick, picture in enumerate(evidence.pictures["semantic"]):
-        tags = sight.at(picture)[:, 2]
+        tags = view.at(picture)[:, 2]
         shown = {
-            "vehicle": _on(sight, evidence.vehicle, tick),
-            "road": _road_ahead(sight, tick),
-            "sky": sight.optical[tick, :, 2] >= NO_HIT_M,
+            "vehicle": _on(view, evidence.vehicle, tick),
+            "road": _road_ahead(view, tick),
+            "sky": view.optical[tick, :, 2] >= NO_HIT_M,
         }
         if evidence.walker is not None:
-            shown["walker"] = _on(sight, evidence.walker, tick)
+            shown["walker"] = _on(view, evidence.walker, tick)
         for what, mask in shown.items():
             seen.setdefault(what, []).append(tags[mask])
     found = {what: np.concatenate(tags) for what, tags in seen.items()}
     return {what: tags for what, tags in found.items() if len(tags)}
 
 
-def _on(sight: Sight, body: Body, tick: int) -> NDArray[np.bool_]:
+def _on(view: DepthView, body: Body, tick: int) -> NDArray[np.bool_]:
     """``(N,)`` sampled pixels that surely show a body."""
     box = body.world_from_box[tick]
-    return inside_box(sight.points[tick], box, body.extent, _SHRUNK_M)
+    return inside_box(view.points[tick], box, body.extent, _SHRUNK_M)
 
 
-def _road_ahead(sight: Sight, tick: int) -> NDArray[np.bool_]:
+def _road_ahead(view: DepthView, tick: int) -> NDArray[np.bool_]:
     """``(N,)`` sampled pixels of the ground between the ego and the vehicle ahead."""
-    start = sight.evidence.world_from_ego[0]
-    local = (sight.points[tick] - start[:3, 3]) @ start[:3, :3]
+    start = view.evidence.world_from_ego[0]
+    local = (view.points[tick] - start[:3, 3]) @ start[:3, :3]
     near, far = _CORRIDOR_M
     ahead = (local[:, 0] > near) & (local[:, 0] < far) & (np.abs(local[:, 1]) < _HALF_WIDTH_M)
     return np.asarray(ahead & (np.abs(local[:, 2]) < _GROUND_M), dtype=np.bool_)

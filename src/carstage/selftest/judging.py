@@ -6,11 +6,11 @@ from pathlib import Path
 
 from carstage.selftest.alignment import available, check_actors, check_pictures, check_poses
 from carstage.selftest.codes import check_instance_ids, check_tags
+from carstage.selftest.depth_view import check_depth
 from carstage.selftest.evidence import read_evidence
-from carstage.selftest.frames import check_frames, check_mounts
+from carstage.selftest.frame_consistency import check_frames, check_mounts
 from carstage.selftest.lidar_axes import check_lidar_axes
 from carstage.selftest.optical_flow import check_optical_flow
-from carstage.selftest.sight import check_depth
 from carstage.selftest.verdict import Verdict
 from carstage.tags import server_release
 
@@ -29,19 +29,19 @@ def judge_log(folder: Path) -> Verdict:
     """
     evidence = read_evidence(folder)
     server = str(evidence.header["server_version"])
-    depth, sight = check_depth(evidence)
-    checks = [check_frames(evidence), check_mounts(evidence), depth, check_poses(sight)]
-    checks += [check_pictures(sight, name) for name in available(evidence)]
-    checks.append(check_actors(sight))
+    depth, view = check_depth(evidence)
+    checks = [check_frames(evidence), check_mounts(evidence), depth, check_poses(view)]
+    checks += [check_pictures(view, name) for name in available(evidence)]
+    checks.append(check_actors(view))
     if "instance" in evidence.pictures:
         needed = server_release(server) >= ACTOR_IDS_SINCE
-        checks.append(check_instance_ids(sight, actor_ids_needed=needed))
+        checks.append(check_instance_ids(view, actor_ids_needed=needed))
     if "semantic" in evidence.pictures:
-        checks.append(check_tags(sight, server))
+        checks.append(check_tags(view, server))
     if "flow" in evidence.pictures:
-        checks.append(check_optical_flow(sight))
+        checks.append(check_optical_flow(view))
     if evidence.world_from_lidar is not None:
-        checks.append(check_lidar_axes(sight))
+        checks.append(check_lidar_axes(view))
     return Verdict(
         server=server,
         client=str(evidence.header["client_version"]),

@@ -7,7 +7,7 @@ from itertools import permutations, product
 import numpy as np
 
 from carstage.geometry import FloatArray, optical_from_world, project, transform_points
-from carstage.selftest.sight import CLEARLY, Sight
+from carstage.selftest.depth_view import CLEARLY, DepthView
 from carstage.selftest.verdict import Check
 from carstage.selftest.warping import AGREES
 
@@ -20,13 +20,13 @@ _SLACK_M = 0.1
 _WORDS = (("forward", "backward"), ("right", "left"), ("up", "down"))
 
 
-def check_lidar_axes(sight: Sight) -> Check:
+def check_lidar_axes(view: DepthView) -> Check:
     """How x, y and z of the points have to be read for them to lie on what the camera sees.
 
     Points on the ground say little, for a flat road is its own mirror image: only those above it
     are compared.
     """
-    shares = {words: _agreement(sight, axes) for words, axes in _readings()}
+    shares = {words: _agreement(view, axes) for words, axes in _readings()}
     found = max(shares, key=lambda words: shares[words])
     others = max(share for words, share in shares.items() if words != found)
     if shares[found] < _ENOUGH or shares[found] < CLEARLY * others:
@@ -48,9 +48,9 @@ def _readings() -> list[tuple[str, FloatArray]]:
     return readings
 
 
-def _agreement(sight: Sight, axes: FloatArray) -> float:
+def _agreement(view: DepthView, axes: FloatArray) -> float:
     """Share of points above the ground that lie on the surface that the depth camera sees."""
-    evidence = sight.evidence
+    evidence = view.evidence
     assert evidence.world_from_lidar is not None
     hits = compared = 0
     for tick in _TICKS:
@@ -59,10 +59,10 @@ def _agreement(sight: Sight, axes: FloatArray) -> float:
         above = ((world - start[:3, 3]) @ start[:3, 2]) > _GROUND_M
         optical = transform_points(optical_from_world(evidence.world_from_camera[tick]), world)
         uv = project(optical, evidence.k)
-        height, width = sight.depth_m.shape[1:]
+        height, width = view.depth_m.shape[1:]
         shown = above & (uv >= 0.0).all(axis=-1) & (uv[:, 0] < width) & (uv[:, 1] < height)
         pixel = np.floor(uv[shown]).astype(np.int64)
-        depth_m = sight.depth_m[tick][pixel[:, 1], pixel[:, 0]]
+        depth_m = view.depth_m[tick][pixel[:, 1], pixel[:, 0]]
         off_m = np.abs(depth_m - optical[shown, 2])
         hits += int(np.sum(off_m <= _SLACK_M + AGREES * depth_m))
         compared += len(pixel)

@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 
 from carstage.geometry import FloatArray
-from carstage.selftest.sight import Sight
+from carstage.selftest.depth_view import DepthView
 from carstage.selftest.verdict import Check
 
 EXPECTED = "shares of half the image, x right, y up, since the tick before"
@@ -23,13 +23,13 @@ _CODE_STEP = 1.0 / 512.0
 _PAST, _FUTURE = -1, 1
 
 
-def check_optical_flow(sight: Sight) -> Check:
+def check_optical_flow(view: DepthView) -> Check:
     """The reading with the smallest median end-point error over the still pixels of all ticks."""
-    height, width = sight.depth_m.shape[1:]
+    height, width = view.depth_m.shape[1:]
     seen: dict[int, FloatArray] = {}
     wanted: dict[int, FloatArray] = {}
     for direction in (_PAST, _FUTURE):
-        seen[direction], wanted[direction] = _samples(sight, direction)
+        seen[direction], wanted[direction] = _samples(view, direction)
     errors = {}
     for right, up, half, direction in product((True, False), (True, False), (True, False), wanted):
         share = 0.5 if half else 1.0
@@ -45,20 +45,20 @@ def check_optical_flow(sight: Sight) -> Check:
     return Check("optical flow", found == EXPECTED, found, EXPECTED, errors[found], "px")
 
 
-def _samples(sight: Sight, direction: int) -> tuple[FloatArray, FloatArray]:
+def _samples(view: DepthView, direction: int) -> tuple[FloatArray, FloatArray]:
     """``(N, 2)`` values of the camera, and how far (px) the surfaces move in the image.
 
     Args:
-        sight: what the depth camera saw.
+        view: what the depth camera saw.
         direction: -1: since the tick before; 1: until the next one.
     """
     values, motions = [], []
     # Not the first tick, before which the rig stood elsewhere for another reason.
-    for tick in range(1, sight.evidence.ticks - 1):
-        moved = sight.warp(tick, tick + direction)
+    for tick in range(1, view.evidence.ticks - 1):
+        moved = view.warp(tick, tick + direction)
         here = moved.source[:, ::-1] + 0.5
         motions.append(direction * (moved.uv - here))
-        picture = sight.evidence.pictures["flow"][tick]
+        picture = view.evidence.pictures["flow"][tick]
         values.append(picture[moved.source[:, 0], moved.source[:, 1]].astype(np.float64))
     return np.concatenate(values), np.concatenate(motions)
 

@@ -90,7 +90,7 @@ class CarlaServer(OwnedServer):
         host = "127.0.0.1"
         ports = allot_ports(self._port, host)
         command = [
-            *(sys.executable, "-m", "carstage.server.leash"),
+            *(sys.executable, "-m", "carstage.server.parent_watch"),
             str(self._script.resolve()),
             *self._arguments,
             "-nosound",

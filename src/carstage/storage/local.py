@@ -91,7 +91,7 @@ class LocalStore(Store):
         folder = self._attempt(episode_id, attempt)
         marker_path = self._commits / f"{episode_id}.json"
         if marker_path.exists():
-            self._lose(episode_id, attempt, marker_path)
+            self._yield_to_winner(episode_id, attempt, marker_path)
         names, folders = _below(folder)
         if not names:
             raise StorageError(
@@ -132,7 +132,7 @@ class LocalStore(Store):
         try:
             self._create_if_absent(marker_path, marker.to_bytes())
         except FileExistsError:
-            self._lose(episode_id, attempt, marker_path)
+            self._yield_to_winner(episode_id, attempt, marker_path)
         return marker
 
     def discard_attempt(self, episode_id: str, attempt: str) -> None:
@@ -160,7 +160,7 @@ class LocalStore(Store):
                 )
         return self.root / "episodes" / episode_id / attempt
 
-    def _lose(self, episode_id: str, attempt: str, marker_path: Path) -> None:
+    def _yield_to_winner(self, episode_id: str, attempt: str, marker_path: Path) -> None:
         """Give way to the attempt that was committed first."""
         winner = CommitMarker.from_bytes(marker_path.read_bytes(), marker_path.name)
         if winner.attempt != attempt:

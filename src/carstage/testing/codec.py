@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carstage.dataset.codecs import Codec
+from carstage.codecs import Codec
 
 RawRecord = tuple[Mapping[str, Any], memoryview]
 

@@ -12,7 +12,7 @@ import pytest
 
 from carstage.dataset import Dataset
 from carstage.errors import BadInputError
-from carstage.export import ExportOptions, Frame, export_dataset, exporter_for, exporters
+from carstage.exporters import ExportOptions, Frame, export_dataset, exporter_for, exporters
 
 _NOT_DEFAULT: dict[str, Any] = {
     "cameras": ("CAM",),
@@ -81,7 +81,7 @@ class ExporterTests:
 
 def _without_data(episodes: tuple[Any, ...], k: int) -> Frame:
     """A frame that no sensor has data of."""
-    from carstage.export import EpisodeFrames
+    from carstage.exporters import EpisodeFrames
 
     episode = episodes[0]
     damage = frozenset((sensor.id, k) for sensor in episode.sensors)

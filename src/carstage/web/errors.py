@@ -86,7 +86,7 @@ async def _ours(_request: Request, error: Exception) -> JSONResponse:
     if isinstance(error, WebError):
         return answer(error)
     if isinstance(error, ConfigError):
-        from carstage.web.config_problems import problems_of
+        from carstage.web.configure.problems import problems_of
 
         return answer(
             WebError(422, error.message, error.hint, code="config", errors=problems_of(error))

@@ -17,8 +17,8 @@ from pathlib import Path
 from fastapi import WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
-from carstage.web.config_store import ConfigStore
-from carstage.web.job_service import JobService
+from carstage.web.configure.store import ConfigStore
+from carstage.web.datasets.jobs import JobService
 from carstage.web.loading import load
 from carstage.web.messages import (
     Channel,
@@ -36,9 +36,9 @@ from carstage.web.messages import (
     SnapshotMessage,
     TicksMessage,
 )
-from carstage.web.previews import Previews
+from carstage.web.preview.run_previews import Previews
 from carstage.web.roots import Roots
-from carstage.web.run_service import RunService
+from carstage.web.runs.service import RunService
 
 _LOOK_S = 0.05
 _IDLE_LOOK_S = 1.0
@@ -71,7 +71,7 @@ class _Client:
     wake: asyncio.Event = field(default_factory=asyncio.Event)
     lost: bool = False
 
-    def tell(self, message: Message) -> None:
+    def post(self, message: Message) -> None:
         self.texts.append(message.model_dump_json())
         self.lost = len(self.texts) > _MOST_PENDING  # it does not read any more
         self.wake.set()
@@ -161,7 +161,7 @@ class LiveHub:
             return
         client = _Client(socket)
         await asyncio.to_thread(load)
-        client.tell(await asyncio.to_thread(self._snapshot))
+        client.post(await asyncio.to_thread(self._snapshot))
         self._clients.add(client)
         sender = asyncio.create_task(self._send(client))
         try:
@@ -209,7 +209,7 @@ class LiveHub:
 
     def _tell_all(self, message: Message) -> None:
         for client in self._clients:
-            client.tell(message)
+            client.post(message)
 
     async def _look_at_lists(self) -> None:
         await asyncio.to_thread(self._runs.advance)
@@ -268,7 +268,7 @@ class LiveHub:
             client.pictures_seen.update(found.ticks)
             client.pictures.update(found.pictures)
             for message in found.messages:
-                client.tell(message)
+                client.post(message)
             if found.pictures:
                 client.wake.set()
 

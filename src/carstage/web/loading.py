@@ -14,8 +14,8 @@ _MODULES = (
     "carstage.plan",
     "carstage.server",
     "carstage.dataset",
-    "carstage.dataset.report.drawing",
-    "carstage.dataset.report.statistics",
+    "carstage.report.drawing",
+    "carstage.report.statistics",
     "carstage.annotation.schema",
     "carstage.runs.servers",
     "carstage.runs.preflight",
@@ -23,7 +23,7 @@ _MODULES = (
     "carstage.runs.server_lock",
     "carstage.runs.launching",
     "carstage.execution",
-    "carstage.web.sight_picture",
+    "carstage.web.preview.sensor_picture",
     "pyarrow.compute",
 )
 

@@ -7,27 +7,27 @@ import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 
-from carstage.web.catalogue import Catalogue
-from carstage.web.checking import ConfigChecker
-from carstage.web.config_store import ConfigStore
-from carstage.web.description import DescriptionService
-from carstage.web.episode_service import EpisodeService
-from carstage.web.frame_service import FrameService
-from carstage.web.job_service import JobService
-from carstage.web.label_tables import LabelTables
-from carstage.web.launches import Launches
+from carstage.web.configure.checking import ConfigChecker
+from carstage.web.configure.description import DescriptionService
+from carstage.web.configure.schema import SchemaService
+from carstage.web.configure.server_check import ServerCheckService
+from carstage.web.configure.store import ConfigStore
+from carstage.web.configure.texts import ConfigTexts
+from carstage.web.datasets.catalogue import Catalogue
+from carstage.web.datasets.episodes import EpisodeService
+from carstage.web.datasets.frame_values import FrameService
+from carstage.web.datasets.jobs import JobService
+from carstage.web.datasets.label_tables import LabelTables
+from carstage.web.datasets.pictures import Pictures
 from carstage.web.live import LiveHub
 from carstage.web.loading import load
 from carstage.web.messages import ConfigState
-from carstage.web.pictures import Pictures
-from carstage.web.previews import Previews
+from carstage.web.preview.run_previews import Previews
+from carstage.web.preview.sensor_preview import SensorPreviewService
 from carstage.web.roots import Roots
-from carstage.web.run_service import RunService
-from carstage.web.schema import SchemaService
-from carstage.web.server_check import ServerCheckService
+from carstage.web.runs.launches import Launches
+from carstage.web.runs.service import RunService
 from carstage.web.settings import WebSettings
-from carstage.web.sight import SightService
-from carstage.web.texts import ConfigTexts
 
 
 class Services:
@@ -46,7 +46,7 @@ class Services:
         self.config = ConfigStore(settings.state / "config.json", self.checker, self._changed)
         self.texts = ConfigTexts(self.checker, self.config)
         self.server_check = ServerCheckService()
-        self.sight = SightService(self.checker)
+        self.sight = SensorPreviewService(self.checker)
         self.jobs = JobService(settings.state, roots)
         self.datasets = Catalogue(roots, self.jobs)
         self.episodes = EpisodeService(self.datasets, self.description)

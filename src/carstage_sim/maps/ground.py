@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.jit import kernel
+from carstage_sim.kernels import kernel
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.cell_index import cell_grid
 from carstage_sim.maps.town import Town

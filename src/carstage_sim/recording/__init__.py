@@ -4,7 +4,7 @@ A log holds what happened, not what was seen: actors that come and go, poses, co
 layout is that of CARLA's documentation page "Recorder binary file format".
 """
 
-from carstage_sim.recording.deck import RecorderDeck
 from carstage_sim.recording.errors import RecordingError
+from carstage_sim.recording.recorder_controller import RecorderController
 
-__all__ = ["RecorderDeck", "RecordingError"]
+__all__ = ["RecorderController", "RecordingError"]

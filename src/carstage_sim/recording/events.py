@@ -10,7 +10,7 @@ import numpy as np
 
 from carstage_sim.recording.layout import Cursor, Packet, packet, text
 from carstage_sim.world.pose import Pose, Vector3
-from carstage_sim.world.vehicle_parameters import VehicleParameters
+from carstage_sim.world.vehicles.parameters import VehicleParameters
 
 CM_PER_M = 100.0
 

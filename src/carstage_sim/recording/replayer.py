@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from carstage_sim.recording.events import bones, pose_of_ue, wheels
 from carstage_sim.recording.layout import Packet, records
 from carstage_sim.recording.log import RecordingLog
-from carstage_sim.recording.replay_cast import ReplayCast, ReplayOptions
+from carstage_sim.recording.replay_actors import ReplayCast, ReplayOptions
 from carstage_sim.world.controls import VehicleControl, WalkerControl
 from carstage_sim.world.pose import Pose, compose
 from carstage_sim.world.state import ActorKind
-from carstage_sim.world.walker_bones import pose_bones
+from carstage_sim.world.walkers.bones import pose_bones
 from carstage_sim.world.world import World
 
 

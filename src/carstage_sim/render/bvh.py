@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.jit import builder, device
+from carstage_sim.kernels import builder, device
 from carstage_sim.render.simd import LANES
 
 _BINS = 16

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.jit import device, kernel
+from carstage_sim.kernels import device, kernel
 from carstage_sim.render.simd import LANES, box_hits, lowest_bit, triangle_hits
 
 STATIC = -1

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from carstage_sim.jit import device
+from carstage_sim.kernels import device
 from carstage_sim.render.materials import Detail
 
 NONE, ASPHALT, PAVING = int(Detail.NONE), int(Detail.ASPHALT), int(Detail.PAVING)

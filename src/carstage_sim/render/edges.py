@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.jit import device, kernel
+from carstage_sim.kernels import device, kernel
 from carstage_sim.render.caster import Hits
 from carstage_sim.render.scene import Frame
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.jit import device
+from carstage_sim.kernels import device
 from carstage_sim.maps.street_lamps import StreetLamps
 from carstage_sim.render.materials import Glow
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.jit import kernel
+from carstage_sim.kernels import kernel
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.render.caster import Hits, RayCaster
 from carstage_sim.render.scene import Frame

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.jit import kernel
+from carstage_sim.kernels import kernel
 
 _BEHIND_M = 0.03
 """A shape this little behind a surface still shows: lines are drawn on roads."""

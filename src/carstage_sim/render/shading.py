@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from carstage_sim.jit import device, kernel
+from carstage_sim.kernels import device, kernel
 from carstage_sim.render.cast import NOTHING, trace
 from carstage_sim.render.detail import hash_unit, noise
 from carstage_sim.render.lamps import glow, lamp_light

@@ -16,7 +16,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
-from carstage_sim.jit import Decorator
+from carstage_sim.kernels import Decorator
 
 LANES = 8
 """Children of a node and triangles of a leaf block."""

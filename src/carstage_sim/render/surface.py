@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from carstage_sim.jit import device
+from carstage_sim.kernels import device
 from carstage_sim.render.detail import ASPHALT, LEAVES, WINDOW, faded, pattern, window
 
 _ZERO: Any = np.float32(0)

@@ -4,6 +4,6 @@ Sensors that share a pose and intrinsics share one cast.
 """
 
 from carstage_sim.sensors.attributes import SensorAttributeError
-from carstage_sim.sensors.suite import SensorSuite
+from carstage_sim.sensors.world_sensors import WorldSensors
 
-__all__ = ["SensorAttributeError", "SensorSuite"]
+__all__ = ["SensorAttributeError", "WorldSensors"]

@@ -22,8 +22,8 @@ from carstage_sim.mesh import TriangleMesh, merge_meshes
 from carstage_sim.render.scene import PASSING, Placement
 from carstage_sim.sensors.mesh_store import MeshStore
 from carstage_sim.world.blueprints import Blueprint, catalogue
-from carstage_sim.world.gait import walk_phase
 from carstage_sim.world.state import ActorKind, WorldState
+from carstage_sim.world.walkers.gait import walk_phase
 
 _PROP = "static.prop."
 _POSED = 256

@@ -14,8 +14,8 @@ from carstage_sim.render.caster import Hits
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import Product
 from carstage_sim.sensors.attributes import number, require, whole, within
-from carstage_sim.sensors.frames import ImageFrame, SensorRequest
 from carstage_sim.sensors.lens import Lens
+from carstage_sim.sensors.measurements import ImageFrame, SensorRequest
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import FAR_M, Camera, View
 from carstage_sim.world.state import WorldState

@@ -15,7 +15,7 @@ from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import Town
 from carstage_sim.render.overlay import draw_shapes
 from carstage_sim.sensors.cameras import CameraSensor
-from carstage_sim.sensors.frames import ImageFrame, SensorRequest
+from carstage_sim.sensors.measurements import ImageFrame, SensorRequest
 from carstage_sim.sensors.sensor import SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.blueprints import catalogue

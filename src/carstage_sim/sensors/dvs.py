@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from carstage_sim.maps.town import Town
 from carstage_sim.sensors.attributes import flag, number, require, whole
 from carstage_sim.sensors.cameras import CameraSensor, film_of
-from carstage_sim.sensors.frames import DVS_EVENT, DvsFrame, SensorRequest
+from carstage_sim.sensors.measurements import DVS_EVENT, DvsFrame, SensorRequest
 from carstage_sim.sensors.noise import noise_stream
 from carstage_sim.sensors.sensor import SensorRegistry
 from carstage_sim.sensors.view import View

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from carstage_sim.sensors.frames import CollisionFrame, SensorFrame, SensorRequest
+from carstage_sim.sensors.measurements import CollisionFrame, SensorFrame, SensorRequest
 from carstage_sim.sensors.sensor import Sensor, SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.state import WorldState

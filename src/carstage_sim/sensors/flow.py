@@ -19,8 +19,8 @@ from carstage_sim.render.caster import Hits
 from carstage_sim.render.gpu.camera import Product
 from carstage_sim.render.motion import earlier_places
 from carstage_sim.sensors.cameras import CameraSensor
-from carstage_sim.sensors.frames import FlowFrame, SensorRequest
 from carstage_sim.sensors.lens import PINHOLE, pixel_places
+from carstage_sim.sensors.measurements import FlowFrame, SensorRequest
 from carstage_sim.sensors.sensor import SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.state import WorldState

@@ -13,7 +13,7 @@ from carstage_sim.maps.town import Town
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.render.caster import Hits
 from carstage_sim.sensors.attributes import number, require, whole, within
-from carstage_sim.sensors.frames import (
+from carstage_sim.sensors.measurements import (
     SEMANTIC_POINT,
     LidarFrame,
     SemanticLidarFrame,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.maps.town import Town
-from carstage_sim.sensors.frames import ImageFrame, SensorFrame, SensorRequest
+from carstage_sim.sensors.measurements import ImageFrame, SensorFrame, SensorRequest
 from carstage_sim.sensors.sensor import Sensor
 from carstage_sim.sensors.view import View
 from carstage_sim.world.state import WorldState

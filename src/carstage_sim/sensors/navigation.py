@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.town import Town
 from carstage_sim.sensors.attributes import number, require, whole
-from carstage_sim.sensors.frames import GnssFrame, ImuFrame, SensorRequest
+from carstage_sim.sensors.measurements import GnssFrame, ImuFrame, SensorRequest
 from carstage_sim.sensors.noise import noise_stream
 from carstage_sim.sensors.projection import geodetic
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carstage_sim.sensors.frames import SensorRequest
+from carstage_sim.sensors.measurements import SensorRequest
 from carstage_sim.world.state import WorldState
 
 

@@ -11,7 +11,7 @@ from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.town import Town
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.sensors.attributes import flag, number, require
-from carstage_sim.sensors.frames import ObstacleFrame, SensorRequest
+from carstage_sim.sensors.measurements import ObstacleFrame, SensorRequest
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.state import ActorKind, WorldState

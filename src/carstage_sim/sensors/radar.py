@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from carstage_sim.maps.town import Town
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.sensors.attributes import number, require, whole, within
-from carstage_sim.sensors.frames import RadarFrame, SensorRequest
+from carstage_sim.sensors.measurements import RadarFrame, SensorRequest
 from carstage_sim.sensors.noise import noise_stream
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import View, turned

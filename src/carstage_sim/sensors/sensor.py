@@ -8,7 +8,7 @@ from typing import ClassVar, TypeVar
 
 from carstage_sim.maps.town import Town
 from carstage_sim.sensors.attributes import number
-from carstage_sim.sensors.frames import SensorFrame, SensorRequest
+from carstage_sim.sensors.measurements import SensorFrame, SensorRequest
 from carstage_sim.sensors.view import View
 from carstage_sim.world.state import WorldState
 

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.jit import kernel
+from carstage_sim.kernels import kernel
 from carstage_sim.wire.errors import MessageError
 
 MOST_BYTES = 64 << 20

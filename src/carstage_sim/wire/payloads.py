@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import msgpack
 import numpy as np
 
-from carstage_sim.sensors.frames import (
+from carstage_sim.sensors.measurements import (
     CollisionFrame,
     DvsFrame,
     FlowFrame,

@@ -12,9 +12,9 @@ import numpy as np
 from carstage_sim.geometry import pose_matrix
 from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
-from carstage_sim.world.motion import VehicleMotion
 from carstage_sim.world.pose import Pose, Vector3
-from carstage_sim.world.vehicle_parameters import Gear, VehicleParameters, Wheel
+from carstage_sim.world.vehicles.parameters import Gear, VehicleParameters, Wheel
+from carstage_sim.world.vehicles.poses import VehicleMotion
 
 _CM_PER_M = 100.0
 _IDLE_RPM = 800.0

@@ -13,7 +13,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.sensors.frames import ImageFrame, SemanticLidarFrame, SensorFrame
+from carstage_sim.sensors.measurements import ImageFrame, SemanticLidarFrame, SensorFrame
 
 _TAG_CHANNEL = 2
 """Of BGRA: the tag is in R."""

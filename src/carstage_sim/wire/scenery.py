@@ -15,7 +15,7 @@ from carstage_sim.geometry import pose_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import LevelObject, OrientedBox, TrafficLightSite
 from carstage_sim.mesh import TriangleMesh
-from carstage_sim.world.traffic_light_actors import head_boxes
+from carstage_sim.world.signals.traffic_light_actors import head_boxes
 
 _FIRST_LIGHT_PIECE = 1 << 32
 """Ids of parts of lights begin here; those of scenery count up from 1."""

@@ -8,9 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.world.ackermann import AckermannController
 from carstage_sim.world.blueprints import Blueprint
-from carstage_sim.world.bone_pose import BonePose
 from carstage_sim.world.controls import (
     STANDING,
     AckermannSettings,
@@ -20,7 +18,9 @@ from carstage_sim.world.controls import (
 from carstage_sim.world.pose import ZERO, Pose, Vector3
 from carstage_sim.world.spring_arm import RIGID, Attachment, SpringArm
 from carstage_sim.world.state import ActorKind
-from carstage_sim.world.vehicle_parameters import VehicleParameters
+from carstage_sim.world.vehicles.ackermann import AckermannController
+from carstage_sim.world.vehicles.parameters import VehicleParameters
+from carstage_sim.world.walkers.bone_pose import BonePose
 
 
 @dataclass(slots=True, eq=False)

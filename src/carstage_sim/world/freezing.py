@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.content.figures import Pose as Joints
 from carstage_sim.maps.town import Town
+from carstage_sim.world.signals.traffic_lights import TrafficLightState, TrafficLightSystem
 from carstage_sim.world.snapshot import (
     Snapshot,
     TrafficLightColumns,
@@ -18,8 +19,7 @@ from carstage_sim.world.snapshot import (
     WalkerColumns,
 )
 from carstage_sim.world.state import ActorKind, WorldState
-from carstage_sim.world.traffic_lights import TrafficLightState, TrafficLightSystem
-from carstage_sim.world.walker_bones import posed_joints
+from carstage_sim.world.walkers.bones import posed_joints
 
 if TYPE_CHECKING:
     from carstage_sim.world.world import World

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.jit import device, kernel
+from carstage_sim.kernels import device, kernel
 from carstage_sim.maps.cell_index import cell_grid
 from carstage_sim.maps.town import LaneSamples
-from carstage_sim.world.cell_walk import cell_along, cells_along
+from carstage_sim.world.contacts.cell_walk import cell_along, cells_along
 
 _CELL_M = 1.0
 _MARGIN_M = 50.0

@@ -10,16 +10,16 @@ import numpy as np
 from carstage_sim.maps.ground import Ground
 from carstage_sim.maps.town import Town
 from carstage_sim.world.actors import ActorTable
-from carstage_sim.world.collisions import collisions_of_tick
+from carstage_sim.world.contacts.collisions import collisions_of_tick
+from carstage_sim.world.contacts.obstacles import Obstacles
+from carstage_sim.world.contacts.solids import Solids
 from carstage_sim.world.controls import PhysicsStep
-from carstage_sim.world.friction_zones import TYPE_ID as FRICTION_TRIGGER
-from carstage_sim.world.friction_zones import zone_friction
-from carstage_sim.world.obstacles import Obstacles
-from carstage_sim.world.solids import Solids
 from carstage_sim.world.state import ActorKind, Collision
 from carstage_sim.world.town_objects import TownObjects
-from carstage_sim.world.vehicles import VehicleFleet
-from carstage_sim.world.walkers import WalkerMotion
+from carstage_sim.world.vehicles.fleet import VehicleFleet
+from carstage_sim.world.vehicles.friction_zones import TYPE_ID as FRICTION_TRIGGER
+from carstage_sim.world.vehicles.friction_zones import zone_friction
+from carstage_sim.world.walkers.walking import WalkerMotion
 
 KILL_HEIGHT_M = -10485.75
 """What falls below is destroyed: Unreal's default ``KillZ`` of a level."""

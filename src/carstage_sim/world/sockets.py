@@ -12,7 +12,7 @@ from carstage_sim.content.skeleton import BONES
 from carstage_sim.geometry import FloatArray, pose_matrix
 from carstage_sim.world.actors import Actor, ActorTable
 from carstage_sim.world.state import ActorKind
-from carstage_sim.world.walker_bones import actor_from_bone, actor_from_bones
+from carstage_sim.world.walkers.bones import actor_from_bone, actor_from_bones
 
 _BASE = "Vehicle_Base"
 _FOUR_WHEELS = ("Wheel_Front_Left", "Wheel_Front_Right", "Wheel_Rear_Left", "Wheel_Rear_Right")

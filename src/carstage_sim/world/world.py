@@ -15,14 +15,12 @@ import numpy as np
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.street_lamps import street_lamps
 from carstage_sim.maps.town import Town
-from carstage_sim.world.ackermann import AckermannController
 from carstage_sim.world.actors import Actor, ActorTable, VehicleStatus
 from carstage_sim.world.appearance import AppearanceKeeper
-from carstage_sim.world.approaches import Approaches
 from carstage_sim.world.arm_probe import ArmProbe
-from carstage_sim.world.arm_turns import ArmTurns
 from carstage_sim.world.attachments import Attachments
 from carstage_sim.world.blueprints import Blueprint, catalogue
+from carstage_sim.world.contacts.overlap import is_blocked
 from carstage_sim.world.controls import (
     STANDING,
     AckermannControl,
@@ -41,19 +39,21 @@ from carstage_sim.world.errors import (
 from carstage_sim.world.freezing import SiteColumns, freeze, site_columns
 from carstage_sim.world.lane_index import LaneIndex
 from carstage_sim.world.mechanics import Mechanics, Terrain, terrain_of
-from carstage_sim.world.motion import VehicleMotion
-from carstage_sim.world.overlap import is_blocked
 from carstage_sim.world.pose import Pose, Vector3, compose
+from carstage_sim.world.signals.approaches import Approaches
+from carstage_sim.world.signals.arm_turns import ArmTurns
+from carstage_sim.world.signals.traffic_light_actors import traffic_light_actor, traffic_sign_actor
+from carstage_sim.world.signals.traffic_lights import TrafficLightSystem
 from carstage_sim.world.snapshot import Snapshot
 from carstage_sim.world.sockets import actor_from_socket
 from carstage_sim.world.spring_arm import RIGID, Attachment, arm_for
 from carstage_sim.world.state import ActorKind, Collision, Weather
 from carstage_sim.world.street_lights import StreetLights
 from carstage_sim.world.town_objects import TownObjects
-from carstage_sim.world.traffic_light_actors import traffic_light_actor, traffic_sign_actor
-from carstage_sim.world.traffic_lights import TrafficLightSystem
-from carstage_sim.world.vehicle_parameters import VehicleParameters
-from carstage_sim.world.vehicles import VehicleFleet
+from carstage_sim.world.vehicles.ackermann import AckermannController
+from carstage_sim.world.vehicles.fleet import VehicleFleet
+from carstage_sim.world.vehicles.parameters import VehicleParameters
+from carstage_sim.world.vehicles.poses import VehicleMotion
 
 _REMEMBERED_DEAD = 4096
 _FIRST_STREAM = 1

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
+from benchmarks.framework.frames_check import check_frames
+from benchmarks.framework.memory import measure_memory
+from benchmarks.framework.overhead import measure_overhead
 from carstage.bench.comparison import PRESETS, Campaign, judge
 from carstage.bench.episodes import looping_server
-from carstage.bench.frames_check import check_frames
-from carstage.bench.memory import measure_memory
-from carstage.bench.overhead import measure_overhead
 from carstage.bench.verdict import Verdict
 from carstage.server import Endpoint
 

@@ -8,10 +8,10 @@ from typing import Any
 import analytic_scene
 import pytest
 
+from benchmarks.framework.conversion import compare
+from benchmarks.framework.frames_check import Comparison, Recorded, lateness_in
+from benchmarks.framework.journal import ENTRY, Sent, digest_of, read_journal
 from carstage.bench import memory, overhead
-from carstage.bench.conversion import compare
-from carstage.bench.frames_check import Comparison, Recorded, lateness_in
-from carstage.bench.journal import ENTRY, Sent, digest_of, read_journal
 from carstage.bench.verdict import Figure, Verdict
 
 MB = 1_000_000

@@ -13,11 +13,11 @@ from carstage.bench.verdict import Figure, Verdict
 from carstage.cli.app import app
 
 MEASURED = {
-    "overhead": "carstage.bench.overhead.measure_overhead",
-    "conversion": "carstage.bench.conversion.measure_conversion",
-    "memory": "carstage.bench.memory.measure_memory",
-    "frames-check": "carstage.bench.frames_check.check_frames",
-    "annotation": "carstage.bench.annotation.measure_annotation",
+    "overhead": "benchmarks.framework.overhead.measure_overhead",
+    "conversion": "benchmarks.framework.conversion.measure_conversion",
+    "memory": "benchmarks.framework.memory.measure_memory",
+    "frames-check": "benchmarks.framework.frames_check.check_frames",
+    "annotation": "benchmarks.framework.annotation.measure_annotation",
     "codecs": "carstage.bench.codecs.measure_codecs",
 }
 
@@ -69,7 +69,7 @@ def test_labels_print_their_objects_by_class_and_town_beside_the_figures(
         asked.update(options)
         return Verdict("labels", "carstage bench labels", ()), {"car": {"Stage02": 3}}
 
-    monkeypatch.setattr("carstage.bench.labels.measure_labels", measure)
+    monkeypatch.setattr("benchmarks.framework.labels.measure_labels", measure)
     ended = CliRunner().invoke(
         app, ["bench", "labels", "--towns", "Stage02", "--scenes", "2", "--json"]
     )

@@ -15,9 +15,9 @@ pytest.importorskip("carla")
 import carla
 
 from carstage.collector.actors import spawn_vehicles
-from carstage.collector.errors import SceneError
-from carstage.collector.plan import EpisodeSpec, GroupPlan, VehiclesPlan
-from carstage.collector.reading import parse_plan
+from carstage.collector.internals.errors import SceneError
+from carstage.collector.internals.plan import EpisodeSpec, GroupPlan, VehiclesPlan
+from carstage.collector.internals.reading import parse_plan
 
 KINDS = {"vehicle.a.car": ("car", "1"), "vehicle.b.truck": ("truck", "2")}
 START = carla.Transform(carla.Location(0.0, 0.0, 0.0))

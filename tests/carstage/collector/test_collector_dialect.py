@@ -5,13 +5,13 @@ from __future__ import annotations
 import carla
 import pytest
 
-from carstage.collector.dialect import (
+from carstage.collector.internals.dialect import (
     attachment_type,
     check_versions,
     is_listening,
     weather_values,
 )
-from carstage.collector.errors import VersionMismatchError
+from carstage.collector.internals.errors import VersionMismatchError
 
 
 class SensorWithProperty:

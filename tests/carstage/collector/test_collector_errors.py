@@ -6,7 +6,12 @@ import errno
 
 import pytest
 
-from carstage.collector.errors import DiskFullError, RecordingError, client_hint, writing_failed
+from carstage.collector.internals.errors import (
+    DiskFullError,
+    RecordingError,
+    client_hint,
+    writing_failed,
+)
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EFBIG])

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from carstage.collector.errors import InterruptedByRequestError
-from carstage.collector.events import EventStream
-from carstage.collector.stopping import StopRequest
+from carstage.collector.internals.errors import InterruptedByRequestError
+from carstage.collector.internals.events import EventStream
+from carstage.collector.internals.stopping import StopRequest
 
 
 def test_each_event_is_one_line_with_time_and_name(tmp_path: Path) -> None:

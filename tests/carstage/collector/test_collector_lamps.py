@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from carstage.collector.lamps import Lamps
+from carstage.collector.internals.lamps import Lamps
 
 NIGHT = {"sun_altitude_angle": -30.0, "precipitation": 0.0, "fog_density": 0.0}
 NOON = {**NIGHT, "sun_altitude_angle": 60.0}

@@ -11,12 +11,12 @@ pytest.importorskip("carla")
 
 import carla
 
-from carstage.collector.dialect import city_object_labels
-from carstage.collector.errors import PlanError
-from carstage.collector.fields import Fields
-from carstage.collector.level_labels import LEVEL_OBJECTS
-from carstage.collector.level_objects import level_objects
-from carstage.collector.reading import _level_objects
+from carstage.collector.internals.dialect import city_object_labels
+from carstage.collector.internals.errors import PlanError
+from carstage.collector.internals.fields import Fields
+from carstage.collector.internals.level_labels import LEVEL_OBJECTS
+from carstage.collector.internals.level_objects import level_objects
+from carstage.collector.internals.reading import _level_objects
 from carstage.config.recording import LevelObjectKind
 
 LABELS = carla.CityObjectLabel

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from carstage.collector.errors import PlanError
-from carstage.collector.reading import DEFAULT_QUEUE_BYTES, parse_plan, read_plan
+from carstage.collector.internals.errors import PlanError
+from carstage.collector.internals.reading import DEFAULT_QUEUE_BYTES, parse_plan, read_plan
 
 PlanMaker = Callable[..., dict[str, Any]]
 

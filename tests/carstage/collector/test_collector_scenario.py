@@ -10,8 +10,8 @@ import pytest
 
 pytest.importorskip("carla")
 
-from carstage.collector.errors import SceneError
-from carstage.collector.plan import Pose, SensorPlan, TrafficPlan
+from carstage.collector.internals.errors import SceneError
+from carstage.collector.internals.plan import Pose, SensorPlan, TrafficPlan
 from carstage.collector.scenario.routing import RoadGraph
 from carstage.collector.scenario.traffic import LAW_ABIDING, personality
 from carstage.collector.sensors.carriers import Carriers

@@ -10,7 +10,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from carstage.collector.errors import DiskFullError, RecordingError
+from carstage.collector.internals.errors import DiskFullError, RecordingError
+from carstage.collector.internals.writing import expected_segments, writer_threads
 from carstage.collector.paths import prepare_folder
 from carstage.collector.sensors import SENSOR_KINDS
 from carstage.collector.timing import (
@@ -20,7 +21,6 @@ from carstage.collector.timing import (
     skipped_ticks,
     ticks_per_segment,
 )
-from carstage.collector.writing import expected_segments, writer_threads
 
 
 def saved(save_every: int, ticks: Iterable[int]) -> list[int | None]:

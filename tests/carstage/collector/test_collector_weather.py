@@ -11,10 +11,10 @@ pytest.importorskip("carla")
 
 import carla
 
-from carstage.collector.dialect import weather_values
-from carstage.collector.errors import SceneError
-from carstage.collector.lamps import DRIVING_LIGHTS, lights_for
-from carstage.collector.plan import WeatherMoment, WeatherPlan
+from carstage.collector.internals.dialect import weather_values
+from carstage.collector.internals.errors import SceneError
+from carstage.collector.internals.lamps import DRIVING_LIGHTS, lights_for
+from carstage.collector.internals.plan import WeatherMoment, WeatherPlan
 from carstage.collector.weather import Timeline, planned_timeline
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from carstage.collector.matching import ExpectedFrame, FrameMatcher, LedgerRow
+from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher, LedgerRow
 
 PATIENCE_S = 10.0
 

@@ -13,14 +13,14 @@ from typing import Any
 
 import pytest
 
-from carstage.collector import plan as collector_plan
-from carstage.collector.errors import InterruptedByRequestError, RecordingError
-from carstage.collector.matching import ExpectedFrame, FrameMatcher
+from carstage.collector.internals import plan as collector_plan
+from carstage.collector.internals.errors import InterruptedByRequestError, RecordingError
+from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher
+from carstage.collector.internals.snapshots import WorldMoment
+from carstage.collector.internals.stopping import StopRequest
+from carstage.collector.internals.writing import LogWriters
 from carstage.collector.processing import MAX_CONSECUTIVE_MISSES, ByteBudget, Pipeline
 from carstage.collector.sensors import SENSOR_KINDS, Sensor
-from carstage.collector.snapshots import WorldMoment
-from carstage.collector.stopping import StopRequest
-from carstage.collector.writing import LogWriters
 from carstage.rawlog.format import WORLD, SealedSegment
 from carstage.rawlog.reader import EpisodeLog
 from carstage.rawlog.writing import write_episode_file
@@ -345,12 +345,12 @@ import sys
 from types import SimpleNamespace
 sys.path.insert(0, sys.argv[2])
 from carstage.collector import events, paths, timing
-from carstage.collector.matching import ExpectedFrame, FrameMatcher
-from carstage.collector.reading import parse_plan
+from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher
+from carstage.collector.internals.reading import parse_plan
 from carstage.collector.processing import ByteBudget, Pipeline
 from carstage.collector.sensors import SENSOR_KINDS, Sensor
-from carstage.collector.snapshots import WorldMoment
-from carstage.collector.writing import LogWriters
+from carstage.collector.internals.snapshots import WorldMoment
+from carstage.collector.internals.writing import LogWriters
 from carstage.rawlog.writing import write_episode_file
 folder = paths.prepare_folder(sys.argv[1])
 write_episode_file(folder, {"format_version": 1, "ticks": 2})

@@ -24,10 +24,10 @@ from carstage.conversion import EpisodeConversion, conversion_pool
 from carstage.conversion.documents import ledger_table
 from carstage.conversion.segment import rows_to_table
 from carstage.conversion.sensors import plan_sensors
-from carstage.dataset import validate_dataset
 from carstage.dataset.tables import read_table
 from carstage.errors import BadInputError, ConversionError, RawLogError
 from carstage.rawlog.reader import EpisodeLog
+from carstage.validation import validate_dataset
 
 
 def contents(folder: Path) -> dict[str, bytes]:

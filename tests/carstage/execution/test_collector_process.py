@@ -120,10 +120,10 @@ def test_use_before_the_start_is_an_error(tmp_path: Path) -> None:
 
 
 def test_inline_executor_opens_no_lane_without_a_job() -> None:
-    def open_lane() -> Any:
+    def open_worker() -> Any:
         raise AssertionError("a server would start for nothing")
 
-    InlineExecutor().execute(lambda: None, open_lane)
+    InlineExecutor().execute(lambda: None, open_worker)
 
 
 def wait_for_first(collector: CollectorProcess) -> str:

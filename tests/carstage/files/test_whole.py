@@ -7,10 +7,9 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 
-from carstage.dataset import write_report
-from carstage.dataset.report import html
 from carstage.dataset.tables import read_table, write_table
 from carstage.files.whole import whole_file, write_whole
+from carstage.report import html, write_report
 
 
 def test_content_replaces_what_stood_there(tmp_path: Path) -> None:

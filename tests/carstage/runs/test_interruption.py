@@ -28,7 +28,7 @@ def test_signal_cuts_a_wait(number: int) -> None:
 def test_signal_only_wakes_where_it_is_held() -> None:
     said: list[str] = []
     with Interruption(said.append) as interruption:
-        with interruption.held(), selectors.DefaultSelector() as selector:
+        with interruption.deferred(), selectors.DefaultSelector() as selector:
             selector.register(interruption, selectors.EVENT_READ)
             press()
             assert selector.select(5.0)
@@ -40,8 +40,8 @@ def test_signal_only_wakes_where_it_is_held() -> None:
 
 def test_nested_holds_end_with_the_outermost() -> None:
     with Interruption() as interruption:
-        with interruption.held():
-            with interruption.held():
+        with interruption.deferred():
+            with interruption.deferred():
                 pass
             press()
         assert interruption.requested
@@ -60,7 +60,7 @@ import os, signal, subprocess, sys
 from functools import partial
 from carstage.runs.interruption import Interruption
 child = subprocess.Popen(["sleep", "120"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-with Interruption() as interruption, interruption.held():
+with Interruption() as interruption, interruption.deferred():
     with interruption.kills(partial(os.kill, child.pid, signal.SIGKILL)):
         print(child.pid, flush=True)
         for _ in range(2):

@@ -12,7 +12,7 @@ import pytest
 from driving import carstage, events
 from PIL import Image
 
-from carstage.dataset import validate_dataset
+from carstage.validation import validate_dataset
 from client_wheels import wheel_python
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.py38, pytest.mark.xdist_group("runs")]

@@ -21,13 +21,13 @@ from carstage.errors import (
     StorageError,
 )
 from carstage.plan import EpisodeSpec, ServerFacts, plan_episodes
-from carstage.runs.bell import Bell
+from carstage.runs.attempt_commit import Job
 from carstage.runs.folder import RunFolder
 from carstage.runs.interruption import Interruption
-from carstage.runs.landing import Job
 from carstage.runs.outcome import Nobody
 from carstage.runs.servers import ServerSetup
 from carstage.runs.session import _Session
+from carstage.runs.wakeup_pipe import WakeupPipe
 from carstage.storage import Store, open_store
 
 RETRIES = 2
@@ -39,7 +39,7 @@ class Listener(Nobody):
     def __init__(self) -> None:
         self.said: list[str] = []
 
-    def say(self, sentence: str) -> None:
+    def notify(self, sentence: str) -> None:
         self.said.append(sentence)
 
 
@@ -63,8 +63,8 @@ class Execute:
     def __init__(self, error: BaseException) -> None:
         self._error = error
 
-    def execute(self, take: Any, open_lane: Any) -> None:
-        del take, open_lane
+    def execute(self, take: Any, open_worker: Any) -> None:
+        del take, open_worker
         raise self._error
 
 
@@ -83,8 +83,8 @@ def made(tmp_path: Path) -> Iterator[Made]:
     store = open_store(tmp_path)
     store.initialise("test")
     listener = Listener()
-    with RunFolder(tmp_path) as folder, Interruption() as interruption, Bell() as bell:
-        yield make_session({}, store, folder, interruption, bell, listener), listener, folder
+    with RunFolder(tmp_path) as folder, Interruption() as interruption, WakeupPipe() as wakeup:
+        yield make_session({}, store, folder, interruption, wakeup, listener), listener, folder
 
 
 def make_session(
@@ -92,12 +92,14 @@ def make_session(
     store: Store,
     folder: RunFolder,
     interruption: Interruption,
-    bell: Bell,
+    wakeup: WakeupPipe,
     listener: Listener,
 ) -> _Session:
     config = check_config(written)
     setup = ServerSetup(config)
-    return _Session(config, setup, store, folder, store.root, interruption, bell, listener, RETRIES)
+    return _Session(
+        config, setup, store, folder, store.root, interruption, wakeup, listener, RETRIES
+    )
 
 
 def events(folder: RunFolder) -> list[str]:
@@ -110,9 +112,9 @@ def test_recording_with_gaps_is_repeated_and_the_last_one_kept(
     made: Made, spec: EpisodeSpec, tries: int, kept: bool
 ) -> None:
     session, listener, folder = made
-    landing = GivenUp(spec, tries)
-    assert session.recorded(landing, 3) is kept  # type: ignore[arg-type]
-    assert landing.given_up is not kept
+    attempt_commit = GivenUp(spec, tries)
+    assert session.recorded(attempt_commit, 3) is kept  # type: ignore[arg-type]
+    assert attempt_commit.given_up is not kept
     assert events(folder) == ([] if kept else ["episode_retried"])
     assert "3 of 50 ticks lack data of a sensor" in listener.said[0]
 
@@ -124,9 +126,9 @@ def test_gaps_are_kept_where_they_were_asked_for(
     made: Made, spec: EpisodeSpec, timing: Mapping[str, Any]
 ) -> None:
     session, listener, _ = made
-    landing = GivenUp(replace(spec, timing={**spec.timing, **timing}), 0)
-    assert session.recorded(landing, 3)  # type: ignore[arg-type]
-    assert not landing.given_up
+    attempt_commit = GivenUp(replace(spec, timing={**spec.timing, **timing}), 0)
+    assert session.recorded(attempt_commit, 3)  # type: ignore[arg-type]
+    assert not attempt_commit.given_up
     assert listener.said == []
 
 
@@ -159,8 +161,8 @@ def test_deferred_recording_that_cannot_be_converted_is_recorded_again(
             raise ConverterDiedError("A conversion process died.")
 
     first, second = Dead(spec, 0), Dead(spec, 1)
-    for landing in (first, second):
-        session._recorded.append(landing)  # type: ignore[arg-type]
+    for attempt_commit in (first, second):
+        session._recorded.append(attempt_commit)  # type: ignore[arg-type]
     job = session._take()
     assert job is not None
     assert (job.tries, first.given_up) == (1, True)
@@ -179,7 +181,7 @@ def test_attempt_that_cannot_be_removed_keeps_no_other_from_it(
             raise error
 
     last = GivenUp(spec, 1)
-    session._landings.extend([Stubborn(spec, 0), last])  # type: ignore[list-item]
+    session._attempt_commits.extend([Stubborn(spec, 0), last])  # type: ignore[list-item]
     with pytest.raises(CollectorError):
         session.run((), [], Execute(CollectorError("It broke.")))
     assert last.given_up
@@ -206,9 +208,9 @@ def test_disk_that_refuses_the_last_words_does_not_hide_why_the_run_ended(
         raise StorageError("Writing status.json failed: No space left on device.")
 
     class Fail(Execute):
-        def execute(self, take: Any, open_lane: Any) -> None:
+        def execute(self, take: Any, open_worker: Any) -> None:
             monkeypatch.setattr(folder, "write_status", refuse)
-            super().execute(take, open_lane)
+            super().execute(take, open_worker)
 
     with pytest.raises(CollectorError, match="It broke"):
         session.run((), [], Fail(CollectorError("It broke.")))
@@ -226,7 +228,7 @@ def test_disk_that_refuses_the_last_words_does_not_hide_why_the_run_ended(
 def test_raw_data_go_while_an_episode_is_recorded_unless_they_must_last(
     tmp_path: Path, spec: EpisodeSpec, written: Mapping[str, Any], removed: int
 ) -> None:
-    class Landing(GivenUp):
+    class AttemptCommit(GivenUp):
         removed = 0
 
         def remove_converted(self) -> None:
@@ -237,10 +239,10 @@ def test_raw_data_go_while_an_episode_is_recorded_unless_they_must_last(
 
     store = open_store(tmp_path)
     store.initialise("test")
-    with RunFolder(tmp_path) as folder, Interruption() as interruption, Bell() as bell:
-        session = make_session(written, store, folder, interruption, bell, Listener())
-        landings = Landing(spec, 0), Landing(spec, 1)
+    with RunFolder(tmp_path) as folder, Interruption() as interruption, WakeupPipe() as wakeup:
+        session = make_session(written, store, folder, interruption, wakeup, Listener())
+        landings = AttemptCommit(spec, 0), AttemptCommit(spec, 1)
         session._recording = landings[0]  # type: ignore[assignment]
-        session._landings.append(landings[1])  # type: ignore[arg-type]
+        session._attempt_commits.append(landings[1])  # type: ignore[arg-type]
         session.poll()
-    assert sum(landing.removed for landing in landings) == removed
+    assert sum(attempt_commit.removed for attempt_commit in landings) == removed

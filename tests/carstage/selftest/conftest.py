@@ -12,7 +12,7 @@ import pytest
 
 from carstage.runs.asking import ask_server, ask_spawn_points
 from carstage.selftest.evidence import Evidence, read_evidence
-from carstage.selftest.staging import plan_self_test
+from carstage.selftest.scene_setup import plan_self_test
 from carstage.server import free_port
 from running_simulator import RunningSimulator
 

@@ -13,12 +13,12 @@ from carstage.geometry import FloatArray, range_per_depth
 from carstage.selftest import judge_log
 from carstage.selftest.alignment import check_actors, check_pictures, check_poses
 from carstage.selftest.codes import check_instance_ids, check_tags
+from carstage.selftest.depth_view import DepthView, check_depth
 from carstage.selftest.evidence import Evidence
-from carstage.selftest.frames import check_frames, check_mounts
+from carstage.selftest.frame_consistency import check_frames, check_mounts
 from carstage.selftest.lidar_axes import check_lidar_axes
 from carstage.selftest.optical_flow import check_optical_flow
-from carstage.selftest.sight import Sight, check_depth
-from carstage.selftest.staging import FPS
+from carstage.selftest.scene_setup import FPS
 from carstage.selftest.verdict import Verdict
 from carstage.tags import TAGS_0_9_13, new_tag
 
@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("selftest")]
 
 
 @pytest.fixture(scope="module")
-def sight(evidence: Evidence) -> Sight:
+def sight(evidence: Evidence) -> DepthView:
     return check_depth(evidence)[1]
 
 
@@ -93,7 +93,7 @@ def test_sensor_that_stands_elsewhere_is_named(evidence: Evidence) -> None:
     assert "depth stands 0.100 m" in found.found
 
 
-def test_depth_along_the_ray_is_recognised(evidence: Evidence, sight: Sight) -> None:
+def test_depth_along_the_ray_is_recognised(evidence: Evidence, sight: DepthView) -> None:
     height, width = sight.depth_m.shape[1:]
     along_ray = np.minimum(sight.depth_m * range_per_depth(width, height, 90.0), 1000.0)
     found, read = check_depth(with_pictures(evidence, depth=depth_code(along_ray)))
@@ -120,7 +120,7 @@ def test_pictures_that_lag_behind_their_poses_are_found(evidence: Evidence) -> N
 
 @pytest.mark.parametrize("camera", ["rgb", "semantic", "instance"])
 def test_camera_that_lags_behind_the_depth_camera_is_found(
-    evidence: Evidence, sight: Sight, camera: str
+    evidence: Evidence, sight: DepthView, camera: str
 ) -> None:
     spoilt = with_pictures(evidence, **{camera: late(evidence.pictures[camera])})
     found = check_pictures(replace(sight, evidence=spoilt), camera)
@@ -128,14 +128,16 @@ def test_camera_that_lags_behind_the_depth_camera_is_found(
     assert found.found == "those of 1 tick before"
 
 
-def test_actors_that_lag_in_the_snapshot_are_found(evidence: Evidence, sight: Sight) -> None:
+def test_actors_that_lag_in_the_snapshot_are_found(evidence: Evidence, sight: DepthView) -> None:
     vehicle = replace(evidence.vehicle, world_from_box=late(evidence.vehicle.world_from_box))
     found = check_actors(replace(sight, evidence=replace(evidence, vehicle=vehicle)))
     assert not found.ok
     assert found.found == "where the snapshot 1 tick after has them"
 
 
-def test_instance_ids_with_swapped_bytes_are_recognised(evidence: Evidence, sight: Sight) -> None:
+def test_instance_ids_with_swapped_bytes_are_recognised(
+    evidence: Evidence, sight: DepthView
+) -> None:
     swapped = evidence.pictures["instance"][..., [1, 0, 2, 3]]
     spoilt = replace(sight, evidence=with_pictures(evidence, instance=swapped))
     found = check_instance_ids(spoilt, actor_ids_needed=True)
@@ -144,7 +146,7 @@ def test_instance_ids_with_swapped_bytes_are_recognised(evidence: Evidence, sigh
 
 
 def test_ids_that_are_no_actors_matter_only_where_labels_need_them(
-    evidence: Evidence, sight: Sight
+    evidence: Evidence, sight: DepthView
 ) -> None:
     foreign = evidence.pictures["instance"].copy()
     foreign[..., :2] ^= 0x5A
@@ -155,7 +157,7 @@ def test_ids_that_are_no_actors_matter_only_where_labels_need_them(
     assert found.found == "no actor ids"
 
 
-def test_old_numbering_of_tags_is_recognised(evidence: Evidence, sight: Sight) -> None:
+def test_old_numbering_of_tags_is_recognised(evidence: Evidence, sight: DepthView) -> None:
     old_from_new = np.zeros(256, np.uint8)
     for old in TAGS_0_9_13:
         old_from_new[new_tag(old)] = old
@@ -168,7 +170,7 @@ def test_old_numbering_of_tags_is_recognised(evidence: Evidence, sight: Sight) -
     assert found.found == "numbered as up to 0.9.13"
 
 
-def test_unknown_numbering_of_tags_is_told(evidence: Evidence, sight: Sight) -> None:
+def test_unknown_numbering_of_tags_is_told(evidence: Evidence, sight: DepthView) -> None:
     pictures = evidence.pictures["semantic"] + np.uint8(40)
     spoilt = replace(sight, evidence=with_pictures(evidence, semantic=pictures))
     found = check_tags(spoilt, "0.10.0")
@@ -185,7 +187,7 @@ def test_unknown_numbering_of_tags_is_told(evidence: Evidence, sight: Sight) -> 
     ],
 )
 def test_other_readings_of_optical_flow_are_recognised(
-    evidence: Evidence, sight: Sight, scale: tuple[float, float], words: str
+    evidence: Evidence, sight: DepthView, scale: tuple[float, float], words: str
 ) -> None:
     flow = evidence.pictures["flow"] * np.array(scale, np.float32)
     found = check_optical_flow(replace(sight, evidence=with_pictures(evidence, flow=flow)))
@@ -193,7 +195,7 @@ def test_other_readings_of_optical_flow_are_recognised(
     assert found.found == words
 
 
-def test_flow_that_no_reading_explains_is_told(evidence: Evidence, sight: Sight) -> None:
+def test_flow_that_no_reading_explains_is_told(evidence: Evidence, sight: DepthView) -> None:
     still = np.zeros_like(evidence.pictures["flow"])
     found = check_optical_flow(replace(sight, evidence=with_pictures(evidence, flow=still)))
     assert not found.ok
@@ -208,7 +210,7 @@ def test_flow_that_no_reading_explains_is_told(evidence: Evidence, sight: Sight)
     ],
 )
 def test_other_axes_of_the_lidar_are_recognised(
-    evidence: Evidence, sight: Sight, points_as: Any, words: str
+    evidence: Evidence, sight: DepthView, points_as: Any, words: str
 ) -> None:
     spoilt = replace(evidence, points=[points_as(points) for points in evidence.points])
     found = check_lidar_axes(replace(sight, evidence=spoilt))

@@ -111,7 +111,7 @@ def test_a_leashed_command_does_not_outlive_whoever_started_it(tmp_path: Path) -
     starter = (
         "import subprocess, sys, time\n"
         "command = [sys.executable, '-c', sys.argv[1]]\n"
-        "leash = [sys.executable, '-m', 'carstage.server.leash', *command]\n"
+        "leash = [sys.executable, '-m', 'carstage.server.parent_watch', *command]\n"
         "subprocess.Popen(leash, stdin=subprocess.PIPE)\n"
         "time.sleep(600)\n"
     )
@@ -132,7 +132,7 @@ def test_a_leashed_command_does_not_outlive_whoever_started_it(tmp_path: Path) -
 
 def test_a_leash_ends_as_its_command_does() -> None:
     for code, status in (("raise SystemExit(5)", 5), ("import os; os.kill(os.getpid(), 9)", 137)):
-        command = [sys.executable, "-m", "carstage.server.leash", sys.executable, "-c", code]
+        command = [sys.executable, "-m", "carstage.server.parent_watch", sys.executable, "-c", code]
         with subprocess.Popen(command, stdin=subprocess.PIPE) as leash:
             assert leash.wait(WAIT_S) == status
 

@@ -8,7 +8,7 @@ import pytest
 from sites import Site
 
 from carstage.config import RIG_PRESETS, SENSOR_KINDS, check_config, parse_config
-from carstage.web.carla_sensors import read_sensors, write_sensors
+from carstage.web.configure.carla_sensors import read_sensors, write_sensors
 
 pytestmark = pytest.mark.xdist_group("web")  # one site for all
 

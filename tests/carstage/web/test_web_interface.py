@@ -14,7 +14,7 @@ from schemathesis import GenerationMode
 from sites import Site, open_site
 
 from carstage.web.openapi import openapi_document
-from carstage.web.sight import SightService
+from carstage.web.preview.sensor_preview import SensorPreviewService
 
 pytestmark = pytest.mark.xdist_group("web")
 EXAMPLES = 4
@@ -48,8 +48,8 @@ def disturbed(site: Site, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("carstage.runs.launching.launch", start)
-        patch.setattr("carstage.web.job_service.WORKER", ("true",))
-        patch.setattr(SightService, "warm", lambda _: False)
+        patch.setattr("carstage.web.datasets.jobs.WORKER", ("true",))
+        patch.setattr(SensorPreviewService, "warm", lambda _: False)
         with open_site(root) as client:
             yield Site(client, root, site.dataset, site.episode)
 

@@ -54,7 +54,7 @@ def test_formats_that_do_not_exist_are_refused(site: Site) -> None:
 
 
 def test_every_exporter_is_offered(site: Site) -> None:
-    from carstage.export import exporters
+    from carstage.exporters import exporters
 
     formats = site.client.get("/api/exports/formats").json()["formats"]
     assert {entry["name"] for entry in formats} == set(exporters())

@@ -16,8 +16,8 @@ import pytest
 from PIL import Image
 from sites import FakeRun, open_site
 
-from carstage.rawlog.newest import NewestRecords
-from carstage.web import previewer
+from carstage.rawlog.tail import NewestRecords
+from carstage.web.preview import previewer
 from waiting import await_that
 
 LIVE = "ws://127.0.0.1:8321/api/live"
@@ -114,7 +114,7 @@ def test_one_previewer_works_on_a_run(recording: FakeRun) -> None:
     (folder / "want").touch()
     soon = time.time() + 600
     os.utime(folder / "want", (soon, soon))
-    command = [sys.executable, "-m", "carstage.web.previewer", str(recording.folder)]
+    command = [sys.executable, "-m", "carstage.web.preview.previewer", str(recording.folder)]
     with subprocess.Popen(command) as first:
         await_that(lambda: "index.json" in previews(recording))
         assert subprocess.run(command, check=False, timeout=60).returncode == 0

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from carstage_sim.check.client_process import run_trial
-from carstage_sim.check.walkers import walked_through
+from benchmarks.simulator.client_process import run_trial
+from benchmarks.simulator.walkers import walked_through
 from carstage_sim.maps import ground_height
 
 if TYPE_CHECKING:

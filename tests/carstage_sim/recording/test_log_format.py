@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from carstage_sim.recording import RecorderDeck, RecordingError
+from carstage_sim.recording import RecorderController, RecordingError
 from carstage_sim.recording.events import ActorAdded, actors_added, actors_added_packet
 from carstage_sim.recording.folder import log_path
 from carstage_sim.recording.layout import HEADER, RECORDS, LogInfo, Packet, records, text
@@ -22,8 +22,8 @@ TEXTS = st.text(max_size=20)
 
 
 @pytest.fixture
-def deck(tmp_path: Path) -> Iterator[RecorderDeck]:
-    deck = RecorderDeck(tmp_path)
+def deck(tmp_path: Path) -> Iterator[RecorderController]:
+    deck = RecorderController(tmp_path)
     yield deck
     deck.end_episode()
 
@@ -94,14 +94,16 @@ def test_garbage_after_the_head_is_never_a_frame_and_never_fails(
 
 @pytest.mark.parametrize("content", [b"", b"\x01\x00", b"x" * 100, b"\xff\xff\xff\xff"])
 def test_a_file_that_is_no_log_is_told_so(
-    content: bytes, deck: RecorderDeck, tmp_path: Path
+    content: bytes, deck: RecorderController, tmp_path: Path
 ) -> None:
     (tmp_path / "note.txt").write_bytes(content)
     with pytest.raises(RecordingError, match="File is not a CARLA recorder"):
         deck.file_info("note.txt", show_all=True)
 
 
-def test_a_missing_file_is_told_in_the_words_of_carla(deck: RecorderDeck, tmp_path: Path) -> None:
+def test_a_missing_file_is_told_in_the_words_of_carla(
+    deck: RecorderController, tmp_path: Path
+) -> None:
     with pytest.raises(RecordingError, match=f"File {tmp_path}/none.log not found on server"):
         deck.file_info("none.log", show_all=False)
 

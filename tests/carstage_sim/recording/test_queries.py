@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from carstage_sim.maps import Town
-from carstage_sim.recording import RecorderDeck, RecordingError
+from carstage_sim.recording import RecorderController, RecordingError
 from carstage_sim.world.controls import VehicleControl
 from carstage_sim.world.pose import Pose, compose
 from carstage_sim.world.world import World
@@ -21,9 +21,9 @@ DELTA_S = 0.05
 @pytest.fixture(scope="module")
 def crash(
     stage01: Town, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[tuple[RecorderDeck, dict[str, int]]]:
+) -> Iterator[tuple[RecorderController, dict[str, int]]]:
     """Eight seconds: the hero runs into a standing car, and a third one never moves."""
-    deck = RecorderDeck(tmp_path_factory.mktemp("logs"))
+    deck = RecorderController(tmp_path_factory.mktemp("logs"))
     world = World(stage01, episode_id=1)
     x, y, z, pitch, yaw, roll = stage01.spawn_points[0].tolist()
     start = Pose((x, y, z), (pitch, yaw, roll))
@@ -44,7 +44,7 @@ def crash(
 
 
 def test_file_info_tells_head_actors_events_and_length(
-    crash: tuple[RecorderDeck, dict[str, int]],
+    crash: tuple[RecorderController, dict[str, int]],
 ) -> None:
     deck, ids = crash
     text = deck.file_info("crash.log", show_all=False)
@@ -60,7 +60,7 @@ def test_file_info_tells_head_actors_events_and_length(
 
 
 def test_file_info_of_everything_tells_each_kind_of_record(
-    crash: tuple[RecorderDeck, dict[str, int]],
+    crash: tuple[RecorderController, dict[str, int]],
 ) -> None:
     deck, _ = crash
     text = deck.file_info("crash.log", show_all=True)
@@ -75,7 +75,7 @@ def test_file_info_of_everything_tells_each_kind_of_record(
 
 
 def test_collisions_are_listed_once_with_types_and_filtered_by_category(
-    crash: tuple[RecorderDeck, dict[str, int]],
+    crash: tuple[RecorderController, dict[str, int]],
 ) -> None:
     deck, ids = crash
     for first, second in (("v", "v"), ("h", "a"), ("a", "a"), ("h", "v")):
@@ -91,7 +91,7 @@ def test_collisions_are_listed_once_with_types_and_filtered_by_category(
 
 
 def test_blocked_actors_are_listed_by_how_long_they_stood(
-    crash: tuple[RecorderDeck, dict[str, int]],
+    crash: tuple[RecorderController, dict[str, int]],
 ) -> None:
     deck, ids = crash
     lines = deck.actors_blocked("crash.log", 2.0, 1000.0).splitlines()
@@ -104,7 +104,7 @@ def test_blocked_actors_are_listed_by_how_long_they_stood(
 
 
 def test_other_files_are_not_overwritten(stage01: Town, tmp_path: Path) -> None:
-    deck, world = RecorderDeck(tmp_path), World(stage01, episode_id=1)
+    deck, world = RecorderController(tmp_path), World(stage01, episode_id=1)
     (tmp_path / "thesis.txt").write_text("precious")
     with pytest.raises(RecordingError, match="not overwritten"):
         deck.start("thesis.txt", world, additional_data=False)

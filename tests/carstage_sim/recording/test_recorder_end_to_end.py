@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from carstage_sim.check.client_process import run_trial
-from carstage_sim.check.ticking import WatchedClock, wake_traffic_manager
+from benchmarks.simulator.client_process import run_trial
+from benchmarks.simulator.ticking import WatchedClock, wake_traffic_manager
 
 if TYPE_CHECKING:
     from running_simulator import RunningSimulator

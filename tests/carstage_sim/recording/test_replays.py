@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from carstage_sim.maps import Town
-from carstage_sim.recording import RecorderDeck, RecordingError
-from carstage_sim.recording import deck as deck_module
+from carstage_sim.recording import RecorderController, RecordingError
+from carstage_sim.recording import recorder_controller as deck_module
 from carstage_sim.recording.events import ActorAdded, actors_added_packet
 from carstage_sim.recording.layout import FRAME, HEADER, LogInfo, Packet, packet, rows_packet
 from carstage_sim.recording.recorder import Recorder
-from carstage_sim.recording.replay_cast import ReplayCast, ReplayOptions
+from carstage_sim.recording.replay_actors import ReplayCast, ReplayOptions
 from carstage_sim.world.controls import VehicleControl, WalkerControl
 from carstage_sim.world.pose import Pose
+from carstage_sim.world.signals.traffic_lights import TrafficLightState
 from carstage_sim.world.snapshot import Snapshot
 from carstage_sim.world.state import ActorKind, Weather
-from carstage_sim.world.traffic_lights import TrafficLightState
 from carstage_sim.world.world import World
 
 CAR = "vehicle.tesla.model3"
@@ -42,13 +42,13 @@ def new_world(stage01: Town, earlier: World) -> Callable[[], World]:
 
 
 @pytest.fixture
-def deck(tmp_path: Path) -> Iterator[RecorderDeck]:
-    deck = RecorderDeck(tmp_path)
+def deck(tmp_path: Path) -> Iterator[RecorderController]:
+    deck = RecorderController(tmp_path)
     yield deck
     deck.end_episode()
 
 
-def tick(world: World, deck: RecorderDeck) -> Snapshot:
+def tick(world: World, deck: RecorderController) -> Snapshot:
     deck.before_tick(DELTA_S)
     snapshot = world.tick(DELTA_S, 5)
     deck.after_tick(snapshot)
@@ -67,7 +67,7 @@ def populate(world: World) -> tuple[int, int]:
     return hero.actor_id, walker.actor_id
 
 
-def drive(world: World, deck: RecorderDeck, ticks: int) -> list[Snapshot]:
+def drive(world: World, deck: RecorderController, ticks: int) -> list[Snapshot]:
     frames = []
     for number in range(ticks):
         if number == ticks // 2:
@@ -79,7 +79,9 @@ def drive(world: World, deck: RecorderDeck, ticks: int) -> list[Snapshot]:
     return frames
 
 
-def recording(new_world: Callable[[], World], deck: RecorderDeck, ticks: int) -> list[Snapshot]:
+def recording(
+    new_world: Callable[[], World], deck: RecorderController, ticks: int
+) -> list[Snapshot]:
     world = new_world()
     populate(world)
     deck.start("drive.log", world, additional_data=True)
@@ -93,7 +95,7 @@ def rows_of(snapshot: Snapshot, *kinds: ActorKind) -> np.ndarray:
 
 
 def test_replay_in_a_fresh_world_repeats_poses_ids_lights_and_weather(
-    new_world: Callable[[], World], deck: RecorderDeck
+    new_world: Callable[[], World], deck: RecorderController
 ) -> None:
     recorded = recording(new_world, deck, 100)
     world = new_world()
@@ -117,7 +119,7 @@ def test_replay_in_a_fresh_world_repeats_poses_ids_lights_and_weather(
 
 
 def test_replayed_velocities_follow_from_the_poses(
-    new_world: Callable[[], World], deck: RecorderDeck
+    new_world: Callable[[], World], deck: RecorderController
 ) -> None:
     recorded = recording(new_world, deck, 40)
     world = new_world()
@@ -130,7 +132,7 @@ def test_replayed_velocities_follow_from_the_poses(
 
 
 def test_replay_at_another_step_is_between_the_recorded_poses(
-    new_world: Callable[[], World], deck: RecorderDeck
+    new_world: Callable[[], World], deck: RecorderController
 ) -> None:
     recorded = recording(new_world, deck, 40)
     world = new_world()
@@ -143,7 +145,7 @@ def test_replay_at_another_step_is_between_the_recorded_poses(
 
 
 def test_negative_start_counts_from_the_end_and_a_duration_ends_the_replay(
-    new_world: Callable[[], World], deck: RecorderDeck
+    new_world: Callable[[], World], deck: RecorderController
 ) -> None:
     recorded = recording(new_world, deck, 41)
     world = new_world()
@@ -162,7 +164,7 @@ def test_negative_start_counts_from_the_end_and_a_duration_ends_the_replay(
 
 
 def test_actors_whose_ids_are_taken_are_mapped_to_new_ones(
-    new_world: Callable[[], World], deck: RecorderDeck, stage01: Town
+    new_world: Callable[[], World], deck: RecorderController, stage01: Town
 ) -> None:
     recorded = recording(new_world, deck, 20)
     world = new_world()
@@ -179,7 +181,7 @@ def test_actors_whose_ids_are_taken_are_mapped_to_new_ones(
 
 
 def test_actors_that_come_and_go_do_so_in_the_replay(
-    new_world: Callable[[], World], deck: RecorderDeck, stage01: Town
+    new_world: Callable[[], World], deck: RecorderController, stage01: Town
 ) -> None:
     world = new_world()
     deck.start("drive.log", world, additional_data=False)
@@ -199,7 +201,7 @@ def test_actors_that_come_and_go_do_so_in_the_replay(
 
 
 def test_attached_actors_ride_on_their_parents_again_and_sensors_come_on_request(
-    new_world: Callable[[], World], deck: RecorderDeck, stage01: Town
+    new_world: Callable[[], World], deck: RecorderController, stage01: Town
 ) -> None:
     world = new_world()
     car = world.spawn(CAR, {}, place(stage01, 0)).actor_id
@@ -220,7 +222,7 @@ def test_attached_actors_ride_on_their_parents_again_and_sensors_come_on_request
     np.testing.assert_allclose(again.state.location[rows], recorded.state.location[rows], atol=0.01)
 
 
-def test_ignored_hero_is_left_out(new_world: Callable[[], World], deck: RecorderDeck) -> None:
+def test_ignored_hero_is_left_out(new_world: Callable[[], World], deck: RecorderController) -> None:
     recording(new_world, deck, 10)
     world = new_world()
     deck.ignore_hero = True
@@ -232,7 +234,7 @@ def test_ignored_hero_is_left_out(new_world: Callable[[], World], deck: Recorder
 
 
 def test_spectator_follows_the_recorded_actor(
-    new_world: Callable[[], World], deck: RecorderDeck
+    new_world: Callable[[], World], deck: RecorderController
 ) -> None:
     recording(new_world, deck, 10)
     world = new_world()
@@ -246,7 +248,7 @@ def test_spectator_follows_the_recorded_actor(
 
 
 def test_stopping_a_replay_gives_back_physics_and_takes_its_actors_away_on_request(
-    new_world: Callable[[], World], deck: RecorderDeck
+    new_world: Callable[[], World], deck: RecorderController
 ) -> None:
     recording(new_world, deck, 40)
     for keep in (True, False):
@@ -267,7 +269,7 @@ def test_stopping_a_replay_gives_back_physics_and_takes_its_actors_away_on_reque
 
 
 def test_traffic_lights_go_on_from_the_replayed_states_without_two_greens(
-    new_world: Callable[[], World], deck: RecorderDeck
+    new_world: Callable[[], World], deck: RecorderController
 ) -> None:
     world = new_world()
     for _ in range(150):  # 7.5 s of the first green are over when the recording begins
@@ -288,7 +290,7 @@ def test_traffic_lights_go_on_from_the_replayed_states_without_two_greens(
 
 
 def test_same_drive_gives_the_same_bytes(
-    new_world: Callable[[], World], deck: RecorderDeck, tmp_path: Path
+    new_world: Callable[[], World], deck: RecorderController, tmp_path: Path
 ) -> None:
     recording(new_world, deck, 30)
     first = (tmp_path / "drive.log").read_bytes()
@@ -297,7 +299,7 @@ def test_same_drive_gives_the_same_bytes(
 
 
 def test_a_log_that_was_cut_off_replays_to_its_last_whole_frame(
-    new_world: Callable[[], World], deck: RecorderDeck, tmp_path: Path
+    new_world: Callable[[], World], deck: RecorderController, tmp_path: Path
 ) -> None:
     recording(new_world, deck, 30)
     path = tmp_path / "drive.log"
@@ -312,7 +314,7 @@ def test_a_log_that_was_cut_off_replays_to_its_last_whole_frame(
 
 
 def test_doors_and_street_lamps_are_replayed(
-    new_world: Callable[[], World], deck: RecorderDeck
+    new_world: Callable[[], World], deck: RecorderController
 ) -> None:
     world = new_world()
     hero, _ = populate(world)
@@ -338,7 +340,7 @@ def test_doors_and_street_lamps_are_replayed(
 
 
 def test_a_replay_of_the_running_recording_shows_its_last_frame_too(
-    new_world: Callable[[], World], deck: RecorderDeck
+    new_world: Callable[[], World], deck: RecorderController
 ) -> None:
     world = new_world()
     deck.start("running.log", world, additional_data=False)
@@ -348,7 +350,7 @@ def test_a_replay_of_the_running_recording_shows_its_last_frame_too(
 
 
 def test_a_refused_replay_lets_the_lights_go_on(
-    new_world: Callable[[], World], deck: RecorderDeck, tmp_path: Path
+    new_world: Callable[[], World], deck: RecorderController, tmp_path: Path
 ) -> None:
     damaged = [
         LogInfo(1, 0, "Carla/Maps/Stage01").encode(),
@@ -397,7 +399,7 @@ def test_a_full_disk_is_a_recording_error_and_the_file_is_given_back(
 
 def test_an_episode_ends_whatever_becomes_of_its_recording(
     new_world: Callable[[], World],
-    deck: RecorderDeck,
+    deck: RecorderController,
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
@@ -411,7 +413,7 @@ def test_an_episode_ends_whatever_becomes_of_its_recording(
 
 
 def test_a_recording_that_cannot_go_on_gives_its_file_back(
-    new_world: Callable[[], World], deck: RecorderDeck, monkeypatch: pytest.MonkeyPatch
+    new_world: Callable[[], World], deck: RecorderController, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     world = new_world()
     deck.start("drive.log", world, additional_data=False)

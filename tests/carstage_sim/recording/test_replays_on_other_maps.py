@@ -9,7 +9,7 @@ import pytest
 
 from carstage_sim.maps import Bake, MapSamplingError
 from carstage_sim.maps.loading import TownSource
-from carstage_sim.recording.replay_cast import ReplayOptions
+from carstage_sim.recording.replay_actors import ReplayOptions
 from carstage_sim.wire.handlers import recorder
 from carstage_sim.wire.handlers.registry import LATER
 

@@ -9,7 +9,7 @@ import numpy as np
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import LaneSamples, Town
 from carstage_sim.mesh import Material, TriangleMesh, build_mesh, merge_meshes
-from carstage_sim.sensors.frames import SensorRequest
+from carstage_sim.sensors.measurements import SensorRequest
 from carstage_sim.world.state import ActorKind, Weather, WorldState
 
 _QUADS = np.array(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sensor_worlds import GROUND, WALL, request, state, town
 
-from carstage_sim.sensors import SensorAttributeError, SensorSuite
+from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from carstage_sim.sensors.lens import PINHOLE, Lens
 
 pytestmark = pytest.mark.xdist_group("kernels")
@@ -17,7 +17,7 @@ _BARREL = {"lens_circle_multiplier": "3.0", "lens_circle_falloff": "3.0"}
 @pytest.fixture(scope="module")
 def suite(tmp_path_factory):
     cache = tmp_path_factory.mktemp("cache")
-    with SensorSuite(town(GROUND, WALL), threads=1, cache=cache) as made:
+    with WorldSensors(town(GROUND, WALL), threads=1, cache=cache) as made:
         yield made
 
 

@@ -7,7 +7,7 @@ import pytest
 from sensor_worlds import GROUND, WALL, request, state, town
 
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.sensors import SensorAttributeError, SensorSuite
+from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from carstage_sim.sensors.cameras import encode_depth, encode_instances, encode_normals, encode_tags
 
 pytestmark = pytest.mark.xdist_group("kernels")
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.xdist_group("kernels")
 
 @pytest.fixture(scope="module")
 def suite(tmp_path_factory):
-    with SensorSuite(
+    with WorldSensors(
         town(GROUND, WALL), threads=1, cache=tmp_path_factory.mktemp("trees")
     ) as built:
         yield built

@@ -10,7 +10,7 @@ from sensor_worlds import GROUND, WALL, box, request, state, town
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material
-from carstage_sim.sensors import SensorSuite
+from carstage_sim.sensors import WorldSensors
 from carstage_sim.world.appearance import Appearance
 from carstage_sim.world.debug_shapes import DebugDrawing, arrow, box_edges
 from carstage_sim.world.state import Weather
@@ -28,7 +28,7 @@ _NIGHT = Weather(sun_altitude_angle=-60.0)
 
 @pytest.fixture(scope="module")
 def suite(tmp_path_factory):
-    with SensorSuite(
+    with WorldSensors(
         town(GROUND, WALL, _LAMP), threads=1, cache=tmp_path_factory.mktemp("trees")
     ) as built:
         yield built

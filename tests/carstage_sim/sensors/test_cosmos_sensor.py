@@ -10,7 +10,7 @@ from sensor_worlds import GROUND, request, state, town
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import LevelObject, OrientedBox, Town
 from carstage_sim.sensors.cosmos import CosmosCamera
-from carstage_sim.sensors.frames import SensorRequest
+from carstage_sim.sensors.measurements import SensorRequest
 
 RED, SIGN = (255, 0, 0), (214, 144, 137)
 

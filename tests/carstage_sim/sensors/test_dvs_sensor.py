@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sensor_worlds import GROUND, WALL, request, state, town
 
-from carstage_sim.sensors import SensorAttributeError, SensorSuite
+from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from carstage_sim.sensors.dvs import DvsCamera
 
 pytestmark = pytest.mark.xdist_group("kernels")
@@ -42,7 +42,7 @@ def events_of(*greys: list[float], **attributes):
 
 @pytest.fixture(scope="module")
 def suite(tmp_path_factory):
-    with SensorSuite(
+    with WorldSensors(
         town(GROUND, WALL), threads=1, cache=tmp_path_factory.mktemp("trees")
     ) as built:
         yield built

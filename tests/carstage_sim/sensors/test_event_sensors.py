@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 from sensor_worlds import GROUND, WALL, request, state, town
 
-from carstage_sim.sensors import SensorSuite
-from carstage_sim.sensors.frames import CollisionFrame
+from carstage_sim.sensors import WorldSensors
+from carstage_sim.sensors.measurements import CollisionFrame
 from carstage_sim.world.state import Collision
 
 pytestmark = pytest.mark.xdist_group("kernels")
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.xdist_group("kernels")
 
 @pytest.fixture(scope="module")
 def suite(tmp_path_factory):
-    with SensorSuite(
+    with WorldSensors(
         town(GROUND, WALL), threads=1, cache=tmp_path_factory.mktemp("trees")
     ) as built:
         yield built

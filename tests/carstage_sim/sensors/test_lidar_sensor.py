@@ -10,7 +10,7 @@ from sensor_worlds import GROUND, WALL, request, state, town
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.sensors import SensorAttributeError, SensorSuite
+from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from carstage_sim.sensors.lidar import LidarGeometry, laser_directions, round_half_away
 from carstage_sim.world.blueprints import catalogue
 
@@ -25,7 +25,7 @@ FULL = {
 
 @pytest.fixture(scope="module")
 def suite(tmp_path_factory):
-    with SensorSuite(
+    with WorldSensors(
         town(GROUND, WALL), threads=1, cache=tmp_path_factory.mktemp("trees")
     ) as built:
         yield built

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sensor_worlds import GROUND, request, state, town
 
-from carstage_sim.sensors import SensorSuite
+from carstage_sim.sensors import WorldSensors
 from carstage_sim.sensors.navigation import compass_rad
 from carstage_sim.sensors.projection import GeoProjection, geodetic
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.xdist_group("kernels")
 
 @pytest.fixture
 def suite(tmp_path):
-    with SensorSuite(town(GROUND, geo_reference=(49.0, 8.0)), threads=1, cache=tmp_path) as built:
+    with WorldSensors(town(GROUND, geo_reference=(49.0, 8.0)), threads=1, cache=tmp_path) as built:
         yield built
 
 

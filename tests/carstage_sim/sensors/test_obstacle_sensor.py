@@ -8,8 +8,8 @@ from sensor_worlds import GROUND, WALL, box, request, state, town
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material
-from carstage_sim.sensors import SensorAttributeError, SensorSuite
-from carstage_sim.sensors.frames import ObstacleFrame
+from carstage_sim.sensors import SensorAttributeError, WorldSensors
+from carstage_sim.sensors.measurements import ObstacleFrame
 from carstage_sim.sensors.obstacle import ball_rays, feelers
 
 pytestmark = pytest.mark.xdist_group("kernels")
@@ -19,7 +19,7 @@ POLE = box((4.0, 0.3, 10.0), (4.2, 0.5, 20.0), Material.METAL, CityObjectLabel.P
 
 @pytest.fixture(scope="module")
 def suite(tmp_path_factory):
-    with SensorSuite(
+    with WorldSensors(
         town(GROUND, WALL, POLE), threads=1, cache=tmp_path_factory.mktemp("trees")
     ) as built:
         yield built

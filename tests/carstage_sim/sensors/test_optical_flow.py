@@ -10,7 +10,7 @@ from sensor_worlds import GROUND, WALL, request, state, town
 
 from carstage_sim.geometry import pose_matrix
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.sensors import SensorSuite
+from carstage_sim.sensors import WorldSensors
 
 pytestmark = pytest.mark.xdist_group("kernels")
 
@@ -25,7 +25,7 @@ Pose = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 @pytest.fixture
 def suite(tmp_path_factory):
-    with SensorSuite(
+    with WorldSensors(
         town(GROUND, WALL), threads=1, cache=tmp_path_factory.getbasetemp() / "trees"
     ) as built:
         yield built

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sensor_worlds import GROUND, WALL, request, state, town
 
-from carstage_sim.sensors import SensorAttributeError, SensorSuite
+from carstage_sim.sensors import SensorAttributeError, WorldSensors
 
 pytestmark = pytest.mark.xdist_group("kernels")
 
@@ -17,7 +17,7 @@ MANY = {"points_per_second": 20_000, "horizontal_fov": 40.0, "vertical_fov": 20.
 
 @pytest.fixture
 def suite(tmp_path_factory):
-    with SensorSuite(
+    with WorldSensors(
         town(GROUND, WALL), threads=1, cache=tmp_path_factory.getbasetemp() / "trees"
     ) as built:
         yield built

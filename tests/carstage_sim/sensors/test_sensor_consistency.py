@@ -13,7 +13,7 @@ from carstage_sim.mesh import Material
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.render.caster import RayCaster
 from carstage_sim.render.normals import smooth_normals
-from carstage_sim.sensors import SensorSuite
+from carstage_sim.sensors import WorldSensors
 from carstage_sim.sensors.view import Camera, pixel_rays
 from carstage_sim.world.blueprints import catalogue
 
@@ -28,7 +28,7 @@ _EYE, _TURN = (0.0, 0.0, 1.8), (-6.0, 3.0, 2.0)
 
 @pytest.fixture(scope="module")
 def suite():
-    with SensorSuite(town(GROUND, WALL, _BLOCK), threads=2) as made:
+    with WorldSensors(town(GROUND, WALL, _BLOCK), threads=2) as made:
         yield made
 
 
@@ -203,5 +203,5 @@ def test_all_cameras_have_the_same_bytes_with_any_number_of_threads(suite):
 
     suite.reset()
     many = content(suite)
-    with SensorSuite(town(GROUND, WALL, _BLOCK), threads=1) as alone:
+    with WorldSensors(town(GROUND, WALL, _BLOCK), threads=1) as alone:
         assert content(alone) == many

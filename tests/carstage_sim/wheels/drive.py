@@ -18,7 +18,7 @@ from typing import Any
 import carla
 from carla import command
 
-from carstage.collector.waking import TickWatch
+from carstage.collector.internals.traffic_manager_wakeup import TickWatch
 
 TICKS = 20
 STEP_S = 0.05

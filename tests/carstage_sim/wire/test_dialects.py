@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carstage_sim.description import describe
+from carstage_sim.describe.offers import describe
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.sensors.frames import SEMANTIC_POINT, ImageFrame, SemanticLidarFrame
+from carstage_sim.sensors.measurements import SEMANTIC_POINT, ImageFrame, SemanticLidarFrame
 from carstage_sim.wire import values
 from carstage_sim.wire.dialect import DIALECTS, dialect
 from carstage_sim.wire.dialect_tables import LABELS_0_9_13

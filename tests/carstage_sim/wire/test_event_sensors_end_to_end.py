@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from carstage_sim.check.client_process import run_trial
+from benchmarks.simulator.client_process import run_trial
 
 if TYPE_CHECKING:
     from running_simulator import RunningSimulator

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from carstage_sim.check.client_process import run_trial
+from benchmarks.simulator.client_process import run_trial
 from running_simulator import RunningSimulator
 
 pytestmark = pytest.mark.end_to_end

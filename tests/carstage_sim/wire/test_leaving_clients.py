@@ -13,7 +13,7 @@ import pytest
 from client_scripts import client_process
 from raw_client import RawClient
 
-from carstage_sim.check.session import free_port
+from benchmarks.simulator.session import free_port
 from waiting import await_that, holds_for
 
 if TYPE_CHECKING:

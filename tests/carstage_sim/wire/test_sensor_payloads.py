@@ -6,7 +6,7 @@ from typing import Any
 import msgpack
 import numpy as np
 
-from carstage_sim.sensors.frames import (
+from carstage_sim.sensors.measurements import (
     DVS_EVENT,
     SEMANTIC_POINT,
     CollisionFrame,

@@ -13,10 +13,10 @@ from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.ground import Ground
 from carstage_sim.mesh import Material, TriangleMesh, build_mesh, merge_meshes
 from carstage_sim.world.blueprints import catalogue
+from carstage_sim.world.contacts.obstacles import Obstacles
 from carstage_sim.world.controls import VehicleControl
-from carstage_sim.world.obstacles import Obstacles
-from carstage_sim.world.vehicle_parameters import VehicleParameters
-from carstage_sim.world.vehicles import VehicleFleet
+from carstage_sim.world.vehicles.fleet import VehicleFleet
+from carstage_sim.world.vehicles.parameters import VehicleParameters
 
 CAR = 7
 DELTA_S = 0.05

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from carstage_sim.maps import Town
-from carstage_sim.world.approaches import Approaches
 from carstage_sim.world.lane_index import LaneIndex
+from carstage_sim.world.signals.approaches import Approaches
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from carstage_sim.maps.town import LaneSamples
-from carstage_sim.world.arm_turns import CLEAR_S, TURN_S, ArmTurns
-from carstage_sim.world.lane_graph import LaneGraph
+from carstage_sim.world.signals.arm_turns import CLEAR_S, TURN_S, ArmTurns
+from carstage_sim.world.signals.lane_graph import LaneGraph
 
 _TICK_S = 0.05
 _HALF_LENGTH_M = 2.3

@@ -9,8 +9,8 @@ import pytest
 
 from carstage_sim.maps import Town
 from carstage_sim.world.actors import Actor
+from carstage_sim.world.contacts.solids import WALKER_MASS_KG
 from carstage_sim.world.pose import Pose, compose
-from carstage_sim.world.solids import WALKER_MASS_KG
 from carstage_sim.world.state import Collision
 from carstage_sim.world.world import World
 

@@ -12,9 +12,9 @@ from shapely.affinity import rotate, translate
 from shapely.geometry import Polygon, box
 
 from carstage_sim.world.blueprints import catalogue
-from carstage_sim.world.contacts import find_contacts
+from carstage_sim.world.contacts.boxes import find_contacts
 from carstage_sim.world.controls import VehicleControl
-from carstage_sim.world.vehicles import VehicleFleet
+from carstage_sim.world.vehicles.fleet import VehicleFleet
 
 HALF = np.array([[2.4, 1.0], [1.9, 0.9]])
 

@@ -8,13 +8,13 @@ from collections.abc import Callable
 import pytest
 from plain_scenes import CAR, fleet_on, hills, parameters
 
-from carstage_sim.world.ackermann import AckermannController
 from carstage_sim.world.controls import (
     AckermannControl,
     AckermannSettings,
     EpisodeSettings,
     VehicleControl,
 )
+from carstage_sim.world.vehicles.ackermann import AckermannController
 
 _SECONDS = 11
 _FOLLOWED = AckermannControl(steer_rad=0.05, steer_speed=0.2, speed=6.0, acceleration=2.0)

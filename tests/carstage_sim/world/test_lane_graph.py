@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from carstage_sim.maps.town import LaneSamples
-from carstage_sim.world.lane_graph import LaneGraph
+from carstage_sim.world.signals.lane_graph import LaneGraph
 
 
 def street(*lengths_m: int, lane_id: int = -1) -> LaneSamples:

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from carstage_sim.geometry import rotation_matrix
-from carstage_sim.world.overlap import overlaps
+from carstage_sim.world.contacts.overlap import overlaps
 
 coordinates = st.floats(-4.0, 4.0)
 centers = st.tuples(coordinates, coordinates, coordinates)

@@ -12,8 +12,8 @@ import pytest
 from plain_scenes import CAR, drive, one_car, parameters, rolling, turned_deg
 
 from carstage_sim.world.controls import VehicleControl
-from carstage_sim.world.vehicle_parameters import Gear, VehicleParameters
-from carstage_sim.world.vehicles import VehicleFleet
+from carstage_sim.world.vehicles.fleet import VehicleFleet
+from carstage_sim.world.vehicles.parameters import Gear, VehicleParameters
 
 NORMAL = parameters()
 

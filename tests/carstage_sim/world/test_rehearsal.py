@@ -27,7 +27,7 @@ def test_ticks_after_the_rehearsal_compile_nothing(stage01: Town) -> None:
     world = World(stage01, 1)
     rehearse(world)
     before = compiled()
-    assert before["carstage_sim.world.vehicle_motion._move"] == 1
+    assert before["carstage_sim.world.vehicles.motion._move"] == 1
     for k, point in enumerate(stage01.spawn_points[:3].tolist()):
         car = world.spawn("vehicle.audi.tt", {}, Pose(tuple(point[:3])))
         world.set_target_velocity(car.actor_id, (float(k), 1.0, 0.0))

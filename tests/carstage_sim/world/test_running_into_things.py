@@ -13,10 +13,10 @@ from plain_scenes import CAR, drive, fleet_on, one_car, parameters, plain, sheet
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps import Town
 from carstage_sim.maps.ground import Ground
-from carstage_sim.world.contacts import TOWN, find_contacts
-from carstage_sim.world.impulses import Bodies, resolve
+from carstage_sim.world.contacts.boxes import TOWN, find_contacts
+from carstage_sim.world.contacts.impulses import Bodies, resolve
+from carstage_sim.world.contacts.obstacles import Obstacles
 from carstage_sim.world.mechanics import terrain_of
-from carstage_sim.world.obstacles import Obstacles
 
 NOSE_M = parameters().box_center_x_m + parameters().half_length_m
 

@@ -10,7 +10,7 @@ from plain_scenes import CAR, drive, fleet_on, one_car, parameters, plain, sheet
 
 from carstage_sim.mesh import merge_meshes
 from carstage_sim.world.controls import VehicleControl
-from carstage_sim.world.vehicle_dynamics import GRAVITY
+from carstage_sim.world.vehicles.dynamics import GRAVITY
 
 
 def hill(grade: float):

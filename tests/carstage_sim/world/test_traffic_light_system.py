@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from carstage_sim.maps.town import OrientedBox, TrafficLightSite
-from carstage_sim.world.traffic_lights import (
+from carstage_sim.world.signals.traffic_lights import (
     GAP_S,
     LEAST_GREEN_S,
     LONGEST_WAIT_S,

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from carstage_sim.world.blueprints import catalogue
 from carstage_sim.world.controls import VehicleControl
-from carstage_sim.world.vehicle_parameters import VehicleParameters
-from carstage_sim.world.vehicles import VehicleFleet
+from carstage_sim.world.vehicles.fleet import VehicleFleet
+from carstage_sim.world.vehicles.parameters import VehicleParameters
 
 DELTA_S = 0.05
 SUBSTEPS = 5

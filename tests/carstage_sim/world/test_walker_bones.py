@@ -11,7 +11,7 @@ from carstage_sim.maps import Town
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.controls import WalkerControl
 from carstage_sim.world.pose import Pose, compose
-from carstage_sim.world.walker_bones import (
+from carstage_sim.world.walkers.bones import (
     BoneTransform,
     bone_transforms,
     pose_bones,

@@ -15,8 +15,8 @@ from carstage_sim.world.controls import (
 )
 from carstage_sim.world.errors import ActorNotFoundError, ActorTypeError, SpawnError
 from carstage_sim.world.pose import Pose, compose
+from carstage_sim.world.signals.traffic_lights import TrafficLightState
 from carstage_sim.world.snapshot import Snapshot
-from carstage_sim.world.traffic_lights import TrafficLightState
 from carstage_sim.world.world import World
 
 CAR = "vehicle.tesla.model3"

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from carstage.bench.clients.boxes_file import BOXES_FILE, COLUMNS
-from carstage.bench.clients.opened import Opened
+from carstage.bench.clients.scene_session import SceneSession
 
 _NEAR_M = 0.05
 _FAR_M = 1000.0
@@ -29,7 +29,7 @@ class Boxes:
         opened: the scene; each camera with a depth twin is labelled.
     """
 
-    def __init__(self, opened: Opened) -> None:
+    def __init__(self, opened: SceneSession) -> None:
         self._world = opened.world
         self._ego_id = opened.scene.ego.id
         self._most_m = float(opened.spec.raw["max_distance_m"])

@@ -11,10 +11,10 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from carstage.bench.clients.opened import Arrivals, Opened, run_program
+from carstage.bench.clients.scene_session import Arrivals, SceneSession, run_program
 
 
-def record(opened: Opened, options: argparse.Namespace) -> None:
+def record(opened: SceneSession, options: argparse.Namespace) -> None:
     """Make the ticks of the episode, as the collector makes them.
 
     Events: ``tick`` at the first tick, and at the last one once all its data have come.

@@ -11,13 +11,13 @@ import argparse
 import sys
 from typing import Any
 
-from carstage.bench.clients.opened import FrameQueues, Opened, run_program
 from carstage.bench.clients.rows import RowFiles, row_of
+from carstage.bench.clients.scene_session import FrameQueues, SceneSession, run_program
 
 POINT_CLOUDS = ("lidar", "semantic_lidar")
 
 
-def record(opened: Opened, options: argparse.Namespace) -> None:
+def record(opened: SceneSession, options: argparse.Namespace) -> None:
     """Save every tick before the next is made."""
     boxes = _boxes(opened) if options.boxes else None
     queues = FrameQueues(opened)
@@ -35,7 +35,7 @@ def record(opened: Opened, options: argparse.Namespace) -> None:
 
 
 def save(
-    opened: Opened, name: str, kind: str, tick: int, data: Any, suffix: str, rows: RowFiles
+    opened: SceneSession, name: str, kind: str, tick: int, data: Any, suffix: str, rows: RowFiles
 ) -> None:
     """One sensor's data of one tick: a picture, a PLY file, or a line of a table."""
     row = row_of(kind, data)
@@ -51,7 +51,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--boxes", action="store_true", help="label every frame")
 
 
-def _boxes(opened: Opened) -> Any:
+def _boxes(opened: SceneSession) -> Any:
     # Needs numpy, which a Python with nothing but the client's wheel need not have.
     from carstage.bench.clients.boxes import Boxes
 

@@ -13,14 +13,14 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from carstage.bench.clients.native import add_options, save
-from carstage.bench.clients.opened import Opened, run_program
 from carstage.bench.clients.rows import RowFiles
+from carstage.bench.clients.scene_session import SceneSession, run_program
 
 
 class Saved:
     """The frames that each sensor's callback saved, from ``first`` on."""
 
-    def __init__(self, opened: Opened, suffix: str, rows: RowFiles) -> None:
+    def __init__(self, opened: SceneSession, suffix: str, rows: RowFiles) -> None:
         self._opened = opened
         self._suffix = suffix
         self._rows = rows
@@ -57,7 +57,7 @@ class Saved:
             self._idle.wait_for(lambda: self._busy == 0)
 
 
-def record(opened: Opened, options: argparse.Namespace) -> Mapping[str, Any]:
+def record(opened: SceneSession, options: argparse.Namespace) -> Mapping[str, Any]:
     """Save what comes; returns ``lost`` (pictures) and ``torn`` (frames that are not whole)."""
     with RowFiles(opened.folder) as rows:
         saved = Saved(opened, options.format, rows)

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from carstage.bench.clients.opened import Arrivals, Opened, run_program
+from carstage.bench.clients.scene_session import Arrivals, SceneSession, run_program
 
 _FLOATS_PER_POINT = 4
 
 
-def record(opened: Opened, options: argparse.Namespace) -> None:
+def record(opened: SceneSession, options: argparse.Namespace) -> None:
     """Each callback saves; the next tick is made when all have."""
     arrivals = Arrivals(opened)
     first = [sys.maxsize]

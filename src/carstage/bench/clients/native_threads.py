@@ -13,13 +13,13 @@ import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from carstage.bench.clients.native import add_options, save
-from carstage.bench.clients.opened import FrameQueues, Opened, run_program
 from carstage.bench.clients.rows import RowFiles
+from carstage.bench.clients.scene_session import FrameQueues, SceneSession, run_program
 
 _WAITING_PER_THREAD = 8
 
 
-def record(opened: Opened, options: argparse.Namespace) -> None:
+def record(opened: SceneSession, options: argparse.Namespace) -> None:
     """Save every tick in the pool; done when all is saved."""
     queues = FrameQueues(opened)
     opened.warm_up(queues.listen, queues.take)

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from carstage.bench.clients.opened import Arrivals, Opened, run_program
+from carstage.bench.clients.scene_session import Arrivals, SceneSession, run_program
 
 _WAITING_PER_THREAD = 8
 
@@ -69,7 +69,7 @@ class MappedSeconds:
         return self._folder / f"second{second:06d}.raw"
 
 
-def record(opened: Opened, options: argparse.Namespace) -> None:
+def record(opened: SceneSession, options: argparse.Namespace) -> None:
     """Capture; convert when the scene is gone."""
     per_second = max(1, round(1.0 / opened.spec.timing.step_s))
     seconds = {name: MappedSeconds(opened.folder / name, per_second) for name in opened.sensors}
@@ -94,7 +94,7 @@ def _convert_all(jobs: list[RawSecond], encoder: str) -> None:
             pass
 
 
-def _capture(opened: Opened, seconds: dict[str, MappedSeconds]) -> dict[str, tuple[int, int]]:
+def _capture(opened: SceneSession, seconds: dict[str, MappedSeconds]) -> dict[str, tuple[int, int]]:
     threads = len(os.sched_getaffinity(0))
     room = threading.BoundedSemaphore(threads * _WAITING_PER_THREAD)
     arrivals = Arrivals(opened)
@@ -144,7 +144,7 @@ def convert(raw: RawSecond, encoder: str) -> None:
 
 
 def _own_png(bgra: Any) -> bytes:
-    from carstage.dataset.codecs import codec_for
+    from carstage.codecs import codec_for
 
     height, width, _ = bgra.shape
     (content,) = codec_for("rgb")[1].encode(

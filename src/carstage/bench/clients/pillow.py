@@ -12,10 +12,10 @@ import sys
 import numpy as np
 from PIL import Image
 
-from carstage.bench.clients.opened import FrameQueues, Opened, run_program
+from carstage.bench.clients.scene_session import FrameQueues, SceneSession, run_program
 
 
-def record(opened: Opened, options: argparse.Namespace) -> None:
+def record(opened: SceneSession, options: argparse.Namespace) -> None:
     """Save every tick before the next is made."""
     queues = FrameQueues(opened)
     opened.warm_up(queues.listen, queues.take)

@@ -6,9 +6,9 @@ from typing import Any, List, Optional
 
 import carla
 
-from carstage.collector.errors import SceneError
+from carstage.collector.internals.errors import SceneError
+from carstage.collector.internals.plan import EpisodeSpec
 from carstage.collector.maps import spawn_points
-from carstage.collector.plan import EpisodeSpec
 from carstage.collector.scenario.base import Population, Scenario, scenario
 from carstage.collector.scenario.routing import RoadGraph
 from carstage.collector.scenario.traffic import TrafficDriver

@@ -6,9 +6,9 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Type, TypeVa
 
 from carstage.collector.actors import Walker, spawn_vehicles, spawn_walkers, start_walkers
 from carstage.collector.ego import ego_start, spawn_ego
-from carstage.collector.errors import SceneError
-from carstage.collector.lamps import Lamps
-from carstage.collector.plan import EpisodeSpec
+from carstage.collector.internals.errors import SceneError
+from carstage.collector.internals.lamps import Lamps
+from carstage.collector.internals.plan import EpisodeSpec
 from carstage.collector.world import WorldSession
 
 

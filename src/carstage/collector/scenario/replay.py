@@ -9,8 +9,8 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence
 import carla
 
 from carstage.collector.actors import find_blueprint
-from carstage.collector.errors import SceneError
-from carstage.collector.plan import EpisodeSpec
+from carstage.collector.internals.errors import SceneError
+from carstage.collector.internals.plan import EpisodeSpec
 from carstage.collector.scenario.base import Population, Scenario, scenario
 from carstage.collector.world import WorldSession
 

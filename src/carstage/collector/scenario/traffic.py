@@ -7,8 +7,8 @@ from typing import Any, Dict, List, Mapping
 
 import carla
 
-from carstage.collector.lamps import DRIVING_LIGHTS
-from carstage.collector.plan import EpisodeSpec, TrafficPlan
+from carstage.collector.internals.lamps import DRIVING_LIGHTS
+from carstage.collector.internals.plan import EpisodeSpec, TrafficPlan
 from carstage.collector.world import WorldSession
 
 LAW_ABIDING: Mapping[str, float] = {

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Dict, List, Optional
 
-from carstage.collector.errors import SceneError
-from carstage.collector.plan import EGO, ON_MAP, SensorPlan
+from carstage.collector.internals.errors import SceneError
+from carstage.collector.internals.plan import EGO, ON_MAP, SensorPlan
 
 
 class Carriers:

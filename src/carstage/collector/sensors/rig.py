@@ -7,9 +7,9 @@ from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 import carla
 
 from carstage.collector.actors import find_blueprint
-from carstage.collector.dialect import attachment_type, is_listening
-from carstage.collector.errors import SceneError
-from carstage.collector.plan import FOLLOW, EpisodeSpec, SensorPlan
+from carstage.collector.internals.dialect import attachment_type, is_listening
+from carstage.collector.internals.errors import SceneError
+from carstage.collector.internals.plan import FOLLOW, EpisodeSpec, SensorPlan
 from carstage.collector.sensors import SENSOR_KINDS
 from carstage.collector.sensors.carriers import Carriers
 from carstage.collector.world import WorldSession

@@ -16,7 +16,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from carstage.files.sha256.standard import BLOCK_BYTES, H0, ROUNDS, K, address, last_blocks
-from carstage.machine_code import compiled
+from carstage.kernels import compiled
 
 LANES: Final = 16
 

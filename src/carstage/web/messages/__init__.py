@@ -70,7 +70,7 @@ from carstage.web.messages.runs import (
     RunSummary,
     TickPoint,
 )
-from carstage.web.messages.sight import PreviewPending, PreviewRequest
+from carstage.web.messages.sensor_preview import PreviewPending, PreviewRequest
 
 __all__ = [
     "CameraObject",

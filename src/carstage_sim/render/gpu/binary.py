@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.jit import builder
+from carstage_sim.kernels import builder
 from carstage_sim.render.cast import Geometry
 from carstage_sim.render.simd import LANES
 

@@ -13,7 +13,7 @@ from carstage_sim.world.errors import WorldError
 from carstage_sim.world.pose import Pose
 from carstage_sim.world.sockets import actor_from_all_bones, bone_names
 from carstage_sim.world.state import ActorKind
-from carstage_sim.world.walker_bones import (
+from carstage_sim.world.walkers.bones import (
     as_pose,
     bone_transforms,
     pose_bones,

@@ -12,8 +12,8 @@ from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 from carstage_sim.wire.scenery import light_heads, light_masts, sign_faces
 from carstage_sim.world.pose import Pose, compose
+from carstage_sim.world.signals.traffic_light_actors import head_boxes
 from carstage_sim.world.state import ActorKind
-from carstage_sim.world.traffic_light_actors import head_boxes
 
 _ANY_LABEL = 255
 _DIFFUSE, _EMISSIVE = 2, 3

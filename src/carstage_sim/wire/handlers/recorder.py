@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from carstage_sim.maps import Bake, MapFileError, MapSamplingError
 from carstage_sim.recording import RecordingError
-from carstage_sim.recording.replay_cast import FOLLOWING, ReplayOptions
+from carstage_sim.recording.replay_actors import FOLLOWING, ReplayOptions
 from carstage_sim.wire import values
 from carstage_sim.wire.handlers.bakes import once_finished
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void

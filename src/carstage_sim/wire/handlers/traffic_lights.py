@@ -7,8 +7,8 @@ from typing import Any
 from carstage_sim.wire import values
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 from carstage_sim.world.errors import ActorTypeError
+from carstage_sim.world.signals.traffic_light_actors import head_boxes
 from carstage_sim.world.state import ActorKind
-from carstage_sim.world.traffic_light_actors import head_boxes
 
 
 def _index(call: Call, actor_id: int) -> int:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from carstage_sim.world.state import ActorKind
-from carstage_sim.world.vehicle_parameters import Vector3, VehicleParameters
+from carstage_sim.world.vehicles.parameters import Vector3, VehicleParameters
 
 
 class AttributeType(IntEnum):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.world.blueprints.model import Attribute, AttributeType, Blueprint
 from carstage_sim.world.state import ActorKind
-from carstage_sim.world.vehicle_parameters import Vector3
+from carstage_sim.world.vehicles.parameters import Vector3
 
 # name, size class, half sizes in metres
 _PROPS: tuple[tuple[str, str, Vector3], ...] = (

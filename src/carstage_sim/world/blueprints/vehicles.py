@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.world.blueprints.model import Attribute, AttributeType, Blueprint
-from carstage_sim.world.powertrain import calibrated
 from carstage_sim.world.state import ActorKind
-from carstage_sim.world.vehicle_parameters import Vector3, VehicleParameters, Wheel
+from carstage_sim.world.vehicles.parameters import Vector3, VehicleParameters, Wheel
+from carstage_sim.world.vehicles.powertrain import calibrated
 
 _PAINTS: dict[str, tuple[str, ...]] = {
     "car": (

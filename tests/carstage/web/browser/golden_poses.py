@@ -10,7 +10,7 @@ import random
 from pathlib import Path
 from typing import Any
 
-from carstage.geometry.frames import pose_matrix
+from carstage.geometry.coordinates import pose_matrix
 
 GOLDEN = Path(__file__).parents[4] / "ui" / "tests" / "golden" / "poses.json"
 _RANDOM_POSES = 40

@@ -10,7 +10,7 @@ import pytest
 from browser_pages import OpenPage, load_demo, wait_until_saved
 from playwright.sync_api import Page, expect
 
-from carstage.bench.gui.bundle import BUNDLE_BYTES, compressed_bytes
+from benchmarks.framework.gui.bundle import BUNDLE_BYTES, compressed_bytes
 
 pytestmark = pytest.mark.xdist_group("browser")
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carstage_sim.check.conformance import MOST_COLOURS, Tally, compare_rays, random_frame
+from benchmarks.simulator.conformance import MOST_COLOURS, Tally, compare_rays, random_frame
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material
 from carstage_sim.render.cast import STATIC
 from carstage_sim.render.gpu.caster import GpuCaster
-from carstage_sim.sensors.suite import SensorSuite
+from carstage_sim.sensors.world_sensors import WorldSensors
 
 pytestmark = pytest.mark.xdist_group("gpu")
 
@@ -21,7 +21,10 @@ def suites(software_gpu, sensor_worlds):
         (4, 3, 0), (6, 5, 4), Material.METAL, CityObjectLabel.STATIC, object_id=7
     )
     town = sensor_worlds.town(sensor_worlds.GROUND, sensor_worlds.WALL, post)
-    with SensorSuite(town, threads=2) as cpu, SensorSuite(town, threads=2, gpu=software_gpu) as gpu:
+    with (
+        WorldSensors(town, threads=2) as cpu,
+        WorldSensors(town, threads=2, gpu=software_gpu) as gpu,
+    ):
         yield cpu, gpu
 
 
@@ -80,7 +83,7 @@ def test_surfaces_in_one_plane_win_the_same_pixels(software_gpu, sensor_worlds):
     )
     pixels = []
     for gpu in (None, software_gpu):
-        with SensorSuite(town, threads=2, gpu=gpu) as suite:
+        with WorldSensors(town, threads=2, gpu=gpu) as suite:
             ((_, frame),) = suite.capture(sensor_worlds.state(1), [request])
             pixels.append(frame.pixels)
     cpu, card = pixels

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carstage_sim.jit import device
+from carstage_sim.kernels import device
 from carstage_sim.render.gpu.translate import Translator
 from carstage_sim.render.gpu.values import Array, Either, TranslationError, Value
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carstage_sim.check.conformance import random_frame
+from benchmarks.simulator.conformance import random_frame
 from carstage_sim.render.gpu.binary import binary_tree, leaf_triangles, with_small_leaves
 
 

@@ -1,0 +1,1 @@
+"""Measurements of the framework: capture, conversion, labels, faults, the interface."""

@@ -1,0 +1,9 @@
+"""Generated traffic against a server while a healthy client works: who is harmed?
+
+Requests are mutations of valid ones, for every call that the server knows; connections are rude in
+all ways that a dying, hanging or wrong program can be.
+"""
+
+from benchmarks.simulator.fuzz.campaign import add_fuzz, check_fuzz
+
+__all__ = ["add_fuzz", "check_fuzz"]

@@ -1,0 +1,189 @@
+"""Runs rude connections beside a healthy client and judges what became of it and the server."""
+
+from __future__ import annotations
+
+import argparse
+import random
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from benchmarks.simulator.client_process import TrialError, run_trial
+from benchmarks.simulator.fuzz.healthy import HealthyFigures, healthy_trial, newcomer_trial
+from benchmarks.simulator.fuzz.misbehaving_clients import ALL, Rude, UnansweredError
+from benchmarks.simulator.fuzz.requests import Requests
+from benchmarks.simulator.process_figures import open_files, rss_mb
+from benchmarks.simulator.server_process import RunningServer, started_server
+from benchmarks.simulator.verdict import Figure, Verdict
+
+LONGEST_TICK_S = 15.0
+MOST_GROWTH_MB = 300.0
+_OVERLAP = 6
+_LOG_TAIL = 60
+_CLOSED_WITHIN_S = 20.0
+
+
+class _Campaign:
+    """Rude connections one after another, several of them open at a time."""
+
+    def __init__(self, server: RunningServer, seed: int) -> None:
+        rng = random.Random(seed)
+        spawned: list[int] = []
+        self.done: Counter[str] = Counter()
+        self.unanswered: list[str] = []
+        self.calls = 0
+        self.peak_mb = 0.0
+        self._server = server
+        self._rng = rng
+        self._spawned = spawned
+        self._requests = Requests(rng, spawned)
+
+    def run(self, calls: int | None, until_s: float | None) -> None:
+        """Be rude until so many calls were made, or until a time of the monotonic clock."""
+        names = sorted(ALL)
+        open_ones: list[ExitStack] = []
+        with ExitStack() as everything:
+            while self._server.alive and self._goes_on(calls, until_s):
+                # Every way once in each round, in another order each time.
+                for name in self._rng.sample(names, len(names)):
+                    stack = everything.enter_context(ExitStack())
+                    self._one(name, stack)
+                    open_ones.append(stack)
+                    if len(open_ones) > _OVERLAP:
+                        open_ones.pop(self._rng.randrange(len(open_ones))).close()
+                    if not self._server.alive or not self._goes_on(calls, until_s):
+                        break
+                self.peak_mb = max(self.peak_mb, rss_mb(self._server.pid))
+
+    def _goes_on(self, calls: int | None, until_s: float | None) -> bool:
+        if self.unanswered:
+            return False
+        wanted = calls is None or self.calls < calls or len(self.done) < len(ALL)
+        return wanted and (until_s is None or time.monotonic() < until_s)
+
+    def _one(self, name: str, stack: ExitStack) -> None:
+        rude = Rude(
+            self._server.port,
+            self._server.streaming_port,
+            self._rng,
+            self._requests,
+            self._spawned,
+            stack,
+        )
+        try:
+            ALL[name](rude)
+        except (UnansweredError, ConnectionError, TimeoutError) as error:
+            last = "; ".join(rude.last)
+            self.unanswered.append(f"{name}: {error!r}; its last calls: {last}")
+        self.calls += rude.calls
+        self.done[name] += 1
+
+
+@contextmanager
+def _healthy_client(port: int) -> Iterator[list[HealthyFigures]]:
+    """Runs the healthy client beside the block; its figures are there when the block is left."""
+    found: list[HealthyFigures] = []
+    with (
+        tempfile.TemporaryDirectory(prefix="carstage-fuzz-") as folder,
+        ThreadPoolExecutor(1) as pool,
+    ):
+        ready, end = (Path(folder) / name for name in ("ready", "end"))
+        trial = pool.submit(
+            run_trial, healthy_trial, port, ready=str(ready), until=str(end), timeout_s=3600.0
+        )
+        try:
+            pause = threading.Event()
+            while not ready.exists() and not trial.done():
+                pause.wait(0.05)
+            yield found
+        finally:
+            end.touch()
+        try:
+            found.append(trial.result())
+        except TrialError as error:
+            found.append(HealthyFigures(wrong=[str(error)]))
+
+
+def check_fuzz(*, seconds: float | None = None, calls: int | None = 2000, seed: int = 7) -> Verdict:
+    """Is everybody well after all that?
+
+    Args:
+        seconds: how long to be rude, None for no limit.
+        calls: how many whole calls to make, None for no limit.
+        seed: of every choice.
+    """
+    with started_server(("--map", "Stage01", "--threads", "1")) as server:
+        campaign = _Campaign(server, seed)
+        until_s = None if seconds is None else time.monotonic() + seconds
+        with _healthy_client(server.port) as found:
+            files_before, before_mb = open_files(server.pid), rss_mb(server.pid)
+            campaign.run(calls, until_s)
+        (healthy,) = found
+        if campaign.unanswered and server.alive:
+            server.abort()
+        alive = server.alive
+        missing = run_trial(newcomer_trial, server.port, timeout_s=300.0) if alive else ["a server"]
+        files_left = _files_left(server, files_before) if alive else -1
+        growth_mb = rss_mb(server.pid) - before_mb if alive else -1.0
+        if not alive:
+            missing += [f"exit status {server.process.poll()}", *list(server.log)[-_LOG_TAIL:]]
+        tracebacks = [line for line in server.log if line.startswith("Traceback")]
+        lines = len(server.log)
+    return Verdict(
+        "fuzz",
+        (
+            Figure("seed", seed),
+            Figure("kinds_of_rudeness", len(campaign.done), "==", len(ALL)),
+            Figure("rude_connections", sum(campaign.done.values())),
+            Figure("calls", campaign.calls),
+            Figure("calls_without_an_answer", len(campaign.unanswered), "==", 0),
+            Figure("server_alive", str(alive), "==", "True"),
+            Figure("unhandled_exceptions_in_the_log", len(tracebacks), "==", 0),
+            Figure("lines_in_the_log", lines),
+            Figure("ticks_of_the_healthy_client", healthy.ticks, ">=", 10),
+            Figure("faults_it_saw", len(healthy.wrong), "==", 0),
+            Figure("missed_by_a_newcomer", len(missing), "==", 0),
+            Figure("longest_tick_s", healthy.longest_tick_s, "<=", LONGEST_TICK_S),
+            Figure("memory_before_mb", before_mb),
+            Figure("memory_peak_mb", campaign.peak_mb),
+            Figure("memory_growth_mb", growth_mb, "<=", MOST_GROWTH_MB),
+            Figure("connections_left_open", max(files_left, 0), "==", 0),
+        ),
+        (*campaign.unanswered[:5], *missing, *healthy.wrong[:5], *_first_tracebacks(server)),
+    )
+
+
+def _files_left(server: RunningServer, before: int) -> int:
+    """Descriptors more than before, once the server had time to see that all are gone."""
+    deadline, pause = time.monotonic() + _CLOSED_WITHIN_S, threading.Event()
+    while (left := open_files(server.pid) - before) > 0 and time.monotonic() < deadline:
+        pause.wait(0.1)
+    return left
+
+
+def _first_tracebacks(server: RunningServer) -> list[str]:
+    log = list(server.log)
+    starts = [index for index, line in enumerate(log) if line.startswith("Traceback")]
+    return ["\n".join(log[max(start - 1, 0) : start + 30]) for start in starts[:3]]
+
+
+def add_fuzz(checks: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds the check to a command line."""
+    parser = checks.add_parser("fuzz", help="rude clients harm neither the server nor others")
+    parser.add_argument("--seconds", type=float, help="how long (default: until --calls)")
+    parser.add_argument("--calls", type=int, help="how many (default 2000, none with --seconds)")
+    parser.add_argument("--seed", type=int, default=7)
+    parser.add_argument("--json", action="store_true", help="last line is a JSON object")
+
+    def run(arguments: argparse.Namespace) -> Verdict:
+        calls = arguments.calls
+        if calls is None and arguments.seconds is None:
+            calls = 2_000
+        return check_fuzz(seconds=arguments.seconds, calls=calls, seed=arguments.seed)
+
+    parser.set_defaults(run=run)

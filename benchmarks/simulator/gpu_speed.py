@@ -1,0 +1,133 @@
+"""What pictures and sweeps cost on a graphics card: wall time, uploads and read-back included."""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable, Collection
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.simulator.gpu_wire import wire_figures
+from benchmarks.simulator.render.stage import Stage, populate, town_of
+from benchmarks.simulator.verdict import Figure, Verdict
+from carstage_sim.geometry import rotation_matrix
+from carstage_sim.render.gpu.camera import GpuCameras, Product, Shot
+from carstage_sim.render.gpu.caster import GpuCaster
+from carstage_sim.render.gpu.device import Gpu, NoGpuError, open_gpu
+from carstage_sim.render.scene import Frame
+from carstage_sim.render.sky import SkyModel
+from carstage_sim.sensors import WorldSensors
+from carstage_sim.world.state import Weather
+
+_WARM_S = 2.0
+_TRIES = 200
+_SIZE = (1280, 720)
+
+
+def _wall_ms(name: str, work: Callable[[], object], target: float | None = None) -> list[Figure]:
+    """Median of wall times after the card has come up to speed, and what nine in ten stay below."""
+    until = time.perf_counter() + _WARM_S
+    while time.perf_counter() < until:
+        work()
+    spent = []
+    for _ in range(_TRIES):
+        begun = time.perf_counter()
+        work()
+        spent.append((time.perf_counter() - begun) * 1e3)
+    median = statistics.median(spent)
+    most = Figure(f"{name}, nine of ten", statistics.quantiles(spent, n=10)[8])
+    if target is None:
+        return [Figure(name, median), most]
+    return [Figure(name, median, "<=", target), most]
+
+
+def _shots(stage: Stage) -> list[Shot]:
+    """Five cameras that look around from the stage's place."""
+    width, height = _SIZE
+    across = (np.arange(width) + 0.5) * (2.0 / width) - 1.0
+    upwards = (1.0 - (np.arange(height) + 0.5) * (2.0 / height)) * height / width
+    slopes = np.stack([np.tile(across, height), np.repeat(upwards, width)], axis=1)
+    pitch, yaw, roll = stage.rotation_deg
+    return [
+        Shot(
+            width, height, 90.0, slopes, np.asarray(stage.location),
+            rotation_matrix((pitch, yaw + 72.0 * k, roll)), -1, 0.1, 1000.0,
+        )
+        for k in range(5)
+    ]  # fmt: skip
+
+
+def _sweep(count: int) -> NDArray[np.float32]:
+    """Directions of 64 lasers."""
+    rng = np.random.default_rng(0)
+    turn, up = rng.uniform(0.0, 2 * np.pi, count), np.radians(rng.uniform(-25.0, 5.0, count))
+    flat = np.cos(up)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), np.sin(up)], 1).astype(np.float32)
+
+
+def _measure(gpu: Gpu, stage: Stage, frame: Frame) -> tuple[Figure, ...]:
+    caster = GpuCaster(gpu, 1)
+    cameras = GpuCameras(caster)
+    light = SkyModel().lighting(Weather(sun_altitude_angle=45.0), 0.0)
+    shots = _shots(stage)
+    turns = np.zeros((1 + len(frame.actor_id), 3, 4))
+
+    def pictures(products: Collection[Product], count: int = 1) -> Callable[[], object]:
+        def take() -> object:
+            under_way = [
+                cameras.take(frame, shot, products, light, turns=turns) for shot in shots[:count]
+            ]
+            return [pending.pictures() for pending in under_way]
+
+        return take
+
+    def rays(count: int) -> Callable[[], object]:
+        ways, origin = _sweep(count), np.asarray(stage.location)
+        return lambda: caster.cast(frame.scene, origin, ways, low=1e-3, high=120.0, weights=False)
+
+    colours, everything = [Product.COLOURS], list(Product)
+    return (
+        *_wall_ms("one camera, all outputs, ms", pictures(everything), 3.0),
+        *_wall_ms("one camera, colours, ms", pictures(colours)),
+        *_wall_ms("one camera, depth, ms", pictures([Product.DEPTH])),
+        *_wall_ms("five cameras, all outputs, ms", pictures(everything, 5), 13.0),
+        *_wall_ms("five cameras, colours, ms", pictures(colours, 5)),
+        *_wall_ms("100,000 rays, ms", rays(100_000), 1.0),
+        *_wall_ms("1,000,000 rays, ms", rays(1_000_000), 2.8),
+    )
+
+
+def add_gpu(checks: Any) -> None:
+    """Add this check to the command line."""
+    parser = checks.add_parser("gpu", help="what pictures and sweeps cost on a graphics card")
+    parser.add_argument("--map", default="Stage02", help="town of the reference scene")
+    parser.add_argument(
+        "--wire", nargs="*", default=["Stage02"], metavar="TOWN", help="towns sent to a client"
+    )
+    parser.add_argument("--json", action="store_true", help="last line is a JSON object")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> Verdict:
+    try:
+        gpu = open_gpu(software=False)
+    except NoGpuError as error:
+        return Verdict("gpu", (), (str(error),), completed=False)
+    town = town_of(arguments.map)
+    with WorldSensors(town) as suite:
+        stage = populate(town, suite, vehicles=70, walkers=30, seed=7)
+        frame = suite.frame_of(stage.state())
+        measured = _measure(gpu, stage, frame)
+    what = (
+        Figure("card", gpu.name),
+        Figure("driver", gpu.driver),
+        Figure("triangles of the town", len(frame.static.material)),
+        Figure("instances", len(frame.actor_id)),
+    )
+    sent = [figure for name in arguments.wire for figure in wire_figures(name)]
+    notes = (f"medians of {_TRIES} times after {_WARM_S:g} s of the same work",)
+    return Verdict("gpu", (*what, *measured, *sent), notes)

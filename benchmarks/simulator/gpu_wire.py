@@ -1,0 +1,93 @@
+"""How many ticks a second a client gets that waits for the pictures of five cameras."""
+
+from __future__ import annotations
+
+import queue
+import statistics
+import time
+from collections.abc import Sequence
+
+import carla
+
+from benchmarks.simulator.client_process import run_trial
+from benchmarks.simulator.server_process import started_server
+from benchmarks.simulator.verdict import Figure
+
+CAMERAS = 5
+_DELTA_S = 0.05
+_TIMEOUT_S = 60.0
+_WARM_TICKS = 60
+_ROUNDS = 5
+_ROUND_TICKS = 100
+
+
+def ticks_trial(port: int, *, size: tuple[int, int], warm: int, ticks: int) -> list[float]:
+    """Ticks per second in each of five rounds; runs in the client's process.
+
+    Args:
+        port: of the server.
+        size: of the pictures.
+        warm: ticks before the first round.
+        ticks: of a round.
+    """
+    client = carla.Client("127.0.0.1", port)
+    client.set_timeout(_TIMEOUT_S)
+    world = client.get_world()
+    settings = world.get_settings()
+    settings.synchronous_mode = True
+    settings.fixed_delta_seconds = _DELTA_S
+    world.apply_settings(settings)
+    library = world.get_blueprint_library()
+    car = world.spawn_actor(
+        library.find("vehicle.tesla.model3"), world.get_map().get_spawn_points()[0]
+    )
+    blueprint = library.find("sensor.camera.rgb")
+    for name, side in zip(("image_size_x", "image_size_y"), size, strict=True):
+        blueprint.set_attribute(name, str(side))
+    pictures: queue.Queue[carla.Image] = queue.Queue(4 * CAMERAS)
+    sensors = []
+    for number in range(CAMERAS):
+        place = carla.Transform(carla.Location(z=2.0), carla.Rotation(yaw=number * 360.0 / CAMERAS))
+        sensors.append(world.spawn_actor(blueprint, place, attach_to=car))
+        sensors[-1].listen(pictures.put)
+    rates = []
+    try:
+        for count in (warm, *[ticks] * _ROUNDS):
+            begun = time.perf_counter()
+            for _ in range(count):
+                frame = world.tick()
+                for _ in range(CAMERAS):
+                    picture = pictures.get(timeout=_TIMEOUT_S)
+                    if picture.frame != frame:
+                        raise RuntimeError(f"a picture of {picture.frame} in tick {frame}")
+            rates.append(count / (time.perf_counter() - begun))
+    finally:
+        for sensor in sensors:
+            sensor.stop()
+            sensor.destroy()
+        car.destroy()
+    return rates[1:]
+
+
+def wire_figures(
+    town: str,
+    *,
+    device: str = "gpu",
+    size: tuple[int, int] = (1280, 720),
+    warm: int = _WARM_TICKS,
+    ticks: int = _ROUND_TICKS,
+) -> Sequence[Figure]:
+    """Median and least of the rounds, server and client started afresh."""
+    with started_server(("--device", device, "--map", town)) as server:
+        rates = run_trial(
+            ticks_trial, server.port, size=size, warm=warm, ticks=ticks, timeout_s=600.0
+        )
+    return (
+        Figure(
+            f"ticks a second through the wire, five cameras, colours, {town}",
+            statistics.median(rates),
+            ">=",
+            60.0,
+        ),
+        Figure(f"the slowest of {len(rates)} rounds of {ticks} ticks, {town}", min(rates)),
+    )

@@ -1,0 +1,9 @@
+"""Do pictures and point clouds come in time, and do they look right?
+
+``stage`` puts up the reference scene, ``speed`` and ``compiling`` measure, ``looks`` judges
+pictures, ``gallery`` paints those of the documentation.
+"""
+
+from benchmarks.simulator.render.trial import add_render
+
+__all__ = ["add_render"]

@@ -1,0 +1,1 @@
+"""What the twelve modules of the paper rest on: the plan, matching, writing, events, stopping."""

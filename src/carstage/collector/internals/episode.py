@@ -1,0 +1,262 @@
+"""One episode from a loaded map to sealed segments."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Optional, Tuple
+
+from carstage.collector.internals.errors import InterruptedByRequestError
+from carstage.collector.internals.events import EventStream
+from carstage.collector.internals.level_objects import level_objects
+from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher
+from carstage.collector.internals.plan import EpisodePlan, EpisodeSpec, Plan
+from carstage.collector.internals.scene import Scene, build_scene
+from carstage.collector.internals.snapshots import WorldMoment, WorldObserver
+from carstage.collector.internals.stopping import StopRequest
+from carstage.collector.internals.warmup import warm_up
+from carstage.collector.internals.writing import (
+    LARGE_BYTES,
+    LogWriters,
+    expected_segments,
+    writer_threads,
+)
+from carstage.collector.maps import geo_reference
+from carstage.collector.paths import prepare_folder
+from carstage.collector.processing import POLL_S, ByteBudget, Pipeline
+from carstage.collector.sensors import SENSOR_KINDS
+from carstage.collector.timing import (
+    SavedFrames,
+    Tick,
+    patience_s,
+    skipped_ticks,
+    ticks_per_segment,
+)
+from carstage.collector.world import WorldSession
+from carstage.rawlog.format import ACTOR_RECORD, FORMAT_VERSION, WORLD, SealedSegment
+from carstage.rawlog.writing import BLOCKS, CHUNKLOG, write_episode_file
+
+EXPECTED_ACTORS = 200
+
+
+class Versions(NamedTuple):
+    """CARLA versions of both ends of the connection."""
+
+    client: str
+    server: str
+
+
+class Recorded(NamedTuple):
+    """A recorded episode; ``incomplete`` counts ticks with a sensor that is neither ok nor off."""
+
+    ticks: int
+    incomplete: int
+
+
+class EpisodeRecorder:
+    """Records episodes over one connection.
+
+    Args:
+        client: ``carla.Client``, connected.
+        versions: of both ends.
+        plan: the whole plan.
+        events: told what happens.
+        stop: asked between ticks.
+    """
+
+    def __init__(
+        self, client: Any, versions: Versions, plan: Plan, events: EventStream, stop: StopRequest
+    ) -> None:
+        self._client = client
+        self._versions = versions
+        self._plan = plan
+        self._events = events
+        self._stop = stop
+
+    def record(self, episode: EpisodePlan) -> Recorded:
+        """Record one episode; whatever happens, the server gets everything back.
+
+        Raises:
+            CollectorError: what went wrong; the attempt's log stays as far as it came.
+            RuntimeError: the server stopped answering.
+        """
+        self._stop.check()
+        folder = prepare_folder(episode.folder)
+        self._events.emit(
+            "episode_started",
+            episode_id=episode.episode_id,
+            attempt=episode.attempt,
+            ticks=episode.spec.steps,
+        )
+        server = self._plan.server
+        with ExitStack() as stack:
+            session = stack.enter_context(
+                WorldSession(self._client, episode.spec, server.timeout_s, server.load_timeout_s)
+            )
+            scene = build_scene(
+                self._client,
+                session,
+                spec=episode.spec,
+                server=server,
+                check=self._stop.check,
+            )
+            self._events.emit(
+                "actors_spawned",
+                episode_id=episode.episode_id,
+                requested=scene.requested,
+                spawned=scene.spawned,
+            )
+            return self._record_scene(stack, session, scene, episode, folder)
+
+    def _record_scene(
+        self,
+        stack: ExitStack,
+        session: WorldSession,
+        scene: Scene,
+        episode: EpisodePlan,
+        folder: str,
+    ) -> Recorded:
+        spec = episode.spec
+        bytes_per_tick = dict(scene.rig.expected_bytes)
+        bytes_per_tick[WORLD] = ACTOR_RECORD.size * EXPECTED_ACTORS
+        segment_ticks = ticks_per_segment(spec.fps, bytes_per_tick.values())
+        budget = ByteBudget(self._plan.queue_bytes, sum(scene.rig.expected_bytes.values()))
+        failures: List[BaseException] = []
+        writers = stack.enter_context(
+            LogWriters(
+                folder,
+                expected_segments(bytes_per_tick, segment_ticks, spec.save_every),
+                segment_ticks,
+                writer_threads(list(bytes_per_tick.values())),
+                budget.give_back,
+                lambda sealed: self._announce(episode, sealed),
+                failures.append,
+                self._stores(spec, scene.rig.expected_bytes),
+                self._plan.durable,
+            )
+        )
+        pipeline = stack.enter_context(
+            Pipeline(
+                {sensor.id: SENSOR_KINDS[sensor.kind] for sensor in spec.sensors},
+                writers,
+                FrameMatcher(
+                    [sensor.id for sensor in spec.sensors],
+                    patience_s(spec.timing, self._plan.server.timeout_s),
+                    spec.timing.skip_incomplete,
+                    spec.timing.own_timelines,
+                ),
+                budget,
+                spec.steps,
+                segment_ticks,
+                strict=not spec.timing.skip_incomplete,
+                failures=failures,
+            )
+        )
+        stack.callback(scene.rig.stop)
+        listening_ticks = self._plan.sensor_warmup_ticks
+        warm_up(scene, pipeline, episode, listening_ticks, self._events, self._stop)
+        observer = WorldObserver(
+            session.world, scene.ego, level_objects(session.world, spec.level_objects)
+        )
+        saved = SavedFrames(spec.save_every)
+        for tick, step in self._ticks(scene, pipeline, spec.steps):
+            if tick == 0:
+                header = self._header(episode, session, scene, segment_ticks, step)
+                write_episode_file(folder, header)
+            seen = step.snapshot is not None
+            k = saved.index(tick) if seen else None
+            moment: Optional[WorldMoment] = None
+            if seen:
+                moment = observer.observe(step.snapshot, session.weather.values)
+            pipeline.expect(
+                ExpectedFrame(tick, step.frame, step.timestamp_s, k, step.tick_s, moment, seen)
+            )
+            self._events.tick(
+                episode.episode_id,
+                tick == spec.steps - 1,
+                tick=tick,
+                k=k,
+                frame=step.frame,
+                queued_bytes=pipeline.queued_bytes,
+                waited_s=pipeline.waited_s,
+            )
+        self._finish(pipeline, writers, spec)
+        return Recorded(spec.steps, pipeline.incomplete_ticks)
+
+    def _stores(self, spec: EpisodeSpec, bytes_per_tick: Mapping[str, int]) -> Dict[str, str]:
+        """Where payloads go that are not in their records; by sensor."""
+        stores = {}
+        for sensor in spec.sensors:
+            if SENSOR_KINDS[sensor.kind].one_size and self._plan.raw_store != CHUNKLOG:
+                stores[sensor.id] = self._plan.raw_store
+            elif not self._plan.durable and bytes_per_tick[sensor.id] >= LARGE_BYTES:
+                stores[sensor.id] = BLOCKS  # segments are removed as they are read
+        return stores
+
+    def _ticks(self, scene: Scene, pipeline: Pipeline, steps: int) -> Iterator[Tuple[int, Tick]]:
+        """The ticks to record; a request to end is obeyed after the frame at hand is booked.
+
+        A server that runs on its own may have gone on by more than one frame: those in between
+        are ticks, too, of which nothing is known.
+        """
+        tick = 0
+        last: Optional[Tick] = None
+        while tick < steps:
+            try:
+                self._stop.check()
+                pipeline.wait_for_room(self._stop)
+            except InterruptedByRequestError:
+                deadline_s = time.monotonic() + 2.0 * self._plan.server.timeout_s
+                while not pipeline.wait_booked(tick, POLL_S) and time.monotonic() < deadline_s:
+                    pass
+                raise
+            step = scene.step(tick)
+            for skipped in skipped_ticks(last, step):
+                yield tick, skipped
+                tick += 1
+                if tick == steps:
+                    return
+            yield tick, step
+            tick += 1
+            last = step
+
+    def _finish(self, pipeline: Pipeline, writers: LogWriters, spec: EpisodeSpec) -> None:
+        """Wait until every tick is booked and every segment sealed."""
+        while not pipeline.wait_booked(spec.steps, POLL_S):
+            self._stop.check()
+        while not writers.wait_sealed(spec.steps - 1, POLL_S):
+            pipeline.check()
+
+    def _announce(self, episode: EpisodePlan, sealed: SealedSegment) -> None:
+        self._events.emit("segment_sealed", episode_id=episode.episode_id, **sealed._asdict())
+
+    def _header(
+        self,
+        episode: EpisodePlan,
+        session: WorldSession,
+        scene: Scene,
+        segment_ticks: int,
+        first: Tick,
+    ) -> Mapping[str, Any]:
+        return {
+            "format_version": FORMAT_VERSION,
+            "episode_id": episode.episode_id,
+            "attempt": episode.attempt,
+            "spec": episode.spec.raw,
+            "ticks_per_segment": segment_ticks,
+            "ticks": episode.spec.steps,
+            "client_version": self._versions.client,
+            "server_version": self._versions.server,
+            "map": session.map.name,
+            "geo_reference": geo_reference(session.map),
+            "ego_id": scene.ego.id,
+            "sensor_actor_ids": {name: actor.id for name, actor in scene.rig.actors.items()},
+            "sensor_carrier_ids": scene.rig.carrier_ids,
+            "sensor_attributes": {
+                name: dict(actor.attributes) for name, actor in scene.rig.actors.items()
+            },
+            "first_frame": first.frame,
+            "first_timestamp_s": first.timestamp_s,
+            "requested": scene.requested,
+            "spawned": scene.spawned,
+        }

@@ -1,0 +1,88 @@
+"""An episode's scene: everybody and everything that was spawned, ready to be stepped."""
+
+from __future__ import annotations
+
+from typing import Any, Callable, Dict, Optional
+
+from carstage.collector.internals.plan import EpisodeSpec, ServerPlan
+from carstage.collector.internals.traffic_manager_wakeup import TickWatch
+from carstage.collector.scenario import Population, Scenario, make_scenario
+from carstage.collector.sensors.rig import Rig
+from carstage.collector.timing import CLOCKS, Clock, Tick
+from carstage.collector.world import WorldSession
+
+
+class Scene:
+    """What stands in the world, and how it gets from one step to the next.
+
+    Args:
+        session: the episode's world.
+        clock: makes or awaits steps.
+        scenario: moves who is moved by us.
+        rig: the sensors.
+        population: who was spawned.
+        step_s: simulated time of a step.
+    """
+
+    def __init__(
+        self,
+        session: WorldSession,
+        clock: Clock,
+        scenario: Scenario,
+        rig: Rig,
+        population: Population,
+        step_s: float,
+    ) -> None:
+        self._session = session
+        self._clock = clock
+        self._scenario = scenario
+        self._step_s = step_s
+        self.rig = rig
+        self.ego: Any = population.ego
+        self.requested: Dict[str, int] = population.requested
+        self.spawned: Dict[str, int] = population.spawned
+
+    def step(self, tick: Optional[int]) -> Tick:
+        """Prepare the next step and make it; ``tick`` is None in the warm-up.
+
+        Raises:
+            RecordingError: the server's state is not the one of that step.
+            RuntimeError: the server did not answer in time.
+        """
+        self._session.weather.advance((tick or 0) * self._step_s)
+        self._scenario.before_step(tick)
+        self.rig.move_followers()
+        return self._clock.step()
+
+
+def build_scene(
+    client: Any,
+    session: WorldSession,
+    spec: EpisodeSpec,
+    server: ServerPlan,
+    check: Callable[[], None],
+) -> Scene:
+    """Spawn everybody and everything, in an order that depends on the plan alone.
+
+    Args:
+        client: ``carla.Client``.
+        session: the episode's world.
+        spec: the episode.
+        server: for its timeout and the Traffic Manager's port.
+        check: called between long stretches; raises when somebody asks to end.
+
+    Raises:
+        SceneError: the server cannot make the planned scene.
+    """
+    check()
+    scenario = make_scenario(client, session, spec, server.traffic_manager_port)
+    population = scenario.populate(check)
+    check()
+    watch = TickWatch(session.world, server.traffic_manager_port)
+    session.on_exit("tick watch", watch.stop)
+    clock = CLOCKS[spec.timing.synchronous](session.world, server.timeout_s, watch)
+    scenario.prepare()
+    clock.step()  # so that the client knows what was spawned
+    scenario.start(population)
+    rig = Rig(session, spec, population.ego)
+    return Scene(session, clock, scenario, rig, population, spec.timing.step_s)

@@ -1,0 +1,69 @@
+"""The ticks before the recorded ones: traffic gets going, exposure settles, streams come up."""
+
+from __future__ import annotations
+
+import logging
+import time
+from typing import Callable, Optional
+
+from carstage.collector.internals.events import EventStream
+from carstage.collector.internals.plan import EpisodePlan
+from carstage.collector.internals.scene import Scene
+from carstage.collector.internals.stopping import StopRequest
+from carstage.collector.processing import Pipeline
+
+WAIT_S = 2.0
+"""How long the sensors' first data are waited for: in each tick, or, where sensors have timelines
+of their own, in all ticks together."""
+
+_log = logging.getLogger(__name__)
+
+
+def warm_up(
+    scene: Scene,
+    pipeline: Pipeline,
+    episode: EpisodePlan,
+    listening_ticks: Optional[int],
+    events: EventStream,
+    stop: StopRequest,
+    clock_s: Callable[[], float] = time.monotonic,
+) -> None:
+    """Make the ticks of the warm-up, the last ones with all sensors listening.
+
+    The number of ticks never depends on what arrives when, so that every attempt begins at the
+    same frame. A sensor's stream may come up a moment after ``listen``: the first data are waited
+    for here, before they count.
+
+    Args:
+        scene: what is stepped.
+        pipeline: where the sensors deliver; told when to begin.
+        episode: its number of ticks and its sensors.
+        listening_ticks: how many of the ticks sensors are listened to in; None: all.
+        events: told that the ticks go on.
+        stop: asked between ticks.
+        clock_s: monotonic time.
+    """
+    spec = episode.spec
+    ticks = spec.warmup_ticks
+    begin_listening = 0 if listening_ticks is None else max(0, ticks - listening_ticks)
+    own_timelines = spec.timing.own_timelines
+    frame = 0
+    patience_s = WAIT_S
+    for number in range(ticks + 1):
+        stop.check()
+        pipeline.check()
+        if number == begin_listening:
+            scene.rig.listen({sensor.id: pipeline.callback(sensor.id) for sensor in spec.sensors})
+        if number == ticks:
+            break
+        frame = scene.step(None).frame
+        events.warm_up(episode.episode_id, tick=number, ticks=ticks)
+        if number >= begin_listening:
+            begin_s = clock_s()
+            # With a timeline of its own a sensor need not measure now: any data show its stream.
+            lacking = pipeline.wait_delivered(0 if own_timelines else frame, patience_s)
+            if own_timelines:
+                patience_s = max(0.0, patience_s - (clock_s() - begin_s))
+            if lacking:
+                _log.info("warm-up frame %d: nothing yet from %s", frame, ", ".join(lacking))
+    pipeline.begin(frame)

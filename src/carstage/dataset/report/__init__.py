@@ -1,6 +1,0 @@
-"""Pages to be looked at, each one file without outside parts: the report, and a verdict."""
-
-from carstage.dataset.report.page import write_report
-from carstage.dataset.report.verdict import write_validation
-
-__all__ = ["write_report", "write_validation"]

@@ -1,0 +1,148 @@
+"""What a dataset lacks: frames, files, and labels whose class no format knows."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections import Counter
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow.compute as pc
+
+from carstage.dataset import Dataset, Episode
+from carstage.dataset.ledger import recorded_frames
+from carstage.dataset.saved_frames import Damage
+from carstage.errors import CarStageError
+from carstage.exporters.classes import CLASSES
+from carstage.storage.marker import FileEntry
+from carstage.validation import Problem
+from carstage.validation.checks.files import DOCUMENTS, TABLES, check_file_list
+from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.ledger import check_ledger, check_row_sensors
+
+Progress = Callable[[int, int], None]
+_CHUNK_BYTES = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Completeness:
+    """What was found.
+
+    Attributes:
+        problems: what is missing or damaged.
+        whole: ids of the episodes whose documents and tables are whole; others cannot be exported.
+        damage: by episode, the sensors and frames whose files are missing or changed.
+        unknown_classes: classes of labels that no format knows, with their number of rows.
+    """
+
+    problems: tuple[Problem, ...]
+    whole: frozenset[str]
+    damage: Mapping[str, Damage]
+    unknown_classes: Mapping[str, int]
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is missing or damaged."""
+        return not any(problem.severity == "error" for problem in self.problems)
+
+
+def examine(dataset: Dataset, progress: Progress | None = None) -> Completeness:
+    """Compare every committed file with its marker, and the ledger with what was asked for.
+
+    Whether the data make sense is for ``carstage validate``.
+
+    Args:
+        dataset: the dataset.
+        progress: called with (frames, frames in all).
+    """
+    problems: list[Problem] = []
+    damage: dict[str, Damage] = {}
+    unknown: Counter[str] = Counter()
+    whole = set()
+    total, done = sum(episode.frames for episode in dataset.episodes), 0
+    if not dataset.episodes:
+        findings = Findings(None)
+        findings.add("empty", "the dataset has no committed episode")
+        problems += findings.problems()
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
+        for episode in dataset.episodes:
+            findings = Findings(episode.id)
+            changed = _changed_files(episode, threads, findings)
+            try:
+                damage[episode.id] = _damage(episode, changed)
+                ledger = episode.ledger()
+                recorded = recorded_frames(episode, ledger)
+                check_file_list(episode, recorded, findings)
+                check_ledger(episode, ledger, findings)
+                unknown += _unknown_classes(episode)
+                if not changed & {*DOCUMENTS, *TABLES}:
+                    check_row_sensors(episode, ledger, recorded, findings)
+                    whole.add(episode.id)
+            except CarStageError as error:
+                findings.add("unreadable", str(error))
+            problems += findings.problems()
+            done += episode.frames
+            if progress is not None:
+                progress(done, total)
+    return Completeness(tuple(problems), frozenset(whole), damage, dict(sorted(unknown.items())))
+
+
+def _changed_files(
+    episode: Episode, threads: ThreadPoolExecutor, findings: Findings
+) -> frozenset[str]:
+    """Names of the files that are not what was committed."""
+    changed = set()
+    entries = episode.marker.files
+    for entry, problem in zip(
+        entries, threads.map(lambda e: _difference(episode.folder, e), entries), strict=True
+    ):
+        if problem is not None:
+            findings.add(*problem)
+            changed.add(entry.path)
+    return frozenset(changed)
+
+
+def _difference(folder: Path, entry: FileEntry) -> tuple[str, str] | None:
+    digest, size = hashlib.sha256(), 0
+    try:
+        with (folder / entry.path).open("rb") as file:
+            while chunk := file.read(_CHUNK_BYTES):
+                digest.update(chunk)
+                size += len(chunk)
+    except FileNotFoundError:
+        return "file_missing", f"{entry.path} is missing"
+    except OSError as error:
+        return "file_missing", f"{entry.path} cannot be read: {error.strerror}"
+    if size != entry.bytes:
+        return "file_size", f"{entry.path} has {size} bytes, committed were {entry.bytes}"
+    if digest.hexdigest() != entry.sha256:
+        return "file_hash", f"{entry.path} is not the file that was committed"
+    return None
+
+
+def _damage(episode: Episode, changed: frozenset[str]) -> Damage:
+    """The sensors and frames that the files are of."""
+    damage = set()
+    listed = {entry.path for entry in episode.marker.files} - changed
+    for sensor in episode.sensors:
+        for k in range(episode.frames):
+            names = {p.relative_to(episode.folder).as_posix() for p in sensor.paths(k)}
+            if not names <= listed:
+                damage.add((sensor.id, k))
+    return frozenset(damage)
+
+
+def _unknown_classes(episode: Episode) -> Counter[str]:
+    objects = episode.objects()
+    counts = pc.value_counts(objects.filter(pc.invert(objects["is_ego"]))["class"])
+    names, numbers = counts.field("values").to_pylist(), counts.field("counts").to_numpy()
+    return Counter(
+        {
+            str(name): int(number)
+            for name, number in zip(names, numbers.tolist(), strict=True)
+            if name not in CLASSES
+        }
+    )

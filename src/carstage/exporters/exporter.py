@@ -1,0 +1,134 @@
+"""The contract of an exporter, and the choice of one by the name of its format."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from contextlib import ExitStack
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, ClassVar, Protocol, TypeVar
+
+from carstage.dataset import Episode
+from carstage.dataset.saved_frames import Frame
+from carstage.errors import BadInputError
+from carstage.exporters.options import ExportOptions
+
+ENTRY_POINT_GROUP = "carstage.exporters"
+
+
+class FrameWriter(Protocol):
+    """The work on one frame; runs in another process, so it has to be picklable."""
+
+    def __call__(self, frame: Frame, folder: Path) -> Any:
+        """Write the frame's own files below ``folder``.
+
+        Only files of this frame: others are written at the same time. Folders that the exporter
+        made exist.
+
+        Returns:
+            What ``Exporter.add`` needs, picklable; ``None``: the frame has nothing to export.
+        """
+
+
+class Exporter(ABC):
+    """Writes a dataset in another format (``carstage.testing.exporter`` checks one).
+
+    The calls come in this order, all from one process: ``begin``; for each episode, sorted by id,
+    ``begin_episode``, ``add`` for each frame in order, ``end_episode``; ``finish``. The frames
+    themselves go through the ``FrameWriter`` in other processes meanwhile. What ``add`` keeps may
+    not grow with the data of the frames: tables are written as they come.
+
+    The folder is a temporary one that gets its name when all went well, so an exporter need not
+    clean up. Equal datasets and options give equal bytes: no clock, no random tokens.
+
+    Attributes:
+        name: what users write.
+        summary: one line about it.
+        uses: the names of the options that it knows; others are refused.
+        files: holds what the exporter has open.
+    """
+
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    uses: ClassVar[frozenset[str]]
+
+    def __init__(self, options: ExportOptions) -> None:
+        self.options = options
+        self.files = ExitStack()
+
+    @abstractmethod
+    def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
+        """Look at the rigs and prepare the folder.
+
+        Raises:
+            BadInputError: the dataset lacks what the format needs.
+        """
+
+    @abstractmethod
+    def begin_episode(self, episode: Episode) -> FrameWriter:
+        """The writer for the frames of this episode."""
+
+    @abstractmethod
+    def add(self, part: Any) -> None:
+        """Take what the writer returned for the next frame of the episode; never ``None``."""
+
+    @abstractmethod
+    def end_episode(self) -> None:
+        """All frames of the episode were added."""
+
+    @abstractmethod
+    def finish(self) -> None:
+        """All episodes were added: write what is common to them and close all files."""
+
+    def close(self) -> None:
+        """Close what is open; called at the very end, also where something failed before."""
+        self.files.close()
+
+
+_Class = TypeVar("_Class", bound=type[Exporter])
+_exporters: dict[str, type[Exporter]] = {}
+
+
+def register(exporter: _Class) -> _Class:
+    """Class decorator: users can ask for this exporter by its name."""
+    _exporters[exporter.name] = exporter
+    return exporter
+
+
+def exporters() -> dict[str, type[Exporter]]:
+    """All exporters by name, sorted."""
+    _load_installed()
+    return dict(sorted(_exporters.items()))
+
+
+def exporter_for(name: str, options: ExportOptions) -> Exporter:
+    """An exporter for a format.
+
+    Raises:
+        BadInputError: no such format, or it does not know one of the options.
+    """
+    known = exporters()
+    if name not in known:
+        raise BadInputError(f"No export format {name!r}.", f"Formats: {', '.join(known)}.")
+    for option in options.given():
+        if option not in known[name].uses:
+            flags = ", ".join(f"--{_flag(use)}" for use in sorted(known[name].uses))
+            raise BadInputError(
+                f"The format {name} does not use --{_flag(option)}.", f"It uses {flags}."
+            )
+    return known[name](options)
+
+
+def _flag(option: str) -> str:
+    return {"cameras": "camera", "classes": "class"}.get(option, option).replace("_", "-")
+
+
+@cache
+def _load_installed() -> None:
+    """Import our formats, and those that other distributions declare as entry points, once."""
+    import carstage.exporters.formats  # noqa: F401 - registers them
+
+    for entry in entry_points(group=ENTRY_POINT_GROUP):
+        entry.load()

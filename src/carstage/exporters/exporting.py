@@ -1,0 +1,225 @@
+"""Run an exporter over a dataset: frames in parallel, parts in order, the folder at the end."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, Future
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from carstage import __version__
+from carstage.conversion import conversion_pool
+from carstage.dataset import Dataset, Episode
+from carstage.dataset.saved_frames import Damage, EpisodeFrames
+from carstage.errors import BadInputError, ExportError
+from carstage.exporters.completeness import Completeness, Progress, examine
+from carstage.exporters.exporter import Exporter, FrameWriter, exporter_for
+from carstage.exporters.options import ExportOptions
+from carstage.exporters.target import check_target, export_folder, write_document
+from carstage.storage.marker import CommitMarker
+
+_IN_FLIGHT_PER_WORKER = 4
+_MOST_LISTED = 10
+
+
+@dataclass(frozen=True, slots=True)
+class ExportSummary:
+    """What an export holds.
+
+    Attributes:
+        path: its folder.
+        format: name of the format.
+        episodes: number of episodes.
+        frames: number of frames.
+        frames_left_out: frames whose data the format cannot do without were missing.
+        episodes_left_out: ids of the episodes whose tables were missing or damaged.
+        unknown_classes: rows by class of the labels that were left out as no format knows them.
+    """
+
+    path: Path
+    format: str
+    episodes: int
+    frames: int
+    frames_left_out: int
+    episodes_left_out: tuple[str, ...]
+    unknown_classes: dict[str, int]
+
+    def to_json(self) -> dict[str, Any]:
+        """The summary as a JSON object."""
+        document = asdict(self)
+        return {**document, "path": str(self.path)}
+
+
+def export_dataset(
+    dataset: str | Path,
+    out: str | Path,
+    format_name: str,
+    options: ExportOptions | None = None,
+    *,
+    overwrite: bool = False,
+    allow_incomplete: bool = False,
+    workers: int | None = None,
+    completeness: Completeness | None = None,
+    progress: Progress | None = None,
+) -> ExportSummary:
+    """Write a dataset in another format.
+
+    Args:
+        dataset: its folder.
+        out: the folder to make; it exists when all is written, not before.
+        format_name: one of ``exporters()``.
+        options: choices; default: those of the format.
+        overwrite: replace an export that stands there.
+        allow_incomplete: go on although frames, files or episodes are missing or damaged; they are
+            left out.
+        workers: number of processes; 0: none but this one; default: the number of CPU cores.
+        completeness: what ``examine`` found; default: it is called.
+        progress: called with (frames written, frames in all).
+
+    Raises:
+        BadInputError: unfit options, rig or folder, or the dataset is incomplete.
+        DatasetError: the folder is no dataset.
+        ExportError: a worker died.
+    """
+    source, target = Dataset(dataset), Path(out).expanduser()
+    exporter = exporter_for(format_name, options or ExportOptions())
+    check_target(target, source.path, overwrite=overwrite)
+    found = completeness or examine(source)
+    if not found.complete and not allow_incomplete:
+        raise BadInputError(_refusal(found), "Repair it, or add --allow-incomplete.")
+    episodes = tuple(episode for episode in source.episodes if episode.id in found.whole)
+    if not episodes:
+        raise BadInputError(
+            f"The dataset {source.path} has no whole episode.", "Record one: carstage run."
+        )
+    with export_folder(target) as folder:
+        frames = _write(exporter, episodes, folder, found, workers, progress)
+        summary = ExportSummary(
+            path=target,
+            format=format_name,
+            episodes=len(episodes),
+            frames=frames,
+            frames_left_out=sum(episode.frames for episode in episodes) - frames,
+            episodes_left_out=tuple(e.id for e in source.episodes if e.id not in found.whole),
+            unknown_classes=dict(found.unknown_classes),
+        )
+        write_document(
+            folder,
+            {
+                **{key: value for key, value in asdict(summary).items() if key != "path"},
+                "created_by": f"carstage {__version__}",
+                "dataset": source.name,
+                "episode_ids": [episode.id for episode in episodes],
+                "options": asdict(exporter.options),
+            },
+        )
+    return summary
+
+
+def _refusal(found: Completeness) -> str:
+    errors = [problem for problem in found.problems if problem.severity == "error"]
+    lines = [
+        f"  {problem.episode or 'dataset'}: {problem.message}" for problem in errors[:_MOST_LISTED]
+    ]
+    if len(errors) > _MOST_LISTED:
+        lines.append(f"  and {len(errors) - _MOST_LISTED} more; see carstage validate")
+    return "\n".join(["The dataset is incomplete or damaged:", *lines])
+
+
+def _write(
+    exporter: Exporter,
+    episodes: Sequence[Episode],
+    folder: Path,
+    found: Completeness,
+    workers: int | None,
+    progress: Progress | None,
+) -> int:
+    """Number of frames that were written."""
+    total, done, written = sum(episode.frames for episode in episodes), 0, 0
+    with ExitStack() as stack:
+        pool = None if workers == 0 else stack.enter_context(_pool(workers))
+        stack.callback(_frames_of.cache_clear)
+        stack.callback(exporter.close)
+        exporter.begin(episodes, folder)
+        for episode in episodes:
+            writer = exporter.begin_episode(episode)
+            task = _EpisodeTask(
+                episode.folder,
+                episode.id,
+                episode.marker.attempt,
+                episode.frames,
+                found.damage.get(episode.id, frozenset()),
+            )
+            for part in _parts(pool, workers, task, writer, folder):
+                if part is not None:
+                    exporter.add(part)
+                    written += 1
+                done += 1
+                if progress is not None:
+                    progress(done, total)
+            exporter.end_episode()
+        exporter.finish()
+    return written
+
+
+@contextmanager
+def _pool(workers: int | None) -> Iterator[Executor]:
+    pool = conversion_pool(workers)
+    try:
+        yield pool
+    except BrokenProcessPool as error:
+        raise ExportError(
+            "A process that wrote frames died.", "Is there memory enough? Try --workers 1."
+        ) from error
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+@dataclass(frozen=True, slots=True)
+class _EpisodeTask:
+    """An episode as workers get it: without its list of files."""
+
+    folder: Path
+    episode_id: str
+    attempt: str
+    frames: int
+    damage: Damage
+
+
+def _parts(
+    pool: Executor | None,
+    workers: int | None,
+    task: _EpisodeTask,
+    writer: FrameWriter,
+    folder: Path,
+) -> Iterator[Any]:
+    """What the writer returns, in the order of the frames; few frames are on their way at once."""
+    if pool is None:
+        for k in range(task.frames):
+            yield _write_frame(task, k, writer, folder)
+        return
+    most = _IN_FLIGHT_PER_WORKER * (workers or len(os.sched_getaffinity(0)))
+    waiting: deque[Future[Any]] = deque()
+    for k in range(task.frames):
+        waiting.append(pool.submit(_write_frame, task, k, writer, folder))
+        if len(waiting) >= most:
+            yield waiting.popleft().result()
+    while waiting:
+        yield waiting.popleft().result()
+
+
+def _write_frame(task: _EpisodeTask, k: int, writer: FrameWriter, folder: Path) -> Any:
+    return writer(_frames_of(task).frame(k), folder)
+
+
+@lru_cache(maxsize=1)
+def _frames_of(task: _EpisodeTask) -> EpisodeFrames:
+    """An episode's tables, read once by each process."""
+    marker = CommitMarker(task.episode_id, task.attempt, task.frames, (), {})
+    return EpisodeFrames(Episode(task.folder, marker), task.damage)

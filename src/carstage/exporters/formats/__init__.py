@@ -1,0 +1,23 @@
+"""The formats that ship; importing this registers their exporters."""
+
+from carstage.exporters.formats import (
+    coco,
+    kitti_object,
+    kitti_tracking,
+    mcap_files,
+    nuscenes,
+    video,
+    webdataset,
+    yolo,
+)
+
+__all__ = [
+    "coco",
+    "kitti_object",
+    "kitti_tracking",
+    "mcap_files",
+    "nuscenes",
+    "video",
+    "webdataset",
+    "yolo",
+]

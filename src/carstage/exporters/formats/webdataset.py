@@ -1,0 +1,134 @@
+"""WebDataset: tar files of samples, a sample per frame, for streaming training."""
+
+from __future__ import annotations
+
+import io
+import json
+import tarfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from carstage.dataset import Episode
+from carstage.dataset.saved_frames import Frame
+from carstage.exporters.exporter import Exporter, register
+from carstage.exporters.options import ExportOptions
+from carstage.exporters.splits import Split, split_episodes
+
+SHARD_BYTES = 1 << 29
+"""A new tar file is begun when one is at least that large: some hundred frames each."""
+
+Sample = tuple[tuple[str, bytes], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SampleWriter:
+    """Collects the files of a frame; returns their names and contents."""
+
+    options: ExportOptions
+
+    def __call__(self, frame: Frame, folder: Path) -> Sample:
+        """The sample: files of sensors as they are, arrays as ``.npy``, labels as ``.json``.
+
+        Names have one key, up to the first dot: the episode's id and the frame.
+        """
+        del folder
+        key = f"{frame.episode.id}_{frame.k:06d}"
+        files: list[tuple[str, bytes]] = []
+        for sensor in frame.episode.sensors:
+            if not frame.has(sensor.id):
+                continue
+            name = f"{key}.{sensor.id.lower()}"
+            if sensor.calibration.is_camera and sensor.kind != "flow":
+                files += [
+                    (name + "".join(path.name.partition(".")[1:]), path.read_bytes())
+                    for path in sensor.paths(frame.k)
+                ]
+            else:
+                stream = io.BytesIO()
+                np.save(stream, sensor.read(frame.k), allow_pickle=False)
+                files.append((f"{name}.npy", stream.getvalue()))
+        files.append((f"{key}.labels.json", json.dumps(_labels(frame)).encode()))
+        return tuple(files)
+
+
+def _labels(frame: Frame) -> Mapping[str, Any]:
+    """All label rows of the frame, and what is needed to use them without the dataset."""
+    sensors = frame.episode.calibration.sensors
+    return {
+        "episode_id": frame.episode.id,
+        "k": frame.k,
+        "timestamp_s": frame.timestamp_s,
+        "ego": frame.ego,
+        "world_from_ego": frame.world_from_ego.tolist(),
+        "sensors": {
+            name: {
+                "kind": sensor.kind,
+                "ego_from_sensor": frame.ego_from_sensor(name).tolist(),
+                "world_from_sensor": frame.world_from_sensor(name).tolist(),
+                "K": sensor.k.tolist() if sensor.is_camera else None,
+            }
+            for name, sensor in sensors.items()
+        },
+        "objects": list(frame.objects.values()),
+        "camera_objects": {name: list(rows) for name, rows in frame.camera_objects.items()},
+    }
+
+
+@register
+class WebDataset(Exporter):
+    """See docs/formats/exports.md."""
+
+    name: ClassVar = "webdataset"
+    summary: ClassVar = "WebDataset: tar shards with a sample per frame, all sensors and labels."
+    uses: ClassVar = frozenset({"validation_share"})
+
+    def __init__(self, options: ExportOptions) -> None:
+        super().__init__(options)
+        self._tars: dict[Split, tarfile.TarFile] = {}
+        self._samples: dict[Split, list[int]] = {}
+
+    def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
+        """Draw the splits; every rig will do."""
+        self._folder = folder
+        self._splits = split_episodes(episodes, self.options.validation_share)
+
+    def begin_episode(self, episode: Episode) -> SampleWriter:
+        """All frames of an episode go to one split."""
+        self._split = self._splits[episode.id]
+        return SampleWriter(self.options)
+
+    def add(self, part: Sample) -> None:
+        """Append the sample, to a new tar file if the last one is full."""
+        split = self._split
+        tar = self._tars.get(split)
+        if tar is None or tar.offset >= SHARD_BYTES:
+            if tar is not None:
+                tar.close()
+            counts = self._samples.setdefault(split, [])
+            path = self._folder / f"{split}-{len(counts):06d}.tar"
+            tar = tarfile.open(path, "w", format=tarfile.USTAR_FORMAT)  # noqa: SIM115 - see files
+            self._tars[split] = self.files.enter_context(tar)
+            counts.append(0)
+        for name, content in part:
+            entry = tarfile.TarInfo(name)
+            entry.size = len(content)
+            entry.mode = 0o644
+            tar.addfile(entry, io.BytesIO(content))
+        self._samples[split][-1] += 1
+
+    def end_episode(self) -> None:
+        """Nothing is kept per episode."""
+
+    def finish(self) -> None:
+        """Close the tar files and write ``shards.json``: samples by tar file."""
+        self.close()
+        shards = {
+            f"{split}-{number:06d}.tar": samples
+            for split, counts in sorted(self._samples.items())
+            for number, samples in enumerate(counts)
+        }
+        (self._folder / "shards.json").write_text(json.dumps(shards, indent=1) + "\n")

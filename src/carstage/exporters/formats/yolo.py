@@ -1,0 +1,111 @@
+"""YOLO: a text file per picture with class and box, for Darknet and for Ultralytics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, ClassVar
+
+from carstage.dataset import Episode
+from carstage.dataset.saved_frames import Frame
+from carstage.exporters.exporter import Exporter, register
+from carstage.exporters.formats.pictures import copy_picture
+from carstage.exporters.labels import camera_labels, require_labels
+from carstage.exporters.options import ExportOptions
+from carstage.exporters.rigs import colour_cameras
+from carstage.exporters.splits import SPLITS, Split, split_episodes
+from carstage.geometry import yolo_rectangle
+
+
+def class_numbers(options: ExportOptions) -> dict[str, int]:
+    """The number of each class that is exported, from 0 without a gap."""
+    return {name: number for number, name in enumerate(options.chosen_classes)}
+
+
+@dataclass(frozen=True, slots=True)
+class YoloWriter:
+    """Writes pictures and boxes of a frame; returns the pictures' paths in the export."""
+
+    options: ExportOptions
+    cameras: tuple[str, ...]
+    split: Split
+
+    def __call__(self, frame: Frame, folder: Path) -> tuple[str, ...] | None:
+        """Write the frame; ``None`` without any picture."""
+        written = []
+        for camera_id in self.cameras:
+            if not frame.has(camera_id):
+                continue
+            name = f"{frame.episode.id}_{camera_id}_{frame.k:06d}"
+            picture = copy_picture(frame, camera_id, folder / "images" / self.split / name)
+            camera = frame.episode.sensor(camera_id).calibration
+            numbers_of = class_numbers(self.options)
+            lines = []
+            for label in camera_labels(frame, camera_id, self.options):
+                box = yolo_rectangle(label.box, camera.width, camera.height)
+                numbers = " ".join(f"{value:.6f}" for value in box)
+                lines.append(f"{numbers_of[label.name]} {numbers}\n")
+            path = folder / "labels" / self.split / f"{name}.txt"
+            path.write_text("".join(lines), "ascii")
+            written.append(picture.relative_to(folder).as_posix())
+        return tuple(written) or None
+
+
+@register
+class Yolo(Exporter):
+    """See docs/formats/exports.md."""
+
+    name: ClassVar = "yolo"
+    summary: ClassVar = "YOLO 2D boxes: images, labels, Darknet's obj.data, Ultralytics' data.yaml."
+    uses: ClassVar = frozenset(
+        {
+            "cameras", "boxes", "classes", "min_lidar_points", "max_distance_m",
+            "include_invisible",
+            "validation_share",
+        }
+    )  # fmt: skip
+
+    def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
+        """Check the rigs and make the folders."""
+        for episode in episodes:
+            require_labels(episode, self.options, "2d")
+            colour_cameras(episode, self.options)
+        for kind in ("images", "labels"):
+            for split in SPLITS:
+                (folder / kind / split).mkdir(parents=True)
+        self._folder = folder
+        self._splits = split_episodes(episodes, self.options.validation_share)
+        self._lists: dict[Split, IO[str]] = {
+            split: self.files.enter_context((folder / f"{split}.txt").open("w", encoding="utf-8"))
+            for split in SPLITS
+        }
+
+    def begin_episode(self, episode: Episode) -> YoloWriter:
+        """All frames of an episode go to one split."""
+        cameras = tuple(camera.id for camera in colour_cameras(episode, self.options))
+        self._split = self._splits[episode.id]
+        return YoloWriter(self.options, cameras, self._split)
+
+    def add(self, part: tuple[str, ...]) -> None:
+        """List the pictures."""
+        self._lists[self._split].writelines(f"./{name}\n" for name in part)
+
+    def end_episode(self) -> None:
+        """Nothing is kept per episode."""
+
+    def finish(self) -> None:
+        """Write the names of the classes."""
+        self.close()
+        numbers = class_numbers(self.options)
+        (self._folder / "obj.names").write_text("".join(f"{name}\n" for name in numbers))
+        (self._folder / "obj.data").write_text(
+            f"classes = {len(numbers)}\ntrain = train.txt\nvalid = val.txt\n"
+            "names = obj.names\nbackup = backup\n"
+        )
+        names = "".join(f"  {number}: {name}\n" for name, number in numbers.items())
+        # Ultralytics wants a folder for val; without validation episodes it is the training one.
+        val = "val" if "val" in self._splits.values() else "train"
+        (self._folder / "data.yaml").write_text(
+            f"train: images/train\nval: images/{val}\nnames:\n{names}"
+        )

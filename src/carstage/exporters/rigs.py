@@ -1,0 +1,72 @@
+"""Which cameras and which LiDAR of a rig are exported."""
+
+from __future__ import annotations
+
+from carstage.dataset import Episode, SensorCalibration
+from carstage.errors import BadInputError
+from carstage.exporters.options import ExportOptions
+
+
+def colour_cameras(
+    episode: Episode, options: ExportOptions, *, labelled: bool = True
+) -> tuple[SensorCalibration, ...]:
+    """The colour cameras that the options name, else all of the rig.
+
+    Args:
+        episode: whose rig it is.
+        options: may name cameras.
+        labelled: whether only those with labels count.
+
+    Raises:
+        BadInputError: there is none, or one that is named is no such camera.
+    """
+    fitting = {
+        sensor.id: sensor.calibration
+        for sensor in episode.sensors
+        if sensor.kind == "rgb" and (sensor.calibration.labelled or not labelled)
+    }
+    what = "labelled colour camera" if labelled else "colour camera"
+    for name in options.cameras:
+        if name not in fitting:
+            raise BadInputError(
+                f"Episode {episode.id} has no {what} {name!r}.",
+                f"It has {', '.join(fitting) or 'none'}.",
+            )
+    if not fitting:
+        raise BadInputError(
+            f"Episode {episode.id} has no {what}.",
+            "Record one, see `rig.sensors` and `labels.cameras` in the configuration.",
+        )
+    return tuple(fitting[name] for name in options.cameras or fitting)
+
+
+def one_camera(episode: Episode, options: ExportOptions) -> SensorCalibration:
+    """The one camera of formats that hold one.
+
+    Raises:
+        BadInputError: there is none, or more than one is asked for.
+    """
+    if len(options.cameras) > 1:
+        raise BadInputError("This format holds the pictures of one camera.", "Give --camera once.")
+    return colour_cameras(episode, options)[0]
+
+
+def main_lidar(episode: Episode, options: ExportOptions) -> SensorCalibration | None:
+    """The LiDAR that the options name, else the first one on the ego, else none.
+
+    Raises:
+        BadInputError: the one that is named is no LiDAR on the ego.
+    """
+    fitting = {
+        sensor.id: sensor.calibration
+        for sensor in episode.sensors
+        if sensor.kind == "lidar" and sensor.calibration.on_ego
+    }
+    if options.lidar is None:
+        return next(iter(fitting.values()), None)
+    if options.lidar not in fitting:
+        raise BadInputError(
+            f"Episode {episode.id} has no LiDAR {options.lidar!r} on the ego.",
+            f"It has {', '.join(fitting) or 'none'}.",
+        )
+    return fitting[options.lidar]

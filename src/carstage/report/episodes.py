@@ -1,0 +1,322 @@
+"""The report's section on one episode: contact sheet, views, bird's eye, rig, ledger."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Mapping
+from functools import partial
+from html import escape
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from carstage.codecs.semantic_points import points_xyz
+from carstage.dataset.reading import Episode, Sensor
+from carstage.dataset.tables import ROW_SENSORS
+from carstage.errors import DatasetError
+from carstage.geometry import transform_points
+from carstage.report import html
+from carstage.report.drawing import (
+    RgbColour,
+    birds_eye_view,
+    class_colour,
+    data_uri,
+    depth_view,
+    draw_boxes_2d,
+    draw_boxes_3d,
+    flow_view,
+    instance_view,
+    radar_xyz,
+    semantic_view,
+)
+from carstage.report.film import MOST_FRAMES, film
+from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.labels import LabelledBox, LabelTables, labelled_boxes
+
+CONTACT_FRAMES = 6
+VIEW_FRAMES = 2
+_CONTACT_PX = 560
+_BIRDS_EYE_PX = 640
+
+
+def frames_per_second(episode: Episode) -> float:
+    """Rate of the saved frames."""
+    return float(episode.spec["fps"]) / int(episode.spec["save_every"])
+
+
+def episode_section(
+    episode: Episode, description: Mapping[str, Any], *, films: bool = False
+) -> str:
+    """The section, as markup.
+
+    Args:
+        episode: the episode.
+        description: ``dataset.json``, for the colours of the tags.
+        films: whether to add a film of each labelled colour camera.
+    """
+    pictures = _Pictures(episode, description)
+    parts = [
+        f"<h2>Episode <code>{escape(episode.id)}</code></h2>",
+        f"<p>{escape(_summary(episode))}</p>",
+        html.legend((name, class_colour(name)) for name in pictures.classes()),
+    ]
+    for sensor in episode.sensors:
+        if sensor.calibration.labelled and sensor.kind == "rgb":
+            parts.append(_contact_sheet(pictures, sensor))
+            if films:
+                parts.append(_film(pictures, sensor, episode))
+    middle = pictures.fullest_frames(None, VIEW_FRAMES)
+    views = pictures.views(middle)
+    if views:
+        parts.append(f'<h3>Other views</h3><div class="grid">{views}</div>')
+    birds_eye = pictures.birds_eye(middle)
+    if birds_eye:
+        parts.append(
+            "<h3>LiDAR and radar from above</h3>"
+            '<p class="soft">Forward is up; points are coloured by height; boxes are all labelled '
+            f'objects.</p><div class="grid wide">{birds_eye}</div>'
+        )
+    parts += [_rig(episode), _ledger(episode)]
+    return "\n".join(parts)
+
+
+def _contact_sheet(pictures: _Pictures, sensor: Sensor) -> str:
+    frames = pictures.fullest_frames(sensor, CONTACT_FRAMES)
+    with_objects = [k for k in frames if pictures.visible(k, sensor)]
+    if not with_objects:
+        return (
+            f"<h3>{escape(sensor.id)}: no object is visible</h3>"
+            f'<div class="grid">{pictures.boxes_3d(sensor, frames[::2])}</div>'
+        )
+    return (
+        f"<h3>{escape(sensor.id)}: visible objects</h3>"
+        '<p class="soft">Of each part of the episode, the frame with the most objects. First 3D '
+        "boxes, whose crossed face is the front; below them 2D boxes, solid around the visible "
+        "pixels and dashed around the whole object.</p>"
+        f'<div class="grid">{pictures.boxes_3d(sensor, frames)}</div>'
+        f'<div class="grid below">{pictures.boxes_2d(sensor, with_objects)}</div>'
+    )
+
+
+def _film(pictures: _Pictures, sensor: Sensor, episode: Episode) -> str:
+    frames = range(min(episode.frames, MOST_FRAMES))
+    shown = ((k, drawn[0]) for k in frames if (drawn := pictures.drawn_3d(sensor, k)) is not None)
+    first = next(shown, None)
+    if first is None:
+        return ""
+    source = film(chain([first], shown), frames_per_second(episode))
+    cut = f", first {MOST_FRAMES} frames" if episode.frames > MOST_FRAMES else ""
+    return html.film(source, f"{sensor.id} with 3D boxes{cut}")
+
+
+def _summary(episode: Episode) -> str:
+    spec, document = episode.spec, episode.document
+    spawned = document["spawned"]
+    weather = spec["weather"]["preset"] or "given parameters"
+    return (
+        f"{spec['map']}, {weather}; {episode.frames} frames at {frames_per_second(episode):g} Hz; "
+        f"ego {spec['ego']['blueprint']}, scenario {spec['scenario']['kind']}; "
+        f"{spawned['vehicles']} of {spec['vehicles']['count']} vehicles and "
+        f"{spawned['pedestrians']} of {spec['pedestrians']['count']} pedestrians; "
+        f"CARLA client {document['client_version']}, server {document['server_version']}."
+    )
+
+
+class _Pictures:
+    """Draws what one episode needs; reads its labels once."""
+
+    def __init__(self, episode: Episode, description: Mapping[str, Any]) -> None:
+        self._episode = episode
+        palette: dict[int, RgbColour] = {
+            tag["value"]: tuple(tag["rgb"]) for tag in description["tags"]
+        }
+        self._drawings: dict[str, Callable[[NDArray[Any]], Image.Image]] = {
+            "depth": depth_view,
+            "semantic": partial(semantic_view, palette=palette),
+            "instance": instance_view,
+            "flow": flow_view,
+            "normals": Image.fromarray,
+        }
+        tables = LabelTables.load(episode)
+        self._boxes = labelled_boxes(tables, Findings(episode.id))
+        columns = ["track_id", "class"]
+        self._classes = {
+            row["track_id"]: row["class"] for row in tables.objects.select(columns).to_pylist()
+        }
+        self._rows: dict[tuple[int, str], list[dict[str, Any]]] = defaultdict(list)
+        columns = ["k", "sensor_id", "track_id", "bbox_amodal", "bbox_modal", "visible"]
+        for row in tables.camera_objects.select(columns).to_pylist():
+            if row["visible"]:
+                self._rows[row["k"], row["sensor_id"]].append(row)
+
+    def classes(self) -> list[str]:
+        """Classes that occur, the most frequent first."""
+        return [name for name, _ in Counter(self._classes.values()).most_common()]
+
+    def fullest_frames(self, sensor: Sensor | None, wanted: int) -> list[int]:
+        """Of each of ``wanted`` equal parts of the episode, the frame with most to see.
+
+        Args:
+            sensor: count its visible objects; ``None``: those of all sensors.
+            wanted: number of frames.
+        """
+        counts = np.zeros(self._episode.frames, np.int64)
+        for (k, sensor_id), rows in self._rows.items():
+            if sensor is None or sensor_id == sensor.id:
+                counts[k] += len(rows)
+        parts = np.array_split(np.arange(len(counts)), min(wanted, len(counts)) or 1)
+        return [int(part[np.argmax(counts[part])]) for part in parts if len(part)]
+
+    def visible(self, k: int, sensor: Sensor) -> int:
+        """Number of visible objects."""
+        return len(self._rows[k, sensor.id])
+
+    def _read(self, sensor: Sensor, k: int) -> NDArray[Any] | None:
+        """The data of a frame; ``None`` where there is none, which the validation tells of."""
+        try:
+            return sensor.read(k)
+        except DatasetError:
+            return None
+
+    def boxes_3d(self, sensor: Sensor, frames: list[int]) -> str:
+        figures = []
+        for k in frames:
+            if (drawn := self.drawn_3d(sensor, k)) is not None:
+                picture, count = drawn
+                figures.append(html.figure(data_uri(picture, _CONTACT_PX), self._caption(k, count)))
+        return "".join(figures)
+
+    def drawn_3d(self, sensor: Sensor, k: int) -> tuple[Image.Image, int] | None:
+        """A camera's image with the boxes of what is visible, and how many these are."""
+        if (image := self._read(sensor, k)) is None:
+            return None
+        visible = {row["track_id"] for row in self._rows[k, sensor.id]}
+        boxes = [(b, self._colour(b)) for b in self._boxes.get(k, []) if b.track_id in visible]
+        return draw_boxes_3d(image, sensor.calibration_at(k), boxes), len(boxes)
+
+    def boxes_2d(self, sensor: Sensor, frames: list[int]) -> str:
+        figures = []
+        for k in frames:
+            if (image := self._read(sensor, k)) is None:
+                continue
+            rows = [
+                (row, class_colour(self._classes.get(row["track_id"], "")))
+                for row in self._rows[k, sensor.id]
+            ]
+            picture = draw_boxes_2d(image, rows)
+            caption = self._caption(k, len(rows))
+            figures.append(html.figure(data_uri(picture, _CONTACT_PX), caption))
+        return "".join(figures)
+
+    def views(self, frames: list[int]) -> str:
+        figures = []
+        for k in frames:
+            for sensor in self._episode.sensors:
+                draw = self._drawings.get(sensor.kind)
+                if draw is None or (image := self._read(sensor, k)) is None:
+                    continue
+                picture = draw(image)
+                caption = f"{sensor.id}, frame {k}"
+                figures.append(html.figure(data_uri(picture, _CONTACT_PX), caption))
+        return "".join(figures)
+
+    def birds_eye(self, frames: list[int]) -> str:
+        figures = []
+        for k in frames:
+            clouds = [
+                cloud for s in self._episode.sensors if (cloud := self._cloud(s, k)) is not None
+            ]
+            radar = [
+                (
+                    transform_points(s.calibration_at(k).ego_from_sensor, radar_xyz(found)),
+                    found[:, 0],
+                )
+                for s in self._episode.sensors
+                if s.kind == "radar" and (found := self._read(s, k)) is not None
+            ]
+            if clouds or radar:
+                boxes = [(box, self._colour(box)) for box in self._boxes.get(k, [])]
+                points = np.concatenate([np.empty((0, 3)), *clouds])
+                picture = birds_eye_view(points, boxes, radar)
+                caption = f"frame {k}: {len(points):,} points"
+                if radar:
+                    caption += f", {sum(len(rates) for _, rates in radar)} radar detections"
+                figures.append(
+                    html.figure(data_uri(picture, _BIRDS_EYE_PX, lossless=True), caption)
+                )
+        return "".join(figures)
+
+    def _cloud(self, sensor: Sensor, k: int) -> NDArray[np.float64] | None:
+        """``(N, 3)`` points of a LiDAR in the ego actor's frame; None for what is no LiDAR."""
+        if sensor.kind not in ("lidar", "semantic_lidar"):
+            return None
+        points = self._read(sensor, k)
+        if points is None:
+            return None
+        return transform_points(sensor.calibration_at(k).ego_from_sensor, points_xyz(points))
+
+    def _colour(self, box: LabelledBox) -> RgbColour:
+        return (255, 255, 255) if box.is_ego else class_colour(self._classes[box.track_id])
+
+    def _caption(self, k: int, objects: int) -> str:
+        time_s = k / frames_per_second(self._episode)
+        return f"frame {k}, {time_s:.1f} s: {objects} visible"
+
+
+def _rig(episode: Episode) -> str:
+    sizes: Counter[str] = Counter()
+    for entry in episode.marker.files:
+        parts = entry.path.split("/")
+        if parts[0] == "sensors":
+            sizes[parts[1].removesuffix(".parquet")] += entry.bytes
+    rows = []
+    for sensor in episode.sensors:
+        c = sensor.calibration
+        x, y, z = c.carrier_from_sensor[:3, 3]
+        carrier = c.attach_to if c.attachment == "rigid" else f"{c.attach_to}, {c.attachment}"
+        image = f"{c.width}×{c.height}, {c.fov_deg:g}°" if c.is_camera else ""
+        rows.append(
+            (sensor.id, sensor.kind, carrier, f"{x:.2f}, {y:.2f}, {z:.2f}", image, c.codec,
+             html.size(sizes[sensor.id]))
+        )  # fmt: skip
+    head = (
+        "Sensor",
+        "Kind",
+        "Carried by",
+        "Position x, y, z (m)",
+        "Image, field of view",
+        "Files",
+        "Size",
+    )
+    return html.folded("Rig", html.table(head, rows))
+
+
+def _ledger(episode: Episode) -> str:
+    ledger = episode.ledger()
+    rows = []
+    for sensor in episode.sensors:
+        states = Counter(ledger[f"{sensor.id}.state"].to_pylist())
+        on_disk = _frames_on_disk(episode, sensor)
+        rows.append((sensor.id, *(states.get(s, 0) for s in _STATES), on_disk))
+    frames = ledger["server_frame"].to_pylist()
+    span = f"server frames {frames[0]} to {frames[-1]}" if frames else "no frames"
+    saved = ledger.num_rows - ledger["k"].null_count
+    return html.folded(
+        f"Ledger: {ledger.num_rows} ticks ({span}), {saved} of them saved",
+        html.table(("Sensor", *_STATES, "frames on disk"), rows),
+    )
+
+
+_STATES = ("ok", "missing", "late", "mismatched", "off")
+
+
+def _frames_on_disk(episode: Episode, sensor: Sensor) -> int:
+    if sensor.kind in ROW_SENSORS:
+        try:
+            return int(sensor.table.num_rows)
+        except DatasetError:
+            return 0
+    return sum(sensor.paths(k)[0].is_file() for k in range(episode.frames))

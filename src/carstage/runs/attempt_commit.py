@@ -1,0 +1,172 @@
+"""From a recorded attempt to a committed episode."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from carstage.conversion import EpisodeConversion
+from carstage.errors import CarStageError, StorageError
+from carstage.plan import EpisodeSpec
+from carstage.storage import Store
+from carstage.storage.disk import disk_error
+
+
+@contextmanager
+def _disk_errors(what: str) -> Iterator[None]:
+    """Tell errors of the file system as ours, those of the converters' processes too."""
+    try:
+        yield
+    except OSError as error:
+        if isinstance(error, CarStageError):
+            raise
+        raise disk_error(error, what) from error
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """An episode to record.
+
+    Attributes:
+        tries: attempts of it that have failed.
+        first_attempt: lowest number that the next attempt may have.
+    """
+
+    spec: EpisodeSpec
+    episode_id: str
+    tries: int = 0
+    first_attempt: int = 1
+
+
+class AttemptCommit:
+    """One attempt on its way into the dataset.
+
+    Args:
+        job: the episode.
+        attempt: name of the attempt; its folder exists.
+        raw_folder: folder of its raw recording.
+        store: where it lands.
+        pool: processes that convert.
+        codecs: codec by sensor id, where it is not the kind's own.
+        self_test: verdict on the server; None where it was not tested.
+        deferred: nothing is converted before :meth:`convert_all`.
+        progress: called whenever something is converted; from any thread.
+    """
+
+    def __init__(
+        self,
+        job: Job,
+        attempt: str,
+        raw_folder: Path,
+        store: Store,
+        pool: Executor,
+        codecs: Mapping[str, str],
+        self_test: Mapping[str, Any] | None = None,
+        *,
+        deferred: bool = False,
+        progress: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.job = job
+        self.attempt = attempt
+        self.raw_folder = raw_folder
+        self._store = store
+        self._self_test = self_test
+        self._deferred = deferred
+        self._conversion = EpisodeConversion(
+            raw_folder,
+            store.attempt_folder(job.episode_id, attempt),
+            pool,
+            codecs=codecs,
+            progress=progress,
+        )
+
+    @property
+    def _what(self) -> str:
+        return f"episode {self.job.episode_id}, attempt {self.attempt},"
+
+    @property
+    def frames_done(self) -> int:
+        """Saved frames that are converted."""
+        return self._conversion.frames_done
+
+    def segment_sealed(self, stream: str, segment: int) -> None:
+        """Hand a sealed segment to the conversion, unless that comes later.
+
+        Raises:
+            ConversionError: the converters take no work any more.
+        """
+        if not self._deferred:
+            self._conversion.segment_sealed(stream, segment)
+
+    def convert_all(self, pool: Executor) -> None:
+        """Hand everything that is recorded to the conversion.
+
+        Args:
+            pool: the one of now; that of the attempt's begin may have broken since.
+
+        Raises:
+            CarStageError: the recording cannot be read, or the converters take no work any more.
+        """
+        with _disk_errors(self._what):
+            self._conversion.use(pool)
+            self._conversion.scan()
+
+    def remove_converted(self) -> None:
+        """Remove what of the raw recording is converted; the rest goes with :meth:`remove_raw`."""
+        with suppress(OSError):
+            self._conversion.remove_converted()
+
+    def is_ready(self) -> bool:
+        """Whether all frames are converted.
+
+        Raises:
+            CarStageError: converting one failed.
+        """
+        with _disk_errors(self._what):
+            self._conversion.raise_if_failed()
+        return self._conversion.frames_done >= self.job.spec.saved_frames
+
+    def commit(self) -> int:
+        """Write what belongs to the whole episode and make it part of the dataset.
+
+        Returns:
+            The number of its frames.
+
+        Raises:
+            EpisodeExistsError: another run was faster; the attempt is removed.
+            CarStageError: converting or committing failed.
+        """
+        with _disk_errors(self._what):
+            converted = self._conversion.finish()
+            header = json.loads((self.raw_folder / "episode.json").read_bytes())
+            self._store.commit(
+                self.job.episode_id,
+                self.attempt,
+                frames=converted.frames,
+                versions={
+                    "client": str(header["client_version"]),
+                    "server": str(header["server_version"]),
+                },
+                hashed=converted.files,
+                self_test=self._self_test,
+            )
+        return converted.frames
+
+    def remove_raw(self) -> None:
+        """Remove the raw recording."""
+        shutil.rmtree(self.raw_folder, ignore_errors=True)
+        with suppress(OSError):  # other attempts may stand beside it
+            self.raw_folder.parent.rmdir()
+
+    def give_up(self) -> None:
+        """Remove all that the attempt has written; a committed one stays."""
+        self._conversion.cancel()
+        with suppress(StorageError):
+            self._store.discard_attempt(self.job.episode_id, self.attempt)
+        self.remove_raw()

@@ -1,0 +1,108 @@
+"""No label row is missing: tracks have no gaps, and what an image can hold has a row."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from carstage.dataset.reading import SensorCalibration
+from carstage.dataset.tracks import may_come_back
+from carstage.geometry import clip_polygon_to_image, polygon_area
+from carstage.validation.checks.findings import Findings, Severity
+from carstage.validation.checks.labels import LabelledBox
+from carstage.validation.checks.silhouettes import projected_hull
+
+MIN_AREA_PX = 1.0
+DISTANCE_MARGIN_M = 0.01
+
+
+def check_gaps(objects: pa.Table, frames: int, *, ego_labelled: bool, findings: Findings) -> None:
+    """Check that no track has a gap, and the ego's none at all (check ``label_gaps``).
+
+    A server uses an actor's id once in an episode: who is gone does not come back. Level
+    objects do, when the ego comes near again; riders have rows where a camera sees them.
+
+    Args:
+        objects: ``objects.parquet``.
+        frames: number of frames of the episode.
+        ego_labelled: whether vehicles, and so the ego, were to be labelled.
+        findings: where problems go.
+    """
+    ks_of: dict[int, set[int]] = defaultdict(set)
+    egos: set[int] = set()
+    ks: list[Any] = objects["k"].to_pylist()
+    tracks: list[Any] = objects["track_id"].to_pylist()
+    is_ego: list[Any] = objects["is_ego"].to_pylist()
+    comes_back: list[Any] = may_come_back(objects).tolist()
+    for k, track, ego, returns in zip(ks, tracks, is_ego, comes_back, strict=True):
+        if not returns:
+            ks_of[track].add(k)
+        if ego:
+            egos.add(k)
+    for track, present in sorted(ks_of.items()):
+        gap = set(range(min(present), max(present))) - present
+        if gap:
+            findings.add(
+                "label_gaps",
+                f"object {track} has no row in {len(gap)} frames between its first and its last",
+                frame=min(gap),
+            )
+    absent = set(range(frames)) - egos
+    if ego_labelled and absent:
+        findings.add(
+            "label_gaps", f"the ego has no row in {len(absent)} of {frames} frames",
+            frame=min(absent),
+        )  # fmt: skip
+
+
+def check_missing_rows(
+    camera: SensorCalibration,
+    k: int,
+    boxes: Sequence[LabelledBox],
+    labelled: set[int],
+    max_distance_m: float,
+    *,
+    carrier: int | None,
+    from_ego: bool,
+    severity: Severity,
+    findings: Findings,
+) -> None:
+    """Check that every object that an image can hold has a row (check ``label_missing``).
+
+    These are the objects whose box lies within the maximum distance and whose silhouette covers
+    at least a pixel of the image.
+
+    Args:
+        camera: the labelled camera, as it stood in the frame.
+        k: the frame.
+        boxes: the frame's objects.
+        labelled: tracks that have a row of this camera in this frame.
+        max_distance_m: the spec's.
+        carrier: the track that carries the camera, which it does not label.
+        from_ego: measure it from the ego's pivot instead of the camera.
+        severity: of a missing row.
+        findings: where problems go.
+    """
+    origin = np.zeros(3) if from_ego else camera.ego_from_sensor[:3, 3]
+    for box in boxes:
+        if box.track_id in labelled or box.track_id == carrier:
+            continue
+        distance_m = float(np.linalg.norm(box.ego_from_box[:3, 3] - origin))
+        if distance_m > max_distance_m - DISTANCE_MARGIN_M:
+            continue
+        hull = projected_hull(camera, box)
+        if len(hull) < 3:
+            continue
+        if polygon_area(clip_polygon_to_image(hull, camera.width, camera.height)) >= MIN_AREA_PX:
+            findings.add(
+                "label_missing",
+                f"object {box.track_id}, {distance_m:.1f} m away, has no row of this camera, "
+                "whose image can hold it",
+                frame=k,
+                sensor=camera.id,
+                severity=severity,
+            )

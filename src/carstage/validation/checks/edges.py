@@ -1,0 +1,200 @@
+"""The colour image shows what the labels say: its edges lie where objects end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.validation.checks.findings import Findings
+
+MIN_RATIO = 1.1
+MIN_BOUNDARY_PIXELS = 500
+MIN_CONTRAST = 5.0
+MIN_FIT = 0.9
+_SHIFT_SHARE = 8
+
+
+@dataclass(slots=True)
+class EdgeFigures:
+    """Sums over images: steps of brightness (0 to 255) at boundaries of labels and beside them.
+
+    ``contrast`` sums the standard deviation of each image's brightness.
+    """
+
+    at_boundary: float = 0.0
+    beside: float = 0.0
+    boundary_pixels: int = 0
+    beside_pixels: int = 0
+    contrast: float = 0.0
+    images: int = 0
+
+    def add(self, other: EdgeFigures) -> None:
+        """Add the counts of another image."""
+        self.at_boundary += other.at_boundary
+        self.beside += other.beside
+        self.boundary_pixels += other.boundary_pixels
+        self.beside_pixels += other.beside_pixels
+        self.contrast += other.contrast
+        self.images += other.images
+
+    @property
+    def ratio(self) -> float | None:
+        """How much steeper the image is at boundaries; ``None`` where too little can be seen."""
+        if self.boundary_pixels < MIN_BOUNDARY_PIXELS or not self.beside_pixels:
+            return None
+        if self.contrast / self.images < MIN_CONTRAST:
+            return None
+        at, beside = self.at_boundary / self.boundary_pixels, self.beside / self.beside_pixels
+        return at / max(beside, 1e-3)
+
+
+def steepness(rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Steps of brightness (0 to 255) between horizontal neighbours, ``(H, W - 1)``.
+
+    The steepest of three: anti-aliasing spreads an edge over its neighbours.
+    """
+    step = np.abs(np.diff(_brightness(rgb), axis=1)).astype(np.float32) / np.float32(3.0)
+    steepest = step.copy()
+    steepest[:, 1:] = np.maximum(steepest[:, 1:], step[:, :-1])
+    steepest[:, :-1] = np.maximum(steepest[:, :-1], step[:, 1:])
+    return steepest
+
+
+def boundaries(labels: NDArray[np.generic]) -> NDArray[np.bool_]:
+    """Where ``(H, W)`` labels change from one pixel to the next, ``(H, W - 1)``."""
+    return np.asarray(labels[:, 1:] != labels[:, :-1])
+
+
+def compare_edges(
+    rgb: NDArray[np.uint8], steep: NDArray[np.float32], boundary: NDArray[np.bool_]
+) -> EdgeFigures:
+    """Steps of brightness between horizontal neighbours, where labels change and elsewhere.
+
+    *Elsewhere* is the same set of pixels, moved sideways by an eighth of the image: so both have
+    the same heights in the picture, and only the right camera and frame has more on the first.
+
+    Args:
+        rgb: ``(H, W, 3)``.
+        steep: its ``steepness``.
+        boundary: ``boundaries`` of the labels of the same frame.
+    """
+    figures = EdgeFigures(
+        at_boundary=float(steep[boundary].sum()),
+        boundary_pixels=int(boundary.sum()),
+        contrast=float(_brightness(rgb).std()) / 3.0,
+        images=1,
+    )
+    near = _grown(boundary)
+    shift = max(1, rgb.shape[1] // _SHIFT_SHARE)
+    for beside, place in (
+        (boundary[:, shift:], np.s_[:, :-shift]),
+        (boundary[:, :-shift], np.s_[:, shift:]),
+    ):
+        chosen = beside & ~near[place]
+        figures.beside += float(steep[place][chosen].sum())
+        figures.beside_pixels += int(chosen.sum())
+    return figures
+
+
+def _brightness(rgb: NDArray[np.uint8]) -> NDArray[np.int16]:
+    red, green, blue = (rgb[..., channel].astype(np.int16) for channel in range(3))
+    return red + green + blue  # planes: three times as fast as a sum over the last axis
+
+
+def _grown(boundary: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    grown = boundary.copy()
+    grown[:, 1:] |= boundary[:, :-1]
+    grown[:, :-1] |= boundary[:, 1:]
+    return grown
+
+
+@dataclass(slots=True)
+class FrameFit:
+    """How images fit the labels of a neighbouring frame instead of their own.
+
+    Sums of steepness, and pixels: ``own`` where only the frame's own labels change, ``other``
+    where only the neighbour's do.
+    """
+
+    own: float = 0.0
+    own_pixels: int = 0
+    other: float = 0.0
+    other_pixels: int = 0
+
+    def add(self, other: FrameFit) -> None:
+        """Add the sums of other images."""
+        self.own += other.own
+        self.own_pixels += other.own_pixels
+        self.other += other.other
+        self.other_pixels += other.other_pixels
+
+    def add_image(
+        self,
+        steep: NDArray[np.float32],
+        own: NDArray[np.bool_],
+        other: NDArray[np.bool_],
+    ) -> None:
+        """Count an image by the boundaries of its own frame and of the neighbour."""
+        only_own, only_other = own & ~_grown(other), other & ~_grown(own)
+        self.own += float(steep[only_own].sum())
+        self.own_pixels += int(only_own.sum())
+        self.other += float(steep[only_other].sum())
+        self.other_pixels += int(only_other.sum())
+
+    @property
+    def ratio(self) -> float | None:
+        """Own over the neighbour's; ``None`` where the two frames hardly differ."""
+        if min(self.own_pixels, self.other_pixels) < MIN_BOUNDARY_PIXELS:
+            return None
+        return (self.own / self.own_pixels) / max(self.other / self.other_pixels, 1e-3)
+
+    @property
+    def rounded(self) -> float | None:
+        """The ratio for the report."""
+        return None if self.ratio is None else round(self.ratio, 3)
+
+
+def new_fits() -> dict[int, FrameFit]:
+    """Sums for the frame before (-1) and the frame after (1)."""
+    return {-1: FrameFit(), 1: FrameFit()}
+
+
+def check_frame_fit(camera_id: str, fits: Mapping[int, FrameFit], findings: Findings) -> None:
+    """Report a camera whose images fit the labels of other frames better (check ``rgb_frame``).
+
+    Where the labels of two neighbouring frames differ, an image must be steeper where its own
+    change than where the neighbour's do.
+
+    Args:
+        camera_id: the camera.
+        fits: by -1 (the frame before) and 1 (the frame after).
+        findings: where problems go.
+    """
+    for step, fit in sorted(fits.items()):
+        if fit.ratio is not None and fit.ratio < MIN_FIT:
+            findings.add(
+                "rgb_frame",
+                f"the images show the frame {'after' if step > 0 else 'before'}: where its labels "
+                f"change they are {1.0 / max(fit.ratio, 1e-3):.2f} times as steep as where "
+                "those of their own frame do",
+                sensor=camera_id,
+            )
+
+
+def check_edges(camera_id: str, figures: EdgeFigures, findings: Findings) -> None:
+    """Report a camera whose image has no edges where its labels have (check ``rgb_edges``).
+
+    It finds images of another camera or a mirrored image. Dark or empty images say nothing and
+    pass.
+    """
+    ratio = figures.ratio
+    if ratio is not None and ratio < MIN_RATIO:
+        findings.add(
+            "rgb_edges",
+            f"the images do not show what the labels say: at the boundaries of objects they are "
+            f"{ratio:.2f} times as steep as beside them; at least {MIN_RATIO} is expected",
+            sensor=camera_id,
+        )

@@ -1,0 +1,379 @@
+"""All checks of one episode, in one pass over its frames."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.codecs.semantic_points import points_xyz
+from carstage.dataset.ledger import recorded_frames, saved_times_s
+from carstage.dataset.reading import Episode, Sensor
+from carstage.dataset.tables import ROW_SENSORS
+from carstage.dataset.tracks import may_come_back
+from carstage.geometry import invert_pose
+from carstage.validation.checks.completeness import check_gaps, check_missing_rows
+from carstage.validation.checks.edges import (
+    EdgeFigures,
+    FrameFit,
+    boundaries,
+    check_edges,
+    check_frame_fit,
+    compare_edges,
+    new_fits,
+    steepness,
+)
+from carstage.validation.checks.files import DOCUMENTS, TABLES, VerifiedFiles, check_file_list
+from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.flow import FlowFigures, check_flow, compare_with_motion
+from carstage.validation.checks.labels import (
+    LabelledBox,
+    LabelTables,
+    camera_rows,
+    check_labels,
+    labelled_boxes,
+)
+from carstage.validation.checks.ledger import (
+    check_ledger,
+    check_row_sensors,
+    declares_waiting,
+)
+from carstage.validation.checks.level import check_level_boxes
+from carstage.validation.checks.motion import MotionFigures, check_motion, compare_motion
+from carstage.validation.checks.pictures import PictureFigures, check_exposure, check_repeats
+from carstage.validation.checks.population import Population, check_episode_population
+from carstage.validation.checks.ranging import (
+    RangingFigures,
+    check_point_counts,
+    check_share,
+    compare_with_depth,
+)
+from carstage.validation.checks.server import check_self_test
+from carstage.validation.checks.silhouettes import (
+    SilhouetteFigures,
+    check_silhouettes,
+    visible_objects,
+)
+from carstage.validation.checks.tag_images import check_tags
+
+_LIDARS = ("lidar", "semantic_lidar")
+
+Rows = Mapping[tuple[int, str], list[dict[str, Any]]]
+Data = Mapping[str, NDArray[Any]]
+
+
+@dataclass(slots=True)
+class Figures:
+    """What was measured over all episodes so far."""
+
+    frames: int = 0
+    files: int = 0
+    bytes: int = 0
+    points_in_boxes: int = 0
+    hull: SilhouetteFigures = field(default_factory=SilhouetteFigures)
+    pairs: dict[tuple[str, str], RangingFigures] = field(
+        default_factory=lambda: defaultdict(RangingFigures)
+    )
+    edges: dict[str, EdgeFigures] = field(default_factory=lambda: defaultdict(EdgeFigures))
+    fits: dict[str, dict[int, FrameFit]] = field(default_factory=dict)
+    flow: dict[str, FlowFigures] = field(default_factory=lambda: defaultdict(FlowFigures))
+    motion: MotionFigures = field(default_factory=MotionFigures)
+    pictures: dict[str, PictureFigures] = field(default_factory=lambda: defaultdict(PictureFigures))
+    population: Population = field(default_factory=Population.empty)
+
+    def to_dict(self, episodes: int) -> dict[str, Any]:
+        """For the report."""
+        return {
+            "episodes": episodes,
+            "frames": self.frames,
+            "files": self.files,
+            "bytes": self.bytes,
+            "hull": self.hull.to_dict(),
+            "lidar_depth": {
+                f"{lidar} / {camera}": pair.to_dict()
+                for (lidar, camera), pair in sorted(self.pairs.items())
+            },
+            "lidar_points_in_boxes": self.points_in_boxes,
+            "rgb_edges": {
+                camera: None if edges.ratio is None else round(edges.ratio, 3)
+                for camera, edges in sorted(self.edges.items())
+            },
+            "rgb_frame": {
+                camera: {str(step): fit.rounded for step, fit in sorted(fits.items())}
+                for camera, fits in sorted(self.fits.items())
+            },
+            "flow": {camera: flow.to_dict() for camera, flow in sorted(self.flow.items())},
+            "motion": self.motion.to_dict(),
+            "pictures": {camera: p.to_dict() for camera, p in sorted(self.pictures.items())},
+            "labels": self.population.to_dict(),
+        }
+
+
+class EpisodeChecks:
+    """The checks of one episode.
+
+    Args:
+        episode: the episode.
+        findings: where its problems go.
+        figures: of the dataset, added to.
+    """
+
+    def __init__(self, episode: Episode, findings: Findings, figures: Figures) -> None:
+        self._episode = episode
+        self._findings = findings
+        self._figures = figures
+        self._files = VerifiedFiles(episode, findings)
+        self._pairs: dict[tuple[str, str], RangingFigures] = defaultdict(RangingFigures)
+        self._edges: dict[str, EdgeFigures] = defaultdict(EdgeFigures)
+        self._fits: dict[str, dict[int, FrameFit]] = {}
+        self._edges_before: dict[str, tuple[NDArray[np.float32], NDArray[np.bool_]]] = {}
+        self._flow: dict[str, FlowFigures] = defaultdict(FlowFigures)
+        self._flow_frames: dict[str, int] = {}
+        self._pictures: dict[str, PictureFigures] = defaultdict(PictureFigures)
+        self._carriers: dict[str, int | None] = {}
+        self._poses: Mapping[str, Mapping[int, NDArray[np.float64]]] = {}
+
+    def run(self, advance: Callable[[], None]) -> None:
+        """Run them; ``advance`` is called after each frame.
+
+        Raises:
+            DatasetError: a document or table is missing or damaged, so that nothing can be said.
+        """
+        episode, findings = self._episode, self._findings
+        for name in (*DOCUMENTS, *TABLES):
+            self._files.read(episode.folder / name)
+        ledger = episode.ledger()
+        recorded = recorded_frames(episode, ledger)
+        check_file_list(episode, recorded, findings)
+        check_ledger(episode, ledger, findings)
+        for sensor in episode.sensors:
+            if sensor.kind in ROW_SENSORS:
+                self._files.read(sensor.paths(0)[0], sensor=sensor.id)
+        check_row_sensors(episode, ledger, recorded, findings)
+        check_self_test(episode, findings)
+        tables = LabelTables.load(episode)
+        check_labels(episode, tables, saved_times_s(ledger), findings)
+        self._poses = episode.world_from_sensor()
+        self._carriers = episode.carriers()
+        self._check_tables(tables)
+        boxes = labelled_boxes(tables, findings)
+        rows = camera_rows(tables.camera_objects)
+        available = {sensor: set(frames) for sensor, frames in recorded.items()}
+        for k in range(episode.frames):
+            data = {
+                sensor.id: array
+                for sensor in episode.sensors
+                if sensor.kind not in ROW_SENSORS and k in available[sensor.id]
+                if (array := self._decoded(sensor, k)) is not None
+            }
+            self._check_frame(k, rows, boxes.get(k, []), data)
+            self._figures.frames += 1
+            advance()
+        self._conclude()
+
+    def _check_tables(self, tables: LabelTables) -> None:
+        truth = self._episode.spec["ground_truth"]
+        check_gaps(
+            tables.objects,
+            self._episode.frames,
+            ego_labelled=truth["vehicles"],
+            findings=self._findings,
+        )
+        for name, table, location in (
+            (
+                "objects.parquet",
+                tables.objects.filter(~may_come_back(tables.objects)),
+                "actor_location",
+            ),
+            ("ego.parquet", tables.ego, "location"),
+        ):
+            found = compare_motion(table, location)
+            check_motion(name, found, self._findings)
+            self._figures.motion.add(found)
+        check_level_boxes(tables, self._findings)
+        check_episode_population(self._episode, tables, self._figures.population, self._findings)
+
+    def _check_frame(self, k: int, rows: Rows, boxes: list[LabelledBox], data: Data) -> None:
+        self._check_silhouettes(k, rows, boxes, data)
+        self._check_missing_rows(k, rows, boxes, data)
+        self._check_ranging(k, boxes, data)
+        self._check_tags(k, data)
+        self._compare_flow(k, boxes, data)
+        self._look_at_pictures(k, rows, data)
+
+    def _conclude(self) -> None:
+        findings, figures = self._findings, self._figures
+        for (lidar, camera), pair in self._pairs.items():
+            check_share(pair, lidar, camera, findings)
+        for camera, edges in self._edges.items():
+            check_edges(camera, edges, findings)
+            check_frame_fit(camera, self._fits[camera], findings)
+            totals = figures.fits.setdefault(camera, new_fits())
+            for step, fit in self._fits[camera].items():
+                totals[step].add(fit)
+        for camera, flow in self._flow.items():
+            check_flow(camera, flow, findings)
+            figures.flow[camera].add(flow)
+        for camera, pictures in self._pictures.items():
+            check_exposure(camera, pictures, findings)
+            figures.pictures[camera].add(pictures)
+        flat = {camera: pictures.flat for camera, pictures in self._pictures.items()}
+        check_repeats(self._episode, self._poses, flat, findings)
+        figures.files += self._files.files
+        figures.bytes += self._files.bytes
+
+    def _decoded(self, sensor: Sensor, k: int) -> NDArray[Any] | None:
+        contents = [self._files.read(path, frame=k, sensor=sensor.id) for path in sensor.paths(k)]
+        whole = [content for content in contents if content is not None]
+        if len(whole) != len(contents):
+            return None
+        where: dict[str, Any] = {"frame": k, "sensor": sensor.id}
+        try:
+            array = sensor.decode(whole)
+        except ValueError as error:
+            self._findings.add("decode", f"the frame does not decode: {error}", **where)
+            return None
+        camera = sensor.calibration
+        if camera.is_camera and array.shape[:2] != (camera.height, camera.width):
+            self._findings.add(
+                "image_size",
+                f"the image has {array.shape[1]}x{array.shape[0]} pixels, "
+                f"not {camera.width}x{camera.height}",
+                **where,
+            )
+            return None
+        return array
+
+    def _check_silhouettes(self, k: int, rows: Rows, boxes: list[LabelledBox], data: Data) -> None:
+        for sensor in self._episode.sensors:
+            if sensor.calibration.labelled:
+                camera = sensor.calibration_at(k)
+                instance = data.get(camera.instance) if camera.instance else None
+                check_silhouettes(
+                    camera,
+                    k,
+                    rows.get((k, camera.id), []),
+                    boxes,
+                    instance,
+                    self._figures.hull,
+                    self._findings,
+                )
+
+    def _check_missing_rows(self, k: int, rows: Rows, boxes: list[LabelledBox], data: Data) -> None:
+        spec = self._episode.spec
+        for sensor in self._episode.sensors:
+            camera = sensor.calibration
+            if not (camera.labelled and camera.is_pinhole and sensor.id in data):
+                continue
+            check_missing_rows(
+                sensor.calibration_at(k),
+                k,
+                boxes,
+                {row["track_id"] for row in rows.get((k, camera.id), [])},
+                float(spec["max_distance_m"]),
+                carrier=self._carriers.get(camera.id) if camera.attachment == "rigid" else None,
+                from_ego=spec["labels"].get("distance_origin", "sensor") == "ego",
+                # The depth image that labels are made from may be missing as well.
+                severity="error" if declares_waiting(spec) else "warning",
+                findings=self._findings,
+            )
+
+    def _check_ranging(self, k: int, boxes: list[LabelledBox], data: Data) -> None:
+        sensors = [sensor for sensor in self._episode.sensors if sensor.id in data]
+        for lidar in (sensor for sensor in sensors if sensor.kind in _LIDARS):
+            points = points_xyz(data[lidar.id])
+            if lidar.kind == "lidar":
+                self._figures.points_in_boxes += check_point_counts(
+                    points, lidar.calibration_at(k), k, boxes, self._findings
+                )
+            for camera in (sensor for sensor in sensors if sensor.kind == "depth"):
+                found = compare_with_depth(
+                    points, lidar.calibration_at(k), data[camera.id], camera.calibration_at(k)
+                )
+                check_share(found, lidar.id, camera.id, self._findings, frame=k)
+                self._pairs[lidar.id, camera.id].add(found)
+                self._figures.pairs[lidar.id, camera.id].add(found)
+
+    def _twin(self, sensor: Sensor, kind: str, data: Data) -> Sensor | None:
+        """A sensor of a kind that looks along the same rays and has data."""
+        for other in self._episode.sensors:
+            fits = other.kind == kind and other.calibration.shares_view(sensor.calibration)
+            if fits and other.id in data:
+                return other
+        return None
+
+    def _check_tags(self, k: int, data: Data) -> None:
+        for sensor in self._episode.sensors:
+            if sensor.kind != "semantic" or sensor.id not in data:
+                continue
+            instance = self._twin(sensor, "instance", data)
+            if instance is not None:
+                check_tags(
+                    data[sensor.id],
+                    data[instance.id],
+                    frame=k,
+                    semantic_id=sensor.id,
+                    instance_id=instance.id,
+                    findings=self._findings,
+                )
+
+    def _compare_flow(self, k: int, boxes: list[LabelledBox], data: Data) -> None:
+        if int(self._episode.spec["save_every"]) != 1:
+            return  # the pose at the step before is not in the dataset
+        for sensor in self._episode.sensors:
+            if sensor.kind != "flow" or sensor.id not in data:
+                continue
+            follows = self._flow_frames.get(sensor.id) == k - 1  # it looks back to its last image
+            self._flow_frames[sensor.id] = k
+            poses = self._poses.get(sensor.id, {})
+            moving = [box for box in boxes if not box.is_static]
+            depth = self._twin(sensor, "depth", data)
+            if not follows or depth is None or not {k - 1, k} <= set(poses):
+                continue
+            self._flow[sensor.id].add(
+                compare_with_motion(
+                    data[sensor.id],
+                    data[depth.id],
+                    sensor.calibration_at(k),
+                    invert_pose(poses[k - 1]) @ poses[k],
+                    moving,
+                )
+            )
+
+    def _look_at_pictures(self, k: int, rows: Rows, data: Data) -> None:
+        for sensor in self._episode.sensors:
+            if sensor.kind != "rgb":
+                continue
+            if sensor.id not in data:
+                self._edges_before.pop(sensor.id, None)
+                continue
+            self._pictures[sensor.id].add_picture(k, data[sensor.id])
+            if sensor.calibration.labelled:
+                self._compare_edges(sensor, data[sensor.id], self._labels(sensor, k, rows, data))
+
+    def _labels(self, sensor: Sensor, k: int, rows: Rows, data: Data) -> NDArray[np.generic]:
+        """``(H, W)`` numbers that differ between things, by ids and tags or by masks."""
+        camera = sensor.calibration
+        if camera.instance is not None and camera.instance in data:
+            instance = data[camera.instance].astype(np.uint32)
+            labels: NDArray[np.generic] = instance[..., 0] << 8 | instance[..., 1]
+            return labels
+        return visible_objects(camera, rows.get((k, camera.id), []))
+
+    def _compare_edges(
+        self, sensor: Sensor, rgb: NDArray[np.uint8], labels: NDArray[np.generic]
+    ) -> None:
+        steep, boundary = steepness(rgb), boundaries(labels)
+        found = compare_edges(rgb, steep, boundary)
+        self._edges[sensor.id].add(found)
+        self._figures.edges[sensor.id].add(found)
+        fits = self._fits.setdefault(sensor.id, new_fits())
+        if sensor.id in self._edges_before:
+            steep_before, boundary_before = self._edges_before[sensor.id]
+            fits[-1].add_image(steep, boundary, boundary_before)
+            fits[1].add_image(steep_before, boundary_before, boundary)
+        self._edges_before[sensor.id] = steep, boundary

@@ -1,0 +1,102 @@
+"""Every promised file is there, with the bytes that were committed, and no other file."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from carstage.dataset.reading import Episode
+from carstage.dataset.tables import ROW_SENSORS
+from carstage.validation.checks.findings import Findings
+
+DOCUMENTS = ("episode.json", "calibration.json")
+TABLES = (
+    "frames.parquet",
+    "objects.parquet",
+    "camera_objects.parquet",
+    "ego.parquet",
+    "sensor_poses.parquet",
+)
+
+
+class VerifiedFiles:
+    """Reads an episode's files and compares each with the marker on the way.
+
+    Args:
+        episode: the episode.
+        findings: where differences go: checks ``file_missing``, ``file_size``, ``file_hash``.
+    """
+
+    def __init__(self, episode: Episode, findings: Findings) -> None:
+        self._folder = episode.folder
+        self._findings = findings
+        self._entries = {entry.path: entry for entry in episode.marker.files}
+        self.files = 0
+        self.bytes = 0
+
+    def read(
+        self, path: Path, *, frame: int | None = None, sensor: str | None = None
+    ) -> bytes | None:
+        """The content of a file; ``None`` when it cannot be read."""
+        name = path.relative_to(self._folder).as_posix()
+        problem: tuple[str, str] | None = None
+        content: bytes | None = None
+        try:
+            content = path.read_bytes()
+        except FileNotFoundError:
+            problem = "file_missing", f"{name} is missing"
+        except OSError as error:
+            problem = "file_missing", f"{name} cannot be read: {error.strerror}"
+        else:
+            self.files += 1
+            self.bytes += len(content)
+            problem = self._difference(name, content)
+        if problem is not None:
+            self._findings.add(*problem, frame=frame, sensor=sensor)
+        return content
+
+    def _difference(self, name: str, content: bytes) -> tuple[str, str] | None:
+        entry = self._entries.get(name)
+        if entry is None:
+            return None  # check_file_list reports it
+        if len(content) != entry.bytes:
+            return "file_size", f"{name} has {len(content)} bytes, committed were {entry.bytes}"
+        if hashlib.sha256(content).hexdigest() != entry.sha256:
+            return "file_hash", f"{name} is not the file that was committed: its SHA-256 differs"
+        return None
+
+
+def check_file_list(
+    episode: Episode, recorded: Mapping[str, Iterable[int]], findings: Findings
+) -> None:
+    """Compare what the spec promises, what the marker lists and what the folder holds.
+
+    Args:
+        episode: the episode.
+        recorded: by sensor, the frames that the ledger says there is data of.
+        findings: checks ``file_unlisted`` and ``file_unexpected``.
+    """
+    listed = {entry.path for entry in episode.marker.files}
+    promised = {*TABLES, *DOCUMENTS}
+    for sensor in episode.sensors:
+        if sensor.kind in ROW_SENSORS:
+            promised.add(f"sensors/{sensor.id}.parquet")
+            continue
+        for k in recorded[sensor.id]:
+            promised |= {p.relative_to(episode.folder).as_posix() for p in sensor.paths(k)}
+    present = {
+        path.relative_to(episode.folder).as_posix()
+        for path in episode.folder.rglob("*")
+        if path.is_file()
+    }
+    for name in sorted(promised - listed):
+        findings.add("file_unlisted", f"{name} is promised by the spec, but was not committed")
+    for name in sorted(listed - promised):
+        findings.add("file_unexpected", f"{name} was committed, but nothing promises it")
+    for name in sorted(present - listed - promised):
+        findings.add(
+            "file_unexpected",
+            f"{name} lies in the folder, but was not committed",
+            severity="warning",
+        )

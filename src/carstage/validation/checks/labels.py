@@ -1,0 +1,236 @@
+"""The label tables: columns, ranges, keys; and the boxes that the geometric checks use."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from carstage.dataset.reading import Episode
+from carstage.dataset.tables import require_columns
+from carstage.geometry import invert_pose, pose_matrix
+from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.ledger import TIMESTAMP_TOLERANCE_S
+
+_PI = math.pi
+_RANGES: dict[str, dict[str, tuple[float, float]]] = {
+    "objects": {
+        "visibility": (0.0, 1.0),
+        "visibility_token": (1, 4),
+        "distance_ego": (0.0, math.inf),
+        "box_yaw_ego": (-_PI, _PI),
+    },
+    "camera_objects": {
+        "rotation_y": (-_PI, _PI),
+        "alpha": (-_PI, _PI),
+        "distance": (0.0, math.inf),
+        "occluded": (0, 3),
+        "occluded_px": (0, 3),
+        "truncated": (0.0, 1.0),
+        "truncation_paper": (0.0, 1.0),
+        "occlusion_ratio": (0.0, 1.0),
+        "n_visible": (0, 8),
+        "n_occluded": (0, 8),
+        "n_outside": (0, 8),
+        "n_behind": (0, 8),
+    },
+    "ego": {
+        "throttle": (0.0, 1.0),
+        "brake": (0.0, 1.0),
+        "steer": (-1.0, 1.0),
+        "latitude_deg": (-90.0, 90.0),
+        "longitude_deg": (-180.0, 180.0),
+    },
+}
+_KEYS = {
+    "objects": ("k", "track_id"),
+    "camera_objects": ("k", "sensor_id", "track_id"),
+    "ego": ("k",),
+}
+_BOX_COLUMNS = (
+    "k", "track_id", "box_center", "box_rotation_deg", "box_extent", "box_center_ego",
+    "box_rotation_ego_deg", "semantic_tags", "num_lidar_points", "is_ego", "is_static",
+)  # fmt: skip
+_CAMERA_COLUMNS = (
+    "k", "sensor_id", "track_id", "bbox_amodal", "bbox_modal", "mask_modal", "visible_px",
+    "pinhole", "instance_ambiguous", "front_px", "hull_px",
+)  # fmt: skip
+_EGO_COLUMNS = ("k", "location", "rotation_deg")
+_COLUMNS: dict[str, tuple[str, ...]] = {
+    "objects": (*_BOX_COLUMNS, "class", "actor_location", "velocity"),
+    "camera_objects": (*_CAMERA_COLUMNS, "visible"),
+    "ego": (*_EGO_COLUMNS, "velocity"),
+}
+_POSE_TOLERANCE_M = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class LabelTables:
+    """The three label tables of an episode."""
+
+    objects: pa.Table
+    camera_objects: pa.Table
+    ego: pa.Table
+
+    @classmethod
+    def load(cls, episode: Episode) -> LabelTables:
+        """Read them.
+
+        Raises:
+            DatasetError: one is missing, damaged, or lacks a column that the checks read.
+        """
+        tables = cls(episode.objects(), episode.camera_objects(), episode.ego())
+        for name, table in tables.named().items():
+            columns = ("timestamp_s", *_KEYS[name], *_RANGES[name], *_COLUMNS[name])
+            require_columns(table, columns, f"{name}.parquet")
+        return tables
+
+    def named(self) -> dict[str, pa.Table]:
+        """The tables by name, without the file's ending."""
+        return {"objects": self.objects, "camera_objects": self.camera_objects, "ego": self.ego}
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledBox:
+    """One object's box in one frame.
+
+    Attributes:
+        track_id: actor id.
+        ego_from_box: ``(4, 4)`` pose in the ego actor's frame.
+        extent: ``(3,)`` half sizes (m).
+        tags: the actor's semantic tags.
+        lidar_points: labelled number of points by LiDAR.
+        is_ego: whether it is the vehicle that carries the sensors.
+        is_static: whether it is part of the level, so that no pixel tells its id.
+    """
+
+    track_id: int
+    ego_from_box: NDArray[np.float64]
+    extent: NDArray[np.float64]
+    tags: frozenset[int]
+    lidar_points: dict[str, int]
+    is_ego: bool
+    is_static: bool = False
+
+
+def check_labels(
+    episode: Episode, tables: LabelTables, times_s: dict[int, float], findings: Findings
+) -> None:
+    """Check keys, timestamps, ranges and references of the label tables.
+
+    Args:
+        episode: the episode.
+        tables: its label tables.
+        times_s: time of each saved frame, from the ledger.
+        findings: checks ``label_keys``, ``label_timestamps``, ``label_ranges``,
+            ``label_references``, ``frames_missing``.
+    """
+    for name, table in tables.named().items():
+        keys = list(zip(*(table[key].to_pylist() for key in _KEYS[name]), strict=True))
+        if len(set(keys)) != len(keys):
+            findings.add("label_keys", f"{name}.parquet has rows with the same key")
+        row_ks: list[Any] = table["k"].to_pylist()
+        row_times: list[Any] = table["timestamp_s"].to_pylist()
+        for k, time_s in zip(row_ks, row_times, strict=True):
+            if k not in times_s or abs(times_s[k] - time_s) > TIMESTAMP_TOLERANCE_S:
+                findings.add(
+                    "label_timestamps",
+                    f"{name}.parquet: a row says {time_s} s, the ledger {times_s.get(k)} s",
+                    frame=k,
+                )
+        for column, (low, high) in _RANGES[name].items():
+            _check_range(name, table, column, low, high, findings)
+    ego_ks: list[Any] = tables.ego["k"].to_pylist()
+    if episode.spec["ground_truth"]["ego_motion"] and sorted(ego_ks) != sorted(times_s):
+        findings.add("frames_missing", "ego.parquet does not have one row per frame")
+    known = set(zip(*(tables.objects[c].to_pylist() for c in ("k", "track_id")), strict=True))
+    labelled = {s.id for s in episode.sensors if s.calibration.labelled}
+    for k, sensor, track in zip(
+        *(tables.camera_objects[c].to_pylist() for c in ("k", "sensor_id", "track_id")), strict=True
+    ):
+        if (k, track) not in known or sensor not in labelled:
+            findings.add(
+                "label_references",
+                f"camera_objects.parquet speaks of object {track}, "
+                "which objects.parquet or the rig does not know",
+                frame=k,
+                sensor=sensor,
+            )
+    boxed = tables.camera_objects.filter(pc.is_valid(tables.camera_objects["n_visible"]))
+    counts = [pc.cast(boxed[f"n_{c}"], pa.int32())
+              for c in ("visible", "occluded", "outside", "behind")]  # fmt: skip
+    total = np.sum([count.to_numpy() for count in counts], axis=0)
+    if len(total) and not (total == 8).all():
+        findings.add("label_ranges", "camera_objects.parquet: vertices do not add up to 8")
+
+
+def _check_range(
+    name: str, table: pa.Table, column: str, low: float, high: float, findings: Findings
+) -> None:
+    values = table[column].drop_null().to_numpy()
+    wrong = ~((values >= low) & (values <= high))
+    if wrong.any():
+        findings.add(
+            "label_ranges",
+            f"{name}.parquet: {column} is {values[wrong][0]} in one of {wrong.sum()} rows, "
+            f"outside {low:g} to {high:g}",
+        )
+
+
+def labelled_boxes(tables: LabelTables, findings: Findings) -> dict[int, list[LabelledBox]]:
+    """The objects with a valid 3D box, by frame.
+
+    The pose comes from the world columns and the ego's pose; where ego motion was not asked for,
+    from the columns in the ego's frame. If there are both they must agree within 1 cm (check
+    ``label_poses``).
+    """
+    world_from_ego = {
+        row["k"]: pose_matrix(row["location"], row["rotation_deg"])
+        for row in tables.ego.select(_EGO_COLUMNS).to_pylist()
+    }
+    boxes: dict[int, list[LabelledBox]] = defaultdict(list)
+    for row in tables.objects.select(_BOX_COLUMNS).to_pylist():
+        if row["box_center"] is None:
+            continue
+        ego_from_box = pose_matrix(row["box_center_ego"], row["box_rotation_ego_deg"])
+        k = row["k"]
+        if k in world_from_ego:
+            world_from_box = pose_matrix(row["box_center"], row["box_rotation_deg"])
+            computed = invert_pose(world_from_ego[k]) @ world_from_box
+            reach = float(np.linalg.norm(row["box_extent"]))
+            shift = np.abs(computed[:3, 3] - ego_from_box[:3, 3]).max()
+            turn = np.abs(computed[:3, :3] - ego_from_box[:3, :3]).max() * reach
+            if max(shift, turn) > _POSE_TOLERANCE_M:
+                findings.add(
+                    "label_poses",
+                    f"object {row['track_id']}: its box in the world and in the ego's frame "
+                    f"are {max(shift, turn):.3f} m apart",
+                    frame=k,
+                )
+            ego_from_box = computed
+        boxes[k].append(
+            LabelledBox(
+                track_id=row["track_id"],
+                ego_from_box=ego_from_box,
+                extent=np.array(row["box_extent"]),
+                tags=frozenset(row["semantic_tags"]),
+                lidar_points=dict(row["num_lidar_points"]),
+                is_ego=row["is_ego"],
+                is_static=row["is_static"],
+            )
+        )
+    return boxes
+
+
+def camera_rows(table: pa.Table) -> dict[tuple[int, str], list[dict[str, Any]]]:
+    """The rows of ``camera_objects.parquet`` that the geometric checks use, by frame and camera."""
+    rows: dict[tuple[int, str], list[dict[str, Any]]] = defaultdict(list)
+    for row in table.select(_CAMERA_COLUMNS).to_pylist():
+        rows[row["k"], row["sensor_id"]].append(row)
+    return rows

@@ -1,0 +1,127 @@
+"""No frame is missing, every sensor's state is accounted for, and time advances by 1 / fps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
+
+import pyarrow as pa
+
+from carstage.dataset.ledger import saved_times_s
+from carstage.dataset.reading import Episode
+from carstage.dataset.tables import ROW_SENSORS
+from carstage.validation.checks.findings import Findings, Severity
+
+TIMESTAMP_TOLERANCE_S = 1e-6
+_GOOD_STATES = ("ok", "off")
+
+
+def declares_waiting(spec: Mapping[str, Any]) -> bool:
+    """Whether the spec declares that every tick waits for all data, so that none may be missing."""
+    timing = spec["timing"]
+    return bool(
+        timing["mode"] == "sync" and timing["on_incomplete"] == "wait" and timing["sensor_sync"]
+    )
+
+
+def check_ledger(episode: Episode, ledger: pa.Table, findings: Findings) -> None:
+    """Check ``frames.parquet`` against the spec.
+
+    The declared mode decides: in synchronous mode with sensors in step and ``on_incomplete: wait``
+    any state but ``ok`` and ``off`` is an error, else a warning; in synchronous mode timestamps are
+    ``tick / fps`` and the server's frame numbers consecutive, else both only have to increase.
+    """
+    spec = episode.spec
+    every = int(spec["save_every"])
+    synchronous = spec["timing"]["mode"] == "sync"
+    ticks = ledger["tick"].to_pylist()
+    if ticks != list(range(int(spec["steps"]))):
+        findings.add(
+            "ledger_ticks", f"{len(ticks)} ticks are in the ledger, {spec['steps']} were asked for"
+        )
+    ks = ledger["k"].to_pylist()
+    saved = [k for k in ks if k is not None]
+    if saved != list(range(episode.frames)):
+        findings.add(
+            "frames_missing", f"{len(saved)} frames are in the ledger, {episode.frames} committed"
+        )
+    if synchronous and saved != list(range(-(-int(spec["steps"]) // every))):
+        findings.add(
+            "frames_missing",
+            f"{len(saved)} frames are saved; {spec['steps']} steps, every {every} saved, "
+            f"are {-(-int(spec['steps']) // every)}",
+        )
+    _check_time(ledger, float(spec["fps"]), synchronous, findings)
+    severity: Severity = "error" if declares_waiting(spec) else "warning"
+    for sensor in episode.calibration.sensors:
+        states = ledger[f"{sensor}.state"].to_pylist()
+        reasons = ledger[f"{sensor}.reason"].to_pylist()
+        for tick, k, state, reason in zip(ticks, ks, states, reasons, strict=True):
+            if state not in _GOOD_STATES:
+                findings.add(
+                    "ledger_state",
+                    f"tick {tick} is {state}: {reason or 'no reason given'}",
+                    frame=k,
+                    sensor=sensor,
+                    severity=severity,
+                )
+
+
+def _check_time(ledger: pa.Table, fps: float, synchronous: bool, findings: Findings) -> None:
+    times: list[Any] = ledger["timestamp_s"].to_pylist()
+    frames: list[Any] = ledger["server_frame"].to_pylist()
+    ks = ledger["k"].to_pylist()
+    if synchronous:
+        for tick, (k, time_s) in enumerate(zip(ks, times, strict=True)):
+            if abs(time_s - tick / fps) > TIMESTAMP_TOLERANCE_S:
+                findings.add(
+                    "timestamps",
+                    f"tick {tick} is at {time_s:.6f} s instead of {tick / fps:.6f} s",
+                    frame=k,
+                )
+    for tick, ((a, b), (time_a, time_b)) in enumerate(
+        zip(pairwise(frames), pairwise(times), strict=True)
+    ):
+        if b <= a or (synchronous and b != a + 1):
+            findings.add(
+                "server_frames",
+                f"after server frame {a} of tick {tick} comes frame {b}",
+                frame=ks[tick + 1],
+            )
+        if time_b <= time_a:
+            findings.add("timestamps", f"time does not advance after tick {tick}", frame=ks[tick])
+
+
+def check_row_sensors(
+    episode: Episode, ledger: pa.Table, recorded: dict[str, list[int]], findings: Findings
+) -> None:
+    """Check the tables of IMU, GNSS and radar: a row for each recorded frame, at the ledger's time.
+
+    Raises:
+        DatasetError: a table is missing or damaged.
+    """
+    times = saved_times_s(ledger)
+    for sensor in episode.sensors:
+        if sensor.kind not in ROW_SENSORS:
+            continue
+        table = sensor.table
+        if not table.schema.equals(ROW_SENSORS[sensor.kind].schema):
+            findings.add("schema", f"{sensor.id}.parquet has other columns", sensor=sensor.id)
+            continue
+        ks: list[Any] = table["k"].to_pylist()
+        if ks != recorded[sensor.id]:
+            findings.add(
+                "frames_missing",
+                f"{sensor.id}.parquet has {len(ks)} rows for {len(recorded[sensor.id])} frames",
+                sensor=sensor.id,
+            )
+        row_times: list[Any] = table["timestamp_s"].to_pylist()
+        for k, time_s in zip(ks, row_times, strict=True):
+            if abs(time_s - times.get(k, time_s)) > TIMESTAMP_TOLERANCE_S:
+                findings.add(
+                    "timestamps",
+                    f"the row is at {time_s:.6f} s, the frame at {times[k]:.6f} s",
+                    frame=k,
+                    sensor=sensor.id,
+                )

@@ -1,0 +1,233 @@
+"""LiDAR and depth see the same surfaces, and the points in a box are those that were counted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.dataset.reading import SensorCalibration
+from carstage.geometry import (
+    OPTICAL_FROM_SENSOR,
+    Z_NEAR_M,
+    back_project,
+    invert_pose,
+    transform_points,
+)
+from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.labels import LabelledBox
+
+ABSOLUTE_TOLERANCE_M = 0.1
+RELATIVE_TOLERANCE = 0.01
+PARALLAX_PX = 1.0
+EDGE_BEND = 0.05
+MIN_SHARE = 0.99
+MIN_FRAME_SHARE = 0.95
+MIN_FRAME_POINTS = 200
+BOX_SKIN_M = 0.01
+
+_NEIGHBOURS = [(dv, du) for dv in (-1, 0, 1) for du in (-1, 0, 1)]
+
+
+@dataclass(slots=True)
+class RangingFigures:
+    """Counts of one pair of LiDAR and depth camera: points in view, comparable, agreeing."""
+
+    in_view: int = 0
+    comparable: int = 0
+    agreeing: int = 0
+
+    @property
+    def share(self) -> float | None:
+        """Share of the comparable points that agree; ``None`` without any."""
+        return self.agreeing / self.comparable if self.comparable else None
+
+    def add(self, other: RangingFigures) -> None:
+        """Add the counts of another frame."""
+        self.in_view += other.in_view
+        self.comparable += other.comparable
+        self.agreeing += other.agreeing
+
+    def to_dict(self) -> dict[str, float | None]:
+        """For the report."""
+        share = self.share
+        return {
+            "points_in_view": self.in_view,
+            "points_comparable": self.comparable,
+            "points_agreeing": self.agreeing,
+            "share": None if share is None else round(share, 6),
+        }
+
+
+def compare_with_depth(
+    points: NDArray[np.floating[Any]],
+    lidar: SensorCalibration,
+    depth_m: NDArray[np.float32],
+    camera: SensorCalibration,
+) -> RangingFigures:
+    """Count the points of one sweep that a depth image of the same frame confirms.
+
+    *In view*: the point projects into the image, at least one pixel from its border.
+
+    *Agreeing*: its depth Z differs by less than 0.1 m + 1 % of Z from the depth image there,
+    either interpolated (linearly in 1/depth, which is exact on planes, so that a road seen at a
+    grazing angle agrees) or at any of the 3 x 3 pixels around it (so that it may belong to
+    either side of an edge).
+
+    *Comparable*, that is "the depth image can see it": resolved, and not hidden by parallax.
+
+    Unresolved is a point at an edge of the depth image (its inverse is no plane over the 3 x 3
+    pixels: it bends by more than 5 %) whose depth lies between the nearest and the farthest of
+    those pixels: leaves and other things finer than a pixel, of which the image holds one sample.
+
+    Hidden by parallax: the two sensors stand apart, so the camera may see something nearer in
+    the point's pixel. Such a nearer surface hides the point only if it does not stand in the
+    LiDAR's own ray: seen from the LiDAR its direction must differ from the point's by more than
+    one pixel (then the 3 x 3 pixels reach beyond its edge). A nearer surface in the same
+    direction would have stopped the ray, and counts against the data; so does any point in front
+    of what the camera sees.
+
+    Args:
+        points: ``(N, 3)`` or wider in the LiDAR's axes.
+        lidar: the LiDAR's calibration.
+        depth_m: ``(H, W)`` float32.
+        camera: the depth camera's calibration.
+    """
+    lidar_from_camera = invert_pose(lidar.ego_from_sensor) @ camera.ego_from_sensor
+    xyz = points[:, :3].astype(np.float64)
+    in_camera = transform_points(invert_pose(lidar_from_camera), xyz)
+    optical = in_camera @ OPTICAL_FROM_SENSOR.T
+    ahead = optical[:, 2] >= Z_NEAR_M
+    optical, xyz = optical[ahead], xyz[ahead]
+    z = optical[:, 2]
+    u = camera.k[0, 0] * optical[:, 0] / z + camera.k[0, 2]
+    v = camera.k[1, 1] * optical[:, 1] / z + camera.k[1, 2]
+    height, width = depth_m.shape
+    inside = (u >= 1) & (u < width - 1) & (v >= 1) & (v < height - 1)
+    xyz, z, u, v = xyz[inside], z[inside], u[inside], v[inside]
+    column, row = np.floor(u).astype(np.intp), np.floor(v).astype(np.intp)
+
+    tolerance_m = ABSOLUTE_TOLERANCE_M + RELATIVE_TOLERANCE * z
+    agrees = np.abs(_interpolated(depth_m, u, v) - z) < tolerance_m
+    for dv, du in _NEIGHBOURS:
+        agrees |= np.abs(depth_m[row + dv, column + du] - z) < tolerance_m
+
+    nearest_m, farthest_m, bend = _neighbourhood(depth_m, row, column)
+    between = (z > nearest_m - tolerance_m) & (z < farthest_m + tolerance_m)
+    unresolved = (bend > EDGE_BEND) & between
+
+    surface_m = depth_m[row, column].astype(np.float64)
+    surface_optical = back_project(np.column_stack([u, v]), surface_m, camera.k)
+    surface = transform_points(lidar_from_camera, surface_optical @ OPTICAL_FROM_SENSOR)
+    hidden = (surface_m < z) & (_angle(surface, xyz) > PARALLAX_PX / camera.k[0, 0])
+    comparable = agrees | ~(hidden | unresolved)
+    return RangingFigures(len(z), int(comparable.sum()), int(agrees.sum()))
+
+
+def _neighbourhood(
+    depth_m: NDArray[np.float32], row: NDArray[np.intp], column: NDArray[np.intp]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Nearest and farthest depth of the 3 x 3 pixels, and how far their inverse bends.
+
+    On a plane 1/depth is linear in the pixel: the second difference through the middle is 0 in
+    all four directions. The bend is the greatest of the four over the middle's 1/depth.
+    """
+    around = np.stack([depth_m[row + dv, column + du] for dv, du in _NEIGHBOURS]).astype(np.float64)
+    inverse = 1.0 / np.maximum(around, 1e-3)
+    middle = len(_NEIGHBOURS) // 2
+    second = inverse[:middle] + inverse[:middle:-1] - 2.0 * inverse[middle]
+    bend = np.abs(second).max(axis=0) / inverse[middle]
+    return around.min(axis=0), around.max(axis=0), bend
+
+
+def _interpolated(
+    depth_m: NDArray[np.float32], u: NDArray[np.float64], v: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Depth between pixel centres, bilinear in its inverse."""
+    x, y = u - 0.5, v - 0.5
+    x0, y0 = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
+    fx, fy = x - x0, y - y0
+    inverse = 1.0 / np.maximum(depth_m, 1e-3).astype(np.float64)
+    top = inverse[y0, x0] * (1 - fx) + inverse[y0, x0 + 1] * fx
+    bottom = inverse[y0 + 1, x0] * (1 - fx) + inverse[y0 + 1, x0 + 1] * fx
+    return np.asarray(1.0 / (top * (1 - fy) + bottom * fy))
+
+
+def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angle (rad) between the vectors ``(N, 3)`` of two arrays, exact for small ones."""
+    cross = np.linalg.norm(np.cross(a, b), axis=1)
+    return np.asarray(np.arctan2(cross, np.sum(a * b, axis=1)))
+
+
+def check_share(
+    figures: RangingFigures,
+    lidar_id: str,
+    camera_id: str,
+    findings: Findings,
+    *,
+    frame: int | None = None,
+) -> None:
+    """Report a pair whose share of agreeing points is too low (check ``lidar_depth``).
+
+    Over an episode 99 % must agree; in a single frame 95 %, if at least 200 points compare.
+    """
+    share = figures.share
+    limit = MIN_SHARE if frame is None else MIN_FRAME_SHARE
+    few = frame is not None and figures.comparable < MIN_FRAME_POINTS
+    if share is None or share >= limit or few:
+        return
+    findings.add(
+        "lidar_depth",
+        f"{share:.2%} of {figures.comparable} points agree with the depth of {camera_id}; "
+        f"at least {limit:.0%} must",
+        frame=frame,
+        sensor=lidar_id,
+    )
+
+
+def check_point_counts(
+    points: NDArray[np.floating[Any]],
+    lidar: SensorCalibration,
+    k: int,
+    boxes: Sequence[LabelledBox],
+    findings: Findings,
+) -> int:
+    """Recount the points inside each box (check ``lidar_counts``).
+
+    The label must lie between the counts of the box shrunk and grown by 1 cm, which is more than
+    rounding can move a point.
+
+    Returns:
+        Points inside boxes, the ego's own left out.
+    """
+    in_ego = transform_points(lidar.ego_from_sensor, points[:, :3].astype(np.float64))
+    in_ego = in_ego[np.argsort(in_ego[:, 0])]
+    x = in_ego[:, 0].copy()
+    total = 0
+    for box in boxes:
+        labelled = box.lidar_points.get(lidar.id)
+        if labelled is None:
+            continue
+        reach = float(np.linalg.norm(box.extent)) + BOX_SKIN_M
+        center = box.ego_from_box[:3, 3]
+        first, end = np.searchsorted(x, [center[0] - reach, center[0] + reach])
+        slab = in_ego[first:end]
+        near = slab[np.abs(slab[:, 1] - center[1]) <= reach]
+        local = np.abs(transform_points(invert_pose(box.ego_from_box), near))
+        fewest, most = (
+            int((local <= box.extent + skin).all(axis=1).sum())
+            for skin in (-BOX_SKIN_M, BOX_SKIN_M)
+        )
+        total += 0 if box.is_ego else labelled
+        if not fewest <= labelled <= most:
+            findings.add(
+                "lidar_counts",
+                f"object {box.track_id}: num_lidar_points is {labelled}, its box holds "
+                + (f"{fewest}" if fewest == most else f"{fewest} to {most}"),
+                frame=k,
+                sensor=lidar.id,
+            )
+    return total

@@ -1,0 +1,216 @@
+"""Pixels of an object lie inside the projection of its box; 2D boxes and masks follow from both."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.dataset.masks import decode_mask
+from carstage.dataset.reading import SensorCalibration
+from carstage.errors import DatasetError
+from carstage.geometry import (
+    OPTICAL_FROM_SENSOR,
+    Z_NEAR_M,
+    Point,
+    bounds,
+    box_corners,
+    clip_polygon_to_image,
+    clip_to_near_plane,
+    convex_hull,
+    invert_pose,
+    project,
+    transform_points,
+)
+from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.labels import LabelledBox
+
+HULL_MARGIN_PX = 2.0
+BOX_TOLERANCE_PX = 0.5
+
+
+@dataclass(slots=True)
+class SilhouetteFigures:
+    """What the checks counted: objects with pixels, their pixels, and those outside the hull."""
+
+    objects: int = 0
+    pixels: int = 0
+    outside: int = 0
+    farthest_px: float = 0.0
+
+    def to_dict(self) -> dict[str, float]:
+        """For the report."""
+        return {
+            "objects": self.objects,
+            "pixels": self.pixels,
+            "pixels_outside": self.outside,
+            "farthest_px": round(self.farthest_px, 3),
+        }
+
+
+def projected_hull(camera: SensorCalibration, box: LabelledBox) -> list[Point]:
+    """Silhouette of a box in a camera's image plane, px; empty when it is behind the camera."""
+    corners = transform_points(
+        invert_pose(camera.ego_from_sensor), box_corners(box.ego_from_box, box.extent)
+    )
+    seen = clip_to_near_plane(corners @ OPTICAL_FROM_SENSOR.T, Z_NEAR_M)
+    return convex_hull(project(seen, camera.k, 0.0)) if len(seen) >= 3 else []
+
+
+def distance_outside(polygon: Sequence[Point], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance ``(N,)`` of points ``(N, 2)`` to a convex polygon; 0 inside."""
+    corners = np.array(polygon)
+    start, along = corners, np.roll(corners, -1, axis=0) - corners
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    normals *= np.sign(np.sum((corners - corners.mean(axis=0)) * normals, axis=1))[:, None]
+    offset = points[:, None, :] - start[None]
+    inside = (np.einsum("nej,ej->ne", offset, normals) <= 0.0).all(axis=1)
+    length = np.maximum(np.sum(along * along, axis=1), 1e-12)
+    share = np.clip(np.einsum("nej,ej->ne", offset, along) / length, 0.0, 1.0)
+    nearest = np.linalg.norm(offset - share[..., None] * along[None], axis=2).min(axis=1)
+    return np.where(inside, 0.0, nearest)
+
+
+def check_silhouettes(
+    camera: SensorCalibration,
+    k: int,
+    rows: Sequence[Mapping[str, Any]],
+    boxes: Sequence[LabelledBox],
+    instance: NDArray[np.uint16] | None,
+    figures: SilhouetteFigures,
+    findings: Findings,
+) -> None:
+    """Check the 2D labels of one camera in one frame.
+
+    For every object with visible pixels, all pixels of its instance id (the low 16 bits of the
+    actor id, with a tag that the actor has) must have their centres inside the projected hull of
+    its box, grown by 2 px (check ``hull``). The pixels come from the instance image with the
+    camera's pose, if the rig has one and no other actor shares the bits, else from ``mask_modal``,
+    as those of level objects do.
+    Further, ``bbox_amodal`` must be the bounds of the hull in the image (``bbox_amodal``), the mask
+    must have ``visible_px`` pixels, the bounds ``bbox_modal`` and, with an instance image, only
+    pixels of that id (``mask``).
+
+    Args:
+        camera: the labelled camera.
+        k: the frame.
+        rows: its rows of ``camera_objects.parquet``.
+        boxes: the frame's 3D boxes.
+        instance: ``(H, W, 2)`` id and tag of the instance sensor with the same pose, if any.
+        figures: counts, added to.
+        findings: where problems go.
+    """
+    by_track = {box.track_id: box for box in boxes}
+    where: dict[str, Any] = {"frame": k, "sensor": camera.id}
+    for row in rows:
+        box = by_track.get(row["track_id"])
+        if box is None or not row["pinhole"]:
+            continue
+        name = f"object {row['track_id']}"
+        hull = projected_hull(camera, box)
+        if len(hull) < 3:
+            findings.add("hull", f"{name} is labelled, but its box is out of view", **where)
+            continue
+        _check_amodal(camera, name, row, hull, findings, where)
+        mask = _mask(camera, name, row, findings, where)
+        if not row["visible_px"]:
+            continue
+        # Where two actors share the bits of an id, the image cannot tell whose pixels they are,
+        # and it never does of level objects.
+        if instance is None or row["instance_ambiguous"] or box.is_static:
+            own = mask
+        else:
+            own = _own_pixels(instance, box)
+            if mask is not None and (mask & ~own).any():
+                message = f"{name}: its mask has pixels of another instance id"
+                findings.add("mask", message, **where)
+        if own is None:
+            continue
+        v, u = np.nonzero(own)
+        beyond = distance_outside(hull, np.column_stack([u + 0.5, v + 0.5]))
+        outside = int((beyond > HULL_MARGIN_PX).sum())
+        figures.objects += 1
+        figures.pixels += len(u)
+        figures.outside += outside
+        figures.farthest_px = max(figures.farthest_px, float(beyond.max(initial=0.0)))
+        if outside:
+            findings.add(
+                "hull",
+                f"{name}: {outside} of its {len(u)} pixels lie outside the projection of its box, "
+                f"the farthest by {beyond.max():.1f} px",
+                **where,
+            )
+
+
+def visible_objects(
+    camera: SensorCalibration, rows: Sequence[Mapping[str, Any]]
+) -> NDArray[np.int64]:
+    """``(H, W)`` track ids by the masks of a camera's rows, -1 where there is no object."""
+    objects = np.full((camera.height, camera.width), -1, np.int64)
+    for row in rows:
+        if row["mask_modal"] is not None:
+            try:
+                mask = decode_mask(row["mask_modal"], camera.height, camera.width)
+            except DatasetError:
+                continue  # check_silhouettes reports it
+            objects[mask] = row["track_id"]
+    return objects
+
+
+def _own_pixels(instance: NDArray[np.uint16], box: LabelledBox) -> NDArray[np.bool_]:
+    own: NDArray[np.bool_] = instance[..., 0] == (box.track_id & 0xFFFF)
+    rows, columns = np.nonzero(own)
+    own[rows, columns] = np.isin(instance[rows, columns, 1], list(box.tags))
+    return own
+
+
+def _check_amodal(
+    camera: SensorCalibration,
+    name: str,
+    row: Mapping[str, Any],
+    hull: list[Point],
+    findings: Findings,
+    where: dict[str, Any],
+) -> None:
+    if row["bbox_amodal"] is None:
+        return
+    inside = clip_polygon_to_image(hull, camera.width, camera.height)
+    if not inside:
+        findings.add("bbox_amodal", f"{name} is labelled, but out of the image", **where)
+        return
+    difference = np.abs(np.array(bounds(inside)) - row["bbox_amodal"]).max()
+    if difference > BOX_TOLERANCE_PX:
+        findings.add(
+            "bbox_amodal",
+            f"{name}: bbox_amodal is {difference:.1f} px off the projection of its box",
+            **where,
+        )
+
+
+def _mask(
+    camera: SensorCalibration,
+    name: str,
+    row: Mapping[str, Any],
+    findings: Findings,
+    where: dict[str, Any],
+) -> NDArray[np.bool_] | None:
+    if row["mask_modal"] is None:
+        return None
+    try:
+        mask = decode_mask(row["mask_modal"], camera.height, camera.width)
+    except DatasetError as error:
+        findings.add("mask", f"{name}: {error}", **where)
+        return None
+    v, u = np.nonzero(mask)
+    if len(u) != row["visible_px"]:
+        findings.add(
+            "mask",
+            f"{name}: {len(u)} pixels in its mask, visible_px is {row['visible_px']}",
+            **where,
+        )
+    elif len(u) and row["bbox_modal"] != [u.min(), v.min(), u.max() + 1, v.max() + 1]:
+        findings.add("mask", f"{name}: bbox_modal does not bound its mask", **where)
+    return mask

@@ -1,0 +1,40 @@
+"""Two images of one pose show the same semantic tags."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.validation.checks.findings import Findings
+
+MIN_SHARE = 0.98
+
+
+def check_tags(
+    semantic: NDArray[np.uint8],
+    instance: NDArray[np.uint16],
+    *,
+    frame: int,
+    semantic_id: str,
+    instance_id: str,
+    findings: Findings,
+) -> None:
+    """Compare a semantic image with the tags of an instance image of the same pose (``tags``).
+
+    Args:
+        semantic: ``(H, W)`` tags.
+        instance: ``(H, W, 2)`` id and tag.
+        frame: the frame.
+        semantic_id: the semantic camera, that problems are reported of.
+        instance_id: the instance camera.
+        findings: where problems go.
+    """
+    share = float((semantic == instance[..., 1]).mean())
+    if share < MIN_SHARE:
+        findings.add(
+            "tags",
+            f"{share:.1%} of the pixels have the tag that {instance_id} shows there; "
+            f"at least {MIN_SHARE:.0%} must",
+            frame=frame,
+            sensor=semantic_id,
+        )

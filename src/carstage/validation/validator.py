@@ -1,0 +1,104 @@
+"""Recompute from the files whether a dataset is what it says it is."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from carstage.dataset.reading import Dataset
+from carstage.errors import CarStageError
+from carstage.validation.checks.catalogue import RULES
+from carstage.validation.checks.episode import EpisodeChecks, Figures
+from carstage.validation.checks.findings import Findings, Problem, Severity
+from carstage.validation.checks.pictures import check_repeated_episodes
+from carstage.validation.checks.population import check_population
+
+REPORT_FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class ValidationReport:
+    """The verdict over a dataset.
+
+    Attributes:
+        problems: everything that was found, in the order of the episodes; of one kind in one
+            episode the first 25.
+        counts: number of errors and warnings by check, those that are not listed too; every check
+            of the catalogue is there.
+        figures: what was measured: numbers of episodes, frames, files and bytes; ``hull``: pixels
+            of objects and how many lie outside their box; ``lidar_depth``: by pair of LiDAR and
+            depth camera, points compared and the share that agrees; ``lidar_points_in_boxes``;
+            ``rgb_edges``: by camera, how much steeper the image is where labels change;
+            ``rgb_frame``: the same against the labels of the frame before (-1) and after (1);
+            ``flow``: by camera, pixels compared and the share that agrees; ``motion``: steps of
+            objects, likewise; ``pictures``: by camera, images and how many show nothing;
+            ``labels``: counts.
+    """
+
+    problems: tuple[Problem, ...]
+    counts: Mapping[str, Mapping[Severity, int]]
+    figures: Mapping[str, Any]
+
+    @property
+    def ok(self) -> bool:
+        """Whether no problem is an error."""
+        return not any(problem.severity == "error" for problem in self.problems)
+
+    def to_json(self) -> str:
+        """The report as one JSON object on one line."""
+        return json.dumps(
+            {
+                "format_version": REPORT_FORMAT,
+                "ok": self.ok,
+                "problems": [asdict(problem) for problem in self.problems],
+                "checks": {
+                    name: {"rule": rule, **self.counts[name]} for name, rule in RULES.items()
+                },
+                "figures": self.figures,
+            }
+        )
+
+
+def validate_dataset(
+    path: str | Path, *, progress: Callable[[int, int], None] | None = None
+) -> ValidationReport:
+    """Check every committed episode; what is not committed is not looked at.
+
+    What is checked, and how, stands in ``checks.catalogue``, in the modules beside it and in
+    ``docs/formats/dataset.md``.
+
+    Args:
+        path: folder of the dataset.
+        progress: called with (frames checked, frames in all).
+
+    Raises:
+        DatasetError: the folder is no dataset, of another format version, or a marker is damaged.
+    """
+    dataset = Dataset(path)
+    total = sum(episode.frames for episode in dataset.episodes)
+    figures = Figures()
+    everything: list[Findings] = []
+    for episode in dataset.episodes:
+        findings = Findings(episode.id)
+        everything.append(findings)
+        checks = EpisodeChecks(episode, findings, figures)
+        before = figures.frames
+        try:
+            checks.run(lambda: progress(figures.frames, total) if progress else None)
+        except CarStageError as error:
+            findings.add("unreadable", str(error))
+            figures.frames = before + episode.frames
+    findings = Findings(None)
+    everything.append(findings)
+    if not dataset.episodes:
+        findings.add("empty", "the dataset has no committed episode")
+    check_repeated_episodes(dataset.episodes, findings)
+    check_population(figures.population, findings)
+    counts: dict[str, dict[Severity, int]] = {name: {"error": 0, "warning": 0} for name in RULES}
+    for findings in everything:
+        findings.count(counts)
+    problems = tuple(problem for findings in everything for problem in findings.problems())
+    return ValidationReport(problems, counts, figures.to_dict(len(dataset.episodes)))

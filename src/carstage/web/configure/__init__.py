@@ -1,0 +1,1 @@
+"""Configurations as the page edits them: draft, problems, texts, what the server offers."""

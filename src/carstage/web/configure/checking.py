@@ -1,0 +1,121 @@
+"""Is a configuration right, and what would it record?"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from carstage.errors import BadInputError, CarStageError, ConfigError
+from carstage.web.configure.problems import problems_of
+from carstage.web.messages import ConfigCheck, Estimate, FieldProblem
+from carstage.web.messages.base import Document
+from carstage.web.roots import Roots
+
+if TYPE_CHECKING:
+    from carstage.config import Config
+    from carstage.plan import ServerFacts
+
+_RESERVE = 1.1
+_MOST_PLANNED = 200
+"""Episodes are planned one by one: of more, the estimate is scaled up."""
+
+
+class ConfigChecker:
+    """Checks configurations: by the schema, by what the embedded simulator offers, by the disk.
+
+    Args:
+        roots: where datasets go, and where recorded episodes may be replayed from.
+    """
+
+    def __init__(self, roots: Roots) -> None:
+        self._roots = roots
+
+    def parse(self, document: Document) -> Config:
+        """The configuration of a document.
+
+        Raises:
+            ConfigError: a value is wrong.
+        """
+        from carstage.config import check_config
+
+        try:
+            config = check_config(document)
+        except (RecursionError, UnicodeError) as error:
+            raise ConfigError("The document is nested too deeply or is no text.") from error
+        self._confine(config)
+        return config
+
+    def check(self, document: Document) -> ConfigCheck:
+        """The verdict; never raises for what a user can write."""
+        try:
+            config = self.parse(document)
+            return ConfigCheck(ok=True, warnings=config.warnings(), estimate=self.estimate(config))
+        except ConfigError as error:
+            return ConfigCheck(ok=False, errors=problems_of(error))
+        except CarStageError as error:
+            whole = FieldProblem(path=[], message=error.message, hint=error.hint)
+            return ConfigCheck(ok=False, errors=[whole])
+
+    def estimate(self, config: Config) -> Estimate:
+        """What a configuration would record.
+
+        Raises:
+            ConfigError: the embedded simulator lacks a map, a blueprint or an attribute.
+            BadInputError: the episode to replay cannot be read.
+        """
+        from carstage.plan import estimate_run, plan_episodes
+        from carstage.runs.preflight import check_codecs, recording_of
+
+        check_codecs(config)
+        planned = min(config.episodes, _MOST_PLANNED)
+        few = config.model_copy(update={"episodes": planned})
+        recording = recording_of(config)
+        names = [config.map.choice, *(config.map.random_from or ())]
+        names += [] if recording is None else [recording.map]
+        episodes = plan_episodes(few, self._facts(config, names), recording)
+        estimate = estimate_run(few, episodes)
+        scale = config.episodes / planned
+        dataset_bytes = round(estimate.dataset_bytes * scale)
+        peak_bytes = estimate.peak_bytes + dataset_bytes - estimate.dataset_bytes
+        free_bytes = self._roots.free_bytes()
+        return Estimate(
+            episodes=config.episodes,
+            frames=config.saved_frames * config.episodes,
+            sensors=len(config.sensors),
+            hidden_sensors=sum(sensor.hidden for sensor in episodes[0].sensors),
+            dataset_bytes=dataset_bytes,
+            peak_bytes=peak_bytes,
+            duration_s=round(estimate.duration_s * scale, 1),
+            disk_free_bytes=free_bytes,
+            fits=peak_bytes * _RESERVE <= free_bytes,
+        )
+
+    def _facts(self, config: Config, names: list[str | None]) -> ServerFacts:
+        """What the embedded simulator offers; of other servers nothing is known before the run."""
+        from carstage.config.recording import EmbeddedServerConfig
+        from carstage.plan import ServerFacts
+        from carstage.runs.servers import embedded_facts
+
+        if isinstance(config.server, EmbeddedServerConfig):
+            return embedded_facts(config.server.carla_version)
+        any_spawn_point = 1 << 30
+        return ServerFacts(
+            maps={name.rsplit("/", 1)[-1]: any_spawn_point for name in names if name is not None}
+            | {"any": any_spawn_point}
+        )
+
+    def _confine(self, config: Config) -> None:
+        """Refuse to replay an episode from outside the roots.
+
+        Raises:
+            ConfigError: it lies elsewhere.
+        """
+        from carstage.config.scene import ReplayScenario
+
+        if isinstance(config.scenario, ReplayScenario):
+            try:
+                self._roots.confine(config.scenario.episode)
+            except BadInputError as error:
+                problem = (("scenario", "episode"), error.message, error.hint)
+                raise ConfigError(
+                    f"scenario.episode: {error.message}", error.hint, (problem,)
+                ) from error

@@ -1,0 +1,158 @@
+"""Configurations as text: YAML in and out, CARLA-style lists of sensors in and out."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from carstage.errors import BadInputError, ConfigError
+from carstage.web.configure.carla_sensors import read_sensors, write_sensors
+from carstage.web.configure.checking import ConfigChecker
+from carstage.web.configure.problems import problems_of
+from carstage.web.configure.store import ConfigStore
+from carstage.web.messages import (
+    ConfigExportRequest,
+    ConfigImportRequest,
+    ConfigImportResult,
+    ConfigText,
+)
+from carstage.web.messages.base import Document
+
+_MOST_NODES = 50_000
+_DEEPEST = 40
+
+
+class ConfigTexts:
+    """Reads and writes; keeps nothing.
+
+    Args:
+        checker: what is valid.
+        store: the saved configuration, for what does not bring its own.
+    """
+
+    def __init__(self, checker: ConfigChecker, store: ConfigStore) -> None:
+        self._checker = checker
+        self._store = store
+
+    def read(self, request: ConfigImportRequest) -> ConfigImportResult:
+        """The configuration that a text stands for, and what is wrong with it.
+
+        Raises:
+            BadInputError: it cannot be read at all.
+        """
+        from carstage.config import dump_config
+
+        warnings: list[str] = []
+        if request.format == "yaml":
+            document = _read_yaml(request.text)
+        else:
+            sensors, warnings = read_sensors(request.text)
+            base = self._store.state().config if request.base is None else request.base
+            document = {**base, "rig": {"sensors": sensors}, **_without_ids(base)}
+        try:
+            config = self._checker.parse(document)
+        except ConfigError as error:
+            return ConfigImportResult(config=document, errors=problems_of(error), warnings=warnings)
+        return ConfigImportResult(
+            config=dump_config(config), warnings=[*warnings, *config.warnings()]
+        )
+
+    def write(self, request: ConfigExportRequest) -> ConfigText:
+        """A configuration as text.
+
+        Raises:
+            ConfigError: sensors are asked for, and the configuration is wrong.
+        """
+        document = self._store.state().config if request.config is None else request.config
+        name = re.sub(r"[^A-Za-z0-9_.-]+", "-", str(document.get("name", ""))).strip("-.") or "run"
+        if request.format == "carla-json":
+            text = write_sensors(self._checker.parse(document))
+            return ConfigText(text=text, file_name=f"{name[:60]}-sensors.json")
+        import yaml
+
+        text = yaml.dump(document, Dumper=_dumper(), sort_keys=False, allow_unicode=True, width=100)
+        return ConfigText(text=text, file_name=f"{name[:60]}.yaml")
+
+
+def _read_yaml(text: str) -> Document:
+    from carstage.config.yaml_text import parse_yaml
+
+    _check_depth(text)
+    document = parse_yaml(text, "the text")
+    if document is None:
+        return {}
+    if not isinstance(document, dict):
+        raise ConfigError(
+            "The text is not a mapping of keys to values.", "Choose a configuration's file."
+        )
+    _check_size(document)
+    return document
+
+
+def _check_depth(text: str) -> None:
+    """Refuse brackets in brackets in brackets: the parser takes seconds to give up on them.
+
+    Raises:
+        BadInputError: they are nested too deeply.
+    """
+    depth = 0
+    for character in text:
+        if character in "[{":
+            depth += 1
+            if depth > _DEEPEST:
+                raise BadInputError("The text is nested too deeply.", "Is it the right one?")
+        elif character in "]}":
+            depth = max(0, depth - 1)
+
+
+def _check_size(document: Any) -> None:
+    """Refuse what grows beyond reason: YAML's aliases repeat a value for a few bytes.
+
+    Raises:
+        BadInputError: too many values, or nested too deeply.
+    """
+    nodes = 0
+    level = [document]
+    for _ in range(_DEEPEST):
+        nodes += len(level)
+        if nodes > _MOST_NODES:
+            break
+        below: list[Any] = []
+        for value in level:
+            if isinstance(value, dict):
+                below += value.values()
+            elif isinstance(value, list):
+                below += value
+            if nodes + len(below) > _MOST_NODES:
+                break
+        level = below
+        if not level:
+            return
+    raise BadInputError("The text holds more than any configuration does.", "Is it the right one?")
+
+
+def _without_ids(base: Document) -> Document:
+    """Settings that name sensors by id go back to their defaults: those sensors are gone."""
+    labels, conversion = base.get("labels"), base.get("conversion")
+    changed: Document = {}
+    if isinstance(labels, dict) and labels.get("cameras", "all") != "all":
+        changed["labels"] = {**labels, "cameras": "all"}
+    if isinstance(conversion, dict) and conversion.get("codecs"):
+        changed["conversion"] = {**conversion, "codecs": {}}
+    return changed
+
+
+def _dumper() -> Any:
+    """YAML as people write it: short lists of numbers and words on one line."""
+    import yaml
+
+    class Dumper(yaml.SafeDumper):
+        def ignore_aliases(self, data: Any) -> bool:
+            return True
+
+    def sequence(dumper: yaml.SafeDumper, data: list[Any]) -> yaml.Node:
+        flat = all(not isinstance(value, dict | list) for value in data)
+        return dumper.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=flat)
+
+    Dumper.add_representer(list, sequence)
+    return Dumper

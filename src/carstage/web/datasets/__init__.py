@@ -1,0 +1,1 @@
+"""Datasets as the page shows them: lists, episodes, frames, labels, exports and validations."""

@@ -1,0 +1,131 @@
+"""``python -m carstage.web.datasets.job_worker JOB_FOLDER``: one export or validation.
+
+A process of its own: it goes on when the server ends, and what it does not give back goes with it.
+``JOB_FOLDER/job.json`` says what to do, ``status.json`` (replaced as a whole) how far it is.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from carstage.errors import CarStageError
+from carstage.files.whole import write_whole
+
+_WRITE_EVERY_S = 0.25
+
+
+class Status:
+    """The job's ``status.json``."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._document: dict[str, Any] = {"state": "running", "stage": "", "done": 0, "total": 0}
+        self._next_s = 0.0
+
+    def write(self, **changes: Any) -> None:
+        """Replace the file with these values changed."""
+        self._document.update(changes)
+        write_whole(self._path, json.dumps(self._document).encode())
+
+    def progress(self, stage: str) -> Callable[[int, int], None]:
+        """A callback for what counts frames; writes a few times a second."""
+        self.write(stage=stage, done=0, total=0)
+
+        def count(done: int, total: int) -> None:
+            now_s = time.monotonic()
+            if now_s >= self._next_s or done == total:
+                self._next_s = now_s + _WRITE_EVERY_S
+                self.write(done=done, total=total)
+
+        return count
+
+
+def main(folder: Path) -> int:
+    """Do it; the exit code says whether it was done."""
+    # Ends like Ctrl-C does: what an export has begun is removed on the way out.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    job = json.loads((folder / "job.json").read_bytes())
+    status = Status(folder / "status.json")
+    try:
+        status.write()
+        work = {"export": _export, "validation": _validate}[job["kind"]]
+        result = work(job, status)
+    except KeyboardInterrupt:
+        status.write(state="cancelled", ended=time.time())
+        return 130
+    except CarStageError as error:
+        status.write(state="failed", error=str(error), ended=time.time())
+        return 1
+    except OSError as error:
+        words = f"The file system refused: {error.strerror or error}."
+        status.write(state="failed", error=words, ended=time.time())
+        return 1
+    status.write(state="done", result=result, ended=time.time())
+    return 0
+
+
+def _export(job: dict[str, Any], status: Status) -> dict[str, Any]:
+    from carstage.dataset import Dataset
+    from carstage.exporters import (
+        ExportOptions,
+        check_target,
+        examine,
+        export_dataset,
+        exporter_for,
+    )
+
+    given = dict(job["options"])
+    options = ExportOptions(
+        **{
+            **given,
+            "cameras": tuple(given["cameras"]),
+            "classes": tuple(given["classes"]),
+        }
+    )
+    exporter_for(job["format"], options)
+    source, target = Dataset(job["path"]), Path(job["out"])
+    target.parent.mkdir(exist_ok=True)
+    check_target(target, source.path, overwrite=job["overwrite"])
+    found = examine(source, status.progress("Checking"))
+    summary = export_dataset(
+        job["path"],
+        target,
+        job["format"],
+        options,
+        overwrite=job["overwrite"],
+        allow_incomplete=job["allow_incomplete"],
+        completeness=found,
+        progress=status.progress("Exporting"),
+    )
+    return {**summary.to_json(), "path": job["shown"]}
+
+
+def _validate(job: dict[str, Any], status: Status) -> dict[str, Any]:
+    from carstage.validation import validate_dataset
+
+    report = validate_dataset(job["path"], progress=status.progress("Checking"))
+    document = json.loads(report.to_json())
+    temporary = Path(job["report"]).with_suffix(".part")
+    temporary.write_text(
+        json.dumps(
+            {"report": document, "validated": time.time(), "fingerprint": job["fingerprint"]}
+        ),
+        "utf-8",
+    )
+    temporary.replace(job["report"])
+    severities = [problem["severity"] for problem in document["problems"]]
+    return {
+        "ok": document["ok"],
+        "errors": severities.count("error"),
+        "warnings": severities.count("warning"),
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1])))

@@ -1,0 +1,108 @@
+"""Pictures, masks and points of a frame, as the page shows them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from carstage.web.datasets.frame_values import FrameService
+from carstage.web.errors import not_found
+from carstage.web.media import Media
+
+if TYPE_CHECKING:
+    from carstage.dataset import Frame, Sensor
+
+_PNG, _JPEG, _BYTES = "image/png", "image/jpeg", "application/octet-stream"
+_MASK_ALPHA = 150
+
+
+class Pictures:
+    """Draws what is asked for; colour pictures in their own size go out as they are.
+
+    Args:
+        frames: finds the frames.
+    """
+
+    def __init__(self, frames: FrameService) -> None:
+        self._frames = frames
+
+    def image(self, dataset: str, episode: str, sensor_id: str, k: int, width: int | None) -> Media:
+        """A camera's picture.
+
+        Raises:
+            WebError: there is none.
+            DatasetError: the file is damaged.
+        """
+        from carstage.web.preview.sensor_views import IMAGE_KINDS, jpeg, picture, png, scaled
+
+        frame = self._frames.frame(dataset, episode, k)
+        sensor = _sensor(frame, sensor_id, IMAGE_KINDS)
+        small = width is not None and width < sensor.calibration.width
+        if sensor.kind == "rgb" and not small:
+            path = sensor.paths(k)[0]
+            return Media(path.read_bytes(), _JPEG if path.suffix == ".jpg" else _PNG)
+        drawn = picture(sensor.kind, sensor.read(k))
+        if small and width is not None:
+            drawn = scaled(drawn, width)
+        if sensor.kind == "rgb":
+            return Media(jpeg(drawn, 85), _JPEG)
+        return Media(png(drawn), _PNG)
+
+    def masks(self, dataset: str, episode: str, sensor_id: str, k: int) -> Media:
+        """The masks of a labelled camera's visible objects on a transparent ground.
+
+        Raises:
+            WebError: there is no such camera or frame.
+            DatasetError: a mask is damaged.
+        """
+        import numpy as np
+        from PIL import Image
+
+        from carstage.dataset import decode_mask
+        from carstage.report.drawing import class_colour
+        from carstage.web.preview.sensor_views import IMAGE_KINDS, png
+
+        frame = self._frames.frame(dataset, episode, k)
+        camera = _sensor(frame, sensor_id, IMAGE_KINDS).calibration
+        canvas = np.zeros((camera.height, camera.width, 4), np.uint8)
+        rows = frame.camera_objects.get(sensor_id, ())
+        for row in sorted(rows, key=lambda row: -row["distance"]):  # the nearest on top
+            if row["mask_modal"] is None or not row["visible"]:
+                continue
+            known = frame.objects.get(row["track_id"])
+            colour = class_colour(known["class"] if known else "")
+            mask = decode_mask(row["mask_modal"], camera.height, camera.width)
+            canvas[mask] = (*colour, _MASK_ALPHA)
+        return Media(png(Image.fromarray(canvas)), _PNG)
+
+    def points(self, dataset: str, episode: str, sensor_id: str, k: int) -> Media:
+        """``(N, 4)`` float32 in the ego's axes.
+
+        Raises:
+            WebError: there is no such sensor or frame.
+            DatasetError: the file is damaged.
+        """
+        import numpy as np
+
+        from carstage.geometry import transform_points
+        from carstage.web.preview.sensor_views import POINT_KINDS, RADAR, points_of
+
+        frame = self._frames.frame(dataset, episode, k)
+        sensor = _sensor(frame, sensor_id, POINT_KINDS | {RADAR})
+        points = points_of(sensor.kind, sensor.read(k)).copy()
+        pose = sensor.calibration_at(k).ego_from_sensor
+        points[:, :3] = transform_points(pose, points[:, :3].astype(np.float64))
+        return Media(points.astype("<f4").tobytes(), _BYTES)
+
+
+def _sensor(frame: Frame, sensor_id: str, kinds: frozenset[str]) -> Sensor:
+    """A sensor of one of the kinds that has data of the frame.
+
+    Raises:
+        WebError: there is none.
+    """
+    known = frame.episode.calibration.sensors.get(sensor_id)
+    if known is None or known.kind not in kinds:
+        raise not_found(f"sensor {sensor_id} that could be shown so")
+    if not frame.has(sensor_id):
+        raise not_found(f"data of {sensor_id} in frame {frame.k}")
+    return frame.episode.sensor(sensor_id)

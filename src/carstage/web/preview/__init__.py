@@ -1,0 +1,1 @@
+"""Pictures of what is being recorded, and through a sensor that is still being placed."""

@@ -1,0 +1,178 @@
+"""Small pictures of what a run records now: ``python -m carstage.web.preview.previewer FOLDER``.
+
+A process of its own, so that drawing takes nothing from the run's processes nor from the server.
+It works only while somebody watches, which a fresh ``preview/want`` says, and only once per run.
+It reads the raw log that is being written and leaves, for each sensor, the newest picture:
+``preview/<sensor>.jpg`` or ``.f32``, each replaced as a whole, and ``preview/index.json`` with
+their ticks, written last.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from carstage.codecs import codec_for
+from carstage.conversion.tag_numbers import dataset_payload
+from carstage.files.locks import take_lock
+from carstage.files.whole import write_whole
+from carstage.rawlog.tail import NewestRecords, NewRecord
+from carstage.runs.folder import FINAL_STATES
+from carstage.runs.reading import read_document
+from carstage.web.preview.sensor_views import (
+    IMAGE_KINDS,
+    POINT_KINDS,
+    RADAR,
+    jpeg,
+    picture,
+    points_of,
+    scaled,
+)
+
+FOLDER = "preview"
+WANT = "want"
+INDEX = "index.json"
+WANT_S = 4.0
+"""How old ``want`` may be; whoever watches refreshes it each second."""
+_ROUND_S = 0.05
+_PICTURE_EVERY_S = 0.1
+"""At most ten pictures of a sensor in a second on average: one that gives ten is shown whole."""
+_WIDTH = 640
+_MOST_POINTS = 6000
+_NICE = 5
+
+
+def main(run: Path) -> int:
+    """Draw until nobody watches or the run is over."""
+    with suppress(OSError):
+        os.nice(_NICE)
+    folder = run / FOLDER
+    with _alone(folder) as alone:
+        if alone:
+            _draw(run, folder)
+    return 0
+
+
+def _draw(run: Path, folder: Path) -> None:
+    pause = threading.Event()
+    attempt: Path | None = None
+    streams: list[_Stream] = []
+    ticks: dict[str, dict[str, float]] = {}
+    while _wanted(folder):
+        begin_s = time.monotonic()
+        status = read_document(run / "status.json") or {}
+        if status.get("state") in FINAL_STATES:
+            return
+        newest = _attempt(run, status)
+        if newest != attempt and newest is not None:
+            streams = _streams(newest)
+            attempt = newest if streams else None
+        drawn = False
+        for stream in streams:
+            tick = stream.draw(folder)
+            if tick is not None:
+                ticks[stream.id] = {"tick": tick, "time": time.time()}
+                drawn = True
+        if drawn:
+            write_whole(folder / INDEX, json.dumps(ticks).encode())
+        pause.wait(max(_ROUND_S / 5, _ROUND_S - (time.monotonic() - begin_s)))
+
+
+class _Stream:
+    """One sensor of one attempt."""
+
+    def __init__(self, attempt: Path, sensor: Mapping[str, Any], server: str) -> None:
+        self.id = str(sensor["id"])
+        self._kind = str(sensor["kind"])
+        self._server = server
+        self._records = NewestRecords(attempt, self.id)
+        self._next_s = 0.0
+
+    def draw(self, folder: Path) -> int | None:
+        """Draw the newest record, if there is a new one; its tick."""
+        now_s = time.monotonic()
+        record = self._records.look() if now_s >= self._next_s else None
+        if record is None:
+            return None
+        self._next_s = max(self._next_s, now_s - _PICTURE_EVERY_S) + _PICTURE_EVERY_S
+        suffix = ".jpg" if self._kind in IMAGE_KINDS else ".f32"
+        write_whole(folder / f"{self.id}{suffix}", draw_record(self._kind, self._server, record))
+        return record.tick
+
+
+def draw_record(
+    kind: str,
+    server: str,
+    record: NewRecord,
+    width: int = _WIDTH,
+    most_points: int = _MOST_POINTS,
+) -> bytes:
+    """JPEG of a camera's record; float32 ``(N, 4)`` of a LiDAR's or radar's.
+
+    Args:
+        kind: of the sensor.
+        server: version of the server that it is from.
+        record: from the raw log.
+        width: of the picture, at most.
+        most_points: of a LiDAR; of more, every n-th is taken.
+    """
+    if kind == RADAR:
+        return points_of(kind, np.frombuffer(record.payload, "<f4").reshape(-1, 4)).tobytes()
+    payload = memoryview(dataset_payload(kind, server, memoryview(record.payload)))
+    data = codec_for(kind)[1].raw_array(record.meta, payload)
+    if kind in POINT_KINDS:
+        points = points_of(kind, data)
+        return points[:: max(1, -(-len(points) // most_points))].tobytes()
+    return jpeg(scaled(picture(kind, data), width))
+
+
+def _attempt(run: Path, status: Mapping[str, Any]) -> Path | None:
+    """Folder of the raw log that is being written, once it has begun."""
+    current = status.get("current")
+    if not isinstance(current, dict):
+        return None
+    folder = run / "raw" / str(current["episode_id"]) / str(current["attempt"])
+    return folder if (folder / "episode.json").is_file() else None
+
+
+def _streams(attempt: Path) -> list[_Stream]:
+    header = read_document(attempt / "episode.json")
+    if header is None:
+        return []
+    drawn = (*IMAGE_KINDS, *POINT_KINDS, RADAR)
+    return [
+        _Stream(attempt, sensor, str(header["server_version"]))
+        for sensor in header["spec"]["sensors"]
+        if sensor["kind"] in drawn and not sensor["hidden"]
+    ]
+
+
+def _wanted(folder: Path) -> bool:
+    try:
+        return time.time() - (folder / WANT).stat().st_mtime < WANT_S
+    except OSError:
+        return False
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[bool]:
+    """Whether no other process draws this run; holds the place meanwhile."""
+    try:
+        held = take_lock(folder / ".lock", 0o644)
+    except OSError:
+        held = None
+    with held or nullcontext():
+        yield held is not None
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1])))

@@ -1,0 +1,99 @@
+"""The newest pictures of runs that somebody watches; of others none are made.
+
+Imports nothing that draws: ``carstage.web.preview.previewer`` does, in a process of its own.
+"""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from carstage.runs.reading import read_document
+from carstage.web.messages import Channel, RunSensor
+
+FOLDER, WANT, INDEX = "preview", "want", "index.json"
+_HEADER = struct.Struct("<B3xI")
+_TOUCH_EVERY_S = 1.0
+_START_EVERY_S = 3.0
+_MOST_CHANNELS = 250
+_KINDS: Mapping[str, str] = {
+    **dict.fromkeys(("rgb", "depth", "semantic", "instance", "flow", "normals"), "image"),
+    **dict.fromkeys(("lidar", "semantic_lidar"), "points"),
+    "radar": "radar",
+}
+
+
+class Previews:
+    """Says what is wanted, starts the previewer, reads what it leaves."""
+
+    def __init__(self) -> None:
+        self._touched_s: dict[Path, float] = {}
+        self._started_s: dict[Path, float] = {}
+        self._processes: dict[Path, subprocess.Popen[bytes]] = {}
+        self._lock = threading.Lock()
+
+    def channels(self, sensors: Sequence[RunSensor]) -> list[Channel]:
+        """The channels of a run's sensors that can be shown, in the rig's order."""
+        shown = [sensor for sensor in sensors if sensor.kind in _KINDS][:_MOST_CHANNELS]
+        return [
+            Channel(channel=number, sensor_id=sensor.id, kind=_KINDS[sensor.kind])  # type: ignore[arg-type]
+            for number, sensor in enumerate(shown)
+        ]
+
+    def want(self, run: Path) -> None:
+        """Somebody watches a run: refresh the sign, and have a previewer at work."""
+        with self._lock:
+            now_s = time.monotonic()
+            folder = run / FOLDER
+            if now_s - self._touched_s.get(run, -_TOUCH_EVERY_S) >= _TOUCH_EVERY_S:
+                with suppress(OSError):  # the run was removed
+                    folder.mkdir(exist_ok=True)
+                    (folder / WANT).touch()
+                self._touched_s[run] = now_s
+            process = self._processes.get(run)
+            if process is not None and process.poll() is None:
+                return
+            if now_s - self._started_s.get(run, -_START_EVERY_S) < _START_EVERY_S:
+                return
+            self._started_s[run] = now_s
+            # One that an earlier server has started makes the new one end at once.
+            self._processes[run] = subprocess.Popen(
+                [sys.executable, "-m", "carstage.web.preview.previewer", str(run)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+
+    def ticks(self, run: Path) -> dict[str, int]:
+        """The tick of the newest picture by sensor."""
+        index = read_document(run / FOLDER / INDEX) or {}
+        return {
+            name: entry["tick"]
+            for name, entry in index.items()
+            if isinstance(entry, dict) and isinstance(entry.get("tick"), int)
+        }
+
+    def packet(self, run: Path, channel: Channel, tick: int) -> bytes | None:
+        """The binary message for a channel; None when the picture is gone."""
+        suffix = ".jpg" if channel.kind == "image" else ".f32"
+        try:
+            content = (run / FOLDER / f"{channel.sensor_id}{suffix}").read_bytes()
+        except OSError:
+            return None
+        return _HEADER.pack(channel.channel, tick & 0xFFFFFFFF) + content
+
+    def close(self) -> None:
+        """End the previewers that were started here; runs stay."""
+        with self._lock:
+            for process in self._processes.values():
+                process.terminate()
+            for process in self._processes.values():
+                process.wait()
+            self._processes.clear()

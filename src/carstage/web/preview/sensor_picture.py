@@ -1,0 +1,34 @@
+"""One record of a sensor as the picture of its preview."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from carstage.geometry import pose_matrix, transform_points
+from carstage.plan import SensorSpec
+from carstage.rawlog.tail import NewRecord
+from carstage.report.drawing import birds_eye_view
+from carstage.web.preview.previewer import draw_record
+from carstage.web.preview.sensor_views import IMAGE_KINDS, RADAR, jpeg, scaled
+
+_QUALITY = 85
+_MOST_POINTS = 200_000
+
+
+def sight_picture(sensor: SensorSpec, server: str, record: NewRecord, width: int) -> bytes:
+    """JPEG: of a camera what it sees, of LiDAR and radar their points from above."""
+    drawn = draw_record(sensor.kind, server, record, width, _MOST_POINTS)
+    if sensor.kind in IMAGE_KINDS:
+        return drawn
+    points = np.frombuffer(drawn, "<f4").reshape(-1, 4).astype(np.float64)
+    pose = sensor.pose
+    ego_from_sensor = pose_matrix(
+        [pose.x_m, pose.y_m, pose.z_m], [pose.pitch_deg, pose.yaw_deg, pose.roll_deg]
+    )
+    places = transform_points(ego_from_sensor, points[:, :3])
+    if sensor.kind == RADAR:
+        rates = points[:, 3].astype(np.float32)
+        picture = birds_eye_view(np.zeros((0, 3)), [], [(places, rates)])
+    else:
+        picture = birds_eye_view(places, [])
+    return jpeg(scaled(picture, width), _QUALITY)

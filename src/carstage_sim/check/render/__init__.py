@@ -1,9 +1,0 @@
-"""Do pictures and point clouds come in time, and do they look right?
-
-``stage`` puts up the reference scene, ``speed`` and ``compiling`` measure, ``looks`` judges
-pictures, ``gallery`` paints those of the documentation.
-"""
-
-from carstage_sim.check.render.trial import add_render
-
-__all__ = ["add_render"]

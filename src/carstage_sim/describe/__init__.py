@@ -1,0 +1,1 @@
+"""What the simulator offers, as JSON documents for other programs: maps, vehicles, lanes."""

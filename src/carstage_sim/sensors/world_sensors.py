@@ -1,0 +1,224 @@
+"""All sensors of a world: one capture per tick, one cast per camera pose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from carstage_sim.cache import cache_folder
+from carstage_sim.maps.town import Town
+from carstage_sim.mesh import TriangleMesh
+from carstage_sim.render.cast import NOTHING
+from carstage_sim.render.caster import RayCaster
+from carstage_sim.render.gpu.camera import GpuCameras
+from carstage_sim.render.gpu.caster import GpuCaster
+from carstage_sim.render.gpu.device import Gpu
+from carstage_sim.render.picture import PictureMaker
+from carstage_sim.render.quality import Quality
+from carstage_sim.render.scene import Frame, SceneStore
+from carstage_sim.sensors import (  # noqa: F401 - they register themselves
+    cameras,
+    cosmos,
+    dvs,
+    events,
+    flow,
+    lidar,
+    navigation,
+    obstacle,
+    radar,
+)
+from carstage_sim.sensors.actors import ActorModels
+from carstage_sim.sensors.looping import Looping, LoopingSensor
+from carstage_sim.sensors.measurements import SensorFrame, SensorRequest
+from carstage_sim.sensors.sensor import Sensor, SensorRegistry
+from carstage_sim.sensors.view import View
+from carstage_sim.world.pose import Vector3
+from carstage_sim.world.state import Weather, WorldState
+
+
+class WorldSensors:
+    """Captures what the listening sensors see of a town.
+
+    One thread at a time may call it. Sensors that remember earlier ticks (the LiDAR's angle, the
+    IMU's track) are kept by sensor id and forgotten when the frame number goes back.
+
+    Args:
+        town: the map.
+        threads: threads that cast rays; default: all CPUs of this process.
+        meshes: replaces the actors' meshes, for tests.
+        loop: how each sensor repeats itself; None: it measures for ever.
+        cache: folder of stored meshes and acceleration structures; default: the user's cache.
+        quality: of colour pictures.
+        gpu: the card that casts rays and makes pictures; None leaves it to the CPU.
+    """
+
+    def __init__(
+        self,
+        town: Town,
+        *,
+        threads: int | None = None,
+        loop: Looping | None = None,
+        meshes: Callable[[str], TriangleMesh] | None = None,
+        cache: Path | None = None,
+        quality: Quality = Quality.LOW,
+        gpu: Gpu | None = None,
+    ) -> None:
+        self._town = town
+        self._loop = loop
+        self._caster = RayCaster(threads)
+        self._cameras: GpuCameras | None = None
+        if gpu is not None:
+            caster = GpuCaster(gpu, threads)
+            self._caster, self._cameras = caster, GpuCameras(caster, quality)
+        folder = cache if cache is not None else cache_folder()
+        self._models = ActorModels(town, meshes, cache=folder / "meshes")
+        self._store = SceneStore(town.static_mesh, self._models.mesh, cache=folder / "trees")
+        self._pictures = PictureMaker(self._caster, quality)
+        self._sensors: dict[int, Sensor] = {}
+        self._last_frame = -1
+        self.last_cast_count = 0
+        """Ray casts of the last capture; sensors of one pose and one set of intrinsics share."""
+        self.last_ray_count = 0
+        """Rays of these casts, and of pixels on edges; rays to the sun and the sky do not count."""
+
+    def __enter__(self) -> WorldSensors:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the threads."""
+        self._caster.close()
+
+    def warm_up(self) -> None:
+        """Compile, or load, every kernel: afterwards no capture waits for the compiler."""
+        self._pictures.warm_up(self._store)
+        if self._cameras is not None:
+            light = self._pictures.sky.lighting(Weather(), 0.0)
+            self._cameras.warm_up(self._store.frame([]), light)
+
+    def expect(self, type_id: str) -> None:
+        """Make the shapes of a blueprint now, so that its first picture need not wait for them."""
+        self._store.prepare(self._models.keys_of(type_id))
+
+    def reset(self) -> None:
+        """Forget all sensors: a new episode counts actor ids and frames anew."""
+        self._sensors.clear()
+        self._last_frame = -1
+
+    def capture(
+        self, state: WorldState, requests: Sequence[SensorRequest]
+    ) -> list[tuple[int, SensorFrame]]:
+        """Frames of the sensors that are due, in the order of ``requests``.
+
+        A sensor of events has as many as happened, none or several.
+
+        Raises:
+            KeyError: a request's blueprint id is not a known sensor.
+            SensorAttributeError: an attribute of a new sensor has an impossible value.
+        """
+        return list(self.frames(state, requests))
+
+    def frames(
+        self, state: WorldState, requests: Sequence[SensorRequest]
+    ) -> Iterator[tuple[int, SensorFrame]]:
+        """As :meth:`capture`, one after the other: a card makes the next while one is sent."""
+        if state.frame <= self._last_frame:
+            self.reset()
+        self._last_frame = state.frame
+        view = self._view(state)
+        views = {frozenset[int](): view}
+        rays_before = self._caster.ray_count
+        due: list[tuple[SensorRequest, Sensor]] = []
+        for request in requests:
+            sensor = self._sensors.get(request.sensor_id)
+            if sensor is None or not sensor.answers(request):
+                sensor = self._sensors[request.sensor_id] = self._made(request)
+            if not sensor.is_due(state.timestamp_s):
+                sensor.observe(state, request)
+                continue
+            due.append((request, sensor))
+            if request.ignored not in views:
+                views[request.ignored] = self._view(state, view, request.ignored)
+            sensor.announce(request, views[request.ignored])
+        for request, sensor in due:
+            reported = sensor.report(state, request, views[request.ignored])
+            for frame in reported:
+                yield request.sensor_id, frame
+        self._forget_absent({request.sensor_id for request in requests})
+        self.last_cast_count = sum(one.cast_count for one in views.values())
+        self.last_ray_count = self._caster.ray_count - rays_before
+
+    def frame_of(self, state: WorldState) -> Frame:
+        """The scene that rays of a tick meet."""
+        return self._store.frame(self._models.placements(state), state.appearance)
+
+    def segment_hits(
+        self, state: WorldState, start: Vector3, end: Vector3, at_most: int = 256
+    ) -> list[tuple[Vector3, int]]:
+        """Surfaces that a segment meets, nearest first: place in the world and semantic label.
+
+        Args:
+            state: the world to look at, actors included.
+            start, end: world metres.
+            at_most: how many surfaces to find.
+        """
+        view = self._view(state)
+        origin = np.asarray(start, np.float64)
+        along = np.asarray(end, np.float64) - origin
+        length = float(np.linalg.norm(along))
+        found: list[tuple[Vector3, int]] = []
+        if length == 0.0:
+            return found
+        direction = (along / length).astype(np.float32).reshape(1, 3)
+        passed = 0.0
+        while len(found) < at_most:
+            # From the last surface on: the distances of a long ray are too coarse for thin ones.
+            here = origin + passed * along / length
+            hits = view.rays(tuple(here.tolist()), direction, high=length - passed, owner_id=0)
+            if int(hits.row[0]) == NOTHING:
+                break
+            x, y, z = (here + float(hits.t[0]) * along / length).tolist()
+            found.append(((x, y, z), int(view.tags(hits)[0])))
+            passed += float(hits.t[0])
+        return found
+
+    def _made(self, request: SensorRequest) -> Sensor:
+        sensor = SensorRegistry.make(request, self._town)
+        if self._loop is None:
+            return sensor
+        return LoopingSensor(sensor, request, self._town, self._loop)
+
+    def _view(
+        self,
+        state: WorldState,
+        whole: View | None = None,
+        ignored: frozenset[int] = frozenset(),
+    ) -> View:
+        """The view of a tick, or of its ``whole`` without some actors."""
+
+        def frame() -> Frame:
+            return self.frame_of(state) if whole is None else whole.frame.without(ignored)
+
+        return View(
+            frame,
+            self._caster,
+            self._pictures,
+            state.weather,
+            state.timestamp_s,
+            state.debug_shapes,
+            self._cameras,
+        )
+
+    def _forget_absent(self, present: set[int]) -> None:
+        for sensor_id in [known for known in self._sensors if known not in present]:
+            del self._sensors[sensor_id]

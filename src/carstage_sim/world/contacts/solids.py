@@ -1,0 +1,74 @@
+"""What vehicles can hit beside each other and the town: walkers, props, poles of traffic lights."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.world.actors import Actor, ActorTable
+from carstage_sim.world.contacts.crashes import Others
+from carstage_sim.world.state import ActorKind
+
+WALKER_MASS_KG = 75.0
+_POLE_HALF_WIDTH_M = 0.1
+_PROP = "static.prop."
+
+
+class Solids:
+    """The boxes of one tick, and the walkers among them.
+
+    Args:
+        table: the live actors.
+
+    Attributes:
+        actors: what the rows of :attr:`others` belong to.
+        others: the boxes; a fleet's step changes them in place.
+    """
+
+    def __init__(self, table: ActorTable) -> None:
+        self._walkers = [w for w in table.of_kind(ActorKind.WALKER) if w.collides]
+        props = [
+            actor
+            for actor in table.of_kind(ActorKind.OTHER)
+            if actor.collides and actor.type_id.startswith(_PROP)
+        ]
+        self.actors: list[Actor] = [
+            *self._walkers,
+            *props,
+            *table.of_kind(ActorKind.TRAFFIC_LIGHT),
+        ]
+        rows = table.rows(actor.actor_id for actor in self.actors)
+        half_size = [
+            (_POLE_HALF_WIDTH_M, _POLE_HALF_WIDTH_M)
+            if actor.kind is ActorKind.TRAFFIC_LIGHT
+            else actor.box_extent[:2]
+            for actor in self.actors
+        ]
+        center = table.location[rows].copy()
+        mass = np.zeros(len(rows))
+        count = len(self._walkers)
+        mass[:count] = 1.0 / WALKER_MASS_KG
+        center[:count, 2] -= [walker.box_extent[2] for walker in self._walkers]
+        velocity = table.velocity[rows, :2].copy()
+        self._rows = rows[:count]
+        self._before = center[:count, :2].copy(), velocity[:count].copy()
+        self.others = Others(
+            center=center,
+            half_size=np.array(half_size, np.float64).reshape(-1, 2),
+            yaw_rad=np.radians(table.rotation_deg[rows, 1]),
+            velocity=velocity,
+            inverse_mass=mass,
+        )
+
+    def pushed(self, table: ActorTable) -> tuple[list[Actor], NDArray[np.float64]]:
+        """Moves the walkers that were hit out of the way.
+
+        Returns:
+            All walkers that can be hit, and the velocity that each was given, ``(N, 2)`` m/s.
+        """
+        count = len(self._walkers)
+        place, velocity = self._before
+        own = np.array([walker.simulate_physics for walker in self._walkers], np.bool_)
+        moved = self.others.center[:count, :2] - place
+        table.location[self._rows, :2] += np.where(own[:, None], moved, 0.0)
+        return self._walkers, self.others.velocity[:count] - velocity

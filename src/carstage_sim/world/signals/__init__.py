@@ -1,0 +1,1 @@
+"""Traffic lights and signs: phases, detectors, turns at junctions without lights."""

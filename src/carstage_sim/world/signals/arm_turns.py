@@ -1,0 +1,170 @@
+"""Junctions without lights: where vehicles come from several arms, the arms take turns.
+
+CARLA tells the controllers of vehicles at stop and yield signs "red", without a light, while others
+are on the junction (``StopSignComponent.cpp``, ``YieldSignComponent.cpp``). A vehicle that the
+Traffic Manager drives then stops and joins the queue of that junction, from which one at a time
+enters in the order of their coming (``TrafficLightStage.cpp``; wheel 0.9.13 spaces them by time).
+Without that, one that turns left, one that comes towards it and one from the side can each stand in
+the way of the next. CARLA's own towns have those signs in their levels, not in their OpenDRIVE
+files, so here every junction of three arms or more that has no lights gets turns; the entries of
+roundabouts and merges have two. Junctions with an arm too short to wait on get none: who waited
+there would stand on the junction behind.
+
+Only who can still stop is told to wait; nobody is while all come from one arm. Nobody sets off
+while somebody comes from another arm too fast to stop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.maps.town import LaneSamples
+from carstage_sim.world.signals.lane_graph import LaneGraph
+
+NEAR_M = 20.0
+"""A vehicle counts when its middle is nearer to the junction than this,"""
+SOON_S = 4.0
+"""or will be there so soon."""
+_FARTHEST_M = 100.0
+TURN_S = 8.0
+"""So long an arm goes while others wait."""
+CLEAR_S = 6.0
+"""So long the next arm waits at most for the junction to be empty."""
+_FEWEST_ARMS = 3
+_ROOM_M = 20.0
+"""Every arm has at least so much room to wait, which is three vehicles."""
+_LOOK_AHEAD_M = 5.5
+"""Nearer than this the Traffic Manager's look-ahead of 6 m is on the junction."""
+_OVER_LINE_M = 1.5
+"""Who has its bumper farther on the junction than this goes on."""
+_BRAKES = 6.0
+"""m/s²; who would need more to stop goes on."""
+_RUSHES = 7.5
+"""m/s; who comes faster cannot stop within the Traffic Manager's look-ahead."""
+
+
+class _Turns:
+    """Whose turn it is at one junction.
+
+    Args:
+        first: the first of the junction's arms, which are next to each other in all of the map's.
+        count: how many it has.
+
+    Attributes:
+        arms: the junction's arms.
+        active: which of them goes, counted from 0.
+        is_closing: whether nobody may enter until the junction is empty.
+    """
+
+    def __init__(self, first: int, count: int) -> None:
+        self.arms = slice(first, first + count)
+        self.active = 0
+        self.is_closing = False
+        self._elapsed_s = 0.0
+        self._waited_s = [0.0] * count
+
+    def step(self, delta_s: float, counts: list[int], *, is_empty: bool) -> None:
+        """Goes on by a tick.
+
+        Args:
+            delta_s: of the tick.
+            counts: vehicles before each arm.
+            is_empty: whether nobody is on the junction.
+        """
+        self._waited_s = [
+            waited_s + delta_s if count else 0.0
+            for waited_s, count in zip(self._waited_s, counts, strict=True)
+        ]
+        self._elapsed_s += delta_s
+        own = counts[self.active]
+        if not self.is_closing and sum(counts) > own and (not own or self._elapsed_s > TURN_S):
+            self.is_closing, self._elapsed_s = True, 0.0
+        if self.is_closing and (is_empty or self._elapsed_s > CLEAR_S):
+            self._waited_s[self.active] = 0.0
+            self.active = max(range(len(counts)), key=self._waited_s.__getitem__)
+            self.is_closing, self._elapsed_s = False, 0.0
+
+    def may_enter(self) -> list[bool]:
+        """Of each arm, whether who comes from it may enter."""
+        return [not self.is_closing and arm == self.active for arm in range(len(self._waited_s))]
+
+
+class ArmTurns:
+    """Turns at all junctions of a map that have no lights.
+
+    Args:
+        lanes: samples of all driving lanes.
+        lit: ids of the junctions that have lights.
+    """
+
+    def __init__(self, lanes: LaneSamples, lit: Collection[int]) -> None:
+        graph = LaneGraph(lanes)
+        entries = graph.junction_entries()
+        self._arm_of_sample = np.full(len(lanes.s_m), -1, np.intp)
+        self._before_m = np.zeros(len(lanes.s_m))
+        self._turns_of_sample = np.full(len(lanes.s_m), -1, np.intp)
+        self._turns: list[_Turns] = []
+        count = 0
+        for junction_id in sorted(set(entries.junction_id.tolist()) - set(lit)):
+            here = np.flatnonzero(entries.junction_id == junction_id)
+            arms = int(entries.arm[here].max()) + 1
+            before = [graph.before(int(entries.sample[entry]), _FARTHEST_M) for entry in here]
+            if arms < _FEWEST_ARMS or min(metres.max() for _, metres in before) < _ROOM_M:
+                continue
+            for entry, (samples, before_m) in zip(here.tolist(), before, strict=True):
+                self._arm_of_sample[samples] = count + entries.arm[entry]
+                self._before_m[samples] = before_m
+            self._turns_of_sample[lanes.junction_id == junction_id] = len(self._turns)
+            self._turns.append(_Turns(count, arms))
+            count += arms
+        self._arm_count = count
+        self._seen: NDArray[np.uint32] = np.zeros(0, np.uint32)
+        self.told_to_wait: NDArray[np.uint32] = np.zeros(0, np.uint32)
+        """Ids of the vehicles that are told to wait."""
+
+    def step(
+        self,
+        delta_s: float,
+        ids: NDArray[np.uint32],
+        samples: NDArray[np.int32],
+        speed: NDArray[np.float64],
+        half_length: NDArray[np.float64],
+    ) -> None:
+        """Goes on by a tick.
+
+        Args:
+            delta_s: of the tick.
+            ids: ``(N,)`` of the vehicles that are on lanes.
+            samples: ``(N,)`` nearest lane sample of each.
+            speed: ``(N,)`` m/s.
+            half_length: ``(N,)`` metres.
+        """
+        if not self._turns:
+            return
+        arm, on = self._arm_of_sample[samples], self._turns_of_sample[samples]
+        reach_m = np.maximum(SOON_S * np.abs(speed), NEAR_M)
+        rows = np.flatnonzero((arm >= 0) & (self._before_m[samples] < reach_m))
+        arm = arm[rows]
+        is_rushed = np.bincount(arm[speed[rows] > _RUSHES], minlength=self._arm_count) > 0
+        counts = np.bincount(arm, minlength=self._arm_count)
+        occupants = np.bincount(on[on >= 0], minlength=len(self._turns))
+        goes = np.ones(self._arm_count, np.bool_)
+        is_contested = np.zeros(self._arm_count, np.bool_)
+        for turns, inside in zip(self._turns, occupants.tolist(), strict=True):
+            before = counts[turns.arms].tolist()
+            turns.step(delta_s, before, is_empty=not inside)
+            rushed = is_rushed[turns.arms]
+            goes[turns.arms] = rushed if rushed.any() else turns.may_enter()
+            is_contested[turns.arms] = sum(map(bool, before)) > 1
+        before_m = self._before_m[samples[rows]]
+        nose_m = before_m - half_length[rows] + _OVER_LINE_M
+        stops = (nose_m > 0.0) & (speed[rows] ** 2 <= 2.0 * _BRAKES * nose_m)
+        looks = before_m <= _LOOK_AHEAD_M
+        # Told to wait in one frame, a vehicle joins the Traffic Manager's queue. Did those whose
+        # turn it is not join, those of the other arms would be the first in it meanwhile.
+        joins = looks & ~np.isin(ids[rows], self._seen) & is_contested[arm]
+        self._seen = ids[rows[looks]]
+        self.told_to_wait = ids[rows[stops & (~goes[arm] | joins)]]

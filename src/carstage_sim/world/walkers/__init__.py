@@ -1,0 +1,1 @@
+"""Pedestrians: how they walk, their gait and their bones."""

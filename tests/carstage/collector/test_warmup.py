@@ -1,0 +1,78 @@
+"""The warm-up waits for streams to come up, not for sensors that need not measure, and tells."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from carstage.collector.internals.plan import EpisodePlan
+from carstage.collector.internals.warmup import WAIT_S, warm_up
+
+
+class Pretended:
+    """Scene, pipeline and events at once, on a clock of their own; the sensor never delivers."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+        self.frame = 10
+        self.told: list[int] = []
+        self.rig = SimpleNamespace(listen=lambda callbacks: None)
+
+    def step(self, tick: int | None) -> Any:
+        del tick
+        self.frame += 1
+        return SimpleNamespace(frame=self.frame)
+
+    def check(self) -> None:
+        pass
+
+    def callback(self, sensor: str) -> None:
+        del sensor
+
+    def wait_delivered(self, frame: int, timeout_s: float) -> tuple[str, ...]:
+        del frame
+        self.now_s += timeout_s
+        return ("SLOW",)
+
+    def begin(self, after_frame: int) -> None:
+        self.began_after = after_frame
+
+    def warm_up(self, episode_id: str, *, tick: int, ticks: int) -> None:
+        del episode_id, ticks
+        self.told.append(tick)
+
+
+def warmed(*, own_timelines: bool, listening_ticks: int | None = None) -> Pretended:
+    """Five ticks of a warm-up."""
+    spec: Any = SimpleNamespace(
+        warmup_ticks=5,
+        sensors=[SimpleNamespace(id="SLOW")],
+        timing=SimpleNamespace(own_timelines=own_timelines),
+    )
+    everything: Any = Pretended()
+    episode = EpisodePlan("id", "a1", "raw", spec)
+    warm_up(
+        *(everything, everything, episode, listening_ticks, everything, everything),
+        clock_s=lambda: everything.now_s,
+    )
+    pretended: Pretended = everything
+    return pretended
+
+
+@pytest.mark.parametrize(("listening_ticks", "waits"), [(None, 5), (2, 2), (0, 0)])
+def test_each_tick_of_sensors_in_step_is_waited_for(
+    listening_ticks: int | None, waits: int
+) -> None:
+    assert warmed(own_timelines=False, listening_ticks=listening_ticks).now_s == waits * WAIT_S
+
+
+def test_sensor_with_a_timeline_of_its_own_is_not_waited_for_in_each_tick() -> None:
+    assert warmed(own_timelines=True).now_s == WAIT_S
+
+
+def test_each_tick_is_a_sign_of_life() -> None:
+    warm = warmed(own_timelines=False)
+    assert warm.told == [0, 1, 2, 3, 4]
+    assert warm.began_after == 15

@@ -1,0 +1,222 @@
+"""Exports appear whole or not at all; what a dataset lacks is said."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from analytic_dataset import attempt_of, edit_rows, recommit
+from typer.testing import CliRunner
+
+from carstage.cli.app import app
+from carstage.dataset import Dataset
+from carstage.errors import BadInputError
+from carstage.exporters import ExportOptions, examine, export_dataset
+from carstage.exporters.splits import split_episodes
+
+pytestmark = pytest.mark.xdist_group("export")
+
+
+@pytest.fixture
+def copy(dataset: Path, tmp_path: Path) -> Path:
+    """A dataset that a test may damage."""
+    return Path(shutil.copytree(dataset, tmp_path / "dataset"))
+
+
+def carstage_export(arguments: Sequence[object]) -> Any:
+    return CliRunner().invoke(app, ["export", *map(str, arguments), "--workers", "0"])
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def test_an_existing_folder_is_refused_unless_overwriting_an_export(
+    dataset: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    export_dataset(dataset, out, "yolo", workers=0)
+    (out / "mine.txt").write_text("stays until it is replaced")
+    with pytest.raises(BadInputError, match="exists already"):
+        export_dataset(dataset, out, "yolo", workers=0)
+    assert (out / "mine.txt").exists()
+    export_dataset(dataset, out, "yolo", overwrite=True, workers=0)
+    assert not (out / "mine.txt").exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_overwriting_never_removes_a_folder_that_is_no_export(
+    dataset: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(BadInputError, match="was not written by"):
+        export_dataset(dataset, tmp_path, "yolo", overwrite=True, workers=0)
+    assert (tmp_path / "thesis.tex").exists()
+
+
+def test_a_failed_overwrite_keeps_the_old_export(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    export_dataset(dataset, out, "yolo", workers=0)
+    before = files_of(out)
+    monkeypatch.setattr(
+        "carstage.exporters.formats.yolo.yolo_rectangle", lambda *_: pytest.fail("no power")
+    )
+    with pytest.raises(pytest.fail.Exception, match="no power"):
+        export_dataset(dataset, out, "yolo", overwrite=True, workers=0)
+    assert files_of(out) == before
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("place", [".", "exports", ".."])
+def test_an_export_never_lies_in_the_dataset_nor_around_it(copy: Path, place: str) -> None:
+    with pytest.raises(BadInputError, match="in one another"):
+        export_dataset(copy, copy / place, "yolo", overwrite=True, workers=0)
+
+
+def test_processes_write_what_one_process_writes(dataset: Path, tmp_path: Path) -> None:
+    export_dataset(dataset, tmp_path / "one", "kitti-tracking", workers=0)
+    seen: list[tuple[int, int]] = []
+    export_dataset(
+        dataset,
+        tmp_path / "two",
+        "kitti-tracking",
+        workers=2,
+        progress=lambda done, total: seen.append((done, total)),
+    )
+    assert files_of(tmp_path / "one") == files_of(tmp_path / "two")
+    assert seen == [(done, 6) for done in range(1, 7)]
+
+
+def test_a_missing_file_is_named_and_nothing_is_written(copy: Path, tmp_path: Path) -> None:
+    (attempt_of(copy) / "sensors/CAM_FRONT/000003.png").unlink()
+    ended = carstage_export(["kitti-object", copy, tmp_path / "out"])
+    assert ended.exit_code == 2
+    assert "sensors/CAM_FRONT/000003.png is missing" in ended.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_flipped_byte_is_found(copy: Path, tmp_path: Path) -> None:
+    path = attempt_of(copy) / "sensors/LIDAR_TOP/000002.bin"
+    content = bytearray(path.read_bytes())
+    content[100] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(BadInputError, match=r"LIDAR_TOP/000002\.bin is not the file"):
+        export_dataset(copy, tmp_path / "out", "kitti-object", workers=0)
+
+
+def test_what_is_damaged_is_left_out_and_counted_when_that_is_allowed(
+    copy: Path, tmp_path: Path
+) -> None:
+    (attempt_of(copy) / "sensors/CAM_FRONT/000003.png").unlink()
+    (attempt_of(copy) / "sensors/LIDAR_TOP/000004.bin").write_bytes(b"")
+    out = tmp_path / "out"
+    ended = carstage_export(["kitti-object", copy, out, "--allow-incomplete", "--json"])
+    assert ended.exit_code == 0
+    summary = json.loads(ended.stdout.splitlines()[-1])
+    assert (summary["frames"], summary["frames_left_out"]) == (5, 1)
+    assert (out / "ImageSets/train.txt").read_text().split() == [
+        "000000", "000001", "000002", "000004", "000005"
+    ]  # fmt: skip
+    assert not (out / "training/image_2/000003.png").exists()
+    assert not (out / "training/velodyne/000004.bin").exists()
+    assert (out / "training/image_2/000004.png").exists()
+
+
+def test_an_episode_with_a_damaged_table_cannot_be_exported(copy: Path, tmp_path: Path) -> None:
+    (attempt_of(copy) / "objects.parquet").write_bytes(b"PAR1")
+    found = examine(Dataset(copy))
+    assert not found.complete
+    assert not found.whole
+    with pytest.raises(BadInputError, match="no whole episode"):
+        export_dataset(copy, tmp_path / "out", "coco", allow_incomplete=True, workers=0)
+
+
+def test_frames_that_the_ledger_lacks_make_a_dataset_incomplete(copy: Path, tmp_path: Path) -> None:
+    def lose_one(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        rows[2] |= {"CAM_FRONT.state": "missing", "CAM_FRONT.reason": "nothing arrived"}
+        return rows
+
+    edit_rows(copy, "frames.parquet", lose_one)
+    (attempt_of(copy) / "sensors/CAM_FRONT/000002.png").unlink()
+    recommit(copy)
+    with pytest.raises(BadInputError, match="tick 2 is missing: nothing arrived"):
+        export_dataset(copy, tmp_path / "out", "yolo", workers=0)
+
+
+def test_an_empty_dataset_is_incomplete(copy: Path, tmp_path: Path) -> None:
+    next((copy / "commits").iterdir()).unlink()
+    with pytest.raises(BadInputError, match="no committed episode"):
+        export_dataset(copy, tmp_path / "out", "yolo", workers=0)
+
+
+def test_unknown_classes_are_listed_and_left_out(copy: Path, tmp_path: Path) -> None:
+    def rename(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        return [row | ({"class": "hovercraft"} if row["class"] == "car" else {}) for row in rows]
+
+    edit_rows(copy, "objects.parquet", rename)
+    ended = carstage_export(["kitti-object", copy, tmp_path / "out"])
+    assert ended.exit_code == 0
+    assert "12 labels of class 'hovercraft'" in ended.stderr  # the ego's are no labels
+    labels = "".join(p.read_text() for p in (tmp_path / "out/training/label_2").iterdir())
+    names = {line.split()[0] for line in labels.splitlines()}
+    assert "Truck" in names
+    assert "Car" not in names
+
+
+@pytest.mark.parametrize(
+    ("choices", "message"),
+    [
+        ({"boxes": "round"}, "boxes: 'round'"),
+        ({"occlusion": "none"}, "occlusion: 'none'"),
+        ({"validation_share": 1.0}, "validation-share"),
+        ({"min_lidar_points": -1}, "min-lidar-points"),
+        ({"max_distance_m": 0.0}, "max-distance-m"),
+    ],
+)
+def test_impossible_options_are_refused(choices: dict[str, Any], message: str) -> None:
+    with pytest.raises(BadInputError, match=message):
+        ExportOptions(**choices)
+
+
+@pytest.mark.parametrize(
+    ("choices", "message"),
+    [
+        ({"cameras": ("DEPTH_FRONT",)}, "no labelled colour camera 'DEPTH_FRONT'"),
+        ({"cameras": ("CAM_FRONT", "CAM_LEFT")}, "one camera"),
+        ({"lidar": "IMU"}, "no LiDAR 'IMU'"),
+    ],
+)
+def test_sensors_that_do_not_fit_are_refused(
+    dataset: Path, tmp_path: Path, choices: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(BadInputError, match=message):
+        export_dataset(
+            dataset, tmp_path / "out", "kitti-object", ExportOptions(**choices), workers=0
+        )
+
+
+def test_unknown_formats_are_refused_with_the_list(dataset: Path, tmp_path: Path) -> None:
+    ended = carstage_export(["voc", dataset, tmp_path / "out"])
+    assert ended.exit_code == 2
+    assert "kitti-object" in ended.stderr
+
+
+def test_splits_draw_whole_episodes_always_alike() -> None:
+    episodes: Any = [SimpleNamespace(id=f"{number:016x}") for number in range(10)]
+    drawn = split_episodes(episodes, 0.3)
+    assert sorted(drawn.values()) == ["train"] * 7 + ["val"] * 3
+    assert split_episodes(episodes[::-1], 0.3) == drawn
+    assert set(split_episodes(episodes, 0.0).values()) == {"train"}
+    assert sorted(split_episodes(episodes[:2], 0.01).values()) == ["train", "val"]
+    assert list(split_episodes(episodes[:1], 0.9).values()) == ["train"]

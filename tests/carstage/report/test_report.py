@@ -1,0 +1,188 @@
+"""The report is one page on its own, well-formed, and shows what validation found."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+import shutil
+from html.parser import HTMLParser
+from pathlib import Path
+
+import analytic_dataset
+import numpy as np
+import pytest
+from PIL import Image
+
+from carstage.dataset import Dataset
+from carstage.errors import BadInputError
+from carstage.report import film, html, write_report, write_validation
+from carstage.report.coverage import coverage_section
+from carstage.report.statistics import bin_names
+from carstage.validation import Problem, ValidationReport, validate_dataset
+from carstage.validation.checks.catalogue import RULES
+from carstage.validation.checks.episode import Figures
+from carstage.validation.checks.findings import Findings, Severity
+
+_VOID = {"meta", "img", "link", "br", "rect"}
+
+
+class Balance(HTMLParser):
+    """Checks that every element that is opened is closed in order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.images: list[str] = []
+        self.text: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag == "img":
+            self.images.append(dict(attrs)["src"] or "")
+        if tag not in _VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        pass
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+
+
+def parse(page: str) -> Balance:
+    parser = Balance()
+    parser.feed(page)
+    parser.close()
+    assert parser.open == []
+    return parser
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("report")
+    return analytic_dataset.make_dataset(folder / "out", folder)
+
+
+def test_the_page_is_well_formed_and_asks_for_nothing_from_outside(dataset: Path) -> None:
+    path = write_report(dataset)
+    assert path == dataset / "report.html"
+    page = path.read_text("utf-8")
+    parser = parse(page)
+    # contact sheets, other views, from above; the map; four heat maps
+    assert len(parser.images) == 2 * 2 * 6 + 2 * 3 + 2 + 1 + 4
+    assert all(source.startswith("data:image/") for source in parser.images)
+    assert not re.search(r"(?:src|href)=\"(?!data:)|url\(|@import|<script|https?://", page)
+    text = " ".join(parser.text)
+    for expected in ("valid", "CAM_FRONT", "Analytic01", "LIDAR_TOP", "walker_adult", "ClearNoon"):
+        assert expected in text
+
+
+def test_names_from_the_data_are_escaped(dataset: Path, tmp_path: Path) -> None:
+    page = write_report(dataset, tmp_path / "other.html").read_text("utf-8")
+    assert "analytic &lt;scene&gt;" in page
+    assert "<scene>" not in page
+
+
+def test_problems_stand_on_the_page(dataset: Path, tmp_path: Path) -> None:
+    (analytic_dataset.attempt_of(dataset) / "notes.txt").write_text("mine")
+    path = write_report(dataset, tmp_path / "r.html", validation=validate_dataset(dataset))
+    text = " ".join(parse(path.read_text("utf-8")).text)
+    assert "1 warning" in text
+    assert "notes.txt lies in the folder" in text
+
+
+def test_frames_that_a_sensor_lacks_are_left_out(dataset: Path, tmp_path: Path) -> None:
+    """Under `on_incomplete: skip` a valid dataset may lack any of them."""
+    copy = Path(shutil.copytree(dataset, tmp_path / "out"))
+    sensors = analytic_dataset.attempt_of(copy) / "sensors"
+    whole = parse(write_report(copy).read_text("utf-8"))
+    for sensor in ("CAM_LEFT", "DEPTH_FRONT", "LIDAR_TOP"):
+        for path in sorted((sensors / sensor).iterdir())[:-1]:
+            path.unlink()
+    some = parse(write_report(copy).read_text("utf-8"))
+    assert 0 < len(some.images) < len(whole.images)
+    assert any("CAM_LEFT" in text for text in some.text)
+
+
+def test_a_chart_of_nothing_is_still_a_chart() -> None:
+    parse(html.page("t", html.bars("Empty", []) + html.bars("Zero", [("a", 0, None)])))
+
+
+def test_bins_of_counts_end_before_the_next_and_bins_of_lengths_meet() -> None:
+    assert bin_names((0, 1, 5), "") == ["0", "1–4", "5+"]
+    assert bin_names((0, 10, 20), " m") == ["0–10 m", "10–20 m", "20+ m"]
+
+
+def test_films_show_every_frame_with_its_boxes(dataset: Path, tmp_path: Path) -> None:
+    av = pytest.importorskip("av", reason="PyAV is not installed")
+    verdict = validate_dataset(dataset)
+    path = write_report(dataset, tmp_path / "films.html", validation=verdict, films=True)
+    sources = re.findall(r'<video src="data:video/mp4;base64,([^"]+)"', path.read_text("utf-8"))
+    assert len(sources) == 2  # CAM_FRONT, CAM_LEFT
+    with av.open(io.BytesIO(base64.b64decode(sources[0]))) as container:
+        pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+        assert container.streams.video[0].average_rate == 10
+    assert len(pictures) == 6
+    plain = Dataset(dataset).episodes[0].sensor("CAM_FRONT").read(3).astype(int)
+    difference = np.abs(pictures[3].astype(int) - plain).max(axis=2)
+    assert (difference > 60).sum() > 100  # the lines of boxes
+    assert np.median(difference) < 8  # the rest is the picture
+
+
+def test_films_without_the_extra_are_refused(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(film, "find_spec", lambda name: None)
+    with pytest.raises(BadInputError, match="not installed"):
+        write_report(dataset, films=True)
+
+
+def test_the_map_shows_where_the_ego_went(dataset: Path) -> None:
+    page = coverage_section(Dataset(dataset).episodes)
+    (source,) = parse(page).images
+    picture = Image.open(io.BytesIO(base64.b64decode(source.partition(",")[2]))).convert("RGB")
+    pixels = np.asarray(picture).reshape(-1, 3)
+    ego, others = (255, 200, 40), (74, 118, 190)
+    assert (pixels == ego).all(axis=1).sum() > 50
+    assert (pixels == others).all(axis=1).sum() > 50
+    assert "Analytic01" in page
+    assert "ClearNoon" in page
+
+
+def test_a_verdict_is_a_page_of_its_own_that_names_every_check(
+    dataset: Path, tmp_path: Path
+) -> None:
+    report = validate_dataset(dataset)
+    out = write_validation(dataset, report, tmp_path / "verdict.html")
+    page = out.read_text("utf-8")
+    text = parse(page).text
+    assert "analytic <scene>" in text
+    assert not re.search(r"(?:src|href)=|url\(|@import|<script|https?://", page)
+    assert set(RULES) <= set(text)
+
+
+def test_a_verdict_lists_errors_before_warnings(dataset: Path, tmp_path: Path) -> None:
+    problems = (
+        Problem("exposure", "warning", "e", None, "CAM", "3 of 4 images are black"),
+        Problem("hull", "error", "e", 2, "CAM", "object 7: <outside>"),
+    )
+    counts: dict[str, dict[Severity, int]] = {name: {"error": 0, "warning": 0} for name in RULES}
+    counts["exposure"]["warning"], counts["hull"]["error"] = 1, 40
+    report = ValidationReport(problems, counts, Figures().to_dict(0))
+    text = parse(write_validation(dataset, report, tmp_path / "v.html").read_text("utf-8")).text
+    assert text.index("object 7: <outside>") < text.index("3 of 4 images are black")
+    assert "40 errors" in text
+    assert "✗ not valid" in text
+
+
+def test_the_documentation_names_every_check() -> None:
+    page = Path(__file__).parents[3] / "docs" / "formats" / "dataset.md"
+    assert [name for name in RULES if f"`{name}`" not in page.read_text("utf-8")] == []
+
+
+def test_a_problem_of_no_check_is_refused() -> None:
+    with pytest.raises(ValueError, match="hulk"):
+        Findings("e").add("hulk", "green")

@@ -1,0 +1,85 @@
+"""An attempt on its way into the dataset: when its recording is converted."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import analytic_scene
+import pytest
+
+from carstage.errors import ConverterDiedError
+from carstage.rawlog.reader import EpisodeLog
+from carstage.runs.attempt_commit import AttemptCommit, Job
+from carstage.storage.local import LocalStore
+
+
+class Submitted(Executor):
+    """A pool that notes what it is given and never does it."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def submit(self, *_: Any, **__: Any) -> Future[Any]:
+        self.count += 1
+        return Future()
+
+
+@pytest.mark.parametrize("deferred", [False, True])
+def test_sealed_segments_are_converted_at_once_unless_that_is_deferred(
+    tmp_path: Path, deferred: bool
+) -> None:
+    raw = tmp_path / "raw"
+    analytic_scene.write_raw_log(raw)
+    store, pool = LocalStore(tmp_path / "out"), Submitted()
+    store.initialise("test")
+    job: Any = Job(SimpleNamespace(saved_frames=6), "0123456789abcdef")
+    attempt_commit = AttemptCommit(job, "a1", raw, store, pool, {}, deferred=deferred)
+    log = EpisodeLog(raw)
+    for stream in log.streams:
+        for segment in log.sealed_segments(stream):
+            attempt_commit.segment_sealed(stream, segment)
+    while_recording = pool.count
+    attempt_commit.convert_all(pool)
+    assert (while_recording == 0) == deferred
+    assert pool.count > 0
+    assert pool.count == while_recording or deferred
+
+
+class Broken(Executor):
+    """A pool whose processes have died."""
+
+    def submit(self, *_: Any, **__: Any) -> Future[Any]:
+        raise BrokenProcessPool
+
+
+def test_recording_kept_for_the_end_is_converted_by_the_pool_of_then(tmp_path: Path) -> None:
+    raw = tmp_path / "raw"
+    analytic_scene.write_raw_log(raw)
+    store = LocalStore(tmp_path / "out")
+    store.initialise("test")
+    job: Any = Job(SimpleNamespace(saved_frames=6), "0123456789abcdef")
+    attempt_commit = AttemptCommit(job, "a1", raw, store, Broken(), {}, deferred=True)
+    with pytest.raises(ConverterDiedError):
+        attempt_commit.convert_all(Broken())
+    pool = Submitted()
+    attempt_commit.convert_all(pool)
+    assert pool.count > 0
+
+
+def test_commit_counts_the_frames_that_were_saved(tmp_path: Path) -> None:
+    raw = tmp_path / "raw"
+    analytic_scene.write_raw_log(raw)
+    header = json.loads((raw / "episode.json").read_bytes())
+    store = LocalStore(tmp_path / "out")
+    store.initialise("test")
+    job: Any = Job(SimpleNamespace(saved_frames=60), header["episode_id"])
+    with ThreadPoolExecutor(1) as pool:
+        attempt_commit = AttemptCommit(job, "a1", raw, store, pool, {}, deferred=True)
+        attempt_commit.convert_all(pool)
+        assert attempt_commit.commit() == 6
+    assert store.committed()[header["episode_id"]].frames == 6

@@ -1,0 +1,207 @@
+"""What stands in the town: objects, boxes, layers, textures, and rays that meet them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import carla
+import numpy as np
+
+from client_api.entries import limited, works
+from client_api.stage import Stage, changed, expect, look_at
+
+
+def _building(stage: Stage) -> Any:
+    """A building whose front can be looked at from the nearest road."""
+    buildings = stage.world.get_environment_objects(carla.CityObjectLabel.Buildings)
+    expect(len(buildings) > 3, f"{len(buildings)} buildings")
+
+    def to_road(building: Any) -> float:
+        place = building.bounding_box.location
+        return float(stage.map.get_waypoint(place).transform.location.distance(place))
+
+    return min(buildings, key=to_road)
+
+
+def _front(stage: Stage, building: Any) -> carla.Transform:
+    place = building.bounding_box.location
+    eye = stage.map.get_waypoint(place).transform.location + carla.Location(z=2.0)
+    toward = place - eye
+    yaw = float(np.degrees(np.arctan2(toward.y, toward.x)))
+    return carla.Transform(eye, carla.Rotation(yaw=yaw))
+
+
+@works("World.get_environment_objects", "World.enable_environment_objects",
+       "EnvironmentObject.*")  # fmt: skip
+def _objects_vanish(stage: Stage) -> None:
+    """A building that is switched off is gone for cameras, LiDAR and rays, and comes back."""
+    building = _building(stage)
+    expect(building.type == carla.CityObjectLabel.Buildings, "its type")
+    expect(bool(building.name) and building.id > 0, "name and id")
+    expect(building.bounding_box.extent.z > 1.0, "its box")
+    expect(building.transform.location.distance(building.bounding_box.location) < 50.0, "its pose")
+    view = _front(stage, building)
+    middle = building.bounding_box.location
+
+    def seen() -> tuple[Any, int, int]:
+        tags = stage.picture(view, "semantic_segmentation")[..., 0]
+        hits = stage.world.cast_ray(view.location, middle)
+        lidar = stage.spawn(
+            "sensor.lidar.ray_cast_semantic", view, None,
+            channels="16", points_per_second="20000", rotation_frequency="20",
+        )  # fmt: skip
+        points = stage.measure(lidar)
+        houses = sum(p.object_tag == int(carla.CityObjectLabel.Buildings) for p in points)
+        stage.sweep()
+        return tags, sum(h.label == carla.CityObjectLabel.Buildings for h in hits), houses
+
+    there = seen()
+    stage.world.enable_environment_objects({building.id}, False)
+    gone = seen()
+    stage.world.enable_environment_objects({building.id}, True)
+    back = seen()
+    label = int(carla.CityObjectLabel.Buildings)
+    expect((there[0] == label).mean() > (gone[0] == label).mean() + 0.05, "cameras still see it")
+    expect(there[1] > gone[1], f"rays still meet it: {there[1]}, {gone[1]}")
+    expect(there[2] > gone[2], f"LiDAR still meets it: {there[2]}, {gone[2]}")
+    expect((back[0] == there[0]).all() and back[1:] == there[1:], "it did not come back")
+
+
+@works("World.load_map_layer", "World.unload_map_layer")
+def _layers(stage: Stage) -> None:
+    """Without the layer of buildings no camera sees one; loaded again, they are back."""
+    view = _front(stage, _building(stage))
+    label = int(carla.CityObjectLabel.Buildings)
+
+    def share() -> float:
+        return float((stage.picture(view, "semantic_segmentation")[..., 0] == label).mean())
+
+    with_buildings = share()
+    stage.world.unload_map_layer(carla.MapLayer.Buildings)
+    without = share()
+    stage.world.load_map_layer(carla.MapLayer.Buildings)
+    expect(with_buildings > 0.05 and without == 0.0, f"{with_buildings:.2f}, {without:.2f}")
+    expect(share() == with_buildings, "they did not come back")
+
+
+@works("World.get_level_bbs")
+def _boxes(stage: Stage) -> None:
+    """Boxes of all labels: every lamp pole and light head, and cars where they stand."""
+    everything = stage.world.get_level_bbs()
+    for label in ("Buildings", "Poles", "Vegetation", "TrafficLight"):
+        boxes = stage.world.get_level_bbs(getattr(carla.CityObjectLabel, label))
+        expect(0 < len(boxes) < len(everything), f"{len(boxes)} boxes of {label}")
+    car = stage.car()
+    cars = stage.world.get_level_bbs(carla.CityObjectLabel.Car)
+    near = min(box.location.distance(car.get_location()) for box in cars)
+    expect(near < 2.0, f"the nearest car's box is {near:.1f} m from the car")
+
+
+@works("World.cast_ray", "World.project_point", "World.ground_projection", "LabelledPoint.*")
+def _rays(stage: Stage) -> None:
+    """A ray down through a car meets its roof, its floor, and the road."""
+    car = stage.car()
+    above = car.get_location() + carla.Location(z=10.0)
+    below = car.get_location() - carla.Location(z=3.0)
+    hits = stage.world.cast_ray(above, below)
+    labels = [hit.label for hit in hits]
+    expect(labels[0] == carla.CityObjectLabel.Car, f"met {labels}")
+    expect(carla.CityObjectLabel.Roads in labels, f"met {labels}")
+    heights = [hit.location.z for hit in hits]
+    expect(heights == sorted(heights, reverse=True), "nearest first")
+    roof = stage.world.project_point(above, carla.Vector3D(0.0, 0.0, -1.0), 20.0)
+    expect(roof.label == carla.CityObjectLabel.Car, "project_point meets the roof")
+    ground = stage.world.ground_projection(above, 20.0)
+    expect(abs(ground.location.z - roof.location.z) < 1e-3, "ground_projection looks down")
+    up = stage.world.project_point(above, carla.Vector3D(0.0, 0.0, 1.0), 100.0)
+    expect(up is None, "nothing is above")
+
+
+_UNIFORM = (
+    "An object takes the mean colour of the texture all over; normal and roughness textures are "
+    "accepted and change nothing."
+)
+
+
+@limited(_UNIFORM, "World.get_names_of_all_objects", "World.apply_color_texture_to_object",
+         "World.apply_color_texture_to_objects", "World.apply_float_color_texture_to_object",
+         "World.apply_float_color_texture_to_objects", "World.apply_textures_to_object",
+         "World.apply_textures_to_objects")  # fmt: skip
+def _painted(stage: Stage) -> None:
+    building = _building(stage)
+    names = stage.world.get_names_of_all_objects()
+    expect(building.name in names, "its name is listed")
+    view = _front(stage, building)
+    stage.world.set_weather(carla.WeatherParameters.CloudyNoon)
+    before = stage.picture(view)
+    paint = carla.TextureColor(2, 2)
+    glow = carla.TextureFloatColor(2, 2)
+    for x in range(2):
+        for y in range(2):
+            paint.set(x, y, carla.Color(230, 20, 20, 255))
+            glow.set(x, y, carla.FloatColor(0.0, 1.0, 0.0, 1.0))
+    diffuse, emissive = carla.MaterialParameter.Diffuse, carla.MaterialParameter.Emissive
+    stage.world.apply_color_texture_to_object(building.name, diffuse, paint)
+    red = stage.picture(view)
+    expect(changed(before, red) > 0.05, "the paint is not seen")
+    stage.world.apply_float_color_texture_to_object(building.name, emissive, glow)
+    green = stage.picture(view)
+    expect(changed(red, green) > 0.05, "the glow is not seen")
+    stage.world.apply_color_texture_to_objects([building.name], diffuse, paint)
+    stage.world.apply_float_color_texture_to_objects([building.name], diffuse, glow)
+    flat = carla.TextureFloatColor(2, 2)
+    stage.world.apply_textures_to_object(building.name, paint, flat, flat, flat)
+    stage.world.apply_textures_to_objects([building.name], paint, flat, flat, flat)
+    stage.ticks()
+    stage.world.set_weather(carla.WeatherParameters.Default)
+    try:
+        stage.world.apply_color_texture_to_object("no such thing", diffuse, paint)
+    except RuntimeError as error:
+        expect("unable to find Actor to apply the texture" in str(error), str(error))
+    else:
+        raise AssertionError("an object that does not exist was painted")
+
+
+@limited("Lines, arrows, boxes and points are seen by RGB cameras, hidden behind what is nearer; "
+         "depth, semantic and other sensors do not see them.",
+         "World.debug", "DebugHelper.draw_point", "DebugHelper.draw_line", "DebugHelper.draw_arrow",
+         "DebugHelper.draw_box", "DebugHelper.clear_debug_shape")  # fmt: skip
+def _debug_shapes(stage: Stage) -> None:
+    debug = stage.world.debug
+    place = stage.place().location + carla.Location(z=1.0)
+    view = look_at(place, 6.0)
+    red = carla.Color(255, 0, 0)
+    clean = stage.picture(view)
+
+    def shown(name: str, draw: Any) -> None:
+        draw()
+        drawn = stage.picture(view)
+        debug.clear_debug_shape()
+        expect(changed(clean, drawn) > 0.001, f"{name} is not seen")
+        expect(changed(clean, stage.picture(view)) == 0.0, f"{name} stays after clear_debug_shape")
+
+    along = place + carla.Location(x=0.5, y=1.0, z=0.5)
+    shown("a point", lambda: debug.draw_point(place, 0.1, red, 5.0))
+    shown("a line", lambda: debug.draw_line(place, along, 0.05, red, 5.0))
+    shown("an arrow", lambda: debug.draw_arrow(place, along, 0.05, 0.2, red, 5.0))
+    box = carla.BoundingBox(place, carla.Vector3D(0.5, 0.5, 0.5))
+    shown("a box", lambda: debug.draw_box(box, carla.Rotation(yaw=30.0), 0.05, red, 5.0))
+    debug.draw_line(place, along, 0.05, red, 0.12)
+    stage.ticks(4)
+    expect(changed(clean, stage.picture(view)) == 0.0, "a line outlives its life time")
+
+
+@limited("Accepted; they belong to the window of a server, and this one has none.",
+         "DebugHelper.draw_string", "DebugHelper.draw_hud_point", "DebugHelper.draw_hud_line",
+         "DebugHelper.draw_hud_arrow", "DebugHelper.draw_hud_box",
+         "DebugHelper.clear_debug_string")  # fmt: skip
+def _window_shapes(stage: Stage) -> None:
+    debug, place = stage.world.debug, carla.Location(z=2.0)
+    debug.draw_string(place, "here", False, carla.Color(255, 0, 0), 0.1)
+    debug.draw_hud_point(place, 2.0, carla.Color(255, 0, 0), 0.1)
+    debug.draw_hud_line(place, carla.Location(x=1.0), 2.0, carla.Color(255, 0, 0), 0.1)
+    debug.draw_hud_arrow(place, carla.Location(x=1.0), 2.0, 2.0, carla.Color(255, 0, 0), 0.1)
+    box = carla.BoundingBox(place, carla.Vector3D(1.0, 1.0, 1.0))
+    debug.draw_hud_box(box, carla.Rotation(), 2.0, carla.Color(255, 0, 0), 0.1)
+    debug.clear_debug_string()
+    stage.ticks()

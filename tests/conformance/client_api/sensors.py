@@ -1,0 +1,266 @@
+"""Sensors: listening, and what their measurements hold."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from queue import Queue
+from typing import Any
+
+import carla
+import numpy as np
+
+from client_api.entries import client_side, limited, works
+from client_api.stage import Stage, expect, look_at
+
+
+def _camera(stage: Stage, kind: str = "rgb", parent: Any = None) -> Any:
+    where = carla.Transform(carla.Location(x=1.5, z=2.0)) if parent else look_at(
+        stage.place().location, 10.0)  # fmt: skip
+    return stage.spawn(
+        f"sensor.camera.{kind}", where, parent, image_size_x="64", image_size_y="48", fov="90.0"
+    )
+
+
+@works("Sensor.listen", "Sensor.is_listening", "Sensor.stop", "SensorData.*", "ServerSideSensor",
+       "Sensor")  # fmt: skip
+def _listening(stage: Stage) -> None:
+    """Data come with the frame, time and pose of their tick, until the sensor is stopped."""
+    car = stage.car()
+    sensor = stage.spawn("sensor.other.gnss", carla.Transform(carla.Location(z=1.0)), car)
+    inbox: Queue[Any] = Queue(maxsize=1000)
+    sensor.listen(inbox.put)
+    expect(sensor.is_listening(), "it does not listen")
+    frame = stage.ticks()
+    data = inbox.get(timeout=20.0)
+    while data.frame < frame:
+        data = inbox.get(timeout=20.0)
+    expect(data.frame == data.frame_number == frame, f"frame {data.frame}, ticked {frame}")
+    snapshot = stage.world.get_snapshot()
+    expect(data.timestamp == snapshot.timestamp.elapsed_seconds, "time")
+    expect(data.transform.location.distance(sensor.get_location()) < 0.01, "pose")
+    sensor.stop()
+    expect(not sensor.is_listening(), "it still listens")
+
+
+@works("Image.*")
+def _images(stage: Stage) -> None:
+    """A picture has the size that was asked for, converts, and is saved as PNG."""
+    image = stage.measure(_camera(stage, "depth"))
+    expect((image.width, image.height, image.fov) == (64, 48, 90.0), "size")
+    expect(len(image.raw_data) == len(image) * 4 == 64 * 48 * 4, "bytes")
+    image.convert(carla.ColorConverter.LogarithmicDepth)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "image.png"
+        image.save_to_disk(str(path))
+        expect(path.read_bytes()[1:4] == b"PNG", "no PNG")
+
+
+@works("OpticalFlowImage.*")
+def _flow(stage: Stage) -> None:
+    """A camera that moves sees the street flow; its colour code is a picture."""
+    car = stage.car()
+    camera = _camera(stage, "optical_flow", car)
+    car.enable_constant_velocity(carla.Vector3D(8.0, 0.0, 0.0))
+    images: list[Any] = []
+    camera.listen(images.append)
+    stage.until(lambda: len(images) > 3, "pictures")
+    image = images[-1]
+    expect((image.width, image.height, image.fov) == (64, 48, 90.0), "size")
+    flow = np.frombuffer(image.raw_data, np.float32)
+    expect(flow.size == 64 * 48 * 2 and float(np.abs(flow).max()) > 1e-3, "nothing flows")
+    coded = image.get_color_coded_flow()
+    expect(len(coded.raw_data) == 64 * 48 * 4, "colour code")
+
+
+@works("LidarMeasurement.*", "LidarDetection.*", "SemanticLidarMeasurement.*",
+       "SemanticLidarDetection.*")  # fmt: skip
+def _lidar(stage: Stage) -> None:
+    """Points lie around the car; the semantic ones say what they hit."""
+    car = stage.car()
+    mount = carla.Transform(carla.Location(z=2.4))
+    common = {"channels": "8", "points_per_second": "8000", "rotation_frequency": "20"}
+    points = stage.measure(stage.spawn("sensor.lidar.ray_cast", mount, car, **common))
+    expect(points.channels == 8 and len(points) > 50, f"{len(points)} points")
+    expect(sum(points.get_point_count(k) for k in range(8)) == len(points), "points per channel")
+    expect(len(points.raw_data) == 16 * len(points), "bytes")
+    expect(np.isfinite(points.horizontal_angle), "angle")
+    expect(points[0].point.distance(carla.Location()) > 0.5, "a point inside the sensor")
+    expect(0.0 <= points[0].intensity <= 1.0, "intensity")
+    marked = stage.measure(stage.spawn("sensor.lidar.ray_cast_semantic", mount, car, **common))
+    expect(marked.channels == 8 and len(marked.raw_data) == 24 * len(marked), "semantic bytes")
+    expect(sum(marked.get_point_count(k) for k in range(8)) == len(marked), "semantic channels")
+    expect(np.isfinite(marked.horizontal_angle), "semantic angle")
+    road = int(carla.CityObjectLabel.Roads)
+    expect(any(p.object_tag == road for p in marked), "no point on the road")
+    expect(all(0.0 <= abs(p.cos_inc_angle) <= 1.0001 for p in marked), "angle of incidence")
+    expect(all(p.object_idx >= 0 and p.point is not None for p in marked), "object and place")
+    with tempfile.TemporaryDirectory() as folder:
+        for name, data in (("plain", points), ("semantic", marked)):
+            path = Path(folder) / f"{name}.ply"
+            data.save_to_disk(str(path))
+            expect(path.read_bytes()[:3] == b"ply", f"no PLY of {name} points")
+
+
+@works("RadarMeasurement.*", "RadarDetection.*")
+def _radar(stage: Stage) -> None:
+    """Detections have a distance, angles and a speed."""
+    car = stage.car()
+    mount = carla.Transform(carla.Location(x=2.6, z=1.0), carla.Rotation(pitch=-4.0))
+    data = stage.measure(stage.spawn("sensor.other.radar", mount, car))
+    expect(data.get_detection_count() == len(data) > 0, "no detections")
+    expect(len(data.raw_data) == 16 * len(data), "bytes")
+    one = data[0]
+    expect(0.0 < one.depth <= 100.0 and abs(one.azimuth) < 1.0, "distance and azimuth")
+    expect(abs(one.altitude) < 1.0 and np.isfinite(one.velocity), "altitude and speed")
+
+
+@works("IMUMeasurement.*", "GnssMeasurement.*")
+def _navigation(stage: Stage) -> None:
+    """At rest an IMU feels gravity alone; GNSS agrees with the map's georeference."""
+    car = stage.car()
+    imu = stage.spawn("sensor.other.imu", carla.Transform(), car)
+    felt: list[Any] = []
+    imu.listen(felt.append)
+    stage.until(lambda: len(felt) > 6, "the IMU measures")
+    expect(abs(felt[-1].accelerometer.z - 9.81) < 0.3, f"it feels {felt[-1].accelerometer}")
+    expect(felt[-1].gyroscope.length() < 0.1, "it turns")
+    expect(0.0 <= felt[-1].compass < 6.4, f"compass {felt[-1].compass}")
+    gnss = stage.measure(stage.spawn("sensor.other.gnss", carla.Transform(), car))
+    geo = stage.map.transform_to_geolocation(gnss.transform.location)
+    expect(abs(gnss.latitude - geo.latitude) < 1e-9, "latitude")
+    expect(abs(gnss.longitude - geo.longitude) < 1e-9, "longitude")
+    expect(abs(gnss.altitude - geo.altitude) < 0.5, "altitude")
+
+
+def _collide(stage: Stage) -> tuple[Any, Any]:
+    """A car, and a parked truck a bit ahead of it on its lane."""
+    car = stage.car()
+    pose = car.get_transform()
+    pose.location += 10.0 * pose.get_forward_vector() + carla.Location(z=0.3)
+    truck = stage.spawn("vehicle.carlamotors.carlacola", pose)
+    car.enable_constant_velocity(carla.Vector3D(8.0, 0.0, 0.0))
+    return car, truck
+
+
+@works("CollisionEvent.*")
+def _collision(stage: Stage) -> None:
+    """A crash is reported with both cars and an impulse."""
+    car, truck = _collide(stage)
+    sensor = stage.spawn("sensor.other.collision", carla.Transform(), car)
+    event = stage.measure(sensor, tries=60)
+    expect(event.actor.id == car.id and event.other_actor.id == truck.id, "who")
+    expect(event.normal_impulse.length() > 0.0, "impulse")
+
+
+@works("ObstacleDetectionEvent.*")
+def _obstacle(stage: Stage) -> None:
+    """What stands ahead is reported with its distance."""
+    car, _ = _collide(stage)
+    sensor = stage.spawn(
+        "sensor.other.obstacle", carla.Transform(carla.Location(x=2.5, z=1.0)), car,
+        distance="20", only_dynamics="true",
+    )  # fmt: skip
+    event = stage.measure(sensor, tries=60)
+    expect(0.0 < event.distance <= 20.0, f"distance {event.distance}")
+    expect(event.actor is not None and event.other_actor is not None, "who")
+
+
+@works("LaneInvasionEvent.crossed_lane_markings", "LaneInvasionSensor", "ClientSideSensor")
+def _lane_invasion(stage: Stage) -> None:
+    """A car that leaves its lane reports the marking that it crossed."""
+    car = stage.car()
+    sensor = stage.spawn("sensor.other.lane_invasion", carla.Transform(), car)
+    car.enable_constant_velocity(carla.Vector3D(6.0, 4.0, 0.0))
+    event = stage.measure(sensor, tries=60)
+    expect(len(event.crossed_lane_markings) > 0, "no marking")
+
+
+@client_side("LaneInvasionEvent.actor")
+def _lane_invader(_stage: Stage) -> None:
+    """The 0.9.16 wheel raises when it is read, with any server: such an event knows no episode."""
+    expect(hasattr(carla.LaneInvasionEvent, "actor"), "actor")
+
+
+@works("DVSEvent.*", "DVSEventArray.width", "DVSEventArray.height", "DVSEventArray.fov",
+       "DVSEventArray.raw_data", "DVSEventArray.to_image", "DVSEventArray.to_array_x",
+       "DVSEventArray.to_array_y", "DVSEventArray.to_array_t",
+       "DVSEventArray.to_array_pol")  # fmt: skip
+def _events(stage: Stage) -> None:
+    """A camera that moves sees events of both signs."""
+    car = stage.car()
+    camera = _camera(stage, "dvs", car)
+    car.enable_constant_velocity(carla.Vector3D(10.0, 0.0, 0.0))
+    stage.ticks(2)
+    events = stage.measure(camera)
+    expect((events.width, events.height, events.fov) == (64, 48, 90.0), "size")
+    columns = (events.to_array_x(), events.to_array_y(), events.to_array_t(), events.to_array_pol())
+    expect({len(c) for c in columns} == {len(events)} and len(events) > 0, "columns")
+    expect(len(events.raw_data) > 0, "bytes")
+    one = events[0]
+    expect(0 <= one.x < 64 and 0 <= one.y < 48 and one.t >= 0, "an event")
+    expect(one.pol in (True, False), "its sign")
+    expect(len(events.to_image()) == 64 * 48, "as a picture")
+
+
+@client_side("DVSEventArray.to_array")
+def _events_as_array(_stage: Stage) -> None:
+    """The 0.9.16 wheel has no converter for what this returns, with any server."""
+    expect(hasattr(carla.DVSEventArray, "to_array"), "to_array")
+
+
+@limited("Listening works and stays silent: there are no G-buffers.",
+         "ServerSideSensor.enable_gbuffers", "ServerSideSensor.listen_to_gbuffer",
+         "ServerSideSensor.is_listening_gbuffer", "ServerSideSensor.stop_gbuffer")  # fmt: skip
+def _gbuffers(stage: Stage) -> None:
+    camera = _camera(stage)
+    camera.enable_gbuffers(True)
+    buffer = carla.GBufferTextureID.SceneDepth
+    camera.listen_to_gbuffer(buffer, lambda _data: None)
+    expect(camera.is_listening_gbuffer(buffer), "it does not listen")
+    stage.ticks(2)
+    camera.stop_gbuffer(buffer)
+    camera.enable_gbuffers(False)
+
+
+@limited("Kept off: nothing is published to ROS.", "ServerSideSensor.enable_for_ros",
+         "ServerSideSensor.disable_for_ros", "ServerSideSensor.is_enabled_for_ros")  # fmt: skip
+def _ros(stage: Stage) -> None:
+    camera = _camera(stage)
+    camera.enable_for_ros()
+    stage.ticks()
+    expect(not camera.is_enabled_for_ros(), "it is enabled")
+    camera.disable_for_ros()
+
+
+@works("ServerSideSensor.set_ignored_vehicles")
+def _ignored_vehicles(stage: Stage) -> None:
+    """A vehicle that a camera ignores is not in its pictures."""
+    car = stage.car()
+    view = look_at(car.get_location() + carla.Location(z=0.7), 7.0)
+    camera = stage.spawn(
+        "sensor.camera.semantic_segmentation", view, image_size_x="64", image_size_y="48"
+    )
+
+    def share() -> float:
+        pixels = np.frombuffer(stage.measure(camera).raw_data, np.uint8).reshape(-1, 4)
+        return float((pixels[:, 2] == int(carla.CityObjectLabel.Car)).mean())
+
+    seen = share()
+    camera.set_ignored_vehicles([car.id])
+    ignored = share()
+    camera.set_ignored_vehicles([])
+    expect(seen > 0.02 and ignored == 0.0, f"share {seen:.3f}, ignored {ignored:.3f}")
+    expect(share() == seen, "it does not come back")
+
+
+@client_side("ServerSideSensor.get_ignored_vehicles")
+def _read_ignored(_stage: Stage) -> None:
+    """The 0.9.16 wheel has no converter for what this returns, with any server."""
+    expect(hasattr(carla.ServerSideSensor, "get_ignored_vehicles"), "get_ignored_vehicles")
+
+
+@limited("No blueprint: vehicles here do not send V2X messages.", "ServerSideSensor.send",
+         "CAMEvent.*", "CAMMessage.*", "CustomV2XData.*", "CustomV2XEvent.*")  # fmt: skip
+def _v2x(stage: Stage) -> None:
+    expect(len(stage.library.filter("sensor.other.v2x*")) == 0, "there is a blueprint")

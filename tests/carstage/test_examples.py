@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from recorded_dataset import FRAMES
 
 from carstage.dataset import Dataset
+from recorded_dataset import FRAMES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PATIENCE_S = 240.0

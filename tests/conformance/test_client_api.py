@@ -6,14 +6,14 @@ import subprocess
 from pathlib import Path
 
 import pytest
+
 from client_api import api_page, check_api, run
 from client_api.entries import Support, entries
 from client_api.since import SINCE
 from client_api.surface import surface
-
 from client_wheels import wheel_python
 
-_PAGE = Path(__file__).parents[3] / "docs" / "api.md"
+_PAGE = Path(__file__).parents[2] / "docs" / "api.md"
 _NAMES = """
 import carla
 for prefix, module in (("", carla), ("command.", carla.command)):

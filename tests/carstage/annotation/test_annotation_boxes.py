@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from annotation_scenes import actor
 
+from annotation_scenes import actor
 from carstage.annotation.boxes import MeasuredBox, label_box
 from carstage.annotation.classes import object_class
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from annotation_scenes import (
     CAR_EXTENT,
     EGO_ID,
@@ -18,7 +19,6 @@ from annotation_scenes import (
     labeller,
     snapshot,
 )
-
 from carstage.annotation import CameraImages, EpisodeLabeller, FrameLabels
 from carstage.annotation.pixels import BoxView
 from carstage.annotation.schema import (

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import annotation_scenes
 import numpy as np
 import pytest
-from annotation_scenes import CAR_EXTENT, CAR_TAG, EGO_ID, RIDER_TAG, Stage, actor, snapshot
 
+import annotation_scenes
+from annotation_scenes import CAR_EXTENT, CAR_TAG, EGO_ID, RIDER_TAG, Stage, actor, snapshot
 from carstage.annotation import EpisodeLabeller, FrameLabels
 from carstage.annotation.schema import CAMERA_OBJECT_COLUMNS, OBJECT_COLUMNS
 from carstage.annotation.tracks import FIRST_LEVEL_OBJECT, level_tracks, rider_track

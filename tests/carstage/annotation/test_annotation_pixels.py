@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from annotation_scenes import CAR_EXTENT, CAR_TAG, ROAD_TAG, Stage, box_interval
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from annotation_scenes import CAR_EXTENT, CAR_TAG, ROAD_TAG, Stage, box_interval
 from carstage.annotation.decoding import decode_instance_bgra
 from carstage.annotation.pixels import (
     BOX_MARGIN_M,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import analytic_scene
 import pytest
 
+import analytic_scene
 from benchmarks.framework.conversion import compare
 from benchmarks.framework.frames_check import Comparison, Recorded, lateness_in
 from benchmarks.framework.journal import ENTRY, Sent, digest_of, read_journal

@@ -56,7 +56,7 @@ def test_terminal_shows_episodes_steps_and_frames() -> None:
     console = Console(file=screen, force_terminal=True, width=100, color_system=None)
     with BarProgress(console) as progress:
         progress.status(status(20, 10))
-        progress.say("Something [with] brackets.")
+        progress.notify("Something [with] brackets.")
     text = screen.getvalue()
     for part in ("Episodes", "1/3", "Recording", "20/50", "Conversion", "10/50", "[with]"):
         assert part in text

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from running_collector import END_S, Collector
 
 POSE = {"x_m": 0.5, "y_m": 0.0, "z_m": 1.7, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0}

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from carstage.collector.internals import plan as collector_plan
+from carstage.collector import timing as collector_timing
 from carstage.collector.internals.errors import InterruptedByRequestError, RecordingError
 from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher
 from carstage.collector.internals.snapshots import WorldMoment
@@ -344,7 +344,8 @@ def test_the_pipeline_runs_under_python_3_8(tmp_path: Path, python38: str) -> No
 import sys
 from types import SimpleNamespace
 sys.path.insert(0, sys.argv[2])
-from carstage.collector import events, paths, timing
+from carstage.collector import paths, timing
+from carstage.collector.internals import events
 from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher
 from carstage.collector.internals.reading import parse_plan
 from carstage.collector.processing import ByteBudget, Pipeline
@@ -369,7 +370,7 @@ with writers, Pipeline(gnss, writers, FrameMatcher(["GNSS"], 5.0), budget, 2, 2)
         pipeline.expect(ExpectedFrame(tick, 10 + tick, tick / 10, tick, 0.0, moment))
     assert pipeline.wait_booked(2, 10.0) and writers.wait_sealed(1, 10.0)
 """
-    source = Path(collector_plan.__file__).parents[2]
+    source = Path(collector_timing.__file__).parents[2]
     subprocess.run([python38, "-I", "-c", code, str(tmp_path / "log"), str(source)], check=True)
     log = EpisodeLog(tmp_path / "log")
     assert log.is_complete()

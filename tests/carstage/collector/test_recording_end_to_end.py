@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from running_collector import END_S, GIVEN_BACK, Collector
 
 from carstage.rawlog import format as raw
 from carstage.rawlog.reader import EpisodeLog, recover
 from carstage.server import EmbeddedServer, free_port
+from running_collector import END_S, GIVEN_BACK, Collector
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("collector")]
 

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from running_collector import END_S, GIVEN_BACK, Collector
 
 from carstage.rawlog.reader import EpisodeLog, WorldFrame
 from carstage.server import free_port
+from running_collector import END_S, GIVEN_BACK, Collector
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("collector")]
 

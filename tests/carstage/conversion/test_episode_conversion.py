@@ -13,12 +13,12 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
-import analytic_dataset
-import analytic_scene
 import numpy as np
 import pytest
-from analytic_dataset import convert
 
+import analytic_dataset
+import analytic_scene
+from analytic_dataset import convert
 from carstage.annotation.schema import EGO_COLUMNS
 from carstage.conversion import EpisodeConversion, conversion_pool
 from carstage.conversion.documents import ledger_table

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from analytic_dataset import attempt_of, make_dataset
 
+from analytic_dataset import attempt_of, make_dataset
 from carstage.dataset import Dataset
 from carstage.errors import BadInputError, DatasetError
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import analytic_dataset
-import analytic_scene
 import numpy as np
 import pytest
 
+import analytic_dataset
+import analytic_scene
 from carstage.annotation.tracks import level_tracks
 from carstage.dataset import Dataset, decode_mask
 from carstage.errors import BadInputError, DatasetError

@@ -7,11 +7,11 @@ import pickle
 import shutil
 from pathlib import Path
 
-import analytic_dataset
 import numpy as np
 import pytest
-from analytic_dataset import attempt_of, edit_rows
 
+import analytic_dataset
+from analytic_dataset import attempt_of, edit_rows
 from carstage.dataset import Dataset, Frame, FrameSamples, samples
 from carstage.errors import BadInputError
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import analytic_scene
 import numpy as np
 import pytest
-from analytic_dataset import attempt_of, make_dataset
 
+import analytic_scene
+from analytic_dataset import attempt_of, make_dataset
 from carstage.dataset.trajectories import read_recording
 from carstage.errors import ConfigError
 

@@ -7,10 +7,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from analytic_dataset import SIZE, make_dataset
-from devkits import nuscenes_devkit
 
+from analytic_dataset import SIZE, make_dataset
 from carstage.exporters import ExportOptions, export_dataset
+from devkits import nuscenes_devkit
 
 Export = Callable[..., Path]
 

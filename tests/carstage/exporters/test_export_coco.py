@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from devkits import coco_marks
 from PIL import Image
 
 from carstage.dataset import Dataset
 from carstage.tags import TAGS_0_9_14
+from devkits import coco_marks
 
 pytestmark = [
     pytest.mark.xdist_group("export"),

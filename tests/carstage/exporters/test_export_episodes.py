@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import analytic_scene
 import pytest
-from analytic_dataset import SIZE, VERSIONS, convert, make_dataset
 
+import analytic_scene
+from analytic_dataset import SIZE, VERSIONS, convert, make_dataset
 from carstage.exporters import ExportOptions, export_dataset
 from carstage.storage import LocalStore
 

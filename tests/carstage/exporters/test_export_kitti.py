@@ -2,44 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from analytic_dataset import SIZE
-from numpy.typing import NDArray
 from PIL import Image
 
+from analytic_dataset import SIZE
 from carstage.dataset import Dataset
+from kitti_geometry import calibration, corners, pixels
 
 WIDTH, HEIGHT = SIZE
-Matrices = dict[str, NDArray[np.float64]]
 
 pytestmark = pytest.mark.xdist_group("export")
-
-
-def calibration(path: Path) -> Matrices:
-    matrices = {}
-    for line in path.read_text().splitlines():
-        name, *values = line.split()
-        matrices[name.rstrip(":")] = np.array(values, np.float64).reshape(3, -1)
-    return matrices
-
-
-def corners(row: list[float]) -> NDArray[np.float64]:
-    """The 8 corners of a label row (h w l x y z rotation_y) in the camera, as the devkit has it."""
-    h, w, length, x, y, z, angle = row
-    xs = np.array([1, 1, -1, -1, 1, 1, -1, -1]) * length / 2
-    ys = np.array([0, 0, 0, 0, -1, -1, -1, -1]) * h
-    zs = np.array([1, -1, -1, 1, 1, -1, -1, 1]) * w / 2
-    c, s = np.cos(angle), np.sin(angle)
-    rotation = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-    return (rotation @ np.stack([xs, ys, zs])).T + np.array([x, y, z])
-
-
-def pixels(points: NDArray[np.float64], projection: NDArray[np.float64]) -> NDArray[np.float64]:
-    uvw = np.column_stack([points, np.ones(len(points))]) @ projection.T
-    return uvw[:, :2] / uvw[:, 2:]
 
 
 def test_labels_parse_and_project_back_within_a_pixel(exported, dataset) -> None:

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from devkits import NUSCENES_VERSION, check_point_counts, nuscenes_marks
 from PIL import Image
 
 from carstage.dataset import Dataset
 from carstage.exporters.formats.nuscenes_files import lidar_file, radar_file
+from devkits import NUSCENES_VERSION, check_point_counts, nuscenes_marks
 
 KNOWN = ("car", "truck", "pedestrian")
 

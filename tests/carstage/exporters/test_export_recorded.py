@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from devkits import NUSCENES_VERSION, check_point_counts, coco_marks, nuscenes_marks
-from recorded_dataset import FRAMES
-from test_export_kitti import calibration, corners, pixels
 
 from carstage.dataset import Dataset
 from carstage.exporters import ExportOptions, export_dataset
+from devkits import NUSCENES_VERSION, check_point_counts, coco_marks, nuscenes_marks
+from kitti_geometry import calibration, corners, pixels
+from recorded_dataset import FRAMES
 
 WIDTH, HEIGHT = 160, 90
 

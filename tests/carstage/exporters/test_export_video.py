@@ -9,8 +9,8 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
-from analytic_dataset import SIZE, make_dataset
 
+from analytic_dataset import SIZE, make_dataset
 from carstage.dataset import Dataset
 from carstage.errors import BadInputError
 from carstage.exporters import ExportOptions, export_dataset

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import yaml
-from analytic_dataset import SIZE
 
+from analytic_dataset import SIZE
 from carstage.dataset import Dataset
 
 pytestmark = pytest.mark.xdist_group("export")

@@ -10,9 +10,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from analytic_dataset import attempt_of, edit_rows, recommit
 from typer.testing import CliRunner
 
+from analytic_dataset import attempt_of, edit_rows, recommit
 from carstage.cli.app import app
 from carstage.dataset import Dataset
 from carstage.errors import BadInputError

@@ -9,11 +9,11 @@ import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 
-import analytic_dataset
 import numpy as np
 import pytest
 from PIL import Image
 
+import analytic_dataset
 from carstage.dataset import Dataset
 from carstage.errors import BadInputError
 from carstage.report import film, html, write_report, write_validation

@@ -1,11 +1,8 @@
-"""Fixtures of whole runs; makes the helpers beside the tests importable."""
+"""Fixtures of whole runs."""
 
-import sys
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 from driving import SMALL
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import analytic_scene
 import pytest
 
+import analytic_scene
 from carstage.errors import ConverterDiedError
 from carstage.rawlog.reader import EpisodeLog
 from carstage.runs.attempt_commit import AttemptCommit, Job

@@ -12,6 +12,8 @@ import signal
 from pathlib import Path
 
 import pytest
+
+from carstage.server import EmbeddedServer
 from driving import (
     attempts,
     carstage,
@@ -23,8 +25,6 @@ from driving import (
     status,
     wait_for,
 )
-
-from carstage.server import EmbeddedServer
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("runs")]
 

@@ -10,9 +10,9 @@ import sys
 
 import psutil
 import pytest
-from driving import wait_for
 
 from carstage.runs.interruption import Interruption
+from driving import wait_for
 
 
 def press(number: int = signal.SIGINT) -> None:

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from driving import carstage, events
 from PIL import Image
 
 from carstage.validation import validate_dataset
 from client_wheels import wheel_python
+from driving import carstage, events
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.py38, pytest.mark.xdist_group("runs")]
 

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import psutil
 import pytest
-from driving import wait_for
 
 from carstage.config.supervision import Supervision
 from carstage.errors import CollectorError, ServerError
 from carstage.runs.watching import AttemptWatch, Limits, resident_bytes
 from carstage.server import Endpoint
+from driving import wait_for
 
 PLENTY = 1 << 50
 

@@ -8,12 +8,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import analytic_dataset
 import numpy as np
 import pytest
-from analytic_dataset import attempt_of, edit_rows, recommit
 from typer.testing import CliRunner
 
+import analytic_dataset
+from analytic_dataset import attempt_of, edit_rows, recommit
 from carstage.cli.app import app
 from carstage.codecs.png import PngPacker, unpack_png
 from carstage.dataset.tables import read_table, write_table

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from analytic_dataset import attempt_of, edit_rows, recommit
-from recorded_dataset import FRAMES, linked_copy, replace_file
 
+from analytic_dataset import attempt_of, edit_rows, recommit
 from carstage.codecs.npz import pack_npz, unpack_npz
 from carstage.codecs.png import PngPacker, unpack_png
 from carstage.dataset.tables import read_table
 from carstage.validation import ValidationReport, validate_dataset
+from recorded_dataset import FRAMES, linked_copy, replace_file
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("recorded")]
 

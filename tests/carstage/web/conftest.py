@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from analytic_dataset import make_dataset
 from sites import FakeRun, Site, open_site
 

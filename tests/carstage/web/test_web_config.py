@@ -5,10 +5,10 @@ import json
 from typing import Any
 
 import pytest
-from sites import Site
 
 from carstage.config import RIG_PRESETS, SENSOR_KINDS, check_config, parse_config
 from carstage.web.configure.carla_sensors import read_sensors, write_sensors
+from sites import Site
 
 pytestmark = pytest.mark.xdist_group("web")  # one site for all
 

@@ -4,12 +4,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sites import Site
 
 from carstage.errors import BadInputError
 from carstage.web.errors import WebError
 from carstage.web.limits import MOST_BYTES
 from carstage.web.roots import Roots
+from sites import Site
 
 pytestmark = pytest.mark.xdist_group("web")  # one site for all
 

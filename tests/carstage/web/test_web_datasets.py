@@ -5,9 +5,9 @@ import io
 import numpy as np
 import pytest
 from PIL import Image
-from sites import Site
 
 from carstage.dataset import Dataset
+from sites import Site
 
 pytestmark = pytest.mark.xdist_group("web")  # one site for all
 

@@ -11,10 +11,10 @@ import hypothesis
 import pytest
 import schemathesis
 from schemathesis import GenerationMode
-from sites import Site, open_site
 
 from carstage.web.openapi import openapi_document
 from carstage.web.preview.sensor_preview import SensorPreviewService
+from sites import Site, open_site
 
 pytestmark = pytest.mark.xdist_group("web")
 EXAMPLES = 4

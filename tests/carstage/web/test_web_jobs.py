@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
-from sites import Site, open_site
 
+from sites import Site, open_site
 from waiting import await_that
 
 pytestmark = pytest.mark.xdist_group("web")  # one site for all

@@ -10,14 +10,14 @@ import time
 from pathlib import Path
 from typing import Any
 
-import analytic_scene
 import numpy as np
 import pytest
 from PIL import Image
-from sites import FakeRun, open_site
 
+import analytic_scene
 from carstage.rawlog.tail import NewestRecords
 from carstage.web.preview import previewer
+from sites import FakeRun, open_site
 from waiting import await_that
 
 LIVE = "ws://127.0.0.1:8321/api/live"

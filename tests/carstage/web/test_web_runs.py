@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
-from sites import FakeRun, Site, open_site
 
 from carstage.config import check_config
 from carstage.runs.folder import new_run_id
 from carstage.runs.server_lock import server_key
 from carstage.web.messages import RunSummary
 from carstage.web.runs.launches import Launches
+from sites import FakeRun, Site, open_site
 from waiting import await_that
 
 LIVE = "ws://127.0.0.1:8321/api/live"

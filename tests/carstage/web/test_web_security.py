@@ -3,8 +3,9 @@
 from pathlib import Path
 
 import pytest
-from sites import Site, open_site
 from starlette.websockets import WebSocketDisconnect
+
+from sites import Site, open_site
 
 pytestmark = pytest.mark.xdist_group("web")  # one site for all
 

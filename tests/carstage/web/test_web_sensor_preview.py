@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from sites import Site
 
 from carstage.plan import EpisodeSpec
 from carstage.server import Endpoint, free_port
@@ -22,6 +21,7 @@ from carstage.web.messages import PreviewPending, PreviewRequest
 from carstage.web.preview.sensor_preview import SensorPreviewService
 from carstage.web.roots import Roots
 from running_simulator import RunningSimulator
+from sites import Site
 from waiting import await_that
 
 pytestmark = pytest.mark.end_to_end

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-import small_maps
 
+import small_maps
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps import BakeOptions, MapSamplingError, Town
 from carstage_sim.maps.baking import bake

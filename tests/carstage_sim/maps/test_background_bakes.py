@@ -13,8 +13,8 @@ import sys
 from pathlib import Path
 
 import pytest
-import small_maps
 
+import small_maps
 from carstage_sim.maps import BackgroundBakes, Bake, BakeOptions, MapSamplingError, background
 from carstage_sim.maps.background import MOST_WAITING
 from carstage_sim.maps.loading import TownSource, is_baked

@@ -6,8 +6,8 @@ import logging
 import os
 
 import pytest
-import small_maps
 
+import small_maps
 from carstage_sim.maps import (
     BakeOptions,
     MapCatalogue,

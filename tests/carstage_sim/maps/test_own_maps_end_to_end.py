@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import carla
 import pytest
-import small_maps
 
+import small_maps
 from running_simulator import RunningSimulator, start_simulator, stop_simulator
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("own maps")]

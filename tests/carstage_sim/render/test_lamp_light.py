@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from ray_scenes import frame_of, turned_box
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
@@ -12,6 +11,7 @@ from carstage_sim.maps.street_lamps import street_lamps
 from carstage_sim.mesh import Material, build_mesh, merge_meshes
 from carstage_sim.render.lamps import CELL_M, headlight_beams, lamps_of
 from carstage_sim.render.scene import Placement
+from ray_scenes import frame_of, turned_box
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from ray_scenes import frame_of, turned_box
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
@@ -16,6 +15,7 @@ from carstage_sim.render.picture import Picture, PictureMaker
 from carstage_sim.render.scene import Placement
 from carstage_sim.sensors.view import Camera, pixel_rays
 from carstage_sim.world.state import Weather
+from ray_scenes import frame_of, turned_box
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

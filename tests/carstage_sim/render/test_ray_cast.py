@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from ray_scenes import frame_of, moller_trumbore, shoot, soup, sphere, turned_box
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.render.cast import NOTHING, STATIC
 from carstage_sim.render.scene import Placement
+from ray_scenes import frame_of, moller_trumbore, shoot, soup, sphere, turned_box
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from ray_scenes import frame_of, sphere, turned_box
 
 from carstage_sim.mesh import Material, build_mesh
 from carstage_sim.render.scene import (
@@ -15,6 +14,7 @@ from carstage_sim.render.scene import (
     cached_tree,
     linear_colour,
 )
+from ray_scenes import frame_of, sphere, turned_box
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

@@ -7,7 +7,6 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from ray_scenes import frame_of, turned_box
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, build_mesh, merge_meshes
@@ -17,6 +16,7 @@ from carstage_sim.render.picture import PictureMaker
 from carstage_sim.render.quality import Quality
 from carstage_sim.sensors.view import Camera, View
 from carstage_sim.world.state import Weather
+from ray_scenes import frame_of, turned_box
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sensor_worlds import GROUND, WALL, request, state, town
 
 from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from carstage_sim.sensors.lens import PINHOLE, Lens
+from sensor_worlds import GROUND, WALL, request, state, town
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sensor_worlds import GROUND, WALL, request, state, town
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from carstage_sim.sensors.cameras import encode_depth, encode_instances, encode_normals, encode_tags
+from sensor_worlds import GROUND, WALL, request, state, town
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

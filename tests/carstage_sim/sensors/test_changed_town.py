@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sensor_worlds import GROUND, WALL, box, request, state, town
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material
@@ -15,6 +14,7 @@ from carstage_sim.world.appearance import Appearance
 from carstage_sim.world.debug_shapes import DebugDrawing, arrow, box_edges
 from carstage_sim.world.state import Weather
 from carstage_sim.world.street_lights import INTENSITY
+from sensor_worlds import GROUND, WALL, box, request, state, town
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

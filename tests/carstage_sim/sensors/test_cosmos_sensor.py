@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from sensor_worlds import GROUND, request, state, town
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import LevelObject, OrientedBox, Town
 from carstage_sim.sensors.cosmos import CosmosCamera
 from carstage_sim.sensors.measurements import SensorRequest
+from sensor_worlds import GROUND, request, state, town
 
 RED, SIGN = (255, 0, 0), (214, 144, 137)
 

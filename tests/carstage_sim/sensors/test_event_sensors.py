@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from sensor_worlds import GROUND, WALL, request, state, town
 
 from carstage_sim.sensors import WorldSensors
 from carstage_sim.sensors.measurements import CollisionFrame
 from carstage_sim.world.state import Collision
+from sensor_worlds import GROUND, WALL, request, state, town
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 import pytest
-from sensor_worlds import GROUND, WALL, request, state, town
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from carstage_sim.sensors.lidar import LidarGeometry, laser_directions, round_half_away
 from carstage_sim.world.blueprints import catalogue
+from sensor_worlds import GROUND, WALL, request, state, town
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

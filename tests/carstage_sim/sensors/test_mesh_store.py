@@ -6,12 +6,12 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from sensor_worlds import box
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, TriangleMesh
 from carstage_sim.sensors import actors
 from carstage_sim.sensors.mesh_store import MeshStore
+from sensor_worlds import box
 
 
 class Maker:

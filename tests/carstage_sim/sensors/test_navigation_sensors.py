@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from sensor_worlds import GROUND, request, state, town
 
 from carstage_sim.sensors import WorldSensors
 from carstage_sim.sensors.navigation import compass_rad
 from carstage_sim.sensors.projection import GeoProjection, geodetic
+from sensor_worlds import GROUND, request, state, town
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sensor_worlds import GROUND, WALL, box, request, state, town
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material
 from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from carstage_sim.sensors.measurements import ObstacleFrame
 from carstage_sim.sensors.obstacle import ball_rays, feelers
+from sensor_worlds import GROUND, WALL, box, request, state, town
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from sensor_worlds import GROUND, WALL, request, state, town
 
 from carstage_sim.geometry import pose_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.sensors import WorldSensors
+from sensor_worlds import GROUND, WALL, request, state, town
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from sensor_worlds import GROUND, WALL, request, state, town
 
 from carstage_sim.sensors import SensorAttributeError, WorldSensors
+from sensor_worlds import GROUND, WALL, request, state, town
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sensor_worlds import GROUND, WALL, box, request, state, town
 from shapely import MultiPoint, contains_xy
 
 from carstage_sim.geometry import pose_matrix, rotation_matrix
@@ -16,6 +15,7 @@ from carstage_sim.render.normals import smooth_normals
 from carstage_sim.sensors import WorldSensors
 from carstage_sim.sensors.view import Camera, pixel_rays
 from carstage_sim.world.blueprints import catalogue
+from sensor_worlds import GROUND, WALL, box, request, state, town
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

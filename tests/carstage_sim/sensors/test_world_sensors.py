@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sensor_worlds import GROUND, WALL, request, state, town
 
 from carstage_sim.mesh import TriangleMesh
 from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from carstage_sim.sensors.looping import Looping
 from carstage_sim.sensors.sensor import SensorRegistry
+from sensor_worlds import GROUND, WALL, request, state, town
 
 pytestmark = pytest.mark.xdist_group("kernels")
 

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from client_scripts import client_process
-from raw_client import RawClient
 
 from benchmarks.simulator.session import free_port
+from client_scripts import client_process
+from raw_client import RawClient
 from waiting import await_that, holds_for
 
 if TYPE_CHECKING:

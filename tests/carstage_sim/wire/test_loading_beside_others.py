@@ -7,6 +7,7 @@ import uuid
 from typing import TYPE_CHECKING
 
 import msgpack
+
 from raw_client import RawClient
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ import struct
 from collections.abc import Iterator
 
 import pytest
-from raw_client import RawClient, await_first_message, read_message, subscribe
 
+from raw_client import RawClient, await_first_message, read_message, subscribe
 from running_simulator import RunningSimulator, start_simulator, stop_simulator
 
 SETTINGS = [True, False, [True, 0.05], True, 0.01, 10, 0.0, True, 3000.0, 2000.0]

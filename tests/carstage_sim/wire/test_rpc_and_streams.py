@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import pytest
+
 from raw_client import RawClient, await_first_message, read_message, subscribe
 
 if TYPE_CHECKING:

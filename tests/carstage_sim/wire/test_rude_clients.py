@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import msgpack
 import pytest
-from raw_client import RawClient, subscribe
 
 from carstage_sim.wire import complaints
 from carstage_sim.wire.channel import Channel
 from carstage_sim.wire.complaints import Complaints
 from carstage_sim.wire.rpc import Disconnected, Request, RpcServer
 from carstage_sim.wire.socket_loop import SocketLoop, bind
+from raw_client import RawClient, subscribe
 from waiting import await_that
 
 if TYPE_CHECKING:

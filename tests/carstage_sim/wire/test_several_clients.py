@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+
 from client_scripts import client_process
 from raw_client import RawClient
 

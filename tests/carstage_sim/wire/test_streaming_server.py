@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 
 import pytest
-from raw_client import read_message, subscribe
 
 from carstage_sim.wire import socket_loop
 from carstage_sim.wire.errors import PortInUseError
 from carstage_sim.wire.socket_loop import SocketLoop, bind
 from carstage_sim.wire.streaming import StreamingServer
+from raw_client import read_message, subscribe
 from waiting import await_that
 
 STREAM = 7

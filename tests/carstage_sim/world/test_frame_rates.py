@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 
 import pytest
-from plain_scenes import CAR, fleet_on, hills, parameters
 
 from carstage_sim.world.controls import (
     AckermannControl,
@@ -15,6 +14,7 @@ from carstage_sim.world.controls import (
     VehicleControl,
 )
 from carstage_sim.world.vehicles.ackermann import AckermannController
+from plain_scenes import CAR, fleet_on, hills, parameters
 
 _SECONDS = 11
 _FOLLOWED = AckermannControl(steer_rad=0.05, steer_speed=0.2, speed=6.0, acceleration=2.0)

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from plain_scenes import CAR, drive, one_car, parameters, rolling, turned_deg
 
 from carstage_sim.world.controls import VehicleControl
 from carstage_sim.world.vehicles.fleet import VehicleFleet
 from carstage_sim.world.vehicles.parameters import Gear, VehicleParameters
+from plain_scenes import CAR, drive, one_car, parameters, rolling, turned_deg
 
 NORMAL = parameters()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from plain_scenes import CAR, DELTA_S, drive, one_car, parameters, rolling
 
 MASS_KG = parameters().mass_kg

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain_scenes import CAR, drive, fleet_on, one_car, parameters, plain, sheet, turned_deg, wall
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps import Town
@@ -17,6 +16,7 @@ from carstage_sim.world.contacts.boxes import TOWN, find_contacts
 from carstage_sim.world.contacts.impulses import Bodies, resolve
 from carstage_sim.world.contacts.obstacles import Obstacles
 from carstage_sim.world.mechanics import terrain_of
+from plain_scenes import CAR, drive, fleet_on, one_car, parameters, plain, sheet, turned_deg, wall
 
 NOSE_M = parameters().box_center_x_m + parameters().half_length_m
 

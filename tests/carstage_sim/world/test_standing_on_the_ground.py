@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from plain_scenes import CAR, drive, fleet_on, one_car, parameters, plain, sheet
 
 from carstage_sim.mesh import merge_meshes
 from carstage_sim.world.controls import VehicleControl
 from carstage_sim.world.vehicles.dynamics import GRAVITY
+from plain_scenes import CAR, drive, fleet_on, one_car, parameters, plain, sheet
 
 
 def hill(grade: float):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from traffic_recordings import collisions, recording
 
 from benchmarks.simulator.traffic.collisions import collision_pairs, inside_buildings, walkers_hit
 from benchmarks.simulator.traffic.recording import Partner
+from traffic_recordings import collisions, recording
 
 STILL = np.zeros((60, 2)) + np.array([0.0, 50.0])
 

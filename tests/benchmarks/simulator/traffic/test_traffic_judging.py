@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from traffic_recordings import collisions, recording
 
 from benchmarks.simulator.traffic import campaign
 from benchmarks.simulator.traffic.campaign import check_traffic, judge_saved
 from benchmarks.simulator.traffic.judging import judge
 from benchmarks.simulator.traffic.recording import Recording
 from benchmarks.simulator.verdict import Verdict
+from traffic_recordings import collisions, recording
 
 TICKS = 240
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from traffic_recordings import recording
 
 from benchmarks.simulator.traffic.passages import passages, red_lights_run
 from benchmarks.simulator.traffic.recording import GREEN, RED, YELLOW
+from traffic_recordings import recording
 
 
 def one_light(ticks: int, states: list[int]) -> dict[str, Any]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from traffic_recordings import DELTA_S, recording
 
 from benchmarks.simulator.traffic.recording import GREEN, NO_LIGHT, RED, YELLOW
 from benchmarks.simulator.traffic.standing import longest_stand_s
+from traffic_recordings import DELTA_S, recording
 
 TICKS = 100
 

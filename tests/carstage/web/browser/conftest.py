@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-import analytic_dataset
 import pytest
-from browser_pages import CHROMIUM, FLAGS, PATIENCE_MS, Gui, OpenPage, Watch, load_demo
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+
+import analytic_dataset
+from browser_pages import CHROMIUM, FLAGS, PATIENCE_MS, Gui, OpenPage, Watch, load_demo
 
 expect.set_options(timeout=PATIENCE_MS)
 

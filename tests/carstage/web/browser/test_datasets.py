@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from browser_pages import OpenPage
 from playwright.sync_api import Page, expect
+
+from browser_pages import OpenPage
 
 pytestmark = pytest.mark.xdist_group("browser")
 

@@ -6,6 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import Page, Route, expect
+
 from browser_pages import (
     OpenPage,
     field,
@@ -14,7 +16,6 @@ from browser_pages import (
     wait_until_saved,
     wait_until_saved_as,
 )
-from playwright.sync_api import Page, Route, expect
 
 pytestmark = pytest.mark.xdist_group("browser")
 

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browser_pages import PICTURES, Gui, OpenPage, Watch, field, load_demo, saved_config
 from playwright.sync_api import Page, expect
+
+from browser_pages import PICTURES, Gui, OpenPage, Watch, field, load_demo, saved_config
 
 pytestmark = [pytest.mark.xdist_group("journey"), pytest.mark.end_to_end]
 

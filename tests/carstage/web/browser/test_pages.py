@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import golden_poses
 import pytest
-from browser_pages import OpenPage, load_demo, wait_until_saved
 from playwright.sync_api import Page, expect
 
+import golden_poses
 from benchmarks.framework.gui.bundle import BUNDLE_BYTES, compressed_bytes
+from browser_pages import OpenPage, load_demo, wait_until_saved
 
 pytestmark = pytest.mark.xdist_group("browser")
 

@@ -6,8 +6,9 @@ import math
 from typing import Any
 
 import pytest
-from browser_pages import field, saved_config, wait_until, wait_until_saved
 from playwright.sync_api import Locator, Page, expect
+
+from browser_pages import field, saved_config, wait_until, wait_until_saved
 
 pytestmark = pytest.mark.xdist_group("browser")
 

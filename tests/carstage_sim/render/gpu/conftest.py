@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
-from pathlib import Path
 
 import pytest
 
@@ -27,13 +25,3 @@ def software_gpu():
         if os.environ.get("CARSTAGE_REQUIRE_SOFTWARE_GPU"):
             raise
         pytest.skip(str(error))
-
-
-@pytest.fixture(scope="session")
-def sensor_worlds():
-    """The towns and requests of the sensor tests."""
-    path = Path(__file__).parents[2] / "sensors" / "sensor_worlds.py"
-    spec = importlib.util.spec_from_file_location("sensor_worlds_of_gpu_tests", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import sensor_worlds
 from benchmarks.simulator.conformance import MOST_COLOURS, Tally, compare_rays, random_frame
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material
@@ -16,7 +17,7 @@ pytestmark = pytest.mark.xdist_group("gpu")
 
 
 @pytest.fixture(scope="module")
-def suites(software_gpu, sensor_worlds):
+def suites(software_gpu):
     post = sensor_worlds.box(
         (4, 3, 0), (6, 5, 4), Material.METAL, CityObjectLabel.STATIC, object_id=7
     )
@@ -46,7 +47,7 @@ def test_a_scene_without_its_town_leaves_the_towns_copy_alone(software_gpu):
     assert before.triangle.tobytes() == after.triangle.tobytes()
 
 
-def test_pictures_of_all_kinds_agree(suites, sensor_worlds):
+def test_pictures_of_all_kinds_agree(suites):
     kinds = ("rgb", "depth", "instance_segmentation", "normals", "optical_flow")
     requests = [
         sensor_worlds.request(f"camera.{kind}", 100 + k, image_size_x=320, image_size_y=192)
@@ -68,7 +69,7 @@ def test_pictures_of_all_kinds_agree(suites, sensor_worlds):
     assert np.allclose(cpu["optical_flow"].flow, gpu["optical_flow"].flow, atol=1e-5)
 
 
-def test_surfaces_in_one_plane_win_the_same_pixels(software_gpu, sensor_worlds):
+def test_surfaces_in_one_plane_win_the_same_pixels(software_gpu):
     """Which of the two is seen is decided by the last bit of the distance."""
     carpet = sensor_worlds.box(
         (3.07, -4.13, 0.0), (17.9, 5.3, 0.0), Material.METAL, CityObjectLabel.STATIC, object_id=9
@@ -92,7 +93,7 @@ def test_surfaces_in_one_plane_win_the_same_pixels(software_gpu, sensor_worlds):
     assert np.array_equal(cpu, card)
 
 
-def test_semantic_lidars_agree_and_frames_repeat_to_the_byte(suites, sensor_worlds):
+def test_semantic_lidars_agree_and_frames_repeat_to_the_byte(suites):
     request = sensor_worlds.request("lidar.ray_cast_semantic", 300, range=80)
     state = sensor_worlds.state(1, vehicles=[(7, (8.0, 1.0, 0.0), 40.0)])
     points = []

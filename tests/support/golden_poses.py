@@ -12,7 +12,7 @@ from typing import Any
 
 from carstage.geometry.coordinates import pose_matrix
 
-GOLDEN = Path(__file__).parents[4] / "ui" / "tests" / "golden" / "poses.json"
+GOLDEN = Path(__file__).parents[2] / "ui" / "tests" / "golden" / "poses.json"
 _RANDOM_POSES = 40
 
 

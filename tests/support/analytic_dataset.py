@@ -9,9 +9,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-import analytic_scene
 import pyarrow as pa
 
+import analytic_scene
 from carstage.conversion import EpisodeConversion
 from carstage.dataset.tables import read_table, write_table
 from carstage.storage import LocalStore

@@ -16,8 +16,7 @@ from carstage.collector.internals.errors import (
     writing_failed,
 )
 from carstage.collector.internals.events import EventStream
-from carstage.collector.internals.plan import Plan
-from carstage.collector.internals.reading import read_plan
+from carstage.collector.internals.plan import Plan, read_plan
 from carstage.collector.internals.stopping import StopRequest
 
 EXIT_OK = 0

@@ -139,9 +139,8 @@ def label_segment(raw_folder: Path, segment: int) -> None:
     image_streams = {s.depth for s in streams.values()} | {
         s.instance for s in streams.values() if s.instance is not None
     }
-    sensors = log.header["spec"]["sensors"]
-    lidars = [sensor["id"] for sensor in sensors if sensor["kind"] == LIDAR_KIND]
-    radars = [sensor["id"] for sensor in sensors if sensor["kind"] == RADAR_KIND]
+    lidars = [sensor.id for sensor in log.spec.sensors_of(LIDAR_KIND)]
+    radars = [sensor.id for sensor in log.spec.sensors_of(RADAR_KIND)]
     by_tick = {
         stream: {record.tick: record for record in _data(log, stream, segment)}
         for stream in [*sorted(image_streams), *lidars, *radars]
@@ -246,7 +245,7 @@ def _data(log: EpisodeLog, stream: str, segment: int) -> list[Record]:
 
 
 def _row(log: EpisodeLog, sensor: RecordedSensor, record: Record, k: int) -> dict[str, Any]:
-    time_s = elapsed_s(log.header, record.tick, record.timestamp_s)
+    time_s = elapsed_s(log.spec, log.first_timestamp_s, record.tick, record.timestamp_s)
     try:
         return ROW_SENSORS[sensor.kind].row(k, time_s, record.payload)
     except ValueError as error:

@@ -8,7 +8,7 @@ import os
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from carstage.errors import RawLogError
 from carstage.rawlog import format as raw
+from carstage.spec import EpisodeSpec, SpecError
 
 ACTOR_DTYPE = np.dtype(
     [
@@ -192,6 +193,24 @@ class EpisodeLog:
                 "Read it with the Car-STAGE version that wrote it.",
             )
         self.header: Mapping[str, Any] = header
+        self._path = path
+
+    @cached_property
+    def spec(self) -> EpisodeSpec:
+        """What the episode is.
+
+        Raises:
+            RawLogError: the specification is damaged.
+        """
+        try:
+            return EpisodeSpec.from_json(self.header["spec"])
+        except (KeyError, SpecError) as error:
+            raise RawLogError(f"{self._path} holds no usable specification: {error}.") from error
+
+    @property
+    def first_timestamp_s(self) -> float:
+        """Server time of the first tick (s)."""
+        return float(self.header["first_timestamp_s"])
 
     @property
     def streams(self) -> tuple[str, ...]:

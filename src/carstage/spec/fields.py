@@ -3,9 +3,21 @@
 from __future__ import annotations
 
 import json
-from typing import Any, List, Optional, Tuple
+from typing import Any, Dict, List, Optional, Tuple, Union
 
-from carstage.collector.internals.errors import PlanError
+
+class SpecError(ValueError):
+    """A specification or a plan is not valid; the message begins with the field's path.
+
+    Args:
+        message: one sentence: which field, and what is wrong with it.
+        hint: one sentence: what to do next.
+    """
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
 
 
 class Fields:
@@ -13,7 +25,7 @@ class Fields:
 
     def __init__(self, value: Any, path: str) -> None:
         if not isinstance(value, dict):
-            raise PlanError("%s: must be an object, not %s." % (path or "plan", shown(value)))
+            raise SpecError("%s: must be an object, not %s." % (path or "plan", shown(value)))
         self._fields = value
         self._path = path
 
@@ -27,7 +39,7 @@ class Fields:
     def any(self, name: str) -> Any:
         """Any value; the field must be there."""
         if name not in self._fields:
-            raise PlanError("%s: is missing." % self.path(name))
+            raise SpecError("%s: is missing." % self.path(name))
         return self._fields[name]
 
     def object(self, name: str) -> Fields:
@@ -38,7 +50,7 @@ class Fields:
         """A list."""
         value = self.any(name)
         if not isinstance(value, list):
-            raise PlanError("%s: must be a list, not %s." % (self.path(name), shown(value)))
+            raise SpecError("%s: must be a list, not %s." % (self.path(name), shown(value)))
         return value
 
     def objects(self, name: str) -> List[Fields]:
@@ -50,50 +62,59 @@ class Fields:
         """A text that is not empty."""
         value = self.any(name)
         if not isinstance(value, str) or not value:
-            raise PlanError("%s: must be a text, not %s." % (self.path(name), shown(value)))
+            raise SpecError("%s: must be a text, not %s." % (self.path(name), shown(value)))
         if choices and value not in choices:
-            raise PlanError(
+            raise SpecError(
                 "%s: %r is not known." % (self.path(name), value),
                 "Known are: %s." % ", ".join(choices),
             )
         return value
 
-    def spread(self, name: str) -> Tuple[float, float]:
+    def spread(self, name: str) -> Union[float, Tuple[float, float]]:
         """A number, or a list of two: the low and the high end."""
         value = self.any(name)
         if not isinstance(value, list):
-            return (self.number(name), self.number(name))
+            return self.number(name)
         if len(value) != 2:
-            raise PlanError("%s: must be [low, high]." % self.path(name))
+            raise SpecError("%s: must be [low, high]." % self.path(name))
         ends = Fields({"[0]": value[0], "[1]": value[1]}, self.path(name))
         low, high = ends.number("[0]"), ends.number("[1]")
         if low > high:
-            raise PlanError("%s: %g is above %g." % (self.path(name), low, high))
+            raise SpecError("%s: %g is above %g." % (self.path(name), low, high))
         return (low, high)
+
+    def numbers(self, name: str) -> Dict[str, float]:
+        """An object whose values are numbers."""
+        section = self.object(name)
+        return {key: section.number(key) for key in section._fields}
+
+    def texts(self) -> Dict[str, str]:
+        """This object's values, all of them texts that are not empty."""
+        return {key: self.text(key) for key in self._fields}
 
     def flag(self, name: str) -> bool:
         """True or false."""
         value = self.any(name)
         if not isinstance(value, bool):
-            raise PlanError("%s: must be true or false." % self.path(name))
+            raise SpecError("%s: must be true or false." % self.path(name))
         return value
 
     def integer(self, name: str, least: int, most: Optional[int] = None) -> int:
         """A whole number within bounds."""
         value = self.any(name)
         if isinstance(value, bool) or not isinstance(value, int):
-            raise PlanError("%s: must be a whole number, not %s." % (self.path(name), shown(value)))
+            raise SpecError("%s: must be a whole number, not %s." % (self.path(name), shown(value)))
         if value < least or (most is not None and value > most):
-            raise PlanError("%s: %d is out of range." % (self.path(name), value))
+            raise SpecError("%s: %d is out of range." % (self.path(name), value))
         return value
 
     def number(self, name: str, above: Optional[float] = None) -> float:
         """A number, above a bound."""
         value = self.any(name)
         if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value:
-            raise PlanError("%s: must be a number, not %s." % (self.path(name), shown(value)))
+            raise SpecError("%s: must be a number, not %s." % (self.path(name), shown(value)))
         if above is not None and value <= above:
-            raise PlanError("%s: must be above %g, not %g." % (self.path(name), above, value))
+            raise SpecError("%s: must be above %g, not %g." % (self.path(name), above, value))
         return float(value)
 
 

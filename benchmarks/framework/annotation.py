@@ -84,7 +84,6 @@ def judge(cpu_ms: Mapping[str, float], objects: int, hull_px: int, slow: float) 
     """The figures of CPU times that were taken on a machine ``slow`` times slower than planned."""
     return Verdict(
         "annotation",
-        "carstage bench annotation --json",
         (
             Figure("machine_slowness", slow),
             Figure("objects_in_the_picture", objects, ">=", ACTORS),
@@ -98,6 +97,7 @@ def judge(cpu_ms: Mapping[str, float], objects: int, hull_px: int, slow: float) 
             "One camera of 1280x720; all tables of a frame, with boxes and masks; decoding of the "
             "instance picture included, reading and writing not.",
         ),
+        command="python -m benchmarks annotation --json",
     )
 
 

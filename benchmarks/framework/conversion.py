@@ -99,7 +99,6 @@ def compare(raw: Path, camera_id: str, files: Path, rounds: int, progress: Progr
     encoder_ms, conversion_ms = statistics.median(alone), statistics.median(whole)
     return Verdict(
         "conversion",
-        "carstage bench conversion --json",
         (
             Figure("frames", len(records)),
             Figure("rounds", rounds),
@@ -110,6 +109,7 @@ def compare(raw: Path, camera_id: str, files: Path, rounds: int, progress: Progr
             Figure("conversion_of_encoder", conversion_ms / encoder_ms, "<=", TARGET_RATIO),
         ),
         (f"Codec {name}; conversion reads the log, encodes, writes the file and hashes it.",),
+        command="python -m benchmarks conversion --json",
     )
 
 

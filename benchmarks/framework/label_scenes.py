@@ -84,7 +84,7 @@ def episode_header(
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class IsolatedTruth:
     """The truth about one object in one scene.
 
     Attributes:
@@ -101,7 +101,7 @@ class Sight:
 
 
 @dataclass(frozen=True, slots=True)
-class SightScene:
+class LabelScene:
     """One scene: what labels are made from, and the truth.
 
     Attributes:
@@ -109,7 +109,7 @@ class SightScene:
         world: its state.
         depth_m: ``(H, W)`` float32 z-depth.
         instance_bgra: ``(H, W, 4)`` uint8.
-        sights: the objects that cover a pixel when they are alone.
+        truths: the objects that cover a pixel when they are alone.
         missed: by id of a level object that was taken away, ``(H, W)`` where the depth is another.
     """
 
@@ -117,11 +117,11 @@ class SightScene:
     world: WorldFrame
     depth_m: NDArray[np.float32]
     instance_bgra: NDArray[np.uint8]
-    sights: tuple[Sight, ...]
+    truths: tuple[IsolatedTruth, ...]
     missed: Mapping[int, NDArray[np.bool_]]
 
 
-def read_scenes(log: EpisodeLog) -> Iterator[SightScene]:
+def read_scenes(log: EpisodeLog) -> Iterator[LabelScene]:
     """The scenes of a recording, in order."""
     actors = log.actors()
     pictures = {
@@ -136,8 +136,8 @@ def read_scenes(log: EpisodeLog) -> Iterator[SightScene]:
             (record.meta.get("actor"), record.meta.get("object")): _whole(record, ids.shape)
             for record in taken_away.get(world.tick, ())
         }
-        sights = tuple(
-            Sight(
+        truths = tuple(
+            IsolatedTruth(
                 actors[record.meta["actor"]],
                 _whole(record, ids.shape),
                 ids == record.meta["actor"] & 0xFFFF,
@@ -146,12 +146,12 @@ def read_scenes(log: EpisodeLog) -> Iterator[SightScene]:
             for record in alone.get(world.tick, ())
             if record.meta["width"]
         )
-        yield SightScene(
+        yield LabelScene(
             world.tick,
             world,
             decode_depth_bgra(_bgra(pictures[DEPTH][world.tick])),
             instance_bgra,
-            sights,
+            truths,
             {number: mask for (_, number), mask in missed.items() if number is not None},
         )
 

@@ -142,7 +142,7 @@ def box_interval(
     return enter, leave
 
 
-class Stage:
+class PaintedImages:
     """A depth and an instance image, painted solid by solid, nearest first.
 
     The camera stands at the world's origin and looks along +x; its field of view is 90 degrees.

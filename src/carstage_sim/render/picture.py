@@ -91,8 +91,8 @@ class PictureMaker:
 
         def work(first: int, last: int) -> None:
             shade_rays(
-                frame.scene, new_scratch(), frame.static, frame.actors, frame.looks, frame.colour,
-                frame.light_state,
+                frame.scene, new_scratch(), frame.static, frame.actors, frame.appearance,
+                frame.colour, frame.light_state,
                 self._materials, light, frame.lamps, hits.origin, hits.directions, skip_row,
                 np.float32(pixel_angle), self._epic, first, last,
                 hits.t, hits.row, hits.triangle, hits.weights, colours,

@@ -17,7 +17,7 @@ from carstage_sim.render.cast import NOTHING, trace
 from carstage_sim.render.detail import hash_unit, noise
 from carstage_sim.render.lamps import glow, lamp_light
 from carstage_sim.render.materials import Glow
-from carstage_sim.render.surface import facing_normals, is_leaf, stuff, water
+from carstage_sim.render.surface import facing_normals, is_leaf, surface_material, water
 from carstage_sim.render.weathering import fog_share, rain_share
 
 _ZERO: Any = np.float32(0)
@@ -95,11 +95,11 @@ def _openness(scene, scratch, o, nx, ny, nz, skip):  # type: ignore[no-untyped-d
 
 
 @device
-def _emission(light, materials, looks, lamps, m, who, owner, bits, emitted):  # type: ignore[no-untyped-def]
+def _emission(light, materials, appearance, lamps, m, hit_actor, owner, bits, emitted):  # type: ignore[no-untyped-def]
     """Radiance that a surface emits: lamps by their state, lit rooms, what clients let glow."""
     strength, r, g, b = glow(materials.glow[m], bits, light.time_s)
-    if who < 0:
-        lamp = looks.lamp[owner]
+    if hit_actor < 0:
+        lamp = appearance.lamp[owner]
         if lamp >= 0 and materials.glow[m] == _STREET_LAMP:
             strength = np.float32(6.0)
             r, g, b = lamps.power[lamp, 0], lamps.power[lamp, 1], lamps.power[lamp, 2]
@@ -107,33 +107,35 @@ def _emission(light, materials, looks, lamps, m, who, owner, bits, emitted):  # 
         strength, r, g, b = emitted * np.float32(1.1), _ONE, np.float32(0.74), np.float32(0.42)
     strength *= light.lamp
     r, g, b = r * strength, g * strength, b * strength
-    if who < 0:
+    if hit_actor < 0:
         more = np.float32(3) * light.lamp
-        r += looks.glow[owner, 0] * more
-        g += looks.glow[owner, 1] * more
-        b += looks.glow[owner, 2] * more
+        r += appearance.glow[owner, 0] * more
+        g += appearance.glow[owner, 1] * more
+        b += appearance.glow[owner, 2] * more
     return r, g, b
 
 
 @device
 def _mirrored(  # type: ignore[no-untyped-def]
-    scene, scratch, static, actors, looks, colour, light_state, materials, light, lamps, o, dx, dy,
-    dz, skip, lamps_on,
+    scene, scratch, static, actors, appearance, colour, light_state, materials, light, lamps,
+    o, dx, dy, dz, skip, lamps_on,
 ):  # fmt: skip
     """Radiance that comes from a unit direction: the sky, or the town without cast shadows."""
     hit = trace(scene, scratch, o, (dx, dy, dz), np.float32(1e-3), np.float32(150.0), skip, False)
-    distance, who, number = hit[0], hit[1], hit[2]
-    if who == NOTHING:
+    distance, hit_actor, number = hit[0], hit[1], hit[2]
+    if hit_actor == NOTHING:
         return _sky(light, dx, dy, dz)
-    surfaces = static if who < 0 else actors
+    surfaces = static if hit_actor < 0 else actors
     m = surfaces.material[number]
     owner = int(surfaces.object_id[number])
     leaves = is_leaf(materials.detail[m])
     u, v = hit[3], hit[4]
-    nx, ny, nz, _, _, _ = facing_normals(scene, surfaces, who, number, u, v, leaves, dx, dy, dz)
+    nx, ny, nz, _, _, _ = facing_normals(
+        scene, surfaces, hit_actor, number, u, v, leaves, dx, dy, dz
+    )
     px, py, pz = o[0] + dx * distance, o[1] + dy * distance, o[2] + dz * distance
-    _, cr, cg, cb, _, f0, emitted = stuff(
-        surfaces, looks, colour, materials, light.night, who, number, u, v, px, py, pz,
+    _, cr, cg, cb, _, f0, emitted = surface_material(
+        surfaces, appearance, colour, materials, light.night, hit_actor, number, u, v, px, py, pz,
         nx, ny, nz, np.float32(0.1) + distance * np.float32(0.01),
     )  # fmt: skip
     er, eg, eb = _sky_light(light, nx, ny, nz)
@@ -150,8 +152,8 @@ def _mirrored(  # type: ignore[no-untyped-def]
         r += (a[1, 0] * _OVER_PI - r) * f0
         g += (a[1, 1] * _OVER_PI - g) * f0
         b += (a[1, 2] * _OVER_PI - b) * f0
-    bits = light_state[who] if who >= 0 else 0
-    lr, lg, lb = _emission(light, materials, looks, lamps, m, who, owner, bits, emitted)
+    bits = light_state[hit_actor] if hit_actor >= 0 else 0
+    lr, lg, lb = _emission(light, materials, appearance, lamps, m, hit_actor, owner, bits, emitted)
     r, g, b = r + lr, g + lg, b + lb
     fog = fog_share(light, o[2], dz, distance)
     return (
@@ -163,8 +165,8 @@ def _mirrored(  # type: ignore[no-untyped-def]
 
 @kernel
 def shade_rays(  # type: ignore[no-untyped-def]
-    scene, scratch, static, actors, looks, colour, light_state, materials, light, lamps, origin,
-    directions, skip, pixel_angle, epic, first, last, t, row, triangle, weights, out,
+    scene, scratch, static, actors, appearance, colour, light_state, materials, light, lamps,
+    origin, directions, skip, pixel_angle, epic, first, last, t, row, triangle, weights, out,
 ):  # fmt: skip
     """Colours of the hits ``first`` to ``last``: linear display light, 0-1, into ``out (N, 3)``."""
     lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
@@ -178,8 +180,8 @@ def shade_rays(  # type: ignore[no-untyped-def]
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         dx, dy, dz = dx / length, dy / length, dz / length
         towards = dx * lx + dy * ly + dz * lz
-        who = row[i]
-        if who == NOTHING:
+        hit_actor = row[i]
+        if hit_actor == NOTHING:
             r, g, b = _sky(light, dx, dy, dz)
             if sun_up and towards > np.float32(0.99996):
                 r, g, b = r + light.sun[0] * 40, g + light.sun[1] * 40, b + light.sun[2] * 40
@@ -192,19 +194,19 @@ def shade_rays(  # type: ignore[no-untyped-def]
                 origin[2] + dz * distance,
             )
             number = triangle[i]
-            surfaces = static if who < 0 else actors
+            surfaces = static if hit_actor < 0 else actors
             m = surfaces.material[number]
             leaves = is_leaf(materials.detail[m])
             nx, ny, nz, gx, gy, gz = facing_normals(
-                scene, surfaces, who, number, weights[i, 0], weights[i, 1], leaves, dx, dy, dz
+                scene, surfaces, hit_actor, number, weights[i, 0], weights[i, 1], leaves, dx, dy, dz
             )
             pixel = (
                 distance
                 * pixel_angle
                 / max(abs(dx * gx + dy * gy + dz * gz), np.float32(0.06)) ** np.float32(0.7)
             )
-            kind, cr, cg, cb, rough, f0, emitted = stuff(
-                surfaces, looks, colour, materials, night, who, number, weights[i, 0],
+            kind, cr, cg, cb, rough, f0, emitted = surface_material(
+                surfaces, appearance, colour, materials, night, hit_actor, number, weights[i, 0],
                 weights[i, 1], px, py, pz, nx, ny, nz, pixel,
             )  # fmt: skip
             if is_leaf(kind) and light.wind > 0:
@@ -213,7 +215,7 @@ def shade_rays(  # type: ignore[no-untyped-def]
                 flutter = _ONE + np.float32(0.4) * light.wind * beat
                 cr, cg, cb = cr * flutter, cg * flutter, cb * flutter
             pool = _ZERO
-            if wet > 0 and nz > np.float32(0.5) and who < 0 and not leaves:
+            if wet > 0 and nz > np.float32(0.5) and hit_actor < 0 and not leaves:
                 pool = water(light, kind, px, py, pixel)
                 soaked = _ONE - np.float32(0.5) * wet
                 cr, cg, cb = cr * soaked, cg * soaked, cb * soaked
@@ -229,7 +231,7 @@ def shade_rays(  # type: ignore[no-untyped-def]
             if epic and not leaves and distance < np.float32(60.0):
                 free = _openness(scene, scratch, o, gx, gy, gz, skip)
                 er, eg, eb = er * free, eg * free, eb * free
-            elif who < 0 and gz > np.float32(0.7) and distance < np.float32(90.0):
+            elif hit_actor < 0 and gz > np.float32(0.7) and distance < np.float32(90.0):
                 # What stands right above keeps the sky's light off the ground.
                 under = trace(
                     scene, scratch, o, (np.float32(0.12), np.float32(0.09), _ONE), np.float32(1e-3),
@@ -277,7 +279,7 @@ def shade_rays(  # type: ignore[no-untyped-def]
                     and (pool > np.float32(0.1) or (epic and rough < np.float32(0.35)))
                 ):
                     sr, sg, sb = _mirrored(
-                        scene, scratch, static, actors, looks, colour, light_state, materials,
+                        scene, scratch, static, actors, appearance, colour, light_state, materials,
                         light, lamps, o, rx, ry, rz, skip, lamps_on,
                     )  # fmt: skip
                 else:
@@ -300,8 +302,10 @@ def shade_rays(  # type: ignore[no-untyped-def]
                     g += light.sun[1] * glint
                     b += light.sun[2] * glint
             owner = int(surfaces.object_id[number])
-            bits = light_state[who] if who >= 0 else 0
-            lr, lg, lb = _emission(light, materials, looks, lamps, m, who, owner, bits, emitted)
+            bits = light_state[hit_actor] if hit_actor >= 0 else 0
+            lr, lg, lb = _emission(
+                light, materials, appearance, lamps, m, hit_actor, owner, bits, emitted
+            )
             r, g, b = r + lr, g + lg, b + lb
         fog = fog_share(light, origin[2], dz, distance)
         if fog > 0:

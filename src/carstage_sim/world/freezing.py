@@ -96,7 +96,7 @@ def freeze(world: World, sites: SiteColumns, delta_s: float) -> Snapshot:
         collisions=world.collisions,
         figures=_posed_figures(world),
         doors=_open_doors(world),
-        appearance=world.appearance(),
+        town_changes=world.town_changes(),
         debug_shapes=world.debug_drawing.frame,
     )
     return Snapshot(

@@ -15,7 +15,7 @@ _QUALITY = 85
 _MOST_POINTS = 200_000
 
 
-def sight_picture(sensor: SensorSpec, server: str, record: NewRecord, width: int) -> bytes:
+def sensor_picture(sensor: SensorSpec, server: str, record: NewRecord, width: int) -> bytes:
     """JPEG: of a camera what it sees, of LiDAR and radar their points from above."""
     drawn = draw_record(sensor.kind, server, record, width, _MOST_POINTS)
     if sensor.kind in IMAGE_KINDS:

@@ -44,7 +44,7 @@ def frame_source(frame: Frame, materials: MaterialTable, light: Lighting) -> Sou
         "scene": frame.scene,
         "static": frame.static,
         "actors": frame.actors,
-        "looks": frame.looks,
+        "appearance": frame.appearance,
         "colour": frame.colour,
         "light_state": frame.light_state,
         "actor_id": frame.actor_id,
@@ -153,7 +153,7 @@ class CameraProgram:
             "weights": Array("hit_weight", "f32", 2),
             "out": Array("", "f32", 2, write="set_colour"),
         }
-        for name in ("scene", "static", "actors", "looks", "materials", "light", "lamps"):
+        for name in ("scene", "static", "actors", "appearance", "materials", "light", "lamps"):
             given[name] = self.arenas.record(name)
         kernel: Any = shade_rays
         names = list(inspect.signature(kernel.py_func).parameters)

@@ -1,19 +1,25 @@
-"""What the kernel says of a process: CPU time and memory."""
+"""What the kernel says of a process, besides ``carstage.bench.process_figures``."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
-_TICKS_PER_S = os.sysconf("SC_CLK_TCK")
-_UTIME = 11
-_STIME = 12
+import psutil
+
+_NS_PER_S = 1e9
 
 
-def cpu_s(pid: int) -> float:
-    """CPU seconds, user and system, of all threads of a process so far (proc(5), ``stat``)."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[_UTIME]) + int(fields[_STIME])) / _TICKS_PER_S
+def main_thread_cpu_s(pid: int) -> float:
+    """CPU seconds of the main thread so far, to the nanosecond where the kernel tells.
+
+    Source: the first number of ``/proc/<pid>/task/<tid>/schedstat`` is the time that the thread
+    was on a core (Linux, Documentation/scheduler/sched-stats.rst).
+    """
+    task = Path(f"/proc/{pid}/task/{pid}/schedstat")
+    if task.exists():
+        return int(task.read_text().split()[0]) / _NS_PER_S
+    threads_of = {thread.id: thread for thread in psutil.Process(pid).threads()}
+    return float(threads_of[pid].user_time + threads_of[pid].system_time)
 
 
 def rss_mb(pid: int) -> float:

@@ -1,4 +1,6 @@
-"""What clients changed about the town, as the renderer needs it: looks by object, hidden triangles.
+"""What clients changed about the town, as the renderer needs it.
+
+Objects have an appearance of their own, and triangles can be hidden.
 
 A hidden triangle's corners become zero in its leaf block, where the ray caster meets nothing: that
 costs a ray nothing, and the hierarchy stays as it is.
@@ -13,11 +15,11 @@ from numpy.typing import NDArray
 
 from carstage_sim.maps.street_lamps import StreetLamps
 from carstage_sim.render.cast import Geometry
-from carstage_sim.world.appearance import Appearance
+from carstage_sim.world.town_changes import TownChanges
 
 
-class ObjectLooks(NamedTuple):
-    """Looks of level objects; row = object id, row 0 stands for what is no object.
+class ObjectAppearance(NamedTuple):
+    """How level objects appear; row = object id, row 0 stands for what is no object.
 
     Attributes:
         paint: ``(O + 1, 4)`` float32 linear RGB, and 1 where it replaces the surface's colour.
@@ -30,23 +32,23 @@ class ObjectLooks(NamedTuple):
     lamp: NDArray[np.int32]
 
 
-def object_looks(count: int, lamps: StreetLamps, appearance: Appearance) -> ObjectLooks:
-    """The looks of ``count`` objects."""
-    looks = ObjectLooks(
+def object_appearance(count: int, lamps: StreetLamps, changes: TownChanges) -> ObjectAppearance:
+    """The appearance of ``count`` objects."""
+    appearance = ObjectAppearance(
         np.zeros((count + 1, 4), np.float32),
         np.zeros((count + 1, 3), np.float32),
         np.full(count + 1, -1, np.int32),
     )
-    for object_id, colour in appearance.paint.items():
-        looks.paint[object_id] = (*colour, 1.0)
-    for object_id, colour in appearance.glow.items():
-        looks.glow[object_id] = colour
-    looks.lamp[lamps.object_id] = np.arange(len(lamps), dtype=np.int32)
-    looks.lamp[0] = -1
-    return looks
+    for object_id, colour in changes.paint.items():
+        appearance.paint[object_id] = (*colour, 1.0)
+    for object_id, colour in changes.glow.items():
+        appearance.glow[object_id] = colour
+    appearance.lamp[lamps.object_id] = np.arange(len(lamps), dtype=np.int32)
+    appearance.lamp[0] = -1
+    return appearance
 
 
-class Veil:
+class HiddenTriangles:
     """Takes triangles of level objects out of a geometry, and puts them back.
 
     Args:
@@ -66,13 +68,13 @@ class Veil:
             return
         corners = self._geometry.corners
         if self._taken is not None:
-            block, lane, before = self._taken
-            corners[block, :, lane] = before
+            block, slot, before = self._taken
+            corners[block, :, slot] = before
             self._taken = None
         self._hidden = object_ids
         if object_ids:
             hidden = np.isin(self._object_id, np.fromiter(object_ids, np.uint32, len(object_ids)))
             numbers = self._geometry.numbers
-            block, lane = np.nonzero((numbers >= 0) & hidden[numbers])
-            self._taken = (block, lane, corners[block, :, lane].copy())
-            corners[block, :, lane] = 0.0
+            block, slot = np.nonzero((numbers >= 0) & hidden[numbers])
+            self._taken = (block, slot, corners[block, :, slot].copy())
+            corners[block, :, slot] = 0.0

@@ -1,4 +1,4 @@
-"""How the town looks in one frame where clients changed it; what the renderer needs of it."""
+"""What clients changed about the town, as one frame shows it."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from carstage_sim.world.town_objects import Colour, TownObjects
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Appearance:
-    """Changes to the town; the very same object as long as nothing changes.
+class TownChanges:
+    """What the renderer needs of it; the very same object as long as nothing changes.
 
     Attributes:
         hidden: ids of level objects that are not there.
@@ -29,21 +29,21 @@ class Appearance:
     lamp_power: NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 3), np.float32))
 
 
-class AppearanceKeeper:
-    """Gives the appearance of the current frame, made anew only after a change."""
+class TownChangeTracker:
+    """Gives the changes that the current frame shows; a new object only after a change."""
 
     def __init__(self, objects: TownObjects, lights: StreetLights) -> None:
         self._objects = objects
         self._lights = lights
         self._version = (-1, -1)
-        self._current = Appearance()
+        self._current = TownChanges()
 
-    def __call__(self) -> Appearance:
-        """The appearance now."""
+    def __call__(self) -> TownChanges:
+        """The changes now."""
         version = (self._objects.version, self._lights.version)
         if version != self._version:
             self._version = version
-            self._current = Appearance(
+            self._current = TownChanges(
                 self._objects.hidden(),
                 dict(self._objects.paint),
                 dict(self._objects.glow),

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from benchmarks.simulator.verdict import Campaign, Figure, Relation, Verdict
+from carstage.bench.verdict import Figure, Relation, Verdict
 
 
 @pytest.mark.parametrize(
@@ -32,7 +32,8 @@ def test_json_is_one_line_with_figures_beside_targets() -> None:
     line = verdict.json()
     assert "\n" not in line
     assert json.loads(line) == {
-        "check": "demo",
+        "bench": "demo",
+        "command": "",
         "ok": True,
         "figures": {
             "a": {"value": 1.0, "relation": "<=", "target": 2.0, "ok": True},
@@ -53,11 +54,10 @@ def test_text_points_at_what_failed() -> None:
     assert [line.endswith("<--") for line in text.splitlines()] == [False, True, False]
 
 
-def test_a_campaign_is_good_when_all_its_parts_are() -> None:
-    good, bad = Verdict("a", (Figure("x", 1, "<=", 2),)), Verdict("b", (Figure("y", 3, "<=", 2),))
-    assert Campaign("demo", {"a": good}).ok
-    assert not Campaign("demo", {}).ok
-    campaign = Campaign("demo", {"a": good, "b": bad})
-    assert not campaign.ok
-    assert json.loads(campaign.json())["parts"]["b"]["figures"]["y"]["value"] == 3
-    assert campaign.text().splitlines()[1:] == ["  a: ok", "  b: FAILED (y)"]
+def test_a_verdict_is_bad_when_one_figure_misses_its_target() -> None:
+    good, bad = Figure("a", 1.0, "<=", 2.0), Figure("b", float("nan"), "<=", 2.0)
+    assert Verdict("x", (good, Figure("info", "word"))).ok
+    verdict = Verdict("x", (good, bad))
+    assert not verdict.ok
+    assert "FAILED" in verdict.text()
+    assert verdict.record()["figures"]["b"]["ok"] is False

@@ -25,7 +25,7 @@ def expect(condition: bool, text: str) -> None:
         raise AssertionError(text)
 
 
-class Stage:
+class TrialScene:
     """What a trial may use.
 
     Args:

@@ -63,7 +63,7 @@ def town_of(name: str) -> Town:
 
 
 @dataclass(slots=True)
-class Stage:
+class ReferenceScene:
     """A populated world and a place to look from.
 
     Attributes:
@@ -110,7 +110,9 @@ def rgb(frame: SensorFrame) -> NDArray[np.uint8]:
     return colours
 
 
-def populate(town: Town, suite: WorldSensors, *, vehicles: int, walkers: int, seed: int) -> Stage:
+def populate(
+    town: Town, suite: WorldSensors, *, vehicles: int, walkers: int, seed: int
+) -> ReferenceScene:
     """Actors at spawn points, walkers beside the lanes, all on the move.
 
     Raises:
@@ -152,7 +154,7 @@ def populate(town: Town, suite: WorldSensors, *, vehicles: int, walkers: int, se
         walking += 1
     if (spawned, walking) != (vehicles, walkers):
         raise RuntimeError(f"{town.name} has room for {spawned} vehicles and {walking} walkers")
-    return Stage(world, (x, y, z + _CAMERA_M), (-4.0, yaw, 0.0), suite)
+    return ReferenceScene(world, (x, y, z + _CAMERA_M), (-4.0, yaw, 0.0), suite)
 
 
 def _overlook(places: NDArray[np.float64], vehicles: int) -> int:

@@ -21,7 +21,6 @@ from carstage.collector.internals.stopping import StopRequest
 
 EXIT_OK = 0
 EXIT_FAILED = 1
-EXIT_INTERRUPTED = 130
 
 _log = logging.getLogger("carstage.collector")
 

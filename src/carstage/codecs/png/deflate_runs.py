@@ -33,7 +33,7 @@ class ZlibOfRuns:
             data: contiguous, not empty, any shape.
         """
         # Numba takes half a second to import: only processes that encode pictures shall pay.
-        from carstage.codecs.deflate_kernel import BLOCK_WORDS, RUNS, WORD_BYTES, encode
+        from carstage.codecs.png.deflate_kernel import BLOCK_WORDS, RUNS, WORD_BYTES, encode
 
         flat = data.reshape(-1)
         whole = flat.size - flat.size % WORD_BYTES

@@ -10,8 +10,8 @@ from pathlib import Path
 from carstage.config import Config
 from carstage.config.recording import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError
+from carstage.files.cache import cache_folder
 from carstage.files.locks import take_lock
-from carstage.server import cache_folder
 
 
 def server_key(config: Config) -> str:

@@ -19,8 +19,8 @@ from itertools import chain
 from pathlib import Path
 
 from carstage.errors import BadInputError, ServerError
+from carstage.files.cache import cache_folder
 from carstage.releases import CLIENT_PYTHONS, Release, client_release, release_of
-from carstage.server.description import cache_folder
 
 AUTO = "auto"
 _RUN_S = 30.0

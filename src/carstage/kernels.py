@@ -21,7 +21,7 @@ from typing import Any
 import llvmlite.binding as llvm
 import numba
 
-from carstage.files.cache import cache_folder
+from carstage.cache import cache_folder
 
 _ROOT = Path(__file__).parent
 

@@ -118,3 +118,9 @@ device: Decorator = partial(
 Without a wrapper for Python's calls, which for tuples of arrays takes longer to compile than the
 function.
 """
+
+inlined: Decorator = partial(
+    numba.njit, _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True,
+    **_OPTIONS,
+)  # fmt: skip
+"""As ``device``, without a call: for functions that get whole records, which a call would copy."""

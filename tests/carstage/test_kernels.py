@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import carstage
-from carstage.files.cache import CACHE_VARIABLE
+from carstage.cache import CACHE_VARIABLE
 from carstage.kernels import compiled, kernel_cache
 
 CODECS = Path(str(carstage.__file__)).parent / "codecs"

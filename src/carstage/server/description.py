@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from carstage import __version__
+from carstage.cache import cache_folder
 from carstage.errors import ServerError
-from carstage.files.cache import cache_folder
 from carstage.releases import NEWEST
 from carstage.server.embedded import MODULE
 

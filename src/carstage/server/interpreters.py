@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
+from carstage.cache import cache_folder
 from carstage.errors import BadInputError, ServerError
-from carstage.files.cache import cache_folder
 from carstage.releases import CLIENT_PYTHONS, Release, client_release, release_of
 
 AUTO = "auto"

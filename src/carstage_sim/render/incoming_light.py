@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from carstage_sim.kernels import Decorator, device
+from carstage_sim.kernels import device, inlined
 from carstage_sim.render.cast import NOTHING, trace
 
 _ZERO: Any = np.float32(0)
@@ -29,10 +28,6 @@ _UNDER_CARS: Any = np.float32(0.30)
 """Share of the sky's light on ground that something touches."""
 _UNDER_RISE_PER_M: Any = np.float32(0.4)
 """How that share grows with the height of what is above."""
-
-
-inlined: Decorator = partial(device, forceinline=True)
-"""Decorator of functions that get whole records: a call would copy a hundred words each time."""
 
 
 @inlined

@@ -16,12 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.kernels import device, kernel
+from carstage_sim.kernels import device, inlined, kernel
 from carstage_sim.render.cast import NOTHING, Scene, trace
 from carstage_sim.render.detail import hash_unit, noise
 from carstage_sim.render.incoming_light import (
     OVER_PI,
-    inlined,
     openness,
     sees_sun,
     sky_irradiance,

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from carstage_sim.kernels import device
+from carstage_sim.kernels import device, inlined
 from carstage_sim.render.detail import ASPHALT, LEAVES, WINDOW, faded, pattern, window
 
 _ZERO: Any = np.float32(0)
@@ -62,7 +61,7 @@ def facing_normals(scene, surfaces, hit_actor, number, u, v, leaves, dx, dy, dz)
     return nx * scale, ny * scale, nz * scale, gx, gy, gz
 
 
-@partial(device, forceinline=True)
+@inlined
 def surface_material(frame, surfaces, hit, p, n, pixel):  # type: ignore[no-untyped-def]
     """What the surface is made of at a place.
 

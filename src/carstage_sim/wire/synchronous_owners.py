@@ -11,11 +11,11 @@ from carstage_sim.wire.rpc import Connection
 from carstage_sim.world.controls import EpisodeSettings
 
 
-class SynchronousClaims:
-    """The connections that hold the world."""
+class SynchronousOwners:
+    """The connections that own the world."""
 
     def __init__(self) -> None:
-        self._holders: set[Connection] = set()
+        self._owners: set[Connection] = set()
         self._before = EpisodeSettings()
 
     @property
@@ -24,9 +24,9 @@ class SynchronousClaims:
         return self._before
 
     @property
-    def held(self) -> bool:
-        """Whether anybody holds the world."""
-        return bool(self._holders)
+    def owned(self) -> bool:
+        """Whether any connection owns the world."""
+        return bool(self._owners)
 
     def served(
         self,
@@ -34,29 +34,29 @@ class SynchronousClaims:
         before: EpisodeSettings,
         after: EpisodeSettings,
         *,
-        claims: bool,
+        takes_over: bool,
     ) -> None:
         """Take note of a call.
 
         Args:
             connection: who called.
             before, after: the world's settings around the call.
-            claims: whether it was one that claims the world: a tick, or settings.
+            takes_over: whether the call makes its connection an owner: a tick, or settings.
         """
         self.changed(before, after)
-        if claims and after.synchronous_mode:
-            self._holders.add(connection)
+        if takes_over and after.synchronous_mode:
+            self._owners.add(connection)
 
     def changed(self, before: EpisodeSettings, after: EpisodeSettings) -> None:
         """Take note of the world's settings around what may have changed them."""
         if not before.synchronous_mode and after.synchronous_mode:
             self._before = before
         if not after.synchronous_mode:
-            self._holders.clear()
+            self._owners.clear()
 
     def left(self, connection: Connection) -> bool:
-        """A client is gone; whether it was the last that held the world."""
-        if connection not in self._holders:
+        """A client is gone; whether it was the last owner of the world."""
+        if connection not in self._owners:
             return False
-        self._holders.remove(connection)
-        return not self._holders
+        self._owners.remove(connection)
+        return not self._owners

@@ -1,4 +1,4 @@
-"""The rehearsal leaves nothing to compile for the first tick, and the world as it was."""
+"""The warm-up leaves nothing to compile for the first tick, and the world as it was."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import sys
 from numba.core.dispatcher import Dispatcher
 
 from carstage_sim.maps import Town
+from carstage_sim.world.kernel_warmup import warm_up_mechanics
 from carstage_sim.world.pose import Pose
-from carstage_sim.world.rehearsal import rehearse
 from carstage_sim.world.world import World
 
 
@@ -23,9 +23,9 @@ def compiled() -> dict[str, int]:
     }
 
 
-def test_ticks_after_the_rehearsal_compile_nothing(stage01: Town) -> None:
+def test_ticks_after_the_warm_up_compile_nothing(stage01: Town) -> None:
     world = World(stage01, 1)
-    rehearse(world)
+    warm_up_mechanics(world)
     before = compiled()
     assert before["carstage_sim.world.vehicles.motion._move"] == 1
     for k, point in enumerate(stage01.spawn_points[:3].tolist()):
@@ -37,8 +37,8 @@ def test_ticks_after_the_rehearsal_compile_nothing(stage01: Town) -> None:
     assert compiled() == before
 
 
-def test_the_rehearsal_changes_nothing_in_the_world(stage01: Town) -> None:
-    rehearsed, plain = World(stage01, 1), World(stage01, 1)
-    rehearse(rehearsed)
-    assert [actor.actor_id for actor in rehearsed.actors] == [a.actor_id for a in plain.actors]
-    assert (rehearsed.frame, rehearsed.next_stream_id) == (plain.frame, plain.next_stream_id)
+def test_the_warm_up_changes_nothing_in_the_world(stage01: Town) -> None:
+    warmed, plain = World(stage01, 1), World(stage01, 1)
+    warm_up_mechanics(warmed)
+    assert [actor.actor_id for actor in warmed.actors] == [a.actor_id for a in plain.actors]
+    assert (warmed.frame, warmed.next_stream_id) == (plain.frame, plain.next_stream_id)

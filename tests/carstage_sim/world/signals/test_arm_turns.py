@@ -71,7 +71,7 @@ class Scene:
                 np.broadcast_to(np.array(speed, np.float64), count),
                 np.full(count, _HALF_LENGTH_M),
             )
-        return np.isin(np.arange(1, count + 1), self.turns.told_to_wait).tolist()
+        return np.isin(np.arange(1, count + 1), self.turns.waiting_ids).tolist()
 
 
 def test_every_lane_that_leads_into_a_junction_is_an_entry_and_roads_are_arms() -> None:
@@ -83,7 +83,7 @@ def test_every_lane_that_leads_into_a_junction_is_an_entry_and_roads_are_arms() 
     assert entries.arm.tolist() == [0, 1, 2, 3]
 
 
-def test_who_comes_alone_is_never_told_to_wait() -> None:
+def test_who_comes_alone_never_waits() -> None:
     for arm in range(3):
         scene = Scene()
         for before_m in (20.0, 8.0, 5.0, 3.0, -2.0, -8.0):
@@ -139,7 +139,7 @@ def test_whose_turn_it_is_joins_the_queue_in_one_frame() -> None:
     ("before_m", "speed", "waits"),
     [(8.0, 7.0, True), (8.0, 12.0, False), (2.0, 0.0, True), (0.0, 0.0, False)],
 )
-def test_only_who_can_stop_before_the_junction_is_told_to_wait(
+def test_only_who_can_stop_before_the_junction_waits(
     before_m: float, speed: float, waits: bool
 ) -> None:
     scene = Scene()

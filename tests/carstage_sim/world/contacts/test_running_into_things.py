@@ -95,8 +95,8 @@ def test_what_clients_took_away_stops_nobody() -> None:
 
 
 def test_a_rail_on_a_bridge_stops_nobody_below() -> None:
-    deck = sheet((-500.0, -6.0), (500.0, 6.0), lambda _x, _y: 6.0)
-    mesh = plain(deck, wall((20.0, -5.0), (20.0, 5.0), base_m=6.0))
+    roadway = sheet((-500.0, -6.0), (500.0, 6.0), lambda _x, _y: 6.0)
+    mesh = plain(roadway, wall((20.0, -5.0), (20.0, 5.0), base_m=6.0))
     below = one_car(mesh, at=(10.0, 0.0, 0.0))
     above = one_car(mesh, at=(10.0, 0.0, 6.0))
     for fleet in (below, above):

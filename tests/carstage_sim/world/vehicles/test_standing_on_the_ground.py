@@ -63,8 +63,8 @@ def test_on_an_even_slope_a_fast_car_neither_sinks_nor_floats() -> None:
 
 @pytest.mark.parametrize("height", [0.0, 6.0])
 def test_a_car_drives_on_the_level_that_it_is_on(height: float) -> None:
-    deck = sheet((-400.0, -6.0), (400.0, 6.0), lambda _x, _y: 6.0)
-    fleet = one_car(plain(deck), at=(0.0, 0.0, height))
+    roadway = sheet((-400.0, -6.0), (400.0, 6.0), lambda _x, _y: 6.0)
+    fleet = one_car(plain(roadway), at=(0.0, 0.0, height))
     drive(fleet, 4.0, throttle=0.8)
     assert fleet.location[0, 0] > 15.0
     assert fleet.location[0, 2] == pytest.approx(height, abs=1e-6)

@@ -9,7 +9,7 @@ import time
 _AGAIN_AFTER_S = 10.0
 
 
-class Complaints:
+class ThrottledWarnings:
     """Warns of each kind of trouble at once, then at most once in ten seconds, with a count.
 
     Args:
@@ -22,16 +22,16 @@ class Complaints:
         self._again_after_s = again_after_s
         self._lock = threading.Lock()
         self._last_s: dict[str, float] = {}
-        self._untold: dict[str, int] = {}
+        self._suppressed: dict[str, int] = {}
 
     def warn(self, kind: str, detail: str) -> None:
-        """Warn of ``kind``; ``detail`` tells of this case."""
+        """Warn of ``kind``; ``detail`` describes this case."""
         now_s = time.monotonic()
         with self._lock:
             if now_s - self._last_s.get(kind, -self._again_after_s) < self._again_after_s:
-                self._untold[kind] = self._untold.get(kind, 0) + 1
+                self._suppressed[kind] = self._suppressed.get(kind, 0) + 1
                 return
             self._last_s[kind] = now_s
-            untold = self._untold.pop(kind, 0)
-        more = f" (and {untold} more since the last such line)" if untold else ""
+            suppressed = self._suppressed.pop(kind, 0)
+        more = f" (and {suppressed} more since the last such line)" if suppressed else ""
         self._logger.warning("%s: %s%s", kind, detail, more)

@@ -85,22 +85,13 @@ def plan_episodes(
         # Each choice is drawn whether it is free or not, so that fixing one moves no other.
         map_draw, weather_draw, spawn_draw = draw.random(3)
         map_name = _pick(maps, map_draw)
-        presets = config.weather.presets
         episodes.append(
             EpisodeSpec(
                 dialect=facts.dialect,
                 index=index,
                 map=map_name,
                 map_layers=None if config.map.layers == "all" else config.map.layers,
-                weather=WeatherSpec(
-                    preset=_pick(presets, weather_draw) if presets else None,
-                    parameters=config.weather.parameters.given(),
-                    lights=config.weather.lights,
-                    changes=tuple(
-                        WeatherChange(change.at_s, change.choice, change.parameters.given())
-                        for change in config.weather.changes
-                    ),
-                ),
+                weather=_weather(config, weather_draw),
                 steps=config.steps,
                 fps=config.fps,
                 save_every=config.save_every,
@@ -141,6 +132,19 @@ def plan_episodes(
             )
         )
     return tuple(episodes)
+
+
+def _weather(config: Config, draw: float) -> WeatherSpec:
+    weather = config.weather
+    return WeatherSpec(
+        preset=_pick(weather.presets, draw) if weather.presets else None,
+        parameters=weather.parameters.given(),
+        lights=weather.lights,
+        changes=tuple(
+            WeatherChange(change.at_s, change.choice, change.parameters.given())
+            for change in weather.changes
+        ),
+    )
 
 
 def _sequence(seed: int, index: int, stream: int) -> np.random.SeedSequence:

@@ -10,7 +10,7 @@ SRC = Path(__file__).parents[1] / "src"
 MOST_LINES = 80
 MOST_PARAMETERS = 8
 
-_KERNEL = (
+_KERNEL = "a compiled kernel: arrays and numbers are its parameters, a record costs a copy a ray"
     "a compiled kernel: its arrays and numbers are its parameters, a record costs a copy a ray"
 )
 _LOOP = "one compiled loop over shared locals; a function per step would pass all of them"

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The page: types, tests, and that what is committed is what the sources build. Needs `uv sync --extra dev` before.
+# The page: types, lint, tests, and that what is committed is what the sources build. Needs `uv sync --extra dev` before.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 # Node comes with the dev extra, so that everybody builds with the same one.
@@ -11,6 +11,7 @@ cd ui
 npm ci --silent
 openapi-typescript openapi.json -o src/api/schema.d.ts > /dev/null
 tsc --noEmit
+eslint .
 vitest run --reporter=dot
 vite build --logLevel error
 cd ..

@@ -2,7 +2,7 @@ import { useEffect, useRef, useState } from "react";
 import { getFloats, sentence } from "../api/client";
 import type { EpisodeSensor, FrameMessage } from "../api/types";
 import { useTheme } from "../app/theme";
-import { CloudStage } from "../three/CloudStage";
+import { CloudScene } from "../three/CloudScene";
 
 interface Props {
   base: string;
@@ -15,7 +15,7 @@ interface Props {
 /** Points of one sensor in 3D with everybody's boxes; loaded, with three.js, when it is shown. */
 export default function CloudView({ base, sensors, frame, egoBox, chosen }: Props) {
   const host = useRef<HTMLDivElement>(null);
-  const [stage, setStage] = useState<CloudStage | null>(null);
+  const [scene, setScene] = useState<CloudScene | null>(null);
   const [sensor, setSensor] = useState(sensors[0]?.id ?? "");
   const [note, setNote] = useState("");
   const [shown, setShown] = useState(0);
@@ -24,31 +24,31 @@ export default function CloudView({ base, sensors, frame, egoBox, chosen }: Prop
 
   useEffect(() => {
     if (!host.current) return;
-    let made: CloudStage;
+    let made: CloudScene;
     try {
-      made = new CloudStage(host.current);
+      made = new CloudScene(host.current);
     } catch (error) {
       console.info("no WebGL", error);
       setNote("This browser shows no 3D (no WebGL).");
       return;
     }
     made.chase();
-    setStage(made);
+    setScene(made);
     return () => {
       made.dispose();
-      setStage(null);
+      setScene(null);
     };
   }, []);
 
-  useEffect(() => stage?.recolour(), [stage, theme]);
+  useEffect(() => scene?.recolour(), [scene, theme]);
 
   useEffect(() => {
-    if (!stage || !sensor || !frame.available.includes(sensor)) return;
+    if (!scene || !sensor || !frame.available.includes(sensor)) return;
     const stop = new AbortController();
     getFloats(`${base}/points/${sensor}/${frame.k}`, stop.signal).then(
       (points) => {
-        stage.showPoints(points, kind === "radar" ? 5 : 1.6);
-        stage.showBoxes(frame.objects, egoBox, chosen);
+        scene.showPoints(points, kind === "radar" ? 5 : 1.6);
+        scene.showBoxes(frame.objects, egoBox, chosen);
         setShown(points.length / 4);
         setNote("");
       },
@@ -57,7 +57,7 @@ export default function CloudView({ base, sensors, frame, egoBox, chosen }: Prop
       },
     );
     return () => stop.abort();
-  }, [stage, base, sensor, kind, frame, egoBox, chosen, theme]);
+  }, [scene, base, sensor, kind, frame, egoBox, chosen, theme]);
 
   return (
     <section className="view cloud-view" aria-label="Points in 3D" data-points={shown}>
@@ -75,15 +75,15 @@ export default function CloudView({ base, sensors, frame, egoBox, chosen }: Prop
         </select>
         <span className="muted">{shown.toLocaleString("en")} points</span>
         <span className="spacer" />
-        <button type="button" className="button small" onClick={() => stage?.chase()}>
+        <button type="button" className="button small" onClick={() => scene?.chase()}>
           Behind
         </button>
-        <button type="button" className="button small" onClick={() => stage?.top()}>
+        <button type="button" className="button small" onClick={() => scene?.top()}>
           Above
         </button>
       </header>
       <div className="view-body">
-        <div ref={host} className="stage-host" />
+        <div ref={host} className="scene-host" />
         {note && <p className="empty over">{note}</p>}
       </div>
     </section>

@@ -63,13 +63,13 @@ function PlayerOf({ base, detail, dataset }: { base: string; detail: EpisodeDeta
         </p>
       )}
       {frame && (
-        <div className="stage-grid">
-          <div className="stage-cameras">
+        <div className="scene-grid">
+          <div className="scene-cameras">
             {main && (
               <CameraView base={base} sensor={main} frame={frame} overlays={overlays} width={LARGE_PX} chosen={chosen} onChoose={setChosen} />
             )}
           </div>
-          <div className="stage-side">
+          <div className="scene-side">
             <MapView base={base} frame={frame} egoBox={detail.ego_box} chosen={chosen} onChoose={setChosen} />
             {clouds.length > 0 && (
               <Suspense fallback={<p className="empty">Loading the 3D view…</p>}>

@@ -28,7 +28,7 @@ export function FrameFacts({ detail, frame, chosen, onChoose }: Props) {
               .filter(([column]) => column !== "k" && column !== "timestamp_s")
               .map(([column, value]) => <Fact key={sensor + column} name={`${sensor} ${column}`} value={reading(value)} />),
           )}
-          <Fact name="Road users" value={`${detail.spawned.vehicles ?? "–"} vehicles, ${detail.spawned.pedestrians ?? "–"} pedestrians`} />
+          <Fact name="Road users" value={`${String(detail.spawned.vehicles ?? "–")} vehicles, ${String(detail.spawned.pedestrians ?? "–")} pedestrians`} />
         </dl>
       </section>
       <section className="panel" aria-label="Objects in this frame">
@@ -120,5 +120,5 @@ function reading(value: unknown): string {
   if (typeof value === "number") return Number.isInteger(value) ? String(value) : value.toPrecision(5);
   if (Array.isArray(value)) return value.map(reading).join(", ");
   if (value === null || value === undefined) return "–";
-  return typeof value === "object" ? JSON.stringify(value) : String(value as string | boolean);
+  return typeof value === "object" ? JSON.stringify(value) : String(value);
 }

@@ -92,7 +92,7 @@ export function fieldOf(root: SchemaNode, node: SchemaNode): Field {
   if (here.type === "boolean") return { ...base, kind: "toggle" };
   if (here.type === "number" || here.type === "integer") return { ...base, ...numberOf(here) };
   if (here.properties) {
-    const entries = Object.entries(here.properties).map(([key, child]) => [key, fieldOf(root, child)]);
+    const entries = Object.entries(here.properties).map(([key, child]): [string, Field] => [key, fieldOf(root, child)]);
     return { ...base, kind: "section", properties: Object.fromEntries(entries) };
   }
   if (here.type === "object") return { ...base, kind: "mapping" };

@@ -168,7 +168,7 @@ export function PairField({ path, field }: ControlProps) {
             key={names[index]}
             id={`${id}-${index}`}
             label={`${field.title}: ${names[index]}`}
-            value={typeof list[index] === "number" ? (list[index] as number) : undefined}
+            value={typeof list[index] === "number" ? list[index] : undefined}
             placeholder={names[index]}
             whole={part.whole}
             minimum={part.minimum}

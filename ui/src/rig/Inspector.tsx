@@ -7,7 +7,7 @@ import { fieldOf, type Field, type SchemaNode } from "../form/schema";
 import { ChosenTools } from "./ChosenTools";
 import { colourOf, kindInfo } from "./kinds";
 import { pathText, type Path } from "../state/json";
-import type { Pose } from "./frames";
+import type { Pose } from "./coordinates";
 import { SensorPreview } from "./SensorPreview";
 import type { RigSensor } from "./sensors";
 import { useRig } from "./useRig";

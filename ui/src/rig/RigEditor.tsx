@@ -3,7 +3,6 @@ import { useAnswer } from "../api/useAnswer";
 import type { RigPreset, SchemaMessage } from "../api/types";
 import { dispatch, edit } from "../state/draft";
 import { getAt, setAt, type JsonObject } from "../state/json";
-import type { SchemaNode } from "../form/schema";
 import type { CoverageChoice } from "./CoverageLayer";
 import { Inspector } from "./Inspector";
 import { mountsOf, type VehicleShape } from "./mounts";
@@ -156,7 +155,7 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
           <SensorLists />
         </header>
         <SensorList />
-        <Inspector schema={schema.config_schema as SchemaNode} />
+        <Inspector schema={schema.config_schema} />
       </aside>
     </RigContext.Provider>
   );

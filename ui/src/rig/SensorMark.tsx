@@ -1,5 +1,5 @@
 import { useEffect, useRef, type KeyboardEvent, type PointerEvent, type RefObject } from "react";
-import { snap, type Pose } from "./frames";
+import { snap, type Pose } from "./coordinates";
 import { colourOf, kindInfo } from "./kinds";
 import type { Point } from "./outline";
 import { toScreen, type Plane, type Screen } from "./plane";

@@ -28,12 +28,13 @@ export function SensorPreview({ sensor }: { sensor: RigSensor }) {
   useEffect(() => {
     if (!on) return;
     const stop = new AbortController();
-    let timer = window.setTimeout(ask, held.current ? HELD_SILENCE_MS : SILENCE_MS);
+    const later = (ms?: number) => window.setTimeout(() => void ask(), ms);
+    let timer = later(held.current ? HELD_SILENCE_MS : SILENCE_MS);
     let asking = false;
     const letGo = () => {
       if (asking) return;
       window.clearTimeout(timer);
-      timer = window.setTimeout(ask);
+      timer = later();
     };
     if (held.current) window.addEventListener("pointerup", letGo, { signal: stop.signal, once: true });
     async function ask() {
@@ -44,7 +45,7 @@ export function SensorPreview({ sensor }: { sensor: RigSensor }) {
         if (blob === null) {
           const first = shown.current === null;
           if (first) setState("starting the simulator…");
-          timer = window.setTimeout(ask, first ? WARMING_MS : BUSY_MS);
+          timer = later(first ? WARMING_MS : BUSY_MS);
           return;
         }
         if (shown.current) URL.revokeObjectURL(shown.current);
@@ -55,7 +56,7 @@ export function SensorPreview({ sensor }: { sensor: RigSensor }) {
         if (stop.signal.aborted) return;
         if (error instanceof ApiError && error.answer.code === "warming") {
           setState("starting the simulator…");
-          timer = window.setTimeout(ask, WARMING_MS);
+          timer = later(WARMING_MS);
         } else setState(sentence(error));
       }
     }

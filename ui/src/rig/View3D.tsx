@@ -1,7 +1,7 @@
 import { useEffect, useRef, useState } from "react";
 import { useTheme } from "../app/theme";
-import { RigStage } from "../three/RigStage";
-import type { Pose } from "./frames";
+import { RigScene } from "../three/RigScene";
+import type { Pose } from "./coordinates";
 import { drawnReach, useRig, type Rig } from "./useRig";
 
 declare global {
@@ -15,7 +15,7 @@ declare global {
 export default function View3D({ mode }: { mode: "translate" | "rotate" }) {
   const rig = useRig();
   const host = useRef<HTMLDivElement>(null);
-  const [stage, setStage] = useState<RigStage | null>(null);
+  const [scene, setScene] = useState<RigScene | null>(null);
   const [failed, setFailed] = useState(false);
   const [theme] = useTheme();
   const current = useRef<Rig>(rig);
@@ -23,9 +23,9 @@ export default function View3D({ mode }: { mode: "translate" | "rotate" }) {
 
   useEffect(() => {
     if (!host.current) return;
-    let made: RigStage;
+    let made: RigScene;
     try {
-      made = new RigStage(host.current, {
+      made = new RigScene(host.current, {
         pick: (id) => current.current.select(id === null ? [] : [id]),
         drag: (pose) => dragTo(current.current, pose),
         dropped: () => current.current.endGesture(),
@@ -35,33 +35,33 @@ export default function View3D({ mode }: { mode: "translate" | "rotate" }) {
       setFailed(true);
       return;
     }
-    setStage(made);
+    setScene(made);
     window.carstage3d = { project: (x, y, z) => made.project(x, y, z), drawn: () => made.drawn };
     return () => {
       delete window.carstage3d;
       made.dispose();
-      setStage(null);
+      setScene(null);
     };
   }, []);
 
   useEffect(() => {
-    stage?.recolour();
-    stage?.showCar(rig.shape);
-  }, [stage, rig.shape, theme]);
+    scene?.recolour();
+    scene?.showCar(rig.shape);
+  }, [scene, rig.shape, theme]);
 
   useEffect(() => {
-    stage?.showSensors(rig.sensors, rig.selected, (sensor) => {
+    scene?.showSensors(rig.sensors, rig.selected, (sensor) => {
       const view = rig.view(sensor);
       return { view, distance: view ? drawnReach(view, rig.trueRanges) * (rig.trueRanges ? 1 : 0.55) : 0 };
     });
-    stage?.hold(leader(rig)?.pose ?? null);
-  }, [stage, rig, theme]);
+    scene?.hold(leader(rig)?.pose ?? null);
+  }, [scene, rig, theme]);
 
-  useEffect(() => stage?.mode(mode), [stage, mode]);
+  useEffect(() => scene?.mode(mode), [scene, mode]);
 
   if (failed)
     return <p className="empty">This browser shows no 3D (no WebGL). The top and side views do all the same.</p>;
-  return <div ref={host} className="stage-host" data-ready={stage !== null} />;
+  return <div ref={host} className="scene-host" data-ready={scene !== null} />;
 }
 
 function leader(rig: Rig) {

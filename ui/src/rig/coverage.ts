@@ -1,4 +1,4 @@
-import { rotateBack, rotation, type Matrix, type Vector } from "./frames";
+import { rotateBack, rotation, type Matrix, type Vector } from "./coordinates";
 import type { RigSensor, View } from "./sensors";
 
 const RAD = Math.PI / 180;

@@ -1,6 +1,6 @@
 import type { Point } from "./outline";
-import type { Pose } from "./frames";
-import { snap } from "./frames";
+import type { Pose } from "./coordinates";
+import { snap } from "./coordinates";
 import type { Box } from "./coverage";
 
 /** A vehicle's shape as the server describes it. */

@@ -1,4 +1,4 @@
-import { add, rotate, rotation, scale, type Vector } from "./frames";
+import { add, rotate, rotation, scale, type Vector } from "./coordinates";
 import type { RigSensor, View } from "./sensors";
 
 /** A point of a plane view, metres: u to the right, v up. */

@@ -1,4 +1,4 @@
-import type { Pose, Vector } from "./frames";
+import type { Pose, Vector } from "./coordinates";
 import type { Point } from "./outline";
 
 /** A plane view of the car: what lies to the right and what lies up on the screen. */

@@ -1,6 +1,6 @@
 import { getAt, isObject, setAt, type Json, type JsonObject } from "../state/json";
-import type { Pose } from "./frames";
-import { wrapDegrees } from "./frames";
+import type { Pose } from "./coordinates";
+import { wrapDegrees } from "./coordinates";
 import { isCamera, kindInfo } from "./kinds";
 
 /** A sensor of the document with every number filled in. */
@@ -62,7 +62,7 @@ export function unfolded(document: JsonObject, preset: PresetSensors): JsonObjec
   if (typeof getAt(document, ["rig", "preset"]) !== "string") return document;
   const listed = getAt(document, ["rig", "sensors"]);
   const all = [...preset, ...(Array.isArray(listed) ? listed : [])];
-  return setAt(setAt(document, ["rig", "sensors"], all as Json[]), ["rig", "preset"], undefined);
+  return setAt(setAt(document, ["rig", "sensors"], all), ["rig", "preset"], undefined);
 }
 
 function list(document: JsonObject): JsonObject[] {

@@ -1,4 +1,4 @@
-import type { Pose } from "./frames";
+import type { Pose } from "./coordinates";
 import type { RigSensor } from "./sensors";
 
 /** Sensors that stand in one place, such as a camera and its ground truth: one mark for all. */

@@ -1,5 +1,5 @@
 import { useEffect, useRef, useState, type PointerEvent as ReactPointerEvent } from "react";
-import { snap, wrapDegrees, type Pose } from "./frames";
+import { snap, wrapDegrees, type Pose } from "./coordinates";
 import type { Point } from "./outline";
 import { toScreen, type Plane, type Screen } from "./plane";
 import { nextSelection, type Stack } from "./stacks";

@@ -1,6 +1,6 @@
 import { createContext, useContext } from "react";
 import type { JsonObject } from "../state/json";
-import type { Pose } from "./frames";
+import type { Pose } from "./coordinates";
 import type { Mount, VehicleShape } from "./mounts";
 import type { RigSensor, View } from "./sensors";
 

@@ -1,7 +1,7 @@
 import { BufferAttribute, BufferGeometry, Color, DoubleSide, Group, Mesh, MeshLambertMaterial } from "three";
 import type { VehicleShape } from "../rig/mounts";
 import type { Materials } from "./Materials";
-import { cssColour } from "./stage";
+import { cssColour } from "./sceneView";
 
 const FIXED: Record<string, number> = {
   glass: 0x18222e,

@@ -16,12 +16,12 @@ import {
   MeshLambertMaterial,
   SphereGeometry,
 } from "three";
-import { eulerZYX, toThree, type Pose, type Vector } from "../rig/frames";
+import { eulerZYX, toThree, type Pose, type Vector } from "../rig/coordinates";
 import { isCamera, kindInfo } from "../rig/kinds";
 import { direction, pinhole } from "../rig/outline";
 import type { RigSensor, View } from "../rig/sensors";
 import type { Materials } from "./Materials";
-import { cssColour } from "./stage";
+import { cssColour } from "./sceneView";
 
 const HIT_RADIUS_M = 0.14;
 

@@ -24,7 +24,7 @@ const PATHS: Record<string, string> = {
   warn: "M8 2 1.500 13.500h13zM8 6.500v3.500M8 12v.200",
 };
 
-export function Icon({ name }: { name: keyof typeof PATHS | string }) {
+export function Icon({ name }: { name: string }) {
   return (
     <svg className="icon" width="16" height="16" viewBox="0 0 16 16" aria-hidden="true" focusable="false">
       <path d={PATHS[name] ?? ""} />

@@ -19,7 +19,7 @@ def open_dataset(open_page: OpenPage) -> Page:
 def test_an_episode_is_scrubbed_stepped_and_played(open_page: OpenPage) -> None:
     page = open_dataset(open_page)
     page.get_by_role("link", name="Episode 1").click()
-    shown = page.locator(".stage-cameras .camera")
+    shown = page.locator(".scene-cameras .camera")
     expect(shown).to_have_attribute("data-k", "0")
     last = int(page.get_by_role("slider", name="Frame").get_attribute("max") or 0)
     assert last > 0
@@ -36,7 +36,7 @@ def test_an_episode_is_scrubbed_stepped_and_played(open_page: OpenPage) -> None:
 def test_labels_are_drawn_and_an_object_is_followed(open_page: OpenPage) -> None:
     page = open_dataset(open_page)
     page.get_by_role("link", name="Episode 1").click()
-    picture = page.locator(".stage-cameras .camera")
+    picture = page.locator(".scene-cameras .camera")
     picture.locator(".object").first.wait_for()
     boxes = picture.locator(".object line")
     expect(boxes).to_have_count(0)

@@ -137,7 +137,7 @@ def test_without_webgl_sensors_are_placed_and_episodes_looked_through(open_page:
     page.evaluate(f"location.hash = '{episode_address(page)}'")
     expect(page.get_by_label("Points in 3D")).to_contain_text("no WebGL")
     page.get_by_role("button", name="Frame forward").click()
-    expect(page.locator(".stage-cameras .camera")).to_have_attribute("data-k", "1")
+    expect(page.locator(".scene-cameras .camera")).to_have_attribute("data-k", "1")
 
 
 def test_golden_poses_are_those_of_python() -> None:

@@ -107,7 +107,7 @@ def test_the_keyboard_reaches_a_sensor_and_nudges_it(configure: Page) -> None:
 def test_the_gizmo_moves_a_sensor_up(configure: Page) -> None:
     page = configure
     choose(page, "LIDAR_TOP")
-    stage = page.locator(".stage-host[data-ready=true] canvas")
+    stage = page.locator(".scene-host[data-ready=true] canvas")
     stage.wait_for()
     wait_until(page, "window.carstage3d && window.carstage3d.drawn() > 0")
     box = stage.bounding_box()
@@ -131,7 +131,7 @@ def test_the_gizmo_moves_a_sensor_up(configure: Page) -> None:
 
 def test_the_3d_view_draws_only_when_something_changes(configure: Page) -> None:
     page = configure
-    page.locator(".stage-host[data-ready=true]").wait_for()
+    page.locator(".scene-host[data-ready=true]").wait_for()
     page.wait_for_timeout(700)
     before = page.evaluate("window.carstage3d.drawn()")
     page.wait_for_timeout(700)

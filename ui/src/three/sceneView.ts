@@ -13,7 +13,7 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { Materials } from "./Materials";
 
 /** A 3D view that draws only when something has changed: no loop runs while nothing moves. */
-export class Stage {
+export class SceneView {
   readonly scene = new Scene();
   readonly camera = new PerspectiveCamera(45, 1, 0.05, 1000);
   readonly orbit: OrbitControls;
@@ -39,7 +39,7 @@ export class Stage {
     // To look for a shader's errors is to wait for the compiler.
     this.renderer.debug.checkShaderErrors = false;
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
-    this.renderer.domElement.className = "stage";
+    this.renderer.domElement.className = "scene";
     host.append(this.renderer.domElement);
     this.camera.up.set(0, 0, 1);
     this.scene.add(new HemisphereLight(0xffffff, 0x777788, 2.2), this.content);

@@ -1,13 +1,13 @@
 import { Group, Object3D, Raycaster, Vector2 } from "three";
 import { TransformControls } from "three/addons/controls/TransformControls.js";
-import { fromThree, type Pose, type Vector } from "../rig/frames";
+import { fromThree, type Pose, type Vector } from "../rig/coordinates";
 import type { VehicleShape } from "../rig/mounts";
 import type { RigSensor, View } from "../rig/sensors";
 import { carModel } from "./car";
 import { disposeShapes, place, sensorModel } from "./sensorModel";
-import { Stage } from "./stage";
+import { SceneView } from "./sceneView";
 
-export interface RigStageEvents {
+export interface RigSceneEvents {
   /** A sensor was clicked; null: nothing. */
   pick(id: string | null): void;
   /** The gizmo gives the leading sensor this pose. */
@@ -19,7 +19,7 @@ const SNAP_M = 0.05;
 const SNAP_RAD = (5 * Math.PI) / 180;
 
 /** The car with its sensors and a gizmo on the chosen one. */
-export class RigStage extends Stage {
+export class RigScene extends SceneView {
   private readonly car = new Group();
   private readonly models = new Group();
   private readonly gizmo: TransformControls;
@@ -28,7 +28,7 @@ export class RigStage extends Stage {
 
   constructor(
     host: HTMLElement,
-    private readonly events: RigStageEvents,
+    private readonly events: RigSceneEvents,
   ) {
     super(host, 40);
     this.content.add(this.car, this.models);

@@ -1,7 +1,7 @@
 import { readFileSync } from "node:fs";
 import { Euler, Matrix4, Vector3 } from "three";
 import { describe, expect, test } from "vitest";
-import { eulerZYX, fromThree, rotate, rotateBack, rotation, snap, toThree, wrapDegrees, type Pose, type Vector } from "../src/rig/frames";
+import { eulerZYX, fromThree, rotate, rotateBack, rotation, snap, toThree, wrapDegrees, type Pose, type Vector } from "../src/rig/coordinates";
 
 interface Golden {
   pose: Pose;

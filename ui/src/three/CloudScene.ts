@@ -13,7 +13,7 @@ import {
 } from "three";
 import type { FrameObject } from "../api/types";
 import { disposeShapes } from "./sensorModel";
-import { cssColour, Stage } from "./stage";
+import { cssColour, SceneView } from "./sceneView";
 
 /** Left-handed to right-handed: y changes its sign on both sides of a transform. */
 const FLIP = new Matrix4().makeScale(1, -1, 1);
@@ -21,7 +21,7 @@ const LOW_M = -0.5;
 const HIGH_M = 4;
 
 /** A sweep of points in the ego's frame, with everybody's boxes. */
-export class CloudStage extends Stage {
+export class CloudScene extends SceneView {
   private readonly clouds = new Group();
   private readonly boxes = new Group();
 

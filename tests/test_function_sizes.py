@@ -11,8 +11,6 @@ MOST_LINES = 80
 MOST_PARAMETERS = 8
 
 _KERNEL = "a compiled kernel: arrays and numbers are its parameters, a record costs a copy a ray"
-    "a compiled kernel: its arrays and numbers are its parameters, a record costs a copy a ray"
-)
 _LOOP = "one compiled loop over shared locals; a function per step would pass all of them"
 _OWNER = "puts its parts together: each parameter is one collaborator, all named at the call"
 _ROW = "the keys of one row of a table, in the table's order"

@@ -207,7 +207,7 @@ def test_paths_through_junctions_are_no_faster_than_their_curves_allow(name):
 
 
 def test_the_documentation_counts_what_the_towns_have(network):
-    text = (Path(__file__).parents[4] / "docs" / "simulator.md").read_text()
+    text = (Path(__file__).parents[4] / "docs" / "simulator-towns.md").read_text()
     (row,) = re.findall(rf"^\| `{network.name}` \| [^`|]+\|.*$", text, flags=re.MULTILINE)
     cells = [cell.strip() for cell in row.split("|")[3:-1]]
     lane_m = 0.0

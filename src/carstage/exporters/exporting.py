@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, Future
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -173,7 +172,7 @@ def _pool(workers: int | None) -> Iterator[Executor]:
     pool = conversion_pool(workers)
     try:
         yield pool
-    except BrokenProcessPool as error:
+    except BrokenExecutor as error:
         raise ExportError(
             "A process that wrote frames died.", "Is there memory enough? Try --workers 1."
         ) from error

@@ -7,8 +7,9 @@ pool's processes load their libraries in a cheaper way than one import after the
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from carstage.lazy import lazy_names
 
 if TYPE_CHECKING:
     from carstage.conversion.episode import EpisodeConversion
@@ -16,9 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["BrokenPoolError", "EpisodeConversion", "conversion_pool", "load_libraries"]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = "episode" if name == "EpisodeConversion" else "pool"
-    return getattr(import_module(f"{__name__}.{module}"), name)
+__getattr__ = lazy_names(
+    __name__,
+    {"episode": "EpisodeConversion", "pool": "BrokenPoolError conversion_pool load_libraries"},
+)

@@ -1,7 +1,5 @@
 """The demo as a stranger runs it: wall time with empty and warm caches, memory, CPU time.
 
-    python -m benchmarks.framework.demo [--json]
-
 Two demos run one after the other with a home and cache folder of their own: the first finds them
 empty (kernels are compiled, the town is baked), the second warm. Memory is the largest sum of the
 proportional set sizes (PSS) of all its processes, sampled twice a second. Targets in seconds are
@@ -10,21 +8,18 @@ those of the reference machine, scaled by a calibration kernel that is timed in 
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import psutil
 
 from carstage.bench.calibration import slowness
+from carstage.bench.verdict import Figure, Verdict
 
 TARGET_COLD_S = 180.0
 TARGET_WARM_S = 90.0
@@ -86,55 +81,31 @@ def _pss_bytes(pid: int) -> int:
     return total
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Measure, print, and return 0 when every target is met."""
-    parser = argparse.ArgumentParser(prog="benchmarks.framework.demo", description=__doc__)
-    parser.add_argument("--json", action="store_true", help="one JSON object as the last line")
-    wanted = parser.parse_args(argv)
+def measure_demo() -> Verdict:
+    """Run the demo with empty caches, then with warm ones."""
     factor = max(1.0, slowness())
     with tempfile.TemporaryDirectory(prefix="carstage-bench-") as scratch:
         folder = Path(scratch)
         (folder / "home").mkdir()
         cold = measure(folder / "cold", folder / "home")
         warm = measure(folder / "warm", folder / "home")
-    figures: dict[str, Any] = {
-        "cold": _row(cold, TARGET_COLD_S, factor),
-        "warm": _row(warm, TARGET_WARM_S, factor),
-        "machine_slowness": round(factor, 3),
-        "cores": os.cpu_count(),
-    }
-    ok = bool(figures["cold"]["ok"] and figures["warm"]["ok"])
-    for name in ("cold", "warm"):
-        row = figures[name]
-        _say(
-            f"{name}: {row['wall_s']:.1f} s (target {row['target_s']:.0f} s, scaled "
-            f"{row['scaled_target_s']:.0f} s), {row['cpu_s']:.1f} CPU s, peak PSS "
-            f"{row['peak_pss_bytes'] / 1e6:.0f} MB (target {TARGET_PSS_BYTES / 1e6:.0f} MB), "
-            f"exit {row['exit_code']}"
-        )
-    if wanted.json:
-        sys.stdout.write(json.dumps({"ok": ok, **figures}) + "\n")
-    return 0 if ok else 1
+    return Verdict(
+        "demo",
+        (
+            Figure("machine_slowness", factor),
+            Figure("cores", os.cpu_count() or 0),
+            *_figures("cold", cold, TARGET_COLD_S * factor),
+            *_figures("warm", warm, TARGET_WARM_S * factor),
+        ),
+        ("targets in seconds are scaled by the machine's slowness",),
+        command="python -m benchmarks demo --json",
+    )
 
 
-def _row(figures: DemoFigures, target_s: float, factor: float) -> dict[str, Any]:
-    return {
-        "wall_s": round(figures.wall_s, 2),
-        "target_s": target_s,
-        "scaled_target_s": round(target_s * factor, 1),
-        "cpu_s": round(figures.cpu_s, 2),
-        "peak_pss_bytes": figures.peak_pss_bytes,
-        "target_pss_bytes": TARGET_PSS_BYTES,
-        "exit_code": figures.exit_code,
-        "ok": figures.exit_code == 0
-        and figures.wall_s <= target_s * factor
-        and figures.peak_pss_bytes <= TARGET_PSS_BYTES,
-    }
-
-
-def _say(text: str) -> None:
-    sys.stderr.write(text + "\n")
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def _figures(name: str, demo: DemoFigures, target_s: float) -> tuple[Figure, ...]:
+    return (
+        Figure(f"{name}_exit_code", demo.exit_code, "==", 0),
+        Figure(f"{name}_wall_s", demo.wall_s, "<=", target_s),
+        Figure(f"{name}_cpu_s", demo.cpu_s),
+        Figure(f"{name}_peak_pss_mb", demo.peak_pss_bytes / 1e6, "<=", TARGET_PSS_BYTES / 1e6),
+    )

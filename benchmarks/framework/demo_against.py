@@ -73,7 +73,6 @@ def measure_demo_against(
         found = compare_datasets(Path(folder) / "0-0", Path(folder) / "0-1")
     return Verdict(
         "demo-against",
-        f"python -m benchmarks demo-against PYTHON --rounds {rounds}",
         (
             Figure("data_compared", found.data, ">=", 1),
             Figure("label_rows_compared", found.rows, ">=", 1),
@@ -85,4 +84,5 @@ def measure_demo_against(
             Figure("cpu_s_other", statistics.median(seconds[1])),
         ),
         [*found.differences[:20], *(f"only one has {name}" for name in sorted(found.renamed))],
+        command=f"python -m benchmarks demo-against PYTHON --rounds {rounds}",
     )

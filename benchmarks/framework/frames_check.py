@@ -31,10 +31,10 @@ from carstage.bench.episodes import (
 )
 from carstage.bench.verdict import Figure, Verdict
 from carstage.execution import CollectorProcess
-from carstage.plan import EpisodeSpec
 from carstage.rawlog.format import KIND_DATA, LEDGER
 from carstage.rawlog.reader import EpisodeLog
 from carstage.server import Endpoint
+from carstage.spec import EpisodeSpec
 
 TICKS = 20_000
 _LOOP = 50
@@ -152,7 +152,6 @@ def check_frames(
     wrong = {f"{sensor}: {fault}": count for (sensor, fault), count in sorted(found.wrong.items())}
     return Verdict(
         "frames-check",
-        "carstage bench frames-check --json",
         (
             Figure("ticks", found.ticks, "==", ticks),
             Figure("sensors", len(_sensors())),
@@ -166,6 +165,7 @@ def check_frames(
             *(f"{fault}: {count}" for fault, count in wrong.items()),
             f"Frame {late.frame} of {_LATE_SENSOR} was held back for {_LATE_S:g} s.",
         ),
+        command="python -m benchmarks frames-check --json",
     )
 
 

@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.framework.bare_specs import bare_sensor, bare_spec
 from carstage.annotation.decoding import decode_depth_bgra, decode_instance_bgra
 from carstage.rawlog.format import KIND_DATA
 from carstage.rawlog.reader import ActorInfo, EpisodeLog, Record, WorldFrame
@@ -24,7 +25,7 @@ INSTANCE: Final = "CAM.instance"
 ALONE: Final = "alone"
 TAKEN_AWAY: Final = "taken_away"
 LEVEL_KINDS: Final = ("parked_vehicles", "traffic_lights", "traffic_signs")
-SIGHTS_FPS: Final = 20.0
+SCENES_FPS: Final = 20.0
 
 
 def episode_header(
@@ -50,18 +51,18 @@ def episode_header(
         "image_size_y": str(height),
         "fov": str(plan["fov_deg"]),
     }
-    camera = {
-        "id": CAMERA,
-        "kind": "rgb",
-        "labelled": True,
-        "attach_to": "world",
-        "attributes": attributes,
-        "depth": DEPTH,
-        "instance": INSTANCE,
-    }
+    camera = bare_sensor(
+        CAMERA,
+        "rgb",
+        labelled=True,
+        attach_to="world",
+        attributes=attributes,
+        depth=DEPTH,
+        instance=INSTANCE,
+    )
     return {
         "format_version": 1,
-        "episode_id": f"sights-{plan['town']}",
+        "episode_id": f"scenes-{plan['town']}",
         "server_version": server_version,
         "map": plan["town"],
         "geo_reference": {"latitude_deg": 0.0, "longitude_deg": 0.0, "altitude_m": 0.0},
@@ -71,20 +72,12 @@ def episode_header(
         "sensor_carrier_ids": {CAMERA: 0},
         "ticks": plan["scenes"],
         "ticks_per_segment": plan["scenes"],
-        "spec": {
-            "fps": SIGHTS_FPS,
-            "timing": {"mode": "sync"},
-            "warmup_ticks": 1,
-            "weather": {"preset": None},
-            "sensors": [camera],
-            "labels": {"method": "both", "boxes": ["2d", "3d"]},
-            "ground_truth": {"ego_motion": False},
-        },
+        "spec": bare_spec([camera], fps=SCENES_FPS, ground_truth={"ego_motion": False}),
     }
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class IsolatedTruth:
     """The truth about one object in one scene.
 
     Attributes:
@@ -101,7 +94,7 @@ class Sight:
 
 
 @dataclass(frozen=True, slots=True)
-class SightScene:
+class LabelScene:
     """One scene: what labels are made from, and the truth.
 
     Attributes:
@@ -109,7 +102,7 @@ class SightScene:
         world: its state.
         depth_m: ``(H, W)`` float32 z-depth.
         instance_bgra: ``(H, W, 4)`` uint8.
-        sights: the objects that cover a pixel when they are alone.
+        truths: the objects that cover a pixel when they are alone.
         missed: by id of a level object that was taken away, ``(H, W)`` where the depth is another.
     """
 
@@ -117,11 +110,11 @@ class SightScene:
     world: WorldFrame
     depth_m: NDArray[np.float32]
     instance_bgra: NDArray[np.uint8]
-    sights: tuple[Sight, ...]
+    truths: tuple[IsolatedTruth, ...]
     missed: Mapping[int, NDArray[np.bool_]]
 
 
-def read_scenes(log: EpisodeLog) -> Iterator[SightScene]:
+def read_scenes(log: EpisodeLog) -> Iterator[LabelScene]:
     """The scenes of a recording, in order."""
     actors = log.actors()
     pictures = {
@@ -136,8 +129,8 @@ def read_scenes(log: EpisodeLog) -> Iterator[SightScene]:
             (record.meta.get("actor"), record.meta.get("object")): _whole(record, ids.shape)
             for record in taken_away.get(world.tick, ())
         }
-        sights = tuple(
-            Sight(
+        truths = tuple(
+            IsolatedTruth(
                 actors[record.meta["actor"]],
                 _whole(record, ids.shape),
                 ids == record.meta["actor"] & 0xFFFF,
@@ -146,12 +139,12 @@ def read_scenes(log: EpisodeLog) -> Iterator[SightScene]:
             for record in alone.get(world.tick, ())
             if record.meta["width"]
         )
-        yield SightScene(
+        yield LabelScene(
             world.tick,
             world,
             decode_depth_bgra(_bgra(pictures[DEPTH][world.tick])),
             instance_bgra,
-            sights,
+            truths,
             {number: mask for (_, number), mask in missed.items() if number is not None},
         )
 

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.framework.label_scenes import CAMERA, Sight, SightScene, read_scenes
+from benchmarks.framework.label_scenes import CAMERA, IsolatedTruth, LabelScene, read_scenes
 from benchmarks.framework.label_scores import (
     BOX_PX,
     STAGE_VO,
@@ -125,7 +125,6 @@ def measure_labels(
     return (
         Verdict(
             "labels",
-            f"carstage bench labels --scenes {scenes} --json",
             (
                 *figures(findings, objects=OBJECTS, classes=CLASSES, towns=len(TOWNS)),
                 *level_figures(level),
@@ -135,6 +134,7 @@ def measure_labels(
                 f"{size[0]}x{size[1]}; objects within {_MAX_DISTANCE_M:g} m of which the lone "
                 "picture shows a pixel.",
             ),
+            command=f"python -m benchmarks labels --scenes {scenes} --json",
         ),
         table(
             [
@@ -179,10 +179,10 @@ def compare(log: EpisodeLog, town: str) -> tuple[list[Finding], list[LevelFindin
             method: _rows(labeller, scene, images) for method, images in _evidence(scene).items()
         }
         optical = _camera(log.header, scene.world)
-        for sight in scene.sights:
-            box = _world_from_box(scene.world, sight)
+        for truth in scene.truths:
+            box = _world_from_box(scene.world, truth)
             if np.linalg.norm(transform_points(optical, box[:3, 3])) <= _MAX_DISTANCE_M:
-                found.append(_finding(town, scene, sight, rows, optical, box))
+                found.append(_finding(town, scene, truth, rows, optical, box))
         height, width = scene.depth_m.shape
         k = intrinsics(width, height, _FOV_DEG)
         level += compare_level(
@@ -191,7 +191,7 @@ def compare(log: EpisodeLog, town: str) -> tuple[list[Finding], list[LevelFindin
     return found, level
 
 
-def _evidence(scene: SightScene) -> dict[str, CameraImages]:
+def _evidence(scene: LabelScene) -> dict[str, CameraImages]:
     """The same pictures as each method gets them."""
     _, tags = decode_instance_bgra(scene.instance_bgra)
     return {
@@ -202,7 +202,7 @@ def _evidence(scene: SightScene) -> dict[str, CameraImages]:
 
 
 def _rows(
-    labeller: EpisodeLabeller, scene: SightScene, images: CameraImages
+    labeller: EpisodeLabeller, scene: LabelScene, images: CameraImages
 ) -> dict[int, dict[str, Any]]:
     labels = labeller.label_frame(scene.world, scene.number, {CAMERA: images}, {})
     return {row["track_id"]: row for row in labels.camera_objects}
@@ -210,31 +210,31 @@ def _rows(
 
 def _finding(
     town: str,
-    scene: SightScene,
-    sight: Sight,
+    scene: LabelScene,
+    truth: IsolatedTruth,
     rows: Mapping[str, Mapping[int, dict[str, Any]]],
     optical: FloatArray,
     box: FloatArray,
 ) -> Finding:
-    visible_px = int(sight.visible.sum())
-    true_box = tight_box(sight.visible) if visible_px >= BOX_PX else None
-    of_actor = {method: found.get(sight.actor.id) for method, found in rows.items()}
+    visible_px = int(truth.visible.sum())
+    true_box = tight_box(truth.visible) if visible_px >= BOX_PX else None
+    of_actor = {method: found.get(truth.actor.id) for method, found in rows.items()}
     labels = {method: estimate(row, true_box) for method, row in of_actor.items()}
     labels[STAGE_VO] = estimate_by_vertices(of_actor["instance"])
     height, width = scene.depth_m.shape
-    inflated = box_corners(box, sight.actor.box_extent + BOX_MARGIN_M)
+    inflated = box_corners(box, truth.actor.box_extent + BOX_MARGIN_M)
     corners = transform_points(optical, inflated)
     hull = convex_hull(
         project(clip_to_near_plane(corners, Z_NEAR_M), intrinsics(width, height, _FOV_DEG))
     )
     return Finding(
         town=town,
-        object_class=object_class(sight.actor) or "",
+        object_class=object_class(truth.actor) or "",
         visible_px=visible_px,
-        alone_px=int(sight.alone.sum()),
-        outside_px=int((~inside_polygon(sight.alone, hull)).sum()),
-        stray_px=int((sight.visible & ~sight.alone).sum()),
-        missed_px=None if sight.missed is None else int(sight.missed.sum()),
+        alone_px=int(truth.alone.sum()),
+        outside_px=int((~inside_polygon(truth.alone, hull)).sum()),
+        stray_px=int((truth.visible & ~truth.alone).sum()),
+        missed_px=None if truth.missed is None else int(truth.missed.sum()),
         labels=labels,
     )
 
@@ -245,8 +245,8 @@ def _camera(header: Mapping[str, Any], world: WorldFrame) -> FloatArray:
     return optical_from_world(pose_matrix(world.location[row], world.rotation_deg[row]))
 
 
-def _world_from_box(world: WorldFrame, sight: Sight) -> FloatArray:
-    row, actor = world.row(sight.actor.id), sight.actor
+def _world_from_box(world: WorldFrame, truth: IsolatedTruth) -> FloatArray:
+    row, actor = world.row(truth.actor.id), truth.actor
     return world_from_box(
         world.location[row], world.rotation_deg[row], actor.box_location, actor.box_rotation_deg
     )

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.framework.label_scenes import SightScene
+from benchmarks.framework.label_scenes import LabelScene
 from benchmarks.framework.label_scores import MIN_VISIBLE_PX, f1, iou
 from benchmarks.framework.masks import inside_polygon, tight_box
 from carstage.annotation.classes import LEVEL_CLASSES, VEHICLE_CLASSES
@@ -61,7 +61,7 @@ class LevelFinding:
 
 def compare_level(
     town: str,
-    scene: SightScene,
+    scene: LabelScene,
     objects: Sequence[LevelObject],
     server: str,
     rows: Mapping[int, Mapping[str, Any]],
@@ -115,7 +115,7 @@ def _class_of(found: LevelObject, server: str) -> str:
 
 
 def _true_pixels(
-    scene: SightScene,
+    scene: LabelScene,
     found: LevelObject,
     objects: Sequence[LevelObject],
     server: str,

@@ -117,7 +117,6 @@ def judge(samples: Sequence[Sample], frames: int, budget_bytes: int) -> Verdict:
     grown = (max(s.resident_bytes for s in samples) - begin) / budget_bytes
     return Verdict(
         "memory",
-        "carstage bench memory --json",
         (
             Figure("frames", samples[-1].tick + 1, "==", frames),
             Figure("budget_mb", budget_bytes / 1e6),
@@ -131,6 +130,7 @@ def judge(samples: Sequence[Sample], frames: int, budget_bytes: int) -> Verdict:
             Figure("growth_from_second_to_last_tenth", late / early - 1.0, "<=", TOLERANCE),
         ),
         (f"{_CAMERAS} cameras of 320x180 and a LiDAR; {len(samples)} samples.",),
+        command="python -m benchmarks memory --json",
     )
 
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.process_figures import main_thread_cpu_s
 from carstage.bench.calibration import slowness
 from carstage.bench.episodes import (
     Progress,
@@ -29,12 +30,12 @@ from carstage.bench.episodes import (
     roof_sensor,
     seals_segment,
 )
-from carstage.bench.process_figures import main_thread_cpu_s, process_cpu_s
+from carstage.bench.process_figures import process_cpu_s
 from carstage.bench.verdict import Figure, Verdict
 from carstage.execution import CollectorProcess
-from carstage.plan import EpisodeSpec
 from carstage.rawlog.reader import EpisodeLog
 from carstage.server import Endpoint
+from carstage.spec import EpisodeSpec
 
 CAMERAS = 5
 POINTS = 100_000
@@ -185,7 +186,6 @@ def judge(
     logging_ms = (added["process_s"] - added["main_thread_s"]) / CAMERAS
     return Verdict(
         "overhead",
-        f"carstage bench overhead --raw-store {raw_store} --json",
         (
             Figure("machine_slowness", slow),
             Figure("ticks_of_each_client", sum(block.ticks for block in captured)),
@@ -216,4 +216,5 @@ def judge(
             f"{len(captured)} blocks of each client.",
             "Logging counts the LiDAR, the world and the ledger too, shared out over the cameras.",
         ),
+        command=f"python -m benchmarks overhead --raw-store {raw_store} --json",
     )

@@ -8,19 +8,18 @@ in a snapshot. The time is the CPU time of the server's process alone, all its t
 
 from __future__ import annotations
 
-import argparse
 import math
 import random
 from collections.abc import Callable
 
 import carla
 
-from benchmarks.simulator.calibration import slowness
 from benchmarks.simulator.client_process import run_trial
-from benchmarks.simulator.process_figures import cpu_s
 from benchmarks.simulator.server_process import started_server
 from benchmarks.simulator.session import spawn_walkers, synchronous_session
-from benchmarks.simulator.verdict import Figure, Verdict
+from carstage.bench.calibration import slowness
+from carstage.bench.process_figures import process_cpu_s
+from carstage.bench.verdict import Figure, Verdict
 
 FLEETS: tuple[tuple[int, int, float], ...] = ((100, 50, 6.0), (500, 0, 20.0))
 """Vehicles, walkers, and milliseconds that a tick may take on the reference machine."""
@@ -131,10 +130,10 @@ def _without_traffic_manager(
 def _cpu_ms_per_tick(server_pid: int, ticks: int, tick: Callable[[], object]) -> float:
     for _ in range(_WARM_UP_TICKS):
         tick()
-    before = cpu_s(server_pid)
+    before = process_cpu_s(server_pid)
     for _ in range(ticks):
         tick()
-    return (cpu_s(server_pid) - before) / ticks * 1e3
+    return (process_cpu_s(server_pid) - before) / ticks * 1e3
 
 
 def check_budget(*, ticks: int = 200, seed: int = 7, town: str = "Stage01") -> Verdict:
@@ -164,12 +163,3 @@ def check_budget(*, ticks: int = 200, seed: int = 7, town: str = "Stage01") -> V
             Figure(f"scaled_cpu_ms_per_tick_of_{name}", raw_ms / slow, "<=", target_ms),
         ]
     return Verdict("budget", tuple(figures))
-
-
-def add_budget(checks: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Adds the check to a command line."""
-    parser = checks.add_parser("budget", help="a tick without sensors costs the server little")
-    parser.add_argument("--ticks", type=int, default=200, help="of each measurement")
-    parser.add_argument("--seed", type=int, default=7)
-    parser.add_argument("--map", default="Stage01", help="map that the server starts with")
-    parser.add_argument("--json", action="store_true", help="last line is a JSON object")

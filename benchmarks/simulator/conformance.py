@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.simulator.verdict import Figure, Verdict
+from carstage.bench.verdict import Figure, Verdict
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps import MapCatalogue
 from carstage_sim.mesh import Material, TriangleMesh, build_mesh
 from carstage_sim.render.caster import Hits, RayCaster
 from carstage_sim.render.gpu.caster import GpuCaster
-from carstage_sim.render.gpu.device import Gpu, NoGpuError, open_gpu
+from carstage_sim.render.gpu.device import Gpu, open_gpu
 from carstage_sim.render.scene import Frame, Placement, SceneStore
 from carstage_sim.sensors.measurements import ImageFrame, SensorRequest
 from carstage_sim.sensors.world_sensors import WorldSensors
@@ -200,28 +198,3 @@ def check_conformance(
         compare_town(gpu, tally, name, cameras=cameras, size=size)
     figures = (Figure("card", gpu.name), Figure("driver", gpu.driver), *tally.figures())
     return Verdict("conformance", figures, [f"towns: {', '.join(towns) or 'none'}"])
-
-
-def add_conformance(checks: Any) -> None:
-    """Add this check to the command line."""
-    parser = checks.add_parser("conformance", help="the GPU sees what the CPU sees")
-    parser.add_argument("--software", action="store_true", help="a GPU driver on the CPU")
-    parser.add_argument("--towns", nargs="*", default=["Stage01"], metavar="TOWN")
-    parser.add_argument("--cameras", type=int, default=6, help="in each town")
-    parser.add_argument("--size", type=int, nargs=2, default=(1280, 720), metavar=("W", "H"))
-    parser.add_argument("--seeds", type=int, default=5, help="random scenes")
-    parser.add_argument("--json", action="store_true", help="last line is a JSON object")
-    parser.set_defaults(run=_run)
-
-
-def _run(arguments: argparse.Namespace) -> Verdict:
-    try:
-        return check_conformance(
-            arguments.towns,
-            software=arguments.software,
-            cameras=arguments.cameras,
-            size=tuple(arguments.size),
-            seeds=arguments.seeds,
-        )
-    except NoGpuError as error:
-        return Verdict("conformance", (), (str(error),), completed=False)

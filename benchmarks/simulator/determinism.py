@@ -10,7 +10,7 @@ import carla
 from benchmarks.simulator.client_process import run_trial
 from benchmarks.simulator.server_process import running_server
 from benchmarks.simulator.session import spawn_traffic, spawn_walkers, synchronous_session
-from benchmarks.simulator.verdict import Figure, Verdict
+from carstage.bench.verdict import Figure, Verdict
 
 
 def frame_digest(snapshot: carla.WorldSnapshot, lights: list[carla.TrafficLight]) -> str:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import time
-from collections.abc import Callable, Collection
-from typing import Any
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.simulator.gpu_wire import wire_figures
-from benchmarks.simulator.render.stage import Stage, populate, town_of
-from benchmarks.simulator.verdict import Figure, Verdict
+from benchmarks.simulator.render.scene import ReferenceScene, populate, town_of
+from carstage.bench.verdict import Figure, Verdict
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.render.gpu.camera import GpuCameras, Product, Shot
 from carstage_sim.render.gpu.caster import GpuCaster
-from carstage_sim.render.gpu.device import Gpu, NoGpuError, open_gpu
+from carstage_sim.render.gpu.device import Gpu, open_gpu
 from carstage_sim.render.scene import Frame
 from carstage_sim.render.sky import SkyModel
 from carstage_sim.sensors import WorldSensors
@@ -45,16 +43,16 @@ def _wall_ms(name: str, work: Callable[[], object], target: float | None = None)
     return [Figure(name, median, "<=", target), most]
 
 
-def _shots(stage: Stage) -> list[Shot]:
-    """Five cameras that look around from the stage's place."""
+def _shots(scene: ReferenceScene) -> list[Shot]:
+    """Five cameras that look around from the scene's place."""
     width, height = _SIZE
     across = (np.arange(width) + 0.5) * (2.0 / width) - 1.0
     upwards = (1.0 - (np.arange(height) + 0.5) * (2.0 / height)) * height / width
     slopes = np.stack([np.tile(across, height), np.repeat(upwards, width)], axis=1)
-    pitch, yaw, roll = stage.rotation_deg
+    pitch, yaw, roll = scene.rotation_deg
     return [
         Shot(
-            width, height, 90.0, slopes, np.asarray(stage.location),
+            width, height, 90.0, slopes, np.asarray(scene.location),
             rotation_matrix((pitch, yaw + 72.0 * k, roll)), -1, 0.1, 1000.0,
         )
         for k in range(5)
@@ -69,11 +67,11 @@ def _sweep(count: int) -> NDArray[np.float32]:
     return np.stack([flat * np.cos(turn), flat * np.sin(turn), np.sin(up)], 1).astype(np.float32)
 
 
-def _measure(gpu: Gpu, stage: Stage, frame: Frame) -> tuple[Figure, ...]:
+def _measure(gpu: Gpu, scene: ReferenceScene, frame: Frame) -> tuple[Figure, ...]:
     caster = GpuCaster(gpu, 1)
     cameras = GpuCameras(caster)
     light = SkyModel().lighting(Weather(sun_altitude_angle=45.0), 0.0)
-    shots = _shots(stage)
+    shots = _shots(scene)
     turns = np.zeros((1 + len(frame.actor_id), 3, 4))
 
     def pictures(products: Collection[Product], count: int = 1) -> Callable[[], object]:
@@ -86,7 +84,7 @@ def _measure(gpu: Gpu, stage: Stage, frame: Frame) -> tuple[Figure, ...]:
         return take
 
     def rays(count: int) -> Callable[[], object]:
-        ways, origin = _sweep(count), np.asarray(stage.location)
+        ways, origin = _sweep(count), np.asarray(scene.location)
         return lambda: caster.cast(frame.scene, origin, ways, low=1e-3, high=120.0, weights=False)
 
     colours, everything = [Product.COLOURS], list(Product)
@@ -101,33 +99,28 @@ def _measure(gpu: Gpu, stage: Stage, frame: Frame) -> tuple[Figure, ...]:
     )
 
 
-def add_gpu(checks: Any) -> None:
-    """Add this check to the command line."""
-    parser = checks.add_parser("gpu", help="what pictures and sweeps cost on a graphics card")
-    parser.add_argument("--map", default="Stage02", help="town of the reference scene")
-    parser.add_argument(
-        "--wire", nargs="*", default=["Stage02"], metavar="TOWN", help="towns sent to a client"
-    )
-    parser.add_argument("--json", action="store_true", help="last line is a JSON object")
-    parser.set_defaults(run=_run)
+def measure_gpu(town_name: str, wire: Sequence[str]) -> Verdict:
+    """Measure pictures and sweeps on the graphics card.
 
+    Args:
+        town_name: of the reference scene.
+        wire: towns whose pictures are sent to a client.
 
-def _run(arguments: argparse.Namespace) -> Verdict:
-    try:
-        gpu = open_gpu(software=False)
-    except NoGpuError as error:
-        return Verdict("gpu", (), (str(error),), completed=False)
-    town = town_of(arguments.map)
+    Raises:
+        NoGpuError: there is no card.
+    """
+    gpu = open_gpu(software=False)
+    town = town_of(town_name)
     with WorldSensors(town) as suite:
-        stage = populate(town, suite, vehicles=70, walkers=30, seed=7)
-        frame = suite.frame_of(stage.state())
-        measured = _measure(gpu, stage, frame)
+        scene = populate(town, suite, vehicles=70, walkers=30, seed=7)
+        frame = suite.frame_of(scene.state())
+        measured = _measure(gpu, scene, frame)
     what = (
         Figure("card", gpu.name),
         Figure("driver", gpu.driver),
         Figure("triangles of the town", len(frame.static.material)),
         Figure("instances", len(frame.actor_id)),
     )
-    sent = [figure for name in arguments.wire for figure in wire_figures(name)]
+    sent = [figure for name in wire for figure in wire_figures(name)]
     notes = (f"medians of {_TRIES} times after {_WARM_S:g} s of the same work",)
     return Verdict("gpu", (*what, *measured, *sent), notes)

@@ -11,7 +11,7 @@ import carla
 
 from benchmarks.simulator.client_process import run_trial
 from benchmarks.simulator.server_process import started_server
-from benchmarks.simulator.verdict import Figure
+from carstage.bench.verdict import Figure
 
 CAMERAS = 5
 _DELTA_S = 0.05

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import dataclass, field
 from typing import Any
 
 import carla
 
+from benchmarks.process_figures import open_files, rss_mb, threads
 from benchmarks.simulator.client_process import run_trial
-from benchmarks.simulator.process_figures import open_files, rss_mb, threads
 from benchmarks.simulator.server_process import started_server
 from benchmarks.simulator.session import Session, spawn_traffic, synchronous_session
-from benchmarks.simulator.verdict import Figure, Verdict
+from carstage.bench.verdict import Figure, Verdict
 
 _FPS = 20
 _TIMEOUT_S = 60.0
@@ -167,23 +166,3 @@ def check_memory(
         ]
     figures += [Figure("open_files_at_the_end", files), Figure("threads_at_the_end", count)]
     return Verdict("memory", tuple(figures))
-
-
-def add_memory(checks: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Adds the check to a command line."""
-    parser = checks.add_parser("memory", help="memory stays flat over ticks, rigs and map loads")
-    parser.add_argument("--vehicles", type=int, default=30)
-    parser.add_argument("--ticks", type=int, default=20_000)
-    parser.add_argument("--cycles", type=int, default=200, help="of mounting a rig of all sensors")
-    parser.add_argument("--loads", type=int, default=20, help="of the map")
-    parser.add_argument("--seed", type=int, default=7)
-    parser.add_argument("--json", action="store_true", help="last line is a JSON object")
-    parser.set_defaults(
-        run=lambda arguments: check_memory(
-            vehicles=arguments.vehicles,
-            ticks=arguments.ticks,
-            cycles=arguments.cycles,
-            loads=arguments.loads,
-            seed=arguments.seed,
-        )
-    )

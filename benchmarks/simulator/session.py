@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import carla
 
-from benchmarks.simulator.ticking import WatchedClock, wake_traffic_manager
+from benchmarks.simulator.ticking import WatchedClock
 
 _TIMEOUT_S = 60.0
 _STRETCH_M = 9.0
@@ -71,7 +71,7 @@ def synchronous_session(port: int, *, delta_s: float, seed: int) -> Iterator[Ses
         traffic_manager.set_synchronous_mode(True)
         traffic_manager.set_random_device_seed(seed)
         world.set_pedestrians_seed(seed)
-        with WatchedClock(world, lambda: wake_traffic_manager(traffic_manager_port)) as clock:
+        with WatchedClock(world, traffic_manager_port) as clock:
             clock.tick()
             yield Session(client, world, traffic_manager, clock, random.Random(seed))
 

@@ -6,18 +6,18 @@ the way from its memory into the client's callbacks is measured.
 
 from __future__ import annotations
 
-import argparse
 import threading
 import time
 from dataclasses import dataclass
 
 import carla
 
-from benchmarks.simulator.calibration import crowding, slowness
+from benchmarks.crowding import crowding
 from benchmarks.simulator.client_process import run_trial
-from benchmarks.simulator.process_figures import cpu_s
 from benchmarks.simulator.server_process import started_server
-from benchmarks.simulator.verdict import Figure, Verdict
+from carstage.bench.calibration import slowness
+from carstage.bench.process_figures import process_cpu_s
+from carstage.bench.verdict import Figure, Verdict
 
 WIDTH, HEIGHT = 1280, 720
 DISTINCT = 4
@@ -92,7 +92,11 @@ def throughput_trial(
             ticks += 1
             counter.wait_for(ticks * cameras)
         crowded = crowding()
-        first, server_before, client_before = counter.count, cpu_s(server_pid), time.process_time()
+        first, server_before, client_before = (
+            counter.count,
+            process_cpu_s(server_pid),
+            time.process_time(),
+        )
         began = time.perf_counter()
         while (elapsed := time.perf_counter() - began) < seconds:
             if paced_hz is not None:
@@ -105,7 +109,7 @@ def throughput_trial(
         elapsed = time.perf_counter() - began
         return Throughput(
             images_per_s=(counter.count - first) / elapsed,
-            server_cpu_per_s=(cpu_s(server_pid) - server_before) / elapsed,
+            server_cpu_per_s=(process_cpu_s(server_pid) - server_before) / elapsed,
             client_cpu_per_s=(time.process_time() - client_before) / elapsed,
             mismatched=counter.mismatched + abs(counter.count - ticks * cameras),
             crowding=(crowded + crowding()) / 2.0,
@@ -190,13 +194,3 @@ def check_streaming(*, seconds: float = 5.0) -> Verdict:
             ),
         ),
     )
-
-
-def add_streaming(checks: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Adds the check to a command line."""
-    parser = checks.add_parser(
-        "streaming", help="pictures reach the client fast and at little cost"
-    )
-    parser.add_argument("--seconds", type=float, default=5.0, help="of each of three measurements")
-    parser.add_argument("--json", action="store_true", help="last line is a JSON object")
-    parser.set_defaults(run=lambda arguments: check_streaming(seconds=arguments.seconds))

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from benchmarks.campaign import Campaign
 from benchmarks.simulator.client_process import TrialError, run_trial
 from benchmarks.simulator.server_process import ServerError, running_server
 from benchmarks.simulator.session import spawn_walkers, synchronous_session
-from benchmarks.simulator.verdict import Campaign, Figure, Verdict
+from carstage.bench.verdict import Figure, Verdict
 
 TOLERANCE_M = 0.5
 TO_THE_KERB_M = 5.0

@@ -29,8 +29,8 @@ import numpy as np
 
 from benchmarks.framework.clients.scene_setup import (
     Placed,
-    Stage,
-    Staged,
+    PlacedScene,
+    ScenePlaces,
     Troupe,
     is_before,
     lifted,
@@ -40,7 +40,7 @@ from benchmarks.framework.label_scenes import (
     DEPTH,
     INSTANCE,
     LEVEL_KINDS,
-    SIGHTS_FPS,
+    SCENES_FPS,
     TAKEN_AWAY,
     episode_header,
 )
@@ -216,7 +216,7 @@ def record(client: Any, plan: Mapping[str, Any], events: EventStream, stop: Stop
         troupe = Troupe(world, rng)
         stack.callback(troupe.leave, client)
         tick()
-        stage = Stage(world, troupe, rng)
+        places = ScenePlaces(world, troupe, rng)
         cameras = Cameras(world, plan)
         stack.callback(cameras.stop)
         objects = scenes * (int(plan["vehicles"]) + int(plan["walkers"]))
@@ -226,8 +226,8 @@ def record(client: Any, plan: Mapping[str, Any], events: EventStream, stop: Stop
         observer = WorldObserver(world, troupe.ego, level)
         chance = random.Random(plan["seed"])
         for number in range(scenes):
-            staged = stage.scene(int(plan["vehicles"]), int(plan["walkers"]))
-            _show(client, troupe, cameras, staged)
+            placed = places.scene(int(plan["vehicles"]), int(plan["walkers"]))
+            _show(client, troupe, cameras, placed)
             frame = tick()
             snapshot = world.get_snapshot()
             if snapshot.frame != frame:
@@ -244,11 +244,11 @@ def record(client: Any, plan: Mapping[str, Any], events: EventStream, stop: Stop
                 )
                 write_episode_file(str(folder), header)
             without = Without(world, cameras, recording, number, pictures[DEPTH], tick)
-            for one in chance.sample(staged.placed, min(most, len(staged.placed))):
+            for one in chance.sample(placed.placed, min(most, len(placed.placed))):
                 without.actor(client, troupe, one)
-            for row in _before_camera(staged.camera, level, most):
+            for row in _before_camera(placed.camera, level, most):
                 without.level_object(row)
-            _show_alone(client, troupe, cameras, staged, number, recording, tick)
+            _show_alone(client, troupe, cameras, placed, number, recording, tick)
             events.emit("tick", tick=number, frame=frame)
         recording.seal()
 
@@ -259,7 +259,7 @@ def _own_clock(client: Any, town: str) -> Iterator[Any]:
     world = client.get_world()
     original, settings = world.get_settings(), world.get_settings()
     settings.synchronous_mode = True
-    settings.fixed_delta_seconds = 1.0 / SIGHTS_FPS
+    settings.fixed_delta_seconds = 1.0 / SCENES_FPS
     world.apply_settings(settings)
     try:
         world = client.load_world(find_map(client, town), False)
@@ -268,11 +268,11 @@ def _own_clock(client: Any, town: str) -> Iterator[Any]:
         world.apply_settings(original)
 
 
-def _show(client: Any, troupe: Troupe, cameras: Cameras, staged: Staged) -> None:
+def _show(client: Any, troupe: Troupe, cameras: Cameras, placed: PlacedScene) -> None:
     troupe.put_away(client)
-    cameras.place(staged.camera)
+    cameras.place(placed.camera)
     client.apply_batch_sync(
-        [carla.command.ApplyTransform(one.actor.id, one.transform) for one in staged.placed],
+        [carla.command.ApplyTransform(one.actor.id, one.transform) for one in placed.placed],
         False,
     )
 
@@ -337,14 +337,14 @@ def _show_alone(
     client: Any,
     troupe: Troupe,
     cameras: Cameras,
-    staged: Staged,
+    placed: PlacedScene,
     scene: int,
     recording: Recording,
     tick: Any,
 ) -> None:
     troupe.put_away(client)
-    cameras.place(lifted(staged.camera))
-    for one in staged.placed:
+    cameras.place(lifted(placed.camera))
+    for one in placed.placed:
         one.actor.set_transform(lifted(one.transform))
         frame = tick()
         recording.add_alone(scene, one.actor.id, cameras.pictures(frame)[INSTANCE])

@@ -1,4 +1,4 @@
-"""A town's streets as a stage: actors without physics that are put before a camera, or away.
+"""A town's streets as a places: actors without physics that are put before a camera, or away.
 
 Vehicles stand on lanes and walkers on sidewalks and beside vehicles, so that they hide each other
 and the town hides them, as it happens in traffic. Nothing moves: every picture of a scene shows
@@ -46,7 +46,7 @@ class Placed:
 
 
 @dataclass(frozen=True)
-class Staged:
+class PlacedScene:
     """One scene: where the camera is and who stands where."""
 
     camera: Any
@@ -121,7 +121,7 @@ class Troupe:
         )
 
 
-class Stage:
+class ScenePlaces:
     """Where things may stand in a town.
 
     Args:
@@ -139,7 +139,7 @@ class Stage:
         drawn = (world.get_random_location_from_navigation() for _ in range(_PAVEMENT_PLACES))
         self._pavement = [place for place in drawn if place is not None]
 
-    def scene(self, vehicles: int, walkers: int) -> Staged:
+    def scene(self, vehicles: int, walkers: int) -> PlacedScene:
         """A camera over a lane, and actors before it, none within another."""
         rng = self._rng
         camera = self._camera()
@@ -156,7 +156,7 @@ class Stage:
             found = self._free_spot(camera, pavement, actor, taken)
             if found is not None:
                 placed.append(Placed(actor, found))
-        return Staged(camera, placed)
+        return PlacedScene(camera, placed)
 
     def _camera(self) -> Any:
         rng = self._rng

@@ -53,7 +53,7 @@ def run_campaign(
     kinds: Sequence[str] = (),
     scratch: Path | None = None,
     minutes: float | None = None,
-    say: Callable[[str], None] = lambda _: None,
+    notify: Callable[[str], None] = lambda _: None,
 ) -> tuple[Verdict, list[Trial]]:
     """Run faults and judge what came of each.
 
@@ -64,7 +64,7 @@ def run_campaign(
         scratch: existing folder for the trials, which are kept then; None: a temporary one, in
             which trials that went well are removed at once.
         minutes: begin no further trial after that time.
-        say: told one line per trial.
+        notify: called with one line per trial.
 
     Raises:
         CarStageError: the server does not start, or the run without a fault fails.
@@ -78,7 +78,7 @@ def run_campaign(
         )
         server = _Server(folder / "server.log")
         stack.callback(server.stop)
-        say("Recording without a fault, for comparison.")
+        notify("Recording without a fault, for comparison.")
         expected = _record_reference(folder / "reference", server.ports())
         first_s = time.monotonic()
         for number, fault in enumerate(faults, 1):
@@ -92,9 +92,9 @@ def run_campaign(
             if scratch is None and trial.ok:
                 shutil.rmtree(trial_folder, ignore_errors=True)
             each_s = (time.monotonic() - first_s) / number
-            say(f"{_line(trial, count)}; {_duration(each_s * (count - number))} left")
+            notify(f"{_line(trial, count)}; {_duration(each_s * (count - number))} left")
         wall_s = time.monotonic() - begun_s
-    command = f"carstage bench faults --n {len(trials)} --seed {seed}"
+    command = f"python -m benchmarks faults --n {len(trials)} --seed {seed}"
     return judge(trials, command, wall_s), trials
 
 
@@ -103,7 +103,6 @@ def judge(trials: Sequence[Trial], command: str, wall_s: float) -> Verdict:
     unresumed = [trial for trial in trials if not trial.complete and not trial.resumed]
     return Verdict(
         "faults",
-        command,
         (
             Figure("trials", len(trials), ">=", 1),
             Figure("trials in which the fault struck", sum(trial.struck for trial in trials)),
@@ -120,6 +119,7 @@ def judge(trials: Sequence[Trial], command: str, wall_s: float) -> Verdict:
             Figure("processes and files left behind", _sum(trials, "left_behind"), "==", 0),
             Figure("wall time (s)", round(wall_s, 1)),
         ),
+        command=command,
     )
 
 

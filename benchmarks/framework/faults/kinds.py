@@ -82,7 +82,7 @@ class Fault(ABC):
         self.detail = ""
 
     def prepare(self, stack: ExitStack, folder: Path, ports: tuple[int, int]) -> Path:
-        """Set the stage; returns the dataset's folder.
+        """Set the places; returns the dataset's folder.
 
         Args:
             stack: gives back at the trial's end.

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 _SENSOR = "CAM_LEFT"
-_STAGE = ".stage-host[data-ready=true] canvas"
+_STAGE = ".places-host[data-ready=true] canvas"
 
 _WHEN_USABLE = """
 const look = () => {

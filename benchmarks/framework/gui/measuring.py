@@ -56,7 +56,6 @@ def measure_gui(
     part_s = min(60.0, minutes * 60 / 3)
     return Verdict(
         "gui",
-        "carstage bench gui --json" + ("" if minutes == MINUTES else f" --minutes {minutes:g}"),
         (
             Figure("machine_slowness", slowness()),
             *_editing(loads_s, followed, looked),
@@ -69,6 +68,8 @@ def measure_gui(
             f"The simulator repeats {CAMERAS} cameras of 320x180 at {PACE_HZ:g} Hz, of which "
             f"{RATE_HZ:g} are shown; first and last are the first and last {part_s:g} s.",
         ),
+        command="python -m benchmarks gui --json"
+        + ("" if minutes == MINUTES else f" --minutes {minutes:g}"),
     )
 
 

@@ -4,6 +4,6 @@ Requests are mutations of valid ones, for every call that the server knows; conn
 all ways that a dying, hanging or wrong program can be.
 """
 
-from benchmarks.simulator.fuzz.campaign import add_fuzz, check_fuzz
+from benchmarks.simulator.fuzz.campaign import check_fuzz
 
-__all__ = ["add_fuzz", "check_fuzz"]
+__all__ = ["check_fuzz"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import random
 import tempfile
 import threading
@@ -13,13 +12,13 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from benchmarks.process_figures import open_files, rss_mb
 from benchmarks.simulator.client_process import TrialError, run_trial
 from benchmarks.simulator.fuzz.healthy import HealthyFigures, healthy_trial, newcomer_trial
 from benchmarks.simulator.fuzz.misbehaving_clients import ALL, Rude, UnansweredError
 from benchmarks.simulator.fuzz.requests import Requests
-from benchmarks.simulator.process_figures import open_files, rss_mb
 from benchmarks.simulator.server_process import RunningServer, started_server
-from benchmarks.simulator.verdict import Figure, Verdict
+from carstage.bench.verdict import Figure, Verdict
 
 LONGEST_TICK_S = 15.0
 MOST_GROWTH_MB = 300.0
@@ -170,20 +169,3 @@ def _first_tracebacks(server: RunningServer) -> list[str]:
     log = list(server.log)
     starts = [index for index, line in enumerate(log) if line.startswith("Traceback")]
     return ["\n".join(log[max(start - 1, 0) : start + 30]) for start in starts[:3]]
-
-
-def add_fuzz(checks: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Adds the check to a command line."""
-    parser = checks.add_parser("fuzz", help="rude clients harm neither the server nor others")
-    parser.add_argument("--seconds", type=float, help="how long (default: until --calls)")
-    parser.add_argument("--calls", type=int, help="how many (default 2000, none with --seconds)")
-    parser.add_argument("--seed", type=int, default=7)
-    parser.add_argument("--json", action="store_true", help="last line is a JSON object")
-
-    def run(arguments: argparse.Namespace) -> Verdict:
-        calls = arguments.calls
-        if calls is None and arguments.seconds is None:
-            calls = 2_000
-        return check_fuzz(seconds=arguments.seconds, calls=calls, seed=arguments.seed)
-
-    parser.set_defaults(run=run)

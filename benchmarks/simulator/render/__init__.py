@@ -1,9 +1,9 @@
 """Do pictures and point clouds come in time, and do they look right?
 
-``stage`` puts up the reference scene, ``speed`` and ``compiling`` measure, ``looks`` judges
+``scene`` sets up the reference scene, ``speed`` and ``compiling`` measure, ``looks`` judges
 pictures, ``gallery`` paints those of the documentation.
 """
 
-from benchmarks.simulator.render.trial import add_render
+from benchmarks.simulator.render.trial import check_render
 
-__all__ = ["add_render"]
+__all__ = ["check_render"]

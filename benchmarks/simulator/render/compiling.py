@@ -14,9 +14,9 @@ import sys
 import tempfile
 import time
 
-from benchmarks.simulator.calibration import slowness
-from benchmarks.simulator.render.stage import NO_ACTORS, plain_view
-from benchmarks.simulator.verdict import Figure
+from benchmarks.simulator.render.scene import NO_ACTORS, plain_view
+from carstage.bench.calibration import slowness
+from carstage.bench.verdict import Figure
 from carstage_sim.cache import CACHE_VARIABLE
 from carstage_sim.render.caster import RayCaster
 from carstage_sim.render.film import Film

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from benchmarks.simulator.render.stage import Stage, named_presets, populate, rgb, town_of
+from benchmarks.simulator.render.scene import ReferenceScene, named_presets, populate, rgb, town_of
 from carstage_sim.render.quality import Quality
 from carstage_sim.sensors import WorldSensors
 from carstage_sim.sensors.measurements import FlowFrame, ImageFrame, SemanticLidarFrame, SensorFrame
@@ -26,22 +26,22 @@ def paint_gallery(folder: Path, *, town: str, seed: int) -> list[str]:
     folder.mkdir(parents=True, exist_ok=True)
     map_ = town_of(town)
     with WorldSensors(map_) as suite, WorldSensors(map_, quality=Quality.EPIC) as epic:
-        stage = populate(map_, suite, vehicles=70, walkers=30, seed=seed)
-        better = replace(stage, suite=epic)
+        scene = populate(map_, suite, vehicles=70, walkers=30, seed=seed)
+        better = replace(scene, suite=epic)
         presets = named_presets()
         sheets = {
             "presets": _sheet(
-                {name: stage.picture(weather, 320, 180) for name, weather in presets.items()}, 4
+                {name: scene.picture(weather, 320, 180) for name, weather in presets.items()}, 4
             ),
             "day-and-night": _sheet(
                 {
                     f"{name}, {quality}": one.picture(presets[name], 640, 360)
                     for name in ("ClearNoon", "MidRainyNoon", "ClearSunset", "WetNight")
-                    for quality, one in (("low", stage), ("epic", better))
+                    for quality, one in (("low", scene), ("epic", better))
                 },
                 2,
             ),
-            "sensors": _sheet(_sensors(stage), 3),
+            "sensors": _sheet(_sensors(scene), 3),
         }
     for name, sheet in sheets.items():
         sheet.save(folder / f"{name}.jpg", quality=_QUALITY_OF_JPEG)
@@ -62,11 +62,11 @@ def _sheet(pictures: dict[str, Pixels], columns: int) -> Image.Image:
     return sheet
 
 
-def _sensors(stage: Stage) -> dict[str, Pixels]:
+def _sensors(scene: ReferenceScene) -> dict[str, Pixels]:
     """One picture for each kind of sensor."""
     noon = named_presets()["ClearNoon"]
     size = {"image_size_x": 480, "image_size_y": 270}
-    stage.state(noon)
+    scene.state(noon)
     cameras: dict[str, tuple[str, Callable[[SensorFrame], Pixels]]] = {
         "rgb": ("camera.rgb", rgb),
         "depth (logarithm)": ("camera.depth", _depth),
@@ -80,22 +80,22 @@ def _sensors(stage: Stage) -> dict[str, Pixels]:
     }
     pictures = {}
     for name, (kind, show) in cameras.items():
-        requests = [stage.request(kind, **size)]
-        stage.suite.reset()
-        stage.suite.capture(stage.state(), requests)
-        ((_, frame),) = stage.suite.capture(stage.state(), requests)
+        requests = [scene.request(kind, **size)]
+        scene.suite.reset()
+        scene.suite.capture(scene.state(), requests)
+        ((_, frame),) = scene.suite.capture(scene.state(), requests)
         pictures[name] = show(frame)
     bent = {"lens_circle_multiplier": 3.0, "lens_circle_falloff": 3.0}
     pictures["rgb with lens distortion"] = rgb(
-        stage.frame(stage.state(), "camera.rgb", **size, **bent)
+        scene.frame(scene.state(), "camera.rgb", **size, **bent)
     )
     dark = {"exposure_mode": "manual", "exposure_compensation": -1.5}
     pictures["rgb, manual exposure, -1.5 EV"] = rgb(
-        stage.frame(stage.state(), "camera.rgb", **size, **dark)
+        scene.frame(scene.state(), "camera.rgb", **size, **dark)
     )
     laser = {"channels": 64, "points_per_second": 1_200_000, "rotation_frequency": 20, "range": 60}
     pictures["lidar.ray_cast_semantic from above"] = _points(
-        stage.frame(stage.state(), "lidar.ray_cast_semantic", **laser)
+        scene.frame(scene.state(), "lidar.ray_cast_semantic", **laser)
     )
     return pictures
 

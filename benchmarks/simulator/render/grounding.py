@@ -7,8 +7,8 @@ from contextlib import closing
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.simulator.render.stage import NO_ACTORS, Stage
-from benchmarks.simulator.verdict import Figure
+from benchmarks.simulator.render.scene import NO_ACTORS, ReferenceScene
+from carstage.bench.verdict import Figure
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import TriangleMesh
 from carstage_sim.render.cast import NOTHING
@@ -27,12 +27,12 @@ _STEP_M = 0.5
 _SUNK_M = 20.0
 
 
-def ground_figures(stage: Stage) -> list[Figure]:
+def ground_figures(scene: ReferenceScene) -> list[Figure]:
     """The largest gap below vehicles and walkers, and below what the map stands on its ground."""
-    mesh = stage.world.town.static_mesh
+    mesh = scene.world.town.static_mesh
     gap_below = GroundProbe(mesh)
-    state = stage.state()
-    frame = stage.suite.frame_of(state)
+    state = scene.state()
+    frame = scene.suite.frame_of(state)
     moving = state.actor_id[np.isin(state.kind, (ActorKind.VEHICLE, ActorKind.WALKER))]
     actors = [
         _actor_gap(frame, row, gap_below)

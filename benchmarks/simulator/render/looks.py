@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.simulator.render.grounding import ground_figures
-from benchmarks.simulator.render.stage import Stage, named_presets, plain_view
-from benchmarks.simulator.verdict import Figure
+from benchmarks.simulator.render.scene import ReferenceScene, named_presets, plain_view
+from carstage.bench.verdict import Figure
 from carstage_sim.render.caster import RayCaster
 from carstage_sim.render.film import Film
 from carstage_sim.sensors.measurements import ImageFrame
@@ -28,13 +28,13 @@ _SKY_TAG = 11
 _POLE_M = 3.0
 
 
-def look_figures(stage: Stage) -> list[Figure]:
+def look_figures(scene: ReferenceScene) -> list[Figure]:
     """All figures of this module, in the order of the issue's lines."""
     return [
-        *preset_figures(stage),
+        *preset_figures(scene),
         Figure("shadow_off_the_sun_deg", shadow_error_deg(), "<=", _SHADOW_DEG),
-        Figure("pixels_in_flat_patches", flat_share(stage), "<=", _MOST_FLAT),
-        *ground_figures(stage),
+        Figure("pixels_in_flat_patches", flat_share(scene), "<=", _MOST_FLAT),
+        *ground_figures(scene),
     ]
 
 
@@ -51,10 +51,10 @@ def lab(srgb: NDArray[np.uint8]) -> Array:
     return np.stack([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)], axis=-1)
 
 
-def preset_figures(stage: Stage) -> list[Figure]:
+def preset_figures(scene: ReferenceScene) -> list[Figure]:
     """How far apart the named weathers are, and how bright noon, sunset and night."""
     pictures = {
-        name: lab(stage.picture(weather, 256, 144)) for name, weather in named_presets().items()
+        name: lab(scene.picture(weather, 256, 144)) for name, weather in named_presets().items()
     }
     nearest, pair = float("inf"), ""
     for one, other in itertools.combinations(sorted(pictures), 2):
@@ -101,16 +101,16 @@ def shadow_error_deg() -> float:
     return worst
 
 
-def flat_share(stage: Stage) -> float:
+def flat_share(scene: ReferenceScene) -> float:
     """Share of the pixels outside the sky that lie in patches of 32 x 32 without any structure.
 
     Flat is a patch whose brightness has a standard deviation below one code.
     """
     weather = named_presets()["ClearNoon"]
-    state = stage.state(weather)
+    state = scene.state(weather)
     size = {"image_size_x": 640, "image_size_y": 352}
-    colour = stage.frame(state, "camera.rgb", **size)
-    tags = stage.frame(state, "camera.semantic_segmentation", **size)
+    colour = scene.frame(state, "camera.rgb", **size)
+    tags = scene.frame(state, "camera.semantic_segmentation", **size)
     assert isinstance(colour, ImageFrame)
     assert isinstance(tags, ImageFrame)
     grey = colour.pixels[..., :3].astype(np.float64) @ np.array([0.114, 0.587, 0.299])

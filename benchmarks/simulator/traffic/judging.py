@@ -14,7 +14,7 @@ from benchmarks.simulator.traffic.collisions import (
 from benchmarks.simulator.traffic.passages import Passage, passages, red_lights_run
 from benchmarks.simulator.traffic.recording import Partner, Recording
 from benchmarks.simulator.traffic.standing import STOOD_S, longest_stand_s
-from benchmarks.simulator.verdict import Figure, Verdict
+from carstage.bench.verdict import Figure, Verdict
 
 OFF_ROAD_M = 0.25
 """A vehicle that changes lanes is half a lane from both middles, and a bit more in a bend."""

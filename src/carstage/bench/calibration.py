@@ -1,8 +1,4 @@
-"""How fast this machine is now, against the machine that the targets were written for.
-
-The kernel is that of ``benchmarks.simulator.calibration``:
-neither package imports the other, so change both.
-"""
+"""How fast this machine is now, against the machine that the targets were written for."""
 
 from __future__ import annotations
 
@@ -21,10 +17,11 @@ def slowness() -> float:
     The kernel mixes what the pipeline spends its time on: floating-point arrays that miss the
     cache, interpreted Python, and deflate. The fastest of three counts.
     """
-    return min(_kernel() for _ in range(3)) / REFERENCE_CPU_S
+    return min(calibration_kernel() for _ in range(3)) / REFERENCE_CPU_S
 
 
-def _kernel() -> float:
+def calibration_kernel() -> float:
+    """CPU seconds of the kernel, once."""
     generator = np.random.default_rng(0)
     values = generator.random(2_000_000)
     payload = (values[:400_000] * 255).astype(np.uint8).tobytes()

@@ -78,7 +78,7 @@ def measure_codecs(
             figures.append(Figure(f"{kind}: {name}, MB", sizes[name] / _FRAMES / 1e6))
             done += 1
             progress(done, total)
-    return Verdict("codecs", "carstage bench codecs --json", tuple(figures), notes)
+    return Verdict("codecs", tuple(figures), notes, "carstage bench codecs --json")
 
 
 def _length(contents: Sequence[bytes | memoryview]) -> int:

@@ -42,20 +42,22 @@ class Verdict:
 
     Attributes:
         name: of the measurement.
-        command: what repeats it.
         figures: in the order in which they are shown.
         notes: what to know about them.
+        command: what repeats it.
+        completed: False when the measurement itself failed; the verdict is bad then.
     """
 
     name: str
-    command: str
     figures: tuple[Figure, ...]
     notes: Sequence[str] = ()
+    command: str = ""
+    completed: bool = True
 
     @property
     def ok(self) -> bool:
-        """Whether every target is met."""
-        return all(figure.ok for figure in self.figures)
+        """Whether the measurement ended and every target is met."""
+        return self.completed and all(figure.ok for figure in self.figures)
 
     def text(self) -> str:
         """A table for people."""

@@ -1,42 +1,35 @@
-"""``carstage bench``: measurements that anyone can repeat, each figure beside its target."""
+"""``carstage bench``: the group of commands, and how each ends."""
 
 from __future__ import annotations
 
-from enum import Enum
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any, Protocol
 
 import typer
 
-from carstage.cli.output import command, note, result, result_json
-
-if TYPE_CHECKING:
-    from carstage.bench.verdict import Verdict
+from carstage.cli.output import note, result, result_json
 
 bench_app = typer.Typer(
-    help="Measure what recording costs, and whether it is right.", no_args_is_help=True
+    help="Measure what recording costs, next to other programs.", no_args_is_help=True
 )
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object as the last line.")]
-Scratch = Annotated[
-    Path | None,
-    typer.Option(
-        "--scratch", help="Existing folder for raw logs, on the disk to be measured.", exists=True
-    ),
-]
 
 
-class RawStore(str, Enum):
-    """How the raw pictures of cameras are kept."""
+class Judged(Protocol):
+    """What a measurement ends with; see ``carstage.bench.verdict.Verdict``."""
 
-    CHUNKLOG = "chunklog"
-    MMAP = "mmap"
+    @property
+    def ok(self) -> bool:
+        """Whether all targets are met."""
+
+    def text(self) -> str:
+        """For people."""
+
+    def record(self) -> dict[str, Any]:
+        """For programs."""
 
 
-Store = Annotated[RawStore, typer.Option("--raw-store", help="How raw pictures are kept.")]
-
-
-def report_verdict(verdict: Verdict, json: bool, text: str = "", **rows: Any) -> int:
+def report_verdict(verdict: Judged, json: bool, text: str = "", **rows: Any) -> int:
     """Print a verdict and return the exit code.
 
     Args:
@@ -52,166 +45,3 @@ def report_verdict(verdict: Verdict, json: bool, text: str = "", **rows: Any) ->
     else:
         result(told)
     return 0 if verdict.ok else 1
-
-
-@bench_app.command()
-@command
-def overhead(
-    ticks: Annotated[int, typer.Option(min=20, help="Of each block.")] = 200,
-    rounds: Annotated[int, typer.Option(min=1, help="Blocks of each client.")] = 3,
-    raw_store: Store = RawStore.CHUNKLOG,
-    scratch: Scratch = None,
-    json: Json = False,
-) -> int:
-    """What capture adds to a tick, against a client that drops everything."""
-    from benchmarks.framework.overhead import measure_overhead
-    from carstage.cli.progress import watch_steps
-
-    with watch_steps("Blocks", "blocks") as progress:
-        verdict = measure_overhead(
-            ticks=ticks,
-            rounds=rounds,
-            raw_store=raw_store.value,
-            scratch=scratch,
-            progress=progress,
-        )
-    return report_verdict(verdict, json)
-
-
-@bench_app.command()
-@command
-def conversion(
-    frames: Annotated[int, typer.Option(min=4, help="Pictures per round.")] = 24,
-    rounds: Annotated[int, typer.Option(min=1, help="How often both are measured.")] = 5,
-    scratch: Scratch = None,
-    json: Json = False,
-) -> int:
-    """What a picture costs from raw log to hashed file, against its encoder alone."""
-    from benchmarks.framework.conversion import measure_conversion
-    from carstage.cli.progress import watch_steps
-
-    with watch_steps("Rounds", "rounds") as progress:
-        verdict = measure_conversion(
-            frames=frames, rounds=rounds, scratch=scratch, progress=progress
-        )
-    return report_verdict(verdict, json)
-
-
-@bench_app.command()
-@command
-def memory(
-    frames: Annotated[int, typer.Option(min=100, help="To record.")] = 10_000,
-    scratch: Scratch = None,
-    json: Json = False,
-) -> int:
-    """Whether memory stays within the budget while the disk is slow."""
-    from benchmarks.framework.memory import measure_memory
-    from carstage.cli.progress import watch_steps
-
-    with watch_steps("Ticks", "ticks") as progress:
-        verdict = measure_memory(frames=frames, scratch=scratch, progress=progress)
-    return report_verdict(verdict, json)
-
-
-@bench_app.command("frames-check")
-@command
-def frames_check(
-    ticks: Annotated[int, typer.Option(min=10, help="To record and compare.")] = 20_000,
-    scratch: Scratch = None,
-    json: Json = False,
-) -> int:
-    """Whether the log holds, under each frame, what the server sent for it."""
-    from benchmarks.framework.frames_check import check_frames
-    from carstage.cli.progress import watch_steps
-
-    with watch_steps("Ticks", "ticks") as progress:
-        verdict = check_frames(ticks=ticks, scratch=scratch, progress=progress)
-    return report_verdict(verdict, json)
-
-
-@bench_app.command()
-@command
-def labels(
-    towns: Annotated[list[str] | None, typer.Option(help="Where. Repeatable.")] = None,
-    scenes: Annotated[int, typer.Option(min=1, help="In each town.")] = 14,
-    maps: Annotated[
-        Path | None, typer.Option(help="Folder of OpenDRIVE files, for other towns.")
-    ] = None,
-    scratch: Scratch = None,
-    json: Json = False,
-) -> int:
-    """Whether labels of pixels, occlusion and 2D boxes are true, object by object."""
-    from benchmarks.framework.labels import TOWNS, measure_labels
-    from carstage.cli.progress import watch_steps
-
-    with watch_steps("Scenes", "scenes") as progress:
-        verdict, objects = measure_labels(
-            towns=towns or TOWNS, scenes=scenes, maps=maps, scratch=scratch, progress=progress
-        )
-    return report_verdict(verdict, json, objects=objects)
-
-
-@bench_app.command()
-@command
-def annotation(
-    frames: Annotated[int, typer.Option(min=1, help="How often each method labels.")] = 30,
-    json: Json = False,
-) -> int:
-    """What labelling a frame with a hundred objects costs."""
-    from benchmarks.framework.annotation import measure_annotation
-    from carstage.cli.progress import watch_steps
-
-    with watch_steps("Frames", "frames") as progress:
-        verdict = measure_annotation(frames=frames, progress=progress)
-    return report_verdict(verdict, json)
-
-
-@bench_app.command()
-@command
-def faults(
-    n: Annotated[int, typer.Option("--n", min=1, help="Faults to draw.")] = 200,
-    seed: Annotated[int, typer.Option(help="What they are drawn from.")] = 0,
-    kind: Annotated[
-        list[str] | None, typer.Option(help="Only faults of this kind. Repeatable.")
-    ] = None,
-    minutes: Annotated[
-        float | None, typer.Option(min=0.1, help="Begin no further trial after that time.")
-    ] = None,
-    scratch: Scratch = None,
-    json: Json = False,
-) -> int:
-    """Disturb tiny runs at random: does each end well, and is what it committed right?"""
-    from dataclasses import asdict
-
-    from benchmarks.framework.faults import run_campaign, table, table_text
-
-    verdict, trials = run_campaign(
-        count=n, seed=seed, kinds=kind or (), scratch=scratch, minutes=minutes, say=note
-    )
-    rows = {"kinds": table(trials), "trials": [asdict(trial) for trial in trials]}
-    return report_verdict(verdict, json, table_text(trials), **rows)
-
-
-@bench_app.command()
-@command
-def gui(
-    minutes: Annotated[
-        float, typer.Option(min=0.2, help="How long a run's live pictures are watched.")
-    ] = 5.0,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="File for the JSON object, too.")
-    ] = None,
-    scratch: Scratch = None,
-    json: Json = False,
-) -> int:
-    """How fast the interface is there, follows a drag, and shows a run; needs Chromium."""
-    from json import dumps
-
-    from benchmarks.framework.gui import measure_gui
-    from carstage.cli.progress import watch_steps
-
-    with watch_steps("Watched", "s") as progress:
-        verdict = measure_gui(minutes=minutes, scratch=scratch, progress=progress)
-    if out is not None:
-        out.write_text(dumps(verdict.record(), indent=1) + "\n", "utf-8")
-    return report_verdict(verdict, json)

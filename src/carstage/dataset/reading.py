@@ -19,6 +19,7 @@ from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.dataset.tables import ROW_SENSORS, read_table, require_columns
 from carstage.errors import BadInputError, DatasetError
 from carstage.geometry import is_pinhole, pose_matrix
+from carstage.spec import EpisodeSpec, SpecError
 from carstage.storage.description import read_description
 from carstage.storage.local import LocalStore
 from carstage.storage.marker import CommitMarker
@@ -235,11 +236,17 @@ class Episode:
         """The content of ``episode.json``."""
         return _read_document(self.folder / "episode.json", EPISODE_FORMAT)
 
-    @property
-    def spec(self) -> Mapping[str, Any]:
-        """What was asked for."""
-        spec: Mapping[str, Any] = self.document["spec"]
-        return spec
+    @cached_property
+    def spec(self) -> EpisodeSpec:
+        """What was asked for.
+
+        Raises:
+            DatasetError: ``episode.json`` is missing or damaged.
+        """
+        try:
+            return EpisodeSpec.from_json(self.document["spec"])
+        except (KeyError, SpecError) as error:
+            raise DatasetError(f"{self.folder / 'episode.json'} is damaged: {error}.") from error
 
     @cached_property
     def calibration(self) -> Calibration:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from carstage.config import Config
 from carstage.plan.rig import geometry
-from carstage.plan.spec import EpisodeSpec, SensorSpec
+from carstage.spec import EpisodeSpec, ReplaySpec, SensorSpec
 
 #: Bytes per pixel in the dataset by kind of camera.
 _FILE_BYTES_PER_PIXEL = {
@@ -69,10 +69,9 @@ def estimate_run(config: Config, episodes: Sequence[EpisodeSpec]) -> RunEstimate
 
 def road_users(spec: EpisodeSpec) -> int:
     """Vehicles, pedestrians and the ego."""
-    if spec.scenario["kind"] == "replay":
-        return len(spec.scenario["actors"])
-    groups = sum(int(group["count"]) for group in spec.vehicles["groups"])
-    return int(spec.vehicles["count"]) + groups + int(spec.pedestrians["count"]) + 1
+    if isinstance(spec.scenario, ReplaySpec):
+        return len(spec.scenario.actors)
+    return spec.vehicles.total + spec.pedestrians.count + 1
 
 
 def _pixels(sensor: SensorSpec) -> int:
@@ -85,7 +84,7 @@ def _rays(sensor: SensorSpec, fps: float) -> int:
 
 
 def _raw_bytes(spec: EpisodeSpec) -> int:
-    actors = road_users(spec) + spec.pedestrians["count"] + len(spec.sensors) + 60
+    actors = road_users(spec) + spec.pedestrians.count + len(spec.sensors) + 60
     per_frame: int = 0
     for sensor in spec.sensors:
         per_frame += _BYTES_PER_RECORD

@@ -12,7 +12,7 @@ from dataclasses import replace
 from carstage.config import SENSOR_KINDS, Config, Sensor
 from carstage.config.attributes import carla_text
 from carstage.config.sensors import DEPTH_SUFFIX, INSTANCE_SUFFIX, Pose
-from carstage.plan.spec import PoseSpec, SensorSpec
+from carstage.spec import PoseSpec, SensorSpec
 
 _RATE = "sensor_tick"
 _GEOMETRY = ("image_size_", "fov", "lens_")

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from carstage.cache import cache_folder
 from carstage.config import Config
-from carstage.config.recording import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
+from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError
 from carstage.files.locks import take_lock
-from carstage.server import cache_folder
 
 
 def server_key(config: Config) -> str:
@@ -45,14 +45,14 @@ def server_lock(config: Config, folder: Path | None = None) -> Iterator[None]:
     with suppress(OSError):  # a cache that cannot be written guards nothing and hinders nobody
         folder.mkdir(parents=True, exist_ok=True)
     try:
-        held = take_lock(folder / f"server-{re.sub(r'[^A-Za-z0-9.-]', '_', key)}.lock", 0o666)
+        lock = take_lock(folder / f"server-{re.sub(r'[^A-Za-z0-9.-]', '_', key)}.lock", 0o666)
     except OSError:
         yield
         return
-    if held is None:
+    if lock is None:
         raise BadInputError(
             f"server: another run uses the server at {key}.",
             "Wait for its end, or choose another server or port.",
         )
-    with held:
+    with lock:
         yield

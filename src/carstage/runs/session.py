@@ -19,7 +19,6 @@ from carstage.errors import (
     StorageError,
 )
 from carstage.execution import Executor
-from carstage.plan import EpisodeSpec
 from carstage.runs.attempt_commit import AttemptCommit, Job
 from carstage.runs.attempts import reserve_attempt
 from carstage.runs.converters import Converters
@@ -42,6 +41,7 @@ from carstage.runs.selftesting import describe_verdict, refuse, run_self_test
 from carstage.runs.server_worker import POLL_S, ServerWorker
 from carstage.runs.servers import ServerSetup
 from carstage.runs.wakeup_pipe import WakeupPipe
+from carstage.spec import EpisodeSpec
 from carstage.storage import Store
 from carstage.storage.disk import disk_error
 
@@ -212,7 +212,7 @@ class Session:
         allowed. The last one is committed as it is: its ledger names every gap.
         """
         job = attempt_commit.job
-        if incomplete_ticks and _demands_all(job.spec):
+        if incomplete_ticks and job.spec.timing.demands_all:
             what = f"Episode {job.episode_id}, attempt {attempt_commit.attempt}: "
             what += f"{incomplete_ticks} of {job.spec.steps} ticks lack data of a sensor."
             if job.tries < self._retries:
@@ -402,12 +402,4 @@ def _is_of(current: CurrentEpisode, attempt_commit: AttemptCommit) -> bool:
     return (current.episode_id, current.attempt) == (
         attempt_commit.job.episode_id,
         attempt_commit.attempt,
-    )
-
-
-def _demands_all(spec: EpisodeSpec) -> bool:
-    """Whether every sensor has to deliver in every tick of an episode."""
-    timing = spec.timing
-    return bool(
-        timing["mode"] == "sync" and timing["sensor_sync"] and timing["on_incomplete"] == "wait"
     )

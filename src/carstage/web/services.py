@@ -46,7 +46,7 @@ class Services:
         self.config = ConfigStore(settings.state / "config.json", self.checker, self._changed)
         self.texts = ConfigTexts(self.checker, self.config)
         self.server_check = ServerCheckService()
-        self.sight = SensorPreviewService(self.checker)
+        self.sensor_preview = SensorPreviewService(self.checker)
         self.jobs = JobService(settings.state, roots)
         self.datasets = Catalogue(roots, self.jobs)
         self.episodes = EpisodeService(self.datasets, self.description)
@@ -79,7 +79,7 @@ class Services:
             with suppress(asyncio.CancelledError):
                 await looking
             await services.live.close()
-            await asyncio.to_thread(services.sight.close)
+            await asyncio.to_thread(services.sensor_preview.close)
             await asyncio.to_thread(services.previews.close)
 
     def warm_up(self, closing: threading.Event) -> None:

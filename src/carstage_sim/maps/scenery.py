@@ -72,7 +72,7 @@ def _feet(mesh: TriangleMesh, place: tuple[float, float, float]) -> NDArray[np.f
 
 
 @dataclass(slots=True)
-class Stage:
+class SceneryPlacement:
     """Collects things by their place in the plan, then sets them down and numbers them.
 
     Attributes:
@@ -156,7 +156,7 @@ def scenery(
     rng: np.random.Generator,
     *,
     bare: bool = False,
-) -> Stage:
+) -> SceneryPlacement:
     """All that stands on the ground, drawn from ``rng``; not yet set down.
 
     Args:
@@ -167,17 +167,17 @@ def scenery(
         bare: signs only.
     """
     lot_rng, house_rng, street_rng, green_rng, parking_rng = rng.spawn(5)
-    stage = Stage()
-    _put_signs(stage, plan)
+    placement = SceneryPlacement()
+    _put_signs(placement, plan)
     if bare:
-        return stage
+        return placement
     streets = frontages(lanes)
     # The far side of a T is a frontage too: it closes the view down the street that ends there.
     fronts = streets + frontages(lanes, inside_junctions=True)
     free = [bridge.buffer(_BRIDGE_CLEARANCE_M) for bridge in bridges]
     lots = street_lots(fronts, ground, [*ground.parks, *free], lot_rng)
     lots += skyline_lots(ground, lots, free, lot_rng)
-    stage.buildings = [lot.footprint for lot in lots]
+    placement.buildings = [lot.footprint for lot in lots]
     for lot in lots:
         mesh = building_mesh(
             lot.kind,
@@ -189,18 +189,18 @@ def scenery(
             distant=lot.distant,
         )
         label = CityObjectLabel.BUILDINGS
-        stage.put(f"Building_{lot.kind.name}", label, mesh, (lot.x, lot.y, lot.yaw_deg))
+        placement.put(f"Building_{lot.kind.name}", label, mesh, (lot.x, lot.y, lot.yaw_deg))
     for street in streets:
-        stage.pits += _furnish(stage, street, street_rng)
+        placement.pits += _furnish(placement, street, street_rng)
     for vehicle in parked_vehicles(lanes, ground, parking_rng):
         name = "Parked_" + vehicle.kind.type_id.removeprefix("vehicle.").replace(".", "_")
-        stage.put(name, vehicle.kind.label, vehicle.mesh, vehicle.place)
-    _plant_gardens(stage, ground, lots, free, green_rng)
-    _plant_parks(stage, ground, green_rng)
-    return stage
+        placement.put(name, vehicle.kind.label, vehicle.mesh, vehicle.place)
+    _plant_gardens(placement, ground, lots, free, green_rng)
+    _plant_parks(placement, ground, green_rng)
+    return placement
 
 
-def _put_signs(stage: Stage, plan: SignalPlan) -> None:
+def _put_signs(placement: SceneryPlacement, plan: SignalPlan) -> None:
     label = CityObjectLabel.TRAFFIC_SIGNS
     for sign in plan.signals:
         # Plates look against the traffic that they address.
@@ -208,14 +208,16 @@ def _put_signs(stage: Stage, plan: SignalPlan) -> None:
         place = (sign.location[0], sign.location[1], (facing + 180.0) % 360.0 - 180.0)
         if sign.kind == SPEED_LIMIT and sign.value > 0.0:
             limit = round(sign.value)
-            stage.put(f"SpeedLimit{limit}", label, speed_sign_mesh(limit), place)
+            placement.put(f"SpeedLimit{limit}", label, speed_sign_mesh(limit), place)
         elif sign.kind == STOP:
-            stage.put("StopSign", label, stop_sign_mesh(), place)
+            placement.put("StopSign", label, stop_sign_mesh(), place)
         elif sign.kind == YIELD:
-            stage.put("YieldSign", label, yield_sign_mesh(), place)
+            placement.put("YieldSign", label, yield_sign_mesh(), place)
 
 
-def _furnish(stage: Stage, street: Frontage, rng: np.random.Generator) -> list[shapely.Polygon]:
+def _furnish(
+    placement: SceneryPlacement, street: Frontage, rng: np.random.Generator
+) -> list[shapely.Polygon]:
     """Trees, lamps, benches, bins and hydrants along one sidewalk; returns the tree pits."""
     # Both sides of a street have the same trees.
     species = _STREET_TREES[street.road_id % len(_STREET_TREES)]
@@ -225,25 +227,25 @@ def _furnish(stage: Stage, street: Frontage, rng: np.random.Generator) -> list[s
     for number, station in enumerate(stations):
         place = street.from_kerb(float(station), _FROM_KERB_M)
         if number % 4 == 0:
-            stage.put("StreetLamp", CityObjectLabel.POLES, street_lamp_mesh(), place)
+            placement.put("StreetLamp", CityObjectLabel.POLES, street_lamp_mesh(), place)
         elif number % 2 == 1:
             if number in (shelter, shelter - 1):
                 continue
-            _plant(stage, species, place, rng)
+            _plant(placement, species, place, rng)
             x, y, _ = place
             pits.append(
                 shapely.box(x - _PIT_HALF_M, y - _PIT_HALF_M, x + _PIT_HALF_M, y + _PIT_HALF_M)
             )
         elif number in (shelter, shelter - 1):
-            stage.put("BusShelter", CityObjectLabel.STATIC, bus_shelter_mesh(), place)
+            placement.put("BusShelter", CityObjectLabel.STATIC, bus_shelter_mesh(), place)
         else:
             kind = int(rng.integers(4))
             if kind == 0:
-                stage.put("Bench", CityObjectLabel.STATIC, bench_mesh(), _turned(place))
+                placement.put("Bench", CityObjectLabel.STATIC, bench_mesh(), _turned(place))
             elif kind == 1:
-                stage.put("Bin", CityObjectLabel.STATIC, bin_mesh(), place)
+                placement.put("Bin", CityObjectLabel.STATIC, bin_mesh(), place)
             elif kind == 2:
-                stage.put("Hydrant", CityObjectLabel.STATIC, hydrant_mesh(), place)
+                placement.put("Hydrant", CityObjectLabel.STATIC, hydrant_mesh(), place)
     return pits
 
 
@@ -253,17 +255,20 @@ def _turned(place: tuple[float, float, float]) -> tuple[float, float, float]:
 
 
 def _plant(
-    stage: Stage, kind: TreeKind, place: tuple[float, float, float], rng: np.random.Generator
+    placement: SceneryPlacement,
+    kind: TreeKind,
+    place: tuple[float, float, float],
+    rng: np.random.Generator,
 ) -> None:
     height = float(rng.uniform(*kind.height_m))
     x, y, _ = place
     turn = round(float(rng.uniform(-180.0, 180.0)), 1)
     mesh = tree_mesh(kind, height, rng)
-    stage.put(f"Tree_{kind.name}", CityObjectLabel.VEGETATION, mesh, (x, y, turn))
+    placement.put(f"Tree_{kind.name}", CityObjectLabel.VEGETATION, mesh, (x, y, turn))
 
 
 def _plant_gardens(
-    stage: Stage,
+    placement: SceneryPlacement,
     ground: Surfaces,
     lots: list[Lot],
     kept_free: Sequence[BaseGeometry],
@@ -276,24 +281,24 @@ def _plant_gardens(
     shapely.prepare(taken)
     area = ground.road.convex_hull.buffer(_GARDEN_REACH_M)
     count = min(max(_GARDEN_TREES, round(area.area / _M2_PER_TREE)), _MOST_TREES)
-    _scatter(stage, area, taken, count, rng)
+    _scatter(placement, area, taken, count, rng)
 
 
-def _plant_parks(stage: Stage, ground: Surfaces, rng: np.random.Generator) -> None:
+def _plant_parks(placement: SceneryPlacement, ground: Surfaces, rng: np.random.Generator) -> None:
     for park in ground.parks:
         paths = shapely.union_all([path.buffer(1.5) for path in ground.park_paths])
-        _scatter(stage, park.buffer(-3.0), paths, _PARK_TREES, rng)
+        _scatter(placement, park.buffer(-3.0), paths, _PARK_TREES, rng)
         ring = park.buffer(-7.6).exterior
         for part in np.linspace(0.05, 0.95, 12):
             at = ring.interpolate(part, normalized=True)
             ahead = ring.interpolate(part + 0.005, normalized=True)
             yaw = math.degrees(math.atan2(ahead.y - at.y, ahead.x - at.x)) + 90.0
             mesh = bench_mesh()
-            stage.put("Bench", CityObjectLabel.STATIC, mesh, (at.x, at.y, round(yaw, 1)))
+            placement.put("Bench", CityObjectLabel.STATIC, mesh, (at.x, at.y, round(yaw, 1)))
 
 
 def _scatter(
-    stage: Stage,
+    placement: SceneryPlacement,
     area: shapely.Polygon,
     taken: shapely.Geometry,
     count: int,
@@ -312,4 +317,4 @@ def _scatter(
         if any(math.dist((x, y), other) < 6.0 for other in planted):
             continue
         planted.append((x, y))
-        _plant(stage, TREE_KINDS[int(rng.integers(len(TREE_KINDS)))], (x, y, 0.0), rng)
+        _plant(placement, TREE_KINDS[int(rng.integers(len(TREE_KINDS)))], (x, y, 0.0), rng)

@@ -18,11 +18,15 @@ from carstage_sim.maps.street_lamps import street_lamps
 from carstage_sim.mesh import Material, TriangleMesh
 from carstage_sim.render.bvh import WideTree, build_tree, triangle_blocks
 from carstage_sim.render.cast import Geometry, Scene, empty_geometry
-from carstage_sim.render.dressing import ObjectLooks, Veil, object_looks
 from carstage_sim.render.lamps import Lamps, headlight_beams, lamps_of
 from carstage_sim.render.materials import Paint, linear_colour
+from carstage_sim.render.object_appearance import (
+    HiddenTriangles,
+    ObjectAppearance,
+    object_appearance,
+)
 from carstage_sim.render.simd import LANES
-from carstage_sim.world.appearance import Appearance
+from carstage_sim.world.town_changes import TownChanges
 
 PAINTS = len(Paint)
 """Colours that an instance brings along."""
@@ -81,7 +85,7 @@ class Frame:
     Attributes:
         scene: what rays meet.
         static, actors: surfaces of the two geometries.
-        looks: what clients changed about the town's objects.
+        appearance: what clients changed about the town's objects.
         actor_id: ``(I,)`` uint32 per instance row.
         colour: ``(I, PAINTS, 3)`` float32 linear colours per instance row.
         light_state: ``(I,)`` uint32 per instance row.
@@ -92,7 +96,7 @@ class Frame:
     scene: Scene
     static: Surfaces
     actors: Surfaces
-    looks: ObjectLooks
+    appearance: ObjectAppearance
     actor_id: NDArray[np.uint32]
     colour: NDArray[np.float32]
     light_state: NDArray[np.uint32]
@@ -290,22 +294,22 @@ class SceneStore:
             model = _model(static, cached_tree(static, cache) if cache is not None else None)
             self._static, self._static_surfaces = model.geometry, model.surfaces
         owners = self._static_surfaces.object_id
-        self._veil = Veil(self._static, owners)
+        self._hidden_triangles = HiddenTriangles(self._static, owners)
         self._object_count = int(owners.max(initial=0))
-        self._appearance: Appearance | None = None
-        self._dress(Appearance())
+        self._town_changes: TownChanges | None = None
+        self._show_changes(TownChanges())
 
-    def _dress(self, appearance: Appearance) -> None:
+    def _show_changes(self, changes: TownChanges) -> None:
         """Show the town as clients changed it."""
-        if appearance is self._appearance:
+        if changes is self._town_changes:
             return
-        self._appearance = appearance
-        self._veil.hide(appearance.hidden)
-        self._looks = object_looks(self._object_count, self._street_lamps, appearance)
+        self._town_changes = changes
+        self._hidden_triangles.hide(changes.hidden)
+        self._appearance = object_appearance(self._object_count, self._street_lamps, changes)
         power = np.zeros((len(self._street_lamps), 3), np.float32)
-        if len(appearance.lamp_power):
-            gone = np.isin(self._street_lamps.object_id, list(appearance.hidden))
-            power = np.where(gone[:, None], np.float32(0), appearance.lamp_power)
+        if len(changes.lamp_power):
+            gone = np.isin(self._street_lamps.object_id, list(changes.hidden))
+            power = np.where(gone[:, None], np.float32(0), changes.lamp_power)
         self._lamps = self._lamps._replace(power=power)
 
     def prepare(self, keys: Sequence[str]) -> None:
@@ -335,15 +339,15 @@ class SceneStore:
             self._actors = (geometry, surfaces)
         self._stale = False
 
-    def frame(self, placements: Sequence[Placement], appearance: Appearance | None = None) -> Frame:
+    def frame(self, placements: Sequence[Placement], changes: TownChanges | None = None) -> Frame:
         """The scene with ``placements`` in it; instance row = place in the sequence.
 
         Args:
             placements: the actors that can be seen.
-            appearance: what clients changed about the town; None leaves it as it was.
+            changes: what clients changed about the town; None leaves it as it was.
         """
-        if appearance is not None:
-            self._dress(appearance)
+        if changes is not None:
+            self._show_changes(changes)
         wanted = dict.fromkeys(p.model for p in placements)
         self._forget_passing(wanted)
         self.prepare(list(wanted))
@@ -374,7 +378,7 @@ class SceneStore:
             ),
             static=self._static_surfaces,
             actors=self._actors[1],
-            looks=self._looks,
+            appearance=self._appearance,
             actor_id=np.array([p.actor_id for p in placements], np.uint32),
             colour=linear_colour(colours),
             light_state=light_state,

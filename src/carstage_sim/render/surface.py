@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from carstage_sim.kernels import device
+from carstage_sim.kernels import device, inlined
 from carstage_sim.render.detail import ASPHALT, LEAVES, WINDOW, faded, pattern, window
 
 _ZERO: Any = np.float32(0)
@@ -15,13 +15,13 @@ _ONE: Any = np.float32(1)
 
 
 @device
-def facing_normals(scene, surfaces, who, number, u, v, leaves, dx, dy, dz):  # type: ignore[no-untyped-def]
+def facing_normals(scene, surfaces, hit_actor, number, u, v, leaves, dx, dy, dz):  # type: ignore[no-untyped-def]
     """Shading normal and triangle's normal in the world, both towards the ray's origin.
 
     Args:
         scene: a :class:`carstage_sim.render.cast.Scene`.
         surfaces: of the geometry that was met.
-        who: instance row, negative for static geometry.
+        hit_actor: instance row, negative for static geometry.
         number: triangle.
         u, v: weights of its first and second corner.
         leaves: leaves keep the normals of their crown, wherever they face.
@@ -36,17 +36,17 @@ def facing_normals(scene, surfaces, who, number, u, v, leaves, dx, dy, dz):  # t
     ny = u * n[number, 0, 1] + v * n[number, 1, 1] + w * n[number, 2, 1]
     nz = u * n[number, 0, 2] + v * n[number, 1, 2] + w * n[number, 2, 2]
     gx, gy, gz = surfaces.flat[number, 0], surfaces.flat[number, 1], surfaces.flat[number, 2]
-    if who >= 0:
+    if hit_actor >= 0:
         q = scene.rotation
         nx, ny, nz = (
-            q[who, 0, 0] * nx + q[who, 0, 1] * ny + q[who, 0, 2] * nz,
-            q[who, 1, 0] * nx + q[who, 1, 1] * ny + q[who, 1, 2] * nz,
-            q[who, 2, 0] * nx + q[who, 2, 1] * ny + q[who, 2, 2] * nz,
+            q[hit_actor, 0, 0] * nx + q[hit_actor, 0, 1] * ny + q[hit_actor, 0, 2] * nz,
+            q[hit_actor, 1, 0] * nx + q[hit_actor, 1, 1] * ny + q[hit_actor, 1, 2] * nz,
+            q[hit_actor, 2, 0] * nx + q[hit_actor, 2, 1] * ny + q[hit_actor, 2, 2] * nz,
         )
         gx, gy, gz = (
-            q[who, 0, 0] * gx + q[who, 0, 1] * gy + q[who, 0, 2] * gz,
-            q[who, 1, 0] * gx + q[who, 1, 1] * gy + q[who, 1, 2] * gz,
-            q[who, 2, 0] * gx + q[who, 2, 1] * gy + q[who, 2, 2] * gz,
+            q[hit_actor, 0, 0] * gx + q[hit_actor, 0, 1] * gy + q[hit_actor, 0, 2] * gz,
+            q[hit_actor, 1, 0] * gx + q[hit_actor, 1, 1] * gy + q[hit_actor, 1, 2] * gz,
+            q[hit_actor, 2, 0] * gx + q[hit_actor, 2, 1] * gy + q[hit_actor, 2, 2] * gz,
         )
     if not leaves:
         if gx * dx + gy * dy + gz * dz > 0:
@@ -61,40 +61,56 @@ def facing_normals(scene, surfaces, who, number, u, v, leaves, dx, dy, dz):  # t
     return nx * scale, ny * scale, nz * scale, gx, gy, gz
 
 
-@device
-def stuff(  # type: ignore[no-untyped-def]
-    surfaces, looks, colour, materials, night, who, number, u, v, px, py, pz, nx, ny, nz, pixel
-):
+@inlined
+def surface_material(frame, surfaces, hit, p, n, pixel):  # type: ignore[no-untyped-def]
     """What the surface is made of at a place.
+
+    Args:
+        frame: a :class:`carstage_sim.render.shading.ShadedFrame`.
+        surfaces: of the geometry that was met.
+        hit: instance row, triangle, weights of its first and second corner.
+        p: the place, world metres.
+        n: unit normal there.
+        pixel: a pixel's side on the surface, metres.
 
     Returns:
         ``(kind, red, green, blue, roughness, specular, emitted)``: the procedural pattern, linear
         colour, reflectance at normal incidence, and light of a lit room behind a window.
     """
+    hit_actor, number, u, v = hit
+    appearance, materials, colour = frame.appearance, frame.materials, frame.colour
     m = surfaces.material[number]
     owner = int(surfaces.object_id[number])
     slot = materials.paint[m]
     kind = materials.detail[m]
     cr, cg, cb = materials.colour[m, 0], materials.colour[m, 1], materials.colour[m, 2]
-    if who >= 0 and slot >= 0:
-        cr, cg, cb = colour[who, slot, 0], colour[who, slot, 1], colour[who, slot, 2]
-    if who < 0 and looks.paint[owner, 3] > 0:
-        cr, cg, cb = looks.paint[owner, 0], looks.paint[owner, 1], looks.paint[owner, 2]
+    if hit_actor >= 0 and slot >= 0:
+        cr, cg, cb = (
+            colour[hit_actor, slot, 0],
+            colour[hit_actor, slot, 1],
+            colour[hit_actor, slot, 2],
+        )
+    if hit_actor < 0 and appearance.paint[owner, 3] > 0:
+        cr, cg, cb = (
+            appearance.paint[owner, 0],
+            appearance.paint[owner, 1],
+            appearance.paint[owner, 2],
+        )
         kind = 0
     rough, f0, emitted = materials.roughness[m], materials.specular[m], _ZERO
     half = surfaces.quad_half[number]
-    if kind == WINDOW and who < 0 and half:
+    if kind == WINDOW and hit_actor < 0 and half:
         # Corner weights of the two halves of a quad give a place in its rectangle.
         if half == 1:
             s, up_share = _ONE - u, _ONE - u - v
         else:
             s, up_share = v, _ONE - u
         pane = number - (half - 1)
-        part, cr, cg, cb, emitted = window(s, up_share, pane, pixel, night)
+        part, cr, cg, cb, emitted = window(s, up_share, pane, pixel, frame.light.night)
         if part == 1:
             rough, f0 = np.float32(0.8), np.float32(0.03)
-    elif kind and who < 0:
-        fr, fg, fb = pattern(kind, px, py, pz, nx, ny, nz, owner, number, pixel)
+    elif kind and hit_actor < 0:
+        fr, fg, fb = pattern(kind, p[0], p[1], p[2], n[0], n[1], n[2], owner, number, pixel)
         cr, cg, cb = cr * fr, cg * fg, cb * fb
     return kind, cr, cg, cb, rough, f0, emitted
 

@@ -160,7 +160,7 @@ class WorldSensors:
 
     def frame_of(self, state: WorldState) -> Frame:
         """The scene that rays of a tick meet."""
-        return self._store.frame(self._models.placements(state), state.appearance)
+        return self._store.frame(self._models.placements(state), state.town_changes)
 
     def segment_hits(
         self, state: WorldState, start: Vector3, end: Vector3, at_most: int = 256

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.content.figures import Pose as Joints
-from carstage_sim.world.appearance import Appearance
 from carstage_sim.world.debug_shapes import DebugShapes
+from carstage_sim.world.town_changes import TownChanges
 
 
 class ActorKind(IntEnum):
@@ -93,7 +93,7 @@ class WorldState:
         collisions: what touched in this step; walkers only while a sensor of collisions lives.
         doors: ``(N,)`` uint8 open doors of vehicles, a bit ``1 << carla.VehicleDoor`` for each;
             None for all closed.
-        appearance: what clients changed about the town, None for nothing and all lamps off.
+        town_changes: what clients changed about the town, None for nothing and all lamps off.
         debug_shapes: what clients drew, None for nothing.
         figures: joints of the walkers that clients pose, by actor id.
     """
@@ -116,6 +116,6 @@ class WorldState:
     wheel_angle_deg: NDArray[np.float32]
     collisions: tuple[Collision, ...] = ()
     doors: NDArray[np.uint8] | None = None
-    appearance: Appearance | None = None
+    town_changes: TownChanges | None = None
     debug_shapes: DebugShapes | None = None
     figures: Mapping[int, Joints] = field(default_factory=dict)

@@ -16,7 +16,6 @@ from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.street_lamps import street_lamps
 from carstage_sim.maps.town import Town
 from carstage_sim.world.actors import Actor, ActorTable, VehicleStatus
-from carstage_sim.world.appearance import AppearanceKeeper
 from carstage_sim.world.arm_probe import ArmProbe
 from carstage_sim.world.attachments import Attachments
 from carstage_sim.world.blueprints import Blueprint, catalogue
@@ -49,6 +48,7 @@ from carstage_sim.world.sockets import actor_from_socket
 from carstage_sim.world.spring_arm import RIGID, Attachment, arm_for
 from carstage_sim.world.state import ActorKind, Collision, Weather
 from carstage_sim.world.street_lights import StreetLights
+from carstage_sim.world.town_changes import TownChangeTracker
 from carstage_sim.world.town_objects import TownObjects
 from carstage_sim.world.vehicles.ackermann import AckermannController
 from carstage_sim.world.vehicles.fleet import VehicleFleet
@@ -86,7 +86,7 @@ class World:
         street_lights: lamps that clients and dusk switch.
         objects: what clients changed about the town's own objects.
         debug_drawing: what clients drew into the world.
-        appearance: gives how the town looks now.
+        town_changes: gives what clients have changed about the town so far.
         stream_id: stream of this episode's snapshots.
         lanes, terrain: lookups of the map.
     """
@@ -110,7 +110,7 @@ class World:
         self.street_lights = StreetLights(street_lamps(town.static_mesh))
         self.objects = TownObjects(town.level_objects)
         self.debug_drawing = DebugDrawing()
-        self.appearance = AppearanceKeeper(self.objects, self.street_lights)
+        self.town_changes = TownChangeTracker(self.objects, self.street_lights)
         # Numbers of streams are never used again: a client may still listen to an old one.
         self.next_stream_id: int = _FIRST_STREAM if previous is None else previous.next_stream_id
         self.stream_id = self.take_stream_id()
@@ -412,7 +412,7 @@ class World:
             self.fleet.set_gravity(actor_id, enabled)
 
     def add_impulse(self, actor_id: int, impulse: Vector3, location: Vector3 | None = None) -> None:
-        """Push a vehicle (N s, world), beside its middle if a place in the world is given."""
+        """Push a vehicle (N s, world), off its middle if a place in the world is given."""
         if self.live(actor_id).vehicle is not None:
             self.fleet.add_impulse(actor_id, impulse, location)
 

@@ -33,7 +33,7 @@ FINDING = Finding(
 
 def judged(*findings: Finding) -> Verdict:
     found = figures(findings, objects=1, classes=1, towns=1)
-    return Verdict("labels", "carstage bench labels", tuple(found))
+    return Verdict("labels", tuple(found))
 
 
 def with_instance(**changes: Any) -> Finding:

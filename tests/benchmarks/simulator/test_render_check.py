@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.simulator.render.grounding import GroundProbe
 from benchmarks.simulator.render.looks import lab, shadow_error_deg
-from benchmarks.simulator.render.stage import named_presets
+from benchmarks.simulator.render.scene import named_presets
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, build_mesh
 

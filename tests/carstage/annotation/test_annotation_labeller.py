@@ -12,7 +12,7 @@ from annotation_scenes import (
     EGO_ID,
     RIDER_TAG,
     ROAD_TAG,
-    Stage,
+    PaintedImages,
     actor,
     box_interval,
     header,
@@ -44,15 +44,15 @@ def walker(actor_id: int = WALKER_ID) -> Any:
     )
 
 
-def painted(center: tuple[float, float, float] = (20.0, 0.0, 0.0), **options: Any) -> Stage:
-    stage = Stage()
+def painted(center: tuple[float, float, float] = (20.0, 0.0, 0.0), **options: Any) -> PaintedImages:
+    stage = PaintedImages()
     stage.paint_box(center, CAR_EXTENT, CAR_ID, **options)
     return stage
 
 
 def label(
     poses: Any = AHEAD,
-    stage: Stage | None = None,
+    stage: PaintedImages | None = None,
     actors: tuple[Any, ...] = (),
     lidar: Any = None,
     **options: Any,
@@ -123,7 +123,7 @@ def test_a_free_car_is_labelled_visible_with_its_golden_box() -> None:
 def test_truncated_ignores_occluders_and_the_papers_truncation_does_not() -> None:
     center = (20.0, -20.0, 0.0)
     poses = {CAR_ID: (center, LEVEL)}
-    free = one(label(poses, Stage()))
+    free = one(label(poses, PaintedImages()))
     hidden_stage = painted(center)
     hidden_stage.paint(np.ones((360, 640), dtype=np.bool_), 5.0, 0, ROAD_TAG)
     hidden = one(label(poses, hidden_stage))
@@ -166,7 +166,7 @@ def test_rider_pixels_belong_to_the_two_wheeler() -> None:
         extent=(0.9, 0.4, 0.8),
         attributes={"base_type": "bicycle", "number_of_wheels": "2"},
     )
-    stage = Stage()
+    stage = PaintedImages()
     stage.paint_box((12.0, 0.0, -0.4), (0.8, 0.2, 0.35), CAR_ID, tag=19)
     below = one(label({CAR_ID: ((12.0, 0.0, 0.0), LEVEL)}, stage, (bike,)))["visible_px"]
     stage.paint_box((12.0, 0.0, 0.3), (0.3, 0.25, 0.45), CAR_ID, tag=RIDER_TAG)
@@ -426,7 +426,7 @@ def test_the_silhouette_is_counted_to_its_last_pixel() -> None:
 def test_the_road_is_where_a_vehicle_stands_though_its_box_reaches_into_it() -> None:
     """As boxes of some of CARLA's cars do; by depth alone the road within is not the car."""
     sunk = actor(CAR_ID, location=(0.0, 0.0, 0.68))
-    stage = Stage()
+    stage = PaintedImages()
     road_z = -1.5
     with np.errstate(divide="ignore"):
         road = np.where(stage.rays[..., 2] < 0.0, road_z / stage.rays[..., 2], 1e9)
@@ -478,7 +478,7 @@ def test_a_snapshot_without_the_ego_is_an_error() -> None:
 
 def test_an_image_of_the_wrong_size_is_an_error() -> None:
     with pytest.raises(AnnotationError, match="shape"):
-        label(stage=Stage(320, 180))
+        label(stage=PaintedImages(320, 180))
 
 
 @pytest.mark.parametrize("labels", [{"method": "guess"}, {"distance_origin": "moon"}])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import annotation_scenes
-from annotation_scenes import CAR_EXTENT, CAR_TAG, EGO_ID, RIDER_TAG, Stage, actor, snapshot
+from annotation_scenes import CAR_EXTENT, CAR_TAG, EGO_ID, RIDER_TAG, PaintedImages, actor, snapshot
 from carstage.annotation import EpisodeLabeller, FrameLabels
 from carstage.annotation.schema import CAMERA_OBJECT_COLUMNS, OBJECT_COLUMNS
 from carstage.annotation.tracks import FIRST_LEVEL_OBJECT, level_tracks, rider_track
@@ -41,7 +41,7 @@ def level_object(
 
 def label(
     *objects: LevelObject,
-    stage: Stage | None = None,
+    stage: PaintedImages | None = None,
     actors: Any = (),
     poses: Any = None,
     lidar: Any = None,
@@ -53,7 +53,7 @@ def label(
     known = {info.id: info for info in (actor(EGO_ID), *actors)}
     subject = EpisodeLabeller({**header, "server_version": server}, known, level_objects=objects)
     points = {} if lidar is None else {"TOP": lidar}
-    images = {"CAM": (stage or Stage()).images()}
+    images = {"CAM": (stage or PaintedImages()).images()}
     return subject.label_frame(snapshot(poses or {}, **(meta or {})), 2, images, points)
 
 
@@ -61,9 +61,9 @@ def static_rows(found: FrameLabels) -> list[dict[str, Any]]:
     return [row for row in found.objects if row["is_static"]]
 
 
-def painted(*solids: tuple[Any, Any, int]) -> Stage:
+def painted(*solids: tuple[Any, Any, int]) -> PaintedImages:
     """Solids of the level: middle, half sizes, tag; their pixels carry ids of no actor."""
-    stage = Stage()
+    stage = PaintedImages()
     for number, (center, extent, tag) in enumerate(solids):
         stage.paint_box(center, extent, 0x8000 + number, tag=tag)
     return stage
@@ -88,7 +88,7 @@ def test_a_parked_car_is_labelled_by_depth_and_tag() -> None:
 
 def test_rows_of_actors_are_the_same_with_and_without_level_objects() -> None:
     car = actor(300)
-    stage = Stage()
+    stage = PaintedImages()
     stage.paint_box((15.0, 0.0, 0.0), CAR_EXTENT, 300)
     poses = {300: ((15.0, 0.0, 0.0), LEVEL)}
     alone = label(stage=stage, actors=(car,), poses=poses)
@@ -101,7 +101,7 @@ def test_rows_of_actors_are_the_same_with_and_without_level_objects() -> None:
 
 
 def test_a_pixel_of_an_actor_with_the_low_bits_of_a_track_is_not_the_level_objects() -> None:
-    stage = Stage()
+    stage = PaintedImages()
     stage.paint_box((20.0, 0.0, 0.0), CAR_EXTENT, 5, tag=12)  # a pedestrian where the car should be
     (seen,) = label(level_object(5), stage=stage).camera_objects
     assert seen["visible_px"] == 0
@@ -179,8 +179,8 @@ def test_tracks_of_the_level_are_no_actors_and_stay_exact() -> None:
 BIKE_ID = 300
 
 
-def bike_stage() -> Stage:
-    stage = Stage()
+def bike_stage() -> PaintedImages:
+    stage = PaintedImages()
     stage.paint_box((12.0, 0.0, -0.4), (0.8, 0.2, 0.35), BIKE_ID, tag=19)
     stage.paint_box((12.0, 0.0, 0.3), (0.3, 0.25, 0.45), BIKE_ID, tag=RIDER_TAG)
     return stage

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from annotation_scenes import CAR_EXTENT, CAR_TAG, ROAD_TAG, Stage, box_interval
+from annotation_scenes import CAR_EXTENT, CAR_TAG, ROAD_TAG, PaintedImages, box_interval
 from carstage.annotation.decoding import decode_instance_bgra
 from carstage.annotation.pixels import (
     BOX_MARGIN_M,
@@ -59,7 +59,9 @@ def view(
     )
 
 
-def seen(stage: Stage, *, method: str = "instance", with_tags: bool = True) -> PixelVisibility:
+def seen(
+    stage: PaintedImages, *, method: str = "instance", with_tags: bool = True
+) -> PixelVisibility:
     ids, tags = decode_instance_bgra(stage.bgra)
     evidence = ImageEvidence(
         stage.depth.astype(np.float32),
@@ -73,7 +75,7 @@ def seen(stage: Stage, *, method: str = "instance", with_tags: bool = True) -> P
 
 @pytest.mark.parametrize("method", ["instance", "depth"])
 def test_a_lone_solid_box_is_not_occluded(method: str) -> None:
-    stage = Stage()
+    stage = PaintedImages()
     stage.paint_box(CENTER, CAR_EXTENT, CAR_ID)
     found = seen(stage, method=method)
     assert found.visible_px > 300
@@ -87,7 +89,7 @@ def test_a_lone_solid_box_is_not_occluded(method: str) -> None:
 def test_a_lone_cylinder_in_the_box_is_not_occluded_though_it_fills_only_a_part(
     method: str,
 ) -> None:
-    stage = Stage()
+    stage = PaintedImages()
     stage.paint_cylinder(CENTER, 0.6, 0.75, CAR_ID, CAR_TAG)
     found = seen(stage, method=method)
     assert found.visible_px / found.hull_px < 0.7
@@ -96,7 +98,7 @@ def test_a_lone_cylinder_in_the_box_is_not_occluded_though_it_fills_only_a_part(
 
 @pytest.mark.parametrize("method", ["instance", "depth"])
 def test_a_wall_before_the_left_half_hides_half(method: str) -> None:
-    stage = Stage()
+    stage = PaintedImages()
     stage.paint_box(CENTER, CAR_EXTENT, CAR_ID)
     left = np.zeros((HEIGHT, WIDTH), dtype=np.bool_)
     left[:, : WIDTH // 2] = True
@@ -109,7 +111,7 @@ def test_a_wall_before_the_left_half_hides_half(method: str) -> None:
 
 
 def test_a_hidden_object_is_fully_occluded_and_has_no_mask() -> None:
-    stage = Stage()
+    stage = PaintedImages()
     stage.paint_box(CENTER, CAR_EXTENT, CAR_ID)
     stage.paint(np.ones((HEIGHT, WIDTH), dtype=np.bool_), 5.0, 0, ROAD_TAG)
     found = seen(stage)
@@ -246,7 +248,7 @@ def inside_distance(hull: list[tuple[float, float]], size: tuple[int, int]) -> N
 
 def test_an_untagged_occluder_with_the_objects_id_is_not_the_object() -> None:
     """The instance camera looks through untagged geometry; the depth camera does not."""
-    stage = Stage()
+    stage = PaintedImages()
     stage.paint_box(CENTER, CAR_EXTENT, CAR_ID)
     stage.depth[:, : WIDTH // 2] = 8.0
     found = seen(stage)
@@ -256,21 +258,21 @@ def test_an_untagged_occluder_with_the_objects_id_is_not_the_object() -> None:
 
 
 def test_pixels_of_another_class_are_not_own() -> None:
-    stage = Stage()
+    stage = PaintedImages()
     stage.paint_box(CENTER, CAR_EXTENT, CAR_ID, tag=ROAD_TAG)
     assert seen(stage).visible_px == 0
     assert seen(stage, method="depth").visible_px == 0
 
 
 def test_without_tags_the_road_under_the_car_is_not_the_car() -> None:
-    stage = Stage()
+    stage = PaintedImages()
     paint_road(stage, -0.76)
     assert seen(stage, method="depth", with_tags=False).visible_px == 0
     stage.paint_box(CENTER, CAR_EXTENT, CAR_ID)
     assert seen(stage, method="depth", with_tags=False).visible_px > 300
 
 
-def paint_road(stage: Stage, height_m: float) -> None:
+def paint_road(stage: PaintedImages, height_m: float) -> None:
     down = stage.rays[..., 2] < 0.0
     with np.errstate(divide="ignore"):
         road = np.where(down, height_m / stage.rays[..., 2], 1e9)
@@ -280,7 +282,7 @@ def paint_road(stage: Stage, height_m: float) -> None:
 @pytest.mark.parametrize("method", ["instance", "depth"])
 def test_the_road_before_a_car_does_not_occlude_it(method: str) -> None:
     """The inflated box reaches 5 cm into the road, where its rays never get."""
-    stage = Stage()
+    stage = PaintedImages()
     stage.paint_box((20.0, 0.0, -1.0), CAR_EXTENT, CAR_ID)
     paint_road(stage, -1.75)
     ids, tags = decode_instance_bgra(stage.bgra)
@@ -293,7 +295,7 @@ def test_the_road_before_a_car_does_not_occlude_it(method: str) -> None:
 
 
 def test_a_crest_before_a_car_does_occlude_it() -> None:
-    stage = Stage()
+    stage = PaintedImages()
     stage.paint_box((20.0, 0.0, -1.0), CAR_EXTENT, CAR_ID)
     paint_road(stage, -1.75)
     below_the_roof = np.zeros((HEIGHT, WIDTH), dtype=np.bool_)

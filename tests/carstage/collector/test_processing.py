@@ -347,7 +347,7 @@ sys.path.insert(0, sys.argv[2])
 from carstage.collector import paths, timing
 from carstage.collector.internals import events
 from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher
-from carstage.collector.internals.reading import parse_plan
+from carstage.collector.internals.plan import parse_plan
 from carstage.collector.processing import ByteBudget, Pipeline
 from carstage.collector.sensors import SENSOR_KINDS, Sensor
 from carstage.collector.internals.snapshots import WorldMoment

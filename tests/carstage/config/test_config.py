@@ -27,7 +27,7 @@ from carstage.config import (
 )
 from carstage.config.attributes import RgbAttributes
 from carstage.config.ranging import LidarAttributes
-from carstage.config.recording import MAX_SUBSTEPS, Timing
+from carstage.config.timing import MAX_SUBSTEPS, Timing
 from carstage.errors import ConfigError
 
 ONE = "rig: {sensors: [{id: A, kind: rgb}, {id: B, kind: %s}]}"

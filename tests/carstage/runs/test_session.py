@@ -20,7 +20,7 @@ from carstage.errors import (
     DiskFullError,
     StorageError,
 )
-from carstage.plan import EpisodeSpec, ServerFacts, plan_episodes
+from carstage.plan import ServerFacts, plan_episodes
 from carstage.runs.attempt_commit import Job
 from carstage.runs.events import Notice, RunEvent
 from carstage.runs.folder import RunFolder
@@ -29,6 +29,7 @@ from carstage.runs.record import RunRecord
 from carstage.runs.servers import ServerSetup
 from carstage.runs.session import Session
 from carstage.runs.wakeup_pipe import WakeupPipe
+from carstage.spec import EpisodeSpec
 from carstage.storage import Store, open_store
 
 RETRIES = 2
@@ -86,7 +87,9 @@ def made(tmp_path: Path) -> Iterator[Made]:
     store.initialise("test")
     reader = Reader()
     with RunFolder(tmp_path) as folder, Interruption() as interruption, WakeupPipe() as wakeup:
-        yield make_session({}, store, folder, interruption, wakeup, reader), reader, folder
+        session = make_session({}, store, folder, interruption, wakeup, reader)
+        yield session, reader, folder
+        session._converters.end()
 
 
 def make_session(
@@ -127,7 +130,7 @@ def test_gaps_are_kept_where_they_were_asked_for(
     made: Made, spec: EpisodeSpec, timing: Mapping[str, Any]
 ) -> None:
     session, reader, _ = made
-    attempt_commit = GivenUp(replace(spec, timing={**spec.timing, **timing}), 0)
+    attempt_commit = GivenUp(replace(spec, timing=replace(spec.timing, **timing)), 0)
     assert session.recorded(attempt_commit, 3)  # type: ignore[arg-type]
     assert not attempt_commit.given_up
     assert reader.notices == []

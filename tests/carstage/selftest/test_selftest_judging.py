@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("selftest")]
 
 
 @pytest.fixture(scope="module")
-def sight(evidence: Evidence) -> DepthView:
+def view(evidence: Evidence) -> DepthView:
     return check_depth(evidence)[1]
 
 
@@ -93,9 +93,9 @@ def test_sensor_that_stands_elsewhere_is_named(evidence: Evidence) -> None:
     assert "depth stands 0.100 m" in found.found
 
 
-def test_depth_along_the_ray_is_recognised(evidence: Evidence, sight: DepthView) -> None:
-    height, width = sight.depth_m.shape[1:]
-    along_ray = np.minimum(sight.depth_m * range_per_depth(width, height, 90.0), 1000.0)
+def test_depth_along_the_ray_is_recognised(evidence: Evidence, view: DepthView) -> None:
+    height, width = view.depth_m.shape[1:]
+    along_ray = np.minimum(view.depth_m * range_per_depth(width, height, 90.0), 1000.0)
     found, read = check_depth(with_pictures(evidence, depth=depth_code(along_ray)))
     assert not found.ok
     assert "along the ray" in found.found
@@ -111,68 +111,68 @@ def test_depth_with_its_bytes_reversed_is_recognised(evidence: Evidence) -> None
 
 def test_pictures_that_lag_behind_their_poses_are_found(evidence: Evidence) -> None:
     spoilt = with_pictures(evidence, depth=late(evidence.pictures["depth"]))
-    depth, sight = check_depth(spoilt)
+    depth, view = check_depth(spoilt)
     assert depth.ok
-    found = check_poses(sight)
+    found = check_poses(view)
     assert not found.ok
     assert found.found == "those of 1 tick before"
 
 
 @pytest.mark.parametrize("camera", ["rgb", "semantic", "instance"])
 def test_camera_that_lags_behind_the_depth_camera_is_found(
-    evidence: Evidence, sight: DepthView, camera: str
+    evidence: Evidence, view: DepthView, camera: str
 ) -> None:
     spoilt = with_pictures(evidence, **{camera: late(evidence.pictures[camera])})
-    found = check_pictures(replace(sight, evidence=spoilt), camera)
+    found = check_pictures(replace(view, evidence=spoilt), camera)
     assert not found.ok
     assert found.found == "those of 1 tick before"
 
 
-def test_actors_that_lag_in_the_snapshot_are_found(evidence: Evidence, sight: DepthView) -> None:
+def test_actors_that_lag_in_the_snapshot_are_found(evidence: Evidence, view: DepthView) -> None:
     vehicle = replace(evidence.vehicle, world_from_box=late(evidence.vehicle.world_from_box))
-    found = check_actors(replace(sight, evidence=replace(evidence, vehicle=vehicle)))
+    found = check_actors(replace(view, evidence=replace(evidence, vehicle=vehicle)))
     assert not found.ok
     assert found.found == "where the snapshot 1 tick after has them"
 
 
 def test_instance_ids_with_swapped_bytes_are_recognised(
-    evidence: Evidence, sight: DepthView
+    evidence: Evidence, view: DepthView
 ) -> None:
     swapped = evidence.pictures["instance"][..., [1, 0, 2, 3]]
-    spoilt = replace(sight, evidence=with_pictures(evidence, instance=swapped))
+    spoilt = replace(view, evidence=with_pictures(evidence, instance=swapped))
     found = check_instance_ids(spoilt, actor_ids_needed=True)
     assert not found.ok
     assert found.found == "actor ids, B + 256 G"
 
 
 def test_ids_that_are_no_actors_matter_only_where_labels_need_them(
-    evidence: Evidence, sight: DepthView
+    evidence: Evidence, view: DepthView
 ) -> None:
     foreign = evidence.pictures["instance"].copy()
     foreign[..., :2] ^= 0x5A
-    spoilt = replace(sight, evidence=with_pictures(evidence, instance=foreign))
+    spoilt = replace(view, evidence=with_pictures(evidence, instance=foreign))
     assert not check_instance_ids(spoilt, actor_ids_needed=True).ok
     found = check_instance_ids(spoilt, actor_ids_needed=False)
     assert found.ok
     assert found.found == "no actor ids"
 
 
-def test_old_numbering_of_tags_is_recognised(evidence: Evidence, sight: DepthView) -> None:
+def test_old_numbering_of_tags_is_recognised(evidence: Evidence, view: DepthView) -> None:
     old_from_new = np.zeros(256, np.uint8)
     for old in TAGS_0_9_13:
         old_from_new[new_tag(old)] = old
     pictures = evidence.pictures["semantic"].copy()
     pictures[..., 2] = old_from_new[pictures[..., 2]]
-    spoilt = replace(sight, evidence=with_pictures(evidence, semantic=pictures))
+    spoilt = replace(view, evidence=with_pictures(evidence, semantic=pictures))
     assert check_tags(spoilt, "0.9.13").ok
     found = check_tags(spoilt, "0.10.0")
     assert not found.ok
     assert found.found == "numbered as up to 0.9.13"
 
 
-def test_unknown_numbering_of_tags_is_told(evidence: Evidence, sight: DepthView) -> None:
+def test_unknown_numbering_of_tags_is_told(evidence: Evidence, view: DepthView) -> None:
     pictures = evidence.pictures["semantic"] + np.uint8(40)
-    spoilt = replace(sight, evidence=with_pictures(evidence, semantic=pictures))
+    spoilt = replace(view, evidence=with_pictures(evidence, semantic=pictures))
     found = check_tags(spoilt, "0.10.0")
     assert not found.ok
     assert "vehicle 54" in found.found
@@ -187,17 +187,17 @@ def test_unknown_numbering_of_tags_is_told(evidence: Evidence, sight: DepthView)
     ],
 )
 def test_other_readings_of_optical_flow_are_recognised(
-    evidence: Evidence, sight: DepthView, scale: tuple[float, float], words: str
+    evidence: Evidence, view: DepthView, scale: tuple[float, float], words: str
 ) -> None:
     flow = evidence.pictures["flow"] * np.array(scale, np.float32)
-    found = check_optical_flow(replace(sight, evidence=with_pictures(evidence, flow=flow)))
+    found = check_optical_flow(replace(view, evidence=with_pictures(evidence, flow=flow)))
     assert not found.ok
     assert found.found == words
 
 
-def test_flow_that_no_reading_explains_is_told(evidence: Evidence, sight: DepthView) -> None:
+def test_flow_that_no_reading_explains_is_told(evidence: Evidence, view: DepthView) -> None:
     still = np.zeros_like(evidence.pictures["flow"])
-    found = check_optical_flow(replace(sight, evidence=with_pictures(evidence, flow=still)))
+    found = check_optical_flow(replace(view, evidence=with_pictures(evidence, flow=still)))
     assert not found.ok
     assert found.found == "no known reading"
 
@@ -210,10 +210,10 @@ def test_flow_that_no_reading_explains_is_told(evidence: Evidence, sight: DepthV
     ],
 )
 def test_other_axes_of_the_lidar_are_recognised(
-    evidence: Evidence, sight: DepthView, points_as: Any, words: str
+    evidence: Evidence, view: DepthView, points_as: Any, words: str
 ) -> None:
     spoilt = replace(evidence, points=[points_as(points) for points in evidence.points])
-    found = check_lidar_axes(replace(sight, evidence=spoilt))
+    found = check_lidar_axes(replace(view, evidence=spoilt))
     assert not found.ok
     assert found.found == words
 

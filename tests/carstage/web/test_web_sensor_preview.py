@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from carstage.plan import EpisodeSpec
 from carstage.server import Endpoint, free_port
+from carstage.spec import EpisodeSpec
 from carstage.web.configure.checking import ConfigChecker
 from carstage.web.errors import WebError
 from carstage.web.messages import PreviewPending, PreviewRequest
@@ -46,7 +46,7 @@ class Borrowed:
 
 
 @pytest.fixture
-def sight(
+def preview(
     simulator: RunningSimulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[SensorPreviewService]:
     monkeypatch.setattr(Borrowed, "simulator", simulator, raising=False)
@@ -68,22 +68,22 @@ def picture(content: bytes | PreviewPending) -> Image.Image:
 
 
 def test_each_kind_of_sensor_gives_a_picture_of_what_it_sees(
-    sight: SensorPreviewService, demo: dict[str, Any]
+    preview: SensorPreviewService, demo: dict[str, Any]
 ) -> None:
-    front = picture(sight.look(asked(demo, "rgb")))
+    front = picture(preview.look(asked(demo, "rgb")))
     assert (front.format, front.size) == ("JPEG", (160, 90))
-    left = picture(sight.look(asked(demo, "rgb", pose={"z": 1.6, "yaw_deg": -90})))
+    left = picture(preview.look(asked(demo, "rgb", pose={"z": 1.6, "yaw_deg": -90})))
     assert np.abs(np.asarray(front, int) - np.asarray(left, int)).mean() > 10
-    again = picture(sight.look(asked(demo, "rgb")))
+    again = picture(preview.look(asked(demo, "rgb")))
     assert np.abs(np.asarray(front, int) - np.asarray(again, int)).mean() < 10
     for kind in ("depth", "lidar", "radar"):
-        assert np.asarray(picture(sight.look(asked(demo, kind)))).any(), kind
-    assert not np.asarray(picture(sight.look(asked(demo, "flow")))).any()  # all stands still
+        assert np.asarray(picture(preview.look(asked(demo, kind)))).any(), kind
+    assert not np.asarray(picture(preview.look(asked(demo, "flow")))).any()  # all stands still
     elsewhere = {**demo, "weather": {"choice": "ClearNight"}, "map": {"choice": "Atlantis"}}
-    night = picture(sight.look(asked(elsewhere, "rgb")))
+    night = picture(preview.look(asked(elsewhere, "rgb")))
     assert np.asarray(night).mean() < 0.8 * np.asarray(front).mean()
     with pytest.raises(WebError, match="sees nothing"):
-        sight.look(asked(demo, "imu"))
+        preview.look(asked(demo, "imu"))
 
 
 def test_of_requests_that_wait_only_the_newest_is_looked_at(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from benchmarks.simulator.client_process import run_trial
-from benchmarks.simulator.ticking import WatchedClock, wake_traffic_manager
+from benchmarks.simulator.ticking import WatchedClock
 
 if TYPE_CHECKING:
     from running_simulator import RunningSimulator
@@ -89,7 +89,7 @@ def trial_of_a_recording(port: int, tm_port: int) -> dict[str, Any]:
     path = str(Path(tempfile.mkdtemp()) / "traffic.log")
     answered = client.start_recorder(path, True)
     recorded = []
-    with WatchedClock(world, lambda: wake_traffic_manager(tm_port)) as clock:
+    with WatchedClock(world, tm_port) as clock:
         for _ in range(TICKS):
             clock.tick()
             recorded.append(places(world))

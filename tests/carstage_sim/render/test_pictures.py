@@ -10,7 +10,7 @@ from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, build_mesh
 from carstage_sim.render.caster import RayCaster
 from carstage_sim.render.film import Film
-from carstage_sim.render.materials import LOOKS
+from carstage_sim.render.materials import APPEARANCES
 from carstage_sim.render.picture import Picture, PictureMaker
 from carstage_sim.render.scene import Placement
 from carstage_sim.sensors.view import Camera, pixel_rays
@@ -54,8 +54,8 @@ def with_box(material=None, light_state=0, **kwargs):
     return frame_of(GROUND, [place], {"box": mesh})
 
 
-def test_every_material_has_a_look():
-    assert set(LOOKS) == set(Material)
+def test_every_material_has_an_appearance():
+    assert set(APPEARANCES) == set(Material)
 
 
 def test_a_shadow_lies_away_from_the_sun():

@@ -10,10 +10,10 @@ import pytest
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material
 from carstage_sim.sensors import WorldSensors
-from carstage_sim.world.appearance import Appearance
 from carstage_sim.world.debug_shapes import DebugDrawing, arrow, box_edges
 from carstage_sim.world.state import Weather
 from carstage_sim.world.street_lights import INTENSITY
+from carstage_sim.world.town_changes import TownChanges
 from sensor_worlds import GROUND, WALL, box, request, state, town
 
 pytestmark = pytest.mark.xdist_group("kernels")
@@ -27,7 +27,7 @@ _NIGHT = Weather(sun_altitude_angle=-60.0)
 
 
 @pytest.fixture(scope="module")
-def suite(tmp_path_factory):
+def sensors(tmp_path_factory):
     with WorldSensors(
         town(GROUND, WALL, _LAMP), threads=1, cache=tmp_path_factory.mktemp("trees")
     ) as built:
@@ -35,57 +35,57 @@ def suite(tmp_path_factory):
 
 
 @pytest.fixture
-def look(suite):
+def look(sensors):
     """Gives the picture of a camera, or another sensor's frame, in a world with changes."""
-    suite.reset()
+    sensors.reset()
 
     def capture(kind="camera.rgb", vehicles=(), weather=None, ignored=(), **changes):
-        suite.reset()
+        sensors.reset()
         world = replace(state(vehicles=list(vehicles), weather=weather), **changes)
         attributes = {"channels": 8, "points_per_second": 8000} if "lidar" in kind else {}
         asked = replace(request(kind, **attributes), ignored=frozenset(ignored))
-        ((_, frame),) = suite.capture(world, [asked])
+        ((_, frame),) = sensors.capture(world, [asked])
         return frame.pixels[..., :3].astype(int) if kind.startswith("camera") else frame
 
     return capture
 
 
-def test_a_hidden_object_is_gone_for_every_sensor_and_comes_back(look, suite):
-    hidden = Appearance(hidden=frozenset({_WALL_ID}))
-    tags = look("camera.semantic_segmentation", appearance=Appearance())[..., 2]
-    without = look("camera.semantic_segmentation", appearance=hidden)[..., 2]
-    back = look("camera.semantic_segmentation", appearance=Appearance())[..., 2]
+def test_a_hidden_object_is_gone_for_every_sensor_and_comes_back(look, sensors):
+    hidden = TownChanges(hidden=frozenset({_WALL_ID}))
+    tags = look("camera.semantic_segmentation", town_changes=TownChanges())[..., 2]
+    without = look("camera.semantic_segmentation", town_changes=hidden)[..., 2]
+    back = look("camera.semantic_segmentation", town_changes=TownChanges())[..., 2]
     assert (tags == CityObjectLabel.BUILDINGS).mean() > 0.1
     assert not (without == CityObjectLabel.BUILDINGS).any()
     assert (back == tags).all()
-    through = suite.segment_hits(
-        replace(state(), appearance=hidden), (0.0, 0.0, 2.0), (60.0, 0.0, 2.0)
+    through = sensors.segment_hits(
+        replace(state(), town_changes=hidden), (0.0, 0.0, 2.0), (60.0, 0.0, 2.0)
     )
     assert through == []
 
 
-def test_a_segment_meets_all_surfaces_in_order(suite):
-    hits = suite.segment_hits(
-        replace(state(), appearance=Appearance()), (0.0, 0.0, 2.0), (60.0, 0.0, 2.0)
+def test_a_segment_meets_all_surfaces_in_order(sensors):
+    hits = sensors.segment_hits(
+        replace(state(), town_changes=TownChanges()), (0.0, 0.0, 2.0), (60.0, 0.0, 2.0)
     )
     assert [round(place[0], 3) for place, _ in hits] == [10.0, 11.0]
     assert {label for _, label in hits} == {CityObjectLabel.BUILDINGS}
 
 
 def test_paint_and_glow_replace_the_look_of_one_object(look):
-    plain = look(appearance=Appearance())
-    red = look(appearance=Appearance(paint={_WALL_ID: (1.0, 0.0, 0.0)}))
+    plain = look(town_changes=TownChanges())
+    red = look(town_changes=TownChanges(paint={_WALL_ID: (1.0, 0.0, 0.0)}))
     ground, wall = np.s_[40:, :], np.s_[5:20, 45:60]
     assert (red[ground] == plain[ground]).mean() > 0.95
     assert (red[wall][..., 2] > red[wall][..., 0] + 40).all()
-    green = look(weather=_NIGHT, appearance=Appearance(glow={_WALL_ID: (0.0, 1.0, 0.0)}))
+    green = look(weather=_NIGHT, town_changes=TownChanges(glow={_WALL_ID: (0.0, 1.0, 0.0)}))
     assert (green[wall][..., 1] > 150).all()
 
 
 def test_a_lamp_lights_the_ground_in_its_colour_while_it_is_on(look):
     def ground(power):
-        lamp = Appearance(lamp_power=np.array([power], np.float32))
-        return look(weather=_NIGHT, appearance=lamp)[36:44].mean(axis=(0, 1))
+        lamp = TownChanges(lamp_power=np.array([power], np.float32))
+        return look(weather=_NIGHT, town_changes=lamp)[36:44].mean(axis=(0, 1))
 
     off, white, red = ground((0, 0, 0)), ground((1, 1, 1)), ground((1, 0, 0))
     assert white.min() > off.max() + 10
@@ -94,9 +94,9 @@ def test_a_lamp_lights_the_ground_in_its_colour_while_it_is_on(look):
 
 def test_a_hidden_lamp_gives_no_light(look):
     power = np.ones((1, 3), np.float32)
-    lit = look(weather=_NIGHT, appearance=Appearance(lamp_power=power))
+    lit = look(weather=_NIGHT, town_changes=TownChanges(lamp_power=power))
     gone = look(
-        weather=_NIGHT, appearance=Appearance(lamp_power=power, hidden=frozenset({_LAMP_ID}))
+        weather=_NIGHT, town_changes=TownChanges(lamp_power=power, hidden=frozenset({_LAMP_ID}))
     )
     assert gone[36:44].mean() < lit[36:44].mean() - 5
 

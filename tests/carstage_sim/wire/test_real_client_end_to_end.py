@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from benchmarks.simulator.client_process import run_trial
-from benchmarks.simulator.ticking import WatchedClock, wake_traffic_manager
+from benchmarks.simulator.ticking import WatchedClock
 
 if TYPE_CHECKING:
     from running_simulator import RunningSimulator
@@ -376,7 +376,7 @@ def trial_of_traffic(port: int) -> list[tuple[Any, ...]]:
     ]
     for vehicle in vehicles:
         vehicle.set_autopilot(True, tm_port)
-    with WatchedClock(world, lambda: wake_traffic_manager(tm_port)) as clock:
+    with WatchedClock(world, tm_port) as clock:
         frames = [clock.tick() for _ in range(100)]
     snapshot = world.get_snapshot()
     moved = [

@@ -5,13 +5,13 @@ from __future__ import annotations
 import carla
 
 from client_api.entries import works
-from client_api.stage import Stage, expect
+from client_api.trial_scene import TrialScene, expect
 
 
 @works("World.get_blueprint_library", "BlueprintLibrary.*")
-def _library(stage: Stage) -> None:
+def _library(scene: TrialScene) -> None:
     """Filters by wildcard and by attribute give the same cars; ``find`` gives one blueprint."""
-    library = stage.world.get_blueprint_library()
+    library = scene.world.get_blueprint_library()
     cars = library.filter("vehicle.*").filter_by_attribute("base_type", "car")
     expect(len(cars) > 15, f"{len(cars)} cars")
     expect(all(b.get_attribute("base_type") == "car" for b in cars), "filter_by_attribute")
@@ -25,9 +25,9 @@ def _library(stage: Stage) -> None:
 
 
 @works("ActorBlueprint.*", "ActorAttribute.*")
-def _blueprint(stage: Stage) -> None:
+def _blueprint(scene: TrialScene) -> None:
     """Attributes have types, recommended values and CARLA's rules of what may be changed."""
-    model3 = stage.library.find("vehicle.tesla.model3")
+    model3 = scene.library.find("vehicle.tesla.model3")
     expect(model3.has_tag("tesla") and model3.match_tags("*model3*"), "tags")
     expect("vehicle" in list(model3.tags), f"tags {list(model3.tags)}")
     expect(model3.has_attribute("color") and not model3.has_attribute("colour"), "has_attribute")
@@ -40,7 +40,7 @@ def _blueprint(stage: Stage) -> None:
     expect(model3.get_attribute("color").as_color() == carla.Color(10, 20, 30), "colour")
     expect(model3.get_attribute("sticky_control").as_bool() is True, "as_bool")
     expect(model3.get_attribute("role_name").as_str() == "autopilot", "as_str")
-    camera = stage.library.find("sensor.camera.rgb")
+    camera = scene.library.find("sensor.camera.rgb")
     expect(camera.get_attribute("fov").as_float() == 90.0, "as_float")
     try:
         model3.set_attribute("number_of_wheels", "3")
@@ -48,5 +48,5 @@ def _blueprint(stage: Stage) -> None:
         expect("read-only" in str(error), f"unclear: {error}")
     else:
         raise AssertionError("number_of_wheels could be changed")
-    car = stage.car(color="10,20,30")
+    car = scene.car(color="10,20,30")
     expect(car.attributes["color"] == "10,20,30", "the car has the colour that was asked for")

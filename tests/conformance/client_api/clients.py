@@ -8,41 +8,41 @@ from pathlib import Path
 import carla
 
 from client_api.entries import limited, works
-from client_api.stage import Stage, expect
+from client_api.trial_scene import TrialScene, expect
 
 
 @works("Client.set_timeout", "Client.get_client_version", "Client.get_server_version",
        "Client.get_world", "Client.get_available_maps")  # fmt: skip
-def _connecting(stage: Stage) -> None:
+def _connecting(scene: TrialScene) -> None:
     """Client and server name the same version; the running town is among the maps."""
-    client = stage.client
+    client = scene.client
     client.set_timeout(60.0)
     expect(client.get_client_version() == client.get_server_version(), "versions differ")
-    expect(client.get_world().id == stage.world.id, "another world")
+    expect(client.get_world().id == scene.world.id, "another world")
     maps = client.get_available_maps()
-    name = stage.map.name.rpartition("/")[2]
+    name = scene.map.name.rpartition("/")[2]
     expect(any(path.endswith(f"/{name}") for path in maps), f"{name} is not in {maps}")
 
 
 @works("Client.get_required_files", "Client.request_file", "Client.set_files_base_folder")
-def _files(stage: Stage) -> None:
+def _files(scene: TrialScene) -> None:
     """The navigation mesh is offered, and a download lands in the folder that was set."""
     with tempfile.TemporaryDirectory() as folder:
-        stage.client.set_files_base_folder(folder)
+        scene.client.set_files_base_folder(folder)
         try:
-            names = stage.client.get_required_files("Nav", True)
+            names = scene.client.get_required_files("Nav", True)
             expect(any(name.endswith(".bin") for name in names), f"files {names}")
-            stage.client.request_file(names[0])
+            scene.client.request_file(names[0])
             found = [path for path in Path(folder).rglob("*.bin") if path.stat().st_size > 1000]
             expect(bool(found), "nothing was downloaded")
         finally:
-            stage.client.set_files_base_folder(str(Path.home() / "carlaCache"))
+            scene.client.set_files_base_folder(str(Path.home() / "carlaCache"))
 
 
 @works("Client.load_world", "Client.reload_world", "Client.load_world_if_different", alone=True)
-def _loading(stage: Stage) -> None:
+def _loading(scene: TrialScene) -> None:
     """A load begins a new episode without the old actors; an unknown map is refused."""
-    client, name = stage.client, stage.map.name.rpartition("/")[2]
+    client, name = scene.client, scene.map.name.rpartition("/")[2]
     before = client.get_world()
     blueprint = before.get_blueprint_library().find("vehicle.audi.tt")
     before.spawn_actor(blueprint, before.get_map().get_spawn_points()[0])
@@ -78,11 +78,11 @@ b="0" c="0" d="0"/></lane></left><center><lane id="0" type="none" level="false"/
 @limited("The town is built with sidewalks and scenery as any other; no parameter changes it.",
          "Client.generate_opendrive_world", "OpendriveGenerationParameters.*",
          alone=True)  # fmt: skip
-def _generating(stage: Stage) -> None:
+def _generating(scene: TrialScene) -> None:
     values = carla.OpendriveGenerationParameters()
     values.vertex_distance, values.max_road_length, values.wall_height = 2.0, 50.0, 0.0
     values.additional_width, values.smooth_junctions = 0.6, True
     values.enable_mesh_visibility = values.enable_pedestrian_navigation = True
-    world = stage.client.generate_opendrive_world(_ROAD, values, False)
+    world = scene.client.generate_opendrive_world(_ROAD, values, False)
     lane = world.get_map().get_waypoint(carla.Location(100.0, 1.75, 0.0))
     expect(lane.lane_width > 3.0, "the road is not there")

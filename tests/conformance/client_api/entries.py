@@ -8,9 +8,9 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from client_api.stage import Stage
+    from client_api.trial_scene import TrialScene
 
-Act = Callable[["Stage"], None]
+Act = Callable[["TrialScene"], None]
 
 
 class Support(Enum):

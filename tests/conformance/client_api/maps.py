@@ -9,15 +9,15 @@ from typing import Any
 import carla
 
 from client_api.entries import client_side, works
-from client_api.stage import Stage, expect
+from client_api.trial_scene import TrialScene, expect
 
 
 @works("World.get_map", "Map.name", "Map.get_spawn_points", "Map.to_opendrive",
        "Map.save_to_disk", "Map.transform_to_geolocation",
        "Map.geolocation_to_transform")  # fmt: skip
-def _map(stage: Stage) -> None:
+def _map(scene: TrialScene) -> None:
     """Spawn points lie on driving lanes; the OpenDRIVE text has a georeference."""
-    town = stage.world.get_map()
+    town = scene.world.get_map()
     expect(town.name.startswith("Carla/Maps/"), f"its name is {town.name}")
     points = town.get_spawn_points()
     expect(len(points) > 20, f"{len(points)} spawn points")
@@ -38,9 +38,9 @@ def _map(stage: Stage) -> None:
 @client_side("Map.get_waypoint", "Map.get_waypoint_xodr", "Map.get_topology",
              "Map.generate_waypoints", "Map.cook_in_memory_map", "Waypoint.*", "LaneMarking.*",
              "Junction.*", "Map.get_crosswalks")  # fmt: skip
-def _lanes(stage: Stage) -> None:
+def _lanes(scene: TrialScene) -> None:
     """Lanes are found, followed to their end and into junctions, and have markings."""
-    town = stage.map
+    town = scene.map
     point = town.get_spawn_points()[0]
     here = town.get_waypoint(point.location)
     again = town.get_waypoint_xodr(here.road_id, here.lane_id, here.s)
@@ -79,9 +79,9 @@ def _lanes(stage: Stage) -> None:
              "Waypoint.get_landmarks", "Waypoint.get_landmarks_of_type",
              "Map.get_all_road_marks", "Map.get_road_marks_from_id",
              "Map.get_all_road_marks_of_type", "RoadMark.*")  # fmt: skip
-def _landmarks(stage: Stage) -> None:
+def _landmarks(scene: TrialScene) -> None:
     """Traffic lights and speed signs stand in the map, each with its lanes."""
-    town = stage.map
+    town = scene.map
     everything = town.get_all_landmarks()
     lights = town.get_all_landmarks_of_type("1000001")
     expect(0 < len(lights) <= len(everything), "traffic lights")

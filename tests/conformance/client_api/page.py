@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from client_api import run  # noqa: F401 - the trials register themselves
 from client_api.entries import Entry, Support, entries
 from client_api.since import SINCE
 from client_api.surface import surface
 
-_HEAD = """# The client API
+PAGE = Path(__file__).parents[3] / "docs" / "client-api-coverage.md"
+"""Where the page is."""
 
-What the embedded simulator does with each name of the `carla` 0.9.16 client. `python -m benchmarks.simulator api` goes through
-everything `dir(carla)` shows, calls each against a server and looks at the effect; a name without a trial makes it fail. This page
-is written by the same command (`--write docs/api.md`), and a test compares the two.
+_HEAD = """# Client API coverage
+
+What the embedded simulator does with each name of the `carla` 0.9.16 client. The tests in `tests/conformance` go through everything
+that `dir(carla)` shows. They call each name against a server and look at the effect; a name without a trial fails. They also compare
+this page with their table. `pytest tests/conformance --write-table` writes the page.
 
 - **works**: does what it does in CARLA; the sentence says what the trial sees.
 - **limited**: answered, with the difference that the sentence states.

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from benchmarks.simulator.client_process import run_trial
 from benchmarks.simulator.server_process import running_server
 from benchmarks.simulator.session import synchronous_session
-from benchmarks.simulator.verdict import Figure, Verdict
+from carstage.bench.verdict import Figure, Verdict
 from client_api import (  # noqa: F401 - they register their trials
     actors,
     blueprints,
@@ -30,8 +30,8 @@ from client_api import (  # noqa: F401 - they register their trials
     worlds,
 )
 from client_api.entries import Entry, Support, entries
-from client_api.stage import Stage
 from client_api.surface import surface
+from client_api.trial_scene import TrialScene
 
 logger = logging.getLogger(__name__)
 
@@ -69,21 +69,21 @@ def play(port: int, chosen: Sequence[int], *, verbose: bool = False) -> list[Out
     known = list(entries())
     outcomes = []
     with synchronous_session(port, delta_s=0.05, seed=7) as session:
-        stage = Stage(session)
+        scene = TrialScene(session)
         for number in chosen:
             entry = known[number]
             if verbose:
                 print(f"api: {entry.names[0]}", file=sys.stderr, flush=True)  # noqa: T201
-            outcomes.append(Outcome(entry.names, _tried(entry, stage)))
+            outcomes.append(Outcome(entry.names, _tried(entry, scene)))
     return outcomes
 
 
-def _tried(entry: Entry, stage: Stage) -> str:
+def _tried(entry: Entry, scene: TrialScene) -> str:
     try:
         try:
-            entry.act(stage)
+            entry.act(scene)
         finally:
-            stage.sweep()
+            scene.sweep()
     except AssertionError as error:
         return str(error)
     except Exception:  # noqa: BLE001 - the other trials go on

@@ -11,32 +11,32 @@ import carla
 import numpy as np
 
 from client_api.entries import client_side, limited, works
-from client_api.stage import Stage, expect, look_at
+from client_api.trial_scene import TrialScene, expect, look_at
 
 
-def _camera(stage: Stage, kind: str = "rgb", parent: Any = None) -> Any:
+def _camera(scene: TrialScene, kind: str = "rgb", parent: Any = None) -> Any:
     where = carla.Transform(carla.Location(x=1.5, z=2.0)) if parent else look_at(
-        stage.place().location, 10.0)  # fmt: skip
-    return stage.spawn(
+        scene.place().location, 10.0)  # fmt: skip
+    return scene.spawn(
         f"sensor.camera.{kind}", where, parent, image_size_x="64", image_size_y="48", fov="90.0"
     )
 
 
 @works("Sensor.listen", "Sensor.is_listening", "Sensor.stop", "SensorData.*", "ServerSideSensor",
        "Sensor")  # fmt: skip
-def _listening(stage: Stage) -> None:
+def _listening(scene: TrialScene) -> None:
     """Data come with the frame, time and pose of their tick, until the sensor is stopped."""
-    car = stage.car()
-    sensor = stage.spawn("sensor.other.gnss", carla.Transform(carla.Location(z=1.0)), car)
+    car = scene.car()
+    sensor = scene.spawn("sensor.other.gnss", carla.Transform(carla.Location(z=1.0)), car)
     inbox: Queue[Any] = Queue(maxsize=1000)
     sensor.listen(inbox.put)
     expect(sensor.is_listening(), "it does not listen")
-    frame = stage.ticks()
+    frame = scene.ticks()
     data = inbox.get(timeout=20.0)
     while data.frame < frame:
         data = inbox.get(timeout=20.0)
     expect(data.frame == data.frame_number == frame, f"frame {data.frame}, ticked {frame}")
-    snapshot = stage.world.get_snapshot()
+    snapshot = scene.world.get_snapshot()
     expect(data.timestamp == snapshot.timestamp.elapsed_seconds, "time")
     expect(data.transform.location.distance(sensor.get_location()) < 0.01, "pose")
     sensor.stop()
@@ -44,9 +44,9 @@ def _listening(stage: Stage) -> None:
 
 
 @works("Image.*")
-def _images(stage: Stage) -> None:
+def _images(scene: TrialScene) -> None:
     """A picture has the size that was asked for, converts, and is saved as PNG."""
-    image = stage.measure(_camera(stage, "depth"))
+    image = scene.measure(_camera(scene, "depth"))
     expect((image.width, image.height, image.fov) == (64, 48, 90.0), "size")
     expect(len(image.raw_data) == len(image) * 4 == 64 * 48 * 4, "bytes")
     image.convert(carla.ColorConverter.LogarithmicDepth)
@@ -57,14 +57,14 @@ def _images(stage: Stage) -> None:
 
 
 @works("OpticalFlowImage.*")
-def _flow(stage: Stage) -> None:
+def _flow(scene: TrialScene) -> None:
     """A camera that moves sees the street flow; its colour code is a picture."""
-    car = stage.car()
-    camera = _camera(stage, "optical_flow", car)
+    car = scene.car()
+    camera = _camera(scene, "optical_flow", car)
     car.enable_constant_velocity(carla.Vector3D(8.0, 0.0, 0.0))
     images: list[Any] = []
     camera.listen(images.append)
-    stage.until(lambda: len(images) > 3, "pictures")
+    scene.until(lambda: len(images) > 3, "pictures")
     image = images[-1]
     expect((image.width, image.height, image.fov) == (64, 48, 90.0), "size")
     flow = np.frombuffer(image.raw_data, np.float32)
@@ -75,19 +75,19 @@ def _flow(stage: Stage) -> None:
 
 @works("LidarMeasurement.*", "LidarDetection.*", "SemanticLidarMeasurement.*",
        "SemanticLidarDetection.*")  # fmt: skip
-def _lidar(stage: Stage) -> None:
+def _lidar(scene: TrialScene) -> None:
     """Points lie around the car; the semantic ones say what they hit."""
-    car = stage.car()
+    car = scene.car()
     mount = carla.Transform(carla.Location(z=2.4))
     common = {"channels": "8", "points_per_second": "8000", "rotation_frequency": "20"}
-    points = stage.measure(stage.spawn("sensor.lidar.ray_cast", mount, car, **common))
+    points = scene.measure(scene.spawn("sensor.lidar.ray_cast", mount, car, **common))
     expect(points.channels == 8 and len(points) > 50, f"{len(points)} points")
     expect(sum(points.get_point_count(k) for k in range(8)) == len(points), "points per channel")
     expect(len(points.raw_data) == 16 * len(points), "bytes")
     expect(np.isfinite(points.horizontal_angle), "angle")
     expect(points[0].point.distance(carla.Location()) > 0.5, "a point inside the sensor")
     expect(0.0 <= points[0].intensity <= 1.0, "intensity")
-    marked = stage.measure(stage.spawn("sensor.lidar.ray_cast_semantic", mount, car, **common))
+    marked = scene.measure(scene.spawn("sensor.lidar.ray_cast_semantic", mount, car, **common))
     expect(marked.channels == 8 and len(marked.raw_data) == 24 * len(marked), "semantic bytes")
     expect(sum(marked.get_point_count(k) for k in range(8)) == len(marked), "semantic channels")
     expect(np.isfinite(marked.horizontal_angle), "semantic angle")
@@ -103,11 +103,11 @@ def _lidar(stage: Stage) -> None:
 
 
 @works("RadarMeasurement.*", "RadarDetection.*")
-def _radar(stage: Stage) -> None:
+def _radar(scene: TrialScene) -> None:
     """Detections have a distance, angles and a speed."""
-    car = stage.car()
+    car = scene.car()
     mount = carla.Transform(carla.Location(x=2.6, z=1.0), carla.Rotation(pitch=-4.0))
-    data = stage.measure(stage.spawn("sensor.other.radar", mount, car))
+    data = scene.measure(scene.spawn("sensor.other.radar", mount, car))
     expect(data.get_detection_count() == len(data) > 0, "no detections")
     expect(len(data.raw_data) == 16 * len(data), "bytes")
     one = data[0]
@@ -116,68 +116,68 @@ def _radar(stage: Stage) -> None:
 
 
 @works("IMUMeasurement.*", "GnssMeasurement.*")
-def _navigation(stage: Stage) -> None:
+def _navigation(scene: TrialScene) -> None:
     """At rest an IMU feels gravity alone; GNSS agrees with the map's georeference."""
-    car = stage.car()
-    imu = stage.spawn("sensor.other.imu", carla.Transform(), car)
+    car = scene.car()
+    imu = scene.spawn("sensor.other.imu", carla.Transform(), car)
     felt: list[Any] = []
     imu.listen(felt.append)
-    stage.until(lambda: len(felt) > 6, "the IMU measures")
+    scene.until(lambda: len(felt) > 6, "the IMU measures")
     expect(abs(felt[-1].accelerometer.z - 9.81) < 0.3, f"it feels {felt[-1].accelerometer}")
     expect(felt[-1].gyroscope.length() < 0.1, "it turns")
     expect(0.0 <= felt[-1].compass < 6.4, f"compass {felt[-1].compass}")
-    gnss = stage.measure(stage.spawn("sensor.other.gnss", carla.Transform(), car))
-    geo = stage.map.transform_to_geolocation(gnss.transform.location)
+    gnss = scene.measure(scene.spawn("sensor.other.gnss", carla.Transform(), car))
+    geo = scene.map.transform_to_geolocation(gnss.transform.location)
     expect(abs(gnss.latitude - geo.latitude) < 1e-9, "latitude")
     expect(abs(gnss.longitude - geo.longitude) < 1e-9, "longitude")
     expect(abs(gnss.altitude - geo.altitude) < 0.5, "altitude")
 
 
-def _collide(stage: Stage) -> tuple[Any, Any]:
+def _collide(scene: TrialScene) -> tuple[Any, Any]:
     """A car, and a parked truck a bit ahead of it on its lane."""
-    car = stage.car()
+    car = scene.car()
     pose = car.get_transform()
     pose.location += 10.0 * pose.get_forward_vector() + carla.Location(z=0.3)
-    truck = stage.spawn("vehicle.carlamotors.carlacola", pose)
+    truck = scene.spawn("vehicle.carlamotors.carlacola", pose)
     car.enable_constant_velocity(carla.Vector3D(8.0, 0.0, 0.0))
     return car, truck
 
 
 @works("CollisionEvent.*")
-def _collision(stage: Stage) -> None:
+def _collision(scene: TrialScene) -> None:
     """A crash is reported with both cars and an impulse."""
-    car, truck = _collide(stage)
-    sensor = stage.spawn("sensor.other.collision", carla.Transform(), car)
-    event = stage.measure(sensor, tries=60)
+    car, truck = _collide(scene)
+    sensor = scene.spawn("sensor.other.collision", carla.Transform(), car)
+    event = scene.measure(sensor, tries=60)
     expect(event.actor.id == car.id and event.other_actor.id == truck.id, "who")
     expect(event.normal_impulse.length() > 0.0, "impulse")
 
 
 @works("ObstacleDetectionEvent.*")
-def _obstacle(stage: Stage) -> None:
+def _obstacle(scene: TrialScene) -> None:
     """What stands ahead is reported with its distance."""
-    car, _ = _collide(stage)
-    sensor = stage.spawn(
+    car, _ = _collide(scene)
+    sensor = scene.spawn(
         "sensor.other.obstacle", carla.Transform(carla.Location(x=2.5, z=1.0)), car,
         distance="20", only_dynamics="true",
     )  # fmt: skip
-    event = stage.measure(sensor, tries=60)
+    event = scene.measure(sensor, tries=60)
     expect(0.0 < event.distance <= 20.0, f"distance {event.distance}")
     expect(event.actor is not None and event.other_actor is not None, "who")
 
 
 @works("LaneInvasionEvent.crossed_lane_markings", "LaneInvasionSensor", "ClientSideSensor")
-def _lane_invasion(stage: Stage) -> None:
+def _lane_invasion(scene: TrialScene) -> None:
     """A car that leaves its lane reports the marking that it crossed."""
-    car = stage.car()
-    sensor = stage.spawn("sensor.other.lane_invasion", carla.Transform(), car)
+    car = scene.car()
+    sensor = scene.spawn("sensor.other.lane_invasion", carla.Transform(), car)
     car.enable_constant_velocity(carla.Vector3D(6.0, 4.0, 0.0))
-    event = stage.measure(sensor, tries=60)
+    event = scene.measure(sensor, tries=60)
     expect(len(event.crossed_lane_markings) > 0, "no marking")
 
 
 @client_side("LaneInvasionEvent.actor")
-def _lane_invader(_stage: Stage) -> None:
+def _lane_invader(_stage: TrialScene) -> None:
     """The 0.9.16 wheel raises when it is read, with any server: such an event knows no episode."""
     expect(hasattr(carla.LaneInvasionEvent, "actor"), "actor")
 
@@ -186,13 +186,13 @@ def _lane_invader(_stage: Stage) -> None:
        "DVSEventArray.raw_data", "DVSEventArray.to_image", "DVSEventArray.to_array_x",
        "DVSEventArray.to_array_y", "DVSEventArray.to_array_t",
        "DVSEventArray.to_array_pol")  # fmt: skip
-def _events(stage: Stage) -> None:
+def _events(scene: TrialScene) -> None:
     """A camera that moves sees events of both signs."""
-    car = stage.car()
-    camera = _camera(stage, "dvs", car)
+    car = scene.car()
+    camera = _camera(scene, "dvs", car)
     car.enable_constant_velocity(carla.Vector3D(10.0, 0.0, 0.0))
-    stage.ticks(2)
-    events = stage.measure(camera)
+    scene.ticks(2)
+    events = scene.measure(camera)
     expect((events.width, events.height, events.fov) == (64, 48, 90.0), "size")
     columns = (events.to_array_x(), events.to_array_y(), events.to_array_t(), events.to_array_pol())
     expect({len(c) for c in columns} == {len(events)} and len(events) > 0, "columns")
@@ -204,7 +204,7 @@ def _events(stage: Stage) -> None:
 
 
 @client_side("DVSEventArray.to_array")
-def _events_as_array(_stage: Stage) -> None:
+def _events_as_array(_stage: TrialScene) -> None:
     """The 0.9.16 wheel has no converter for what this returns, with any server."""
     expect(hasattr(carla.DVSEventArray, "to_array"), "to_array")
 
@@ -212,38 +212,38 @@ def _events_as_array(_stage: Stage) -> None:
 @limited("Listening works and stays silent: there are no G-buffers.",
          "ServerSideSensor.enable_gbuffers", "ServerSideSensor.listen_to_gbuffer",
          "ServerSideSensor.is_listening_gbuffer", "ServerSideSensor.stop_gbuffer")  # fmt: skip
-def _gbuffers(stage: Stage) -> None:
-    camera = _camera(stage)
+def _gbuffers(scene: TrialScene) -> None:
+    camera = _camera(scene)
     camera.enable_gbuffers(True)
     buffer = carla.GBufferTextureID.SceneDepth
     camera.listen_to_gbuffer(buffer, lambda _data: None)
     expect(camera.is_listening_gbuffer(buffer), "it does not listen")
-    stage.ticks(2)
+    scene.ticks(2)
     camera.stop_gbuffer(buffer)
     camera.enable_gbuffers(False)
 
 
 @limited("Kept off: nothing is published to ROS.", "ServerSideSensor.enable_for_ros",
          "ServerSideSensor.disable_for_ros", "ServerSideSensor.is_enabled_for_ros")  # fmt: skip
-def _ros(stage: Stage) -> None:
-    camera = _camera(stage)
+def _ros(scene: TrialScene) -> None:
+    camera = _camera(scene)
     camera.enable_for_ros()
-    stage.ticks()
+    scene.ticks()
     expect(not camera.is_enabled_for_ros(), "it is enabled")
     camera.disable_for_ros()
 
 
 @works("ServerSideSensor.set_ignored_vehicles")
-def _ignored_vehicles(stage: Stage) -> None:
+def _ignored_vehicles(scene: TrialScene) -> None:
     """A vehicle that a camera ignores is not in its pictures."""
-    car = stage.car()
+    car = scene.car()
     view = look_at(car.get_location() + carla.Location(z=0.7), 7.0)
-    camera = stage.spawn(
+    camera = scene.spawn(
         "sensor.camera.semantic_segmentation", view, image_size_x="64", image_size_y="48"
     )
 
     def share() -> float:
-        pixels = np.frombuffer(stage.measure(camera).raw_data, np.uint8).reshape(-1, 4)
+        pixels = np.frombuffer(scene.measure(camera).raw_data, np.uint8).reshape(-1, 4)
         return float((pixels[:, 2] == int(carla.CityObjectLabel.Car)).mean())
 
     seen = share()
@@ -255,12 +255,12 @@ def _ignored_vehicles(stage: Stage) -> None:
 
 
 @client_side("ServerSideSensor.get_ignored_vehicles")
-def _read_ignored(_stage: Stage) -> None:
+def _read_ignored(_stage: TrialScene) -> None:
     """The 0.9.16 wheel has no converter for what this returns, with any server."""
     expect(hasattr(carla.ServerSideSensor, "get_ignored_vehicles"), "get_ignored_vehicles")
 
 
 @limited("No blueprint: vehicles here do not send V2X messages.", "ServerSideSensor.send",
          "CAMEvent.*", "CAMMessage.*", "CustomV2XData.*", "CustomV2XEvent.*")  # fmt: skip
-def _v2x(stage: Stage) -> None:
-    expect(len(stage.library.filter("sensor.other.v2x*")) == 0, "there is a blueprint")
+def _v2x(scene: TrialScene) -> None:
+    expect(len(scene.library.filter("sensor.other.v2x*")) == 0, "there is a blueprint")

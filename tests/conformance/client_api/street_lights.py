@@ -7,11 +7,11 @@ from typing import Any
 import carla
 
 from client_api.entries import limited, works
-from client_api.stage import Stage, expect, look_at
+from client_api.trial_scene import TrialScene, expect, look_at
 
 
-def _lights(stage: Stage) -> tuple[Any, list[Any]]:
-    manager = stage.world.get_lightmanager()
+def _lights(scene: TrialScene) -> tuple[Any, list[Any]]:
+    manager = scene.world.get_lightmanager()
     lights = sorted(manager.get_all_lights(carla.LightGroup.Street), key=lambda light: light.id)
     expect(len(lights) > 3, f"{len(lights)} street lights")
     return manager, lights
@@ -21,21 +21,21 @@ def _lights(stage: Stage) -> tuple[Any, list[Any]]:
          "World.get_lightmanager", "LightManager.get_all_lights",
          "LightManager.get_turned_on_lights", "LightManager.get_turned_off_lights",
          "LightManager.set_day_night_cycle")  # fmt: skip
-def _day_and_night(stage: Stage) -> None:
-    manager, lights = _lights(stage)
+def _day_and_night(scene: TrialScene) -> None:
+    manager, lights = _lights(scene)
     street = carla.LightGroup.Street
     expect(not manager.get_all_lights(carla.LightGroup.Building), "lights of buildings")
-    stage.world.set_weather(carla.WeatherParameters.ClearNight)
-    stage.until(lambda: len(manager.get_turned_on_lights(street)) == len(lights), "dusk", 20)
-    stage.world.set_weather(carla.WeatherParameters.ClearNoon)
-    stage.until(lambda: len(manager.get_turned_off_lights(street)) == len(lights), "dawn", 20)
+    scene.world.set_weather(carla.WeatherParameters.ClearNight)
+    scene.until(lambda: len(manager.get_turned_on_lights(street)) == len(lights), "dusk", 20)
+    scene.world.set_weather(carla.WeatherParameters.ClearNoon)
+    scene.until(lambda: len(manager.get_turned_off_lights(street)) == len(lights), "dawn", 20)
     manager.set_day_night_cycle(False)
-    stage.world.set_weather(carla.WeatherParameters.ClearNight)
-    stage.ticks(3)
+    scene.world.set_weather(carla.WeatherParameters.ClearNight)
+    scene.ticks(3)
     off = len(manager.get_turned_off_lights(street))
     manager.set_day_night_cycle(True)
-    stage.until(lambda: len(manager.get_turned_on_lights(street)) == len(lights), "cycle", 20)
-    stage.world.set_weather(carla.WeatherParameters.Default)
+    scene.until(lambda: len(manager.get_turned_on_lights(street)) == len(lights), "cycle", 20)
+    scene.world.set_weather(carla.WeatherParameters.Default)
     expect(off == len(lights), "without the cycle, dusk turned lights on")
 
 
@@ -46,37 +46,37 @@ def _day_and_night(stage: Stage) -> None:
        "LightManager.set_light_groups", "LightManager.get_light_group",
        "LightManager.set_light_state", "LightManager.set_light_states",
        "LightManager.get_light_state", "LightState.*", "Light.*")  # fmt: skip
-def _switching(stage: Stage) -> None:
+def _switching(scene: TrialScene) -> None:
     """By night a lamp lights the street below it, in its colour and strength."""
-    manager, lights = _lights(stage)
+    manager, lights = _lights(scene)
     lamp = lights[0]
-    stage.world.set_weather(carla.WeatherParameters.ClearNight)
-    stage.ticks(3)
+    scene.world.set_weather(carla.WeatherParameters.ClearNight)
+    scene.ticks(3)
     everything = list(lights)
     manager.turn_off(everything)
-    stage.ticks(2)  # the client sends changes with the frame after them
+    scene.ticks(2)  # the client sends changes with the frame after them
     ground = carla.Location(lamp.location.x, lamp.location.y, 0.0)
     view = look_at(ground, 8.0, pitch_deg=40.0)
-    dark = stage.picture(view).astype(float)
+    dark = scene.picture(view).astype(float)
     lamp.turn_on()
-    stage.ticks(2)
-    lit = stage.picture(view).astype(float)
+    scene.ticks(2)
+    lit = scene.picture(view).astype(float)
     expect(lit.mean() > dark.mean() + 8.0, f"the lamp lights nothing: {dark.mean()}, {lit.mean()}")
     expect(lamp.is_on and manager.is_active([lamp]) == [True], "it says that it is on")
     lamp.set_color(carla.Color(255, 0, 0))
-    stage.ticks(2)
-    red = stage.picture(view).astype(float)
+    scene.ticks(2)
+    red = scene.picture(view).astype(float)
     expect(red[..., 0].mean() > 1.5 * red[..., 2].mean() + 2, "its light is not red")
     expect(manager.get_color([lamp])[0] == carla.Color(255, 0, 0) == lamp.color, "its colour")
     lamp.set_color(carla.Color(255, 255, 255))
     lamp.set_intensity(40_000.0)
-    stage.ticks(2)
-    bright = stage.picture(view).astype(float)
+    scene.ticks(2)
+    bright = scene.picture(view).astype(float)
     expect(bright.mean() > lit.mean() + 5.0, "four times the intensity is no brighter")
     expect(manager.get_intensity([lamp]) == [40_000.0] == [lamp.intensity], "its intensity")
     state = carla.LightState(5_000.0, carla.Color(0, 255, 0), carla.LightGroup.Street, False)
     lamp.set_light_state(state)
-    stage.ticks(2)
+    scene.ticks(2)
     kept = lamp.light_state
     expect((kept.intensity, kept.active) == (5_000.0, False), "its state")
     expect(kept.color == carla.Color(0, 255, 0), "its state's colour")
@@ -92,7 +92,7 @@ def _switching(stage: Stage) -> None:
     manager.set_active(two, [True, False])
     manager.set_light_groups(two, [carla.LightGroup.Other, carla.LightGroup.Street])
     manager.set_light_group([lights[1]], carla.LightGroup.Street)
-    stage.ticks(2)
+    scene.ticks(2)
     expect(manager.get_light_group(two)[0] == carla.LightGroup.Other, "groups")
     expect(manager.is_active(two) == [True, False], "set_active")
     lamp.set_light_group(carla.LightGroup.Street)
@@ -100,5 +100,5 @@ def _switching(stage: Stage) -> None:
     expect(lamp.id > 0 and lamp.location.z > 3.0, "id and place")
     new = carla.LightState(10_000.0, carla.Color(255, 232, 190), carla.LightGroup.Street, False)
     manager.set_light_state(everything, new)
-    stage.world.set_weather(carla.WeatherParameters.Default)
-    stage.ticks(2)
+    scene.world.set_weather(carla.WeatherParameters.Default)
+    scene.ticks(2)

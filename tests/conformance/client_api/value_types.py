@@ -8,7 +8,7 @@ from typing import Any
 import carla
 
 from client_api.entries import client_side
-from client_api.stage import Stage, expect
+from client_api.trial_scene import TrialScene, expect
 
 _ENUMS = (
     "ActorAttributeType", "ActorState", "AttachmentType", "CityObjectLabel", "ColorConverter",
@@ -25,7 +25,7 @@ _VECTORS = (
 
 
 @client_side(*(f"{name}.*" for name in _ENUMS))
-def _enumerations(_stage: Stage) -> None:
+def _enumerations(_stage: TrialScene) -> None:
     """Each value is found again by its number."""
     for name in _ENUMS:
         kind = getattr(carla, name)
@@ -36,7 +36,7 @@ def _enumerations(_stage: Stage) -> None:
 
 
 @client_side("LandmarkType.*")
-def _landmark_types(_stage: Stage) -> None:
+def _landmark_types(_stage: TrialScene) -> None:
     """Each is the text of an OpenDRIVE signal type."""
     for name in vars(carla.LandmarkType):
         if not name.startswith("__"):
@@ -55,7 +55,7 @@ def _fields_keep_values(value: Any, fields: tuple[str, ...]) -> None:
 
 
 @client_side("Vector2D.*", "Vector3D.*", "Location.*")
-def _vectors(_stage: Stage) -> None:
+def _vectors(_stage: TrialScene) -> None:
     """Lengths, products, distances and angles come out as in arithmetic."""
     a, b = carla.Vector3D(3.0, 4.0, 0.0), carla.Vector3D(0.0, 0.0, 2.0)
     expect(a.length() == 5.0 and a.squared_length() == 25.0, "length of (3, 4, 0)")
@@ -76,7 +76,7 @@ def _vectors(_stage: Stage) -> None:
 
 
 @client_side("Rotation.*", "Transform.*")
-def _transforms(_stage: Stage) -> None:
+def _transforms(_stage: TrialScene) -> None:
     """A point goes to the world and back; the axes are CARLA's left-handed ones."""
     turned = carla.Rotation(yaw=90.0)
     expect(turned.get_forward_vector().y > 0.999, "yaw 90 looks along +y")
@@ -107,7 +107,7 @@ def _transforms(_stage: Stage) -> None:
 
 
 @client_side("BoundingBox.*")
-def _bounding_box(stage: Stage) -> None:
+def _bounding_box(scene: TrialScene) -> None:
     """It holds what is inside, and its corners are where the pose puts them."""
     box = carla.BoundingBox(carla.Location(0.0, 0.0, 1.0), carla.Vector3D(2.0, 1.0, 1.0))
     pose = carla.Transform(carla.Location(100.0, 0.0, 0.0))
@@ -118,14 +118,14 @@ def _bounding_box(stage: Stage) -> None:
     box.location, box.extent = carla.Location(1.0, 0.0, 0.0), carla.Vector3D(1.0, 1.0, 1.0)
     box.rotation = carla.Rotation(yaw=10.0)
     expect(box.location.x == box.extent.x == 1.0, "fields keep values")
-    car = stage.car()
+    car = scene.car()
     expect(car.bounding_box.actor_id == car.id, "a car's box has its id")
 
 
 @client_side("Color.*", "FloatColor.*", "GeoLocation.*", "GearPhysicsControl.*",
              "WheelPhysicsControl.*", "AckermannControllerSettings.*", "VehicleAckermannControl.*",
              "WheelTelemetryData.*", "OpticalFlowPixel.*")  # fmt: skip
-def _plain_fields(_stage: Stage) -> None:
+def _plain_fields(_stage: TrialScene) -> None:
     """Numbers read back as written."""
     _fields_keep_values(carla.Color(1, 2, 3, 4), ("r", "g", "b", "a"))
     _fields_keep_values(carla.FloatColor(), ("r", "g", "b", "a"))
@@ -145,7 +145,7 @@ def _plain_fields(_stage: Stage) -> None:
 
 
 @client_side(*(f"{name}.*" for name in _VECTORS), "bone_transform.*", "FakeImage.*")
-def _lists(_stage: Stage) -> None:
+def _lists(_stage: TrialScene) -> None:
     """Lists take and give back what they hold."""
     ints = carla.vector_of_ints()
     ints.append(3)
@@ -173,7 +173,7 @@ def _lists(_stage: Stage) -> None:
 
 
 @client_side("TextureColor.*", "TextureFloatColor.*")
-def _textures(_stage: Stage) -> None:
+def _textures(_stage: TrialScene) -> None:
     """Pixels read back as written, in the size that was set."""
     for kind, colour in (
         (carla.TextureColor, carla.Color(1, 2, 3, 4)),
@@ -187,7 +187,7 @@ def _textures(_stage: Stage) -> None:
 
 
 @client_side("Osm2Odr.*", "Osm2OdrSettings.*")
-def _osm_to_opendrive(_stage: Stage) -> None:
+def _osm_to_opendrive(_stage: TrialScene) -> None:
     """A street of OpenStreetMap becomes an OpenDRIVE road."""
     settings = carla.Osm2OdrSettings()
     settings.default_lane_width, settings.generate_traffic_lights = 3.0, False

@@ -5,16 +5,16 @@ from __future__ import annotations
 import carla
 
 from client_api.entries import works
-from client_api.stage import Stage, changed, expect, look_at
+from client_api.trial_scene import TrialScene, changed, expect, look_at
 
 
 @works("Walker.apply_control", "Walker.get_control", "WalkerControl.*")
-def _walking(stage: Stage) -> None:
+def _walking(scene: TrialScene) -> None:
     """It walks where it is told at the speed that it is told."""
-    walker = stage.spawn("walker.pedestrian.0002")
+    walker = scene.spawn("walker.pedestrian.0002")
     start = walker.get_location()
     walker.apply_control(carla.WalkerControl(carla.Vector3D(1.0, 0.0, 0.0), 1.5, False))
-    stage.ticks(40)
+    scene.ticks(40)
     gone = walker.get_location() - start
     expect(abs(gone.x - 3.0) < 0.5 and abs(gone.y) < 0.3, f"it came {gone} far")
     control = walker.get_control()
@@ -25,9 +25,9 @@ def _walking(stage: Stage) -> None:
 @works("Walker.get_bones", "Walker.set_bones", "Walker.blend_pose", "Walker.show_pose",
        "Walker.hide_pose", "Walker.get_pose_from_animation", "WalkerBoneControlIn.*",
        "WalkerBoneControlOut.*", "bone_transform_out.*")  # fmt: skip
-def _posing(stage: Stage) -> None:
+def _posing(scene: TrialScene) -> None:
     """A bone that is turned is seen turned, once the pose is shown."""
-    walker = stage.spawn("walker.pedestrian.0003")
+    walker = scene.spawn("walker.pedestrian.0003")
     bones = walker.get_bones().bone_transforms
     names = [bone.name for bone in bones]
     expect("crl_arm__R" in names and "crl_hips__C" in names, f"bones {names[:5]}")
@@ -37,7 +37,7 @@ def _posing(stage: Stage) -> None:
     arm = next(bone for bone in bones if bone.name == "crl_arm__R")
     expect(arm.component.location.distance(carla.Location()) < 3.0, "in the walker's frame")
     view = look_at(walker.get_location(), 2.4)
-    before = stage.picture(view)
+    before = scene.picture(view)
     walker.get_pose_from_animation()
     pose = carla.WalkerBoneControlIn()
     turned = arm.relative.rotation
@@ -48,26 +48,26 @@ def _posing(stage: Stage) -> None:
     walker.set_bones(pose)
     walker.blend_pose(0.5)
     walker.show_pose()
-    stage.ticks(2)
-    expect(changed(before, stage.picture(view)) > 0.002, "the arm is not seen raised")
+    scene.ticks(2)
+    expect(changed(before, scene.picture(view)) > 0.002, "the arm is not seen raised")
     walker.hide_pose()
-    stage.ticks(2)
+    scene.ticks(2)
 
 
 @works("WalkerAIController.*")
-def _navigating(stage: Stage) -> None:
+def _navigating(scene: TrialScene) -> None:
     """It walks towards its goal on the navigation mesh, faster when told so, and stops."""
-    start = stage.world.get_random_location_from_navigation()
-    walker = stage.spawn(
+    start = scene.world.get_random_location_from_navigation()
+    walker = scene.spawn(
         "walker.pedestrian.0004", carla.Transform(start + carla.Location(z=1.0)),
     )  # fmt: skip
-    controller = stage.spawn("controller.ai.walker", carla.Transform(), walker)
+    controller = scene.spawn("controller.ai.walker", carla.Transform(), walker)
     controller.start()
-    goal = stage.world.get_random_location_from_navigation()
+    goal = scene.world.get_random_location_from_navigation()
     controller.go_to_location(goal)
     controller.set_max_speed(1.4)
-    stage.until(lambda: walker.get_location().distance(start) > 1.5, "it walks", 400)
+    scene.until(lambda: walker.get_location().distance(start) > 1.5, "it walks", 400)
     controller.set_max_speed(3.0)
-    stage.ticks(20)
+    scene.ticks(20)
     controller.stop()
-    stage.ticks(5)
+    scene.ticks(5)

@@ -15,7 +15,7 @@ from carstage.bench.calibration import slowness
 from carstage.bench.comparison.machine import describe_machine
 from carstage.bench.comparison.presets import Experiment, Preset
 from carstage.bench.comparison.programs import CARSTAGE, PROGRAMS
-from carstage.bench.comparison.running import Stage
+from carstage.bench.comparison.running import Workplace
 from carstage.bench.comparison.trials import (
     LOOP,
     Key,
@@ -109,14 +109,14 @@ class Campaign:
             todo = [trial for trial in self.left if (trial.experiment == "totals") == paced]
             if not todo or time.monotonic() > end_s:
                 continue
-            with self._stage(paced) as stage:
-                todo = [trial for trial in todo if not self._is_left_out(trial, stage.python)]
+            with self._workplace(paced) as workplace:
+                todo = [trial for trial in todo if not self._is_left_out(trial, workplace.python)]
                 for trial in _warm_up(todo):
-                    stage.run(dataclasses.replace(trial, frames=2), look=False)
+                    workplace.run(dataclasses.replace(trial, frames=2), look=False)
                 for trial in todo:
                     if time.monotonic() > end_s:
                         break
-                    self._keep(trial, _second_chance(stage, trial))
+                    self._keep(trial, _second_chance(workplace, trial))
                     progress(len(self.results), len(self.trials))
 
     def _is_left_out(self, trial: Trial, python: str) -> bool:
@@ -132,13 +132,13 @@ class Campaign:
         return bool(self._lacking[key])
 
     @contextmanager
-    def _stage(self, paced: bool) -> Iterator[Stage]:
+    def _workplace(self, paced: bool) -> Iterator[Workplace]:
         with ExitStack() as stack:
             endpoint = stack.enter_context(self._server(paced)).endpoint
             config = check_config({"server": _remote(endpoint), "rig": {"sensors": [_ANY]}})
             setup = ServerSetup(config)
             with setup.facts() as facts:
-                yield Stage(endpoint, facts, str(setup.client.path), self.preset, self._scratch)
+                yield Workplace(endpoint, facts, str(setup.client.path), self.preset, self._scratch)
 
     def _server(self, paced: bool) -> Server:
         if self._given is not None:
@@ -192,7 +192,7 @@ def _warm_up(todo: list[Trial]) -> list[Trial]:
     return list(first.values())
 
 
-def _second_chance(stage: Stage, trial: Trial) -> TrialResult:
+def _second_chance(workplace: Workplace, trial: Trial) -> TrialResult:
     """A run, made once more if it failed: clients sometimes abort while they end.
 
     The result of a second run says so: ``failed_before`` in what was found.
@@ -202,10 +202,10 @@ def _second_chance(stage: Stage, trial: Trial) -> TrialResult:
     """
     look = trial.repeat == 0
     try:
-        return stage.run(trial, look=look)
+        return workplace.run(trial, look=look)
     except CollectorError as first:
         try:
-            result = stage.run(trial, look=look)
+            result = workplace.run(trial, look=look)
         except CollectorError as second:
             raise second from first
     return dataclasses.replace(result, found={**result.found, "failed_before": 1.0})

@@ -77,7 +77,7 @@ def judge(preset: Preset, measured: Measured, command: str, machine: Mapping[str
     if preset.name == QUICK:
         figures = [Figure(one.name, one.value) for one in figures]
         notes.append("The quick preset shows that everything runs; it judges nothing.")
-    return Verdict("comparison", command, tuple(figures), notes)
+    return Verdict("comparison", tuple(figures), notes, command)
 
 
 def _figures_of(

@@ -42,7 +42,7 @@ _GET_FLAGS, _SET_FLAGS, _TOP_OF_HIERARCHY = 0x80086601, 0x40086602, 0x20000
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class Workplace:
     """Where programs run.
 
     Attributes:

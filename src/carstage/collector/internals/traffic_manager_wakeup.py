@@ -54,6 +54,9 @@ class TickWatch:
         port: of the Traffic Manager in this process.
         patience_s: how long a tick may take after its frame has come.
         look_every_s: how often to look.
+
+    Attributes:
+        wake_ups: how often it was stuck.
     """
 
     def __init__(
@@ -68,6 +71,7 @@ class TickWatch:
         self._patience_s = patience_s
         self._look_every_s = look_every_s
         self._frame_before: Optional[int] = None
+        self.wake_ups = 0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="tick watch", daemon=True)
         self._thread.start()
@@ -101,6 +105,7 @@ class TickWatch:
                 self._wake(before)
 
     def _wake(self, frame: int) -> None:
+        self.wake_ups += 1
         _log.warning("the Traffic Manager missed its cue after frame %d: waking it", frame)
         try:
             wake_traffic_manager(self._port)

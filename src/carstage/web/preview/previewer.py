@@ -28,6 +28,7 @@ from carstage.files.whole import write_whole
 from carstage.rawlog.tail import NewestRecords, NewRecord
 from carstage.runs.folder import FINAL_STATES
 from carstage.runs.reading import read_document
+from carstage.spec import EpisodeSpec, SensorSpec
 from carstage.web.preview.sensor_views import (
     IMAGE_KINDS,
     POINT_KINDS,
@@ -90,9 +91,9 @@ def _draw(run: Path, folder: Path) -> None:
 class _Stream:
     """One sensor of one attempt."""
 
-    def __init__(self, attempt: Path, sensor: Mapping[str, Any], server: str) -> None:
-        self.id = str(sensor["id"])
-        self._kind = str(sensor["kind"])
+    def __init__(self, attempt: Path, sensor: SensorSpec, server: str) -> None:
+        self.id = sensor.id
+        self._kind = sensor.kind
         self._server = server
         self._records = NewestRecords(attempt, self.id)
         self._next_s = 0.0
@@ -151,8 +152,8 @@ def _streams(attempt: Path) -> list[_Stream]:
     drawn = (*IMAGE_KINDS, *POINT_KINDS, RADAR)
     return [
         _Stream(attempt, sensor, str(header["server_version"]))
-        for sensor in header["spec"]["sensors"]
-        if sensor["kind"] in drawn and not sensor["hidden"]
+        for sensor in EpisodeSpec.from_json(header["spec"]).written_sensors
+        if sensor.kind in drawn
     ]
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from carstage.geometry import pose_matrix, transform_points
-from carstage.plan import SensorSpec
 from carstage.rawlog.tail import NewRecord
 from carstage.report.drawing import birds_eye_view
+from carstage.spec import SensorSpec
 from carstage.web.preview.previewer import draw_record
 from carstage.web.preview.sensor_views import IMAGE_KINDS, RADAR, jpeg, scaled
 
@@ -15,7 +15,7 @@ _QUALITY = 85
 _MOST_POINTS = 200_000
 
 
-def sight_picture(sensor: SensorSpec, server: str, record: NewRecord, width: int) -> bytes:
+def sensor_picture(sensor: SensorSpec, server: str, record: NewRecord, width: int) -> bytes:
     """JPEG: of a camera what it sees, of LiDAR and radar their points from above."""
     drawn = draw_record(sensor.kind, server, record, width, _MOST_POINTS)
     if sensor.kind in IMAGE_KINDS:

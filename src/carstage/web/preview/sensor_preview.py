@@ -23,8 +23,8 @@ from carstage.web.messages.base import Document
 
 if TYPE_CHECKING:
     from carstage.execution import CollectorProcess
-    from carstage.plan import EpisodeSpec
     from carstage.server import EmbeddedServer
+    from carstage.spec import EpisodeSpec
 
 _IDLE_S = 240.0
 _LOOK_EVERY_S = 10.0
@@ -50,7 +50,7 @@ class SensorPreviewService:
         self._checker = checker
         self._turn = threading.Lock()
         self._lock = threading.Lock()
-        self._folder = tempfile.TemporaryDirectory(prefix="carstage-sight-")
+        self._folder = tempfile.TemporaryDirectory(prefix="carstage-preview-")
         self._server: EmbeddedServer | None = None
         self._collector: CollectorProcess | None = None
         self._starting: threading.Thread | None = None
@@ -70,7 +70,9 @@ class SensorPreviewService:
             if (self._starting is None or not self._starting.is_alive()) and (
                 not self._closing.is_set()
             ):
-                self._starting = threading.Thread(target=self._start, name="sight", daemon=True)
+                self._starting = threading.Thread(
+                    target=self._start, name="sensor preview", daemon=True
+                )
                 self._starting.start()
             return False
 
@@ -160,7 +162,9 @@ class SensorPreviewService:
         with self._lock:
             self._server = server
             self._used_s = time.monotonic()
-        threading.Thread(target=self._end_when_idle, name="sight-idle", daemon=True).start()
+        threading.Thread(
+            target=self._end_when_idle, name="sensor preview idle", daemon=True
+        ).start()
 
     def _end_when_idle(self) -> None:
         while not self._closing.wait(_LOOK_EVERY_S):
@@ -223,7 +227,7 @@ class SensorPreviewService:
                     if event["event"] == "looked":
                         return
                     if event["event"] == "error":
-                        raise _SightError(str(event.get("message")), str(event.get("hint") or ""))
+                        raise _PreviewError(str(event.get("message")), str(event.get("hint") or ""))
         raise CollectorError("The simulator gave no picture.", "Try again.")
 
     def _plan_document(self, spec: EpisodeSpec, folder: Path) -> dict[str, Any]:
@@ -239,7 +243,7 @@ class SensorPreviewService:
             },
             "episodes": [
                 {
-                    "episode_id": "sight",
+                    "episode_id": "preview",
                     "attempt": "a1",
                     "folder": str(folder),
                     "spec": spec.to_json(),
@@ -251,17 +255,17 @@ class SensorPreviewService:
         import shutil
 
         from carstage.rawlog.tail import NewestRecords
-        from carstage.web.preview.sensor_picture import sight_picture
+        from carstage.web.preview.sensor_picture import sensor_picture
 
         sensor = spec.sensors[0]
         record = NewestRecords(raw, sensor.id).look()
         shutil.rmtree(raw.parent, ignore_errors=True)
         if record is None:
             raise CollectorError("The simulator gave no picture.", "Try again.")
-        return sight_picture(sensor, spec.dialect, record, width)
+        return sensor_picture(sensor, spec.dialect, record, width)
 
 
-class _SightError(CarStageError, RuntimeError):
+class _PreviewError(CarStageError, RuntimeError):
     """The collector could not look; it goes on."""
 
 

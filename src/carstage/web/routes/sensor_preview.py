@@ -20,7 +20,7 @@ _PICTURE: Responses = {
 @router.post("/preview", responses=_PICTURE, response_class=Response)
 def preview(request: PreviewRequest, services: Access) -> Response:
     """A picture through one sensor, from the embedded simulator, which stays warm for minutes."""
-    picture = services.sight.look(request)
+    picture = services.sensor_preview.look(request)
     if isinstance(picture, PreviewPending):
         return JSONResponse(picture.model_dump(mode="json"), status_code=202)
     return Response(picture, media_type="image/jpeg", headers={"Cache-Control": "no-store"})
@@ -29,4 +29,4 @@ def preview(request: PreviewRequest, services: Access) -> Response:
 @router.post("/preview/warm", status_code=202, responses=BUSY)
 def warm(services: Access) -> dict[str, bool]:
     """Begin to start the simulator, so that the first picture comes sooner."""
-    return {"warm": services.sight.warm()}
+    return {"warm": services.sensor_preview.warm()}

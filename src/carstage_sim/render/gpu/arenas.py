@@ -19,7 +19,12 @@ ARENAS = ("town", "models", "sky", "moment")
 """Buffers: the town's surfaces, those of the models, the sky, and what changes in each tick."""
 
 _PLACE: dict[tuple[str, str], str] = {("light", "sky"): "sky"}
-_PLACE_OF_RECORD = {"static": "town", "actors": "models", "looks": "models", "materials": "models"}
+_PLACE_OF_RECORD = {
+    "static": "town",
+    "actors": "models",
+    "appearance": "models",
+    "materials": "models",
+}
 _ENTRIES = 128
 """Arrays and numbers that a directory has room for."""
 

@@ -13,7 +13,7 @@ from benchmarks.simulator.traffic import campaign
 from benchmarks.simulator.traffic.campaign import check_traffic, judge_saved
 from benchmarks.simulator.traffic.judging import judge
 from benchmarks.simulator.traffic.recording import Recording
-from benchmarks.simulator.verdict import Verdict
+from carstage.bench.verdict import Verdict
 from traffic_recordings import collisions, recording
 
 TICKS = 240

@@ -1,0 +1,39 @@
+"""``python -m benchmarks NAME [--json]``; ``--list`` says what there is."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+import benchmarks.framework.commands
+import benchmarks.simulator.commands  # noqa: F401 - both register their commands
+from benchmarks.registry import BENCHMARKS, app
+
+
+def _print_list(wanted: bool) -> None:
+    if not wanted:
+        return
+    width = max(map(len, BENCHMARKS))
+    for entry in BENCHMARKS.values():
+        typer.echo(f"{entry.name:<{width}}  {entry.takes:>10}  {entry.shows}")
+    raise typer.Exit
+
+
+@app.callback()
+def _options(
+    listed: Annotated[
+        bool,
+        typer.Option(
+            "--list",
+            callback=_print_list,
+            is_eager=True,
+            help="Say what each benchmark shows and how long it takes on two cores.",
+        ),
+    ] = False,
+) -> None:
+    del listed
+
+
+if __name__ == "__main__":
+    app(prog_name="python -m benchmarks")

@@ -1,0 +1,284 @@
+"""The commands that measure and check the embedded simulator with the real client."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchmarks.campaign import Campaign
+from benchmarks.registry import benchmark
+from carstage.bench.verdict import Figure, Verdict
+from carstage.cli.bench import Json, report_verdict
+
+Seed = Annotated[int, typer.Option(help="What is drawn, is drawn from it.")]
+Fps = Annotated[int, typer.Option(min=1, help="Ticks per simulated second.")]
+Map = Annotated[str, typer.Option(help="Map that the server starts with.")]
+Towns = Annotated[
+    list[str] | None, typer.Option("--town", help="This town and no other. Repeatable.")
+]
+Maps = Annotated[Path | None, typer.Option(help="Folder with OpenDRIVE files of CARLA's towns.")]
+Full = Annotated[bool, typer.Option("--full", help="In each of the stages and of CARLA's towns.")]
+
+
+class BaseType(str, Enum):
+    """Kinds of vehicles, as blueprints name them."""
+
+    CAR = "car"
+    VAN = "van"
+    TRUCK = "truck"
+    BUS = "bus"
+    MOTORCYCLE = "motorcycle"
+    BICYCLE = "bicycle"
+
+
+def _report(name: str, measure: Callable[[], Verdict | Campaign], json: bool) -> int:
+    """Print what ``measure`` finds; a server or trial that fails is a bad verdict."""
+    from benchmarks.simulator.client_process import TrialError
+    from benchmarks.simulator.server_process import ServerError
+    from carstage_sim.render.gpu.device import NoGpuError
+
+    verdict: Verdict | Campaign
+    try:
+        verdict = measure()
+    except (ServerError, TrialError, NoGpuError) as error:
+        verdict = Verdict(name, (), (str(error),), completed=False)
+    return report_verdict(verdict, json)
+
+
+def _towns(towns: Sequence[str] | None, full: bool, maps: Path | None) -> Sequence[str]:
+    from benchmarks.simulator.traffic.towns import CARLA_TOWNS, STAGES
+
+    if towns:
+        return towns
+    if not full:
+        return STAGES[:1]
+    return (*STAGES, *(CARLA_TOWNS if maps is not None else ()))
+
+
+@benchmark("budget", takes="2 minutes")
+def budget(ticks: int = 200, seed: Seed = 7, map: Map = "Stage01", json: Json = False) -> int:
+    """What a tick without sensors costs the server."""
+    from benchmarks.simulator.budget import check_budget
+
+    return _report("budget", lambda: check_budget(ticks=ticks, seed=seed, town=map), json)
+
+
+@benchmark("streaming", takes="1 minute")
+def streaming(
+    seconds: Annotated[float, typer.Option(help="Of each of three measurements.")] = 5.0,
+    json: Json = False,
+) -> int:
+    """How fast pictures reach the client, and at what cost."""
+    from benchmarks.simulator.streaming import check_streaming
+
+    return _report("streaming", lambda: check_streaming(seconds=seconds), json)
+
+
+@benchmark("server-memory", takes="40 minutes")
+def server_memory(
+    vehicles: int = 30,
+    ticks: int = 20_000,
+    cycles: Annotated[int, typer.Option(help="Of mounting a rig of all sensors.")] = 200,
+    loads: Annotated[int, typer.Option(help="Of the map.")] = 20,
+    seed: Seed = 7,
+    json: Json = False,
+) -> int:
+    """Whether the server's memory stays flat over ticks, rigs and map loads."""
+    from benchmarks.simulator.memory import check_memory
+
+    return _report(
+        "server-memory",
+        lambda: check_memory(vehicles=vehicles, ticks=ticks, cycles=cycles, loads=loads, seed=seed),
+        json,
+    )
+
+
+@benchmark("fuzz", takes="2 minutes")
+def fuzz(
+    seconds: Annotated[float | None, typer.Option(help="How long; default: until --calls.")] = None,
+    calls: Annotated[int | None, typer.Option(help="Default 2000, none with --seconds.")] = None,
+    seed: Seed = 7,
+    json: Json = False,
+) -> int:
+    """Whether misbehaving clients harm the server or other clients."""
+    from benchmarks.simulator.fuzz import check_fuzz
+
+    if calls is None and seconds is None:
+        calls = 2_000
+    return _report("fuzz", lambda: check_fuzz(seconds=seconds, calls=calls, seed=seed), json)
+
+
+@benchmark("determinism", takes="3 minutes")
+def determinism(
+    ticks: int = 500,
+    vehicles: int = 50,
+    walkers: int = 10,
+    tries: int = 2,
+    map: Annotated[str | None, typer.Option(help="Map that the server starts with.")] = None,
+    fps: Fps = 20,
+    seed: Seed = 7,
+    json: Json = False,
+) -> int:
+    """Whether two tries of one scene give the same frames."""
+    from benchmarks.simulator.determinism import check_determinism
+
+    return _report(
+        "determinism",
+        lambda: check_determinism(
+            ticks=ticks,
+            vehicles=vehicles,
+            walkers=walkers,
+            tries=tries,
+            fps=fps,
+            seed=seed,
+            server_arguments=("--map", map) if map else (),
+        ),
+        json,
+    )
+
+
+@benchmark("walkers", takes="3 minutes")
+def walkers(
+    full: Full = False,
+    count: Annotated[
+        int | None, typer.Option("--walkers", help="In each town; default 20, with --full 50.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="Simulated, in each town.")] = 60.0,
+    town: Towns = None,
+    maps: Maps = None,
+    fps: Fps = 20,
+    seed: Seed = 7,
+    json: Json = False,
+) -> int:
+    """Whether pedestrians keep to where they may walk."""
+    from benchmarks.simulator.traffic.towns import carla_maps
+    from benchmarks.simulator.walkers import check_walkers
+
+    def measure() -> Campaign:
+        with carla_maps(maps) as folder:
+            return check_walkers(
+                _towns(town, full, folder),
+                walkers=(50 if full else 20) if count is None else count,
+                seconds=seconds,
+                fps=fps,
+                seed=seed,
+                server_arguments=() if folder is None else ("--maps", str(folder)),
+            )
+
+    return _report("walkers", measure, json)
+
+
+@benchmark("traffic", takes="5 minutes")
+def traffic(
+    full: Full = False,
+    vehicles: Annotated[int | None, typer.Option(help="Default 30, with --full 100.")] = None,
+    count: Annotated[
+        int | None, typer.Option("--walkers", help="Default 0, with --full 50.")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(help="Simulated, in each town; default 120, with --full 600.")
+    ] = None,
+    base_type: Annotated[list[BaseType] | None, typer.Option(help="Repeatable.")] = None,
+    save: Annotated[Path | None, typer.Option(help="Folder to keep recordings in.")] = None,
+    judge: Annotated[
+        Path | None, typer.Option(help="Judge a folder's recordings, drive nowhere.")
+    ] = None,
+    town: Towns = None,
+    maps: Maps = None,
+    fps: Fps = 20,
+    seed: Seed = 7,
+    json: Json = False,
+) -> int:
+    """Whether vehicles flow without a pile-up, a collision or a red light run."""
+    from benchmarks.simulator.traffic import check_traffic, judge_saved
+    from benchmarks.simulator.traffic.towns import carla_maps
+
+    defaults = (100, 50, 600.0) if full else (30, 0, 120.0)
+
+    def measure() -> Campaign:
+        if judge is not None:
+            return judge_saved(judge)
+        with carla_maps(maps) as folder:
+            return check_traffic(
+                _towns(town, full, folder),
+                vehicles=defaults[0] if vehicles is None else vehicles,
+                walkers=defaults[1] if count is None else count,
+                seconds=defaults[2] if seconds is None else seconds,
+                fps=fps,
+                seed=seed,
+                base_types=[kind.value for kind in base_type or (BaseType.CAR,)],
+                server_arguments=() if folder is None else ("--maps", str(folder)),
+                save_in=save,
+            )
+
+    return _report("traffic", measure, json)
+
+
+@benchmark("render", takes="8 minutes")
+def render(
+    map: Map = "Stage02",
+    tries: Annotated[int, typer.Option(help="Of each measurement.")] = 5,
+    seed: Seed = 3,
+    without_compiling: Annotated[
+        bool, typer.Option("--without-compiling", help="Do not time the compiler.")
+    ] = False,
+    pictures: Annotated[
+        Path | None, typer.Option(help="Paint the documentation's pictures into a folder instead.")
+    ] = None,
+    json: Json = False,
+) -> int:
+    """What pictures and point clouds cost on one core, and whether they look right."""
+    from benchmarks.simulator.render import check_render
+    from benchmarks.simulator.render.gallery import paint_gallery
+
+    def measure() -> Verdict:
+        if pictures is not None:
+            names = paint_gallery(pictures, town=map, seed=seed)
+            return Verdict("render", (Figure("pictures", len(names)),), names)
+        return check_render(town=map, tries=tries, seed=seed, compiling=not without_compiling)
+
+    return _report("render", measure, json)
+
+
+@benchmark("gpu", takes="1 minute")
+def gpu(
+    map: Map = "Stage02",
+    wire: Annotated[
+        list[str] | None, typer.Option(help="Town sent to a client. Repeatable.")
+    ] = None,
+    json: Json = False,
+) -> int:
+    """What pictures and sweeps cost on a graphics card, up to the client."""
+    from benchmarks.simulator.gpu_speed import measure_gpu
+
+    return _report("gpu", lambda: measure_gpu(map, ("Stage02",) if wire is None else wire), json)
+
+
+@benchmark("conformance", takes="4 minutes")
+def conformance(
+    software: Annotated[bool, typer.Option("--software", help="A driver on the CPU.")] = False,
+    town: Towns = None,
+    cameras: Annotated[int, typer.Option(help="In each town.")] = 6,
+    width: int = 1280,
+    height: int = 720,
+    seeds: Annotated[int, typer.Option(help="Random scenes.")] = 5,
+    json: Json = False,
+) -> int:
+    """Whether the graphics card sees what the CPU sees."""
+    from benchmarks.simulator.conformance import check_conformance
+
+    return _report(
+        "conformance",
+        lambda: check_conformance(
+            ["Stage01"] if town is None else town,
+            software=software,
+            cameras=cameras,
+            size=(width, height),
+            seeds=seeds,
+        ),
+        json,
+    )

@@ -1,0 +1,71 @@
+"""The measurements in short, against the embedded simulator: what they find, not how fast it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks.framework.frames_check import check_frames
+from benchmarks.framework.memory import measure_memory
+from benchmarks.framework.overhead import measure_overhead
+from carstage.bench.episodes import looping_server
+from carstage.bench.verdict import Verdict
+from carstage.server import Endpoint
+
+pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("bench")]
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Endpoint]:
+    with looping_server(2) as endpoint:
+        yield endpoint
+
+
+def figures(verdict: Verdict) -> dict[str, Any]:
+    return {figure.name: figure.value for figure in verdict.figures}
+
+
+def test_every_frame_of_eight_sensors_is_the_one_that_was_sent(
+    server: Endpoint, tmp_path: Path
+) -> None:
+    told: list[int] = []
+    verdict = check_frames(
+        ticks=500,
+        scratch=tmp_path,
+        running=server,
+        progress=lambda done, total: told.append(done),
+    )
+    assert verdict.ok, verdict.text()
+    assert figures(verdict)["records_compared"] == 4000
+    assert told[-1] == 500
+
+
+def test_memory_stays_within_the_budget_on_a_slow_disk(server: Endpoint, tmp_path: Path) -> None:
+    budget_bytes = 4_000_000
+    verdict = measure_memory(
+        frames=30,
+        budget_bytes=budget_bytes,
+        disk_bytes_per_s=3e6,
+        scratch=tmp_path,
+        running=server,
+    )
+    found = figures(verdict)
+    assert found["frames"] == 30
+    # Resident memory of so short a recording says nothing: what is queued is the bound. Three
+    # ticks fit in.
+    assert 0.5 <= found["largest_queue_of_budget"] <= 1.0
+
+
+def test_overhead_is_measured_against_a_client_that_drops_everything(
+    server: Endpoint, tmp_path: Path
+) -> None:
+    verdict = measure_overhead(
+        ticks=20, rounds=1, size=(64, 36), raw_store="mmap", scratch=tmp_path, running=server
+    )
+    found = figures(verdict)
+    assert found["lidar_points"] >= 100_000
+    assert found["client_cpu_ms_per_tick_discarding"] > 0
+    assert found["client_cpu_ms_per_tick_capturing"] > 0

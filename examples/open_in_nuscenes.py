@@ -10,7 +10,7 @@ from carstage.exporters import export_dataset
 def main() -> None:
     """Run the example."""
     source, target = sys.argv[1:]
-    export_dataset(source, target, "nuscenes")
+    export_dataset("nuscenes", source, target)
     nusc = NuScenes("v1.0-carstage", target, verbose=False)
     print(f"{len(nusc.scene)} scenes, {len(nusc.sample)} samples, {len(nusc.instance)} instances")
     sample = nusc.sample[0]

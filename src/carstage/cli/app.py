@@ -101,9 +101,9 @@ def run(
 ) -> int:
     """Record a configuration into a dataset; the same command again continues where it ended."""
     del debug
-    from carstage.config import load_config
+    import carstage
 
-    configured = load_config(config, settings or ())
+    configured = carstage.load_config(config, settings or ())
     return _record(configured, out, json=json, retries=retries, report=False, run_id=run_id)
 
 
@@ -116,11 +116,11 @@ def _record(
     report: bool,
     run_id: str | None = None,
 ) -> int:
+    import carstage
     from carstage.cli.progress import watch_run
-    from carstage.runs import run as record
 
-    with watch_run() as observer:
-        ended = record(config, out, retries=retries, observer=observer, run_id=run_id)
+    with watch_run() as on_event:
+        ended = carstage.run(config, out, on_event, retries=retries, run_id=run_id)
     report_path = None
     if report and ended.exit_code == 0:
         from carstage.report import write_report
@@ -180,7 +180,7 @@ def config_check(
     json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Check a configuration and notify what it would record."""
+    """Check a configuration and print what it would record."""
     del debug
     from carstage.cli.describe import describe_config
     from carstage.config import load_config
@@ -234,13 +234,13 @@ def validate(
 ) -> int:
     """Recompute from the files whether a dataset is what it says it is."""
     del debug
+    import carstage
     from carstage.cli.describe import describe_problem, describe_validation
     from carstage.cli.progress import watch_frames
     from carstage.report import write_validation
-    from carstage.validation import validate_dataset
 
     with watch_frames("Checking") as progress:
-        report = validate_dataset(dataset, progress=progress)
+        report = carstage.validate(dataset, progress=progress)
     for problem in report.problems:
         note(describe_problem(problem))
     if html is not None:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
+from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import typer
 
 from carstage.cli.output import command, enable_debug, note, result, result_json
+from carstage.exporters.options import ExportOptions, flag_of
 
 if TYPE_CHECKING:
-    from carstage.exporters import Completeness, ExportSummary
+    from carstage.exporters import ExportSummary
 
 
 FORMATS = (
@@ -26,63 +31,56 @@ FORMATS = (
 _MOST_NOTED = 20
 
 
+def _with_options(function: Callable[..., int | None]) -> Callable[..., int | None]:
+    """Replace the parameter ``options`` by one flag for each field of ``ExportOptions``."""
+    types = get_type_hints(ExportOptions)
+
+    @functools.wraps(function)
+    def wrapped(**given: Any) -> int | None:
+        choices = {option.name: given.pop(option.name) for option in fields(ExportOptions)}
+        lists = {name: tuple(choices[name] or ()) for name in ("cameras", "classes")}
+        return function(options=ExportOptions(**{**choices, **lists}), **given)
+
+    parameters = []
+    for parameter in inspect.signature(function, eval_str=True).parameters.values():
+        if parameter.name != "options":
+            parameters.append(parameter)
+            continue
+        for option in fields(ExportOptions):
+            shown = typer.Option(
+                flag_of(option), metavar=option.metadata["metavar"], help=option.metadata["help"]
+            )
+            kind = _plain(types[option.name])
+            default = None if option.default == () else option.default
+            parameters.append(
+                parameter.replace(
+                    name=option.name, annotation=Annotated[kind, shown], default=default
+                )
+            )
+    wrapped.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    wrapped.__annotations__ = {entry.name: entry.annotation for entry in parameters}
+    del wrapped.__wrapped__
+    return wrapped
+
+
+def _plain(kind: Any) -> Any:
+    """The type as the command line parses it; which words may be is for ``ExportOptions``."""
+    if get_origin(kind) is tuple:
+        return list[str] | None
+    if any(get_origin(part) is Literal for part in get_args(kind)):
+        return str | None
+    return kind
+
+
 @command
+@_with_options
 def export(
     format_name: Annotated[
         str, typer.Argument(metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.")
     ],
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of the dataset.")],
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder to make.")],
-    camera: Annotated[
-        list[str] | None,
-        typer.Option("--camera", metavar="ID", help="A camera to export. Repeatable."),
-    ] = None,
-    lidar: Annotated[
-        str | None, typer.Option("--lidar", metavar="ID", help="The LiDAR to export.")
-    ] = None,
-    boxes: Annotated[
-        str | None,
-        typer.Option(
-            "--boxes",
-            metavar="amodal|modal",
-            help="2D boxes around the silhouette or around the visible pixels.",
-        ),
-    ] = None,
-    occlusion: Annotated[
-        str | None,
-        typer.Option(
-            "--occlusion",
-            metavar="stage_vo|pixel",
-            help="KITTI's occlusion levels by STAGE-VO or by counted pixels.",
-        ),
-    ] = None,
-    min_lidar_points: Annotated[
-        int | None,
-        typer.Option("--min-lidar-points", help="Leave out objects with fewer LiDAR points."),
-    ] = None,
-    max_distance_m: Annotated[
-        float | None, typer.Option("--max-distance-m", help="Leave out objects farther away.")
-    ] = None,
-    include_invisible: Annotated[
-        bool, typer.Option("--include-invisible", help="Export objects that nothing is seen of.")
-    ] = False,
-    validation_share: Annotated[
-        float, typer.Option("--validation-share", help="Share of the episodes for validation.")
-    ] = 0.0,
-    codec: Annotated[
-        str | None,
-        typer.Option(
-            "--codec", metavar="ffv1|h264", help="Of videos: without loss (default), or small."
-        ),
-    ] = None,
-    class_name: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--class",
-            metavar="NAME",
-            help="A class to export, also rider, pole and the like. Repeatable.",
-        ),
-    ] = None,
+    options: ExportOptions,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace an export that stands at OUT.")
     ] = False,
@@ -104,46 +102,21 @@ def export(
 ) -> None:
     """Write a dataset in another format; OUT appears when all of it is written."""
     del debug
-    from carstage.cli.progress import watch_frames
-    from carstage.dataset import Dataset
-    from carstage.exporters import (
-        ExportOptions,
-        check_target,
-        examine,
-        export_dataset,
-        exporter_for,
-    )
+    import carstage
+    from carstage.cli.progress import watch_stages
 
-    choices: dict[str, Any] = {"boxes": boxes, "occlusion": occlusion, "codec": codec}
-    options = ExportOptions(
-        cameras=tuple(camera or ()),
-        lidar=lidar,
-        min_lidar_points=min_lidar_points,
-        max_distance_m=max_distance_m,
-        include_invisible=include_invisible,
-        validation_share=validation_share,
-        classes=tuple(class_name or ()),
-        **choices,
-    )
-    # What can be refused at once is refused before every file is read.
-    exporter_for(format_name, options)
-    source = Dataset(dataset)
-    check_target(out, source.path, overwrite=overwrite)
-    with watch_frames("Checking") as progress:
-        found = examine(source, progress)
-    with watch_frames("Exporting") as progress:
-        summary = export_dataset(
+    with watch_stages() as progress:
+        summary = carstage.export(
+            format_name,
             dataset,
             out,
-            format_name,
             options,
             overwrite=overwrite,
             allow_incomplete=allow_incomplete,
             workers=workers,
-            completeness=found,
             progress=progress,
         )
-    _note_what_is_missing(found, summary)
+    _note_what_is_missing(summary)
     if json:
         result_json(summary.to_json())
     else:
@@ -153,12 +126,12 @@ def export(
         )
 
 
-def _note_what_is_missing(found: Completeness, summary: ExportSummary) -> None:
-    for problem in found.problems[:_MOST_NOTED]:
+def _note_what_is_missing(summary: ExportSummary) -> None:
+    for problem in summary.problems[:_MOST_NOTED]:
         place = f"episode {problem.episode}" if problem.episode else "dataset"
         note(f"{problem.severity}: {place}: {problem.message}")
-    if len(found.problems) > _MOST_NOTED:
-        note(f"and {len(found.problems) - _MOST_NOTED} more; see carstage validate")
+    if len(summary.problems) > _MOST_NOTED:
+        note(f"and {len(summary.problems) - _MOST_NOTED} more; see carstage validate")
     for episode in summary.episodes_left_out:
         note(f"Left out: episode {episode}.")
     if summary.frames_left_out:

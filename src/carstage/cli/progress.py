@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from datetime import timedelta
-from typing import Any
 
 from rich.console import Console
 from rich.progress import (
@@ -22,8 +21,7 @@ from rich.progress import (
 from rich.text import Text
 
 from carstage.cli.output import note
-from carstage.plan import RunEstimate
-from carstage.runs import RunObserver, RunStatus, size_text
+from carstage.runs import events, size_text
 
 _PLAIN_EVERY_S = 5.0
 _STEPS_EVERY_S = 15.0
@@ -39,50 +37,42 @@ class _Rate(ProgressColumn):
         return Text(f"{speed:5.1f} {unit}/s" if speed and unit else "", style="dim")
 
 
-class _Talking:
-    """What both ways of showing share: sentences for events."""
-
-    def __init__(self, write: Callable[[str], None]) -> None:
-        self._write = write
-
-    def planned(self, estimate: RunEstimate, todo: int, skipped: int) -> None:
-        """Say what is about to happen."""
-        if skipped:
-            self._write(f"{skipped} of {todo + skipped} episodes are in the dataset already.")
-        if todo:
-            duration = timedelta(seconds=round(estimate.duration_s))
-            self._write(
-                f"{_count(todo, 'episode')} to record: about {size_text(estimate.dataset_bytes)} "
-                f"({size_text(estimate.peak_bytes)} at most on the way), {duration} on two cores."
-            )
-
-    def event(self, event: Mapping[str, Any]) -> None:
-        """Say the events that a user cares for."""
-        name = event["event"]
-        if name == "server_started":
-            self._write(f"Server ({event['kind']}) is up at {event['host']}:{event['port']}.")
-        elif name == "server_tested":
-            held = sum(bool(check["ok"]) for check in event["checks"])
-            self._write(f"Self-test of the server: {held} of {len(event['checks'])} checks hold.")
-        elif name == "connected":
-            self._write(f"Connected to version {event.get('server_version')}, {event.get('map')}.")
-        elif name == "actors_spawned" and event.get("requested") != event.get("spawned"):
-            self._write(f"Asked for {event.get('requested')}, spawned {event.get('spawned')}.")
-        elif name == "episode_committed":
-            self._write(f"Episode {event['episode_id']} is in the dataset.")
-        elif name == "episode_failed":
-            self._write(f"Episode {event['episode_id']} failed.")
-
-    def notify(self, sentence: str) -> None:
-        """Say it."""
-        self._write(sentence)
+def _sentences(event: events.RunEvent) -> Iterator[str]:
+    """What the user should read of an event."""
+    match event:
+        case events.Notice(sentence):
+            yield sentence
+        case events.RunPlanned(estimate, todo, skipped):
+            if skipped:
+                yield f"{skipped} of {todo + skipped} episodes are in the dataset already."
+            if todo:
+                duration = timedelta(seconds=round(estimate.duration_s))
+                yield (
+                    f"{_count(todo, 'episode')} to record: about "
+                    f"{size_text(estimate.dataset_bytes)} "
+                    f"({size_text(estimate.peak_bytes)} at most on the way), "
+                    f"{duration} on two cores."
+                )
+        case events.ServerStarted(kind, host, port):
+            yield f"Server ({kind}) is up at {host}:{port}."
+        case events.ServerTested(checks=checks):
+            passed = sum(bool(check["ok"]) for check in checks)
+            yield f"Self-test of the server: {passed} of {len(checks)} checks hold."
+        case events.Connected(version, town):
+            yield f"Connected to version {version}, {town}."
+        case events.ActorsSpawned(requested=requested, spawned=spawned) if requested != spawned:
+            yield f"Asked for {requested}, spawned {spawned}."
+        case events.EpisodeCommitted(episode_id):
+            yield f"Episode {episode_id} is in the dataset."
+        case events.EpisodeFailed(episode_id):
+            yield f"Episode {episode_id} failed."
 
 
-class BarProgress(_Talking):
+class BarProgress:
     """Bars of episodes, recorded steps and converted frames, with rate and time left."""
 
     def __init__(self, console: Console) -> None:
-        super().__init__(lambda text: console.print(text, highlight=False, markup=False))
+        self._console = console
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(bar_width=None),
@@ -104,12 +94,18 @@ class BarProgress(_Talking):
     def __exit__(self, *_: object) -> None:
         self._progress.stop()
 
-    def status(self, status: RunStatus) -> None:
-        """Move the bars."""
-        counts = status.episodes
+    def __call__(self, event: events.RunEvent) -> None:
+        """Show an event of the run."""
+        if isinstance(event, events.Progress):
+            self._move(event)
+        for sentence in _sentences(event):
+            self._console.print(sentence, highlight=False, markup=False)
+
+    def _move(self, progress: events.Progress) -> None:
+        counts = progress.episodes
         done = counts.committed + counts.skipped + counts.failed
         self._progress.update(self._episodes, total=counts.total, completed=done)
-        current = status.current
+        current = progress.current
         if current is None:
             return
         if current.attempt + current.episode_id != self._shown:
@@ -122,30 +118,34 @@ class BarProgress(_Talking):
         )
 
 
-class LineProgress(_Talking):
+class LineProgress:
     """A line now and then, for logs."""
 
     def __init__(
         self, write: Callable[[str], None], clock_s: Callable[[], float] = time.monotonic
     ) -> None:
-        super().__init__(write)
+        self._write = write
         self._clock_s = clock_s
         self._next_s = 0.0
 
-    def status(self, status: RunStatus) -> None:
-        """Write a line if the last one is some seconds old and something goes on."""
-        current, now_s = status.current, self._clock_s()
+    def __call__(self, event: events.RunEvent) -> None:
+        """Write what an event says; of progress, a line if the last one is some seconds old."""
+        for sentence in _sentences(event):
+            self._write(sentence)
+        if not isinstance(event, events.Progress):
+            return
+        current, now_s = event.current, self._clock_s()
         if current is None or now_s < self._next_s:
             return
         self._next_s = now_s + _PLAIN_EVERY_S
         self._write(
-            f"Episode {current.index + 1} of {status.episodes.total}: "
+            f"Episode {current.index + 1} of {event.episodes.total}: "
             f"recorded {current.ticks_done}/{current.ticks_total} steps, "
             f"converted {current.frames_converted}/{current.frames_total} frames."
         )
 
 
-def watch_run() -> AbstractContextManager[RunObserver]:
+def watch_run() -> AbstractContextManager[events.OnEvent]:
     """Bars when stderr is a terminal, lines when it is not."""
     if sys.stderr.isatty():
         return BarProgress(Console(stderr=True))
@@ -157,6 +157,21 @@ def watch_frames(what: str) -> AbstractContextManager[Callable[[int, int], None]
     if sys.stderr.isatty():
         return _StepBar(what, "frames")
     return nullcontext(lambda done, total: None)
+
+
+@contextmanager
+def watch_stages() -> Iterator[Callable[[str, int, int], None]]:
+    """As ``watch_frames``, with a bar for each of several stages."""
+    with ExitStack() as stack:
+        bars: dict[str, Callable[[int, int], None]] = {}
+
+        def show(stage: str, done: int, total: int) -> None:
+            if stage not in bars:
+                stack.close()  # the bar of the stage before
+                bars[stage] = stack.enter_context(watch_frames(stage))
+            bars[stage](done, total)
+
+        yield show
 
 
 def watch_steps(what: str, unit: str) -> AbstractContextManager[Callable[[int, int], None]]:

@@ -1,10 +1,23 @@
 """From a raw log to the files of a dataset: sensor files, label tables, ledger.
 
 ``EpisodeConversion`` turns one recorded attempt into one folder of files, segment by segment, in
-the processes of ``conversion_pool``.
+the processes of ``conversion_pool``. What is listed here is imported when it is first used: the
+pool's processes load their libraries in a cheaper way than one import after the other.
 """
 
-from carstage.conversion.episode import EpisodeConversion
-from carstage.conversion.pool import conversion_pool, load_libraries
+from __future__ import annotations
 
-__all__ = ["EpisodeConversion", "conversion_pool", "load_libraries"]
+from typing import TYPE_CHECKING
+
+from carstage.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from carstage.conversion.episode import EpisodeConversion
+    from carstage.conversion.pool import BrokenPoolError, conversion_pool, load_libraries
+
+__all__ = ["BrokenPoolError", "EpisodeConversion", "conversion_pool", "load_libraries"]
+
+__getattr__ = lazy_names(
+    __name__,
+    {"episode": "EpisodeConversion", "pool": "BrokenPoolError conversion_pool load_libraries"},
+)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import shutil
 import threading
 from collections.abc import Callable, Mapping
-from concurrent.futures import CancelledError, Executor, Future, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -253,7 +252,7 @@ class EpisodeConversion:
     def _submit(self, work: Callable[..., Any], *arguments: object) -> Future[Any]:
         try:
             task = self._pool.submit(work, *arguments)
-        except BrokenProcessPool as error:
+        except BrokenExecutor as error:
             raise _worker_died() from error
         task.add_done_callback(lambda _: self._progress())
         return task
@@ -339,7 +338,7 @@ def _raise_error_of(task: Future[Any]) -> None:
         task.result()
     except CancelledError as error:
         raise ConversionError("The conversion was cancelled.") from error
-    except BrokenProcessPool as error:
+    except BrokenExecutor as error:
         raise _worker_died() from error
 
 

@@ -1,46 +1,63 @@
-"""The processes that convert: few threads each, deaf to Ctrl-C, gone when their parent is gone."""
+"""The processes that convert: few threads each, deaf to Ctrl-C, gone when their parent is gone.
+
+``concurrent.futures.ProcessPoolExecutor`` is not used: its processes import the caller's main
+module, so that a script without ``if __name__ == "__main__"`` would start itself again and again,
+and a program on standard input could not use it at all.
+"""
 
 from __future__ import annotations
 
-import atexit
-import ctypes
 import gc
 import importlib
-import multiprocessing
 import os
+import pickle
 import signal
+import socket
+import subprocess
+import sys
 import threading
-from concurrent.futures import Executor, ProcessPoolExecutor
-from multiprocessing.connection import wait
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from contextlib import suppress
+from typing import Any, ParamSpec, TypeVar
 
-_THREAD_LIMITS = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
+from carstage.conversion.worker import THREAD_LIMITS
+
+_Parameters = ParamSpec("_Parameters")
+_Result = TypeVar("_Result")
+
+_PROGRAM = (
+    "import sys; sys.path[:] = sys.argv[2:]; "
+    "from carstage.conversion.worker import serve; serve(int(sys.argv[1]))"
 )
-_NICENESS = 5
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
-_LARGEST_KEPT_BYTES = 32 << 20
-"""As much as the allocator allows."""
-_KEPT_BYTES = 128 << 20
+"""Modules are looked for where the caller looks for them, and nowhere before that is known."""
+
+
+class BrokenPoolError(BrokenExecutor):
+    """A worker died, for example for lack of memory; its pool takes no work any more."""
+
+
+class _RemoteTracebackError(Exception):
+    """The cause of an error that a worker raised: shows where it was raised."""
+
+    def __str__(self) -> str:
+        return f"\n{self.args[0]}"
 
 
 def conversion_pool(workers: int | None = None) -> Executor:
     """Processes for ``EpisodeConversion``; the caller shuts the executor down.
 
-    The workers are spawned, not forked (the caller may have threads); they ignore SIGINT, so that
-    the caller alone decides what Ctrl-C means, run at a lower priority than the simulator, and
-    end when the caller dies, however it does.
+    The workers are started as programs of their own, not forked (the caller may have threads), and
+    never import the caller's main module. They ignore SIGINT, so that the caller alone decides what
+    Ctrl-C means, run at a lower priority than the simulator, and end when the caller dies, however
+    it does. Functions and arguments of tasks must be picklable and defined in importable modules.
 
     Args:
-        workers: number of processes; default: the number of usable CPU cores.
+        workers: number of processes; default: the number of usable CPU cores. Each is started when
+            a task finds no idle one.
     """
-    return ProcessPoolExecutor(
-        max_workers=workers or len(os.sched_getaffinity(0)),
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_initialise_worker,
-    )
+    return _ProcessPool(workers or len(os.sched_getaffinity(0)))
 
 
 def load_libraries(pictures: bool) -> None:
@@ -66,30 +83,117 @@ def load_libraries(pictures: bool) -> None:
         gc.enable()
 
 
-def _initialise_worker() -> None:
-    """Run once in each worker, before the numerical libraries are loaded where that is possible."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    atexit.register(os._exit, 0)  # taking apart all that was imported takes a third of a second
-    _keep_memory()
-    os.environ.update(dict.fromkeys(_THREAD_LIMITS, "1"))
-    os.nice(_NICENESS)
-    threading.Thread(target=_end_with_parent, name="parent-watch", daemon=True).start()
+class _ProcessPool(Executor):
+    """As many threads as processes; each hands a task to an idle process and waits for the answer.
 
-
-def _keep_memory() -> None:
-    """Let the allocator keep what pictures need: the next one needs as much again.
-
-    Else it goes back to the system after each, and every page of the next one's is cleared anew.
+    The threads give queueing, cancelling and shutting down; the processes do the work.
     """
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    if mallopt is not None:  # of the GNU C library
-        mallopt(_M_MMAP_THRESHOLD, _LARGEST_KEPT_BYTES)
-        mallopt(_M_TRIM_THRESHOLD, _KEPT_BYTES)
+
+    def __init__(self, workers: int) -> None:
+        self._threads = ThreadPoolExecutor(workers, thread_name_prefix="conversion")
+        self._lock = threading.Lock()
+        self._workers: list[_Worker] = []
+        self._idle: deque[_Worker] = deque()
+        self._broken = False
+
+    def submit(
+        self,
+        fn: Callable[_Parameters, _Result],
+        /,
+        *args: _Parameters.args,
+        **kwargs: _Parameters.kwargs,
+    ) -> Future[_Result]:
+        """Queue a task.
+
+        Raises:
+            BrokenPoolError: a worker has died.
+        """
+        self._require_whole()
+        return self._threads.submit(self._work, fn, args, kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the workers when their tasks are done; without ``wait``, when this process ends."""
+        self._threads.shutdown(wait, cancel_futures=cancel_futures)
+        if wait:
+            for worker in self._workers:
+                worker.end()
+
+    def _work(self, function: Callable[..., Any], arguments: Any, keywords: Any) -> Any:
+        task = pickle.dumps((function, arguments, keywords))
+        worker = self._take()
+        try:
+            succeeded, result, trace = worker.ask(task)
+        except (EOFError, OSError, pickle.UnpicklingError) as error:
+            self._break()
+            raise BrokenPoolError("A process of the pool died.") from error
+        with self._lock:
+            self._idle.append(worker)
+        if not succeeded:
+            raise result from _RemoteTracebackError(trace)
+        return result
+
+    def _take(self) -> _Worker:
+        with self._lock:
+            self._require_whole()
+            if self._idle:
+                return self._idle.popleft()
+            worker = _Worker()
+            self._workers.append(worker)
+            return worker
+
+    def _break(self) -> None:
+        """Take no work any more and end all workers: a lack of memory is not theirs alone."""
+        with self._lock:
+            self._broken = True
+            for worker in self._workers:
+                worker.kill()
+
+    def _require_whole(self) -> None:
+        if self._broken:
+            raise BrokenPoolError("A process of the pool died; it takes no work any more.")
 
 
-def _end_with_parent() -> None:
-    """Leave when the parent is gone: a pool's worker would wait for work for ever."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)
+class _Worker:
+    """One process, started at once."""
+
+    def __init__(self) -> None:
+        ours, theirs = socket.socketpair()
+        with theirs:
+            # A child inherits the blocked signals: Ctrl-C reaches it not even before it can decide
+            # to ignore it.
+            before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGHUP))
+            try:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-c", _PROGRAM, str(theirs.fileno()), *sys.path],
+                    stdin=subprocess.DEVNULL,
+                    pass_fds=(theirs.fileno(),),
+                    env={**os.environ, **dict.fromkeys(THREAD_LIMITS, "1")},
+                )
+            except BaseException:
+                ours.close()
+                raise
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        self._socket = ours
+        self._stream = ours.makefile("rwb")
+
+    def ask(self, task: bytes) -> tuple[bool, Any, str]:
+        """The answer to a task.
+
+        Raises:
+            EOFError, OSError: the process is gone.
+        """
+        pickle.dump(task, self._stream)
+        self._stream.flush()
+        answer: tuple[bool, Any, str] = pickle.loads(pickle.load(self._stream))
+        return answer
+
+    def kill(self) -> None:
+        """End it at once."""
+        self._process.kill()
+
+    def end(self) -> None:
+        """End it; it has no task."""
+        with self._socket, suppress(OSError):  # it is gone already: a task could not be sent
+            self._stream.close()
+        self._process.wait()

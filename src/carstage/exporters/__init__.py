@@ -1,15 +1,28 @@
 """Datasets in other formats: KITTI, nuScenes, COCO, YOLO, MCAP, WebDataset.
 
 ``export_dataset`` runs an ``Exporter`` over a dataset; how to add one stands in
-docs/formats/exports.md.
+docs/formats/exports.md. What is listed here is imported when it is first used: the command line
+knows ``ExportOptions`` before it knows that something is to be exported.
 """
 
-from carstage.dataset import EpisodeFrames, Frame
-from carstage.exporters.completeness import Completeness, examine
-from carstage.exporters.exporter import Exporter, FrameWriter, exporter_for, exporters, register
-from carstage.exporters.exporting import ExportSummary, export_dataset
-from carstage.exporters.options import ExportOptions
-from carstage.exporters.target import check_target
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from carstage.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from carstage.dataset import EpisodeFrames, Frame
+    from carstage.exporters.completeness import Completeness, examine
+    from carstage.exporters.exporter import (
+        Exporter,
+        FrameWriter,
+        exporter_for,
+        exporters,
+        register,
+    )
+    from carstage.exporters.exporting import ExportSummary, export_dataset
+    from carstage.exporters.options import ExportOptions
 
 __all__ = [
     "Completeness",
@@ -19,10 +32,19 @@ __all__ = [
     "Exporter",
     "Frame",
     "FrameWriter",
-    "check_target",
     "examine",
     "export_dataset",
     "exporter_for",
     "exporters",
     "register",
 ]
+
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "completeness": "Completeness examine",
+        "exporter": "Exporter Frame FrameWriter exporter_for exporters register",
+        "exporting": "EpisodeFrames ExportSummary export_dataset",
+        "options": "ExportOptions",
+    },
+)

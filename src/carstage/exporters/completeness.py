@@ -23,7 +23,7 @@ from carstage.validation.checks.files import DOCUMENTS, TABLES, check_file_list
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.ledger import check_ledger, check_row_sensors
 
-Progress = Callable[[int, int], None]
+Progress = Callable[[int, int], object]
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import fields
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -13,13 +14,17 @@ from typing import Any, ClassVar, Protocol, TypeVar
 from carstage.dataset import Episode
 from carstage.dataset.saved_frames import Frame
 from carstage.errors import BadInputError
-from carstage.exporters.options import ExportOptions
+from carstage.exporters.options import ExportOptions, flag_of
 
 ENTRY_POINT_GROUP = "carstage.exporters"
 
 
 class FrameWriter(Protocol):
-    """The work on one frame; runs in another process, so it has to be picklable."""
+    """The work on one frame; runs in another process, so it has to be picklable.
+
+    Its class or function is in a module that can be imported: the processes do not run the program
+    that called ``export_dataset``.
+    """
 
     def __call__(self, frame: Frame, folder: Path) -> Any:
         """Write the frame's own files below ``folder``.
@@ -112,17 +117,14 @@ def exporter_for(name: str, options: ExportOptions) -> Exporter:
     known = exporters()
     if name not in known:
         raise BadInputError(f"No export format {name!r}.", f"Formats: {', '.join(known)}.")
-    for option in options.given():
-        if option not in known[name].uses:
-            flags = ", ".join(f"--{_flag(use)}" for use in sorted(known[name].uses))
+    flags = {option.name: flag_of(option) for option in fields(ExportOptions)}
+    for given in options.given():
+        if given not in known[name].uses:
+            used = ", ".join(flags[use] for use in sorted(known[name].uses))
             raise BadInputError(
-                f"The format {name} does not use --{_flag(option)}.", f"It uses {flags}."
+                f"The format {name} does not use {flags[given]}.", f"It uses {used}."
             )
     return known[name](options)
-
-
-def _flag(option: str) -> str:
-    return {"cameras": "camera", "classes": "class"}.get(option, option).replace("_", "-")
 
 
 @cache

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, Future
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from carstage import __version__
 from carstage.conversion import conversion_pool
@@ -23,6 +22,7 @@ from carstage.exporters.exporter import Exporter, FrameWriter, exporter_for
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.target import check_target, export_folder, write_document
 from carstage.storage.marker import CommitMarker
+from carstage.validation import Problem
 
 _IN_FLIGHT_PER_WORKER = 4
 _MOST_LISTED = 10
@@ -40,6 +40,7 @@ class ExportSummary:
         frames_left_out: frames whose data the format cannot do without were missing.
         episodes_left_out: ids of the episodes whose tables were missing or damaged.
         unknown_classes: rows by class of the labels that were left out as no format knows them.
+        problems: what is missing or damaged in the dataset.
     """
 
     path: Path
@@ -49,48 +50,60 @@ class ExportSummary:
     frames_left_out: int
     episodes_left_out: tuple[str, ...]
     unknown_classes: dict[str, int]
+    problems: tuple[Problem, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """The summary as a JSON object."""
+        """The summary, without the problems, as a JSON object."""
         document = asdict(self)
+        del document["problems"]
         return {**document, "path": str(self.path)}
 
 
+Stage = Literal["Checking", "Exporting"]
+
+
 def export_dataset(
+    format_name: str,
     dataset: str | Path,
     out: str | Path,
-    format_name: str,
     options: ExportOptions | None = None,
     *,
     overwrite: bool = False,
     allow_incomplete: bool = False,
     workers: int | None = None,
-    completeness: Completeness | None = None,
-    progress: Progress | None = None,
+    progress: Callable[[Stage, int, int], object] | None = None,
 ) -> ExportSummary:
-    """Write a dataset in another format.
+    """Write a dataset in another format; first every file is compared with its hash.
 
     Args:
-        dataset: its folder.
+        format_name: one of ``exporters()``, such as ``coco``, ``kitti-object`` or ``nuscenes``.
+        dataset: folder of the dataset.
         out: the folder to make; it exists when all is written, not before.
-        format_name: one of ``exporters()``.
         options: choices; default: those of the format.
         overwrite: replace an export that stands there.
         allow_incomplete: go on although frames, files or episodes are missing or damaged; they are
             left out.
         workers: number of processes; 0: none but this one; default: the number of CPU cores.
-        completeness: what ``examine`` found; default: it is called.
-        progress: called with (frames written, frames in all).
+        progress: called with what is done, frames done, frames in all.
+
+    Returns:
+        What was written, and what was found missing or damaged.
 
     Raises:
         BadInputError: unfit options, rig or folder, or the dataset is incomplete.
         DatasetError: the folder is no dataset.
         ExportError: a worker died.
+
+    Example:
+        >>> import carstage
+        >>> options = carstage.ExportOptions(cameras=("CAM_FRONT",), max_distance_m=50.0)
+        >>> carstage.export("coco", "datasets/demo", "exports/coco", options).frames
+        50
     """
     source, target = Dataset(dataset), Path(out).expanduser()
     exporter = exporter_for(format_name, options or ExportOptions())
     check_target(target, source.path, overwrite=overwrite)
-    found = completeness or examine(source)
+    found = examine(source, _of_stage("Checking", progress))
     if not found.complete and not allow_incomplete:
         raise BadInputError(_refusal(found), "Repair it, or add --allow-incomplete.")
     episodes = tuple(episode for episode in source.episodes if episode.id in found.whole)
@@ -99,7 +112,9 @@ def export_dataset(
             f"The dataset {source.path} has no whole episode.", "Record one: carstage run."
         )
     with export_folder(target) as folder:
-        frames = _write(exporter, episodes, folder, found, workers, progress)
+        frames = _write(
+            exporter, episodes, folder, found, workers, _of_stage("Exporting", progress)
+        )
         summary = ExportSummary(
             path=target,
             format=format_name,
@@ -108,11 +123,12 @@ def export_dataset(
             frames_left_out=sum(episode.frames for episode in episodes) - frames,
             episodes_left_out=tuple(e.id for e in source.episodes if e.id not in found.whole),
             unknown_classes=dict(found.unknown_classes),
+            problems=found.problems,
         )
         write_document(
             folder,
             {
-                **{key: value for key, value in asdict(summary).items() if key != "path"},
+                **{key: value for key, value in summary.to_json().items() if key != "path"},
                 "created_by": f"carstage {__version__}",
                 "dataset": source.name,
                 "episode_ids": [episode.id for episode in episodes],
@@ -120,6 +136,12 @@ def export_dataset(
             },
         )
     return summary
+
+
+def _of_stage(
+    stage: Stage, progress: Callable[[Stage, int, int], object] | None
+) -> Progress | None:
+    return None if progress is None else partial(progress, stage)
 
 
 def _refusal(found: Completeness) -> str:
@@ -173,7 +195,7 @@ def _pool(workers: int | None) -> Iterator[Executor]:
     pool = conversion_pool(workers)
     try:
         yield pool
-    except BrokenProcessPool as error:
+    except BrokenExecutor as error:
         raise ExportError(
             "A process that wrote frames died.", "Is there memory enough? Try --workers 1."
         ) from error

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import Field, dataclass, field, fields
 from difflib import get_close_matches
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from carstage.errors import BadInputError
 from carstage.exporters.classes import CLASSES, DEFAULT_CLASSES
@@ -12,6 +12,16 @@ from carstage.exporters.classes import CLASSES, DEFAULT_CLASSES
 BoxChoice = Literal["amodal", "modal"]
 OcclusionChoice = Literal["stage_vo", "pixel"]
 CodecChoice = Literal["ffv1", "h264"]
+
+
+def _shown(text: str, metavar: str | None = None, flag: str | None = None) -> dict[str, Any]:
+    """What the command line shows of a field."""
+    return {"help": text, "metavar": metavar, "flag": flag}
+
+
+def flag_of(option: Field[Any]) -> str:
+    """How the command line calls a field of ``ExportOptions``."""
+    return str(option.metadata["flag"] or "--" + option.name.replace("_", "-"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,16 +41,43 @@ class ExportOptions:
         classes: names of the classes to export.
     """
 
-    cameras: tuple[str, ...] = ()
-    lidar: str | None = None
-    boxes: BoxChoice | None = None
-    occlusion: OcclusionChoice | None = None
-    min_lidar_points: int | None = None
-    max_distance_m: float | None = None
-    include_invisible: bool = False
-    validation_share: float = 0.0
-    codec: CodecChoice | None = None
-    classes: tuple[str, ...] = ()
+    cameras: tuple[str, ...] = field(
+        default=(), metadata=_shown("A camera to export. Repeatable.", "ID", "--camera")
+    )
+    lidar: str | None = field(default=None, metadata=_shown("The LiDAR to export.", "ID"))
+    boxes: BoxChoice | None = field(
+        default=None,
+        metadata=_shown(
+            "2D boxes around the silhouette or around the visible pixels.", "amodal|modal"
+        ),
+    )
+    occlusion: OcclusionChoice | None = field(
+        default=None,
+        metadata=_shown(
+            "KITTI's occlusion levels by STAGE-VO or by counted pixels.", "stage_vo|pixel"
+        ),
+    )
+    min_lidar_points: int | None = field(
+        default=None, metadata=_shown("Leave out objects with fewer LiDAR points.")
+    )
+    max_distance_m: float | None = field(
+        default=None, metadata=_shown("Leave out objects farther away.")
+    )
+    include_invisible: bool = field(
+        default=False, metadata=_shown("Export objects that nothing is seen of.")
+    )
+    validation_share: float = field(
+        default=0.0, metadata=_shown("Share of the episodes for validation.")
+    )
+    codec: CodecChoice | None = field(
+        default=None, metadata=_shown("Of videos: without loss (default), or small.", "ffv1|h264")
+    )
+    classes: tuple[str, ...] = field(
+        default=(),
+        metadata=_shown(
+            "A class to export, also rider, pole and the like. Repeatable.", "NAME", "--class"
+        ),
+    )
 
     def __post_init__(self) -> None:
         for name, given, known in (

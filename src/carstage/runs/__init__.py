@@ -6,23 +6,24 @@ the graphical interface does, must not wait for all that recording needs.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from carstage.lazy import lazy_names
 
 if TYPE_CHECKING:
     from carstage.runs.attempts import DeadRun, dead_runs
     from carstage.runs.folder import CurrentEpisode, EpisodeCounts, RunStatus
-    from carstage.runs.outcome import RunObserver, RunResult
+    from carstage.runs.outcome import RunResult
     from carstage.runs.preflight import size_text
+    from carstage.runs.running import DEFAULT_RETRIES, ConfigSource, run
     from carstage.runs.selftesting import describe_verdict, examine_server
-    from carstage.runs.session import DEFAULT_RETRIES, run
 
 __all__ = [
     "DEFAULT_RETRIES",
+    "ConfigSource",
     "CurrentEpisode",
     "DeadRun",
     "EpisodeCounts",
-    "RunObserver",
     "RunResult",
     "RunStatus",
     "dead_runs",
@@ -32,23 +33,14 @@ __all__ = [
     "size_text",
 ]
 
-_MODULES = {
-    "DEFAULT_RETRIES": "session",
-    "CurrentEpisode": "folder",
-    "DeadRun": "attempts",
-    "EpisodeCounts": "folder",
-    "RunObserver": "outcome",
-    "RunResult": "outcome",
-    "RunStatus": "folder",
-    "dead_runs": "attempts",
-    "describe_verdict": "selftesting",
-    "examine_server": "selftesting",
-    "run": "session",
-    "size_text": "preflight",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "attempts": "DeadRun dead_runs",
+        "folder": "CurrentEpisode EpisodeCounts RunStatus",
+        "outcome": "RunResult",
+        "preflight": "size_text",
+        "running": "DEFAULT_RETRIES ConfigSource run",
+        "selftesting": "describe_verdict examine_server",
+    },
+)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import signal
 from concurrent.futures import Executor as Pool
-from multiprocessing import resource_tracker
 from typing import Literal
 
 from carstage.conversion import conversion_pool, load_libraries
@@ -50,17 +48,8 @@ class Converters:
 
 
 def start_pool(workers: int, pictures: bool) -> Pool:
-    """Converters whose processes exist already, and load their libraries.
-
-    They are started with the terminal's signals blocked, which a child inherits: Ctrl-C reaches a
-    worker also before it can decide to ignore it.
-    """
-    resource_tracker.ensure_running()  # its own start unblocks SIGINT
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGHUP))
-    try:
-        pool = conversion_pool(workers)
-        for _ in range(workers):
-            pool.submit(load_libraries, pictures)
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    """Converters whose processes are started at once, and load their libraries."""
+    pool = conversion_pool(workers)
+    for _ in range(workers):
+        pool.submit(load_libraries, pictures)
     return pool

@@ -102,6 +102,7 @@ class RunFolder:
             raise BadInputError(
                 f"{self.run_id!r} cannot be a run's name.", "Use letters and digits."
             )
+        self.dataset = out
         self.path = out / "runs" / self.run_id
         self._torn = False
         try:

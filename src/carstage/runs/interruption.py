@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -19,18 +20,20 @@ class Interruption:
     """Takes the signals while it is entered; outside the main thread it takes none.
 
     The first signal raises ``KeyboardInterrupt`` where the program waits for something that may be
-    cut, such as a server's start; inside ``held`` it only sets ``requested`` and wakes ``fileno``.
+    cut, such as a server's start; inside ``deferred`` it only sets ``requested`` and wakes
+    ``fileno``. The second one kills what the run waits for and ends the process; an interactive
+    session, such as a notebook's, stays and gets ``KeyboardInterrupt``.
 
     Args:
-        notify: told a sentence for the user at the first signal.
+        notify: called with a sentence for the user at the first signal.
     """
 
     def __init__(self, notify: Callable[[str], None] = lambda _: None) -> None:
         self.requested = False
         self._notify = notify
-        self._held = 0
+        self._deferring = 0
         self._killers: list[Callable[[], None]] = []
-        self._previous: dict[int, object] = {}
+        self._previous: dict[int, signal.Handlers | int | Callable[..., object] | None] = {}
         self._wakeup = WakeupPipe()
 
     def __enter__(self) -> Interruption:
@@ -46,7 +49,8 @@ class Interruption:
         trace: TracebackType | None,
     ) -> None:
         for number, handler in self._previous.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]
+            if handler is not None:  # else: not set from Python, and so not to be set back
+                signal.signal(number, handler)
         self._wakeup.close()
 
     def fileno(self) -> int:
@@ -56,11 +60,11 @@ class Interruption:
     @contextmanager
     def deferred(self) -> Iterator[None]:
         """A stretch that a signal does not cut; look at ``requested`` in it."""
-        self._held += 1
+        self._deferring += 1
         try:
             yield
         finally:
-            self._held -= 1
+            self._deferring -= 1
 
     @contextmanager
     def kills(self, killer: Callable[[], None]) -> Iterator[None]:
@@ -72,7 +76,7 @@ class Interruption:
             self._killers.remove(killer)
 
     def check(self) -> None:
-        """Raise ``KeyboardInterrupt`` when a signal came while it was held."""
+        """Raise ``KeyboardInterrupt`` when a signal came in a deferred stretch."""
         if self.requested:
             raise KeyboardInterrupt
 
@@ -81,9 +85,11 @@ class Interruption:
             for killer in self._killers:
                 with suppress(OSError):
                     killer()
+            if hasattr(sys, "ps1"):  # only interactive sessions have a prompt
+                raise KeyboardInterrupt
             os._exit(EXIT_CODE)
         self.requested = True
         self._wakeup.notify()
         self._notify("Ending after this frame; press Ctrl-C again to end at once.")
-        if not self._held:
+        if not self._deferring:
             raise KeyboardInterrupt

@@ -1,46 +1,13 @@
-"""Who watches a run, and how it ended."""
+"""How a run ended."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-from carstage.plan import RunEstimate
-from carstage.runs.folder import RunStatus, State
-
-
-class RunObserver(Protocol):
-    """Who watches a run, such as the command line's progress bars."""
-
-    def planned(self, estimate: RunEstimate, todo: int, skipped: int) -> None:
-        """The run is planned and fits on the disk."""
-
-    def status(self, status: RunStatus) -> None:
-        """The status, several times a second."""
-
-    def event(self, event: Mapping[str, Any]) -> None:
-        """An event, as it is written to ``events.jsonl``."""
-
-    def notify(self, sentence: str) -> None:
-        """Something that the user should read."""
-
-
-class Nobody:
-    """Watches nothing."""
-
-    def planned(self, estimate: RunEstimate, todo: int, skipped: int) -> None:
-        """Nothing."""
-
-    def status(self, status: RunStatus) -> None:
-        """Nothing."""
-
-    def event(self, event: Mapping[str, Any]) -> None:
-        """Nothing."""
-
-    def notify(self, sentence: str) -> None:
-        """Nothing."""
+from carstage.runs.folder import State
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,9 +15,14 @@ class RunResult:
     """How a run ended.
 
     Attributes:
+        run_id: name of the run's folder.
+        dataset: folder of the dataset.
+        folder: the run's folder with plan, status, events and logs.
         state: ``done``, ``failed`` or ``interrupted``.
+        total: episodes that the configuration asks for.
         committed: episodes that this run has added to the dataset.
         skipped: episodes that were there already.
+        frames: saved frames of the episodes that this run has added.
         failures: what went wrong, by episode id.
     """
 

@@ -1,4 +1,4 @@
-"""Reads the folders of runs, those that go on too: what they notify, and whether they live."""
+"""Reads the folders of runs, those that go on too: what they hold, and whether the run lives."""
 
 from __future__ import annotations
 
@@ -64,10 +64,11 @@ class EventTail:
             return []
         self._offset += len(data)
         *lines, self._rest = (self._rest + data).split(b"\n")
-        return [event for line in lines if (event := _event(line)) is not None]
+        return [event for line in lines if (event := parse_event(line)) is not None]
 
 
-def _event(line: bytes) -> dict[str, Any] | None:
+def parse_event(line: bytes) -> dict[str, Any] | None:
+    """The content of a line of ``events.jsonl``; None for one that is not whole."""
     try:
         event = json.loads(line)
     except ValueError:

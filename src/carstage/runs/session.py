@@ -1,15 +1,11 @@
-"""One run: plan, server, collector, conversion, commit, from start to every way out."""
+"""The episodes of a run: recorded, converted, committed, tried again, to every way out."""
 
 from __future__ import annotations
 
-import os
 import selectors
-import threading
-import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
-from pathlib import Path
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from typing import Any
 
 from carstage.config import Config
@@ -22,126 +18,68 @@ from carstage.errors import (
     EpisodeExistsError,
     StorageError,
 )
-from carstage.execution import Executor, InlineExecutor
-from carstage.plan import estimate_run, plan_episodes
+from carstage.execution import Executor
 from carstage.runs.attempt_commit import AttemptCommit, Job
-from carstage.runs.attempts import dead_runs, remove_leftovers, reserve_attempt
+from carstage.runs.attempts import reserve_attempt
 from carstage.runs.converters import Converters
-from carstage.runs.folder import (
-    CurrentEpisode,
-    EpisodeCounts,
-    RunFolder,
-    RunStatus,
-    State,
-    process_start_time,
+from carstage.runs.events import (
+    AttemptReserved,
+    EpisodeCommitted,
+    EpisodeFailed,
+    EpisodeRetried,
+    EpisodeSkipped,
+    FramesConverted,
+    RunFinished,
+    RunStarted,
+    ServerTested,
 )
+from carstage.runs.folder import CurrentEpisode, State
 from carstage.runs.interruption import Interruption
-from carstage.runs.orphans import marked
-from carstage.runs.outcome import Nobody, RunObserver, RunResult
-from carstage.runs.preflight import (
-    check_codecs,
-    check_disk,
-    check_output,
-    check_server,
-    recording_of,
-)
+from carstage.runs.outcome import RunResult
+from carstage.runs.record import RunRecord
 from carstage.runs.selftesting import describe_verdict, refuse, run_self_test
-from carstage.runs.server_lock import server_lock
 from carstage.runs.server_worker import POLL_S, ServerWorker
 from carstage.runs.servers import ServerSetup
 from carstage.runs.wakeup_pipe import WakeupPipe
 from carstage.spec import EpisodeSpec
-from carstage.storage import Store, open_store
+from carstage.storage import Store
 from carstage.storage.disk import disk_error
 
-_HEARTBEAT_S = 1.0
-_EXPLAIN_AFTER_S = 5.0
 _MOST_COMMITS_UNDER_WAY = 2
-DEFAULT_RETRIES = 2
 
 
-def run(
-    config: Config,
-    out: Path | str,
-    *,
-    retries: int = DEFAULT_RETRIES,
-    observer: RunObserver | None = None,
-    executor: Executor | None = None,
-    run_id: str | None = None,
-) -> RunResult:
-    """Record a configuration's episodes into a dataset; those that it has already are skipped.
-
-    Ends only when server, collector and converters are gone, whatever happens. SIGINT and SIGTERM
-    end the run well; a second one ends it at once.
+class Session:
+    """The state of a run between its plan and its end; the host of its workers.
 
     Args:
-        config: what to record.
-        out: folder of the dataset.
+        config: what is recorded.
+        setup: how the server is started.
+        store: where episodes are committed.
+        record: the run's events and status.
+        interruption: the run's signals.
+        wakeup: wakes the run when something is converted.
         retries: further attempts of an episode that fails.
-        observer: who watches.
-        executor: where episodes are recorded; default: one worker on this machine.
-        run_id: name of the run's folder; default: a new one.
-
-    Raises:
-        BadInputError: something cannot be, or another run uses the server; nothing was started.
-        ServerError: the server cannot be started.
     """
-    watcher: RunObserver = observer or Nobody()
-    out = Path(out).expanduser().absolute()
-    with Interruption(watcher.notify) as interruption:
-        for warning in config.warnings():
-            watcher.notify(warning)
-        check_output(out)
-        check_codecs(config)
-        check_server(config)
-        setup = ServerSetup(config)
-        with server_lock(config), setup.facts() as facts:
-            episodes = plan_episodes(config, facts, recording_of(config))
-            store = open_store(out)
-            for dead in dead_runs(out):  # first, as what they left takes space on the disk
-                remove_leftovers(dead, store)
-                watcher.notify(f"Removed what the dead run {dead.folder.name} had left.")
-            present = store.committed() if (out / "dataset.json").exists() else {}
-            todo = [spec for spec in episodes if spec.episode_id not in present]
-            estimate = estimate_run(config, todo)
-            check_disk(out, estimate)
-            store.initialise(config.name)
-            watcher.planned(estimate, len(todo), len(episodes) - len(todo))
-            with RunFolder(out, run_id) as folder, marked(folder.run_id), WakeupPipe() as wakeup:
-                folder.write_plan(config, episodes)
-                session = _Session(
-                    config, setup, store, folder, out, interruption, wakeup, watcher, retries
-                )
-                return session.run(episodes, todo, executor or InlineExecutor())
-
-
-class _Session:
-    """The state of a run between its plan and its end; the host of its workers."""
 
     def __init__(
         self,
         config: Config,
         setup: ServerSetup,
         store: Store,
-        folder: RunFolder,
-        out: Path,
+        record: RunRecord,
         interruption: Interruption,
         wakeup: WakeupPipe,
-        observer: RunObserver,
         retries: int,
-        clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._config = config
         self._setup = setup
         self._store = store
-        self._folder = folder
-        self._out = out
+        self._record = record
+        self._folder = record.folder
+        self._status = record.status
         self._interruption = interruption
         self._wakeup = wakeup
-        self._observer = observer
         self._retries = retries
-        self._clock_s = clock_s
-        self._next_heartbeat_s = 0.0
         self._self_test: Mapping[str, Any] | None = None
         self._converters = Converters(
             config.conversion.workers, pictures=any(sensor.is_camera for sensor in config.sensors)
@@ -152,14 +90,6 @@ class _Session:
         self._attempt_commits: list[AttemptCommit] = []
         self._failures: dict[str, str] = {}
         self._frames = 0
-        self._status = RunStatus(
-            run_id=folder.run_id,
-            state="planning",
-            pid=os.getpid(),
-            pid_started=process_start_time(os.getpid()),
-            heartbeat=0.0,
-            episodes=EpisodeCounts(),
-        )
 
     def run(
         self, episodes: tuple[EpisodeSpec, ...], todo: list[EpisodeSpec], executor: Executor
@@ -171,12 +101,12 @@ class _Session:
         self._jobs.extend(Job(spec, spec.episode_id) for spec in todo)
         state: State = "failed"
         try:
-            self._event("run_started", run_id=self._folder.run_id)
+            self._record.event(RunStarted(run_id=self._folder.run_id))
             for spec in episodes:
                 if spec.episode_id not in missing:
                     reason = "it is in the dataset already"
-                    self._event("episode_skipped", episode_id=spec.episode_id, reason=reason)
-            self._enter("starting")
+                    self._record.event(EpisodeSkipped(episode_id=spec.episode_id, reason=reason))
+            self._record.enter("starting")
             if todo:
                 with self._interruption.deferred():  # no pool that nobody knows of
                     self._converters.pool()  # they load their libraries while the server starts
@@ -201,7 +131,7 @@ class _Session:
                 self._finish(state)
         return RunResult(
             run_id=self._folder.run_id,
-            dataset=self._out,
+            dataset=self._folder.dataset,
             folder=self._folder.path,
             state=state,
             total=len(episodes),
@@ -215,19 +145,19 @@ class _Session:
         """Write down how it ended, where the disk lets us: a full one must not hide why."""
         counts = self._status.episodes
         try:
-            self._enter(state)
-            self._event(
-                "run_finished", state=state, committed=counts.committed, failed=counts.failed
+            self._record.enter(state)
+            self._record.event(
+                RunFinished(state=state, committed=counts.committed, failed=counts.failed)
             )
         except StorageError as error:
-            self._observer.notify(f"{error.message} The next run on this dataset clears up.")
+            self._record.notice(f"{error.message} The next run on this dataset clears up.")
 
     # What the workers call.
 
     def begin(self, job: Job) -> AttemptCommit:
         """Reserve an attempt of the job."""
-        attempt = reserve_attempt(self._out, job.episode_id, job.first_attempt)
-        self._event("attempt_reserved", episode_id=job.episode_id, attempt=attempt)
+        attempt = reserve_attempt(self._folder.dataset, job.episode_id, job.first_attempt)
+        self._record.event(AttemptReserved(episode_id=job.episode_id, attempt=attempt))
         raw_folder = self._folder.raw_attempt(job.episode_id, attempt)
         raw_folder.parent.mkdir(parents=True, exist_ok=True)
         attempt_commit = AttemptCommit(
@@ -249,15 +179,12 @@ class _Session:
             ticks_total=job.spec.steps,
             frames_total=job.spec.saved_frames,
         )
-        self._enter("recording")
+        self._record.enter("recording")
         return attempt_commit
 
     def on_event(self, event: Mapping[str, Any]) -> None:
-        """Copy an event into the run's; follow the ticks."""
-        if event["event"] == "tick" and self._status.current is not None:
-            self._status.current.ticks_done = int(event["tick"]) + 1
-        fields = {key: value for key, value in event.items() if key != "event"}
-        self._event(str(event["event"]), **fields)
+        """Copy an event of the collector or the server into the run's."""
+        self._record.copy_event(event)
 
     def poll(self) -> None:
         """Commit what is converted; keep the status fresh."""
@@ -272,41 +199,17 @@ class _Session:
         if self._config.conversion.mode == "streaming" or self._recording is None:
             for attempt_commit in list(self._attempt_commits):
                 self._commit_if_ready(attempt_commit)
-        now_s = self._clock_s()
-        if now_s >= self._next_heartbeat_s:
-            self._next_heartbeat_s = now_s + _HEARTBEAT_S
-            self._folder.write_status(self._status)
-        self._observer.status(self._status)
+        self._record.beat()
 
-    @contextmanager
-    def waiting(self, what: str) -> Iterator[None]:
-        """Keep the heartbeat while the caller waits; notify ``what`` when it takes long."""
-        over = threading.Event()
-
-        def beat() -> None:
-            begin_s = self._clock_s()
-            explained = False
-            while not over.wait(_HEARTBEAT_S):
-                with suppress(StorageError):  # said where the run itself writes next
-                    self._folder.write_status(self._status)
-                if not explained and self._clock_s() - begin_s > _EXPLAIN_AFTER_S:
-                    explained = True
-                    self._observer.notify(what)
-
-        thread = threading.Thread(target=beat, name="heartbeat", daemon=True)
-        thread.start()
-        try:
-            yield
-        finally:
-            with self._interruption.deferred():
-                over.set()
-                thread.join()
+    def waiting(self, what: str) -> AbstractContextManager[None]:
+        """Keep the heartbeat while the caller waits; explain by ``what`` when it takes long."""
+        return self._record.waiting(what)
 
     def recorded(self, attempt_commit: AttemptCommit, incomplete_ticks: int) -> bool:
-        """Let a recording land, at once or after all others; returns whether it may.
+        """Convert and commit a recording, at once or after all others; returns whether it may.
 
         Where every sensor has to deliver, an attempt with gaps is repeated as long as that is
-        allowed. The last one lands as it is: its ledger names every gap.
+        allowed. The last one is committed as it is: its ledger names every gap.
         """
         job = attempt_commit.job
         if incomplete_ticks and job.spec.timing.demands_all:
@@ -317,7 +220,7 @@ class _Session:
                 gaps = CollectorError(what, "See the collector's log and the server's.")
                 self.attempt_failed(attempt_commit, gaps, final=False)
                 return False
-            self._observer.notify(f"{what} It is kept: the ledger frames.parquet names them.")
+            self._record.notice(f"{what} It is kept: the ledger frames.parquet names them.")
         self._recording = None
         if self._config.conversion.mode == "deferred":
             self._recorded.append(attempt_commit)
@@ -333,9 +236,7 @@ class _Session:
         Raises:
             DiskFullError: the error, as no other episode would fare better.
         """
-        if (
-            attempt_commit is self._recording
-        ):  # else: converting it failed, while another is recorded
+        if attempt_commit is self._recording:  # else: converting failed, while another is recorded
             self._recording = None
         if isinstance(error, ConverterDiedError):
             self._converters.retire()
@@ -345,21 +246,23 @@ class _Session:
         if not final and not full and job.tries < self._retries:
             number = int(attempt_commit.attempt[1:])
             self._jobs.appendleft(Job(job.spec, job.episode_id, job.tries + 1, number + 1))
-            self._event(
-                "episode_retried",
+            self._record.event(
+                EpisodeRetried(
+                    episode_id=job.episode_id,
+                    attempt=attempt_commit.attempt,
+                    reason=reason,
+                )
+            )
+            self._record.notice(f"{error.message} The episode is recorded again.")
+            return
+        self._failures[job.episode_id] = reason
+        self._status.episodes.failed += 1
+        self._record.event(
+            EpisodeFailed(
                 episode_id=job.episode_id,
                 attempt=attempt_commit.attempt,
                 reason=reason,
             )
-            self._observer.notify(f"{error.message} The episode is recorded again.")
-            return
-        self._failures[job.episode_id] = reason
-        self._status.episodes.failed += 1
-        self._event(
-            "episode_failed",
-            episode_id=job.episode_id,
-            attempt=attempt_commit.attempt,
-            reason=reason,
         )
         if full:
             raise error
@@ -387,9 +290,9 @@ class _Session:
                 sensor_warmup_ticks=self._setup.sensor_warmup_ticks,
             )
         self._self_test = verdict.to_json()
-        self._event("server_tested", **self._self_test)
+        self._record.event(ServerTested(**self._self_test))
         for sentence in describe_verdict(verdict):
-            self._observer.notify(sentence)
+            self._record.notice(sentence)
         if self._setup.must_pass and not verdict.ok:
             raise refuse(verdict)
 
@@ -414,7 +317,7 @@ class _Session:
     def _show_conversion(self) -> None:
         attempt_commit = self._attempt_commits[0]
         if self._status.state != "converting":
-            self._enter("converting")
+            self._record.enter("converting")
         steps, frames = attempt_commit.job.spec.steps, attempt_commit.job.spec.saved_frames
         self._status.current = CurrentEpisode(
             episode_id=attempt_commit.job.episode_id,
@@ -433,7 +336,7 @@ class _Session:
             selector.register(self._wakeup, selectors.EVENT_READ)
             selector.select(POLL_S)
 
-    # AttemptCommit.
+    # Converting and committing.
 
     def _convert(self, attempt_commit: AttemptCommit) -> None:
         """Begin to convert a recording that was kept for the end."""
@@ -444,7 +347,7 @@ class _Session:
             self._commit_failed(attempt_commit, error)
 
     def _commit_if_ready(self, attempt_commit: AttemptCommit) -> None:
-        """Commit the attempt_commit if its frames are converted."""
+        """Commit an attempt whose frames are converted."""
         job = attempt_commit.job
         try:
             if not attempt_commit.is_ready():
@@ -454,11 +357,12 @@ class _Session:
             self._attempt_commits.remove(attempt_commit)
             self._status.episodes.skipped += 1
             attempt_commit.remove_raw()
-            self._event(
-                "episode_skipped",
-                episode_id=job.episode_id,
-                attempt=attempt_commit.attempt,
-                reason=error.message,
+            self._record.event(
+                EpisodeSkipped(
+                    episode_id=job.episode_id,
+                    attempt=attempt_commit.attempt,
+                    reason=error.message,
+                )
             )
         except CarStageError as error:
             self._commit_failed(attempt_commit, error)
@@ -468,42 +372,30 @@ class _Session:
             self._frames += frames
             if not self._config.output.keep_raw:
                 attempt_commit.remove_raw()
-            self._event("frames_converted", episode_id=job.episode_id, frames=frames)
-            self._event(
-                "episode_committed", episode_id=job.episode_id, attempt=attempt_commit.attempt
+            self._record.event(FramesConverted(episode_id=job.episode_id, frames=frames))
+            self._record.event(
+                EpisodeCommitted(episode_id=job.episode_id, attempt=attempt_commit.attempt)
             )
 
     def _commit_failed(self, attempt_commit: AttemptCommit, error: CarStageError) -> None:
-        """A attempt_commit failed; what it has written goes."""
+        """Converting or committing an attempt failed: what it has written goes."""
         self._attempt_commits.remove(attempt_commit)
         attempt_commit.give_up()
         self.attempt_failed(attempt_commit, error, final=isinstance(error, BadInputError))
 
     def _give_back(self) -> None:
-        """Remove attempts that did not land and end the converters, whatever the disk says."""
+        """Remove attempts that were not committed and end the converters, whatever fails."""
         for attempt_commit in [*self._under_way(), *self._recorded]:
             try:
                 attempt_commit.give_up()
             except (CarStageError, OSError) as error:
                 folder = f"episodes/{attempt_commit.job.episode_id}/{attempt_commit.attempt}"
-                self._observer.notify(
-                    f"{folder} could not be removed and is no part of it: {error}"
-                )
+                self._record.notice(f"{folder} could not be removed and is no part of it: {error}")
         self._converters.end()
 
     def _under_way(self) -> list[AttemptCommit]:
         """What is recorded now, and what is being converted."""
         return [*([] if self._recording is None else [self._recording]), *self._attempt_commits]
-
-    def _enter(self, state: State) -> None:
-        self._status.state = state
-        with self._interruption.deferred():
-            self._folder.write_status(self._status)
-        self._observer.status(self._status)
-
-    def _event(self, event: str, **fields: Any) -> None:
-        with self._interruption.deferred():  # no torn lines
-            self._observer.event(self._folder.write_event(event, fields))
 
 
 def _is_of(current: CurrentEpisode, attempt_commit: AttemptCommit) -> bool:

@@ -7,9 +7,9 @@ from contextlib import suppress
 
 
 class WakeupPipe:
-    """Readable for ``selectors`` from its ring until it is silenced; a context manager.
+    """Readable for ``selectors`` from ``notify`` until ``clear``; a context manager.
 
-    Nobody may ring any more when its block ends.
+    Nobody may call ``notify`` any more when its block ends.
     """
 
     def __init__(self) -> None:
@@ -34,6 +34,6 @@ class WakeupPipe:
         os.eventfd_write(self._descriptor, 1)
 
     def clear(self) -> None:
-        """Forget the rings so far."""
+        """Forget the calls of ``notify`` so far."""
         with suppress(BlockingIOError):  # there were none
             os.eventfd_read(self._descriptor)

@@ -38,7 +38,7 @@ class ExporterTests:
 
     def test_equal_datasets_give_equal_bytes(self, dataset: Path, tmp_path: Path) -> None:
         for out in ("a", "b"):
-            export_dataset(dataset, tmp_path / out, self.name, workers=0)
+            export_dataset(self.name, dataset, tmp_path / out, workers=0)
         first, second = _hashes(tmp_path / "a"), _hashes(tmp_path / "b")
         assert first == second
         assert len(first) > 1
@@ -51,7 +51,7 @@ class ExporterTests:
 
         monkeypatch.setattr(exporters()[self.name], "finish", fail)
         with pytest.raises(OSError, match="no space"):
-            export_dataset(dataset, tmp_path / "out", self.name, workers=0)
+            export_dataset(self.name, dataset, tmp_path / "out", workers=0)
         assert not list(tmp_path.iterdir())
 
     def test_frames_without_any_data_are_no_failure(self, dataset: Path, tmp_path: Path) -> None:

@@ -300,7 +300,7 @@ def test_error_of_the_system_is_a_sentence_not_a_bug(
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "events.jsonl")
 
-    monkeypatch.setattr("carstage.runs.session.RunFolder.write_plan", full)
+    monkeypatch.setattr("carstage.runs.running.RunFolder.write_plan", full)
     ended = invoke("run", config, "--out", tmp_path / "dataset")
     assert ended.exit_code == 1
     assert ended.stderr.splitlines()[-2:] == [
@@ -315,7 +315,7 @@ def test_error_that_nobody_expected_is_called_a_bug(
     def wrong(*_: object) -> None:
         raise ZeroDivisionError("oops")
 
-    monkeypatch.setattr("carstage.runs.session.plan_episodes", wrong)
+    monkeypatch.setattr("carstage.runs.running.plan_episodes", wrong)
     ended = invoke("run", config, "--out", tmp_path / "dataset")
     assert ended.exit_code == 1
     assert "bug in Car-STAGE: ZeroDivisionError: oops" in ended.stderr

@@ -8,18 +8,14 @@ from rich.console import Console
 
 from carstage.cli.progress import BarProgress, LineProgress, StepLines
 from carstage.plan import RunEstimate
-from carstage.runs import CurrentEpisode, EpisodeCounts, RunStatus
+from carstage.runs import CurrentEpisode, EpisodeCounts, events
 
 
-def status(ticks: int, frames: int) -> RunStatus:
-    return RunStatus(
-        run_id="r",
-        state="recording",
-        pid=1,
-        pid_started=0.0,
-        heartbeat=0.0,
-        episodes=EpisodeCounts(total=3, committed=1),
-        current=CurrentEpisode("e", 1, "a1", ticks, 50, frames, 50),
+def progress_of(ticks: int, frames: int) -> events.Progress:
+    return events.Progress(
+        "recording",
+        EpisodeCounts(total=3, committed=1),
+        CurrentEpisode("e", 1, "a1", ticks, 50, frames, 50),
     )
 
 
@@ -28,25 +24,24 @@ def test_log_gets_a_line_every_five_seconds() -> None:
     clock_s = iter([0.0, 1.0, 4.9, 5.1, 6.0])
     progress = LineProgress(lines.append, lambda: next(clock_s))
     for ticks in range(5):
-        progress.status(status(ticks * 10, ticks * 5))
+        progress(progress_of(ticks * 10, ticks * 5))
     assert lines == [
         "Episode 2 of 3: recorded 0/50 steps, converted 0/50 frames.",
         "Episode 2 of 3: recorded 30/50 steps, converted 15/50 frames.",
     ]
 
 
-def test_estimate_is_told_before_the_run() -> None:
+def test_estimate_is_shown_before_the_run() -> None:
     lines: list[str] = []
     estimate = RunEstimate(106_000_000, 375_000_000, 482_000_000, 25.0)
-    LineProgress(lines.append).planned(estimate, todo=1, skipped=2)
+    LineProgress(lines.append)(events.RunPlanned(estimate, todo=1, skipped=2))
     assert lines[0] == "2 of 3 episodes are in the dataset already."
     assert lines[1].startswith("1 episode to record: about 106 MB (482 MB at most on the way)")
 
 
-def test_shortfall_of_actors_is_told() -> None:
+def test_shortfall_of_actors_is_shown() -> None:
     lines: list[str] = []
-    event = {"event": "actors_spawned", "requested": {"vehicles": 9}, "spawned": {"vehicles": 7}}
-    LineProgress(lines.append).event(event)
+    LineProgress(lines.append)(events.ActorsSpawned("e", {"vehicles": 9}, {"vehicles": 7}))
     assert "9" in lines[0]
     assert "7" in lines[0]
 
@@ -55,8 +50,8 @@ def test_terminal_shows_episodes_steps_and_frames() -> None:
     screen = io.StringIO()
     console = Console(file=screen, force_terminal=True, width=100, color_system=None)
     with BarProgress(console) as progress:
-        progress.status(status(20, 10))
-        progress.notify("Something [with] brackets.")
+        progress(progress_of(20, 10))
+        progress(events.Notice("Something [with] brackets."))
     text = screen.getvalue()
     for part in ("Episodes", "1/3", "Recording", "20/50", "Conversion", "10/50", "[with]"):
         assert part in text
@@ -74,5 +69,5 @@ def test_a_measurement_says_now_and_then_how_long_the_rest_will_take() -> None:
 def test_verdict_of_the_self_test_is_counted() -> None:
     lines: list[str] = []
     checks = [{"name": "frames", "ok": True}, {"name": "LiDAR axes", "ok": False}]
-    LineProgress(lines.append).event({"event": "server_tested", "ok": False, "checks": checks})
+    LineProgress(lines.append)(events.ServerTested(False, "0.9.15", "0.9.15", "Town01", checks))
     assert lines == ["Self-test of the server: 1 of 2 checks hold."]

@@ -7,13 +7,16 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
 
 import psutil
 import pytest
 
 from carstage.conversion import conversion_pool, load_libraries
+from carstage.errors import ConfigError
 
 _DEADLINE_S = 30.0
 _PARENT = """
@@ -21,11 +24,10 @@ import os, sys, time
 from concurrent.futures import wait
 from carstage.conversion import conversion_pool
 
-if __name__ == "__main__":
-    pool = conversion_pool(2)
-    for _ in sys.stdin:
-        wait([pool.submit(time.sleep, 0.1) for _ in range(2)])
-        print(*sorted({pool.submit(os.getpid).result() for _ in range(20)}), flush=True)
+pool = conversion_pool(2)
+for _ in sys.stdin:
+    wait([pool.submit(time.sleep, 0.1) for _ in range(2)])
+    print(*sorted({pool.submit(os.getpid).result() for _ in range(20)}), flush=True)
 """
 
 
@@ -79,6 +81,56 @@ def test_workers_load_what_a_segment_needs_before_there_is_one(pictures: bool) -
         kernel = "carstage.annotation.pixel_kernel"
         assert pool.submit(_has, kernel).result(_DEADLINE_S) is pictures
         assert pool.submit(gc.isenabled).result(_DEADLINE_S)
+
+
+def test_worker_that_dies_breaks_the_pool_and_ends_the_others() -> None:
+    with conversion_pool(2) as pool:
+        sleeping = pool.submit(time.sleep, _DEADLINE_S)
+        with pytest.raises(BrokenExecutor):
+            pool.submit(os._exit, 1).result()
+        with pytest.raises(BrokenExecutor):
+            sleeping.result(_DEADLINE_S)
+        with pytest.raises(BrokenExecutor):
+            pool.submit(os.getpid)
+
+
+def test_error_of_a_task_is_raised_with_the_place_where_it_happened() -> None:
+    with conversion_pool(1) as pool:
+        with pytest.raises(ConfigError, match="a: wrong") as caught:
+            pool.submit(_raise, ConfigError("a: wrong", "hint", ((("a",), "wrong", ""),))).result()
+        assert caught.value.problems == ((("a",), "wrong", ""),)
+        assert "in _raise" in str(caught.value.__cause__)
+        with pytest.raises(RuntimeError, match="_TakesTwo: both"):
+            pool.submit(_raise_with_two).result()
+        assert pool.submit(os.getpid).result()
+
+
+def test_task_that_is_defined_in_the_program_itself_is_refused_with_a_way_out() -> None:
+    program = (
+        "from carstage.conversion import conversion_pool\n"
+        "def task(): pass\n"
+        "with conversion_pool(1) as pool:\n"
+        "    error = pool.submit(task).exception()\n"
+        "    print(type(error).__name__, error.hint, pool.submit(len, 'abc').result())\n"
+    )
+    answer = subprocess.run([sys.executable], input=program, capture_output=True, text=True)
+    assert answer.stdout.startswith("BadInputError Define it in a module"), answer.stderr
+    assert answer.stdout.endswith(" 3\n")
+
+
+class _TakesTwo(Exception):  # noqa: N818
+    """Can be pickled, but not made again."""
+
+    def __init__(self, message: str, number: int) -> None:
+        super().__init__(message)
+
+
+def _raise(error: Exception) -> None:
+    raise error
+
+
+def _raise_with_two() -> None:
+    raise _TakesTwo("both", 2)
 
 
 def _has(module: str) -> bool:

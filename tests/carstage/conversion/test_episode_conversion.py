@@ -7,8 +7,7 @@ import os
 import random
 import shutil
 from collections.abc import Callable
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -254,7 +253,7 @@ def test_cancelling_after_the_end_leaves_the_files_to_the_store(raw: Path, tmp_p
 
 def test_a_pool_whose_process_died_is_a_conversion_error(raw: Path, tmp_path: Path) -> None:
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        with pytest.raises(BrokenProcessPool):
+        with pytest.raises(BrokenExecutor):
             pool.submit(os._exit, 1).result()
         conversion = EpisodeConversion(raw, tmp_path / "out", pool)
         with pytest.raises(ConversionError, match="died"):

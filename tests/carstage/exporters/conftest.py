@@ -38,7 +38,7 @@ def exported(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Export:
         options = ExportOptions(**choices)  # type: ignore[arg-type]
         if (format_name, options) not in made:
             out = tmp_path_factory.mktemp("export") / "out"
-            export_dataset(dataset, out, format_name, options, workers=0)
+            export_dataset(format_name, dataset, out, options, workers=0)
             made[format_name, options] = out
         return made[format_name, options]
 

@@ -35,7 +35,7 @@ def two_episodes(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_kitti_numbers_go_on_in_the_next_episode(two_episodes: Path, tmp_path: Path) -> None:
-    export_dataset(two_episodes, tmp_path / "out", "kitti-object", HALF, workers=0)
+    export_dataset("kitti-object", two_episodes, tmp_path / "out", HALF, workers=0)
     sets = tmp_path / "out/ImageSets"
     assert (sets / "trainval.txt").read_text().split() == [f"{n:06d}" for n in range(5)]
     halves = [(sets / f"{split}.txt").read_text().split() for split in ("train", "val")]
@@ -43,7 +43,7 @@ def test_kitti_numbers_go_on_in_the_next_episode(two_episodes: Path, tmp_path: P
 
 
 def test_kitti_tracking_has_a_sequence_per_episode(two_episodes: Path, tmp_path: Path) -> None:
-    export_dataset(two_episodes, tmp_path / "out", "kitti-tracking", workers=0)
+    export_dataset("kitti-tracking", two_episodes, tmp_path / "out", workers=0)
     pictures = tmp_path / "out/training/image_02"
     assert {p.name: len(list(p.iterdir())) for p in pictures.iterdir()} == {"0000": 2, "0001": 3}
     for sequence in ("0000", "0001"):
@@ -53,7 +53,7 @@ def test_kitti_tracking_has_a_sequence_per_episode(two_episodes: Path, tmp_path:
 
 
 def test_coco_ids_are_unique_over_both_splits(two_episodes: Path, tmp_path: Path) -> None:
-    export_dataset(two_episodes, tmp_path / "out", "coco", HALF, workers=0)
+    export_dataset("coco", two_episodes, tmp_path / "out", HALF, workers=0)
     ids, pictures = [], []
     for split in ("train", "val"):
         path = tmp_path / f"out/annotations/instances_{split}.json"
@@ -70,7 +70,7 @@ def test_coco_ids_are_unique_over_both_splits(two_episodes: Path, tmp_path: Path
 
 def test_nuscenes_scenes_do_not_overlap_in_time(two_episodes: Path, tmp_path: Path) -> None:
     nuscenes = pytest.importorskip("nuscenes.nuscenes", reason="nuscenes-devkit is not installed")
-    export_dataset(two_episodes, tmp_path / "out", "nuscenes", HALF, workers=0)
+    export_dataset("nuscenes", two_episodes, tmp_path / "out", HALF, workers=0)
     nusc = nuscenes.NuScenes("v1.0-carstage", str(tmp_path / "out"), verbose=False)
     assert [scene["nbr_samples"] for scene in nusc.scene] == [2, 3]
     times = [sample["timestamp"] for sample in nusc.sample]
@@ -84,7 +84,7 @@ def test_nuscenes_scenes_do_not_overlap_in_time(two_episodes: Path, tmp_path: Pa
 
 def test_yolo_and_webdataset_part_the_episodes(two_episodes: Path, tmp_path: Path) -> None:
     for name in ("yolo", "webdataset"):
-        export_dataset(two_episodes, tmp_path / name, name, HALF, workers=0)
+        export_dataset(name, two_episodes, tmp_path / name, HALF, workers=0)
     for split in ("train", "val"):
         pictures = list((tmp_path / "yolo/images" / split).iterdir())
         assert len({path.name.split("_")[0] for path in pictures}) == 1
@@ -92,7 +92,7 @@ def test_yolo_and_webdataset_part_the_episodes(two_episodes: Path, tmp_path: Pat
 
 
 def test_mcap_has_a_file_per_episode(two_episodes: Path, tmp_path: Path) -> None:
-    export_dataset(two_episodes, tmp_path / "out", "mcap", workers=0)
+    export_dataset("mcap", two_episodes, tmp_path / "out", workers=0)
     assert sorted(path.stem for path in (tmp_path / "out").glob("*.mcap")) == [
         "0123456789abcdef", SECOND
     ]  # fmt: skip

@@ -31,7 +31,7 @@ pytestmark = [
 def export(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     def run(name: str, **choices: Any) -> Path:
         out = tmp_path_factory.mktemp("export") / name
-        export_dataset(recorded, out, name, ExportOptions(**choices), workers=0)
+        export_dataset(name, recorded, out, ExportOptions(**choices), workers=0)
         return out
 
     return run

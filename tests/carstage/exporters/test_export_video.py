@@ -57,7 +57,7 @@ def test_h264_video_is_smaller_and_still_the_picture(exported, dataset) -> None:
 @pytest.mark.parametrize("codec", ["ffv1", "h264"])
 def test_equal_datasets_give_equal_bytes(exported, dataset, tmp_path, codec) -> None:
     first = exported("video", codec=codec)
-    export_dataset(dataset, tmp_path / "again", "video", ExportOptions(codec=codec), workers=0)
+    export_dataset("video", dataset, tmp_path / "again", ExportOptions(codec=codec), workers=0)
     for path in first.glob("*.m*"):
         assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes()
 
@@ -68,7 +68,7 @@ def test_missing_picture_leaves_a_gap_and_moves_no_other(dataset, tmp_path) -> N
     episode = Dataset(damaged).episodes[0]
     camera = next(sensor for sensor in episode.sensors if sensor.kind == "rgb")
     camera.paths(2)[0].unlink()
-    export_dataset(damaged, tmp_path / "out", "video", allow_incomplete=True, workers=0)
+    export_dataset("video", damaged, tmp_path / "out", allow_incomplete=True, workers=0)
     frames = decoded(tmp_path / "out" / f"{episode.id}_{camera.id}.mkv")
     fps = episode.spec.fps
     assert [round(float(time_s) * fps) for time_s in frames] == [
@@ -81,22 +81,22 @@ def test_odd_pictures_are_refused_by_h264_alone(tmp_path) -> None:
     width, height = SIZE
     odd = make_dataset(tmp_path / "odd", tmp_path / "raw", size=(width - 1, height))
     with pytest.raises(BadInputError, match="even width") as refused:
-        export_dataset(odd, tmp_path / "out", "video", ExportOptions(codec="h264"), workers=0)
+        export_dataset("video", odd, tmp_path / "out", ExportOptions(codec="h264"), workers=0)
     assert "--codec ffv1" in refused.value.hint
-    export_dataset(odd, tmp_path / "out", "video", workers=0)
+    export_dataset("video", odd, tmp_path / "out", workers=0)
     assert list((tmp_path / "out").glob("*.mkv"))
 
 
 def test_unknown_camera_is_refused_with_those_there_are(dataset, tmp_path) -> None:
     options = ExportOptions(cameras=("NOSE",))
     with pytest.raises(BadInputError, match="no colour camera 'NOSE'") as refused:
-        export_dataset(dataset, tmp_path / "out", "video", options, workers=0)
+        export_dataset("video", dataset, tmp_path / "out", options, workers=0)
     assert "CAM" in refused.value.hint
 
 
 def test_every_second_step_is_shown_at_half_the_rate(tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "data", tmp_path, steps=4, save_every=2)
-    export_dataset(dataset, tmp_path / "out", "video", workers=0)
+    export_dataset("video", dataset, tmp_path / "out", workers=0)
     (episode,) = Dataset(dataset).episodes
     times = [float(time_s) for time_s in decoded(tmp_path / f"out/{episode.id}_CAM_FRONT.mkv")]
     assert times == pytest.approx([0.0, 2 / episode.spec.fps], abs=1e-3)

@@ -55,7 +55,7 @@ def test_a_full_shard_is_followed_by_the_next(
 
     monkeypatch.setattr(exporter, "SHARD_BYTES", 100_000)
     out = tmp_path / "out"
-    export_dataset(dataset, out, "webdataset", workers=0)
+    export_dataset("webdataset", dataset, out, workers=0)
     shards = json.loads((out / "shards.json").read_text())
     assert len(shards) > 1
     assert sum(shards.values()) == 6

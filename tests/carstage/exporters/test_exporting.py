@@ -44,12 +44,12 @@ def test_an_existing_folder_is_refused_unless_overwriting_an_export(
     dataset: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    export_dataset(dataset, out, "yolo", workers=0)
+    export_dataset("yolo", dataset, out, workers=0)
     (out / "mine.txt").write_text("stays until it is replaced")
     with pytest.raises(BadInputError, match="exists already"):
-        export_dataset(dataset, out, "yolo", workers=0)
+        export_dataset("yolo", dataset, out, workers=0)
     assert (out / "mine.txt").exists()
-    export_dataset(dataset, out, "yolo", overwrite=True, workers=0)
+    export_dataset("yolo", dataset, out, overwrite=True, workers=0)
     assert not (out / "mine.txt").exists()
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
@@ -59,7 +59,7 @@ def test_overwriting_never_removes_a_folder_that_is_no_export(
 ) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(BadInputError, match="was not written by"):
-        export_dataset(dataset, tmp_path, "yolo", overwrite=True, workers=0)
+        export_dataset("yolo", dataset, tmp_path, overwrite=True, workers=0)
     assert (tmp_path / "thesis.tex").exists()
 
 
@@ -67,13 +67,13 @@ def test_a_failed_overwrite_keeps_the_old_export(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"
-    export_dataset(dataset, out, "yolo", workers=0)
+    export_dataset("yolo", dataset, out, workers=0)
     before = files_of(out)
     monkeypatch.setattr(
         "carstage.exporters.formats.yolo.yolo_rectangle", lambda *_: pytest.fail("no power")
     )
     with pytest.raises(pytest.fail.Exception, match="no power"):
-        export_dataset(dataset, out, "yolo", overwrite=True, workers=0)
+        export_dataset("yolo", dataset, out, overwrite=True, workers=0)
     assert files_of(out) == before
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
@@ -81,21 +81,24 @@ def test_a_failed_overwrite_keeps_the_old_export(
 @pytest.mark.parametrize("place", [".", "exports", ".."])
 def test_an_export_never_lies_in_the_dataset_nor_around_it(copy: Path, place: str) -> None:
     with pytest.raises(BadInputError, match="in one another"):
-        export_dataset(copy, copy / place, "yolo", overwrite=True, workers=0)
+        export_dataset("yolo", copy, copy / place, overwrite=True, workers=0)
 
 
 def test_processes_write_what_one_process_writes(dataset: Path, tmp_path: Path) -> None:
-    export_dataset(dataset, tmp_path / "one", "kitti-tracking", workers=0)
-    seen: list[tuple[int, int]] = []
+    export_dataset("kitti-tracking", dataset, tmp_path / "one", workers=0)
+    seen: list[tuple[str, int, int]] = []
     export_dataset(
+        "kitti-tracking",
         dataset,
         tmp_path / "two",
-        "kitti-tracking",
         workers=2,
-        progress=lambda done, total: seen.append((done, total)),
+        progress=lambda *shown: seen.append(shown),
     )
     assert files_of(tmp_path / "one") == files_of(tmp_path / "two")
-    assert seen == [(done, 6) for done in range(1, 7)]
+    stages = [[shown for shown in seen if shown[0] == name] for name in ("Checking", "Exporting")]
+    assert seen == [*stages[0], *stages[1]]
+    assert stages[0][-1] == ("Checking", 6, 6)
+    assert stages[1] == [("Exporting", done, 6) for done in range(1, 7)]
 
 
 def test_a_missing_file_is_named_and_nothing_is_written(copy: Path, tmp_path: Path) -> None:
@@ -112,7 +115,7 @@ def test_a_flipped_byte_is_found(copy: Path, tmp_path: Path) -> None:
     content[100] ^= 1
     path.write_bytes(content)
     with pytest.raises(BadInputError, match=r"LIDAR_TOP/000002\.bin is not the file"):
-        export_dataset(copy, tmp_path / "out", "kitti-object", workers=0)
+        export_dataset("kitti-object", copy, tmp_path / "out", workers=0)
 
 
 def test_what_is_damaged_is_left_out_and_counted_when_that_is_allowed(
@@ -139,7 +142,7 @@ def test_an_episode_with_a_damaged_table_cannot_be_exported(copy: Path, tmp_path
     assert not found.complete
     assert not found.whole
     with pytest.raises(BadInputError, match="no whole episode"):
-        export_dataset(copy, tmp_path / "out", "coco", allow_incomplete=True, workers=0)
+        export_dataset("coco", copy, tmp_path / "out", allow_incomplete=True, workers=0)
 
 
 def test_frames_that_the_ledger_lacks_make_a_dataset_incomplete(copy: Path, tmp_path: Path) -> None:
@@ -151,13 +154,13 @@ def test_frames_that_the_ledger_lacks_make_a_dataset_incomplete(copy: Path, tmp_
     (attempt_of(copy) / "sensors/CAM_FRONT/000002.png").unlink()
     recommit(copy)
     with pytest.raises(BadInputError, match="tick 2 is missing: nothing arrived"):
-        export_dataset(copy, tmp_path / "out", "yolo", workers=0)
+        export_dataset("yolo", copy, tmp_path / "out", workers=0)
 
 
 def test_an_empty_dataset_is_incomplete(copy: Path, tmp_path: Path) -> None:
     next((copy / "commits").iterdir()).unlink()
     with pytest.raises(BadInputError, match="no committed episode"):
-        export_dataset(copy, tmp_path / "out", "yolo", workers=0)
+        export_dataset("yolo", copy, tmp_path / "out", workers=0)
 
 
 def test_unknown_classes_are_listed_and_left_out(copy: Path, tmp_path: Path) -> None:
@@ -202,7 +205,7 @@ def test_sensors_that_do_not_fit_are_refused(
 ) -> None:
     with pytest.raises(BadInputError, match=message):
         export_dataset(
-            dataset, tmp_path / "out", "kitti-object", ExportOptions(**choices), workers=0
+            "kitti-object", dataset, tmp_path / "out", ExportOptions(**choices), workers=0
         )
 
 

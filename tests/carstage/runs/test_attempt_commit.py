@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -54,7 +53,7 @@ class Broken(Executor):
     """A pool whose processes have died."""
 
     def submit(self, *_: Any, **__: Any) -> Future[Any]:
-        raise BrokenProcessPool
+        raise BrokenExecutor
 
 
 def test_recording_kept_for_the_end_is_converted_by_the_pool_of_then(tmp_path: Path) -> None:

@@ -110,12 +110,10 @@ def test_first_converter_is_deaf_to_ctrl_c_from_its_first_instruction() -> None:
         "import os, re, signal\n"
         "from pathlib import Path\n"
         "from carstage.runs.converters import start_pool\n"
-        "if __name__ == '__main__':\n"
-        "    with start_pool(1, True) as pool:\n"
-        "        status = Path(f'/proc/{pool.submit(os.getpid).result()}/status').read_text()\n"
-        "    blocked = int(re.search(r'SigBlk:\\s*(\\w+)', status).group(1), 16)\n"
-        "    print(bool(blocked >> (signal.SIGINT - 1) & 1))\n"
+        "with start_pool(1, True) as pool:\n"
+        "    status = Path(f'/proc/{pool.submit(os.getpid).result()}/status').read_text()\n"
+        "blocked = int(re.search(r'SigBlk:\\s*(\\w+)', status).group(1), 16)\n"
+        "print(bool(blocked >> (signal.SIGINT - 1) & 1))\n"
     )
-    # A process of its own: the resource tracker that a first child brings is not there yet.
     answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert answer.stdout == "True\n", answer.stderr

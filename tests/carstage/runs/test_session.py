@@ -22,11 +22,12 @@ from carstage.errors import (
 )
 from carstage.plan import ServerFacts, plan_episodes
 from carstage.runs.attempt_commit import Job
+from carstage.runs.events import Notice, RunEvent
 from carstage.runs.folder import RunFolder
 from carstage.runs.interruption import Interruption
-from carstage.runs.outcome import Nobody
+from carstage.runs.record import RunRecord
 from carstage.runs.servers import ServerSetup
-from carstage.runs.session import _Session
+from carstage.runs.session import Session
 from carstage.runs.wakeup_pipe import WakeupPipe
 from carstage.spec import EpisodeSpec
 from carstage.storage import Store, open_store
@@ -34,14 +35,15 @@ from carstage.storage import Store, open_store
 RETRIES = 2
 
 
-class Listener(Nobody):
-    """Remembers what is said."""
+class Reader:
+    """Remembers the notices of a run."""
 
     def __init__(self) -> None:
-        self.said: list[str] = []
+        self.notices: list[str] = []
 
-    def notify(self, sentence: str) -> None:
-        self.said.append(sentence)
+    def __call__(self, event: RunEvent) -> None:
+        if isinstance(event, Notice):
+            self.notices.append(event.sentence)
 
 
 class GivenUp:
@@ -59,7 +61,7 @@ class GivenUp:
 
 
 class Execute:
-    """An executor that lets the first lane's place be taken by a function."""
+    """An executor that fails instead of recording."""
 
     def __init__(self, error: BaseException) -> None:
         self._error = error
@@ -76,16 +78,18 @@ def spec() -> EpisodeSpec:
     return spec
 
 
-Made = tuple[_Session, Listener, RunFolder]
+Made = tuple[Session, Reader, RunFolder]
 
 
 @pytest.fixture
 def made(tmp_path: Path) -> Iterator[Made]:
     store = open_store(tmp_path)
     store.initialise("test")
-    listener = Listener()
+    reader = Reader()
     with RunFolder(tmp_path) as folder, Interruption() as interruption, WakeupPipe() as wakeup:
-        yield make_session({}, store, folder, interruption, wakeup, listener), listener, folder
+        session = make_session({}, store, folder, interruption, wakeup, reader)
+        yield session, reader, folder
+        session._converters.end()
 
 
 def make_session(
@@ -94,13 +98,12 @@ def make_session(
     folder: RunFolder,
     interruption: Interruption,
     wakeup: WakeupPipe,
-    listener: Listener,
-) -> _Session:
+    reader: Reader,
+) -> Session:
     config = check_config(written)
     setup = ServerSetup(config)
-    return _Session(
-        config, setup, store, folder, store.root, interruption, wakeup, listener, RETRIES
-    )
+    record = RunRecord(folder, interruption, reader)
+    return Session(config, setup, store, record, interruption, wakeup, RETRIES)
 
 
 def events(folder: RunFolder) -> list[str]:
@@ -112,12 +115,12 @@ def events(folder: RunFolder) -> list[str]:
 def test_recording_with_gaps_is_repeated_and_the_last_one_kept(
     made: Made, spec: EpisodeSpec, tries: int, kept: bool
 ) -> None:
-    session, listener, folder = made
+    session, reader, folder = made
     attempt_commit = GivenUp(spec, tries)
     assert session.recorded(attempt_commit, 3) is kept  # type: ignore[arg-type]
     assert attempt_commit.given_up is not kept
     assert events(folder) == ([] if kept else ["episode_retried"])
-    assert "3 of 50 ticks lack data of a sensor" in listener.said[0]
+    assert "3 of 50 ticks lack data of a sensor" in reader.notices[0]
 
 
 @pytest.mark.parametrize(
@@ -126,11 +129,11 @@ def test_recording_with_gaps_is_repeated_and_the_last_one_kept(
 def test_gaps_are_kept_where_they_were_asked_for(
     made: Made, spec: EpisodeSpec, timing: Mapping[str, Any]
 ) -> None:
-    session, listener, _ = made
+    session, reader, _ = made
     attempt_commit = GivenUp(replace(spec, timing=replace(spec.timing, **timing)), 0)
     assert session.recorded(attempt_commit, 3)  # type: ignore[arg-type]
     assert not attempt_commit.given_up
-    assert listener.said == []
+    assert reader.notices == []
 
 
 def test_full_disk_is_not_tried_again_and_ends_the_run(made: Made, spec: EpisodeSpec) -> None:
@@ -175,7 +178,7 @@ def test_deferred_recording_that_cannot_be_converted_is_recorded_again(
 def test_attempt_that_cannot_be_removed_keeps_no_other_from_it(
     made: Made, spec: EpisodeSpec, error: Exception
 ) -> None:
-    session, listener, folder = made
+    session, reader, folder = made
 
     class Stubborn(GivenUp):
         def give_up(self) -> None:
@@ -186,11 +189,11 @@ def test_attempt_that_cannot_be_removed_keeps_no_other_from_it(
     with pytest.raises(CollectorError):
         session.run((), [], Execute(CollectorError("It broke.")))
     assert last.given_up
-    assert "could not be removed" in listener.said[0]
+    assert "could not be removed" in reader.notices[0]
     assert json.loads((folder.path / "status.json").read_bytes())["state"] == "failed"
 
 
-def test_system_error_of_the_disk_is_told_in_words(made: Made) -> None:
+def test_system_error_of_the_disk_is_explained_in_words(made: Made) -> None:
     session, _, folder = made
     full = OSError(errno.ENOSPC, "No space left on device")
     with pytest.raises(DiskFullError, match="No space left"):
@@ -203,7 +206,7 @@ def test_system_error_of_the_disk_is_told_in_words(made: Made) -> None:
 def test_disk_that_refuses_the_last_words_does_not_hide_why_the_run_ended(
     made: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    session, listener, folder = made
+    session, reader, folder = made
 
     def refuse(*_: object) -> None:
         raise StorageError("Writing status.json failed: No space left on device.")
@@ -215,7 +218,7 @@ def test_disk_that_refuses_the_last_words_does_not_hide_why_the_run_ended(
 
     with pytest.raises(CollectorError, match="It broke"):
         session.run((), [], Fail(CollectorError("It broke.")))
-    assert "The next run on this dataset clears up." in listener.said[-1]
+    assert "The next run on this dataset clears up." in reader.notices[-1]
 
 
 @pytest.mark.parametrize(
@@ -241,9 +244,9 @@ def test_raw_data_go_while_an_episode_is_recorded_unless_they_must_last(
     store = open_store(tmp_path)
     store.initialise("test")
     with RunFolder(tmp_path) as folder, Interruption() as interruption, WakeupPipe() as wakeup:
-        session = make_session(written, store, folder, interruption, wakeup, Listener())
-        landings = AttemptCommit(spec, 0), AttemptCommit(spec, 1)
-        session._recording = landings[0]  # type: ignore[assignment]
-        session._attempt_commits.append(landings[1])  # type: ignore[arg-type]
+        session = make_session(written, store, folder, interruption, wakeup, Reader())
+        commits = AttemptCommit(spec, 0), AttemptCommit(spec, 1)
+        session._recording = commits[0]  # type: ignore[assignment]
+        session._attempt_commits.append(commits[1])  # type: ignore[arg-type]
         session.poll()
-    assert sum(attempt_commit.removed for attempt_commit in landings) == removed
+    assert sum(attempt_commit.removed for attempt_commit in commits) == removed

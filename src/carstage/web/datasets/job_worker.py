@@ -10,7 +10,7 @@ import json
 import signal
 import sys
 import time
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,17 +33,12 @@ class Status:
         self._document.update(changes)
         write_whole(self._path, json.dumps(self._document).encode())
 
-    def progress(self, stage: str) -> Callable[[int, int], None]:
-        """A callback for what counts frames; writes a few times a second."""
-        self.write(stage=stage, done=0, total=0)
-
-        def count(done: int, total: int) -> None:
-            now_s = time.monotonic()
-            if now_s >= self._next_s or done == total:
-                self._next_s = now_s + _WRITE_EVERY_S
-                self.write(done=done, total=total)
-
-        return count
+    def progress(self, stage: str, done: int, total: int) -> None:
+        """Write how far a stage is, a few times a second."""
+        now_s = time.monotonic()
+        if stage != self._document["stage"] or now_s >= self._next_s or done == total:
+            self._next_s = now_s + _WRITE_EVERY_S
+            self.write(stage=stage, done=done, total=total)
 
 
 def main(folder: Path) -> int:
@@ -71,14 +66,7 @@ def main(folder: Path) -> int:
 
 
 def _export(job: dict[str, Any], status: Status) -> dict[str, Any]:
-    from carstage.dataset import Dataset
-    from carstage.exporters import (
-        ExportOptions,
-        check_target,
-        examine,
-        export_dataset,
-        exporter_for,
-    )
+    from carstage.exporters import ExportOptions, export_dataset
 
     given = dict(job["options"])
     options = ExportOptions(
@@ -88,20 +76,16 @@ def _export(job: dict[str, Any], status: Status) -> dict[str, Any]:
             "classes": tuple(given["classes"]),
         }
     )
-    exporter_for(job["format"], options)
-    source, target = Dataset(job["path"]), Path(job["out"])
+    target = Path(job["out"])
     target.parent.mkdir(exist_ok=True)
-    check_target(target, source.path, overwrite=job["overwrite"])
-    found = examine(source, status.progress("Checking"))
     summary = export_dataset(
+        job["format"],
         job["path"],
         target,
-        job["format"],
         options,
         overwrite=job["overwrite"],
         allow_incomplete=job["allow_incomplete"],
-        completeness=found,
-        progress=status.progress("Exporting"),
+        progress=status.progress,
     )
     return {**summary.to_json(), "path": job["shown"]}
 
@@ -109,7 +93,7 @@ def _export(job: dict[str, Any], status: Status) -> dict[str, Any]:
 def _validate(job: dict[str, Any], status: Status) -> dict[str, Any]:
     from carstage.validation import validate_dataset
 
-    report = validate_dataset(job["path"], progress=status.progress("Checking"))
+    report = validate_dataset(job["path"], progress=partial(status.progress, "Checking"))
     document = json.loads(report.to_json())
     temporary = Path(job["report"]).with_suffix(".part")
     temporary.write_text(

@@ -1,0 +1,117 @@
+"""What a run writes down about itself: events, status with heartbeat; and who hears of it."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from typing import Any
+
+from carstage.errors import StorageError
+from carstage.runs.events import Notice, OnEvent, Progress, RunEvent, event_of
+from carstage.runs.folder import EpisodeCounts, RunFolder, RunStatus, State, process_start_time
+from carstage.runs.interruption import Interruption
+
+_HEARTBEAT_S = 1.0
+_EXPLAIN_AFTER_S = 5.0
+
+
+class RunRecord:
+    """Status and events of a run, in its folder and for ``on_event``.
+
+    Args:
+        folder: the run's.
+        interruption: its signals; none of them tears a line.
+        on_event: called with every event, progress and notice.
+    """
+
+    def __init__(
+        self,
+        folder: RunFolder,
+        interruption: Interruption,
+        on_event: OnEvent | None = None,
+        clock_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.folder = folder
+        self.status = RunStatus(
+            run_id=folder.run_id,
+            state="planning",
+            pid=os.getpid(),
+            pid_started=process_start_time(os.getpid()),
+            heartbeat=0.0,
+            episodes=EpisodeCounts(),
+        )
+        self._interruption = interruption
+        self._on_event = on_event
+        self._clock_s = clock_s
+        self._next_heartbeat_s = 0.0
+
+    def event(self, event: RunEvent) -> None:
+        """Write an event of the run itself."""
+        self._write(event.to_line(), event)
+
+    def copy_event(self, line: Mapping[str, Any]) -> None:
+        """Write an event of the collector as it came, and follow its ticks."""
+        current = self.status.current
+        if line["event"] == "tick" and current is not None:
+            current.ticks_done = int(line["tick"]) + 1
+        self._write(line, None)
+
+    def notice(self, sentence: str) -> None:
+        """Pass on something that the user should read."""
+        if self._on_event is not None:
+            self._on_event(Notice(sentence))
+
+    def enter(self, state: State) -> None:
+        """Write down that the run is in this state now."""
+        self.status.state = state
+        with self._interruption.deferred():
+            self.folder.write_status(self.status)
+        self._show()
+
+    def beat(self) -> None:
+        """Renew the heartbeat where that is due; pass on how far the run is."""
+        now_s = self._clock_s()
+        if now_s >= self._next_heartbeat_s:
+            self._next_heartbeat_s = now_s + _HEARTBEAT_S
+            self.folder.write_status(self.status)
+        self._show()
+
+    @contextmanager
+    def waiting(self, what: str) -> Iterator[None]:
+        """Keep the heartbeat while the caller waits; explain by ``what`` when it takes long."""
+        over = threading.Event()
+
+        def beat() -> None:
+            begin_s = self._clock_s()
+            explained = False
+            while not over.wait(_HEARTBEAT_S):
+                with suppress(StorageError):  # raised where the run itself writes next
+                    self.folder.write_status(self.status)
+                if not explained and self._clock_s() - begin_s > _EXPLAIN_AFTER_S:
+                    explained = True
+                    self.notice(what)
+
+        thread = threading.Thread(target=beat, name="heartbeat", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            with self._interruption.deferred():
+                over.set()
+                thread.join()
+
+    def _write(self, line: Mapping[str, Any], event: RunEvent | None) -> None:
+        with self._interruption.deferred():  # no torn lines
+            written = self.folder.write_event(str(line["event"]), line)
+            if self._on_event is not None:
+                self._on_event(event or event_of(written))
+
+    def _show(self) -> None:
+        if self._on_event is not None:
+            status = self.status
+            current = None if status.current is None else replace(status.current)
+            self._on_event(Progress(status.state, replace(status.episodes), current))

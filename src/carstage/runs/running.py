@@ -1,0 +1,123 @@
+"""``run``: checks what was asked for, plans it, and records it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from carstage.config import Config, check_config, load_config
+from carstage.execution import Executor, InlineExecutor
+from carstage.plan import estimate_run, plan_episodes
+from carstage.runs.attempts import dead_runs, remove_leftovers
+from carstage.runs.events import Notice, OnEvent, RunPlanned
+from carstage.runs.folder import RunFolder
+from carstage.runs.interruption import Interruption
+from carstage.runs.orphans import marked
+from carstage.runs.outcome import RunResult
+from carstage.runs.preflight import (
+    check_codecs,
+    check_disk,
+    check_output,
+    check_server,
+    recording_of,
+)
+from carstage.runs.record import RunRecord
+from carstage.runs.server_lock import server_lock
+from carstage.runs.servers import ServerSetup
+from carstage.runs.session import Session
+from carstage.runs.wakeup_pipe import WakeupPipe
+from carstage.storage import open_store
+
+DEFAULT_RETRIES = 2
+
+ConfigSource: TypeAlias = "Config | str | os.PathLike[str] | Mapping[str, Any]"
+"""A checked configuration, the path of a YAML file, or its content as plain values."""
+
+
+def run(
+    config: ConfigSource,
+    out: Path | str,
+    on_event: OnEvent | None = None,
+    *,
+    retries: int = DEFAULT_RETRIES,
+    executor: Executor | None = None,
+    run_id: str | None = None,
+) -> RunResult:
+    """Record a configuration's episodes into a dataset; those that it has already are skipped.
+
+    Returns only when server, collector and converters are gone, whatever happens. The processes
+    that it starts never import the caller's main module: it works in a notebook, in a script
+    without ``if __name__ == "__main__"``, by ``python -c`` and on standard input, from any thread.
+
+    Called from the main thread, SIGINT (Ctrl-C, a notebook's stop button), SIGTERM and SIGHUP end
+    the run well: the result says ``interrupted``, committed episodes stay, and the same call again
+    continues. A second signal kills server and collector and ends the process with status 130; an
+    interactive session stays and gets ``KeyboardInterrupt``.
+
+    Args:
+        config: what to record: a ``Config``, the path of a YAML file, or a mapping of plain values
+            as in that file.
+        out: folder of the dataset; it is made if missing.
+        on_event: called with each typed event of ``carstage.runs.events``.
+        retries: further attempts of an episode that fails.
+        executor: where episodes are recorded; default: one worker on this machine.
+        run_id: name of the run's folder; default: a new one.
+
+    Returns:
+        How the run ended. Failed episodes are in ``failures``; they raise nothing.
+
+    Raises:
+        ConfigError: a value of the configuration is wrong, or its file cannot be read.
+        BadInputError: something cannot be, or another run uses the server; nothing was started.
+        ServerError: the server cannot be started, or fails a self-test that it must pass.
+        StorageError: the dataset cannot be written, for example as the disk is full.
+        KeyboardInterrupt: a signal came before the first episode was planned, or a second one.
+
+    Example:
+        >>> import carstage
+        >>> result = carstage.run({"duration_s": 2.0, "rig": {"preset": "demo"}}, "datasets/short")
+        >>> result.state, result.frames
+        ('done', 20)
+    """
+    config = _checked(config)
+    out = Path(out).expanduser().absolute()
+
+    def notice(sentence: str) -> None:
+        if on_event is not None:
+            on_event(Notice(sentence))
+
+    with Interruption(notice) as interruption:
+        for warning in config.warnings():
+            notice(warning)
+        check_output(out)
+        check_codecs(config)
+        check_server(config)
+        setup = ServerSetup(config)
+        with server_lock(config), setup.facts() as facts:
+            episodes = plan_episodes(config, facts, recording_of(config))
+            store = open_store(out)
+            for dead in dead_runs(out):  # first, as what they left takes space on the disk
+                remove_leftovers(dead, store)
+                notice(f"Removed what the dead run {dead.folder.name} had left.")
+            present = store.committed() if (out / "dataset.json").exists() else {}
+            todo = [spec for spec in episodes if spec.episode_id not in present]
+            estimate = estimate_run(config, todo)
+            check_disk(out, estimate)
+            store.initialise(config.name)
+            if on_event is not None:
+                on_event(RunPlanned(estimate, len(todo), len(episodes) - len(todo)))
+            with RunFolder(out, run_id) as folder, marked(folder.run_id), WakeupPipe() as wakeup:
+                folder.write_plan(config, episodes)
+                record = RunRecord(folder, interruption, on_event)
+                session = Session(config, setup, store, record, interruption, wakeup, retries)
+                return session.run(episodes, todo, executor or InlineExecutor())
+
+
+def _checked(config: ConfigSource) -> Config:
+    if isinstance(config, Config):
+        return config
+    if isinstance(config, Mapping):
+        return check_config(dict(config))
+    return load_config(Path(config))

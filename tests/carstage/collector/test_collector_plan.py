@@ -88,6 +88,7 @@ SPEC = "episodes/0/spec/"
         (SPEC + "timing/sensor_sync", 1, r"timing\.sensor_sync: must be true or false"),
         (SPEC + "seeds", {}, r"spec\.seeds\.traffic_manager: is missing"),
         (SPEC + "seeds/spawn", 2**32, r"seeds\.spawn: 4294967296 is out of range"),
+        (SPEC + "scenario/kind", "parade", r"spec\.scenario\.kind: 'parade' is not known"),
         (SPEC + "sensors", [], r"spec\.sensors: is empty"),
         (SPEC + "sensors/1/id", "CAM", r"sensors\[1\]\.id: 'CAM' is taken already"),
         (SPEC + "sensors/0/id", "world", r"sensors\[0\]\.id: 'world' is taken already"),

@@ -260,7 +260,6 @@ def test_a_starter_that_is_gone_ends_the_recording(
         ),
         ({"map_layers": ["Bildings"]}, "scene", "map.layers: this CARLA client does not know"),
         ({"vehicles": {"count": 1, "filter": "sensor.*"}}, "scene", "vehicles.filter"),
-        ({"scenario": {"kind": "parade"}}, "scene", "scenario.kind: 'parade' is not known"),
         (
             {"weather": {"preset": "ClearNon", "parameters": {}, "lights": "auto"}},
             *("scene", "does not know 'ClearNon'"),

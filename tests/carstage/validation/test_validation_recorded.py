@@ -290,6 +290,7 @@ def hold_everybody(drive: Path) -> None:
     document = attempt_of(drive) / "episode.json"  # a drive of a second says nothing
     content = json.loads(document.read_text())
     content["spec"]["fps"] = 2.0
+    content["spec"]["timing"]["max_substeps"] = 50
     document.write_text(json.dumps(content))
     recommit(drive)
 

@@ -59,7 +59,7 @@ class ExportSummary:
         return {**document, "path": str(self.path)}
 
 
-Stage = Literal["Checking", "Exporting"]
+Phase = Literal["Checking", "Exporting"]
 
 
 def export_dataset(
@@ -71,7 +71,7 @@ def export_dataset(
     overwrite: bool = False,
     allow_incomplete: bool = False,
     workers: int | None = None,
-    progress: Callable[[Stage, int, int], object] | None = None,
+    progress: Callable[[Phase, int, int], object] | None = None,
 ) -> ExportSummary:
     """Write a dataset in another format; first every file is compared with its hash.
 
@@ -103,7 +103,7 @@ def export_dataset(
     source, target = Dataset(dataset), Path(out).expanduser()
     exporter = exporter_for(format_name, options or ExportOptions())
     check_target(target, source.path, overwrite=overwrite)
-    found = examine(source, _of_stage("Checking", progress))
+    found = examine(source, _of_phase("Checking", progress))
     if not found.complete and not allow_incomplete:
         raise BadInputError(_refusal(found), "Repair it, or add --allow-incomplete.")
     episodes = tuple(episode for episode in source.episodes if episode.id in found.whole)
@@ -113,7 +113,7 @@ def export_dataset(
         )
     with export_folder(target) as folder:
         frames = _write(
-            exporter, episodes, folder, found, workers, _of_stage("Exporting", progress)
+            exporter, episodes, folder, found, workers, _of_phase("Exporting", progress)
         )
         summary = ExportSummary(
             path=target,
@@ -138,10 +138,10 @@ def export_dataset(
     return summary
 
 
-def _of_stage(
-    stage: Stage, progress: Callable[[Stage, int, int], object] | None
+def _of_phase(
+    phase: Phase, progress: Callable[[Phase, int, int], object] | None
 ) -> Progress | None:
-    return None if progress is None else partial(progress, stage)
+    return None if progress is None else partial(progress, phase)
 
 
 def _refusal(found: Completeness) -> str:

@@ -26,6 +26,8 @@ from carstage.errors import AnnotationError
 from carstage.geometry import FloatArray, invert_pose
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.reader import ActorInfo, LevelObject, WorldFrame
+from carstage.sensor_kinds import content_of
+from carstage.sensor_kinds.model import DETECTIONS, POINTS
 from carstage.tags import (
     dataset_tags,
     numbers_tags_anew,
@@ -118,12 +120,12 @@ class EpisodeLabeller:
             self._lidars = {
                 sensor["id"]: Mount.from_spec(sensor, actor_ids)
                 for sensor in sensors
-                if sensor.get("kind") == "lidar"
+                if content_of(sensor["kind"]) == POINTS
             }
             self._radars = {
                 sensor["id"]: Mount.from_spec(sensor, actor_ids)
                 for sensor in sensors
-                if sensor.get("kind") == "radar"
+                if content_of(sensor["kind"]) == DETECTIONS
             }
             self._mounts = [
                 Mount.from_spec(sensor, actor_ids) for sensor in sensors if not sensor.get("hidden")

@@ -6,9 +6,8 @@ from typing import Any
 
 from pydantic import model_validator
 
-from carstage.config.attributes import ImageSize
+from carstage.config.attributes import ImageSize, SweepAttributes
 from carstage.config.fields import Section, path_text, problem, setting, unknown
-from carstage.config.ranging import SweepAttributes
 from carstage.config.recording import (
     Conversion,
     EmbeddedServerConfig,
@@ -26,6 +25,7 @@ from carstage.config.supervision import Supervision
 from carstage.config.traffic import Pedestrians, Traffic, Vehicles
 from carstage.config.weather import DEFAULT_PRESET, WeatherConfig
 from carstage.releases import refusal
+from carstage.sensor_kinds.model import COLOUR
 
 _SLACK = 1e-9
 
@@ -219,7 +219,7 @@ class Config(Section):
         for path, sensor in self.located_sensors():
             self._check_sensor(path, sensor)
         ids = {sensor.id for sensor in self.sensors}
-        cameras = {sensor.id for sensor in self.sensors if sensor.is_camera}
+        cameras = {sensor.id for sensor in self.sensors if sensor.row.twins}
         for position, name in enumerate(
             () if self.labels.cameras == "all" else self.labels.cameras
         ):
@@ -235,7 +235,7 @@ class Config(Section):
     def _check_sensor(self, path: tuple[str | int, ...], sensor: Sensor) -> None:
         attributes = sensor.attributes
         if isinstance(self.server, EmbeddedServerConfig):
-            reason = refusal(self.server.carla_version, [sensor.kind])
+            reason = refusal(self.server.carla_version, {sensor.kind: sensor.row.since})
             if reason:
                 hint = "Leave the sensor out, or choose a later server.carla_version."
                 raise problem(f"{reason}.", hint, *path, "kind")
@@ -275,7 +275,7 @@ class Config(Section):
 
     def _is_labelled(self, sensor: Sensor) -> bool:
         if self.labels.cameras == "all":
-            return sensor.kind == "rgb"
+            return sensor.row.content == COLOUR
         return sensor.id in self.labels.cameras
 
     def warnings(self) -> list[str]:

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from carstage.codecs import codec_for
-from carstage.dataset.tables import ROW_SENSORS
 from carstage.errors import BadInputError
 from carstage.rawlog.format import LEDGER, WORLD
+from carstage.sensor_kinds import content_of
+from carstage.sensor_kinds.model import DETECTIONS, POINTS, TABLES
 
-LIDAR_KIND = "lidar"
-RADAR_KIND = "radar"
 ROWS_CODEC = "parquet"
 
 
@@ -65,7 +64,7 @@ def plan_sensors(spec: Mapping[str, Any], codecs: Mapping[str, str]) -> SensorPl
     for sensor in spec["sensors"]:
         if sensor.get("labelled"):
             label_streams |= {name for key in ("depth", "instance") if (name := sensor.get(key))}
-        if sensor["kind"] in (LIDAR_KIND, RADAR_KIND):
+        if content_of(sensor["kind"]) in (POINTS, DETECTIONS):
             label_streams.add(sensor["id"])
     return SensorPlan(
         tuple(_recorded(sensor, codecs.get(sensor["id"])) for sensor in shown),
@@ -75,7 +74,7 @@ def plan_sensors(spec: Mapping[str, Any], codecs: Mapping[str, str]) -> SensorPl
 
 def _recorded(sensor: Mapping[str, Any], codec: str | None) -> RecordedSensor:
     kind = sensor["kind"]
-    if kind in ROW_SENSORS:
+    if content_of(kind) in TABLES:
         if codec not in (None, ROWS_CODEC):
             raise BadInputError(
                 f"conversion.codecs.{sensor['id']}: no codec {codec!r} for sensors of kind "

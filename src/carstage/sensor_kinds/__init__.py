@@ -8,9 +8,11 @@ Standard library only, Python 3.8: the collector reads the table too.
 from carstage.sensor_kinds.model import Attribute, AttributeSet, Column, SensorKind, load_object
 from carstage.sensor_kinds.table import (
     ENTRY_POINT_GROUP,
+    content_of,
     import_plugins,
     kinds,
     known_kind,
+    plugins_of,
     register,
     sensor_kind,
 )
@@ -21,10 +23,12 @@ __all__ = [
     "AttributeSet",
     "Column",
     "SensorKind",
+    "content_of",
     "import_plugins",
     "kinds",
     "known_kind",
     "load_object",
+    "plugins_of",
     "register",
     "sensor_kind",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import import_module
 from typing import Any, Mapping, Optional, Tuple, Union
 
@@ -160,7 +161,7 @@ class SensorKind:
         """Bytes of a raw pixel, point, detection or reading."""
         return sum(_SIZES[column.dtype] * column.count for column in self.columns)
 
-    @property
+    @cached_property
     def layout(self) -> struct.Struct:
         """The columns as they stand in a record."""
         codes = {"|u1": "B", "<f4": "f", "<u4": "I", "<f8": "d"}

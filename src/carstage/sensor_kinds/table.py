@@ -70,6 +70,17 @@ def sensor_kind(name: str) -> SensorKind:
     return kind
 
 
+def content_of(name: str) -> str:
+    """What a frame of a kind is; empty for a kind that is not known here."""
+    kind = known_kind(name)
+    return "" if kind is None else kind.content
+
+
+def plugins_of(names: Iterable[str]) -> List[str]:
+    """Modules that a collector imports so that it knows these kinds."""
+    return sorted({sensor_kind(name).plugin for name in names} - {""})
+
+
 def import_plugins(modules: Iterable[str]) -> None:
     """Import modules that register kinds.
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from typing import Any, Dict, Mapping, Optional, Tuple
 
 from carstage.collector.internals.errors import PlanError
-from carstage.collector.internals.fields import Fields
+from carstage.collector.internals.fields import Fields, shown
 from carstage.collector.internals.level_labels import LEVEL_OBJECTS
 from carstage.collector.internals.plan import (
     ATTACHMENTS,
@@ -31,9 +32,9 @@ from carstage.collector.internals.plan import (
     WeatherMoment,
     WeatherPlan,
 )
-from carstage.collector.sensors import SENSOR_KINDS
 from carstage.rawlog.format import LEDGER, WORLD, check_stream_name
 from carstage.rawlog.writing import CHUNKLOG, RAW_STORES
+from carstage.sensor_kinds import import_plugins, kinds, known_kind
 
 PLAN_VERSION = 1
 SPEC_VERSION = 1
@@ -80,6 +81,7 @@ def parse_plan(value: Any) -> Plan:
             "plan_version: %d is not known; this collector reads %d." % (version, PLAN_VERSION),
             "Use a collector and a Car-STAGE of the same version.",
         )
+    _import_plugins(plan)
     server = plan.object("server")
     episodes = plan.list("episodes")
     if not episodes:
@@ -282,6 +284,26 @@ def _timing(fields: Fields, step_s: float) -> TimingPlan:
     )
 
 
+def _import_plugins(plan: Fields) -> None:
+    """Import the modules that register the kinds of sensors that are not Car-STAGE's."""
+    for index, module in enumerate(plan.list("plugins") if "plugins" in plan else ()):
+        try:
+            import_plugins([module])
+        except Exception as error:
+            raise PlanError(
+                "plugins[%d]: %s cannot be imported by the collector's Python: %s."
+                % (index, shown(module), error),
+                "Install the package of the sensor kind for %s." % sys.executable,
+            ) from error
+
+
+def _kind(sensor: Fields) -> str:
+    name = sensor.text("kind")
+    if known_kind(name) is None:
+        sensor.text("kind", tuple(sorted(kind.name for kind in kinds())))
+    return name
+
+
 def _sensors(fields: Fields) -> Tuple[SensorPlan, ...]:
     sensors: Dict[str, SensorPlan] = {}
     for index, value in enumerate(fields.list("sensors")):
@@ -298,7 +320,7 @@ def _sensors(fields: Fields) -> Tuple[SensorPlan, ...]:
         names = sensor.any("attributes")
         sensors[sensor_id] = SensorPlan(
             id=sensor_id,
-            kind=sensor.text("kind", tuple(sorted(SENSOR_KINDS))),
+            kind=_kind(sensor),
             blueprint=sensor.text("blueprint"),
             pose=Pose(
                 *(

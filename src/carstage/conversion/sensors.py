@@ -10,7 +10,7 @@ from carstage.codecs import codec_for
 from carstage.errors import BadInputError
 from carstage.rawlog.format import LEDGER, WORLD
 from carstage.sensor_kinds import content_of
-from carstage.sensor_kinds.model import DETECTIONS, POINTS, TABLES
+from carstage.sensor_kinds.model import DETECTIONS, POINTS, ROWS
 
 ROWS_CODEC = "parquet"
 
@@ -74,7 +74,7 @@ def plan_sensors(spec: Mapping[str, Any], codecs: Mapping[str, str]) -> SensorPl
 
 def _recorded(sensor: Mapping[str, Any], codec: str | None) -> RecordedSensor:
     kind = sensor["kind"]
-    if content_of(kind) in TABLES:
+    if content_of(kind) in ROWS:
         if codec not in (None, ROWS_CODEC):
             raise BadInputError(
                 f"conversion.codecs.{sensor['id']}: no codec {codec!r} for sensors of kind "

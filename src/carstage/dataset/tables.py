@@ -100,7 +100,7 @@ class DetectionSensor(RowSensor):
 def row_sensor(kind: str) -> RowSensor | None:
     """The table of a kind that becomes one, ``sensors/<id>.parquet``; None for other kinds."""
     row = known_kind(kind)
-    if row is None or not row.is_table:
+    if row is None or not row.has_rows:
         return None
     made = DetectionSensor if row.content == DETECTIONS else RowSensor
     return made(tuple((column.name, column.count) for column in row.columns))

@@ -28,7 +28,7 @@ from carstage.report.drawing import (
     draw_boxes_3d,
 )
 from carstage.report.film import MOST_FRAMES, film
-from carstage.sensor_kinds.model import CAMERAS, CLOUDS, COLOUR, DETECTIONS, TABLES
+from carstage.sensor_kinds.model import CAMERAS, CLOUDS, COLOUR, DETECTIONS, ROWS
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelledBox, LabelTables, labelled_boxes
 
@@ -304,7 +304,7 @@ _STATES = ("ok", "missing", "late", "mismatched", "off")
 
 
 def _frames_on_disk(episode: Episode, sensor: Sensor) -> int:
-    if sensor.content in TABLES:
+    if sensor.content in ROWS:
         try:
             return int(sensor.table.num_rows)
         except DatasetError:

@@ -25,7 +25,7 @@ CAMERAS = (COLOUR, DEPTH, TAGS, INSTANCES, FLOW, NORMALS)
 """Contents that are pictures."""
 CLOUDS = (POINTS, TAGGED_POINTS)
 """Contents that are point clouds, one file per frame."""
-TABLES = (DETECTIONS, READING)
+ROWS = (DETECTIONS, READING)
 """Contents that are rows of one Parquet file per episode."""
 
 _VIEWERS = {DETECTIONS: "radar", READING: "none"}
@@ -97,7 +97,7 @@ class SensorKind:
     Attributes:
         name: what users write as ``kind``.
         blueprint: CARLA's id.
-        content: what a frame is; one of :data:`CAMERAS`, :data:`CLOUDS` or :data:`TABLES`. All
+        content: what a frame is; one of :data:`CAMERAS`, :data:`CLOUDS` or :data:`ROWS`. All
             that reads frames goes by it: labels, checks, exports, views.
         title: name in the interface; ``short``: beginning of the ids that it gives.
         description: the kind in a few words; ``summary``: in a sentence.
@@ -147,9 +147,9 @@ class SensorKind:
         return self.content in CLOUDS
 
     @property
-    def is_table(self) -> bool:
+    def has_rows(self) -> bool:
         """Whether frames become rows of one table per episode."""
-        return self.content in TABLES
+        return self.content in ROWS
 
     @property
     def viewer(self) -> str:

@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Dict, Iterable, List, Optional, Tuple
 
 from carstage.sensor_kinds.built_in import BUILT_IN
-from carstage.sensor_kinds.model import CAMERAS, CLOUDS, TABLES, SensorKind
+from carstage.sensor_kinds.model import CAMERAS, CLOUDS, ROWS, SensorKind
 
 ENTRY_POINT_GROUP = "carstage.sensors"
 """Group of entry points; each names a module that registers kinds."""
@@ -35,9 +35,9 @@ def register(kind: SensorKind) -> None:
     for other in _kinds.values():
         if other.blueprint == kind.blueprint:
             raise ValueError("sensor kind %r: %s is %r" % (kind.name, kind.blueprint, other.name))
-    if kind.content not in CAMERAS + CLOUDS + TABLES:
+    if kind.content not in CAMERAS + CLOUDS + ROWS:
         raise ValueError("sensor kind %r: no content is called %r" % (kind.name, kind.content))
-    if kind.is_table == bool(kind.codecs):
+    if kind.has_rows == bool(kind.codecs):
         raise ValueError(
             "sensor kind %r: %s"
             % (kind.name, "a table has no codec" if kind.codecs else "no codec")

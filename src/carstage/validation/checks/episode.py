@@ -15,7 +15,7 @@ from carstage.dataset.ledger import recorded_frames, saved_times_s
 from carstage.dataset.reading import Episode, Sensor
 from carstage.dataset.tracks import may_come_back
 from carstage.geometry import invert_pose
-from carstage.sensor_kinds.model import CLOUDS, COLOUR, DEPTH, FLOW, INSTANCES, POINTS, TAGS
+from carstage.sensor_kinds.model import CLOUDS, COLOUR, DEPTH, FLOW, INSTANCES, POINTS, ROWS, TAGS
 from carstage.validation.checks.completeness import check_gaps, check_missing_rows
 from carstage.validation.checks.edges import (
     EdgeFigures,
@@ -149,7 +149,7 @@ class EpisodeChecks:
         check_file_list(episode, recorded, findings)
         check_ledger(episode, ledger, findings)
         for sensor in episode.sensors:
-            if sensor.content in TABLES:
+            if sensor.content in ROWS:
                 self._files.read(sensor.paths(0)[0], sensor=sensor.id)
         check_row_sensors(episode, ledger, recorded, findings)
         check_self_test(episode, findings)
@@ -165,7 +165,7 @@ class EpisodeChecks:
             data = {
                 sensor.id: array
                 for sensor in episode.sensors
-                if sensor.content not in TABLES and k in available[sensor.id]
+                if sensor.content not in ROWS and k in available[sensor.id]
                 if (array := self._decoded(sensor, k)) is not None
             }
             self._check_frame(k, rows, boxes.get(k, []), data)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.dataset.reading import Episode, Sensor
-from carstage.sensor_kinds.model import COLOUR, TABLES
+from carstage.sensor_kinds.model import COLOUR, ROWS
 from carstage.validation.checks.findings import Findings
 
 BLACK_LEVEL = 8
@@ -109,7 +109,7 @@ def check_repeats(
     """
     hashes = {entry.path: entry.sha256 for entry in episode.marker.files}
     for sensor in episode.sensors:
-        if sensor.content in TABLES:
+        if sensor.content in ROWS:
             continue
         content = [_content(episode, sensor, k, hashes) for k in range(episode.frames)]
         still = 0

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.framework.bare_specs import bare_sensor, bare_spec
 from carstage.annotation import CameraImages, EpisodeLabeller
 from carstage.bench.calibration import slowness
 from carstage.bench.episodes import Progress
@@ -223,18 +224,18 @@ def _snapshot(
 
 def _header(method: str) -> dict[str, Any]:
     width, height = _SIZE
-    camera = {
-        "id": _CAMERA,
-        "kind": "rgb",
-        "labelled": True,
-        "attributes": {
+    camera = bare_sensor(
+        _CAMERA,
+        "rgb",
+        labelled=True,
+        attributes={
             "image_size_x": str(width),
             "image_size_y": str(height),
             "fov": str(_FOV_DEG),
         },
-        "depth": "CAM.depth",
-        "instance": "CAM.instance",
-    }
+        depth="CAM.depth",
+        instance="CAM.instance",
+    )
     return {
         "episode_id": "crowd",
         "server_version": "0.9.16",
@@ -243,13 +244,5 @@ def _header(method: str) -> dict[str, Any]:
         "ego_id": _EGO_ID,
         "first_timestamp_s": 0.0,
         "sensor_actor_ids": {},
-        "spec": {
-            "fps": 10.0,
-            "timing": {"mode": "sync"},
-            "warmup_ticks": 1,
-            "weather": {"preset": None},
-            "sensors": [camera],
-            "labels": {"method": method, "boxes": ["2d", "3d"]},
-            "ground_truth": {"ego_motion": False},
-        },
+        "spec": bare_spec([camera], labels={"method": method}, ground_truth={"ego_motion": False}),
     }

@@ -71,6 +71,17 @@ def conversion(
     return report_verdict(verdict, json)
 
 
+@benchmark("hashing", takes="1 minute")
+def hashing(
+    rounds: Annotated[int, typer.Option(min=3, help="How often each is measured.")] = 7,
+    json: Json = False,
+) -> int:
+    """What hashing costs by BLAKE3, against the SHA-256 that it replaced."""
+    from benchmarks.framework.hashing import measure_hashing
+
+    return report_verdict(measure_hashing(rounds), json)
+
+
 @benchmark("memory", takes="20 minutes")
 def memory(
     frames: Annotated[int, typer.Option(min=100, help="To record.")] = 10_000,

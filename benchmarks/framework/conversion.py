@@ -12,7 +12,6 @@ import statistics
 import tempfile
 import time
 from collections.abc import Callable, Iterable
-from hashlib import sha256
 from pathlib import Path
 
 from carstage.bench.episodes import (
@@ -26,7 +25,7 @@ from carstage.bench.verdict import Figure, Verdict
 from carstage.codecs import codec_for
 from carstage.conversion.segment import encode_segment
 from carstage.conversion.sensors import RecordedSensor
-from carstage.files.digests import sha256_of_each
+from carstage.files.hashing import hash_of
 from carstage.rawlog.format import KIND_DATA
 from carstage.rawlog.reader import EpisodeLog
 
@@ -87,15 +86,14 @@ def compare(raw: Path, camera_id: str, files: Path, rounds: int, progress: Progr
         return [path.read_bytes() for path in sorted(files.rglob("*.png"))]
 
     encode()  # buffers are made once
-    alone, whole, hashes, plain_hashes = [], [], [], []
+    alone, whole, hashes = [], [], []
     written = 0
     for number in range(rounds):
         alone.append(_cpu_ms(encode) / len(records))
         whole.append(_cpu_ms(convert) / len(records))
         made = contents()
         written = sum(len(content) for content in made)
-        hashes.append(_cpu_ms(sha256_of_each, made) / len(made))
-        plain_hashes.append(_cpu_ms(_one_by_one, made) / len(made))
+        hashes.append(_cpu_ms(_hash, made) / len(made))
         shutil.rmtree(files)
         progress(number + 1, rounds)
     encoder_ms, conversion_ms = statistics.median(alone), statistics.median(whole)
@@ -108,7 +106,6 @@ def compare(raw: Path, camera_id: str, files: Path, rounds: int, progress: Progr
             Figure("encoder_cpu_ms", encoder_ms),
             Figure("conversion_cpu_ms", conversion_ms),
             Figure("hash_cpu_ms", statistics.median(hashes)),
-            Figure("hashlib_cpu_ms", statistics.median(plain_hashes)),
             Figure("conversion_of_encoder", conversion_ms / encoder_ms, "<=", TARGET_RATIO),
         ),
         (f"Codec {name}; conversion reads the log, encodes, writes the file and hashes it.",),
@@ -116,9 +113,9 @@ def compare(raw: Path, camera_id: str, files: Path, rounds: int, progress: Progr
     )
 
 
-def _one_by_one(contents: Iterable[bytes]) -> None:
+def _hash(contents: Iterable[bytes]) -> None:
     for content in contents:
-        sha256(content)
+        hash_of(content)
 
 
 def _cpu_ms(work: Callable[..., object], *arguments: object) -> float:

@@ -31,10 +31,10 @@ from carstage.bench.episodes import (
 )
 from carstage.bench.verdict import Figure, Verdict
 from carstage.execution import CollectorProcess
-from carstage.plan import EpisodeSpec
 from carstage.rawlog.format import KIND_DATA, LEDGER
 from carstage.rawlog.reader import EpisodeLog
 from carstage.server import Endpoint
+from carstage.spec import EpisodeSpec
 
 TICKS = 20_000
 _LOOP = 50

@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.framework.bare_specs import bare_sensor, bare_spec
 from carstage.annotation.decoding import decode_depth_bgra, decode_instance_bgra
 from carstage.rawlog.format import KIND_DATA
 from carstage.rawlog.reader import ActorInfo, EpisodeLog, Record, WorldFrame
@@ -24,7 +25,7 @@ INSTANCE: Final = "CAM.instance"
 ALONE: Final = "alone"
 TAKEN_AWAY: Final = "taken_away"
 LEVEL_KINDS: Final = ("parked_vehicles", "traffic_lights", "traffic_signs")
-SIGHTS_FPS: Final = 20.0
+SCENES_FPS: Final = 20.0
 
 
 def episode_header(
@@ -50,18 +51,18 @@ def episode_header(
         "image_size_y": str(height),
         "fov": str(plan["fov_deg"]),
     }
-    camera = {
-        "id": CAMERA,
-        "kind": "rgb",
-        "labelled": True,
-        "attach_to": "world",
-        "attributes": attributes,
-        "depth": DEPTH,
-        "instance": INSTANCE,
-    }
+    camera = bare_sensor(
+        CAMERA,
+        "rgb",
+        labelled=True,
+        attach_to="world",
+        attributes=attributes,
+        depth=DEPTH,
+        instance=INSTANCE,
+    )
     return {
         "format_version": 1,
-        "episode_id": f"sights-{plan['town']}",
+        "episode_id": f"scenes-{plan['town']}",
         "server_version": server_version,
         "map": plan["town"],
         "geo_reference": {"latitude_deg": 0.0, "longitude_deg": 0.0, "altitude_m": 0.0},
@@ -71,15 +72,7 @@ def episode_header(
         "sensor_carrier_ids": {CAMERA: 0},
         "ticks": plan["scenes"],
         "ticks_per_segment": plan["scenes"],
-        "spec": {
-            "fps": SIGHTS_FPS,
-            "timing": {"mode": "sync"},
-            "warmup_ticks": 1,
-            "weather": {"preset": None},
-            "sensors": [camera],
-            "labels": {"method": "both", "boxes": ["2d", "3d"]},
-            "ground_truth": {"ego_motion": False},
-        },
+        "spec": bare_spec([camera], fps=SCENES_FPS, ground_truth={"ego_motion": False}),
     }
 
 

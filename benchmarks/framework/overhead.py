@@ -33,9 +33,9 @@ from carstage.bench.episodes import (
 from carstage.bench.process_figures import process_cpu_s
 from carstage.bench.verdict import Figure, Verdict
 from carstage.execution import CollectorProcess
-from carstage.plan import EpisodeSpec
 from carstage.rawlog.reader import EpisodeLog
 from carstage.server import Endpoint
+from carstage.spec import EpisodeSpec
 
 CAMERAS = 5
 POINTS = 100_000

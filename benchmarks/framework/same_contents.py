@@ -51,7 +51,7 @@ def compare_datasets(first: Path, second: Path) -> Comparison:
 
 
 def _by_index(dataset: Dataset) -> list[Episode]:
-    return sorted(dataset.episodes, key=lambda episode: int(episode.document["spec"]["index"]))
+    return sorted(dataset.episodes, key=lambda episode: episode.spec.index)
 
 
 def _compare_sensors(one: Episode, other: Episode, found: Comparison) -> None:

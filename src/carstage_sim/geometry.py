@@ -1,4 +1,8 @@
-"""Poses in CARLA's frames: x forward, y right, z up (left-handed), metres and degrees."""
+"""Poses in CARLA's frames: x forward, y right, z up (left-handed), metres and degrees.
+
+The formula of ``rotation_matrix`` also stands in ``carstage.geometry.coordinates``: the packages
+meet on the wire only, and neither imports the other.
+"""
 
 from __future__ import annotations
 

@@ -1,19 +1,24 @@
 """How kernels are compiled, and where their machine code is kept between runs.
 
-Every kernel runs without the interpreter lock and without a threading layer of numba's own: the
-renderer hands bands of rays to its own few threads, so no kernel may be ``parallel=True``. None is
-compiled with ``fastmath``: the same input gives the same bits.
+The rule, which ``carstage.kernels`` follows too. Every kernel runs without the interpreter lock,
+divides as NumPy does, and is never compiled with ``fastmath``: the same input gives the same bits.
+None is ``parallel=True``: threads belong to the caller, who hands each a band of the work.
 
 Numba looks only at the file of the outermost function when it decides whether cached code is stale;
-an edited callee or constant in another file would go unnoticed. So code is kept in a folder whose
-name is a hash over all sources of the kernel's room, the folder directly below this package, and a
-kernel only calls what lies in its own room: an edit there compiles its kernels anew, and no others.
+an edited callee or constant in another file would go unnoticed. So a kernel only calls what lies in
+its **kernel package**, the folder directly below this package, at any depth. Its machine code is
+kept in the cache folder under a hash over all sources of that package, numba's version and the CPU:
+an edit there compiles its kernels anew, and no others. Where nothing can be written, each process
+compiles for itself.
+
+The hash and the decorator stand in both packages, as neither imports the other.
 """
 
 from __future__ import annotations
 
 import hashlib
 import importlib
+import os
 import sys
 from collections.abc import Callable
 from functools import cache, partial
@@ -25,10 +30,22 @@ import numba
 
 from carstage_sim.cache import cache_folder, mark_used
 
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+_ROOT = Path(__file__).parent
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+
+
+def kernel_package(source: Path) -> Path:
+    """The folder directly below this package that holds a source file; elsewhere its folder."""
+    if not source.is_relative_to(_ROOT):
+        return source.parent
+    return _ROOT / source.relative_to(_ROOT).parts[0]
+
 
 @cache
 def kernel_cache_key(package: Path) -> str:
-    """Hash over the sources below a folder, this module, numba's version and the CPU."""
+    """Hash over the sources of a kernel package, this module, numba's version and the CPU."""
     digest = hashlib.sha256()
     for source in (Path(__file__), *sorted(package.rglob("*.py"))):
         digest.update(source.name.encode())
@@ -39,7 +56,7 @@ def kernel_cache_key(package: Path) -> str:
 
 
 def kernel_cache(package: Path) -> Path:
-    """Where machine code of the kernels in exactly this state of a folder is kept."""
+    """Where machine code of the kernels in exactly this state of a package is kept."""
     return cache_folder() / "kernels" / f"{package.name}-{kernel_cache_key(package)}"
 
 
@@ -60,29 +77,27 @@ def do_without_scipy() -> None:
         del modules[name]
 
 
-Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
-
-_PACKAGE = Path(__file__).parent
-_FAST: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
-
-
-def _room(source: Path) -> Path:
-    """The folder directly below this package that holds a source file."""
-    return _PACKAGE / source.relative_to(_PACKAGE).parts[0]
-
-
 def _cached(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
-    """Numba reads where to keep machine code when it decorates a function."""
-    config: Any = numba.config  # whose names are made at run time
-    before = config.CACHE_DIR
-    folder = kernel_cache(_room(Path(function.__code__.co_filename)))
-    config.CACHE_DIR = str(folder)
+    """Compile at the first call; numba reads the cache folder when it decorates a function."""
+    folder = kernel_cache(kernel_package(Path(function.__code__.co_filename)))
+    keeps = _is_writable(folder)
     mark_used(folder)
+    config: Any = numba.config  # whose names are made at run time
+    before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
     try:
-        compiled: Callable[..., Any] = numba.njit(cache=True, **_FAST, **options)(function)
+        compiled: Callable[..., Any] = numba.njit(cache=keeps, **_OPTIONS, **options)(function)
     finally:
         config.CACHE_DIR = before
     return compiled
+
+
+def _is_writable(folder: Path) -> bool:
+    """Numba would else keep code beside the source, without a look at callees."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK)
 
 
 builder: Decorator = _cached
@@ -96,10 +111,16 @@ ray, the atomic counters would cost as much as the ray.
 """
 
 device: Decorator = partial(
-    numba.njit, _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True, **_FAST
+    numba.njit, _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS
 )
 """Decorator of functions that only kernels call; compiled into each kernel that uses them.
 
 Without a wrapper for Python's calls, which for tuples of arrays takes longer to compile than the
 function.
 """
+
+inlined: Decorator = partial(
+    numba.njit, _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True,
+    **_OPTIONS,
+)  # fmt: skip
+"""As ``device``, without a call: for functions that get whole records, which a call would copy."""

@@ -10,7 +10,7 @@ from carstage_sim.maps import MapCatalogue, MapFileError, MapSamplingError, Town
 from carstage_sim.maps.loading import TownSource
 from carstage_sim.sensors import WorldSensors
 from carstage_sim.world.blueprints import catalogue
-from carstage_sim.world.rehearsal import rehearse
+from carstage_sim.world.kernel_warmup import warm_up_mechanics
 from carstage_sim.world.world import World
 
 _LEAST_MINUTES_S = 90.0
@@ -28,7 +28,7 @@ def prebake(
         maps: the maps that there are.
         names: which to bake; none means all that are offered.
         report: called with each line of progress.
-        clock: seconds, for what is told of the time.
+        clock: seconds, for the forecast of the remaining time.
 
     Returns:
         Whether all succeeded; one that fails is reported and the others go on.
@@ -75,13 +75,13 @@ def prebake(
 
 
 def _finish(town: Town, *, with_shapes: bool) -> None:
-    """Store what a server of this town computes beside the town."""
-    with WorldSensors(town) as suite:
+    """Store what a server of this town computes apart from the town itself."""
+    with WorldSensors(town) as sensors:
         if with_shapes:
-            suite.warm_up()
-            rehearse(World(town, 1))
+            sensors.warm_up()
+            warm_up_mechanics(World(town, 1))
             for type_id in catalogue():
-                suite.expect(type_id)
+                sensors.expect(type_id)
 
 
 class _Pace:

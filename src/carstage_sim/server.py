@@ -20,7 +20,6 @@ from types import TracebackType
 from typing import Any
 
 from carstage_sim.simulation import Simulation
-from carstage_sim.wire.claims import SynchronousClaims
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.handlers import Call, Session, serve
 from carstage_sim.wire.payloads import encode_frame, sensor_header
@@ -29,6 +28,7 @@ from carstage_sim.wire.rpc import Disconnected, Event, RpcServer
 from carstage_sim.wire.snapshot import encode_snapshot
 from carstage_sim.wire.socket_loop import SocketLoop
 from carstage_sim.wire.streaming import StreamingServer
+from carstage_sim.wire.synchronous_owners import SynchronousOwners
 from carstage_sim.wire.traffic_managers import TrafficManagers
 from carstage_sim.wire.values import encode_actor, encode_scenery
 from carstage_sim.world.snapshot import Snapshot
@@ -77,7 +77,7 @@ class Server:
         self._parent_pid = parent_pid
         self._stop = threading.Event()
         self._next_tick_s = 0.0
-        self._claims = SynchronousClaims()
+        self._owners = SynchronousOwners()
         self._older_streams: list[int] = []
         self._tick_requests: list[Call | None] = []
         self._later: list[tuple[float, int, Callable[[], None]]] = []
@@ -164,23 +164,23 @@ class Server:
     def _serve(self, event: Event) -> None:
         if isinstance(event, Disconnected):
             self._session.traffic_managers.drop_owner(event.connection)
-            if self._claims.left(event.connection):
+            if self._owners.left(event.connection):
                 self._after(_RELEASE_AFTER_S, self._release)
             return
         before, ticks = self._simulation.settings, len(self._tick_requests)
         serve(self._session, event)
-        self._claims.served(
+        self._owners.served(
             event.connection,
             before,
             self._simulation.settings,
-            claims=event.name == "set_episode_settings" or len(self._tick_requests) > ticks,
+            takes_over=event.name == "set_episode_settings" or len(self._tick_requests) > ticks,
         )
 
     def _release(self) -> None:
         """Let the world run freely again, unless somebody has taken it over meanwhile."""
-        if self._simulation.settings.synchronous_mode and not self._claims.held:
+        if self._simulation.settings.synchronous_mode and not self._owners.owned:
             logger.warning("the client that ticked the world is gone: it runs freely again")
-            self._simulation.apply_settings(self._claims.before)
+            self._simulation.apply_settings(self._owners.before)
             self._next_tick_s = time.monotonic()
 
     def _tick(self) -> None:
@@ -265,10 +265,10 @@ class Server:
             _, _, action = heapq.heappop(self._later)
             before = self._simulation.settings
             self._guarded(action)
-            self._claims.changed(before, self._simulation.settings)
+            self._owners.changed(before, self._simulation.settings)
 
     def _guarded(self, action: Callable[[], None]) -> None:
-        """Do what no call waits for to be told of; that it fails must not end the server."""
+        """Do work whose result no call waits for; its failure must not end the server."""
         try:
             action()
         except Exception:

@@ -24,8 +24,8 @@ from carstage_sim.sensors.sensor import SensorRegistry
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.controls import EpisodeSettings
 from carstage_sim.world.errors import SpawnError
+from carstage_sim.world.kernel_warmup import warm_up_mechanics
 from carstage_sim.world.pose import ZERO, Pose, Vector3
-from carstage_sim.world.rehearsal import rehearse
 from carstage_sim.world.snapshot import Snapshot
 from carstage_sim.world.state import ActorKind
 from carstage_sim.world.world import World
@@ -97,7 +97,7 @@ class Simulation:
         self._source = self.maps.source(town_name)
         self._town = self.maps.load(town_name)
         self.world = self._new_world(self._town, 1, None)
-        self._sensors = self._new_suite(self._town)
+        self._sensors = self._new_sensors(self._town)
 
     def __enter__(self) -> Simulation:
         return self
@@ -116,7 +116,7 @@ class Simulation:
     def warm_up(self) -> None:
         """Compile and run every kernel once, so that no client waits for a compiler."""
         self._sensors.warm_up()
-        rehearse(self.world)
+        warm_up_mechanics(self.world)
 
     def prepare(self, town_name: str) -> Bake:
         """Begin to bake a map, unless it can be loaded at once; the world may run on meanwhile.
@@ -148,7 +148,7 @@ class Simulation:
         else:
             town = self.maps.load(town_name)
             with ExitStack() as resources:
-                sensors = self._new_suite(town)
+                sensors = self._new_sensors(town)
                 resources.callback(sensors.close)
                 sensors.warm_up()
                 world = self._new_world(town, number, self.world)
@@ -161,7 +161,7 @@ class Simulation:
             self.settings = EpisodeSettings()
         logger.info("episode %d on %s", self.world.episode_id, self._town.name)
 
-    def _new_suite(self, town: Town) -> WorldSensors:
+    def _new_sensors(self, town: Town) -> WorldSensors:
         return WorldSensors(
             town, threads=self._threads, loop=self._loop, quality=self._quality, gpu=self._gpu
         )
@@ -220,7 +220,7 @@ class Simulation:
             requests.append(_request(sensor, pose, self.imu_gravity, self._projection))
         if not requests and not self._watched_before:
             return
-        self._watched_before = bool(requests)  # one capture of nothing lets the suite forget
+        self._watched_before = bool(requests)  # one capture of nothing lets the sensors forget
         for sensor_id, frame in self._sensors.frames(snapshot.state, requests):
             yield CapturedFrame(*watched[sensor_id], frame)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -14,6 +13,7 @@ import pyarrow as pa
 import analytic_scene
 from carstage.conversion import EpisodeConversion
 from carstage.dataset.tables import read_table, write_table
+from carstage.files.hashing import hash_of
 from carstage.storage import LocalStore
 
 SIZE = (192, 128)
@@ -53,7 +53,7 @@ def recommit(dataset: Path) -> None:
         {
             "path": path.relative_to(folder).as_posix(),
             "bytes": path.stat().st_size,
-            "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+            "hash": hash_of(path.read_bytes()),
         }
         for path in sorted(folder.rglob("*"))
         if path.is_file()

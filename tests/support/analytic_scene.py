@@ -151,6 +151,7 @@ def spec(
                    "max_substeps": 10, "on_incomplete": "wait"},
         "vehicles": {"count": 2, "filter": "vehicle.*"},
         "pedestrians": {"count": 1, "filter": "walker.pedestrian.*"},
+        "traffic": {},
         "ego": {"blueprint": EGO.type_id, "spawn_index": 0},
         "scenario": {"kind": "autopilot"},
         "sensors": [
@@ -168,7 +169,8 @@ def spec(
         "labels": {"method": "both", "boxes": ["2d", "3d"]},
         "ground_truth": {"vehicles": True, "pedestrians": True, "ego_motion": True},
         "max_distance_m": 80.0, "min_lidar_points": 5,
-        "seeds": {"traffic_manager": 1, "walkers": 2, "spawn": 3, "ego": 4, "sensor_noise": 5},
+        "seeds": {"traffic_manager": 1, "walkers": 2, "spawn": 3, "ego": 4, "sensor_noise": 5,
+                  "driving": 6},
     }  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.framework.bare_specs import bare_sensor, bare_spec
 from carstage.annotation import CameraImages, EpisodeLabeller
 from carstage.annotation.pixels import BOX_MARGIN_M, BoxView
 from carstage.geometry import Z_NEAR_M, FloatArray, rotation_matrix
@@ -74,25 +75,24 @@ def header(
 ) -> dict[str, Any]:
     """A raw log's ``episode.json``; by default the sensors stand at the world's origin."""
     pose = {"x_m": 50.0} if mount is None else mount
-    sensors: list[dict[str, Any]] = [
-        {
-            "id": name,
-            "kind": "rgb",
-            "labelled": True,
-            "pose": pose,
-            "attributes": {
-                "image_size_x": str(width),
-                "image_size_y": str(height),
-                "fov": "90.0",
-            },
-            "depth": f"{name}.depth",
-            "instance": f"{name}.instance",
-        }
+    size = {"image_size_x": str(width), "image_size_y": str(height), "fov": "90.0"}
+    sensors = [
+        bare_sensor(
+            name,
+            "rgb",
+            labelled=True,
+            pose=pose,
+            attributes=size,
+            depth=f"{name}.depth",
+            instance=f"{name}.instance",
+        )
         for name in cameras
     ]
     if lidar:
-        sensors.append({"id": "TOP", "kind": "lidar", "pose": pose, "attributes": {}})
-        sensors.append({"id": "RADAR", "kind": "radar", "pose": pose, "attributes": {}})
+        sensors += [
+            bare_sensor("TOP", "lidar", pose=pose),
+            bare_sensor("RADAR", "radar", pose=pose),
+        ]
     return {
         "episode_id": "abc",
         "server_version": "0.9.16",
@@ -101,15 +101,7 @@ def header(
         "ego_id": EGO_ID,
         "first_timestamp_s": 2.25,
         "sensor_actor_ids": sensor_actor_ids or {},
-        "spec": {
-            "fps": 10.0,
-            "timing": {"mode": "sync"},
-            "warmup_ticks": 5,
-            "weather": {"preset": "ClearNoon"},
-            "sensors": sensors,
-            "labels": {"method": "both", "boxes": ["2d", "3d"], **(labels or {})},
-            **spec,
-        },
+        "spec": bare_spec(sensors, labels=dict(labels or {}), **spec),
     }
 
 

@@ -141,7 +141,7 @@ def hashes(out: Path) -> dict[str, dict[str, str]]:
     found = {}
     for path in sorted((out / "commits").glob("*.json")):
         marker = json.loads(path.read_bytes())
-        found[path.stem] = {entry["path"]: entry["sha256"] for entry in marker["files"]}
+        found[path.stem] = {entry["path"]: entry["hash"] for entry in marker["files"]}
     return found
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import psutil
 from fastapi.testclient import TestClient
 
+from benchmarks.framework.bare_specs import bare_sensor, bare_spec
 from carstage.web.app import create_app
 from carstage.web.loading import load
 from carstage.web.settings import WebSettings
@@ -70,16 +71,13 @@ class FakeRun:
             "message": None,
             "host": os.uname().nodename,
         }
-        spec = {
-            "steps": 10,
-            "save_every": 1,
-            "sensors": [
-                {"id": "CAM", "kind": "rgb", "hidden": False},
-                {"id": "CAM.depth", "kind": "depth", "hidden": True},
-                {"id": "IMU", "kind": "imu", "hidden": False},
-                {"id": "TOP", "kind": "lidar", "hidden": False},
-            ],
-        }
+        sensors = [
+            bare_sensor("CAM", "rgb"),
+            bare_sensor("CAM.depth", "depth", hidden=True),
+            bare_sensor("IMU", "imu"),
+            bare_sensor("TOP", "lidar"),
+        ]
+        spec = bare_spec(sensors, steps=10)
         plan = {
             "format_version": 1,
             "run_id": run_id,

@@ -40,7 +40,7 @@ from benchmarks.framework.label_scenes import (
     DEPTH,
     INSTANCE,
     LEVEL_KINDS,
-    SIGHTS_FPS,
+    SCENES_FPS,
     TAKEN_AWAY,
     episode_header,
 )
@@ -259,7 +259,7 @@ def _own_clock(client: Any, town: str) -> Iterator[Any]:
     world = client.get_world()
     original, settings = world.get_settings(), world.get_settings()
     settings.synchronous_mode = True
-    settings.fixed_delta_seconds = 1.0 / SIGHTS_FPS
+    settings.fixed_delta_seconds = 1.0 / SCENES_FPS
     world.apply_settings(settings)
     try:
         world = client.load_world(find_map(client, town), False)

@@ -24,7 +24,7 @@ _END_S = 300.0
 _LAST_PROCESS_S = 30.0
 
 Hashes = Mapping[str, Mapping[str, str]]
-"""SHA-256 by path, by episode id."""
+"""Named hash by path, by episode id."""
 
 CONFIG = f"""\
 name: faults
@@ -146,7 +146,7 @@ def hashes_of(out: Path) -> Hashes:
     found = {}
     for path in sorted((out / "commits").glob("*.json")):
         marker = json.loads(path.read_bytes())
-        found[path.stem] = {entry["path"]: entry["sha256"] for entry in marker["files"]}
+        found[path.stem] = {entry["path"]: entry["hash"] for entry in marker["files"]}
     return found
 
 

@@ -17,6 +17,7 @@ from carstage.geometry import (
     rotation_matrix,
 )
 from carstage.rawlog.reader import WorldFrame
+from carstage.spec import EpisodeSpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,12 +35,12 @@ class EpisodeFacts:
     reference: GeoPoint
 
     @classmethod
-    def from_header(cls, header: Mapping[str, Any]) -> EpisodeFacts:
+    def from_header(cls, header: Mapping[str, Any], spec: EpisodeSpec) -> EpisodeFacts:
         """Read them from the raw log's ``episode.json``."""
         reference: Mapping[str, float] = header["geo_reference"]
         return cls(
             map_name=header["map"],
-            weather_preset=header["spec"].get("weather", {}).get("preset"),
+            weather_preset=spec.weather.preset,
             reference=GeoPoint(
                 latitude_deg=float(reference["latitude_deg"]),
                 longitude_deg=float(reference["longitude_deg"]),

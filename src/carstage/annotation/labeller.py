@@ -26,8 +26,8 @@ from carstage.errors import AnnotationError
 from carstage.geometry import FloatArray, invert_pose
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.reader import ActorInfo, LevelObject, WorldFrame
-from carstage.sensor_kinds import content_of
 from carstage.sensor_kinds.model import DETECTIONS, POINTS
+from carstage.spec import EpisodeSpec, SpecError
 from carstage.tags import (
     dataset_tags,
     numbers_tags_anew,
@@ -103,41 +103,40 @@ class EpisodeLabeller:
         level_objects: Sequence[LevelObject] = (),
     ) -> None:
         try:
-            spec: Mapping[str, Any] = header["spec"]
+            spec = EpisodeSpec.from_json(header["spec"])
             actor_ids: Mapping[str, int] = header["sensor_actor_ids"]
             version: str = header["server_version"]
             self._episode_id: str = header["episode_id"]
             self._ego_id: int = header["ego_id"]
-            self._header = header
-            elapsed_s(header, 0, 0.0)  # it needs what it needs for every frame
-            self._episode = EpisodeFacts.from_header(header)
-            sensors: list[Mapping[str, Any]] = spec["sensors"]
+            self._spec = spec
+            self._first_timestamp_s = float(header["first_timestamp_s"])
+            self._episode = EpisodeFacts.from_header(header, spec)
             self._cameras = {
-                sensor["id"]: LabelledCamera.from_spec(sensor, actor_ids)
-                for sensor in sensors
-                if sensor.get("labelled")
+                sensor.id: LabelledCamera.from_spec(sensor, actor_ids)
+                for sensor in spec.sensors
+                if sensor.labelled
             }
-            self._lidars = {
-                sensor["id"]: Mount.from_spec(sensor, actor_ids)
-                for sensor in sensors
-                if content_of(sensor["kind"]) == POINTS
-            }
-            self._radars = {
-                sensor["id"]: Mount.from_spec(sensor, actor_ids)
-                for sensor in sensors
-                if content_of(sensor["kind"]) == DETECTIONS
-            }
-            self._mounts = [
-                Mount.from_spec(sensor, actor_ids) for sensor in sensors if not sensor.get("hidden")
-            ]
-            on_ego = dict.fromkeys((sensor["id"] for sensor in sensors), self._ego_id)
+            self._lidars, self._radars = (
+                {
+                    sensor.id: Mount.from_spec(sensor, actor_ids)
+                    for sensor in spec.sensors_of(content)
+                }
+                for content in (POINTS, DETECTIONS)
+            )
+            self._mounts = [Mount.from_spec(sensor, actor_ids) for sensor in spec.written_sensors]
+            on_ego = dict.fromkeys((sensor.id for sensor in spec.sensors), self._ego_id)
             self._carriers: Mapping[str, int] = header.get("sensor_carrier_ids", on_ego)
         except KeyError as error:
             raise AnnotationError(
                 f"The raw log's episode.json lacks {error}.", "Record the episode again."
             ) from error
+        except SpecError as error:
+            raise AnnotationError(
+                f"The raw log's specification is not usable: {error.message}",
+                "Record the episode again.",
+            ) from error
         self._settings = LabelSettings.from_spec(spec)
-        self._first_tick_has_past = int(spec.get("warmup_ticks", 0)) > 0
+        self._first_tick_has_past = spec.warmup_ticks > 0
         # Before 0.9.16 the instance camera wrote ids of Unreal's objects, not of actors.
         self._instance_is_actor = server_release(version) >= (0, 9, 16)
         self._server = version
@@ -181,7 +180,7 @@ class EpisodeLabeller:
         """
         ego_row_index = self._ego_row(world)
         scene = self._with_level(self._scene(world, ego_row_index), images)
-        time_s = elapsed_s(self._header, world.tick, world.timestamp_s)
+        time_s = elapsed_s(self._spec, self._first_timestamp_s, world.tick, world.timestamp_s)
         keys = {"k": k, "timestamp_s": time_s, "episode_id": self._episode_id}
         acceleration_valid = world.tick > 0 or self._first_tick_has_past
         points = _count_points(scene, self._lidars, lidar)

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
 
 import numpy as np
 
 from carstage.errors import AnnotationError
 from carstage.geometry import FloatArray, intrinsics, is_pinhole, pose_matrix
 from carstage.rawlog.reader import WorldFrame
-
-EGO: Final = "ego"
-#: Attachments that keep a sensor where it was put on its carrier.
-_RIGID: Final = "rigid"
+from carstage.spec import EGO, RIGID, SensorSpec
 
 
 def camera_geometry(attributes: Mapping[str, str]) -> tuple[int, int, float]:
@@ -57,17 +53,17 @@ class Mount:
         return self.attach_to == EGO and self.rigid
 
     @classmethod
-    def from_spec(cls, sensor: Mapping[str, Any], actor_ids: Mapping[str, int]) -> Mount:
-        """Read one entry of ``spec.sensors``."""
-        pose: Mapping[str, float] = sensor.get("pose", {})
-        location = [pose.get(f"{axis}_m", 0.0) for axis in "xyz"]
-        rotation = [pose.get(f"{angle}_deg", 0.0) for angle in ("pitch", "yaw", "roll")]
+    def from_spec(cls, sensor: SensorSpec, actor_ids: Mapping[str, int]) -> Mount:
+        """The place of a planned sensor."""
+        pose = sensor.pose
         return cls(
-            sensor_id=sensor["id"],
-            actor_id=actor_ids.get(sensor["id"]),
-            attach_to=sensor.get("attach_to", EGO),
-            rigid=sensor.get("attachment", _RIGID) == _RIGID,
-            carrier_from_sensor=pose_matrix(location, rotation),
+            sensor_id=sensor.id,
+            actor_id=actor_ids.get(sensor.id),
+            attach_to=sensor.attach_to,
+            rigid=sensor.attachment == RIGID,
+            carrier_from_sensor=pose_matrix(
+                [pose.x_m, pose.y_m, pose.z_m], [pose.pitch_deg, pose.yaw_deg, pose.roll_deg]
+            ),
         )
 
     def world_from_sensor(self, world: WorldFrame, world_from_ego: FloatArray) -> FloatArray:
@@ -115,17 +111,16 @@ class LabelledCamera:
     instance: str | None
 
     @classmethod
-    def from_spec(cls, sensor: Mapping[str, Any], actor_ids: Mapping[str, int]) -> LabelledCamera:
-        """Read one labelled entry of ``spec.sensors``.
+    def from_spec(cls, sensor: SensorSpec, actor_ids: Mapping[str, int]) -> LabelledCamera:
+        """A labelled camera as it is planned.
 
         Raises:
             AnnotationError: when it names no depth camera or its attributes are no numbers.
         """
-        attributes: Mapping[str, str] = sensor.get("attributes", {})
-        depth = sensor.get("depth")
+        attributes, depth = sensor.attributes, sensor.depth
         if not depth:
             raise AnnotationError(
-                f"Labelled camera {sensor['id']} has no depth camera in the spec.",
+                f"Labelled camera {sensor.id} has no depth camera in the spec.",
                 "Plan the episode again: labelled cameras get a hidden depth twin.",
             )
         width, height, fov_deg = camera_geometry(attributes)
@@ -133,7 +128,7 @@ class LabelledCamera:
             pinhole = is_pinhole(attributes)
         except ValueError as error:
             raise AnnotationError(
-                f"An attribute of camera {sensor['id']} is not a number: {error}."
+                f"An attribute of camera {sensor.id} is not a number: {error}."
             ) from error
         return cls(
             mount=Mount.from_spec(sensor, actor_ids),
@@ -142,5 +137,5 @@ class LabelledCamera:
             k=intrinsics(width, height, fov_deg),
             pinhole=pinhole,
             depth=depth,
-            instance=sensor.get("instance"),
+            instance=sensor.instance,
         )

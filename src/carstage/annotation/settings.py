@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
 
-from carstage.errors import AnnotationError
-
-METHODS: Final = ("stage_vo", "pixels", "both")
+from carstage.spec import EpisodeSpec
+from carstage.spec.defaults import MAX_DISTANCE_M, MIN_VISIBLE_PX
 
 
 @dataclass(frozen=True, slots=True)
 class LabelSettings:
-    """Label settings of an ``EpisodeSpec``.
+    """What an ``EpisodeSpec`` asks of its labels, side by side.
 
     Attributes:
         method: ``stage_vo``, ``pixels`` or ``both``; decides ``visible`` (both: pixels).
@@ -37,9 +34,9 @@ class LabelSettings:
     vehicles: bool = True
     pedestrians: bool = True
     ego_motion: bool = True
-    max_distance_m: float = 80.0
+    max_distance_m: float = MAX_DISTANCE_M
     min_lidar_points: int = 0
-    min_visible_px: int = 10
+    min_visible_px: int = MIN_VISIBLE_PX
     distance_origin: str = "sensor"
     stage_vo_tolerance_m: float = 0.0
     stage_vo_strict: bool = False
@@ -51,37 +48,21 @@ class LabelSettings:
         return self.method != "stage_vo"
 
     @classmethod
-    def from_spec(cls, spec: Mapping[str, Any]) -> LabelSettings:
-        """Read them from a spec; what it leaves out has the defaults above.
-
-        Raises:
-            AnnotationError: when the method or the distance origin is unknown.
-        """
-        labels: Mapping[str, Any] = spec.get("labels", {})
-        ground_truth: Mapping[str, Any] = spec.get("ground_truth", {})
-        boxes = labels.get("boxes", ("2d", "3d"))
-        settings = cls(
-            method=labels.get("method", "both"),
-            boxes_2d="2d" in boxes,
-            boxes_3d="3d" in boxes,
-            vehicles=bool(ground_truth.get("vehicles", True)),
-            pedestrians=bool(ground_truth.get("pedestrians", True)),
-            ego_motion=bool(ground_truth.get("ego_motion", True)),
-            max_distance_m=float(spec.get("max_distance_m", 80.0)),
-            min_lidar_points=int(spec.get("min_lidar_points", 0)),
-            min_visible_px=int(labels.get("min_visible_px", 10)),
-            distance_origin=labels.get("distance_origin", "sensor"),
-            stage_vo_tolerance_m=float(labels.get("stage_vo_tolerance_m", 0.0)),
-            stage_vo_strict=bool(labels.get("stage_vo_strict", False)),
-            stage_vo_vote=bool(labels.get("stage_vo_vote", False)),
+    def from_spec(cls, spec: EpisodeSpec) -> LabelSettings:
+        """What an episode asks for."""
+        labels, ground_truth = spec.labels, spec.ground_truth
+        return cls(
+            method=labels.method,
+            boxes_2d=labels.boxes_2d,
+            boxes_3d=labels.boxes_3d,
+            vehicles=ground_truth.vehicles,
+            pedestrians=ground_truth.pedestrians,
+            ego_motion=ground_truth.ego_motion,
+            max_distance_m=spec.max_distance_m,
+            min_lidar_points=spec.min_lidar_points,
+            min_visible_px=labels.min_visible_px,
+            distance_origin=labels.distance_origin,
+            stage_vo_tolerance_m=labels.stage_vo_tolerance_m,
+            stage_vo_strict=labels.stage_vo_strict,
+            stage_vo_vote=labels.stage_vo_vote,
         )
-        if settings.method not in METHODS:
-            raise AnnotationError(
-                f"spec.labels.method is {settings.method!r}.", f"Use one of {', '.join(METHODS)}."
-            )
-        if settings.distance_origin not in ("sensor", "ego"):
-            raise AnnotationError(
-                f"spec.labels.distance_origin is {settings.distance_origin!r}.",
-                "Use sensor or ego.",
-            )
-        return settings

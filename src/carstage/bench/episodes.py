@@ -11,10 +11,11 @@ from typing import Any
 from carstage.config import check_config
 from carstage.errors import CollectorError
 from carstage.execution import CollectorProcess
-from carstage.plan import EpisodeSpec, plan_episodes
+from carstage.plan import plan_episodes
 from carstage.rawlog.format import PAYLOAD_SUFFIX, SEALED_SUFFIX
 from carstage.runs.servers import ServerSetup
 from carstage.server import EmbeddedServer, Endpoint, allot_ports, free_port
+from carstage.spec import EpisodeSpec
 
 Progress = Callable[[int, int], None]
 """Told how much is done, of how much."""

@@ -129,7 +129,7 @@ def _simulator() -> Iterator[Finding]:
 
 
 def _caches() -> Iterator[Finding]:
-    from carstage.server import cache_folder
+    from carstage.cache import cache_folder
 
     folder = cache_folder()
     try:

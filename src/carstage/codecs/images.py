@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from carstage.codecs.codec import Codec, image_bgra
-from carstage.codecs.deflate_runs import ZlibOfRuns
 from carstage.codecs.extras import need
-from carstage.codecs.png import PngPacker, pixel_words, unpack_png
+from carstage.codecs.png import PngPacker, ZlibOfRuns, pixel_words, unpack_png
 
 
 class RgbBuffer:

@@ -16,13 +16,11 @@ from carstage.collector.internals.errors import (
     writing_failed,
 )
 from carstage.collector.internals.events import EventStream
-from carstage.collector.internals.plan import Plan
-from carstage.collector.internals.reading import read_plan
+from carstage.collector.internals.plan import Plan, read_plan
 from carstage.collector.internals.stopping import StopRequest
 
 EXIT_OK = 0
 EXIT_FAILED = 1
-EXIT_INTERRUPTED = 130
 
 _log = logging.getLogger("carstage.collector")
 

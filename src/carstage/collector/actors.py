@@ -15,9 +15,10 @@ from typing import Any, Iterator, List, NamedTuple, Optional
 import carla
 
 from carstage.collector.internals.errors import SceneError
-from carstage.collector.internals.plan import EpisodeSpec, GroupPlan
 from carstage.collector.maps import spawn_points
 from carstage.collector.world import WorldSession
+from carstage.spec import EpisodeSpec, GroupSpec
+from carstage.spec.road_users import ALL_GENERATIONS
 
 PLACES_PER_WALKER = 40
 """So many random places are drawn for each walker; those near the ego are tried first."""
@@ -87,11 +88,11 @@ def spawn_vehicles(session: WorldSession, spec: EpisodeSpec, start: Any) -> List
             the plan does not allow.
     """
     plan = spec.vehicles
-    rng = random.Random(spec.seeds["spawn"])
+    rng = random.Random(spec.seeds.spawn)
     places = _vehicle_places(session, spec, start, rng)
     vehicles: List[Any] = []
-    for index, group in enumerate(plan.groups):
-        last = index == len(plan.groups) - 1
+    for index, group in enumerate(plan.all_groups):
+        last = index == len(plan.all_groups) - 1
         path = "vehicles" if last else "vehicles.groups[%d]" % index
         blueprints = _matching(session.world, group, path, "vehicle.")
         wanted = len(vehicles) + group.count
@@ -106,7 +107,7 @@ def spawn_vehicles(session: WorldSession, spec: EpisodeSpec, start: Any) -> List
             if vehicle is not None:
                 vehicles.append(vehicle)
                 session.destroy_on_exit("vehicle %d" % vehicle.id, vehicle)
-    _check_shortfall("vehicles", plan.count, len(vehicles), plan.shortfall)
+    _check_shortfall("vehicles", plan.total, len(vehicles), plan.shortfall)
     return vehicles
 
 
@@ -142,8 +143,8 @@ def spawn_walkers(session: WorldSession, spec: EpisodeSpec, start: Any) -> List[
             the plan does not allow.
     """
     world, plan = session.world, spec.pedestrians
-    rng = random.Random(spec.seeds["walkers"])
-    world.set_pedestrians_seed(spec.seeds["walkers"])
+    rng = random.Random(spec.seeds.walkers)
+    world.set_pedestrians_seed(spec.seeds.walkers)
     world.set_pedestrians_cross_factor(plan.crossing_percent / 100.0)
     blueprints = _matching(world, plan.group, "pedestrians", "walker.")
     controller_blueprint = world.get_blueprint_library().find("controller.ai.walker")
@@ -209,10 +210,11 @@ def _speed_m_s(blueprint: Any, rng: random.Random, runs: bool) -> float:
     return speeds[2 if runs else 1] * rng.uniform(0.8, 1.2)
 
 
-def _matching(world: Any, group: GroupPlan, path: str, family: str) -> List[Any]:
+def _matching(world: Any, group: GroupSpec, path: str, family: str) -> List[Any]:
     """The blueprints of a family that a group's filter, class and generation leave, by id."""
     library = world.get_blueprint_library().filter(group.filter)
-    wanted = {"base_type": group.base_type, "generation": group.generation}
+    generation = None if group.generation == ALL_GENERATIONS else group.generation
+    wanted = {"base_type": group.base_type, "generation": generation}
     blueprints = sorted(
         (
             blueprint

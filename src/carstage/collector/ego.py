@@ -9,9 +9,9 @@ import carla
 
 from carstage.collector.actors import dress, find_blueprint
 from carstage.collector.internals.errors import SceneError
-from carstage.collector.internals.plan import EpisodeSpec
 from carstage.collector.maps import spawn_points
 from carstage.collector.world import WorldSession
+from carstage.spec import EpisodeSpec
 
 
 def ego_start(session: WorldSession, spec: EpisodeSpec) -> Tuple[Any, str]:
@@ -20,7 +20,7 @@ def ego_start(session: WorldSession, spec: EpisodeSpec) -> Tuple[Any, str]:
     Raises:
         SceneError: the map has no such spawn point.
     """
-    place = spec.ego.place
+    place = spec.ego.spawn_place
     if place is not None:
         return (
             carla.Transform(
@@ -47,7 +47,7 @@ def spawn_ego(session: WorldSession, spec: EpisodeSpec) -> Any:
     start, words = ego_start(session, spec)
     library = session.world.get_blueprint_library()
     blueprint = find_blueprint(library, spec.ego.blueprint, "ego.blueprint")
-    dress(blueprint, random.Random(spec.seeds["ego"]))
+    dress(blueprint, random.Random(spec.seeds.ego))
     if spec.ego.color is not None and blueprint.has_attribute("color"):
         blueprint.set_attribute("color", ",".join(str(channel) for channel in spec.ego.color))
     blueprint.set_attribute("role_name", "hero")

@@ -16,16 +16,16 @@ import os
 import sys
 import time
 from contextlib import ExitStack
+from dataclasses import replace
 from queue import Empty, SimpleQueue
-from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Dict, List, Optional, Tuple
 
 from carstage.collector.__main__ import EXIT_FAILED, EXIT_OK, private_stdout
 from carstage.collector.client import connect
 from carstage.collector.ego import spawn_ego
 from carstage.collector.internals.errors import CollectorError, RecordingError, client_hint
 from carstage.collector.internals.events import EventStream
-from carstage.collector.internals.plan import EpisodePlan, Plan
-from carstage.collector.internals.reading import read_plan
+from carstage.collector.internals.plan import EpisodePlan, Plan, read_plan
 from carstage.collector.internals.stopping import StopRequest
 from carstage.collector.paths import prepare_folder
 from carstage.collector.sensors import sensor_of
@@ -34,6 +34,7 @@ from carstage.collector.timing import SynchronousClock
 from carstage.collector.world import WorldSession
 from carstage.rawlog.format import KIND_DATA
 from carstage.rawlog.writing import SegmentWriter
+from carstage.spec import EpisodeSpec
 
 SETTLING_TICKS = 2
 """Steps after loading: the ego comes to rest on its wheels."""
@@ -95,7 +96,7 @@ class Viewer:
     def __init__(self, client: Any, stop: StopRequest) -> None:
         self._client = client
         self._stop = stop
-        self._shown: Optional[Mapping[str, Any]] = None
+        self._shown: Optional[EpisodeSpec] = None
         self._world = ExitStack()
         self._session: Any = None
         self._ego: Any = None
@@ -109,7 +110,7 @@ class Viewer:
             RuntimeError: the server stopped answering.
         """
         episode = plan.episodes[0]
-        scene = {name: value for name, value in episode.spec.raw.items() if name != "sensors"}
+        scene = replace(episode.spec, sensors=())
         if scene != self._shown:
             self.close()
             self._load(plan, episode)

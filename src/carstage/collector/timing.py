@@ -8,8 +8,8 @@ from contextlib import ExitStack
 from typing import Any, Dict, Iterable, Iterator, NamedTuple, Optional, Type
 
 from carstage.collector.internals.errors import RecordingError
-from carstage.collector.internals.plan import TimingPlan
 from carstage.collector.internals.traffic_manager_wakeup import TickWatch
+from carstage.spec import EpisodeSpec, TimingSpec
 
 MAX_SEGMENT_BYTES = 256 * 1024 * 1024
 SKIP_PATIENCE_S = 1.0
@@ -25,27 +25,6 @@ class Tick(NamedTuple):
     timestamp_s: float
     tick_s: float
     snapshot: Any
-
-
-class SavedFrames:
-    """Counts the frames to save: the first, then one whenever ``save_every`` ticks have passed.
-
-    Where every tick is seen these are the ticks 0, n, 2n, …; where ticks were skipped, the first
-    one that is seen after it was due.
-    """
-
-    def __init__(self, save_every: int) -> None:
-        self._save_every = save_every
-        self._due_tick = 0
-        self._count = 0
-
-    def index(self, tick: int) -> Optional[int]:
-        """Saved-frame index ``k`` of a tick; ``None`` when the tick is not saved."""
-        if tick < self._due_tick:
-            return None
-        self._due_tick = (tick // self._save_every + 1) * self._save_every
-        self._count += 1
-        return self._count - 1
 
 
 def skipped_ticks(last: Optional[Tick], step: Tick) -> Iterator[Tick]:
@@ -65,21 +44,21 @@ def ticks_per_segment(fps: float, bytes_per_tick: Iterable[int]) -> int:
     return max(1, min(round(fps), MAX_SEGMENT_BYTES // max(1, largest)))
 
 
-def patience_s(timing: TimingPlan, timeout_s: float) -> float:
+def patience_s(timing: TimingSpec, timeout_s: float) -> float:
     """How long an incomplete frame is waited for."""
-    return min(SKIP_PATIENCE_S, timeout_s) if timing.skip_incomplete else timeout_s
+    return min(SKIP_PATIENCE_S, timeout_s) if not timing.demands_all else timeout_s
 
 
-def apply_timing(world: Any, timing: TimingPlan) -> None:
+def apply_timing(world: Any, spec: EpisodeSpec) -> None:
     """Make the server run as planned; a server that does already is left alone."""
     before = world.get_settings()
     settings = world.get_settings()
-    settings.synchronous_mode = timing.synchronous
+    settings.synchronous_mode = spec.timing.synchronous
     settings.no_rendering_mode = False
-    settings.fixed_delta_seconds = timing.step_s
+    settings.fixed_delta_seconds = spec.step_s
     settings.substepping = True
-    settings.max_substep_delta_time = timing.max_substep_delta_time_s
-    settings.max_substeps = timing.max_substeps
+    settings.max_substep_delta_time = spec.timing.max_substep_delta_time_s
+    settings.max_substeps = spec.timing.max_substeps
     if settings != before:
         world.apply_settings(settings)
 

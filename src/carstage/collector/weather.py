@@ -9,8 +9,8 @@ import carla
 
 from carstage.collector.internals.dialect import weather_values
 from carstage.collector.internals.errors import SceneError
-from carstage.collector.internals.plan import WeatherMoment, WeatherPlan
 from carstage.collector.internals.snapshots import WEATHER_PARAMETERS
+from carstage.spec import WeatherChange, WeatherSpec
 
 Values = Dict[str, float]
 
@@ -52,7 +52,7 @@ class Weather:
         SceneError: unknown preset or parameter.
     """
 
-    def __init__(self, world: Any, plan: WeatherPlan) -> None:
+    def __init__(self, world: Any, plan: WeatherSpec) -> None:
         self._world = world
         self._timeline = planned_timeline(plan)
         self.values: Mapping[str, float] = {}
@@ -75,7 +75,7 @@ class Weather:
         self.values = weather_values(weather, WEATHER_PARAMETERS)
 
 
-def planned_timeline(plan: WeatherPlan) -> Timeline:
+def planned_timeline(plan: WeatherSpec) -> Timeline:
     """The weather's values over the recorded time.
 
     Raises:
@@ -92,7 +92,7 @@ def planned_timeline(plan: WeatherPlan) -> Timeline:
     return Timeline(moments)
 
 
-def _values(moment: WeatherMoment, before: Values, path: str) -> Values:
+def _values(moment: WeatherChange, before: Values, path: str) -> Values:
     values = dict(before)
     if moment.preset is not None:
         presets = {

@@ -9,10 +9,11 @@ from typing import Any, Callable, List, Tuple
 import carla
 
 from carstage.collector.client import answers
-from carstage.collector.internals.plan import DEFAULT_LOAD_TIMEOUT_S, EpisodeSpec
+from carstage.collector.internals.plan import DEFAULT_LOAD_TIMEOUT_S
 from carstage.collector.maps import find_map, layers_of
 from carstage.collector.timing import apply_timing, release_timing
 from carstage.collector.weather import Weather
+from carstage.spec import EpisodeSpec
 
 GIVE_BACK_TIMEOUT_S = 5.0
 
@@ -58,9 +59,9 @@ class WorldSession:
         try:
             # The clock first: a world that is loaded while the server runs freely has taken a
             # number of steps, of lengths that nobody planned, before it is under our clock.
-            apply_timing(self.world, self._spec.timing)
+            apply_timing(self.world, self._spec)
             self.world = self._load(name)
-            apply_timing(self.world, self._spec.timing)
+            apply_timing(self.world, self._spec)
             self.weather = Weather(self.world, self._spec.weather)
             self.map = self.world.get_map()
         except BaseException:

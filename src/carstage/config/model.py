@@ -7,25 +7,22 @@ from typing import Any
 from pydantic import model_validator
 
 from carstage.config.attributes import ImageSize, SweepAttributes
+from carstage.config.conversion import Conversion
 from carstage.config.fields import Section, path_text, problem, setting, unknown
-from carstage.config.recording import (
-    Conversion,
-    EmbeddedServerConfig,
-    GroundTruth,
-    Labels,
-    Output,
-    ServerConfig,
-    Timing,
-    check_substepping,
-)
+from carstage.config.labels import GroundTruth, Labels
+from carstage.config.output import Output
 from carstage.config.rig import Rig, default_rig
 from carstage.config.scene import DEFAULT_MAP, AutopilotScenario, Ego, MapConfig, Scenario
 from carstage.config.sensors import SPRING_ARMS, Sensor
+from carstage.config.servers import EmbeddedServerConfig, ServerConfig
 from carstage.config.supervision import Supervision
+from carstage.config.timing import Timing, check_substepping
 from carstage.config.traffic import Pedestrians, Traffic, Vehicles
 from carstage.config.weather import DEFAULT_PRESET, WeatherConfig
 from carstage.releases import refusal
 from carstage.sensor_kinds.model import COLOUR
+from carstage.spec import SavedSteps
+from carstage.spec.defaults import MAX_DISTANCE_M, MIN_LIDAR_POINTS
 
 _SLACK = 1e-9
 
@@ -138,7 +135,7 @@ class Config(Section):
         group="rig",
     )
     max_distance_m: float = setting(
-        80.0,
+        MAX_DISTANCE_M,
         title="Maximum distance",
         basic=True,
         description="Objects farther away get no camera labels; see labels.distance_origin.",
@@ -148,7 +145,7 @@ class Config(Section):
         le=10_000,
     )
     min_lidar_points: int = setting(
-        5,
+        MIN_LIDAR_POINTS,
         title="Minimum LiDAR points",
         description="Fewer points of the LiDARs beside a camera make an object not visible to it; "
         "0 switches the rule off.",
@@ -301,7 +298,7 @@ class Config(Section):
     @property
     def saved_frames(self) -> int:
         """Saved frames of an episode: steps 0, n, 2n, …."""
-        return -(-self.steps // self.save_every)
+        return SavedSteps(self.save_every).count(self.steps)
 
     @property
     def sensors(self) -> tuple[Sensor, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Strict, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Strict, model_validator
 
 from carstage.config.fields import Names, Section, problem, setting, unknown
 
@@ -164,10 +164,10 @@ class RouteScenario(Section):
     )
 
 
-class HoldScenario(Section):
+class StationaryScenario(Section):
     """The ego stands with its hand brake on; the others drive."""
 
-    kind: Literal["hold"] = setting(
+    kind: Literal["stationary"] = setting(
         title="Scenario", description="The ego stands still.", group="ego"
     )
 
@@ -190,7 +190,16 @@ class ReplayScenario(Section):
     )
 
 
+def _accept_former_name(data: Any) -> Any:
+    """``hold`` is what versions up to 0.1 called ``stationary``."""
+    if isinstance(data, dict) and data.get("kind") == "hold":
+        return {**data, "kind": "stationary"}
+    return data
+
+
 Scenario = Annotated[
-    AutopilotScenario | RouteScenario | HoldScenario | ReplayScenario, Discriminator("kind")
+    AutopilotScenario | RouteScenario | StationaryScenario | ReplayScenario,
+    Discriminator("kind"),
+    BeforeValidator(_accept_former_name),
 ]
-SCENARIO_KINDS = ("autopilot", "route", "hold", "replay")
+SCENARIO_KINDS = ("autopilot", "route", "stationary", "replay")

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, Strict, model_validator
 
 from carstage.config.fields import Section, problem, setting
+from carstage.spec.defaults import RADIUS_M
 
 Generation = Literal["all", "1", "2", "3"]
 Shortfall = Literal["warn", "fail", "fill"]
@@ -35,7 +36,7 @@ def _generation() -> Any:
 
 def _radius_m(who: str) -> Any:
     return setting(
-        80.0,
+        RADIUS_M,
         title=f"{who} within",
         description="They begin within this distance of the ego first and further away when the "
         "places there run out; null: anywhere on the map.",

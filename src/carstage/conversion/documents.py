@@ -12,8 +12,9 @@ from carstage.annotation.rig import Mount, camera_geometry
 from carstage.conversion.sensors import SensorPlan
 from carstage.errors import ConversionError
 from carstage.geometry import intrinsics
-from carstage.rawlog.clock import elapsed_s, is_synchronous
+from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.reader import ActorInfo
+from carstage.spec import EpisodeSpec
 
 FORMAT_VERSION = 1
 _EPISODE_KEYS = (
@@ -61,27 +62,25 @@ def episode_document(
     }
 
 
-def calibration_document(
-    header: Mapping[str, Any], plan: SensorPlan, ego: ActorInfo
-) -> dict[str, Any]:
+def calibration_document(spec: EpisodeSpec, plan: SensorPlan, ego: ActorInfo) -> dict[str, Any]:
     """``calibration.json``: every requested sensor's pose, attributes and intrinsics."""
-    by_id = {sensor["id"]: sensor for sensor in header["spec"]["sensors"]}
+    by_id = {sensor.id: sensor for sensor in spec.sensors}
     shown = {sensor.id for sensor in plan.written}
     sensors = {}
     for written in plan.written:
         sensor = by_id[written.id]
-        attributes = sensor["attributes"]
+        attributes = sensor.attributes
         mount = Mount.from_spec(sensor, {})
         entry: dict[str, Any] = {
-            "kind": sensor["kind"],
-            "blueprint": sensor["blueprint"],
+            "kind": sensor.kind,
+            "blueprint": sensor.blueprint,
             "attributes": dict(attributes),
             "attach_to": mount.attach_to,
-            "attachment": sensor.get("attachment", "rigid"),
+            "attachment": sensor.attachment,
             "carrier_from_sensor": mount.carrier_from_sensor.tolist(),
             "ego_from_sensor": mount.carrier_from_sensor.tolist() if mount.on_ego else None,
         }
-        if sensor["blueprint"].startswith("sensor.camera."):
+        if sensor.blueprint.startswith("sensor.camera."):
             width, height, fov_deg = camera_geometry(attributes)
             entry |= {
                 "width": width,
@@ -89,11 +88,11 @@ def calibration_document(
                 "fov_deg": fov_deg,
                 "K": intrinsics(width, height, fov_deg).tolist(),
             }
-        twins = {key: sensor.get(key) for key in ("depth", "instance")}
+        twins = {"depth": sensor.depth, "instance": sensor.instance}
         sensors[written.id] = {
             **entry,
             "files": written.codec,
-            "labelled": bool(sensor.get("labelled", False)),
+            "labelled": sensor.labelled,
             **{key: twin if twin in shown else None for key, twin in twins.items()},
         }
     box = {
@@ -105,7 +104,10 @@ def calibration_document(
 
 
 def ledger_table(
-    header: Mapping[str, Any], plan: SensorPlan, ledger: Sequence[Mapping[str, Any]]
+    header: Mapping[str, Any],
+    spec: EpisodeSpec,
+    plan: SensorPlan,
+    ledger: Sequence[Mapping[str, Any]],
 ) -> pa.Table:
     """``frames.parquet``: one row per tick.
 
@@ -113,7 +115,7 @@ def ledger_table(
         ConversionError: ticks are missing, or in synchronous mode the server's clock does not
             advance by ``1 / fps`` per tick.
     """
-    fps, synchronous = float(header["spec"]["fps"]), is_synchronous(header)
+    fps, synchronous = spec.fps, spec.timing.synchronous
     start_s = float(header["first_timestamp_s"])
     rows = []
     for index, entry in enumerate(ledger):
@@ -134,7 +136,7 @@ def ledger_table(
             "tick": tick,
             "k": entry["k"],
             "server_frame": entry["frame"],
-            "timestamp_s": elapsed_s(header, tick, entry["timestamp_s"]),
+            "timestamp_s": elapsed_s(spec, start_s, tick, entry["timestamp_s"]),
         }
         for sensor in plan.written:
             state = entry["sensors"].get(sensor.id, {"state": "off", "reason": None})

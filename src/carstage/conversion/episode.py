@@ -199,11 +199,11 @@ class EpisodeConversion:
             )
         documents = {
             "episode.json": episode_document(log.header, self._plan, frames, actors),
-            "calibration.json": calibration_document(log.header, self._plan, ego),
+            "calibration.json": calibration_document(log.spec, self._plan, ego),
         }
         for name, document in documents.items():
             write_whole(self.attempt_folder / name, to_json(document))
-        self._write_table(ledger_table(log.header, self._plan, ledger), "frames.parquet")
+        self._write_table(ledger_table(log.header, log.spec, self._plan, ledger), "frames.parquet")
         self._remove_strays()
         shutil.rmtree(self.raw_folder / LABEL_PARTS)
         self._finished = True
@@ -231,7 +231,7 @@ class EpisodeConversion:
     def _load(self) -> EpisodeLog:
         if self._log is None:
             log = EpisodeLog(self.raw_folder)
-            self._plan = plan_sensors(log.header["spec"], self._codecs)
+            self._plan = plan_sensors(log.spec, self._codecs)
             self._log = log
         return self._log
 
@@ -271,8 +271,8 @@ class EpisodeConversion:
 
     def _frames_in(self, first_tick: int, end_tick: int) -> int:
         assert self._log is not None
-        every = int(self._log.header["spec"]["save_every"])
-        return -(-end_tick // every) - -(-first_tick // every)
+        saved = self._log.spec.saved
+        return saved.count(end_tick) - saved.count(first_tick)
 
     def _segments(self, log: EpisodeLog) -> range:
         return range(-(-int(log.header["ticks"]) // int(log.header["ticks_per_segment"])))

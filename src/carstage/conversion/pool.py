@@ -56,9 +56,7 @@ def load_libraries(pictures: bool) -> None:
         # Not before this is called: the supervisor needs none of it.
         importlib.import_module("carstage.conversion.segment")
         from carstage.codecs.images import RgbRunsPng
-        from carstage.files.digests import load_digests
 
-        load_digests()
         if pictures:
             importlib.import_module("carstage.annotation.pixel_kernel")
             # The first call of compiled code takes as long as the imports.

@@ -15,24 +15,22 @@ from carstage.annotation.decoding import decode_depth_bgra
 from carstage.annotation.point_sensors import radar_points
 from carstage.annotation.schema import TABLES, Column
 from carstage.codecs import codec_for
-from carstage.codecs.codec import Content, image_bgra
+from carstage.codecs.codec import image_bgra
 from carstage.conversion.sensors import RecordedSensor
 from carstage.conversion.tag_numbers import dataset_payload
 from carstage.dataset.tables import RowSensor, arrow_type, row_sensor
 from carstage.errors import ConversionError
-from carstage.files.digests import hashed_at_once, sha256_of_each
+from carstage.files.hashing import hash_of
 from carstage.files.streaming import FileStream
 from carstage.files.whole import whole_file
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.format import KIND_DATA, LEDGER
 from carstage.rawlog.reader import EpisodeLog, Record
-from carstage.sensor_kinds import content_of
 from carstage.sensor_kinds.model import DETECTIONS, POINTS
 from carstage.storage.marker import FileEntry
 
 LABEL_PARTS = ".labels"
 """Folder of the label parts below the raw log; its name can be no stream's."""
-_MOST_WAITING_BYTES = 64 << 20
 
 
 def saved_ticks(log: EpisodeLog, segment: int) -> dict[int, int]:
@@ -80,7 +78,7 @@ def encode_segment(
     below = f"sensors/{sensor.id}"
     (attempt_folder / below).mkdir(parents=True, exist_ok=True)
     server = str(log.header["server_version"])
-    hashed = _HashedFiles()
+    entries = []
     with FileStream() as files:
         for record in records:
             try:
@@ -91,38 +89,9 @@ def encode_segment(
             for suffix, content in zip(codec.suffixes, contents, strict=True):
                 name = f"{below}/{ticks[record.tick]:06d}{suffix}"
                 files.write(attempt_folder / name, content)
-                hashed.add(name, content)
-        entries = hashed.all()  # while the last files are being written
-    return EncodedSegment(files=entries)
-
-
-class _HashedFiles:
-    """Marker entries of files, hashed from memory, several at once: that takes far less time."""
-
-    def __init__(self) -> None:
-        self._entries: list[FileEntry] = []
-        self._waiting: list[tuple[str, Content]] = []
-        self._waiting_bytes = 0
-        self._at_once = hashed_at_once()
-
-    def add(self, name: str, content: Content) -> None:
-        self._waiting.append((name, content))
-        self._waiting_bytes += len(content)
-        if len(self._waiting) >= self._at_once or self._waiting_bytes >= _MOST_WAITING_BYTES:
-            self._hash()
-
-    def all(self) -> tuple[FileEntry, ...]:
-        self._hash()
-        return tuple(self._entries)
-
-    def _hash(self) -> None:
-        digests = sha256_of_each([content for _, content in self._waiting])
-        self._entries += [
-            FileEntry(name, len(content), digest)
-            for (name, content), digest in zip(self._waiting, digests, strict=True)
-        ]
-        self._waiting.clear()
-        self._waiting_bytes = 0
+                # From memory, while the file is being written.
+                entries.append(FileEntry(name, len(content), hash_of(content)))
+    return EncodedSegment(files=tuple(entries))
 
 
 def label_segment(raw_folder: Path, segment: int) -> None:
@@ -143,9 +112,8 @@ def label_segment(raw_folder: Path, segment: int) -> None:
     image_streams = {s.depth for s in streams.values()} | {
         s.instance for s in streams.values() if s.instance is not None
     }
-    sensors = log.header["spec"]["sensors"]
-    lidars = [sensor["id"] for sensor in sensors if content_of(sensor["kind"]) == POINTS]
-    radars = [sensor["id"] for sensor in sensors if content_of(sensor["kind"]) == DETECTIONS]
+    lidars = [sensor.id for sensor in log.spec.sensors_of(POINTS)]
+    radars = [sensor.id for sensor in log.spec.sensors_of(DETECTIONS)]
     by_tick = {
         stream: {record.tick: record for record in _data(log, stream, segment)}
         for stream in [*sorted(image_streams), *lidars, *radars]
@@ -252,7 +220,7 @@ def _data(log: EpisodeLog, stream: str, segment: int) -> list[Record]:
 def _row(
     log: EpisodeLog, sensor: RecordedSensor, row_kind: RowSensor, record: Record, k: int
 ) -> dict[str, Any]:
-    time_s = elapsed_s(log.header, record.tick, record.timestamp_s)
+    time_s = elapsed_s(log.spec, log.first_timestamp_s, record.tick, record.timestamp_s)
     try:
         return row_kind.row(k, time_s, record.payload)
     except ValueError as error:

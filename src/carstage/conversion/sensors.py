@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from carstage.codecs import codec_for
 from carstage.errors import BadInputError
 from carstage.rawlog.format import LEDGER, WORLD
-from carstage.sensor_kinds import content_of
 from carstage.sensor_kinds.model import DETECTIONS, POINTS, ROWS
+from carstage.spec import EpisodeSpec, SensorSpec
 
 ROWS_CODEC = "parquet"
 
@@ -43,7 +42,7 @@ class SensorPlan:
     label_streams: frozenset[str]
 
 
-def plan_sensors(spec: Mapping[str, Any], codecs: Mapping[str, str]) -> SensorPlan:
+def plan_sensors(spec: EpisodeSpec, codecs: Mapping[str, str]) -> SensorPlan:
     """Decide what each sensor of a spec becomes.
 
     Args:
@@ -53,34 +52,33 @@ def plan_sensors(spec: Mapping[str, Any], codecs: Mapping[str, str]) -> SensorPl
     Raises:
         BadInputError: a codec that does not exist, or one for a sensor that does not.
     """
-    shown = [sensor for sensor in spec["sensors"] if not sensor["hidden"]]
-    unknown = set(codecs) - {sensor["id"] for sensor in shown}
+    shown = spec.written_sensors
+    unknown = set(codecs) - {sensor.id for sensor in shown}
     if unknown:
         raise BadInputError(
             f"conversion.codecs: the rig has no sensor {sorted(unknown)[0]!r}.",
-            f"Sensors: {', '.join(sensor['id'] for sensor in shown)}.",
+            f"Sensors: {', '.join(sensor.id for sensor in shown)}.",
         )
     label_streams = {WORLD, LEDGER}
-    for sensor in spec["sensors"]:
-        if sensor.get("labelled"):
-            label_streams |= {name for key in ("depth", "instance") if (name := sensor.get(key))}
-        if content_of(sensor["kind"]) in (POINTS, DETECTIONS):
-            label_streams.add(sensor["id"])
+    for sensor in spec.sensors:
+        if sensor.labelled:
+            label_streams |= {name for name in (sensor.depth, sensor.instance) if name}
+        if sensor.content in (POINTS, DETECTIONS):
+            label_streams.add(sensor.id)
     return SensorPlan(
-        tuple(_recorded(sensor, codecs.get(sensor["id"])) for sensor in shown),
+        tuple(_recorded(sensor, codecs.get(sensor.id)) for sensor in shown),
         frozenset(label_streams),
     )
 
 
-def _recorded(sensor: Mapping[str, Any], codec: str | None) -> RecordedSensor:
-    kind = sensor["kind"]
-    if content_of(kind) in ROWS:
+def _recorded(sensor: SensorSpec, codec: str | None) -> RecordedSensor:
+    kind = sensor.kind
+    if sensor.content in ROWS:
         if codec not in (None, ROWS_CODEC):
             raise BadInputError(
-                f"conversion.codecs.{sensor['id']}: no codec {codec!r} for sensors of kind "
-                f"{kind!r}.",
+                f"conversion.codecs.{sensor.id}: no codec {codec!r} for sensors of kind {kind!r}.",
                 f"Codecs of that kind: {ROWS_CODEC}.",
             )
-        return RecordedSensor(sensor["id"], kind, ROWS_CODEC)
+        return RecordedSensor(sensor.id, kind, ROWS_CODEC)
     name, _ = codec_for(kind, codec)
-    return RecordedSensor(sensor["id"], kind, name)
+    return RecordedSensor(sensor.id, kind, name)

@@ -20,6 +20,7 @@ from carstage.dataset.tables import read_table, require_columns, row_sensor
 from carstage.errors import BadInputError, DatasetError
 from carstage.geometry import is_pinhole, pose_matrix
 from carstage.sensor_kinds import content_of
+from carstage.spec import EpisodeSpec, SpecError
 from carstage.storage.description import read_description
 from carstage.storage.local import LocalStore
 from carstage.storage.marker import CommitMarker
@@ -248,11 +249,17 @@ class Episode:
         """The content of ``episode.json``."""
         return _read_document(self.folder / "episode.json", EPISODE_FORMAT)
 
-    @property
-    def spec(self) -> Mapping[str, Any]:
-        """What was asked for."""
-        spec: Mapping[str, Any] = self.document["spec"]
-        return spec
+    @cached_property
+    def spec(self) -> EpisodeSpec:
+        """What was asked for.
+
+        Raises:
+            DatasetError: ``episode.json`` is missing or damaged.
+        """
+        try:
+            return EpisodeSpec.from_json(self.document["spec"])
+        except (KeyError, SpecError) as error:
+            raise DatasetError(f"{self.folder / 'episode.json'} is damaged: {error}.") from error
 
     @cached_property
     def calibration(self) -> Calibration:

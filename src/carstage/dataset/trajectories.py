@@ -59,8 +59,8 @@ def _find(path: Path) -> Episode:
 
 
 def _recording(episode: Episode) -> Recording:
-    truth = episode.spec["ground_truth"]
-    if not (truth["vehicles"] and truth["pedestrians"]):
+    truth = episode.spec.ground_truth
+    if not (truth.vehicles and truth.pedestrians):
         raise ConfigError(
             f"scenario.episode: {episode.folder} holds labels of some road users only.",
             "Replay an episode that was recorded with ground_truth for vehicles and pedestrians.",
@@ -93,7 +93,7 @@ def _recording(episode: Episode) -> Recording:
         )
     return Recording(
         episode_id=episode.id,
-        map=str(episode.spec["map"]),
+        map=episode.spec.map,
         duration_s=max(float(track.times_s[-1]) for track in tracks),
         tracks=tuple(tracks),
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -17,6 +16,7 @@ from carstage.dataset.ledger import recorded_frames
 from carstage.dataset.saved_frames import Damage
 from carstage.errors import CarStageError
 from carstage.exporters.classes import CLASSES
+from carstage.files.hashing import hash_of_file
 from carstage.storage.marker import FileEntry
 from carstage.validation import Problem
 from carstage.validation.checks.files import DOCUMENTS, TABLES, check_file_list
@@ -24,7 +24,6 @@ from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.ledger import check_ledger, check_row_sensors
 
 Progress = Callable[[int, int], None]
-_CHUNK_BYTES = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,19 +105,16 @@ def _changed_files(
 
 
 def _difference(folder: Path, entry: FileEntry) -> tuple[str, str] | None:
-    digest, size = hashlib.sha256(), 0
     try:
-        with (folder / entry.path).open("rb") as file:
-            while chunk := file.read(_CHUNK_BYTES):
-                digest.update(chunk)
-                size += len(chunk)
+        with (folder / entry.path).open("rb", buffering=0) as file:
+            found, size = hash_of_file(file, entry.hash)
     except FileNotFoundError:
         return "file_missing", f"{entry.path} is missing"
     except OSError as error:
         return "file_missing", f"{entry.path} cannot be read: {error.strerror}"
     if size != entry.bytes:
         return "file_size", f"{entry.path} has {size} bytes, committed were {entry.bytes}"
-    if digest.hexdigest() != entry.sha256:
+    if found != entry.hash:
         return "file_hash", f"{entry.path} is not the file that was committed"
     return None
 

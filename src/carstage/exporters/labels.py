@@ -82,15 +82,15 @@ def require_labels(episode: Episode, options: ExportOptions, *boxes: str) -> Non
         BadInputError: ``labels.boxes`` of its configuration lacks one of ``boxes``, or pixels are
             needed and ``labels.method`` was ``stage_vo``.
     """
-    labels = episode.spec["labels"]
+    labels = episode.spec.labels
     for kind in boxes:
-        if kind not in labels["boxes"]:
+        if kind not in labels.boxes:
             raise BadInputError(
                 f"Episode {episode.id} has no {kind} boxes.",
                 f"Record with `labels: {{boxes: [{kind}]}}`, or choose another format.",
             )
     needs_pixels = options.boxes == "modal" or options.occlusion == "pixel"
-    if needs_pixels and labels["method"] == "stage_vo":
+    if needs_pixels and not labels.pixels:
         raise BadInputError(
             f"The pixels of the objects of episode {episode.id} were not counted, so there are "
             "no modal boxes, masks and occlusion ratios.",

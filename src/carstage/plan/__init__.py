@@ -1,19 +1,15 @@
 """From a configuration to episodes: every random choice drawn, every sensor listed, ids fixed.
 
-``plan_episodes`` makes ``EpisodeSpec`` objects; ``estimate_run`` says what they will cost.
+``plan_episodes`` makes the specifications; ``estimate_run`` says what they will cost.
 """
 
 from carstage.plan.estimate import RunEstimate, estimate_run, estimate_tick_s
 from carstage.plan.planning import ServerFacts, plan_episodes
 from carstage.plan.scenario import Recording, Track
-from carstage.plan.spec import EpisodeSpec, PoseSpec, SensorSpec
 
 __all__ = [
-    "EpisodeSpec",
-    "PoseSpec",
     "Recording",
     "RunEstimate",
-    "SensorSpec",
     "ServerFacts",
     "Track",
     "estimate_run",

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 from carstage.config import Config
 from carstage.plan.rig import geometry
-from carstage.plan.spec import EpisodeSpec, SensorSpec
 from carstage.sensor_kinds import sensor_kind
+from carstage.spec import EpisodeSpec, ReplaySpec, SensorSpec
 
 _BYTES_PER_ACTOR = 68
 _BYTES_PER_RECORD = 512  # header, padding, JSON
@@ -57,10 +57,9 @@ def estimate_run(config: Config, episodes: Sequence[EpisodeSpec]) -> RunEstimate
 
 def road_users(spec: EpisodeSpec) -> int:
     """Vehicles, pedestrians and the ego."""
-    if spec.scenario["kind"] == "replay":
-        return len(spec.scenario["actors"])
-    groups = sum(int(group["count"]) for group in spec.vehicles["groups"])
-    return int(spec.vehicles["count"]) + groups + int(spec.pedestrians["count"]) + 1
+    if isinstance(spec.scenario, ReplaySpec):
+        return len(spec.scenario.actors)
+    return spec.vehicles.total + spec.pedestrians.count + 1
 
 
 def _pixels(sensor: SensorSpec) -> int:
@@ -79,7 +78,7 @@ def _file_bytes(sensor: SensorSpec) -> float:
 
 
 def _raw_bytes(spec: EpisodeSpec) -> int:
-    actors = road_users(spec) + spec.pedestrians["count"] + len(spec.sensors) + 60
+    actors = road_users(spec) + spec.pedestrians.count + len(spec.sensors) + 60
     per_frame: int = 0
     for sensor in spec.sensors:
         per_frame += _BYTES_PER_RECORD

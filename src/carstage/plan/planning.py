@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -12,15 +12,27 @@ import numpy as np
 
 from carstage.config import Config
 from carstage.config.fields import path_text, unknown
-from carstage.config.scene import Stand
+from carstage.config.scene import Stand as ConfiguredStand
 from carstage.errors import ConfigError
 from carstage.plan.rig import plan_sensors
 from carstage.plan.scenario import Recording, plan_scenario
-from carstage.plan.spec import EpisodeSpec
+from carstage.spec import (
+    EgoSpec,
+    EpisodeSpec,
+    GroundTruthSpec,
+    GroupSpec,
+    LabelsSpec,
+    PedestriansSpec,
+    Seeds,
+    Stand,
+    TimingSpec,
+    TrafficSpec,
+    VehiclesSpec,
+    WeatherChange,
+    WeatherSpec,
+)
 
 DIALECT = "0.9.16"
-#: Who gets a seed. The position is part of the derivation: new ones are appended.
-SEED_CONSUMERS = ("traffic_manager", "walkers", "spawn", "ego", "sensor_noise", "driving")
 _CHOICES_STREAM = 1000
 _LARGEST_SEED = 0x7FFF_FFFF  # CARLA keeps noise seeds in signed 32-bit integers
 
@@ -73,62 +85,66 @@ def plan_episodes(
         # Each choice is drawn whether it is free or not, so that fixing one moves no other.
         map_draw, weather_draw, spawn_draw = draw.random(3)
         map_name = _pick(maps, map_draw)
-        presets = config.weather.presets
         episodes.append(
             EpisodeSpec(
                 dialect=facts.dialect,
                 index=index,
                 map=map_name,
                 map_layers=None if config.map.layers == "all" else config.map.layers,
-                weather={
-                    "preset": _pick(presets, weather_draw) if presets else None,
-                    "parameters": config.weather.parameters.given(),
-                    "lights": config.weather.lights,
-                    "changes": [
-                        {
-                            "at_s": change.at_s,
-                            "preset": change.choice,
-                            "parameters": change.parameters.given(),
-                        }
-                        for change in config.weather.changes
-                    ],
-                },
+                weather=_weather(config, weather_draw),
                 steps=config.steps,
                 fps=config.fps,
                 save_every=config.save_every,
                 warmup_ticks=config.timing.warmup_ticks,
-                timing={
-                    "mode": config.timing.mode,
-                    "sensor_sync": config.timing.sensor_sync,
-                    "max_substep_delta_time_s": substeps.max_substep_delta_time_s,
-                    "max_substeps": substeps.max_substeps,
-                    "on_incomplete": config.timing.on_incomplete,
-                },
-                vehicles=config.vehicles.model_dump(),
-                pedestrians=config.pedestrians.model_dump(),
-                traffic=config.traffic.model_dump(),
-                ego={
-                    "blueprint": config.ego.blueprint,
-                    "color": None if config.ego.color == "random" else config.ego.color,
+                timing=TimingSpec(
+                    mode=config.timing.mode,
+                    sensor_sync=config.timing.sensor_sync,
+                    max_substep_delta_time_s=substeps.max_substep_delta_time_s,
+                    max_substeps=substeps.max_substeps,
+                    on_incomplete=config.timing.on_incomplete,
+                ),
+                vehicles=VehiclesSpec(
+                    **config.vehicles.model_dump(exclude={"groups"}),
+                    groups=tuple(
+                        GroupSpec(**group.model_dump()) for group in config.vehicles.groups
+                    ),
+                ),
+                pedestrians=PedestriansSpec(**config.pedestrians.model_dump()),
+                traffic=TrafficSpec(**config.traffic.model_dump()),
+                ego=EgoSpec(
+                    blueprint=config.ego.blueprint,
+                    color=None if config.ego.color == "random" else config.ego.color,
                     **_start(config, facts, map_name, spawn_draw),
-                },
+                ),
                 scenario=plan_scenario(config, facts.count(map_name), recording),
                 sensors=sensors,
-                labels={
-                    **config.labels.model_dump(exclude={"cameras"}),
-                    "boxes": sorted(set(config.labels.boxes)),
-                    "level_objects": sorted(set(config.labels.level_objects)),
-                },
-                ground_truth=config.ground_truth.model_dump(),
+                labels=LabelsSpec(
+                    **config.labels.model_dump(exclude={"cameras", "boxes", "level_objects"}),
+                    boxes=tuple(sorted(set(config.labels.boxes))),
+                    level_objects=tuple(sorted(set(config.labels.level_objects))),
+                ),
+                ground_truth=GroundTruthSpec(**config.ground_truth.model_dump()),
                 max_distance_m=config.max_distance_m,
                 min_lidar_points=config.min_lidar_points,
-                seeds={
-                    consumer: _seed(config.seed, index, position)
-                    for position, consumer in enumerate(SEED_CONSUMERS)
-                },
+                seeds=Seeds(
+                    *(_seed(config.seed, index, position) for position in range(len(fields(Seeds))))
+                ),
             )
         )
     return tuple(episodes)
+
+
+def _weather(config: Config, draw: float) -> WeatherSpec:
+    weather = config.weather
+    return WeatherSpec(
+        preset=_pick(weather.presets, draw) if weather.presets else None,
+        parameters=weather.parameters.given(),
+        lights=weather.lights,
+        changes=tuple(
+            WeatherChange(change.at_s, change.choice, change.parameters.given())
+            for change in weather.changes
+        ),
+    )
 
 
 def _sequence(seed: int, index: int, stream: int) -> np.random.SeedSequence:
@@ -172,8 +188,8 @@ def _maps(config: Config, facts: ServerFacts, recording: Recording | None) -> tu
 def _start(config: Config, facts: ServerFacts, map_name: str, draw: float) -> dict[str, Any]:
     """Where the ego begins: a spawn point, or a place of its own."""
     count, spawn = facts.count(map_name), config.ego.spawn
-    if isinstance(spawn, Stand):
-        place = {"x_m": spawn.x, "y_m": spawn.y, "z_m": spawn.z, "yaw_deg": spawn.yaw_deg}
+    if isinstance(spawn, ConfiguredStand):
+        place = Stand(x_m=spawn.x, y_m=spawn.y, z_m=spawn.z, yaw_deg=spawn.yaw_deg)
         return {"spawn_index": None, "spawn_place": place}
     if spawn == "random":
         return {"spawn_index": int(draw * facts.maps[map_name]), "spawn_place": None}

@@ -12,8 +12,8 @@ from dataclasses import replace
 from carstage.config import Config, Sensor
 from carstage.config.attributes import carla_text
 from carstage.config.sensors import Pose
-from carstage.plan.spec import PoseSpec, SensorSpec
 from carstage.sensor_kinds import sensor_kind
+from carstage.spec import PoseSpec, SensorSpec
 
 _RATE = "sensor_tick"
 _DEPTH = "depth"

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from carstage.config import Config
-from carstage.config.scene import Place, ReplayScenario, RouteScenario
+from carstage.config.scene import Place as ConfiguredPlace
+from carstage.config.scene import ReplayScenario, RouteScenario, StationaryScenario
 from carstage.errors import ConfigError
 from carstage.geometry import FloatArray
+from carstage.spec import (
+    AutopilotSpec,
+    Place,
+    ReplayedActor,
+    ReplaySpec,
+    RouteSpec,
+    ScenarioSpec,
+    StationarySpec,
+)
 
 #: Recorded poses are kept to a tenth of a millimetre and of a thousandth of a degree.
 _DECIMALS = 4
@@ -56,7 +65,7 @@ class Recording:
 
 def plan_scenario(
     config: Config, spawn_points: int | None, recording: Recording | None
-) -> dict[str, Any]:
+) -> ScenarioSpec:
     """``scenario`` of the specification.
 
     Args:
@@ -71,10 +80,7 @@ def plan_scenario(
     scenario = config.scenario
     if isinstance(scenario, RouteScenario):
         places = enumerate(scenario.through)
-        return {
-            "kind": "route",
-            "through": [_place(place, i, spawn_points) for i, place in places],
-        }
+        return RouteSpec(tuple(_place(place, i, spawn_points) for i, place in places))
     if isinstance(scenario, ReplayScenario):
         if recording is None:
             raise ConfigError(
@@ -82,12 +88,12 @@ def plan_scenario(
                 "Give the folder of a recorded episode.",
             )
         return _replay(config, recording)
-    return {"kind": scenario.kind}
+    return StationarySpec() if isinstance(scenario, StationaryScenario) else AutopilotSpec()
 
 
-def _place(place: int | Place, position: int, spawn_points: int | None) -> int | dict[str, float]:
-    if isinstance(place, Place):
-        return {"x_m": place.x, "y_m": place.y}
+def _place(place: int | ConfiguredPlace, position: int, spawn_points: int | None) -> int | Place:
+    if isinstance(place, ConfiguredPlace):
+        return Place(x_m=place.x, y_m=place.y)
     if spawn_points is not None and place >= spawn_points:
         raise ConfigError(
             f"scenario.through[{position}]: the map has no spawn point {place}.",
@@ -96,7 +102,7 @@ def _place(place: int | Place, position: int, spawn_points: int | None) -> int |
     return place
 
 
-def _replay(config: Config, recording: Recording) -> dict[str, Any]:
+def _replay(config: Config, recording: Recording) -> ReplaySpec:
     steps_s = np.arange(config.steps) / config.fps
     if steps_s[-1] > recording.duration_s + _SLACK_S:
         possible_s = (np.floor(recording.duration_s * config.fps + _SLACK_S) + 1) / config.fps
@@ -104,21 +110,16 @@ def _replay(config: Config, recording: Recording) -> dict[str, Any]:
             f"duration_s: the recorded episode ends after {recording.duration_s:g} s.",
             f"Give at most {possible_s:g} s.",
         )
-    return {
-        "kind": "replay",
-        "episode_id": recording.episode_id,
-        "actors": [
-            {
-                "blueprint": track.blueprint,
-                "attributes": dict(track.attributes),
-                "poses": _resampled(track, steps_s),
-            }
+    return ReplaySpec(
+        recording.episode_id,
+        tuple(
+            ReplayedActor(track.blueprint, dict(track.attributes), _resampled(track, steps_s))
             for track in recording.tracks
-        ],
-    }
+        ),
+    )
 
 
-def _resampled(track: Track, steps_s: FloatArray) -> list[list[float] | None]:
+def _resampled(track: Track, steps_s: FloatArray) -> tuple[tuple[float, ...] | None, ...]:
     """A pose for each step, linear between frames, angles the short way; None where it was gone."""
     unwrapped = np.column_stack(
         [track.poses[:, :3], np.unwrap(track.poses[:, 3:], period=360.0, axis=0)]
@@ -129,4 +130,6 @@ def _resampled(track: Track, steps_s: FloatArray) -> list[list[float] | None]:
     values[:, 3:] = (values[:, 3:] + 180.0) % 360.0 - 180.0
     alive = (steps_s >= track.times_s[0] - _SLACK_S) & (steps_s <= track.times_s[-1] + _SLACK_S)
     rows: list[list[float]] = (np.round(values, _DECIMALS) + 0.0).tolist()
-    return [row if here else None for row, here in zip(rows, alive.tolist(), strict=True)]
+    return tuple(
+        tuple(row) if here else None for row, here in zip(rows, alive.tolist(), strict=True)
+    )

@@ -21,7 +21,6 @@ KIND_DATA = 1
 KIND_SEAL = 2
 KIND_TABLE = 3
 
-FLAG_PAYLOAD_CRC = 1
 FLAG_PAYLOAD_MAPPED = 2
 """The payload is not in the record: it stands in the segment's payload file, at its slot."""
 FLAG_PAYLOAD_BLOCKS = 4
@@ -76,7 +75,6 @@ class RecordHeader(NamedTuple):
     meta_bytes: int
     flags: int
     payload_bytes: int
-    payload_crc: int
     sequence: int
     tick: int
     slot: int = 0
@@ -179,7 +177,7 @@ def pack_record_header(header: RecordHeader) -> bytes:
         header.meta_bytes,
         header.flags,
         header.payload_bytes,
-        header.payload_crc,
+        0,
         header.sequence,
         header.tick,
         header.slot,
@@ -210,7 +208,6 @@ def unpack_record_header(data: Buffer, offset: int = 0) -> RecordHeader:
         meta_bytes=fields[5],
         flags=fields[6],
         payload_bytes=fields[7],
-        payload_crc=fields[8],
         sequence=fields[9],
         tick=fields[10],
         slot=fields[11],

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import mmap
 import os
-import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from carstage.errors import RawLogError
 from carstage.rawlog import format as raw
+from carstage.spec import EpisodeSpec, SpecError
 
 ACTOR_DTYPE = np.dtype(
     [
@@ -145,25 +145,6 @@ class WorldFrame:
         return index
 
 
-@dataclass(frozen=True, slots=True)
-class Recovery:
-    """What a scan of an unsealed segment found.
-
-    Attributes:
-        stream: the stream's name, from the segment's header.
-        index: the segment's number.
-        records: every whole record, in order.
-        whole_bytes: bytes up to the end of the last whole record.
-        torn_bytes: bytes after it.
-    """
-
-    stream: str
-    index: int
-    records: list[Record]
-    whole_bytes: int
-    torn_bytes: int
-
-
 class EpisodeLog:
     """The raw log of one attempt; safe to read while it is being written.
 
@@ -192,6 +173,24 @@ class EpisodeLog:
                 "Read it with the Car-STAGE version that wrote it.",
             )
         self.header: Mapping[str, Any] = header
+        self._path = path
+
+    @cached_property
+    def spec(self) -> EpisodeSpec:
+        """What the episode is.
+
+        Raises:
+            RawLogError: the specification is damaged.
+        """
+        try:
+            return EpisodeSpec.from_json(self.header["spec"])
+        except (KeyError, SpecError) as error:
+            raise RawLogError(f"{self._path} holds no usable specification: {error}.") from error
+
+    @property
+    def first_timestamp_s(self) -> float:
+        """Server time of the first tick (s)."""
+        return float(self.header["first_timestamp_s"])
 
     @property
     def streams(self) -> tuple[str, ...]:
@@ -307,30 +306,6 @@ class EpisodeLog:
         return len(self.ledger()) == int(self.header["ticks"])
 
 
-def recover(path: Path) -> Recovery:
-    """Scan a segment that was never sealed, its writer gone, and return its whole records.
-
-    A record is whole when the CRC of its header holds and all its bytes are there; what follows
-    the first one that is not is a torn tail.
-
-    Raises:
-        RawLogError: when not even the segment's header is whole.
-    """
-    data = _mapped(path)
-    header = _segment_header(path, data)
-    whole, end = raw.iter_whole_records(data)
-    records = []
-    for offset, record_header in whole:
-        try:
-            record = _record(path, data, offset, record_header)
-        except RawLogError:
-            end = offset
-            break
-        if record.kind != raw.KIND_SEAL:
-            records.append(record)
-    return Recovery(header.stream, header.segment, records, end, len(data) - end)
-
-
 @lru_cache(maxsize=_TABLES_KEPT)
 def _tables_of(path: Path, state: tuple[int, ...]) -> tuple[Mapping[str, Any], ...]:
     """What the tables of a sealed segment hold; each segment's labels need all the earlier ones.
@@ -397,8 +372,6 @@ def _record(path: Path, data: memoryview, offset: int, header: raw.RecordHeader)
         payload = data[payload_at : payload_at + header.payload_bytes]
     else:
         payload = _payload_elsewhere(path, *place, header.payload_bytes)
-    if header.flags & raw.FLAG_PAYLOAD_CRC and zlib.crc32(payload) != header.payload_crc:
-        raise RawLogError(f"{path}, offset {payload_at}: the payload's CRC does not hold.")
     try:
         meta = json.loads(bytes(data[meta_at:payload_at])) if header.meta_bytes else {}
     except ValueError as error:

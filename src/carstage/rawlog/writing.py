@@ -10,14 +10,12 @@ from __future__ import annotations
 import errno
 import json
 import os
-import zlib
 from typing import Any, List, Mapping, Optional, Union
 
 from carstage.rawlog.format import (
     BLOCKS_SUFFIX,
     EPISODE_FILE,
     FLAG_PAYLOAD_BLOCKS,
-    FLAG_PAYLOAD_CRC,
     FLAG_PAYLOAD_MAPPED,
     HEADER_BYTES,
     KIND_SEAL,
@@ -56,7 +54,6 @@ class SegmentWriter:
         stream: the stream's name.
         index: the segment's number.
         expected_bytes: reserve that much on disk, when the file system can; 0 reserves nothing.
-        checksum: also protect payloads by CRC-32; it about doubles the cost of writing.
         store: where payloads go.
         slots: store ``mmap``: the payload file has room for so many of the first one's size, and
             what does not fit goes into its record.
@@ -72,7 +69,6 @@ class SegmentWriter:
         stream: str,
         index: int,
         expected_bytes: int = 0,
-        checksum: bool = False,
         store: str = CHUNKLOG,
         slots: int = 0,
         durable: bool = True,
@@ -89,7 +85,6 @@ class SegmentWriter:
             raise FileExistsError(errno.EEXIST, "segment is sealed already", self.path)
         header = pack_segment_header(stream, index)
         self._folder = folder
-        self._checksum = checksum
         self._store = store
         self._slots = slots
         self._expected_bytes = expected_bytes
@@ -147,15 +142,13 @@ class SegmentWriter:
         view = memoryview(payload).cast("B") if len(payload) else memoryview(b"")
         meta_bytes = encode_meta(meta)
         slot = self._put(view)
-        flags = FLAG_PAYLOAD_CRC if self._checksum else 0
         header = RecordHeader(
             kind=kind,
             frame=frame,
             timestamp_s=timestamp_s,
             meta_bytes=len(meta_bytes),
-            flags=flags if slot is None else flags | self._payload_flag,
+            flags=0 if slot is None else self._payload_flag,
             payload_bytes=view.nbytes,
-            payload_crc=zlib.crc32(view) if self._checksum else 0,
             sequence=self._sequence,
             tick=tick,
             slot=slot or 0,
@@ -245,7 +238,6 @@ class StreamWriter:
         ticks_per_segment: segment ``i`` holds ticks ``i * ticks_per_segment`` and the next ones.
         expected_segment_bytes: reserved on disk for a segment; the largest one so far if that is
             more.
-        checksum: also protect payloads by CRC-32.
         store: ``chunklog``; ``mmap`` for streams whose payloads have one size; or ``blocks`` for
             streams of large ones whose segments are removed as they are read.
         durable: what is sealed outlives a crash of the machine, not of the process alone.
@@ -257,7 +249,6 @@ class StreamWriter:
         stream: str,
         ticks_per_segment: int,
         expected_segment_bytes: int = 0,
-        checksum: bool = False,
         store: str = CHUNKLOG,
         durable: bool = True,
     ) -> None:
@@ -269,7 +260,6 @@ class StreamWriter:
         self.folder = os.path.join(folder, stream)
         self.ticks_per_segment = ticks_per_segment
         self._expected_bytes = expected_segment_bytes
-        self._checksum = checksum
         self._store = store
         self._durable = durable
         self._next_index = 0
@@ -336,7 +326,6 @@ class StreamWriter:
                 self.stream,
                 self._next_index,
                 self._expected_bytes,
-                self._checksum,
                 self._store,
                 self.ticks_per_segment,
                 self._durable,

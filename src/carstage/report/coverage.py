@@ -41,7 +41,7 @@ Points = dict[str, list[tuple[float, float]]]
 
 def weather_name(episode: Episode) -> str:
     """The preset, or that parameters were given."""
-    return str(episode.spec["weather"]["preset"] or "given parameters")
+    return episode.spec.weather.preset or "given parameters"
 
 
 def coverage_section(episodes: Sequence[Episode]) -> str:
@@ -52,7 +52,7 @@ def coverage_section(episodes: Sequence[Episode]) -> str:
     """
     by_map: dict[str, list[Episode]] = defaultdict(list)
     for episode in episodes:
-        by_map[str(episode.spec["map"])].append(episode)
+        by_map[episode.spec.map].append(episode)
     pictures = []
     for name, recorded in sorted(by_map.items()):
         plural = "" if len(recorded) == 1 else "s"

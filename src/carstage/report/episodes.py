@@ -40,7 +40,7 @@ _BIRDS_EYE_PX = 640
 
 def frames_per_second(episode: Episode) -> float:
     """Rate of the saved frames."""
-    return float(episode.spec["fps"]) / int(episode.spec["save_every"])
+    return episode.spec.saved_fps
 
 
 def episode_section(
@@ -111,12 +111,12 @@ def _film(pictures: _Pictures, sensor: Sensor, episode: Episode) -> str:
 def _summary(episode: Episode) -> str:
     spec, document = episode.spec, episode.document
     spawned = document["spawned"]
-    weather = spec["weather"]["preset"] or "given parameters"
+    weather = spec.weather.preset or "given parameters"
     return (
-        f"{spec['map']}, {weather}; {episode.frames} frames at {frames_per_second(episode):g} Hz; "
-        f"ego {spec['ego']['blueprint']}, scenario {spec['scenario']['kind']}; "
-        f"{spawned['vehicles']} of {spec['vehicles']['count']} vehicles and "
-        f"{spawned['pedestrians']} of {spec['pedestrians']['count']} pedestrians; "
+        f"{spec.map}, {weather}; {episode.frames} frames at {frames_per_second(episode):g} Hz; "
+        f"ego {spec.ego.blueprint}, scenario {spec.scenario.kind}; "
+        f"{spawned['vehicles']} of {spec.vehicles.count} vehicles and "
+        f"{spawned['pedestrians']} of {spec.pedestrians.count} pedestrians; "
         f"CARLA client {document['client_version']}, server {document['server_version']}."
     )
 

@@ -139,11 +139,11 @@ def _episode_list(dataset: Dataset) -> str:
     rows = [
         (
             episode.id,
-            episode.spec["map"],
+            episode.spec.map,
             weather_name(episode),
             episode.frames,
             f"{frames_per_second(episode):g} Hz",
-            episode.spec["ego"]["blueprint"],
+            episode.spec.ego.blueprint,
         )
         for episode in dataset.episodes
     ]

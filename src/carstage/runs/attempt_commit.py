@@ -13,7 +13,7 @@ from typing import Any
 
 from carstage.conversion import EpisodeConversion
 from carstage.errors import CarStageError, StorageError
-from carstage.plan import EpisodeSpec
+from carstage.spec import EpisodeSpec
 from carstage.storage import Store
 from carstage.storage.disk import disk_error
 

@@ -23,7 +23,7 @@ from carstage.storage.disk import disk_error
 
 if TYPE_CHECKING:
     from carstage.config import Config
-    from carstage.plan import EpisodeSpec
+    from carstage.spec import EpisodeSpec
 
 FORMAT_VERSION = 1
 _RUN_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")

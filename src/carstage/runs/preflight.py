@@ -10,8 +10,8 @@ from typing import Literal
 
 from carstage.config import Config
 from carstage.config.fields import unknown
-from carstage.config.recording import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.config.scene import ReplayScenario
+from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError, ConfigError
 from carstage.plan import Recording, RunEstimate
 from carstage.server import check_ports_free

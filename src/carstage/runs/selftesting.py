@@ -14,7 +14,6 @@ from typing import Any
 from carstage.config import Config
 from carstage.errors import CarStageError, CollectorError, RawLogError, ServerError
 from carstage.execution import CollectorProcess
-from carstage.plan import EpisodeSpec
 from carstage.releases import NEWEST, is_newer
 from carstage.runs.asking import ask_server, ask_spawn_points
 from carstage.runs.interruption import Interruption
@@ -22,6 +21,7 @@ from carstage.runs.preflight import check_server
 from carstage.runs.servers import ServerSetup
 from carstage.selftest import Verdict, failed_verdict, judge_log, plan_self_test
 from carstage.server import ClientPython, Endpoint
+from carstage.spec import EpisodeSpec
 
 EPISODE_ID = "selftest"
 _CALL_TIMEOUT_S = 60.0

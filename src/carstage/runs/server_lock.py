@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from carstage.cache import cache_folder
 from carstage.config import Config
-from carstage.config.recording import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
+from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError
 from carstage.files.locks import take_lock
-from carstage.server import cache_folder
 
 
 def server_key(config: Config) -> str:

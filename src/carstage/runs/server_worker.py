@@ -26,7 +26,7 @@ from carstage.errors import (
     StorageError,
 )
 from carstage.execution import CollectorProcess, InterpreterError
-from carstage.plan import EpisodeSpec, estimate_tick_s
+from carstage.plan import estimate_tick_s
 from carstage.runs.attempt_commit import AttemptCommit, Job
 from carstage.runs.explaining import (
     FinalCollectorError,
@@ -40,6 +40,7 @@ from carstage.runs.servers import ServerSetup
 from carstage.runs.watching import AttemptWatch, Limits
 from carstage.sensor_kinds import plugins_of
 from carstage.server import Endpoint, Server
+from carstage.spec import EpisodeSpec
 from carstage.storage.disk import disk_error
 
 POLL_S = 0.2

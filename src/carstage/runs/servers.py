@@ -7,12 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from carstage.config import Config
-from carstage.config.recording import (
-    CarlaServerConfig,
-    EmbeddedServerConfig,
-    Output,
-    RemoteServerConfig,
-)
+from carstage.config.output import Output
+from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.config.supervision import Supervision
 from carstage.errors import BadInputError
 from carstage.plan import ServerFacts

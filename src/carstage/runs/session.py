@@ -23,7 +23,7 @@ from carstage.errors import (
     StorageError,
 )
 from carstage.execution import Executor, InlineExecutor
-from carstage.plan import EpisodeSpec, estimate_run, plan_episodes
+from carstage.plan import estimate_run, plan_episodes
 from carstage.runs.attempt_commit import AttemptCommit, Job
 from carstage.runs.attempts import dead_runs, remove_leftovers, reserve_attempt
 from carstage.runs.converters import Converters
@@ -50,6 +50,7 @@ from carstage.runs.server_lock import server_lock
 from carstage.runs.server_worker import POLL_S, ServerWorker
 from carstage.runs.servers import ServerSetup
 from carstage.runs.wakeup_pipe import WakeupPipe
+from carstage.spec import EpisodeSpec
 from carstage.storage import Store, open_store
 from carstage.storage.disk import disk_error
 
@@ -309,7 +310,7 @@ class _Session:
         allowed. The last one lands as it is: its ledger names every gap.
         """
         job = attempt_commit.job
-        if incomplete_ticks and _demands_all(job.spec):
+        if incomplete_ticks and job.spec.timing.demands_all:
             what = f"Episode {job.episode_id}, attempt {attempt_commit.attempt}: "
             what += f"{incomplete_ticks} of {job.spec.steps} ticks lack data of a sensor."
             if job.tries < self._retries:
@@ -510,12 +511,4 @@ def _is_of(current: CurrentEpisode, attempt_commit: AttemptCommit) -> bool:
     return (current.episode_id, current.attempt) == (
         attempt_commit.job.episode_id,
         attempt_commit.attempt,
-    )
-
-
-def _demands_all(spec: EpisodeSpec) -> bool:
-    """Whether every sensor has to deliver in every tick of an episode."""
-    timing = spec.timing
-    return bool(
-        timing["mode"] == "sync" and timing["sensor_sync"] and timing["on_incomplete"] == "wait"
     )

@@ -13,10 +13,25 @@ import numpy as np
 
 from carstage.errors import ServerError
 from carstage.geometry import FloatArray, pose_matrix, rotation_deg
-from carstage.plan import EpisodeSpec
-from carstage.plan.planning import SEED_CONSUMERS
-from carstage.plan.spec import PoseSpec, SensorSpec
 from carstage.sensor_kinds import sensor_kind
+from carstage.spec import (
+    EgoSpec,
+    EpisodeSpec,
+    GroundTruthSpec,
+    LabelsSpec,
+    PedestriansSpec,
+    PoseSpec,
+    ReplayedActor,
+    ReplaySpec,
+    Seeds,
+    SensorSpec,
+    Stand,
+    TimingSpec,
+    TrafficSpec,
+    VehiclesSpec,
+    WeatherSpec,
+)
+from carstage.spec.defaults import MAX_DISTANCE_M
 
 FPS = 10.0
 WARMUP_TICKS = 8
@@ -91,35 +106,35 @@ def plan_self_test(
         ]
         actors.append(_actor(WALKER, beside))
     x_m, y_m, z_m, _, yaw_deg, _ = (float(value) for value in start)
-    place = {"x_m": x_m, "y_m": y_m, "z_m": z_m, "yaw_deg": yaw_deg}
+    place = Stand(x_m=x_m, y_m=y_m, z_m=z_m, yaw_deg=yaw_deg)
     return EpisodeSpec(
         dialect=dialect,
         index=0,
         map=map_name,
         map_layers=None,
-        weather={"preset": "ClearNoon", "parameters": {}, "lights": "auto", "changes": []},
+        weather=WeatherSpec(preset="ClearNoon", parameters={}, lights="auto"),
         steps=len(_EGO_MOTION),
         fps=FPS,
         save_every=1,
         warmup_ticks=WARMUP_TICKS,
-        timing={
-            "mode": "sync",
-            "sensor_sync": True,
-            "max_substep_delta_time_s": 0.01,
-            "max_substeps": 10,
-            "on_incomplete": "wait",
-        },
-        vehicles={"count": 0, "filter": "vehicle.*"},
-        pedestrians={"count": 0, "filter": "walker.pedestrian.*"},
-        traffic={},
-        ego={"blueprint": vehicle, "color": None, "spawn_index": None, "spawn_place": place},
-        scenario={"kind": "replay", "actors": actors},
+        timing=TimingSpec(
+            mode="sync",
+            sensor_sync=True,
+            max_substep_delta_time_s=0.01,
+            max_substeps=10,
+            on_incomplete="wait",
+        ),
+        vehicles=VehiclesSpec(0, "vehicle.*", None),
+        pedestrians=PedestriansSpec(0, "walker.pedestrian.*", None),
+        traffic=TrafficSpec(),
+        ego=EgoSpec(vehicle, color=None, spawn_index=None, spawn_place=place),
+        scenario=ReplaySpec("self-test", tuple(actors)),
         sensors=_sensors(blueprints),
-        labels={},
-        ground_truth={},
-        max_distance_m=80.0,
+        labels=LabelsSpec(),
+        ground_truth=GroundTruthSpec(),
+        max_distance_m=MAX_DISTANCE_M,
         min_lidar_points=0,
-        seeds=dict.fromkeys(SEED_CONSUMERS, 1),
+        seeds=Seeds(1, 1, 1, 1, 1, 1),
     )
 
 
@@ -161,12 +176,9 @@ def _moved(
     return np.concatenate([pose[:3, 3], rotation_deg(pose[:3, :3])])
 
 
-def _actor(blueprint: str, poses: Sequence[FloatArray]) -> dict[str, object]:
-    return {
-        "blueprint": blueprint,
-        "attributes": {},
-        "poses": [[round(float(value), 6) for value in pose] for pose in poses],
-    }
+def _actor(blueprint: str, poses: Sequence[FloatArray]) -> ReplayedActor:
+    rounded = (tuple(round(float(value), 6) for value in pose) for pose in poses)
+    return ReplayedActor(blueprint, {}, tuple(rounded))
 
 
 def _vehicle(blueprints: Collection[str]) -> str:

@@ -14,6 +14,7 @@ from carstage.sensor_kinds.table import (
     known_kind,
     plugins_of,
     register,
+    registered_kinds,
     sensor_kind,
 )
 
@@ -30,5 +31,6 @@ __all__ = [
     "load_object",
     "plugins_of",
     "register",
+    "registered_kinds",
     "sensor_kind",
 ]

@@ -51,6 +51,11 @@ def kinds() -> Tuple[SensorKind, ...]:
     return tuple(_kinds.values())
 
 
+def registered_kinds() -> Tuple[str, ...]:
+    """Names of the kinds so far, without a look at what is installed."""
+    return tuple(_kinds)
+
+
 def known_kind(name: str) -> Optional[SensorKind]:
     """The kind of that name, None where there is none."""
     if name not in _kinds:

@@ -9,7 +9,6 @@ from carstage.server.description import (
     BlueprintDescription,
     SimulatorDescription,
     ask_embedded,
-    cache_folder,
     describe_embedded,
 )
 from carstage.server.embedded import EmbeddedServer
@@ -31,7 +30,6 @@ __all__ = [
     "SimulatorDescription",
     "allot_ports",
     "ask_embedded",
-    "cache_folder",
     "check_ports_free",
     "describe_embedded",
     "find_client",

@@ -15,15 +15,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import platformdirs
-
 from carstage import __version__
+from carstage.cache import cache_folder
 from carstage.errors import ServerError
 from carstage.releases import NEWEST
 from carstage.server.embedded import MODULE
 
 DESCRIBE_S = 120.0
-CACHE_VARIABLE = "CARSTAGE_CACHE_DIR"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +51,6 @@ class SimulatorDescription:
     protocol: str
     maps: Mapping[str, int]
     blueprints: Mapping[str, BlueprintDescription]
-
-
-def cache_folder() -> Path:
-    """The folder of all caches: the user's, or the one that ``CARSTAGE_CACHE_DIR`` names."""
-    override = os.environ.get(CACHE_VARIABLE)
-    return Path(override) if override else platformdirs.user_cache_path("carstage", appauthor=False)
 
 
 @lru_cache(maxsize=8)

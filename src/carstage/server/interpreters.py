@@ -18,9 +18,9 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
+from carstage.cache import cache_folder
 from carstage.errors import BadInputError, ServerError
 from carstage.releases import CLIENT_PYTHONS, Release, client_release, release_of
-from carstage.server.description import cache_folder
 
 AUTO = "auto"
 _RUN_S = 30.0

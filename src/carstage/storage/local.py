@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import hashlib
 import os
 import re
 import secrets
@@ -17,6 +16,7 @@ from typing import Any
 
 from carstage import __version__
 from carstage.errors import DatasetError, EpisodeExistsError, StorageError
+from carstage.files.hashing import hash_of_file
 from carstage.storage.description import describe_dataset, read_description
 from carstage.storage.disk import disk_error
 from carstage.storage.marker import CommitMarker, FileEntry
@@ -24,7 +24,6 @@ from carstage.storage.store import Store
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _FLUSH_THREADS = 4
-_CHUNK_BYTES = 1 << 20
 
 
 class LocalStore(Store):
@@ -250,10 +249,8 @@ def _flushed(folder: Path, name: str, known: FileEntry | None) -> FileEntry:
                     "Convert the episode again.",
                 )
             return known
-        digest = hashlib.sha256()
-        while chunk := file.read(_CHUNK_BYTES):
-            digest.update(chunk)
-    return FileEntry(name, size, digest.hexdigest())
+        found, size = hash_of_file(file)
+    return FileEntry(name, size, found)
 
 
 def _flush_folder(folder: Path) -> None:

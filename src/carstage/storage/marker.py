@@ -8,8 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from carstage.errors import DatasetError
+from carstage.files.hashing import UnknownAlgorithmError, check_hash
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+_SHA256_VERSION = 1
+"""Its entries have a field ``sha256`` instead of ``hash``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,12 +22,12 @@ class FileEntry:
     Attributes:
         path: POSIX path relative to the attempt's folder.
         bytes: size of the file.
-        sha256: lower-case hex digest of its content.
+        hash: ``<algorithm>:<lower-case hex digest>`` of its content.
     """
 
     path: str
     bytes: int
-    sha256: str
+    hash: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +58,7 @@ class CommitMarker:
             "attempt": self.attempt,
             "frames": self.frames,
             "files": [
-                {"path": entry.path, "bytes": entry.bytes, "sha256": entry.sha256}
+                {"path": entry.path, "bytes": entry.bytes, "hash": entry.hash}
                 for entry in self.files
             ],
             "versions": dict(sorted(self.versions.items())),
@@ -72,24 +75,30 @@ class CommitMarker:
             source: its name, for messages.
 
         Raises:
-            DatasetError: the content is no marker of a format version that we know.
+            DatasetError: the content is no marker of a format version that we know, or it has
+                hashes of an unknown algorithm.
         """
         try:
             document: dict[str, Any] = json.loads(content)
             version = document["format_version"]
-            if version == FORMAT_VERSION:
+            if version in (_SHA256_VERSION, FORMAT_VERSION):
                 return cls(
                     episode_id=str(document["episode_id"]),
                     attempt=str(document["attempt"]),
                     frames=int(document["frames"]),
                     files=tuple(
-                        FileEntry(str(f["path"]), int(f["bytes"]), str(f["sha256"]))
+                        FileEntry(str(f["path"]), int(f["bytes"]), _named_hash(f, version))
                         for f in document["files"]
                     ),
                     versions={str(k): str(v) for k, v in document["versions"].items()},
                     # Markers of before the self-test have no such key.
                     self_test=document.get("self_test"),
                 )
+        except UnknownAlgorithmError as error:
+            raise DatasetError(
+                f"The commit marker {source} cannot be checked: {error}.",
+                "Install a newer Car-STAGE.",
+            ) from error
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise DatasetError(
                 f"The commit marker {source} is damaged ({error}).",
@@ -97,6 +106,18 @@ class CommitMarker:
             ) from error
         raise DatasetError(
             f"The commit marker {source} has format version {version!r}; "
-            f"this version of Car-STAGE reads {FORMAT_VERSION}.",
+            f"this version of Car-STAGE reads {_SHA256_VERSION} to {FORMAT_VERSION}.",
             "Install a newer Car-STAGE.",
         )
+
+
+def _named_hash(entry: Mapping[str, Any], version: int) -> str:
+    """The hash of a marker's entry with the name of its algorithm.
+
+    Raises:
+        KeyError, ValueError: there is none.
+        UnknownAlgorithmError: of its algorithm.
+    """
+    if version == _SHA256_VERSION:
+        return f"sha256:{entry['sha256']}"
+    return check_hash(str(entry["hash"]))

@@ -63,13 +63,13 @@ class StoreTests:
             "sensors/CAM/000000.png",
         ]
         assert marker.files[1].bytes == 3
-        assert marker.files[1].sha256 == (
-            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+        assert marker.files[1].hash == (
+            "blake3:6437b3ac38465133ffb63b75273a8db548c558465d79db03fd359c6cd5bd9d85"
         )
 
     def test_a_file_that_was_hashed_as_it_was_written_is_listed_so(self, store: Store) -> None:
         self.write(store, "a1", "abc")
-        known = FileEntry("sensors/CAM/000000.png", 3, "f" * 64)
+        known = FileEntry("sensors/CAM/000000.png", 3, f"blake3:{'f' * 64}")
         marker = store.commit(_EPISODE, "a1", frames=1, versions=_VERSIONS, hashed=[known])
         assert [entry.path for entry in marker.files] == ["episode.json", known.path]
         assert marker.files[1] == known
@@ -77,7 +77,7 @@ class StoreTests:
     @pytest.mark.parametrize("name", ["sensors/CAM/000000.png", "sensors/CAM/000001.png"])
     def test_a_file_that_is_not_as_it_was_written_is_refused(self, store: Store, name: str) -> None:
         self.write(store, "a1", "abc")
-        known = FileEntry(name, 4, "f" * 64)
+        known = FileEntry(name, 4, f"blake3:{'f' * 64}")
         with pytest.raises(StorageError, match=name):
             store.commit(_EPISODE, "a1", frames=1, versions=_VERSIONS, hashed=[known])
         assert store.committed() == {}

@@ -1,4 +1,4 @@
-"""Bakes beside a server: one process at a time that leaves a town in the cache.
+"""Bakes in the background of a server: one process at a time that leaves a town in the cache.
 
 A bake takes seconds to minutes, and the thread that would do it owns the world: every client would
 wait. What the process does is in :mod:`carstage_sim.maps.bake_process`.

@@ -61,7 +61,7 @@ _MOST_HILL_CELLS = 40_000
 
 @dataclass(frozen=True, slots=True)
 class BakeOptions:
-    """What to make of a map beside its roads.
+    """What to make of a map apart from its roads.
 
     Attributes:
         scenery: buildings, trees and furniture.

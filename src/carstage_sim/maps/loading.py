@@ -28,8 +28,8 @@ class TownSource:
     Attributes:
         name: the map's short name.
         opendrive: the file's text.
-        options: what to make of it beside the roads.
-        origin: where the text comes from, for messages; empty if nobody needs to be told.
+        options: what to make of it apart from the roads.
+        origin: where the text comes from, for messages; empty if no message needs it.
     """
 
     name: str
@@ -119,7 +119,7 @@ def town_from_opendrive(
     Args:
         name: the map's short name.
         opendrive: the file's text.
-        options: what to make of it beside the roads.
+        options: what to make of it apart from the roads.
         cache_folder: where baked towns are kept; by default in the user's cache folder.
 
     Raises:

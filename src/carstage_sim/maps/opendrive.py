@@ -1,4 +1,4 @@
-"""Samples an OpenDRIVE file with the client's own map reader; runs as a process of its own.
+"""Samples an OpenDRIVE file with the client's own map reader; runs in a separate process.
 
 ``python -m carstage_sim.maps.opendrive IN.xodr OUT.npz``. This is the only module of the simulator
 that imports ``carla``: whatever the client believes about a map, the server then believes too, and

@@ -76,7 +76,7 @@ class Controller:
 
 @dataclass(frozen=True, slots=True)
 class SignalPlan:
-    """All that a map says beside its lanes.
+    """All that a map says apart from its lanes.
 
     Attributes:
         geo_reference: latitude and longitude of the origin in degrees.

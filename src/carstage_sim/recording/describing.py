@@ -118,7 +118,7 @@ EVENTS: dict[int, Callable[[bytes], str]] = {
     ),
     Packet.COLLISION: _lines(Packet.COLLISION, _collision),
 }
-"""What is always told; an empty text tells nothing."""
+"""What is always reported; an empty text reports nothing."""
 
 STATES: dict[int, Callable[[bytes], str]] = {
     Packet.POSITION: _lines(
@@ -181,4 +181,4 @@ STATES: dict[int, Callable[[bytes], str]] = {
     ),
     Packet.WALKER_BONES: _bones,
 }
-"""What is told when everything is asked for."""
+"""What is reported when everything is asked for."""

@@ -40,7 +40,7 @@ def _described(kind: int, payload: bytes, *, show_all: bool) -> str:
 
 
 def collisions(log: RecordingLog, first: str, second: str) -> str:
-    """Collisions of two categories of actors (o, v, w, t, h, a), told when they begin."""
+    """Collisions of two categories of actors (o, v, w, t, h, a), reported when they begin."""
     lines = [
         _head(log),
         f"{'Time':>8} {'Types':>6} {'Id':>6} {'Actor 1':<35} {'Id':>6} {'Actor 2':<35}\n",
@@ -113,7 +113,7 @@ def actors_blocked(log: RecordingLog, min_time_s: float, min_distance_cm: float)
 
     Args:
         log: the recording.
-        min_time_s: shortest stop that is told.
+        min_time_s: shortest stop that is reported.
         min_distance_cm: way that ends a stop.
     """
     actors, stops = _Actors(), dict[int, _Stop]()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -289,17 +289,3 @@ def empty_geometry() -> Geometry:
         np.empty((0, 9, LANES), np.float32),
         np.empty((0, LANES), np.int32),
     )
-
-
-def scene_of(static: Geometry, **instances: Any) -> Scene:
-    """A scene of static geometry alone, or with the given fields of :class:`Scene`."""
-    fields: dict[str, Any] = {
-        "actors": empty_geometry(),
-        "top_planes": np.empty((0, 6, LANES), np.float32),
-        "top_children": np.empty((0, LANES), np.int32),
-        "top_row": np.empty(0, np.int32),
-        "rotation": np.empty((0, 3, 3), np.float32),
-        "position": np.empty((0, 3), np.float32),
-        "root": np.empty(0, np.int32),
-    }
-    return Scene(static=static, **(fields | instances))

@@ -18,7 +18,7 @@ from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.overlay import draw_shapes
 from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame, SceneStore
-from carstage_sim.render.shading import shade_rays
+from carstage_sim.render.shading import RayHits, ShadedFrame, shade_rays
 from carstage_sim.render.sky import Lighting, SkyModel
 from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.state import Weather
@@ -88,15 +88,17 @@ class PictureMaker:
         self, frame: Frame, hits: Hits, skip_row: int, pixel_angle: float, light: Lighting
     ) -> NDArray[np.float32]:
         colours = np.empty((len(hits.t), 3), np.float32)
+        shaded = ShadedFrame(
+            frame.scene, frame.static, frame.actors, frame.appearance, frame.colour,
+            frame.light_state, self._materials, light, frame.lamps,
+        )  # fmt: skip
+        rays = RayHits(
+            hits.origin, hits.directions, hits.t, hits.row, hits.triangle, hits.weights,
+            skip_row, np.float32(pixel_angle),
+        )  # fmt: skip
 
         def work(first: int, last: int) -> None:
-            shade_rays(
-                frame.scene, new_scratch(), frame.static, frame.actors, frame.appearance,
-                frame.colour, frame.light_state,
-                self._materials, light, frame.lamps, hits.origin, hits.directions, skip_row,
-                np.float32(pixel_angle), self._epic, first, last,
-                hits.t, hits.row, hits.triangle, hits.weights, colours,
-            )  # fmt: skip
+            shade_rays(shaded, rays, new_scratch(), self._epic, first, last, colours)
 
         self._caster.in_bands(len(colours), work)
         return colours

@@ -3,52 +3,143 @@
 Two qualities share the code. Low traces one shadow ray, one short ray that finds what stands right
 above the ground, and mirrors the town in water only; epic feels the sky with three rays and mirrors
 the town in all that is glossy.
+
+Vectors and colours are tuples of three numbers in single precision: places in world metres, unit
+directions, linear radiance. The graphics card's shaders are translated from this source.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from carstage_sim.kernels import device, kernel
-from carstage_sim.render.cast import NOTHING, trace
+from carstage_sim.kernels import device, inlined, kernel
+from carstage_sim.render.cast import NOTHING, Scene, trace
 from carstage_sim.render.detail import hash_unit, noise
-from carstage_sim.render.lamps import glow, lamp_light
-from carstage_sim.render.materials import Glow
+from carstage_sim.render.incoming_light import (
+    OVER_PI,
+    openness,
+    sees_sun,
+    sky_irradiance,
+    sky_radiance,
+    sun_is_up,
+    under_overhang,
+)
+from carstage_sim.render.lamps import Lamps, glow, lamp_light
+from carstage_sim.render.materials import Glow, MaterialTable
+from carstage_sim.render.object_appearance import ObjectAppearance
+from carstage_sim.render.scene import Surfaces
+from carstage_sim.render.sky import Lighting
 from carstage_sim.render.surface import facing_normals, is_leaf, surface_material, water
 from carstage_sim.render.weathering import fog_share, rain_share
 
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
 _HALF: Any = np.float32(0.5)
-_OVER_PI: Any = np.float32(1 / math.pi)
 _STREET_LAMP = int(Glow.STREET_LAMP)
+_SUN_DISC_COS: Any = np.float32(0.99996)
+"""Cosine of the sun disc's angular radius, half a degree: twice the real one."""
+_SUN_DISC_GAIN = 40
+"""Radiance of the disc for each unit of the sun's irradiance."""
+_SKY_M: Any = np.float32(2500.0)
+"""Length of air between the camera and the sky, for fog and rain."""
+_LEAST_FACING: Any = np.float32(0.06)
+"""Least cosine at which a pixel's footprint on a surface is measured."""
+_FOOTPRINT_POWER: Any = np.float32(0.7)
+"""How a footprint grows with the slant: between its two sides, 0 and 1."""
+_MIRROR_NEAR_M: Any = np.float32(1e-3)
+_MIRROR_M: Any = np.float32(150.0)
+"""What is farther is not mirrored, but the sky."""
+_MIRROR_SUN: Any = np.float32(0.6)
+"""Share of the sun's light on what is mirrored, where no shadow is traced."""
+_CLEAR_GLOSS: Any = np.float32(0.07)
+"""Reflectance at normal incidence above which a mirrored surface mirrors in turn."""
+_MIRROR_FOOTPRINT_M: Any = np.float32(0.1)
+_MIRROR_FOOTPRINT_PER_M: Any = np.float32(0.01)
+"""Footprint on what is mirrored, and its growth with the distance."""
+_LEAST_FRESNEL: Any = np.float32(0.02)
+"""Below it the town is not mirrored."""
+_MIRRORING_M: Any = np.float32(120.0)
+"""Surfaces farther from the camera mirror the sky only."""
+_MIRRORING_WATER: Any = np.float32(0.1)
+"""Share of standing water from which ground mirrors the town."""
+_MIRRORING_ROUGHNESS: Any = np.float32(0.35)
+"""Roughness below which surfaces mirror the town, quality epic."""
+_MATT_ROUGHNESS: Any = np.float32(0.75)
+"""Roughness from which nothing is mirrored."""
+_TOWN_HORIZON: Any = np.float32(0.12)
+"""Sine of the elevation below which mirrored sky fades into the town."""
+_OPENNESS_WITHIN_M: Any = np.float32(60.0)
+_OVERHANG_WITHIN_M: Any = np.float32(90.0)
+"""Distances from the camera within which the sky's cover is traced, epic and low."""
+_LEVEL_GROUND: Any = np.float32(0.7)
+"""Upward part of a normal from which a surface is ground under an overhang."""
+_WET_GROUND: Any = np.float32(0.5)
+"""Upward part of a normal above which a surface holds water."""
+_WATER_ROUGHNESS: Any = np.float32(0.06)
+_LIFT_M: Any = np.float32(2e-3)
+_LIFT_PER_M: Any = np.float32(2e-4)
+"""How far above a surface rays from it begin, and its growth with the distance."""
+_LEAF_LIFT_M: Any = np.float32(0.25)
+"""Rays to the sun leave a crown's outer leaves so far ahead."""
+_LAMP_RADIANCE: Any = np.float32(6.0)
+"""Radiance of a street lamp of full power."""
+_ROOM_RADIANCE: Any = np.float32(1.1)
+"""Radiance of a lit room behind a window."""
+_CLIENT_GLOW: Any = np.float32(3)
+"""Radiance of what clients let glow, for each unit of its colour."""
+_GLINT: Any = np.float32(0.02)
+_SHARPEST_GLINT: Any = np.float32(2000.0)
+"""Strength of the sun's reflection, and its greatest exponent."""
 
 
-@device
-def _sky(light, x, y, z):  # type: ignore[no-untyped-def]
-    """Radiance of the sky in a unit direction; below the horizon that of the horizon."""
-    rows, columns = light.sky.shape[0], light.sky.shape[1]
-    elevation = math.asin(min(max(z, _ZERO), _ONE)) * np.float32(2 / math.pi)
-    row = math.sqrt(elevation) * np.float32(rows - 1)
-    turn = math.atan2(y, x) * np.float32(0.5 / math.pi)
-    column = (turn - math.floor(turn)) * np.float32(columns)
-    i = min(int(row), rows - 2)
-    j = int(column) % columns
-    k = (j + 1) % columns
-    a = np.float32(row - i)
-    b = np.float32(column - math.floor(column))
-    p = light.sky
-    low0 = p[i, j, 0] + (p[i, k, 0] - p[i, j, 0]) * b
-    low1 = p[i, j, 1] + (p[i, k, 1] - p[i, j, 1]) * b
-    low2 = p[i, j, 2] + (p[i, k, 2] - p[i, j, 2]) * b
-    i += 1
-    high0 = p[i, j, 0] + (p[i, k, 0] - p[i, j, 0]) * b
-    high1 = p[i, j, 1] + (p[i, k, 1] - p[i, j, 1]) * b
-    high2 = p[i, j, 2] + (p[i, k, 2] - p[i, j, 2]) * b
-    return low0 + (high0 - low0) * a, low1 + (high1 - low1) * a, low2 + (high2 - low2) * a
+class ShadedFrame(NamedTuple):
+    """What kernels need of a frame to colour its hits.
+
+    Attributes:
+        scene: what rays meet.
+        static, actors: surfaces of the two geometries.
+        appearance: what clients changed about the town's objects.
+        colour: ``(I, P, 3)`` float32 linear colours of each instance row's paints.
+        light_state: ``(I,)`` uint32 light bits of each row.
+        materials: of all triangles.
+        light: sun, sky and weather.
+        lamps: street lamps and headlights.
+    """
+
+    scene: Scene
+    static: Surfaces
+    actors: Surfaces
+    appearance: ObjectAppearance
+    colour: NDArray[np.float32]
+    light_state: NDArray[np.uint32]
+    materials: MaterialTable
+    light: Lighting
+    lamps: Lamps
+
+
+class RayHits(NamedTuple):
+    """Rays of a camera and what they met; see :func:`carstage_sim.render.cast.cast_rays`.
+
+    Attributes:
+        origin: ``(3,)`` float32 world metres.
+        directions: ``(N, 3)`` float32, any length.
+        t, row, triangle, weights: the hits.
+        skip: instance row that no ray meets, negative for none.
+        pixel_angle: radians between the rays of neighbouring pixels.
+    """
+
+    origin: NDArray[np.float32]
+    directions: NDArray[np.float32]
+    t: NDArray[np.float32]
+    row: NDArray[np.int32]
+    triangle: NDArray[np.int32]
+    weights: NDArray[np.float32]
+    skip: int
+    pixel_angle: np.float32
 
 
 @device
@@ -57,58 +148,24 @@ def _film(value):  # type: ignore[no-untyped-def]
     return _ONE - math.exp(-max(value, _ZERO))
 
 
-@device
-def _sky_light(light, nx, ny, nz):  # type: ignore[no-untyped-def]
-    """Irradiance from above, the side and below, mixed by the normal."""
-    up = max(nz, _ZERO) ** 2
-    down = max(-nz, _ZERO) ** 2
-    side = _ONE - up - down
-    a = light.ambient
-    return (
-        a[0, 0] * up + a[1, 0] * side + a[2, 0] * down,
-        a[0, 1] * up + a[1, 1] * side + a[2, 1] * down,
-        a[0, 2] * up + a[1, 2] * side + a[2, 2] * down,
-    )
-
-
-@device
-def _openness(scene, scratch, o, nx, ny, nz, skip):  # type: ignore[no-untyped-def]
-    """Share of the sky above a surface that nothing near covers, from three rays, 0.2-1."""
-    # Two tangents of the normal (Duff et al., JCGT 2017).
-    sign = _ONE if nz >= 0 else -_ONE
-    a = -_ONE / (sign + nz)
-    b = nx * ny * a
-    tx, ty, tz = _ONE + sign * nx * nx * a, sign * b, -sign * nx
-    bx, by, bz = b, sign + ny * ny * a, -ny
-    total = _ZERO
-    for k in range(3):
-        across = np.float32(0.8) if k == 0 else np.float32(-0.4)
-        along = _ZERO if k == 0 else (np.float32(0.69) if k == 1 else np.float32(-0.69))
-        ray = (
-            nx * np.float32(0.6) + tx * across + bx * along,
-            ny * np.float32(0.6) + ty * across + by * along,
-            nz * np.float32(0.6) + tz * across + bz * along,
-        )
-        hit = trace(scene, scratch, o, ray, np.float32(1e-3), np.float32(3.0), skip, False)
-        total += min(hit[0] * np.float32(1 / 3), _ONE)
-    return np.float32(0.2) + np.float32(0.8 / 3) * total
-
-
-@device
-def _emission(light, materials, appearance, lamps, m, hit_actor, owner, bits, emitted):  # type: ignore[no-untyped-def]
+@inlined
+def _emission(frame, m, hit_actor, owner, emitted):  # type: ignore[no-untyped-def]
     """Radiance that a surface emits: lamps by their state, lit rooms, what clients let glow."""
-    strength, r, g, b = glow(materials.glow[m], bits, light.time_s)
+    light, appearance, lamps = frame.light, frame.appearance, frame.lamps
+    kind = frame.materials.glow[m]
+    bits = frame.light_state[hit_actor] if hit_actor >= 0 else 0
+    strength, r, g, b = glow(kind, bits, light.time_s)
     if hit_actor < 0:
         lamp = appearance.lamp[owner]
-        if lamp >= 0 and materials.glow[m] == _STREET_LAMP:
-            strength = np.float32(6.0)
+        if lamp >= 0 and kind == _STREET_LAMP:
+            strength = _LAMP_RADIANCE
             r, g, b = lamps.power[lamp, 0], lamps.power[lamp, 1], lamps.power[lamp, 2]
     if emitted > 0:
-        strength, r, g, b = emitted * np.float32(1.1), _ONE, np.float32(0.74), np.float32(0.42)
+        strength, r, g, b = emitted * _ROOM_RADIANCE, _ONE, np.float32(0.74), np.float32(0.42)
     strength *= light.lamp
     r, g, b = r * strength, g * strength, b * strength
     if hit_actor < 0:
-        more = np.float32(3) * light.lamp
+        more = _CLIENT_GLOW * light.lamp
         r += appearance.glow[owner, 0] * more
         g += appearance.glow[owner, 1] * more
         b += appearance.glow[owner, 2] * more
@@ -116,44 +173,41 @@ def _emission(light, materials, appearance, lamps, m, hit_actor, owner, bits, em
 
 
 @device
-def _mirrored(  # type: ignore[no-untyped-def]
-    scene, scratch, static, actors, appearance, colour, light_state, materials, light, lamps,
-    o, dx, dy, dz, skip, lamps_on,
-):  # fmt: skip
+def _mirrored(frame, scratch, skip, o, d, lamps_on):  # type: ignore[no-untyped-def]
     """Radiance that comes from a unit direction: the sky, or the town without cast shadows."""
-    hit = trace(scene, scratch, o, (dx, dy, dz), np.float32(1e-3), np.float32(150.0), skip, False)
-    distance, hit_actor, number = hit[0], hit[1], hit[2]
+    light, materials = frame.light, frame.materials
+    dx, dy, dz = d
+    hit = trace(frame.scene, scratch, o, d, _MIRROR_NEAR_M, _MIRROR_M, skip, False)
+    distance, hit_actor, number, u, v = hit[0], hit[1], hit[2], hit[3], hit[4]
     if hit_actor == NOTHING:
-        return _sky(light, dx, dy, dz)
-    surfaces = static if hit_actor < 0 else actors
+        return sky_radiance(light, dx, dy, dz)
+    surfaces = frame.static if hit_actor < 0 else frame.actors
     m = surfaces.material[number]
     owner = int(surfaces.object_id[number])
     leaves = is_leaf(materials.detail[m])
-    u, v = hit[3], hit[4]
     nx, ny, nz, _, _, _ = facing_normals(
-        scene, surfaces, hit_actor, number, u, v, leaves, dx, dy, dz
+        frame.scene, surfaces, hit_actor, number, u, v, leaves, dx, dy, dz
     )
     px, py, pz = o[0] + dx * distance, o[1] + dy * distance, o[2] + dz * distance
     _, cr, cg, cb, _, f0, emitted = surface_material(
-        surfaces, appearance, colour, materials, light.night, hit_actor, number, u, v, px, py, pz,
-        nx, ny, nz, np.float32(0.1) + distance * np.float32(0.01),
+        frame, surfaces, (hit_actor, number, u, v), (px, py, pz), (nx, ny, nz),
+        _MIRROR_FOOTPRINT_M + distance * _MIRROR_FOOTPRINT_PER_M,
     )  # fmt: skip
-    er, eg, eb = _sky_light(light, nx, ny, nz)
+    er, eg, eb = sky_irradiance(light, nx, ny, nz)
     s = light.sun_direction
-    sunny = max(nx * s[0] + ny * s[1] + nz * s[2], _ZERO) * np.float32(0.6)
+    sunny = max(nx * s[0] + ny * s[1] + nz * s[2], _ZERO) * _MIRROR_SUN
     er, eg, eb = er + light.sun[0] * sunny, eg + light.sun[1] * sunny, eb + light.sun[2] * sunny
     if lamps_on:
-        lr, lg, lb = lamp_light(lamps, light.night, px, py, pz, nx, ny, nz)
+        lr, lg, lb = lamp_light(frame.lamps, light.night, px, py, pz, nx, ny, nz)
         er, eg, eb = er + lr, eg + lg, eb + lb
-    r, g, b = cr * er * _OVER_PI, cg * eg * _OVER_PI, cb * eb * _OVER_PI
-    if f0 > np.float32(0.07):
+    r, g, b = cr * er * OVER_PI, cg * eg * OVER_PI, cb * eb * OVER_PI
+    if f0 > _CLEAR_GLOSS:
         # Glass and metal mirror in turn: about the sky at the side.
         a = light.ambient
-        r += (a[1, 0] * _OVER_PI - r) * f0
-        g += (a[1, 1] * _OVER_PI - g) * f0
-        b += (a[1, 2] * _OVER_PI - b) * f0
-    bits = light_state[hit_actor] if hit_actor >= 0 else 0
-    lr, lg, lb = _emission(light, materials, appearance, lamps, m, hit_actor, owner, bits, emitted)
+        r += (a[1, 0] * OVER_PI - r) * f0
+        g += (a[1, 1] * OVER_PI - g) * f0
+        b += (a[1, 2] * OVER_PI - b) * f0
+    lr, lg, lb = _emission(frame, m, hit_actor, owner, emitted)
     r, g, b = r + lr, g + lg, b + lb
     fog = fog_share(light, o[2], dz, distance)
     return (
@@ -163,162 +217,186 @@ def _mirrored(  # type: ignore[no-untyped-def]
     )
 
 
-@kernel
-def shade_rays(  # type: ignore[no-untyped-def]
-    scene, scratch, static, actors, appearance, colour, light_state, materials, light, lamps,
-    origin, directions, skip, pixel_angle, epic, first, last, t, row, triangle, weights, out,
-):  # fmt: skip
-    """Colours of the hits ``first`` to ``last``: linear display light, 0-1, into ``out (N, 3)``."""
+@inlined
+def _mirrored_sky(light, rx, ry, rz):  # type: ignore[no-untyped-def]
+    """Radiance that comes from a unit direction where no ray is traced."""
+    r, g, b = sky_radiance(light, rx, ry, rz)
+    if rz < _TOWN_HORIZON:
+        # Near and below the horizon the town reflects, not the sky.
+        a = light.ambient
+        ground = min(max((_TOWN_HORIZON - rz) * 5, _ZERO), _ONE)
+        r += (a[2, 0] * OVER_PI - r) * ground
+        g += (a[2, 1] * OVER_PI - g) * ground
+        b += (a[2, 2] * OVER_PI - b) * ground
+    return r, g, b
+
+
+@device
+def _glint(towards_sun, rough, fresnel):  # type: ignore[no-untyped-def]
+    """Sun's reflection for each unit of its irradiance, where a mirror ray meets that cosine."""
+    shine = max(towards_sun, _ZERO)
+    power = min(2 / max(rough**4, np.float32(1e-3)), _SHARPEST_GLINT)
+    return shine**power * (power + 2) * _GLINT * fresnel
+
+
+@inlined
+def _water_on(light, pool, rough, p, n, pixel):  # type: ignore[no-untyped-def]
+    """Roughness and the normal's x and y of ground under a share ``pool`` of water."""
+    # Water is level; drops and the stones under a film let it tremble.
+    rough_water = (_ONE - pool) * _WATER_ROUGHNESS + light.rain * np.float32(0.02)
+    tremble = rough_water * min(np.float32(0.05) / pixel, _ONE)
+    return (
+        rough + (_WATER_ROUGHNESS - rough) * min(pool * 2, _ONE),
+        n[0] + tremble * noise(p[0] * 23, p[1] * 23, 31),
+        n[1] + tremble * noise(p[0] * 23, p[1] * 23, 32),
+    )
+
+
+@inlined
+def _uncovered(frame, scratch, skip, epic, o, g, distance, kinds):  # type: ignore[no-untyped-def]
+    """Share of the sky's light that is left; ``kinds``: instance row, whether it is leaves."""
+    if epic and not kinds[1] and distance < _OPENNESS_WITHIN_M:
+        return openness(frame.scene, scratch, o, g[0], g[1], g[2], skip)
+    if kinds[0] < 0 and g[2] > _LEVEL_GROUND and distance < _OVERHANG_WITHIN_M:
+        return under_overhang(frame.scene, scratch, o, skip)
+    return _ONE
+
+
+@inlined
+def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance):  # type: ignore[no-untyped-def]
+    """Radiance of what ray ``i`` of unit direction ``d`` met, without the air between."""
+    light, materials = frame.light, frame.materials
     lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
-    sun_up = light.sun[0] + light.sun[1] + light.sun[2] > np.float32(1e-6)
-    wet, night, exposure = light.wetness, light.night, light.exposure
-    lamps_on = night > 0
+    dx, dy, dz = d
+    px = rays.origin[0] + dx * distance
+    py = rays.origin[1] + dy * distance
+    pz = rays.origin[2] + dz * distance
+    hit_actor, number, u, v = rays.row[i], rays.triangle[i], rays.weights[i, 0], rays.weights[i, 1]
+    surfaces = frame.static if hit_actor < 0 else frame.actors
+    m = surfaces.material[number]
+    leaves = is_leaf(materials.detail[m])
+    nx, ny, nz, gx, gy, gz = facing_normals(
+        frame.scene, surfaces, hit_actor, number, u, v, leaves, dx, dy, dz
+    )
+    slant = max(abs(dx * gx + dy * gy + dz * gz), _LEAST_FACING) ** _FOOTPRINT_POWER
+    pixel = distance * rays.pixel_angle / slant
+    kind, cr, cg, cb, rough, f0, emitted = surface_material(
+        frame, surfaces, (hit_actor, number, u, v), (px, py, pz), (nx, ny, nz), pixel
+    )
+    if is_leaf(kind) and light.wind > 0:
+        # Wind turns leaves to and from the light.
+        beat = math.sin(light.time_s * 9 + hash_unit(number, 5, 77) * 40)
+        flutter = _ONE + np.float32(0.4) * light.wind * beat
+        cr, cg, cb = cr * flutter, cg * flutter, cb * flutter
+    pool = _ZERO
+    if light.wetness > 0 and nz > _WET_GROUND and hit_actor < 0 and not leaves:
+        pool = water(light, kind, px, py, pixel)
+        soaked = _ONE - np.float32(0.5) * light.wetness
+        cr, cg, cb = cr * soaked, cg * soaked, cb * soaked
+        rough, nx, ny = _water_on(light, pool, rough, (px, py), (nx, ny), pixel)
+    lift = _LIFT_M + distance * _LIFT_PER_M
+    o = (px + gx * lift, py + gy * lift, pz + gz * lift)
+    er, eg, eb = sky_irradiance(light, nx, ny, nz)
+    free = _uncovered(
+        frame, scratch, rays.skip, epic, o, (gx, gy, gz), distance, (hit_actor, leaves)
+    )
+    er, eg, eb = er * free, eg * free, eb * free
+    sunny = nx * lx + ny * ly + nz * lz
+    if leaves:
+        # Leaves let light through: the crown's dark side is not black.
+        sunny = max(sunny * np.float32(0.7) + np.float32(0.3), np.float32(0.12))
+    lit = False
+    if sun_is_up(light) and sunny > 0 and (leaves or gx * lx + gy * ly + gz * lz > 0):
+        start = o
+        if leaves:
+            start = (px + lx * _LEAF_LIFT_M, py + ly * _LEAF_LIFT_M, pz + lz * _LEAF_LIFT_M)
+        lit = sees_sun(frame.scene, scratch, light, start, rays.skip)
+        if lit:
+            er += light.sun[0] * sunny
+            eg += light.sun[1] * sunny
+            eb += light.sun[2] * sunny
+        elif leaves:
+            er += light.sun[0] * sunny * np.float32(0.22)
+            eg += light.sun[1] * sunny * np.float32(0.24)
+            eb += light.sun[2] * sunny * np.float32(0.12)
+    if lamps_on:
+        lr, lg, lb = lamp_light(frame.lamps, light.night, px, py, pz, nx, ny, nz)
+        er, eg, eb = er + lr, eg + lg, eb + lb
+    r, g, b = cr * er * OVER_PI, cg * eg * OVER_PI, cb * eb * OVER_PI
+    if rough < _MATT_ROUGHNESS:
+        smooth = _ONE - rough
+        facing = min(abs(dx * nx + dy * ny + dz * nz), _ONE)
+        fresnel = f0 + (_ONE - f0) * (_ONE - facing) ** 5 * smooth * smooth
+        back = 2 * (dx * nx + dy * ny + dz * nz)
+        rx, ry, rz = dx - back * nx, dy - back * ny, dz - back * nz
+        glossy = pool > _MIRRORING_WATER or (epic and rough < _MIRRORING_ROUGHNESS)
+        if glossy and fresnel > _LEAST_FRESNEL and distance < _MIRRORING_M:
+            sr, sg, sb = _mirrored(frame, scratch, rays.skip, o, (rx, ry, rz), lamps_on)
+        else:
+            sr, sg, sb = _mirrored_sky(light, rx, ry, rz)
+        r, g, b = r + (sr - r) * fresnel, g + (sg - g) * fresnel, b + (sb - b) * fresnel
+        if lit:
+            glint = _glint(rx * lx + ry * ly + rz * lz, rough, fresnel)
+            r += light.sun[0] * glint
+            g += light.sun[1] * glint
+            b += light.sun[2] * glint
+    lr, lg, lb = _emission(frame, m, hit_actor, int(surfaces.object_id[number]), emitted)
+    return r + lr, g + lg, b + lb
+
+
+@inlined
+def _through_air(light, rays, d, distance, colour):  # type: ignore[no-untyped-def]
+    """Radiance that is left of a colour, with the light of fog and rain on the way."""
+    lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
+    r, g, b = colour
+    fog = fog_share(light, rays.origin[2], d[2], distance)
+    if fog > 0:
+        halo = max(d[0] * lx + d[1] * ly + d[2] * lz, _ZERO) ** 8
+        r += (light.fog[0] + light.fog_glow[0] * halo - r) * fog
+        g += (light.fog[1] + light.fog_glow[1] * halo - g) * fog
+        b += (light.fog[2] + light.fog_glow[2] * halo - b) * fog
+    if light.rain > 0:
+        veil = rain_share(light, d[0], d[1], d[2], distance, rays.pixel_angle)
+        a = light.ambient
+        r += ((a[1, 0] * OVER_PI + light.fog[0]) * _HALF - r) * veil
+        g += ((a[1, 1] * OVER_PI + light.fog[1]) * _HALF - g) * veil
+        b += ((a[1, 2] * OVER_PI + light.fog[2]) * _HALF - b) * veil
+    return r, g, b
+
+
+@kernel
+def shade_rays(frame, rays, scratch, epic, first, last, out):  # type: ignore[no-untyped-def]
+    """Colours of hits: linear display light, 0-1.
+
+    Args:
+        frame: a :class:`ShadedFrame`.
+        rays: a :class:`RayHits`.
+        scratch: working memory of this thread.
+        epic: whether the picture is worth more rays.
+        first, last: half-open range of rays.
+        out: ``(N, 3)`` float32, to be filled.
+    """
+    light, lamps = frame.light, frame.lamps
+    lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
+    lamps_on = light.night > 0
     for k in range(lamps.power.shape[0]):
         lamps_on = lamps_on or lamps.power[k, 0] + lamps.power[k, 1] + lamps.power[k, 2] > 0
     for i in range(first, last):
-        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+        dx, dy, dz = rays.directions[i, 0], rays.directions[i, 1], rays.directions[i, 2]
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         dx, dy, dz = dx / length, dy / length, dz / length
-        towards = dx * lx + dy * ly + dz * lz
-        hit_actor = row[i]
-        if hit_actor == NOTHING:
-            r, g, b = _sky(light, dx, dy, dz)
-            if sun_up and towards > np.float32(0.99996):
-                r, g, b = r + light.sun[0] * 40, g + light.sun[1] * 40, b + light.sun[2] * 40
-            distance = np.float32(2500.0)
+        d = (dx, dy, dz)
+        if rays.row[i] == NOTHING:
+            r, g, b = sky_radiance(light, dx, dy, dz)
+            if sun_is_up(light) and dx * lx + dy * ly + dz * lz > _SUN_DISC_COS:
+                r += light.sun[0] * _SUN_DISC_GAIN
+                g += light.sun[1] * _SUN_DISC_GAIN
+                b += light.sun[2] * _SUN_DISC_GAIN
+            distance = _SKY_M
         else:
-            distance = t[i] * length
-            px, py, pz = (
-                origin[0] + dx * distance,
-                origin[1] + dy * distance,
-                origin[2] + dz * distance,
-            )
-            number = triangle[i]
-            surfaces = static if hit_actor < 0 else actors
-            m = surfaces.material[number]
-            leaves = is_leaf(materials.detail[m])
-            nx, ny, nz, gx, gy, gz = facing_normals(
-                scene, surfaces, hit_actor, number, weights[i, 0], weights[i, 1], leaves, dx, dy, dz
-            )
-            pixel = (
-                distance
-                * pixel_angle
-                / max(abs(dx * gx + dy * gy + dz * gz), np.float32(0.06)) ** np.float32(0.7)
-            )
-            kind, cr, cg, cb, rough, f0, emitted = surface_material(
-                surfaces, appearance, colour, materials, night, hit_actor, number, weights[i, 0],
-                weights[i, 1], px, py, pz, nx, ny, nz, pixel,
-            )  # fmt: skip
-            if is_leaf(kind) and light.wind > 0:
-                # Wind turns leaves to and from the light.
-                beat = math.sin(light.time_s * 9 + hash_unit(number, 5, 77) * 40)
-                flutter = _ONE + np.float32(0.4) * light.wind * beat
-                cr, cg, cb = cr * flutter, cg * flutter, cb * flutter
-            pool = _ZERO
-            if wet > 0 and nz > np.float32(0.5) and hit_actor < 0 and not leaves:
-                pool = water(light, kind, px, py, pixel)
-                soaked = _ONE - np.float32(0.5) * wet
-                cr, cg, cb = cr * soaked, cg * soaked, cb * soaked
-                rough = rough + (np.float32(0.06) - rough) * min(pool * 2, _ONE)
-                # Water is level; drops and the stones under a film let it tremble.
-                rough_water = (_ONE - pool) * np.float32(0.06) + light.rain * np.float32(0.02)
-                tremble = rough_water * min(np.float32(0.05) / pixel, _ONE)
-                nx += tremble * noise(px * 23, py * 23, 31)
-                ny += tremble * noise(px * 23, py * 23, 32)
-            er, eg, eb = _sky_light(light, nx, ny, nz)
-            lift = np.float32(2e-3) + distance * np.float32(2e-4)
-            o = (px + gx * lift, py + gy * lift, pz + gz * lift)
-            if epic and not leaves and distance < np.float32(60.0):
-                free = _openness(scene, scratch, o, gx, gy, gz, skip)
-                er, eg, eb = er * free, eg * free, eb * free
-            elif hit_actor < 0 and gz > np.float32(0.7) and distance < np.float32(90.0):
-                # What stands right above keeps the sky's light off the ground.
-                under = trace(
-                    scene, scratch, o, (np.float32(0.12), np.float32(0.09), _ONE), np.float32(1e-3),
-                    np.float32(0.7), skip, True,
-                )  # fmt: skip
-                if under[1] != NOTHING:
-                    dark = np.float32(0.30) + np.float32(0.4) * under[0]
-                    er, eg, eb = er * dark, eg * dark, eb * dark
-            sunny = nx * lx + ny * ly + nz * lz
-            if leaves:
-                # Leaves let light through: the crown's dark side is not black.
-                sunny = max(sunny * np.float32(0.7) + np.float32(0.3), np.float32(0.12))
-            lit = False
-            if sun_up and sunny > 0 and (leaves or gx * lx + gy * ly + gz * lz > 0):
-                start = o
-                if leaves:
-                    away = np.float32(0.25)
-                    start = (px + lx * away, py + ly * away, pz + lz * away)
-                shadow = trace(
-                    scene, scratch, start, (lx, ly, lz), np.float32(1e-3), np.float32(300.0),
-                    skip, True,
-                )  # fmt: skip
-                lit = shadow[1] == NOTHING
-                if lit:
-                    er += light.sun[0] * sunny
-                    eg += light.sun[1] * sunny
-                    eb += light.sun[2] * sunny
-                elif leaves:
-                    er += light.sun[0] * sunny * np.float32(0.22)
-                    eg += light.sun[1] * sunny * np.float32(0.24)
-                    eb += light.sun[2] * sunny * np.float32(0.12)
-            if lamps_on:
-                lr, lg, lb = lamp_light(lamps, night, px, py, pz, nx, ny, nz)
-                er, eg, eb = er + lr, eg + lg, eb + lb
-            r, g, b = cr * er * _OVER_PI, cg * eg * _OVER_PI, cb * eb * _OVER_PI
-            if rough < np.float32(0.75):
-                smooth = _ONE - rough
-                facing = min(abs(dx * nx + dy * ny + dz * nz), _ONE)
-                fresnel = f0 + (_ONE - f0) * (_ONE - facing) ** 5 * smooth * smooth
-                back = 2 * (dx * nx + dy * ny + dz * nz)
-                rx, ry, rz = dx - back * nx, dy - back * ny, dz - back * nz
-                if (
-                    fresnel > np.float32(0.02)
-                    and distance < np.float32(120.0)
-                    and (pool > np.float32(0.1) or (epic and rough < np.float32(0.35)))
-                ):
-                    sr, sg, sb = _mirrored(
-                        scene, scratch, static, actors, appearance, colour, light_state, materials,
-                        light, lamps, o, rx, ry, rz, skip, lamps_on,
-                    )  # fmt: skip
-                else:
-                    sr, sg, sb = _sky(light, rx, ry, rz)
-                    if rz < np.float32(0.12):
-                        # Near and below the horizon the town reflects, not the sky.
-                        a = light.ambient
-                        ground = min(max((np.float32(0.12) - rz) * 5, _ZERO), _ONE)
-                        sr += (a[2, 0] * _OVER_PI - sr) * ground
-                        sg += (a[2, 1] * _OVER_PI - sg) * ground
-                        sb += (a[2, 2] * _OVER_PI - sb) * ground
-                r += (sr - r) * fresnel
-                g += (sg - g) * fresnel
-                b += (sb - b) * fresnel
-                if lit:
-                    shine = max(rx * lx + ry * ly + rz * lz, _ZERO)
-                    power = min(2 / max(rough**4, np.float32(1e-3)), np.float32(2000.0))
-                    glint = shine**power * (power + 2) * np.float32(0.02) * fresnel
-                    r += light.sun[0] * glint
-                    g += light.sun[1] * glint
-                    b += light.sun[2] * glint
-            owner = int(surfaces.object_id[number])
-            bits = light_state[hit_actor] if hit_actor >= 0 else 0
-            lr, lg, lb = _emission(
-                light, materials, appearance, lamps, m, hit_actor, owner, bits, emitted
-            )
-            r, g, b = r + lr, g + lg, b + lb
-        fog = fog_share(light, origin[2], dz, distance)
-        if fog > 0:
-            halo = max(towards, _ZERO) ** 8
-            r += (light.fog[0] + light.fog_glow[0] * halo - r) * fog
-            g += (light.fog[1] + light.fog_glow[1] * halo - g) * fog
-            b += (light.fog[2] + light.fog_glow[2] * halo - b) * fog
-        if light.rain > 0:
-            veil = rain_share(light, dx, dy, dz, distance, pixel_angle)
-            a = light.ambient
-            r += ((a[1, 0] * _OVER_PI + light.fog[0]) * _HALF - r) * veil
-            g += ((a[1, 1] * _OVER_PI + light.fog[1]) * _HALF - g) * veil
-            b += ((a[1, 2] * _OVER_PI + light.fog[2]) * _HALF - b) * veil
-        out[i, 0] = _film(r * exposure)
-        out[i, 1] = _film(g * exposure)
-        out[i, 2] = _film(b * exposure)
+            distance = rays.t[i] * length
+            r, g, b = _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance)
+        r, g, b = _through_air(light, rays, d, distance, (r, g, b))
+        out[i, 0] = _film(r * light.exposure)
+        out[i, 1] = _film(g * light.exposure)
+        out[i, 2] = _film(b * light.exposure)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from carstage_sim.kernels import device
+from carstage_sim.kernels import device, inlined
 from carstage_sim.render.detail import ASPHALT, LEAVES, WINDOW, faded, pattern, window
 
 _ZERO: Any = np.float32(0)
@@ -61,31 +61,24 @@ def facing_normals(scene, surfaces, hit_actor, number, u, v, leaves, dx, dy, dz)
     return nx * scale, ny * scale, nz * scale, gx, gy, gz
 
 
-@device
-def surface_material(  # type: ignore[no-untyped-def]
-    surfaces,
-    appearance,
-    colour,
-    materials,
-    night,
-    hit_actor,
-    number,
-    u,
-    v,
-    px,
-    py,
-    pz,
-    nx,
-    ny,
-    nz,
-    pixel,
-):
+@inlined
+def surface_material(frame, surfaces, hit, p, n, pixel):  # type: ignore[no-untyped-def]
     """What the surface is made of at a place.
+
+    Args:
+        frame: a :class:`carstage_sim.render.shading.ShadedFrame`.
+        surfaces: of the geometry that was met.
+        hit: instance row, triangle, weights of its first and second corner.
+        p: the place, world metres.
+        n: unit normal there.
+        pixel: a pixel's side on the surface, metres.
 
     Returns:
         ``(kind, red, green, blue, roughness, specular, emitted)``: the procedural pattern, linear
         colour, reflectance at normal incidence, and light of a lit room behind a window.
     """
+    hit_actor, number, u, v = hit
+    appearance, materials, colour = frame.appearance, frame.materials, frame.colour
     m = surfaces.material[number]
     owner = int(surfaces.object_id[number])
     slot = materials.paint[m]
@@ -113,11 +106,11 @@ def surface_material(  # type: ignore[no-untyped-def]
         else:
             s, up_share = v, _ONE - u
         pane = number - (half - 1)
-        part, cr, cg, cb, emitted = window(s, up_share, pane, pixel, night)
+        part, cr, cg, cb, emitted = window(s, up_share, pane, pixel, frame.light.night)
         if part == 1:
             rough, f0 = np.float32(0.8), np.float32(0.03)
     elif kind and hit_actor < 0:
-        fr, fg, fb = pattern(kind, px, py, pz, nx, ny, nz, owner, number, pixel)
+        fr, fg, fb = pattern(kind, p[0], p[1], p[2], n[0], n[1], n[2], owner, number, pixel)
         cr, cg, cb = cr * fr, cg * fg, cb * fb
     return kind, cr, cg, cb, rough, f0, emitted
 

@@ -163,7 +163,7 @@ class ActorModels:
         )
 
     def _identity(self, key: str) -> str | None:
-        """What the mesh of a key follows from, beside the code; None if it is of one moment."""
+        """What the mesh of a key follows from, apart from the code; None if it is of one moment."""
         name, _, number = key.partition("#")
         if PASSING in key:
             return None

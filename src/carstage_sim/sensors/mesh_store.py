@@ -32,7 +32,7 @@ class MeshStore:
 
     Args:
         make: makes the mesh of a key.
-        identity: all that a key's mesh follows from beside the code, None for what is not kept.
+        identity: all that a key's mesh follows from, except the code; None for what is not kept.
         folder: where meshes lie; created if missing. A folder that cannot be written costs time.
     """
 

@@ -19,10 +19,10 @@ from typing import Any
 import msgpack
 
 from carstage_sim.wire.channel import Channel
-from carstage_sim.wire.complaints import Complaints
 from carstage_sim.wire.errors import MessageError
 from carstage_sim.wire.framing import MessageSplitter, warm_up
 from carstage_sim.wire.socket_loop import SocketLoop
+from carstage_sim.wire.throttled_warnings import ThrottledWarnings
 
 logger = logging.getLogger(__name__)
 
@@ -55,7 +55,7 @@ class Connection:
         deferred: those that were due while the client did not read its replies.
     """
 
-    def __init__(self, channel: Channel, complaints: Complaints) -> None:
+    def __init__(self, channel: Channel, warnings: ThrottledWarnings) -> None:
         self.peer = channel.peer
         self.held_calls: frozenset[str] = frozenset()
         self.splitter = MessageSplitter()
@@ -63,7 +63,7 @@ class Connection:
         self.waiting_bytes = 0
         self.deferred: list[_Queued] = []
         self._channel = channel
-        self._complaints = complaints
+        self._warnings = warnings
         self._held: list[bytes] = []
 
     @property
@@ -111,7 +111,7 @@ class Connection:
     def drop(self, kind: str, detail: str = "") -> None:
         """Close the connection for a reason that goes to the log."""
         if not self._channel.closed:
-            self._complaints.warn(f"client {self.peer} {kind}", detail or "connection dropped")
+            self._warnings.warn(f"client {self.peer} {kind}", detail or "connection dropped")
             self._channel.close()
 
     def _send(self, message: bytes) -> None:
@@ -159,7 +159,7 @@ class RpcServer:
         self._queue: deque[_Queued] = deque()
         self._filled = threading.Condition()
         self._unfinished_bytes = 0
-        self._complaints = Complaints(logger)
+        self._warnings = ThrottledWarnings(logger)
         self.port = int(sock.getsockname()[1])
         loop.listen(sock, self._accept)
 
@@ -186,7 +186,7 @@ class RpcServer:
             return None
 
     def _next(self) -> _Queued | None:
-        """The oldest message of a client that reads what it is told. The condition is held."""
+        """The oldest message of a client that reads its answers. The condition is held."""
         while self._queue:
             queued = self._queue.popleft()
             connection, _, message = queued
@@ -203,7 +203,7 @@ class RpcServer:
             self._filled.notify()
 
     def _accept(self, channel: Channel) -> None:
-        connection = Connection(channel, self._complaints)
+        connection = Connection(channel, self._warnings)
 
         def received(data: bytes) -> None:
             connection.splitter.feed(data)

@@ -1,4 +1,4 @@
-"""What clients are told of a town's scenery beyond its own list: sign faces, parts of lights.
+"""What clients get to know of a town's scenery beyond its own list: sign faces, parts of lights.
 
 In CARLA a level object's box bounds the meshes of one semantic tag. A sign here is one object with
 its post, and a traffic light is an actor alone; clients get them by tag all the same.

@@ -19,8 +19,8 @@ from collections import deque
 from collections.abc import Callable
 
 from carstage_sim.wire.channel import Channel
-from carstage_sim.wire.complaints import Complaints
 from carstage_sim.wire.errors import BadAddressError, PortInUseError
+from carstage_sim.wire.throttled_warnings import ThrottledWarnings
 
 logger = logging.getLogger(__name__)
 
@@ -73,7 +73,7 @@ class _Listener:
         self._most = most
         self._opened = opened
         self._rest = rest
-        self._complaints = Complaints(logger)
+        self._warnings = ThrottledWarnings(logger)
 
     def readable(self) -> None:
         try:
@@ -81,12 +81,12 @@ class _Listener:
         except (BlockingIOError, ConnectionError):
             return
         except OSError as error:  # too many open files, most likely
-            self._complaints.warn("cannot accept a client now", str(error))
+            self._warnings.warn("cannot accept a client now", str(error))
             self._drop_silent()
             self._rest(self)
             return
         if self.count >= self._most and not self._drop_silent():
-            self._complaints.warn("too many connections", f"{peer} is the one above {self._most}")
+            self._warnings.warn("too many connections", f"{peer} is the one above {self._most}")
             connection.close()
             return
         try:

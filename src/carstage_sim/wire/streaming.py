@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from carstage_sim.wire.channel import Channel
-from carstage_sim.wire.complaints import Complaints
 from carstage_sim.wire.socket_loop import SocketLoop
+from carstage_sim.wire.throttled_warnings import ThrottledWarnings
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
@@ -51,7 +51,7 @@ class StreamingServer:
         self, loop: SocketLoop, sock: socket.socket, patience_s: float = _PATIENCE_S
     ) -> None:
         self._patience_s = patience_s
-        self._complaints = Complaints(logger)
+        self._warnings = ThrottledWarnings(logger)
         self._lock = threading.Condition()
         self._subscribers: dict[int, list[Channel]] = {}
         self._awaited: dict[int, tuple[int, float]] = {}
@@ -64,7 +64,7 @@ class StreamingServer:
         self._ended.set()
 
     def expect(self, stream_id: int, within_s: float = SENSORS_SUBSCRIBED_WITHIN_S) -> None:
-        """Expect one more subscriber of a stream: a client was just told where to find it.
+        """Expect one more subscriber of a stream: a client just got its address.
 
         Clients subscribe in a thread of their own. A script that listens and ticks at once would
         miss its first frame whenever the tick is faster than that thread.
@@ -111,7 +111,7 @@ class StreamingServer:
             if channel.wait_written(min(_POLL_S, self._patience_s)):
                 return
             if channel.stalled_s >= self._patience_s:
-                self._complaints.warn(
+                self._warnings.warn(
                     f"subscriber {channel.peer} takes nothing",
                     f"stream {stream_id} dropped after {self._patience_s:g} s",
                 )
@@ -127,7 +127,7 @@ class StreamingServer:
                 (stream_id,) = struct.unpack_from("<I", received)
                 self._subscribe(stream_id, channel)
             elif len(received) > _HANDSHAKE_BYTES:
-                self._complaints.warn(
+                self._warnings.warn(
                     f"subscriber {channel.peer} talks", "a subscriber sends a stream's number only"
                 )
                 channel.close()

@@ -25,7 +25,7 @@ from carstage_sim.world.walkers.bone_pose import BonePose
 
 @dataclass(slots=True, eq=False)
 class VehicleStatus:
-    """What clients commanded a vehicle beside its motion.
+    """What clients commanded a vehicle apart from its motion.
 
     Attributes:
         control: pedals and wheel as last set, also by the Ackermann controller.

@@ -139,7 +139,7 @@ def _vehicle_columns(world: World) -> VehicleColumns:
     light = _governing_lights(world)
     ids = np.array([*world.light_ids, 0], np.uint32)  # index -1 finds the last: no light
     states = np.array([*world.lights.state, TrafficLightState.GREEN], np.uint8)[light]
-    states[_told_to_wait(world, light)] = TrafficLightState.RED
+    states[_waits(world, light)] = TrafficLightState.RED
     return VehicleColumns(
         rows=rows,
         control=fleet.control.copy(),
@@ -153,10 +153,10 @@ def _vehicle_columns(world: World) -> VehicleColumns:
     )
 
 
-def _told_to_wait(world: World, light: NDArray[np.int32]) -> NDArray[np.bool_]:
+def _waits(world: World, light: NDArray[np.int32]) -> NDArray[np.bool_]:
     """Who has to let others pass at a junction without lights."""
-    told = np.isin(world.fleet.ids, world.arm_turns.told_to_wait)
-    return np.asarray(told & (light < 0))
+    waiting = np.isin(world.fleet.ids, world.arm_turns.waiting_ids)
+    return np.asarray(waiting & (light < 0))
 
 
 def _governing_lights(world: World) -> NDArray[np.int32]:

@@ -12,7 +12,7 @@ from carstage_sim.world.state import WorldState
 
 @dataclass(frozen=True, slots=True)
 class VehicleColumns:
-    """What a snapshot says of vehicles beside their motion; V rows.
+    """What a snapshot says of vehicles apart from their motion; V rows.
 
     Attributes:
         rows: ``(V,)`` rows in the state.
@@ -37,7 +37,7 @@ class VehicleColumns:
 
 @dataclass(frozen=True, slots=True)
 class WalkerColumns:
-    """What a snapshot says of walkers beside their motion; W rows.
+    """What a snapshot says of walkers apart from their motion; W rows.
 
     Attributes:
         rows: ``(W,)`` rows in the state.

@@ -412,7 +412,7 @@ class World:
             self.fleet.set_gravity(actor_id, enabled)
 
     def add_impulse(self, actor_id: int, impulse: Vector3, location: Vector3 | None = None) -> None:
-        """Push a vehicle (N s, world), beside its middle if a place in the world is given."""
+        """Push a vehicle (N s, world), off its middle if a place in the world is given."""
         if self.live(actor_id).vehicle is not None:
             self.fleet.add_impulse(actor_id, impulse, location)
 

@@ -14,13 +14,10 @@ from carstage.annotation.decoding import (
 )
 from carstage.annotation.pixels import shared_low_ids
 from carstage.annotation.point_sensors import (
-    closing_speed,
-    lidar_rays_per_channel,
     radar_points,
     record_dtype,
-    ticks_per_sweep,
 )
-from carstage.errors import AnnotationError, BadInputError
+from carstage.errors import AnnotationError
 from carstage.geometry import range_per_depth
 from carstage.tags import (
     TAGS_0_9_13,
@@ -143,33 +140,12 @@ def test_semantic_lidar_ids_survive_above_24_bits() -> None:
     assert float(np.float32(2**24 + 1)) != 2**24 + 1
 
 
-def test_radar_detections_become_points_and_closing_speeds() -> None:
+def test_radar_detections_become_points() -> None:
     raw = np.array([-5.0, 0.1, 0.05, 30.0], dtype="<f4").tobytes()
     detection = np.frombuffer(raw, "<f4").reshape(-1, 4)
     np.testing.assert_allclose(
         radar_points(detection), [[29.812820, 2.991260, 1.499375]], atol=2e-6
     )
-    assert closing_speed(detection[:, 0]).tolist() == [5.0]
-
-
-@pytest.mark.parametrize(
-    ("points_per_second", "channels", "rays"), [(1.3e6, 64, 1016), (56000, 32, 88)]
-)
-def test_lidar_rays_round_half_away_from_zero(
-    points_per_second: float, channels: int, rays: int
-) -> None:
-    assert lidar_rays_per_channel(points_per_second, 0.05, channels) == rays
-
-
-@pytest.mark.parametrize(("frequency", "ticks"), [(20.0, 1), (10.0, 2), (5.0, 4)])
-def test_a_sweep_takes_whole_ticks(frequency: float, ticks: int) -> None:
-    assert ticks_per_sweep(frequency, 0.05) == ticks
-
-
-@pytest.mark.parametrize("frequency", [40.0, 15.0, 0.0])
-def test_sweeps_that_do_not_end_with_a_tick_are_refused(frequency: float) -> None:
-    with pytest.raises(BadInputError, match="rotation_frequency"):
-        ticks_per_sweep(frequency, 0.05)
 
 
 @given(st.integers(0, 0xFFFF), st.integers(0, 255))

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from carstage.codecs.deflate_runs import ZlibOfRuns
+from carstage.codecs.png import ZlibOfRuns
 
 BLOCK_BYTES = 1 << 17
 

@@ -16,8 +16,8 @@ import carla
 
 from carstage.collector.actors import spawn_vehicles
 from carstage.collector.internals.errors import SceneError
-from carstage.collector.internals.plan import EpisodeSpec, GroupPlan, VehiclesPlan
-from carstage.collector.internals.reading import parse_plan
+from carstage.collector.internals.plan import parse_plan
+from carstage.spec import EpisodeSpec, GroupSpec, VehiclesSpec
 
 KINDS = {"vehicle.a.car": ("car", "1"), "vehicle.b.truck": ("truck", "2")}
 START = carla.Transform(carla.Location(0.0, 0.0, 0.0))
@@ -80,47 +80,48 @@ def spec(make_plan: Any) -> EpisodeSpec:
     return parse_plan(make_plan()).episodes[0].spec
 
 
-def spawn(spec: EpisodeSpec, *groups: GroupPlan, shortfall: str = "warn") -> list[tuple[str, Any]]:
+def spawn(spec: EpisodeSpec, *groups: GroupSpec, shortfall: str = "warn") -> list[tuple[str, Any]]:
     session: Any = Session()
-    plan = VehiclesPlan(groups, 100.0, shortfall)
+    *first, last = groups
+    plan = VehiclesSpec(last.count, last.filter, 100.0, last.generation, tuple(first), shortfall)
     spawn_vehicles(session, replace(spec, vehicles=plan), START)
     spawned: list[tuple[str, Any]] = session.spawned
     return spawned
 
 
 def test_near_spawn_points_come_first_and_the_ego_keeps_its_own(spec: EpisodeSpec) -> None:
-    xs = [x for _, x in spawn(spec, GroupPlan(3, "vehicle.*"))]
+    xs = [x for _, x in spawn(spec, GroupSpec(3, "vehicle.*"))]
     assert sorted(xs[:2]) == [20.0, 50.0]
     assert xs[2] == 200.0
 
 
 def test_groups_have_the_class_and_generation_that_were_asked_for(spec: EpisodeSpec) -> None:
-    trucks, first = GroupPlan(1, "vehicle.*", "truck"), GroupPlan(2, "vehicle.*", None, "1")
+    trucks, first = GroupSpec(1, "vehicle.*", "truck"), GroupSpec(2, "vehicle.*", generation="1")
     names = [name for name, _ in spawn(spec, trucks, first)]
     assert names == ["vehicle.b.truck", "vehicle.a.car", "vehicle.a.car"]
 
 
 def test_a_class_that_the_server_lacks_is_refused_with_the_group(spec: EpisodeSpec) -> None:
     with pytest.raises(SceneError, match=r"vehicles\.groups\[0\]\.filter: .* base_type bus"):
-        spawn(spec, GroupPlan(1, "vehicle.*", "bus"), GroupPlan(1, "vehicle.*"))
+        spawn(spec, GroupSpec(1, "vehicle.*", "bus"), GroupSpec(1, "vehicle.*"))
 
 
 def test_a_shortfall_is_warned_of_by_default(
     spec: EpisodeSpec, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.WARNING):
-        assert len(spawn(spec, GroupPlan(9, "vehicle.*"))) == 3
+        assert len(spawn(spec, GroupSpec(9, "vehicle.*"))) == 3
     assert "only 3 of 9 vehicles" in caplog.text
 
 
 def test_a_shortfall_is_an_error_where_it_shall_be(spec: EpisodeSpec) -> None:
     with pytest.raises(SceneError, match=r"vehicles\.count: only 3 of 9") as caught:
-        spawn(spec, GroupPlan(9, "vehicle.*"), shortfall="fail")
+        spawn(spec, GroupSpec(9, "vehicle.*"), shortfall="fail")
     assert "vehicles.shortfall" in caught.value.hint
 
 
 def test_places_between_the_spawn_points_fill_a_shortfall(spec: EpisodeSpec) -> None:
-    xs = [x for _, x in spawn(spec, GroupPlan(5, "vehicle.*"), shortfall="fill")]
+    xs = [x for _, x in spawn(spec, GroupSpec(5, "vehicle.*"), shortfall="fill")]
     assert sorted(xs[3:]) == [10.0, 30.0]
     with pytest.raises(SceneError, match="only 5 of 6"):
-        spawn(spec, GroupPlan(6, "vehicle.*"), shortfall="fill")
+        spawn(spec, GroupSpec(6, "vehicle.*"), shortfall="fill")

@@ -12,12 +12,10 @@ pytest.importorskip("carla")
 import carla
 
 from carstage.collector.internals.dialect import city_object_labels
-from carstage.collector.internals.errors import PlanError
-from carstage.collector.internals.fields import Fields
-from carstage.collector.internals.level_labels import LEVEL_OBJECTS
 from carstage.collector.internals.level_objects import level_objects
-from carstage.collector.internals.reading import _level_objects
-from carstage.config.recording import LevelObjectKind
+from carstage.config.labels import LevelObjectKind
+from carstage.spec import Fields, LabelsSpec, SpecError
+from carstage.spec.labels import LEVEL_OBJECTS
 
 LABELS = carla.CityObjectLabel
 
@@ -80,5 +78,5 @@ def test_the_configuration_offers_what_the_collector_knows() -> None:
 
 def test_an_unknown_kind_is_refused_with_its_place() -> None:
     labels = Fields({"level_objects": ["poles", "pole"]}, "spec.labels")
-    with pytest.raises(PlanError, match=r"spec\.labels\.level_objects\[1\]: 'pole'"):
-        _level_objects(labels)
+    with pytest.raises(SpecError, match=r"spec\.labels\.level_objects\[1\]: 'pole'"):
+        LabelsSpec.read(labels)

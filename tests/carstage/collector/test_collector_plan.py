@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from carstage.collector.internals.errors import PlanError
-from carstage.collector.internals.reading import DEFAULT_QUEUE_BYTES, parse_plan, read_plan
+from carstage.collector.internals.plan import DEFAULT_QUEUE_BYTES, parse_plan, read_plan
+from carstage.spec import EpisodeSpec
 
 PlanMaker = Callable[..., dict[str, Any]]
 
@@ -30,14 +31,18 @@ def test_a_plan_comes_out_as_it_was_written(make_plan: PlanMaker) -> None:
     assert plan.sensor_warmup_ticks == 3
     assert [episode.folder for episode in plan.episodes] == ["one", "two"]
     spec = plan.episodes[0].spec
-    assert spec.raw == document["episodes"][0]["spec"]
-    assert spec.timing.step_s == 0.1
+    written = document["episodes"][0]["spec"]
+    assert EpisodeSpec.from_json(spec.to_json()) == spec
+    assert {name: spec.to_json()[name] for name in ("seeds", "timing", "map")} == {
+        name: written[name] for name in ("seeds", "timing", "map")
+    }
+    assert spec.step_s == 0.1
     assert spec.timing.synchronous
-    assert not spec.timing.skip_incomplete
+    assert spec.timing.demands_all
     assert spec.weather.begin.parameters == {"cloudiness": 12.5}
     assert [sensor.id for sensor in spec.sensors][:2] == ["CAM", "CAM.depth"]
     assert spec.sensors[0].pose.z_m == 1.7
-    assert spec.seeds["spawn"] == 3
+    assert spec.seeds.spawn == 3
 
 
 @pytest.mark.parametrize(
@@ -53,7 +58,7 @@ def test_frames_that_may_be_incomplete_by_nature_are_not_waited_for(
 ) -> None:
     document = make_plan()
     document["episodes"][0]["spec"]["timing"][path] = value
-    assert parse_plan(document).episodes[0].spec.timing.skip_incomplete
+    assert not parse_plan(document).episodes[0].spec.timing.demands_all
 
 
 SPEC = "episodes/0/spec/"

@@ -11,10 +11,10 @@ import pytest
 pytest.importorskip("carla")
 
 from carstage.collector.internals.errors import SceneError
-from carstage.collector.internals.plan import Pose, SensorPlan, TrafficPlan
 from carstage.collector.scenario.routing import RoadGraph
 from carstage.collector.scenario.traffic import LAW_ABIDING, personality
 from carstage.collector.sensors.carriers import Carriers
+from carstage.spec import PoseSpec, SensorSpec, TrafficSpec
 
 
 class Spot:
@@ -27,8 +27,8 @@ class Spot:
         return ((self.x - other.x) ** 2 + (self.y - other.y) ** 2) ** 0.5
 
 
-def traffic(**spreads: tuple[float, float]) -> TrafficPlan:
-    return TrafficPlan(spreads, True, False, None)
+def traffic(**spreads: tuple[float, float]) -> TrafficSpec:
+    return TrafficSpec(**spreads)
 
 
 def test_nobody_breaks_the_law_unless_asked_to() -> None:
@@ -120,9 +120,9 @@ def test_where_no_road_leads_there_is_no_way() -> None:
     assert RoadGraph(Town()).way(Spot(8), Spot(20, 500)) is None
 
 
-def sensor(attach_to: str, index: int = 0) -> SensorPlan:
-    pose = Pose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return SensorPlan("CAM", "rgb", "sensor.camera.rgb", pose, {}, attach_to, index)
+def sensor(attach_to: str, index: int = 0) -> SensorSpec:
+    pose = PoseSpec(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return SensorSpec("CAM", "rgb", "sensor.camera.rgb", False, False, pose, {}, attach_to, index)
 
 
 def actor(actor_id: int, x: float) -> Any:

@@ -16,15 +16,16 @@ from carstage.collector.paths import prepare_folder
 from carstage.collector.sensors import sensor_of
 from carstage.collector.timing import (
     MAX_SEGMENT_BYTES,
-    SavedFrames,
     Tick,
     skipped_ticks,
     ticks_per_segment,
 )
+from carstage.spec import SavedSteps
+from carstage.spec.timing import SavedFrames
 
 
 def saved(save_every: int, ticks: Iterable[int]) -> list[int | None]:
-    frames = SavedFrames(save_every)
+    frames = SavedFrames(SavedSteps(save_every))
     return [frames.index(tick) for tick in ticks]
 
 
@@ -57,7 +58,9 @@ def test_a_segment_is_one_second_unless_that_is_too_much(
 
 
 def test_only_saved_ticks_are_reserved_on_disk() -> None:
-    assert expected_segments({"CAM": 100}, ticks_per_segment=10, save_every=3) == {"CAM": 400}
+    assert expected_segments({"CAM": 100}, ticks_per_segment=10, saved_steps=SavedSteps(3)) == {
+        "CAM": 400
+    }
 
 
 def test_small_streams_share_one_thread() -> None:

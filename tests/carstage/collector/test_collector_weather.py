@@ -14,12 +14,12 @@ import carla
 from carstage.collector.internals.dialect import weather_values
 from carstage.collector.internals.errors import SceneError
 from carstage.collector.internals.lamps import DRIVING_LIGHTS, lights_for
-from carstage.collector.internals.plan import WeatherMoment, WeatherPlan
 from carstage.collector.weather import Timeline, planned_timeline
+from carstage.spec import WeatherChange, WeatherSpec
 
 
-def plan(*changes: WeatherMoment, preset: str | None = "ClearNoon", **values: float) -> WeatherPlan:
-    return WeatherPlan(WeatherMoment(0.0, preset, values), changes, "auto")
+def plan(*changes: WeatherChange, preset: str | None = "ClearNoon", **values: float) -> WeatherSpec:
+    return WeatherSpec(preset, values, "auto", changes)
 
 
 def test_values_move_in_straight_lines_and_then_stay() -> None:
@@ -37,13 +37,13 @@ def test_weather_without_changes_stays() -> None:
 
 def test_a_change_keeps_what_it_does_not_name() -> None:
     timeline = planned_timeline(
-        plan(WeatherMoment(4.0, None, {"fog_density": 60.0}), cloudiness=33.0)
+        plan(WeatherChange(4.0, None, {"fog_density": 60.0}), cloudiness=33.0)
     )
     assert timeline.at(4.0) == {**timeline.at(0.0), "fog_density": 60.0}
 
 
 def test_a_change_at_the_first_step_is_the_weather_from_the_start() -> None:
-    night = planned_timeline(plan(WeatherMoment(0.0, "ClearNight", {})))
+    night = planned_timeline(plan(WeatherChange(0.0, "ClearNight", {})))
     expected = carla.WeatherParameters.ClearNight.sun_altitude_angle
     assert night.at(0.0)["sun_altitude_angle"] == expected
     assert not night.changes
@@ -52,11 +52,11 @@ def test_a_change_at_the_first_step_is_the_weather_from_the_start() -> None:
 @pytest.mark.parametrize(
     ("change", "path"),
     [
-        (WeatherMoment(1.0, "ClearNon", {}), "weather.changes[0].preset"),
-        (WeatherMoment(1.0, None, {"snow": 1.0}), "weather.changes[0].parameters"),
+        (WeatherChange(1.0, "ClearNon", {}), "weather.changes[0].preset"),
+        (WeatherChange(1.0, None, {"snow": 1.0}), "weather.changes[0].parameters"),
     ],
 )
-def test_unknown_weather_is_refused_with_its_place(change: WeatherMoment, path: str) -> None:
+def test_unknown_weather_is_refused_with_its_place(change: WeatherChange, path: str) -> None:
     with pytest.raises(SceneError) as caught:
         planned_timeline(plan(change))
     assert caught.value.message.startswith(path)
@@ -69,10 +69,10 @@ def test_parameter_that_an_old_client_lacks_may_only_be_zero(
         return weather_values(weather, [name for name in names if name != "dust_storm"])
 
     monkeypatch.setattr("carstage.collector.weather.weather_values", as_0_9_13)
-    timeline = planned_timeline(plan(WeatherMoment(1.0, None, {"dust_storm": 0.0})))
+    timeline = planned_timeline(plan(WeatherChange(1.0, None, {"dust_storm": 0.0})))
     assert "dust_storm" not in timeline.at(2.0)
     with pytest.raises(SceneError, match="dust_storm"):
-        planned_timeline(plan(WeatherMoment(1.0, None, {"dust_storm": 5.0})))
+        planned_timeline(plan(WeatherChange(1.0, None, {"dust_storm": 5.0})))
 
 
 @pytest.mark.parametrize(

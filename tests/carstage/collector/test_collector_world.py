@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from carstage.collector.world import WorldSession
+from carstage.spec import TimingSpec
 
 
 class SlowClient:
@@ -41,10 +42,8 @@ class SlowClient:
 
 def test_loading_a_map_has_a_timeout_of_its_own() -> None:
     client = SlowClient()
-    timing = SimpleNamespace(
-        synchronous=True, step_s=0.1, max_substep_delta_time_s=0.01, max_substeps=10
-    )
-    spec: Any = SimpleNamespace(map="Town12", map_layers=None, timing=timing)
+    timing = TimingSpec("sync", True, 0.01, 10, "wait")
+    spec: Any = SimpleNamespace(map="Town12", map_layers=None, timing=timing, step_s=0.1)
     with pytest.raises(RuntimeError), WorldSession(client, spec, 20.0, 300.0):
         pytest.fail("it was loaded")
     assert client.loaded_under_s == 300.0

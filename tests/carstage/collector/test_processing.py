@@ -348,7 +348,7 @@ sys.path.insert(0, sys.argv[2])
 from carstage.collector import paths, timing
 from carstage.collector.internals import events
 from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher
-from carstage.collector.internals.reading import parse_plan
+from carstage.collector.internals.plan import parse_plan
 from carstage.collector.processing import ByteBudget, Pipeline
 from carstage.collector.sensors import Sensor, sensor_of
 from carstage.collector.internals.snapshots import WorldMoment

@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from carstage.rawlog import format as raw
-from carstage.rawlog.reader import EpisodeLog, recover
+from carstage.rawlog.reader import EpisodeLog
 from carstage.server import EmbeddedServer, free_port
 from running_collector import END_S, GIVEN_BACK, Collector
+from torn_segments import read_torn
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("collector")]
 
@@ -183,7 +184,7 @@ def test_a_termination_signal_gives_everything_back_and_ends_with_130(
     assert collector.left_on_server() == GIVEN_BACK
     # Every frame that was begun is whole: the ledger's last row and the last picture agree.
     last = {
-        stream: recover(
+        stream: read_torn(
             max((folder / stream).glob("*.open"), default=None) or _last(folder, stream)
         )
         for stream in ("CAM", "ledger")
@@ -211,7 +212,7 @@ def test_a_killed_collector_leaves_whole_records_and_the_retry_is_the_same(
     assert not log.is_complete()
     for stream in log.streams:
         for path in sorted((killed / stream).glob("*.open")):
-            found = recover(path)
+            found = read_torn(path)
             assert [r.sequence for r in found.records] == list(range(len(found.records)))
             if stream != raw.LEDGER and found.index < 2:
                 whole = expected.read_segment(stream, found.index)

@@ -49,7 +49,7 @@ def warmed(*, own_timelines: bool, listening_ticks: int | None = None) -> Preten
     spec: Any = SimpleNamespace(
         warmup_ticks=5,
         sensors=[SimpleNamespace(id="SLOW")],
-        timing=SimpleNamespace(own_timelines=own_timelines),
+        timing=SimpleNamespace(sensor_sync=not own_timelines),
     )
     everything: Any = Pretended()
     episode = EpisodePlan("id", "a1", "raw", spec)

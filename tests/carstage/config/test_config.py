@@ -26,7 +26,7 @@ from carstage.config import (
     parse_config,
 )
 from carstage.config.attributes import attributes_model
-from carstage.config.recording import MAX_SUBSTEPS, Timing
+from carstage.config.timing import MAX_SUBSTEPS, Timing
 from carstage.errors import ConfigError
 from carstage.sensor_kinds import kinds
 from carstage.sensor_kinds.attributes import COLOUR_CAMERA, LIDAR

@@ -27,6 +27,7 @@ from carstage.conversion.sensors import plan_sensors
 from carstage.dataset.tables import read_table
 from carstage.errors import BadInputError, ConversionError, RawLogError
 from carstage.rawlog.reader import EpisodeLog
+from carstage.spec import EpisodeSpec
 from carstage.validation import validate_dataset
 
 
@@ -261,7 +262,7 @@ def test_a_pool_whose_process_died_is_a_conversion_error(raw: Path, tmp_path: Pa
 
 
 def test_an_unknown_codec_or_sensor_is_bad_input() -> None:
-    spec = analytic_scene.spec()
+    spec = EpisodeSpec.from_json(analytic_scene.spec())
     with pytest.raises(BadInputError, match="no sensor 'CAM_BACK'"):
         plan_sensors(spec, {"CAM_BACK": "png"})
     with pytest.raises(BadInputError, match="no codec 'gif'"):
@@ -288,17 +289,19 @@ def test_a_clock_that_jumps_is_refused() -> None:
         {"tick": tick, "k": tick, "frame": 12 + tick, "timestamp_s": time_s, "sensors": {}}
         for tick, time_s in enumerate((1.1, 1.2, 1.35))
     ]
-    plan = plan_sensors(spec, {})
+    plan = plan_sensors(EpisodeSpec.from_json(spec), {})
     with pytest.raises(ConversionError, match=r"tick 2: .* 0\.250000 s"):
-        ledger_table(header, plan, ledger)
+        ledger_table(header, EpisodeSpec.from_json(spec), plan, ledger)
     ledger[2]["timestamp_s"] = 1.3000001
-    assert ledger_table(header, plan, ledger)["timestamp_s"].to_pylist() == [0.0, 0.1, 0.2]
+    assert ledger_table(header, EpisodeSpec.from_json(spec), plan, ledger)[
+        "timestamp_s"
+    ].to_pylist() == [0.0, 0.1, 0.2]
 
 
 def test_a_lost_step_is_refused_however_late_it_comes() -> None:
     spec = analytic_scene.spec(steps=3000)
     header = analytic_scene.header(spec, attempt="a1", ticks_per_segment=3)
-    plan = plan_sensors(spec, {})
+    plan = plan_sensors(EpisodeSpec.from_json(spec), {})
 
     def ledger(lost_from: int) -> list[dict[str, Any]]:
         # A step of 0.1 s in float32, as a server adds it up.
@@ -308,9 +311,9 @@ def test_a_lost_step_is_refused_however_late_it_comes() -> None:
             for i, time_s in enumerate(times)
         ]
 
-    assert ledger_table(header, plan, ledger(3000)).num_rows == 3000
+    assert ledger_table(header, EpisodeSpec.from_json(spec), plan, ledger(3000)).num_rows == 3000
     with pytest.raises(ConversionError, match="tick 2500: "):
-        ledger_table(header, plan, ledger(2500))
+        ledger_table(header, EpisodeSpec.from_json(spec), plan, ledger(2500))
 
 
 def test_a_label_row_that_does_not_fit_the_schema_is_refused(converted: Path) -> None:

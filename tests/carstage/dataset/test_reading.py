@@ -29,7 +29,7 @@ def test_an_episode_knows_its_spec_frames_and_rig(folder: Path) -> None:
     dataset = Dataset(folder)
     (episode,) = dataset.episodes
     assert dataset.name == "analytic <scene>"
-    assert (episode.id, episode.frames, episode.spec["fps"]) == ("0123456789abcdef", 6, 10.0)
+    assert (episode.id, episode.frames, episode.spec.fps) == ("0123456789abcdef", 6, 10.0)
     front, left = (episode.calibration.sensors[name] for name in ("CAM_FRONT", "CAM_LEFT"))
     assert (front.width, front.height, front.fov_deg) == (192, 128, 90.0)
     np.testing.assert_allclose(front.k, [[96, 0, 96], [0, 96, 64], [0, 0, 1]])

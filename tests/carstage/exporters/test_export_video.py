@@ -36,7 +36,7 @@ def test_lossless_video_holds_every_recorded_pixel(exported, dataset) -> None:
         frames = decoded(out / f"{episode.id}_{camera.id}.mkv")
         assert len(frames) == episode.frames
         for k, (time_s, picture) in enumerate(frames.items()):
-            assert float(time_s) == pytest.approx(k / episode.spec["fps"], abs=1e-3)
+            assert float(time_s) == pytest.approx(k / episode.spec.fps, abs=1e-3)
             np.testing.assert_array_equal(picture, camera.read(k))
 
 
@@ -49,7 +49,7 @@ def test_h264_video_is_smaller_and_still_the_picture(exported, dataset) -> None:
     (video,) = small.glob("*.mp4")
     assert video.stat().st_size < lossless.stat().st_size
     for k, (time_s, picture) in enumerate(decoded(video).items()):
-        assert float(time_s) == pytest.approx(k / episode.spec["fps"], abs=1e-3)
+        assert float(time_s) == pytest.approx(k / episode.spec.fps, abs=1e-3)
         error = picture.astype(float) - camera.read(k)
         assert 10 * np.log10(255.0**2 / np.mean(error**2)) > 30.0
 
@@ -70,7 +70,7 @@ def test_missing_picture_leaves_a_gap_and_moves_no_other(dataset, tmp_path) -> N
     camera.paths(2)[0].unlink()
     export_dataset(damaged, tmp_path / "out", "video", allow_incomplete=True, workers=0)
     frames = decoded(tmp_path / "out" / f"{episode.id}_{camera.id}.mkv")
-    fps = episode.spec["fps"]
+    fps = episode.spec.fps
     assert [round(float(time_s) * fps) for time_s in frames] == [
         k for k in range(episode.frames) if k != 2
     ]
@@ -99,4 +99,4 @@ def test_every_second_step_is_shown_at_half_the_rate(tmp_path: Path) -> None:
     export_dataset(dataset, tmp_path / "out", "video", workers=0)
     (episode,) = Dataset(dataset).episodes
     times = [float(time_s) for time_s in decoded(tmp_path / f"out/{episode.id}_CAM_FRONT.mkv")]
-    assert times == pytest.approx([0.0, 2 / episode.spec["fps"]], abs=1e-3)
+    assert times == pytest.approx([0.0, 2 / episode.spec.fps], abs=1e-3)

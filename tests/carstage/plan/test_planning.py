@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import fields, replace
+from dataclasses import astuple, fields, replace
 from typing import get_args
 
 import numpy as np
@@ -12,17 +12,10 @@ import pytest
 
 from carstage.annotation.settings import LabelSettings
 from carstage.config import Config, load_demo, parse_config
-from carstage.config.recording import Labels
+from carstage.config.labels import Labels
 from carstage.errors import ConfigError
-from carstage.plan import (
-    EpisodeSpec,
-    Recording,
-    ServerFacts,
-    Track,
-    estimate_run,
-    plan_episodes,
-)
-from carstage.plan.planning import SEED_CONSUMERS
+from carstage.plan import Recording, ServerFacts, Track, estimate_run, plan_episodes
+from carstage.spec import EpisodeSpec, RouteSpec, Seeds
 
 CAMERA = {"role_name", "image_size_x", "image_size_y", "fov", "iso"}
 FACTS = ServerFacts(
@@ -63,7 +56,7 @@ def test_spawn_points_that_nobody_counted_are_not_refused() -> None:
     through = "scenario: {kind: route, through: [120]}"
     for name in ("Town05", "Town01"):
         (spec,) = plan(f"{{map: {name}, ego: {{spawn: 120}}, {through}}}", town)
-        assert spec.ego["spawn_index"] == 120
+        assert spec.ego.spawn_index == 120
     with pytest.raises(ConfigError, match=r"ego\.spawn: Town01 has no spawn point 255"):
         plan("{map: Town01, ego: {spawn: 255}}", town)
 
@@ -115,15 +108,14 @@ def test_what_changes_truth_or_labels_changes_the_id(text: str) -> None:
 
 def test_every_consumer_has_its_own_seed() -> None:
     seeds = [spec.seeds for spec in plan("episodes: 10")]
-    assert all(tuple(seed) == SEED_CONSUMERS for seed in seeds)
-    assert len({value for seed in seeds for value in seed.values()}) == 10 * len(SEED_CONSUMERS)
+    assert len({value for seed in seeds for value in astuple(seed)}) == 10 * len(fields(Seeds))
 
 
 def test_random_choices_are_drawn_per_episode_from_what_is_allowed() -> None:
     specs = plan("{episodes: 40, map: {random_from: [all]}, weather: {random_from: [all]}}")
     assert {spec.map for spec in specs} == {"Stage01", "Town02"}
-    assert len({spec.weather["preset"] for spec in specs}) > 10
-    assert all(spec.ego["spawn_index"] < FACTS.maps[spec.map] for spec in specs)
+    assert len({spec.weather.preset for spec in specs}) > 10
+    assert all(spec.ego.spawn_index < FACTS.maps[spec.map] for spec in specs)
 
 
 def test_fixing_one_choice_moves_no_other() -> None:
@@ -138,8 +130,8 @@ def test_explicit_weather_has_no_preset() -> None:
     names += "scattering_intensity mie_scattering_scale rayleigh_scattering_scale dust_storm"
     values = ", ".join(f"{name}: 1" for name in names.split())
     weather = plan(f"weather: {{parameters: {{{values}}}}}")[0].weather
-    assert weather["preset"] is None
-    assert weather["parameters"] == dict.fromkeys(names.split(), 1.0)
+    assert weather.preset is None
+    assert weather.parameters == dict.fromkeys(names.split(), 1.0)
 
 
 def test_labelled_camera_gets_hidden_twins_of_its_pose_and_intrinsics() -> None:
@@ -228,7 +220,7 @@ def test_estimate_grows_with_pixels_and_saved_frames() -> None:
 @pytest.mark.parametrize("method", get_args(Labels.model_fields["method"].annotation))
 def test_the_labeller_understands_every_method_that_can_be_asked_for(method: str) -> None:
     (spec,) = plan(f"labels: {{method: {method}}}")
-    settings = LabelSettings.from_spec(spec.to_json())
+    settings = LabelSettings.from_spec(spec)
     assert settings.method == method
     assert settings.pixels == (method != "stage_vo")
 
@@ -243,7 +235,7 @@ def test_every_label_setting_can_be_asked_for() -> None:
          max_distance_m: 55, min_lidar_points: 2}
         """
     )
-    chosen = LabelSettings.from_spec(spec.to_json())
+    chosen = LabelSettings.from_spec(spec)
     default = LabelSettings()
     same = [f.name for f in fields(LabelSettings)
             if getattr(chosen, f.name) == getattr(default, f.name)]  # fmt: skip
@@ -251,7 +243,7 @@ def test_every_label_setting_can_be_asked_for() -> None:
 
 
 def test_label_settings_have_one_set_of_defaults() -> None:
-    planned = LabelSettings.from_spec(plan()[0].to_json())
+    planned = LabelSettings.from_spec(plan()[0])
     assert planned == replace(LabelSettings(), min_lidar_points=5)
 
 
@@ -277,7 +269,7 @@ def test_twins_measure_when_their_camera_does() -> None:
 
 def test_changes_of_the_weather_are_planned_with_their_times() -> None:
     spec = plan("weather: {choice: WetNoon, changes: [{at_s: 2, parameters: {wetness: 5}}]}")[0]
-    assert spec.weather["preset"] == "WetNoon"
+    assert spec.weather.preset == "WetNoon"
     assert spec.to_json()["weather"]["changes"] == [
         {"at_s": 2.0, "preset": None, "parameters": {"wetness": 5.0}}
     ]
@@ -291,7 +283,7 @@ def test_the_ego_may_begin_at_a_place_of_its_own() -> None:
 
 
 def test_a_route_through_a_spawn_point_that_is_not_there_is_refused() -> None:
-    assert plan("scenario: {kind: route, through: [99]}")[0].scenario["through"] == [99]
+    assert plan("scenario: {kind: route, through: [99]}")[0].scenario == RouteSpec((99,))
     with pytest.raises(
         ConfigError, match=r"scenario\.through\[1\]: the map has no spawn point 100"
     ):
@@ -315,17 +307,17 @@ def replay(text: str, **changes: object) -> EpisodeSpec:
 
 def test_a_replay_has_a_pose_for_every_step_by_the_short_way_round() -> None:
     spec = replay("fps: 20, duration_s: 1")
-    ego, late = spec.scenario["actors"]
+    ego, late = spec.scenario.actors
     assert spec.map == "Stage01"
-    assert len(ego["poses"]) == 20
-    assert ego["poses"][1] == [0.5, 0.0, 0.0, 0.0, -180.0, 0.0]
-    assert ego["attributes"] == {"color": "1,2,3"}
-    assert late["poses"][7] is None
-    assert late["poses"][8] is not None
+    assert len(ego.poses) == 20
+    assert ego.poses[1] == (0.5, 0.0, 0.0, 0.0, -180.0, 0.0)
+    assert ego.attributes == {"color": "1,2,3"}
+    assert late.poses[7] is None
+    assert late.poses[8] is not None
 
 
 def test_a_replay_longer_than_its_recording_is_refused() -> None:
-    assert len(replay("fps: 10, duration_s: 1.1").scenario["actors"][0]["poses"]) == 11
+    assert len(replay("fps: 10, duration_s: 1.1").scenario.actors[0].poses) == 11
     with pytest.raises(ConfigError, match=r"duration_s: .* ends after 1 s") as caught:
         replay("fps: 10, duration_s: 1.2")
     assert "1.1 s" in caught.value.hint

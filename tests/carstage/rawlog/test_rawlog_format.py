@@ -31,16 +31,15 @@ def test_record_header_is_laid_out_as_documented() -> None:
         frame=2**40,
         timestamp_s=1.25,
         meta_bytes=16,
-        flags=1,
+        flags=2,
         payload_bytes=2**33,
-        payload_crc=0xDEADBEEF,
         sequence=5,
         tick=77,
     )
     data = raw.pack_record_header(header)
     assert data[:4] == b"CREC"
     assert struct.unpack_from("<HHQdIIQIIQI", data, 4) == (
-        *(1, 64, 2**40, 1.25, 16, 1, 2**33, 0xDEADBEEF, 5, 77, 0),
+        *(1, 64, 2**40, 1.25, 16, 2, 2**33, 0, 5, 77, 0),
     )
     assert struct.unpack_from("<I", data, 60)[0] == zlib.crc32(data[:60])
     assert raw.unpack_record_header(data) == header

@@ -20,7 +20,7 @@ from carstage.errors import (
     DiskFullError,
     StorageError,
 )
-from carstage.plan import EpisodeSpec, ServerFacts, plan_episodes
+from carstage.plan import ServerFacts, plan_episodes
 from carstage.runs.attempt_commit import Job
 from carstage.runs.folder import RunFolder
 from carstage.runs.interruption import Interruption
@@ -28,6 +28,7 @@ from carstage.runs.outcome import Nobody
 from carstage.runs.servers import ServerSetup
 from carstage.runs.session import _Session
 from carstage.runs.wakeup_pipe import WakeupPipe
+from carstage.spec import EpisodeSpec
 from carstage.storage import Store, open_store
 
 RETRIES = 2
@@ -126,7 +127,7 @@ def test_gaps_are_kept_where_they_were_asked_for(
     made: Made, spec: EpisodeSpec, timing: Mapping[str, Any]
 ) -> None:
     session, listener, _ = made
-    attempt_commit = GivenUp(replace(spec, timing={**spec.timing, **timing}), 0)
+    attempt_commit = GivenUp(replace(spec, timing=replace(spec.timing, **timing)), 0)
     assert session.recorded(attempt_commit, 3)  # type: ignore[arg-type]
     assert not attempt_commit.given_up
     assert listener.said == []

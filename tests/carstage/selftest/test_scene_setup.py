@@ -36,7 +36,7 @@ def test_vehicle_stands_ahead_where_no_spawn_point_does() -> None:
 
 def test_no_two_steps_of_the_rig_are_alike() -> None:
     spec = plan_self_test("0.9.16", "Town", np.array([HERE]), BLUEPRINTS)
-    poses = np.array(spec.scenario["actors"][0]["poses"])
+    poses = np.array(spec.scenario.actors[0].poses)
     steps = np.diff(poses, axis=0)
     assert len(poses) == spec.steps
     assert len({tuple(step) for step in steps.round(3).tolist()}) == len(steps)
@@ -52,7 +52,7 @@ def test_sensors_and_walkers_that_the_server_lacks_are_left_out() -> None:
         "instance",
         "lidar",
     ]
-    assert len(spec.scenario["actors"]) == 2
+    assert len(spec.scenario.actors) == 2
 
 
 def test_map_without_spawn_points_is_refused() -> None:

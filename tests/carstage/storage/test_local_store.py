@@ -131,5 +131,5 @@ def test_a_file_url_is_decoded_and_names_this_machine(tmp_path: Path) -> None:
 
 
 def test_a_marker_of_another_version_is_refused() -> None:
-    with pytest.raises(DatasetError, match="format version 2"):
-        CommitMarker.from_bytes(b'{"format_version": 2}', "x.json")
+    with pytest.raises(DatasetError, match="format version 3"):
+        CommitMarker.from_bytes(b'{"format_version": 3}', "x.json")

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from carstage.server.description import CACHE_VARIABLE
+from carstage.cache import CACHE_VARIABLE
 from carstage.web.configure.description import DescriptionService
 
 CAR = "vehicle.tesla.model3"

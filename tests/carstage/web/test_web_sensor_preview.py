@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from carstage.plan import EpisodeSpec
 from carstage.server import Endpoint, free_port
+from carstage.spec import EpisodeSpec
 from carstage.web.configure.checking import ConfigChecker
 from carstage.web.errors import WebError
 from carstage.web.messages import PreviewPending, PreviewRequest

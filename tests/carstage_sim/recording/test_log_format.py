@@ -22,10 +22,10 @@ TEXTS = st.text(max_size=20)
 
 
 @pytest.fixture
-def deck(tmp_path: Path) -> Iterator[RecorderController]:
-    deck = RecorderController(tmp_path)
-    yield deck
-    deck.end_episode()
+def recorder(tmp_path: Path) -> Iterator[RecorderController]:
+    recorder = RecorderController(tmp_path)
+    yield recorder
+    recorder.end_episode()
 
 
 def test_head_has_the_documented_bytes() -> None:
@@ -94,18 +94,18 @@ def test_garbage_after_the_head_is_never_a_frame_and_never_fails(
 
 @pytest.mark.parametrize("content", [b"", b"\x01\x00", b"x" * 100, b"\xff\xff\xff\xff"])
 def test_a_file_that_is_no_log_is_told_so(
-    content: bytes, deck: RecorderController, tmp_path: Path
+    content: bytes, recorder: RecorderController, tmp_path: Path
 ) -> None:
     (tmp_path / "note.txt").write_bytes(content)
     with pytest.raises(RecordingError, match="File is not a CARLA recorder"):
-        deck.file_info("note.txt", show_all=True)
+        recorder.file_info("note.txt", show_all=True)
 
 
 def test_a_missing_file_is_told_in_the_words_of_carla(
-    deck: RecorderController, tmp_path: Path
+    recorder: RecorderController, tmp_path: Path
 ) -> None:
     with pytest.raises(RecordingError, match=f"File {tmp_path}/none.log not found on server"):
-        deck.file_info("none.log", show_all=False)
+        recorder.file_info("none.log", show_all=False)
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ def crash(
     stage01: Town, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[tuple[RecorderController, dict[str, int]]]:
     """Eight seconds: the hero runs into a standing car, and a third one never moves."""
-    deck = RecorderController(tmp_path_factory.mktemp("logs"))
+    recorder = RecorderController(tmp_path_factory.mktemp("logs"))
     world = World(stage01, episode_id=1)
     x, y, z, pitch, yaw, roll = stage01.spawn_points[0].tolist()
     start = Pose((x, y, z), (pitch, yaw, roll))
@@ -33,21 +33,21 @@ def crash(
     }
     world.control_vehicle(ids["hero"], VehicleControl(throttle=0.8))
     world.control_vehicle(ids["target"], VehicleControl(hand_brake=True))
-    deck.start("crash.log", world, additional_data=True)
+    recorder.start("crash.log", world, additional_data=True)
     for tick in range(160):
         if tick == 100:
             world.destroy(ids["target"])
-        deck.after_tick(world.tick(DELTA_S, 5))
-    deck.stop()
-    yield deck, ids
-    deck.end_episode()
+        recorder.after_tick(world.tick(DELTA_S, 5))
+    recorder.stop()
+    yield recorder, ids
+    recorder.end_episode()
 
 
 def test_file_info_tells_head_actors_events_and_length(
     crash: tuple[RecorderController, dict[str, int]],
 ) -> None:
-    deck, ids = crash
-    text = deck.file_info("crash.log", show_all=False)
+    recorder, ids = crash
+    text = recorder.file_info("crash.log", show_all=False)
     assert text.startswith("Version: 1\nMap: Carla/Maps/Stage01\nDate: ")
     assert re.search(r"^Date: \d\d/\d\d/\d\d \d\d:\d\d:\d\d$", text, re.M)
     assert "Frame 1 at 0 seconds\n" in text
@@ -62,8 +62,8 @@ def test_file_info_tells_head_actors_events_and_length(
 def test_file_info_of_everything_tells_each_kind_of_record(
     crash: tuple[RecorderController, dict[str, int]],
 ) -> None:
-    deck, _ = crash
-    text = deck.file_info("crash.log", show_all=True)
+    recorder, _ = crash
+    text = recorder.file_info("crash.log", show_all=True)
     for title in (
         "Positions", "State traffic lights", "Vehicle animations", "Walker animations",
         "Vehicle light animations", "Dynamic actors", "Actor bounding boxes",
@@ -77,37 +77,37 @@ def test_file_info_of_everything_tells_each_kind_of_record(
 def test_collisions_are_listed_once_with_types_and_filtered_by_category(
     crash: tuple[RecorderController, dict[str, int]],
 ) -> None:
-    deck, ids = crash
+    recorder, ids = crash
     for first, second in (("v", "v"), ("h", "a"), ("a", "a"), ("h", "v")):
-        lines = deck.collisions("crash.log", first, second).splitlines()
+        lines = recorder.collisions("crash.log", first, second).splitlines()
         assert lines[4].split() == ["Time", "Types", "Id", "Actor", "1", "Id", "Actor", "2"]
         rows = [line.split() for line in lines[5:-3]]
         assert next(row[1:] for row in rows) == [
             "v", "v", str(ids["hero"]), CAR, str(ids["target"]), CAR
         ]  # fmt: skip
         assert len(rows) < 5  # touching goes on for many frames
-    nobody = deck.collisions("crash.log", "w", "a").splitlines()
+    nobody = recorder.collisions("crash.log", "w", "a").splitlines()
     assert nobody[5:] == ["", "Frames: 160", "Duration: 7.95 seconds"]
 
 
 def test_blocked_actors_are_listed_by_how_long_they_stood(
     crash: tuple[RecorderController, dict[str, int]],
 ) -> None:
-    deck, ids = crash
-    lines = deck.actors_blocked("crash.log", 2.0, 1000.0).splitlines()
+    recorder, ids = crash
+    lines = recorder.actors_blocked("crash.log", 2.0, 1000.0).splitlines()
     assert lines[4].split() == ["Time", "Id", "Actor", "Duration"]
     rows = [line.split() for line in lines[5:-3]]
     lasted = [float(row[-1]) for row in rows]
     assert lasted == sorted(lasted, reverse=True)
     assert str(ids["target"]) in [row[1] for row in rows]
-    assert deck.actors_blocked("crash.log", 60.0, 100.0).splitlines()[5:-3] == []
+    assert recorder.actors_blocked("crash.log", 60.0, 100.0).splitlines()[5:-3] == []
 
 
 def test_other_files_are_not_overwritten(stage01: Town, tmp_path: Path) -> None:
-    deck, world = RecorderController(tmp_path), World(stage01, episode_id=1)
+    recorder, world = RecorderController(tmp_path), World(stage01, episode_id=1)
     (tmp_path / "thesis.txt").write_text("precious")
     with pytest.raises(RecordingError, match="not overwritten"):
-        deck.start("thesis.txt", world, additional_data=False)
+        recorder.start("thesis.txt", world, additional_data=False)
     assert (tmp_path / "thesis.txt").read_text() == "precious"
     with pytest.raises(RecordingError, match="cannot write"):
-        deck.start("/proc/nowhere/a.log", world, additional_data=False)
+        recorder.start("/proc/nowhere/a.log", world, additional_data=False)

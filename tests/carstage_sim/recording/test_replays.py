@@ -42,16 +42,16 @@ def new_world(stage01: Town, earlier: World) -> Callable[[], World]:
 
 
 @pytest.fixture
-def deck(tmp_path: Path) -> Iterator[RecorderController]:
-    deck = RecorderController(tmp_path)
-    yield deck
-    deck.end_episode()
+def recorder(tmp_path: Path) -> Iterator[RecorderController]:
+    recorder = RecorderController(tmp_path)
+    yield recorder
+    recorder.end_episode()
 
 
-def tick(world: World, deck: RecorderController) -> Snapshot:
-    deck.before_tick(DELTA_S)
+def tick(world: World, recorder: RecorderController) -> Snapshot:
+    recorder.before_tick(DELTA_S)
     snapshot = world.tick(DELTA_S, 5)
-    deck.after_tick(snapshot)
+    recorder.after_tick(snapshot)
     return snapshot
 
 
@@ -67,7 +67,7 @@ def populate(world: World) -> tuple[int, int]:
     return hero.actor_id, walker.actor_id
 
 
-def drive(world: World, deck: RecorderController, ticks: int) -> list[Snapshot]:
+def drive(world: World, recorder: RecorderController, ticks: int) -> list[Snapshot]:
     frames = []
     for number in range(ticks):
         if number == ticks // 2:
@@ -75,18 +75,18 @@ def drive(world: World, deck: RecorderController, ticks: int) -> list[Snapshot]:
             for car in world.actors.of_kind(ActorKind.VEHICLE):
                 assert car.vehicle is not None
                 car.vehicle.light_state = 3
-        frames.append(tick(world, deck))
+        frames.append(tick(world, recorder))
     return frames
 
 
 def recording(
-    new_world: Callable[[], World], deck: RecorderController, ticks: int
+    new_world: Callable[[], World], recorder: RecorderController, ticks: int
 ) -> list[Snapshot]:
     world = new_world()
     populate(world)
-    deck.start("drive.log", world, additional_data=True)
-    frames = drive(world, deck, ticks)
-    deck.stop()
+    recorder.start("drive.log", world, additional_data=True)
+    frames = drive(world, recorder, ticks)
+    recorder.stop()
     return frames
 
 
@@ -95,13 +95,13 @@ def rows_of(snapshot: Snapshot, *kinds: ActorKind) -> np.ndarray:
 
 
 def test_replay_in_a_fresh_world_repeats_poses_ids_lights_and_weather(
-    new_world: Callable[[], World], deck: RecorderController
+    new_world: Callable[[], World], recorder: RecorderController
 ) -> None:
-    recorded = recording(new_world, deck, 100)
+    recorded = recording(new_world, recorder, 100)
     world = new_world()
-    deck.replay("drive.log", world, ReplayOptions())
+    recorder.replay("drive.log", world, ReplayOptions())
     for original in recorded[1:]:
-        again = tick(world, deck)
+        again = tick(world, recorder)
         assert again.state.actor_id.tolist() == original.state.actor_id.tolist()
         moving = rows_of(original, ActorKind.VEHICLE, ActorKind.WALKER)
         apart = again.state.location[moving] - original.state.location[moving]
@@ -115,16 +115,16 @@ def test_replay_in_a_fresh_world_repeats_poses_ids_lights_and_weather(
         np.testing.assert_allclose(again.walkers.speed, original.walkers.speed, atol=1e-6)
         angle = again.state.wheel_angle_deg - original.state.wheel_angle_deg
         assert np.abs(angle).max() < 0.01
-    assert not deck.replaying
+    assert not recorder.replaying
 
 
 def test_replayed_velocities_follow_from_the_poses(
-    new_world: Callable[[], World], deck: RecorderController
+    new_world: Callable[[], World], recorder: RecorderController
 ) -> None:
-    recorded = recording(new_world, deck, 40)
+    recorded = recording(new_world, recorder, 40)
     world = new_world()
-    deck.replay("drive.log", world, ReplayOptions())
-    again = [tick(world, deck) for _ in recorded[1:]][-1]
+    recorder.replay("drive.log", world, ReplayOptions())
+    again = [tick(world, recorder) for _ in recorded[1:]][-1]
     cars = rows_of(again, ActorKind.VEHICLE)
     expected = recorded[-1].state.velocity[cars]
     np.testing.assert_allclose(again.state.velocity[cars][:, :2], expected[:, :2], atol=0.02)
@@ -132,29 +132,29 @@ def test_replayed_velocities_follow_from_the_poses(
 
 
 def test_replay_at_another_step_is_between_the_recorded_poses(
-    new_world: Callable[[], World], deck: RecorderController
+    new_world: Callable[[], World], recorder: RecorderController
 ) -> None:
-    recorded = recording(new_world, deck, 40)
+    recorded = recording(new_world, recorder, 40)
     world = new_world()
-    deck.set_time_factor(0.5)
-    deck.replay("drive.log", world, ReplayOptions(start_s=0.5))
-    again = tick(world, deck)
+    recorder.set_time_factor(0.5)
+    recorder.replay("drive.log", world, ReplayOptions(start_s=0.5))
+    again = tick(world, recorder)
     cars = rows_of(again, ActorKind.VEHICLE)
     middle = (recorded[10].state.location[cars] + recorded[11].state.location[cars]) / 2.0
     np.testing.assert_allclose(again.state.location[cars], middle, atol=0.01)
 
 
 def test_negative_start_counts_from_the_end_and_a_duration_ends_the_replay(
-    new_world: Callable[[], World], deck: RecorderController
+    new_world: Callable[[], World], recorder: RecorderController
 ) -> None:
-    recorded = recording(new_world, deck, 41)
+    recorded = recording(new_world, recorder, 41)
     world = new_world()
-    text = deck.replay("drive.log", world, ReplayOptions(start_s=-1.0, duration_s=0.5))
+    text = recorder.replay("drive.log", world, ReplayOptions(start_s=-1.0, duration_s=0.5))
     assert "Total time recorded: 2\n" in text
     assert "Replaying from 1 s - 1.5 s (2 s) at 1.0x\n" in text
     played = 0
-    while deck.replaying:
-        again = tick(world, deck)
+    while recorder.replaying:
+        again = tick(world, recorder)
         played += 1
     assert played == 10
     cars = rows_of(again, ActorKind.VEHICLE)
@@ -164,13 +164,13 @@ def test_negative_start_counts_from_the_end_and_a_duration_ends_the_replay(
 
 
 def test_actors_whose_ids_are_taken_are_mapped_to_new_ones(
-    new_world: Callable[[], World], deck: RecorderController, stage01: Town
+    new_world: Callable[[], World], recorder: RecorderController, stage01: Town
 ) -> None:
-    recorded = recording(new_world, deck, 20)
+    recorded = recording(new_world, recorder, 20)
     world = new_world()
     strangers = [world.spawn(WALKER, {}, place(stage01, index)).actor_id for index in (20, 24, 28)]
-    deck.replay("drive.log", world, ReplayOptions())
-    again = tick(world, deck)
+    recorder.replay("drive.log", world, ReplayOptions())
+    again = tick(world, recorder)
     cars = world.actors.of_kind(ActorKind.VEHICLE)
     assert [car.actor_id for car in cars] == [strangers[-1] + 1, strangers[-1] + 2]
     # The recorded walker's id is a living walker's of the same type: that one plays its part.
@@ -181,40 +181,40 @@ def test_actors_whose_ids_are_taken_are_mapped_to_new_ones(
 
 
 def test_actors_that_come_and_go_do_so_in_the_replay(
-    new_world: Callable[[], World], deck: RecorderController, stage01: Town
+    new_world: Callable[[], World], recorder: RecorderController, stage01: Town
 ) -> None:
     world = new_world()
-    deck.start("drive.log", world, additional_data=False)
+    recorder.start("drive.log", world, additional_data=False)
     first = world.spawn(CAR, {}, place(stage01, 0)).actor_id
-    drive(world, deck, 10)
+    drive(world, recorder, 10)
     world.destroy(first)
     second = world.spawn(CAR, {}, place(stage01, 6)).actor_id
-    drive(world, deck, 10)
-    deck.stop()
+    drive(world, recorder, 10)
+    recorder.stop()
     world = new_world()
-    deck.replay("drive.log", world, ReplayOptions())
+    recorder.replay("drive.log", world, ReplayOptions())
     alive = []
-    while deck.replaying:
-        tick(world, deck)
+    while recorder.replaying:
+        tick(world, recorder)
         alive.append([car.actor_id for car in world.actors.of_kind(ActorKind.VEHICLE)])
     assert alive == [[first]] * 9 + [[second]] * 10
 
 
 def test_attached_actors_ride_on_their_parents_again_and_sensors_come_on_request(
-    new_world: Callable[[], World], deck: RecorderController, stage01: Town
+    new_world: Callable[[], World], recorder: RecorderController, stage01: Town
 ) -> None:
     world = new_world()
     car = world.spawn(CAR, {}, place(stage01, 0)).actor_id
     mount = Pose((1.0, 0.2, 2.0), (-5.0, 10.0, 0.0))
     world.spawn("sensor.camera.rgb", {"fov": "77"}, mount, parent_id=car)
     world.control_vehicle(car, VehicleControl(throttle=1.0))
-    deck.start("drive.log", world, additional_data=False)
-    recorded = drive(world, deck, 20)[-1]
-    deck.stop()
+    recorder.start("drive.log", world, additional_data=False)
+    recorded = drive(world, recorder, 20)[-1]
+    recorder.stop()
     for sensors in (False, True):
         world = new_world()
-        deck.replay("drive.log", world, ReplayOptions(sensors=sensors))
-        again = [tick(world, deck) for _ in range(19)][-1]
+        recorder.replay("drive.log", world, ReplayOptions(sensors=sensors))
+        again = [tick(world, recorder) for _ in range(19)][-1]
         cameras = world.actors.of_kind(ActorKind.SENSOR)
         assert len(cameras) == int(sensors)
     assert (cameras[0].parent_id, cameras[0].attributes["fov"]) == (car, "77")
@@ -222,25 +222,29 @@ def test_attached_actors_ride_on_their_parents_again_and_sensors_come_on_request
     np.testing.assert_allclose(again.state.location[rows], recorded.state.location[rows], atol=0.01)
 
 
-def test_ignored_hero_is_left_out(new_world: Callable[[], World], deck: RecorderController) -> None:
-    recording(new_world, deck, 10)
+def test_ignored_hero_is_left_out(
+    new_world: Callable[[], World], recorder: RecorderController
+) -> None:
+    recording(new_world, recorder, 10)
     world = new_world()
-    deck.ignore_hero = True
-    text = deck.replay("drive.log", world, ReplayOptions())
-    tick(world, deck)
+    recorder.ignore_hero = True
+    text = recorder.replay("drive.log", world, ReplayOptions())
+    tick(world, recorder)
     assert "Ignoring Hero vehicle\n" in text
     roles = [car.attributes["role_name"] for car in world.actors.of_kind(ActorKind.VEHICLE)]
     assert roles == ["autopilot"]
 
 
 def test_spectator_follows_the_recorded_actor(
-    new_world: Callable[[], World], deck: RecorderController
+    new_world: Callable[[], World], recorder: RecorderController
 ) -> None:
-    recording(new_world, deck, 10)
+    recording(new_world, recorder, 10)
     world = new_world()
     hero = world.spectator.actor_id + 1
-    deck.replay("drive.log", world, ReplayOptions(follow_id=hero, follow_offset=Pose((0, 0, 3.0))))
-    tick(world, deck)
+    recorder.replay(
+        "drive.log", world, ReplayOptions(follow_id=hero, follow_offset=Pose((0, 0, 3.0)))
+    )
+    tick(world, recorder)
     above = np.subtract(
         world.actors.pose(world.spectator.actor_id).location, world.actors.pose(hero).location
     )
@@ -248,77 +252,77 @@ def test_spectator_follows_the_recorded_actor(
 
 
 def test_stopping_a_replay_gives_back_physics_and_takes_its_actors_away_on_request(
-    new_world: Callable[[], World], deck: RecorderController
+    new_world: Callable[[], World], recorder: RecorderController
 ) -> None:
-    recording(new_world, deck, 40)
+    recording(new_world, recorder, 40)
     for keep in (True, False):
         world = new_world()
-        deck.replay("drive.log", world, ReplayOptions())
+        recorder.replay("drive.log", world, ReplayOptions())
         for _ in range(20):
-            tick(world, deck)
-        deck.end_replay(keep_actors=keep)
-        assert not deck.replaying
+            tick(world, recorder)
+        recorder.end_replay(keep_actors=keep)
+        assert not recorder.replaying
         cars = world.actors.of_kind(ActorKind.VEHICLE)
         assert len(cars) == (2 if keep else 0)
         for car in cars:
             assert (car.simulate_physics, car.collides) == (True, True)
         for _ in range(60):
-            snapshot = tick(world, deck)
+            snapshot = tick(world, recorder)
         cars_rows = rows_of(snapshot, ActorKind.VEHICLE)
         assert np.abs(snapshot.state.velocity[cars_rows][:, :2]).max(initial=0.0) < 0.3
 
 
 def test_traffic_lights_go_on_from_the_replayed_states_without_two_greens(
-    new_world: Callable[[], World], deck: RecorderController
+    new_world: Callable[[], World], recorder: RecorderController
 ) -> None:
     world = new_world()
     for _ in range(150):  # 7.5 s of the first green are over when the recording begins
-        tick(world, deck)
-    deck.start("lights.log", world, additional_data=False)
+        tick(world, recorder)
+    recorder.start("lights.log", world, additional_data=False)
     for _ in range(101):
-        recorded = tick(world, deck)
-    deck.stop()
+        recorded = tick(world, recorder)
+    recorder.stop()
     replayed = new_world()
-    deck.replay("lights.log", replayed, ReplayOptions())
-    while deck.replaying:
-        again = tick(replayed, deck)
+    recorder.replay("lights.log", replayed, ReplayOptions())
+    while recorder.replaying:
+        again = tick(replayed, recorder)
     assert again.traffic_lights.state.tolist() == recorded.traffic_lights.state.tolist()
     for _ in range(400):
-        expected, found = tick(world, deck), tick(replayed, deck)
+        expected, found = tick(world, recorder), tick(replayed, recorder)
         assert found.traffic_lights.state.tolist() == expected.traffic_lights.state.tolist()
     assert TrafficLightState.GREEN in found.traffic_lights.state
 
 
 def test_same_drive_gives_the_same_bytes(
-    new_world: Callable[[], World], deck: RecorderController, tmp_path: Path
+    new_world: Callable[[], World], recorder: RecorderController, tmp_path: Path
 ) -> None:
-    recording(new_world, deck, 30)
+    recording(new_world, recorder, 30)
     first = (tmp_path / "drive.log").read_bytes()
-    recording(new_world, deck, 30)
+    recording(new_world, recorder, 30)
     assert (tmp_path / "drive.log").read_bytes() == first
 
 
 def test_a_log_that_was_cut_off_replays_to_its_last_whole_frame(
-    new_world: Callable[[], World], deck: RecorderController, tmp_path: Path
+    new_world: Callable[[], World], recorder: RecorderController, tmp_path: Path
 ) -> None:
-    recording(new_world, deck, 30)
+    recording(new_world, recorder, 30)
     path = tmp_path / "drive.log"
     path.write_bytes(path.read_bytes()[:-700])
     world = new_world()
-    deck.replay("drive.log", world, ReplayOptions())
+    recorder.replay("drive.log", world, ReplayOptions())
     ticks = 0
-    while deck.replaying:
-        tick(world, deck)
+    while recorder.replaying:
+        tick(world, recorder)
         ticks += 1
     assert 20 < ticks < 29
 
 
 def test_doors_and_street_lamps_are_replayed(
-    new_world: Callable[[], World], deck: RecorderController
+    new_world: Callable[[], World], recorder: RecorderController
 ) -> None:
     world = new_world()
     hero, _ = populate(world)
-    deck.start("evening.log", world, additional_data=False)
+    recorder.start("evening.log", world, additional_data=False)
     for number in range(12):
         if number == 6:
             status = world.live(hero).vehicle
@@ -326,13 +330,13 @@ def test_doors_and_street_lamps_are_replayed(
             status.open_doors = 0b101
             lamp = world.street_lights.states()[0]
             world.street_lights.apply([replace(lamp, intensity=500.0, colour=(255, 10, 30))])
-        recorded = tick(world, deck)
-    deck.stop()
+        recorded = tick(world, recorder)
+    recorder.stop()
     expected = world.street_lights.states()
     world = new_world()
-    deck.replay("evening.log", world, ReplayOptions())
-    while deck.replaying:
-        again = tick(world, deck)
+    recorder.replay("evening.log", world, ReplayOptions())
+    while recorder.replaying:
+        again = tick(world, recorder)
     assert again.state.doors is not None
     assert recorded.state.doors is not None
     assert again.state.doors.tolist() == recorded.state.doors.tolist()
@@ -340,17 +344,17 @@ def test_doors_and_street_lamps_are_replayed(
 
 
 def test_a_replay_of_the_running_recording_shows_its_last_frame_too(
-    new_world: Callable[[], World], deck: RecorderController
+    new_world: Callable[[], World], recorder: RecorderController
 ) -> None:
     world = new_world()
-    deck.start("running.log", world, additional_data=False)
+    recorder.start("running.log", world, additional_data=False)
     for _ in range(3):
-        tick(world, deck)
-    assert "Total time recorded: 0.1\n" in deck.replay("running.log", world, ReplayOptions())
+        tick(world, recorder)
+    assert "Total time recorded: 0.1\n" in recorder.replay("running.log", world, ReplayOptions())
 
 
 def test_a_refused_replay_lets_the_lights_go_on(
-    new_world: Callable[[], World], deck: RecorderController, tmp_path: Path
+    new_world: Callable[[], World], recorder: RecorderController, tmp_path: Path
 ) -> None:
     damaged = [
         LogInfo(1, 0, "Carla/Maps/Stage01").encode(),
@@ -361,7 +365,7 @@ def test_a_refused_replay_lets_the_lights_go_on(
     (tmp_path / "damaged.log").write_bytes(b"".join(damaged))
     world = new_world()
     with pytest.raises(RecordingError, match="not a CARLA recorder"):
-        deck.replay("damaged.log", world, ReplayOptions())
+        recorder.replay("damaged.log", world, ReplayOptions())
     assert not world.lights.led
 
 
@@ -399,24 +403,24 @@ def test_a_full_disk_is_a_recording_error_and_the_file_is_given_back(
 
 def test_an_episode_ends_whatever_becomes_of_its_recording(
     new_world: Callable[[], World],
-    deck: RecorderController,
+    recorder: RecorderController,
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     monkeypatch.setattr(deck_module, "check_writable", lambda _path: None)
     world = new_world()
-    deck.start("/dev/full", world, additional_data=False)
-    tick(world, deck)
-    deck.end_episode()
+    recorder.start("/dev/full", world, additional_data=False)
+    tick(world, recorder)
+    recorder.end_episode()
     assert "No space left" in caplog.text
-    deck.stop()
+    recorder.stop()
 
 
 def test_a_recording_that_cannot_go_on_gives_its_file_back(
-    new_world: Callable[[], World], deck: RecorderController, monkeypatch: pytest.MonkeyPatch
+    new_world: Callable[[], World], recorder: RecorderController, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     world = new_world()
-    deck.start("drive.log", world, additional_data=False)
+    recorder.start("drive.log", world, additional_data=False)
     closed = []
 
     def fail(_recorder: Recorder, _snapshot: Snapshot) -> None:
@@ -425,5 +429,5 @@ def test_a_recording_that_cannot_go_on_gives_its_file_back(
     close = Recorder.close
     monkeypatch.setattr(Recorder, "record", fail)
     monkeypatch.setattr(Recorder, "close", lambda self: closed.append(close(self)))
-    tick(world, deck)
+    tick(world, recorder)
     assert closed == [None]

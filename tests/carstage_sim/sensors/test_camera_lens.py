@@ -15,15 +15,15 @@ _BARREL = {"lens_circle_multiplier": "3.0", "lens_circle_falloff": "3.0"}
 
 
 @pytest.fixture(scope="module")
-def suite(tmp_path_factory):
+def sensors(tmp_path_factory):
     cache = tmp_path_factory.mktemp("cache")
     with WorldSensors(town(GROUND, WALL), threads=1, cache=cache) as made:
         yield made
 
 
-def picture(suite, kind="rgb", **attributes):
-    suite.reset()
-    ((_, frame),) = suite.capture(state(1), [request(f"camera.{kind}", **attributes)])
+def picture(sensors, kind="rgb", **attributes):
+    sensors.reset()
+    ((_, frame),) = sensors.capture(state(1), [request(f"camera.{kind}", **attributes)])
     return frame.pixels.astype(int)
 
 
@@ -56,42 +56,42 @@ def test_distorting_undoes_undistorting():
     assert np.abs(np.array(again) - np.array([x, y])).max() < 1e-4
 
 
-def test_all_cameras_look_through_the_lens(suite):
+def test_all_cameras_look_through_the_lens(sensors):
     tilted = {"rotation_deg": (-8.0, 50.0, 25.0)}
     for kind in ("rgb", "depth", "semantic_segmentation", "normals"):
-        plain = picture(suite, kind, **tilted)
-        assert (plain != picture(suite, kind, **tilted, **_BARREL)).any()
+        plain = picture(sensors, kind, **tilted)
+        assert (plain != picture(sensors, kind, **tilted, **_BARREL)).any()
 
 
-def test_an_impossible_lens_is_refused_by_the_attributes_name(suite):
+def test_an_impossible_lens_is_refused_by_the_attributes_name(sensors):
     with pytest.raises(SensorAttributeError, match="lens_circle_multiplier"):
-        picture(suite, lens_circle_multiplier=-1)
+        picture(sensors, lens_circle_multiplier=-1)
 
 
-def test_exposure_compensation_brightens_and_darkens(suite):
+def test_exposure_compensation_brightens_and_darkens(sensors):
     dark, plain, bright = (
-        picture(suite, exposure_compensation=ev).mean() for ev in (-2.0, 0.0, 2.0)
+        picture(sensors, exposure_compensation=ev).mean() for ev in (-2.0, 0.0, 2.0)
     )
     assert dark < plain - 20 < plain + 20 < bright
 
 
-def test_a_higher_gamma_lifts_the_middle_tones(suite):
-    assert picture(suite, gamma=2.8).mean() > picture(suite, gamma=2.2).mean() + 5
-    assert np.array_equal(picture(suite, gamma=2.2), picture(suite))
+def test_a_higher_gamma_lifts_the_middle_tones(sensors):
+    assert picture(sensors, gamma=2.8).mean() > picture(sensors, gamma=2.2).mean() + 5
+    assert np.array_equal(picture(sensors, gamma=2.2), picture(sensors))
 
 
-def test_manual_exposure_follows_shutter_aperture_and_iso(suite):
+def test_manual_exposure_follows_shutter_aperture_and_iso(sensors):
     manual = {"exposure_mode": "manual"}
-    usual = picture(suite, **manual).mean()
-    assert picture(suite, **manual, iso=400).mean() > usual + 10
-    assert picture(suite, **manual, shutter_speed=1000).mean() < usual - 10
-    assert picture(suite, **manual, fstop=4.0).mean() < usual - 10
+    usual = picture(sensors, **manual).mean()
+    assert picture(sensors, **manual, iso=400).mean() > usual + 10
+    assert picture(sensors, **manual, shutter_speed=1000).mean() < usual - 10
+    assert picture(sensors, **manual, fstop=4.0).mean() < usual - 10
     assert np.array_equal(
-        picture(suite, **manual, iso=400, shutter_speed=800), picture(suite, **manual)
+        picture(sensors, **manual, iso=400, shutter_speed=800), picture(sensors, **manual)
     )
 
 
 @pytest.mark.parametrize("name", ["shutter_speed", "iso", "fstop", "gamma"])
-def test_exposure_values_must_be_positive(suite, name):
+def test_exposure_values_must_be_positive(sensors, name):
     with pytest.raises(SensorAttributeError, match=name):
-        picture(suite, **{name: 0})
+        picture(sensors, **{name: 0})

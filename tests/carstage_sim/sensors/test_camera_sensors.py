@@ -14,7 +14,7 @@ pytestmark = pytest.mark.xdist_group("kernels")
 
 
 @pytest.fixture(scope="module")
-def suite(tmp_path_factory):
+def sensors(tmp_path_factory):
     with WorldSensors(
         town(GROUND, WALL), threads=1, cache=tmp_path_factory.mktemp("trees")
     ) as built:
@@ -27,9 +27,9 @@ def depth_of(pixels):
     return (r + 256 * g + 65536 * b) * 1000 / (2**24 - 1)
 
 
-def one(suite, frame_request, world=None):
+def one(sensors, frame_request, world=None):
     """The only frame of a fresh episode."""
-    ((_, frame),) = suite.capture(world or state(1), [frame_request])
+    ((_, frame),) = sensors.capture(world or state(1), [frame_request])
     return frame
 
 
@@ -61,31 +61,33 @@ def test_instance_code_splits_the_id():
     assert encode_tags(np.array([7], np.uint8)).tolist() == [[0, 0, 7, 255]]
 
 
-def test_a_facing_wall_has_one_depth(suite):
+def test_a_facing_wall_has_one_depth(sensors):
     # D2: depth is along the optical axis, not along the ray.
-    depth = depth_of(one(suite, request("camera.depth", location=(0.0, 0.0, 30.0))).pixels)
+    depth = depth_of(one(sensors, request("camera.depth", location=(0.0, 0.0, 30.0))).pixels)
     assert depth.shape == (48, 64)
     assert np.abs(depth - 10.0).max() < 1e-3
 
 
-def test_the_ground_lies_where_the_pinhole_says(suite):
-    depth = depth_of(one(suite, request("camera.depth", rotation_deg=(0.0, 180.0, 0.0))).pixels)
+def test_the_ground_lies_where_the_pinhole_says(sensors):
+    depth = depth_of(one(sensors, request("camera.depth", rotation_deg=(0.0, 180.0, 0.0))).pixels)
     focal = 32.0
     row = 40
     assert depth[row, 10] == pytest.approx(2.0 * focal / (row + 0.5 - 24.0), rel=1e-5)
     assert np.all(depth[:20] == 1000.0)
 
 
-def test_tags_of_wall_road_and_sky(suite):
-    tags = one(suite, request("camera.semantic_segmentation", location=(-100.0, 0.0, 2.0))).pixels
+def test_tags_of_wall_road_and_sky(sensors):
+    tags = one(sensors, request("camera.semantic_segmentation", location=(-100.0, 0.0, 2.0))).pixels
     assert tags[2, 32].tolist() == [0, 0, CityObjectLabel.SKY, 255]
     assert tags[20, 32].tolist() == [0, 0, CityObjectLabel.BUILDINGS, 255]
     assert tags[46, 32].tolist() == [0, 0, CityObjectLabel.ROADS, 255]
 
 
-def test_ids_of_actors_and_of_level_objects_do_not_meet(suite):
+def test_ids_of_actors_and_of_level_objects_do_not_meet(sensors):
     world = state(1, vehicles=[(70_003, (6.0, 0.0, 0.0), 90.0)])
-    pixels = one(suite, request("camera.instance_segmentation", location=(0, 0, 1.0)), world).pixels
+    pixels = one(
+        sensors, request("camera.instance_segmentation", location=(0, 0, 1.0)), world
+    ).pixels
     ids = pixels[..., 1] + 256 * pixels[..., 0].astype(int)
     tags = pixels[..., 2]
     assert set(ids[tags == CityObjectLabel.CAR].tolist()) == {70_003 & 0xFFFF}
@@ -93,23 +95,25 @@ def test_ids_of_actors_and_of_level_objects_do_not_meet(suite):
     assert set(ids[tags == CityObjectLabel.ROADS].tolist()) == {0}
 
 
-def test_glass_is_solid_in_depth_and_instance(suite):
+def test_glass_is_solid_in_depth_and_instance(sensors):
     world = state(1, vehicles=[(3, (6.0, 0.0, 0.0), 90.0)])
-    pixels = one(suite, request("camera.instance_segmentation", location=(0, 0, 1.2)), world).pixels
+    pixels = one(
+        sensors, request("camera.instance_segmentation", location=(0, 0, 1.2)), world
+    ).pixels
     assert pixels[25, 32, 2] == CityObjectLabel.CAR
 
 
-def test_a_camera_inside_its_carrier_does_not_see_it_but_others_do(suite):
+def test_a_camera_inside_its_carrier_does_not_see_it_but_others_do(sensors):
     world = state(1, vehicles=[(3, (0.0, 0.0, 0.0), 0.0)])
     inside = request("camera.semantic_segmentation", 1, location=(0, 0, 1.0), owner_id=3)
     foreign = request("camera.semantic_segmentation", 2, location=(0, 0, 1.0))
-    frames = dict(suite.capture(world, [inside, foreign]))
+    frames = dict(sensors.capture(world, [inside, foreign]))
     assert not (frames[1].pixels[..., 2] == CityObjectLabel.CAR).any()
     assert (frames[2].pixels[..., 2] == CityObjectLabel.CAR).any()
 
 
-def test_a_picture_has_the_asked_size_and_opaque_alpha(suite):
-    frame = one(suite, request("camera.rgb", image_size_x=50, image_size_y=20, fov=70.5))
+def test_a_picture_has_the_asked_size_and_opaque_alpha(sensors):
+    frame = one(sensors, request("camera.rgb", image_size_x=50, image_size_y=20, fov=70.5))
     assert frame.pixels.shape == (20, 50, 4)
     assert frame.fov_deg == 70.5
     assert np.all(frame.pixels[..., 3] == 255)
@@ -121,12 +125,12 @@ def test_normals_run_from_0_to_255_with_x_in_red():
     assert codes.tolist() == [[128, 128, 255, 255], [128, 0, 128, 255], [128, 128, 128, 255]]
 
 
-def test_normals_are_the_worlds_whatever_way_the_camera_looks(suite):
+def test_normals_are_the_worlds_whatever_way_the_camera_looks(sensors):
     for rotation in ((0.0, 0.0, 0.0), (-10.0, 25.0, 40.0)):
         camera = request("camera.normals", location=(-20.0, 0.0, 5.0), rotation_deg=rotation)
         tags = request("camera.semantic_segmentation", 101, location=(-20.0, 0.0, 5.0),
                        rotation_deg=rotation)  # fmt: skip
-        frames = dict(suite.capture(state(1), [camera, tags]))
+        frames = dict(sensors.capture(state(1), [camera, tags]))
         tag, normal = frames[101].pixels[..., 2], frames[100].pixels
         for label, bgra in (
             (CityObjectLabel.BUILDINGS, (128, 128, 0, 255)),
@@ -137,10 +141,10 @@ def test_normals_are_the_worlds_whatever_way_the_camera_looks(suite):
             assert (seen == bgra).all(axis=1).mean() > 0.97  # but for rays on an edge
 
 
-def test_a_turned_actor_turns_its_normals(suite):
+def test_a_turned_actor_turns_its_normals(sensors):
     world = state(1, vehicles=[(3, (6.0, 0.0, 0.0), 90.0)])
     camera = request("camera.normals", location=(0.0, 0.0, 0.9))
-    pixels = one(suite, camera, world).pixels
+    pixels = one(sensors, camera, world).pixels
     side = pixels[24, 32].astype(float) / 127.5 - 1.0  # B, G, R: the flank of a car across
     assert side[2] < -0.8
 
@@ -149,6 +153,6 @@ def test_a_turned_actor_turns_its_normals(suite):
     ("name", "value"),
     [("fov", "180"), ("fov", "wide"), ("image_size_x", "0"), ("image_size_y", "1.5")],
 )
-def test_an_impossible_camera_is_refused_by_the_attributes_name(suite, name, value):
+def test_an_impossible_camera_is_refused_by_the_attributes_name(sensors, name, value):
     with pytest.raises(SensorAttributeError, match=name):
-        suite.capture(state(1), [request("camera.depth", **{name: value})])
+        sensors.capture(state(1), [request("camera.depth", **{name: value})])

@@ -27,7 +27,7 @@ _NIGHT = Weather(sun_altitude_angle=-60.0)
 
 
 @pytest.fixture(scope="module")
-def suite(tmp_path_factory):
+def sensors(tmp_path_factory):
     with WorldSensors(
         town(GROUND, WALL, _LAMP), threads=1, cache=tmp_path_factory.mktemp("trees")
     ) as built:
@@ -35,22 +35,22 @@ def suite(tmp_path_factory):
 
 
 @pytest.fixture
-def look(suite):
+def look(sensors):
     """Gives the picture of a camera, or another sensor's frame, in a world with changes."""
-    suite.reset()
+    sensors.reset()
 
     def capture(kind="camera.rgb", vehicles=(), weather=None, ignored=(), **changes):
-        suite.reset()
+        sensors.reset()
         world = replace(state(vehicles=list(vehicles), weather=weather), **changes)
         attributes = {"channels": 8, "points_per_second": 8000} if "lidar" in kind else {}
         asked = replace(request(kind, **attributes), ignored=frozenset(ignored))
-        ((_, frame),) = suite.capture(world, [asked])
+        ((_, frame),) = sensors.capture(world, [asked])
         return frame.pixels[..., :3].astype(int) if kind.startswith("camera") else frame
 
     return capture
 
 
-def test_a_hidden_object_is_gone_for_every_sensor_and_comes_back(look, suite):
+def test_a_hidden_object_is_gone_for_every_sensor_and_comes_back(look, sensors):
     hidden = TownChanges(hidden=frozenset({_WALL_ID}))
     tags = look("camera.semantic_segmentation", town_changes=TownChanges())[..., 2]
     without = look("camera.semantic_segmentation", town_changes=hidden)[..., 2]
@@ -58,14 +58,14 @@ def test_a_hidden_object_is_gone_for_every_sensor_and_comes_back(look, suite):
     assert (tags == CityObjectLabel.BUILDINGS).mean() > 0.1
     assert not (without == CityObjectLabel.BUILDINGS).any()
     assert (back == tags).all()
-    through = suite.segment_hits(
+    through = sensors.segment_hits(
         replace(state(), town_changes=hidden), (0.0, 0.0, 2.0), (60.0, 0.0, 2.0)
     )
     assert through == []
 
 
-def test_a_segment_meets_all_surfaces_in_order(suite):
-    hits = suite.segment_hits(
+def test_a_segment_meets_all_surfaces_in_order(sensors):
+    hits = sensors.segment_hits(
         replace(state(), town_changes=TownChanges()), (0.0, 0.0, 2.0), (60.0, 0.0, 2.0)
     )
     assert [round(place[0], 3) for place, _ in hits] == [10.0, 11.0]

@@ -41,7 +41,7 @@ def events_of(*greys: list[float], **attributes):
 
 
 @pytest.fixture(scope="module")
-def suite(tmp_path_factory):
+def sensors(tmp_path_factory):
     with WorldSensors(
         town(GROUND, WALL), threads=1, cache=tmp_path_factory.mktemp("trees")
     ) as built:
@@ -107,11 +107,11 @@ def test_a_noisy_threshold_repeats_itself_and_never_sticks():
     assert len(set(counts.tolist())) > 1
 
 
-def test_what_moves_gives_events_and_what_stands_gives_none(suite):
-    suite.reset()
+def test_what_moves_gives_events_and_what_stands_gives_none(sensors):
+    sensors.reset()
     camera = request("camera.dvs", location=(0.0, 0.0, 1.0))
     sent = [
-        suite.capture(state(k, vehicles=[(3, (6.0, y, 0.0), 90.0)]), [camera])
+        sensors.capture(state(k, vehicles=[(3, (6.0, y, 0.0), 90.0)]), [camera])
         for k, y in enumerate((0.0, 0.5, 0.5), start=1)
     ]
     assert [len(frames) for frames in sent] == [0, 1, 0]
@@ -124,15 +124,15 @@ def test_what_moves_gives_events_and_what_stands_gives_none(suite):
     assert {0, 1} == set(events["pol"].tolist())
 
 
-def test_the_colour_camera_of_the_pose_shares_its_picture(suite):
-    suite.reset()
-    suite.capture(state(1), [request("camera.dvs", 1), request("camera.rgb", 2)])
-    assert suite.last_cast_count == 1
+def test_the_colour_camera_of_the_pose_shares_its_picture(sensors):
+    sensors.reset()
+    sensors.capture(state(1), [request("camera.dvs", 1), request("camera.rgb", 2)])
+    assert sensors.last_cast_count == 1
 
 
 @pytest.mark.parametrize(
     ("name", "value"), [("positive_threshold", 0), ("log_eps", 0), ("use_log", "maybe")]
 )
-def test_an_impossible_event_camera_is_refused_by_the_attributes_name(suite, name, value):
+def test_an_impossible_event_camera_is_refused_by_the_attributes_name(sensors, name, value):
     with pytest.raises(SensorAttributeError, match=name):
-        suite.capture(state(1), [request("camera.dvs", **{name: value})])
+        sensors.capture(state(1), [request("camera.dvs", **{name: value})])

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.xdist_group("kernels")
 
 
 @pytest.fixture(scope="module")
-def suite(tmp_path_factory):
+def sensors(tmp_path_factory):
     with WorldSensors(
         town(GROUND, WALL), threads=1, cache=tmp_path_factory.mktemp("trees")
     ) as built:
@@ -26,36 +26,36 @@ TOUCHES = (Collision(3, 4, (10.0, 0.0, 0.0)), Collision(3, 9, (1.0, 2.0, 0.0)),
            Collision(4, 0, (0.0, 5.0, 0.0), label=3))  # fmt: skip
 
 
-def events(suite, owner_id, collisions=TOUCHES):
-    suite.reset()
+def events(sensors, owner_id, collisions=TOUCHES):
+    sensors.reset()
     world = replace(state(1), collisions=collisions)
-    found = suite.capture(world, [request("other.collision", owner_id=owner_id)])
+    found = sensors.capture(world, [request("other.collision", owner_id=owner_id)])
     return [frame for _, frame in found]
 
 
-def test_a_carrier_gets_one_event_for_each_thing_it_touches(suite):
-    assert events(suite, 3) == [
+def test_a_carrier_gets_one_event_for_each_thing_it_touches(sensors):
+    assert events(sensors, 3) == [
         CollisionFrame(3, 4, 0, (-10.0, 0.0, 0.0)),
         CollisionFrame(3, 9, 0, (-1.0, -2.0, 0.0)),
     ]
 
 
-def test_the_impulse_is_the_carriers_own(suite):
-    town_first, car_second = events(suite, 4)
+def test_the_impulse_is_the_carriers_own(sensors):
+    town_first, car_second = events(sensors, 4)
     assert car_second == CollisionFrame(4, 3, 0, (10.0, 0.0, 0.0))
     assert town_first == CollisionFrame(4, 0, 3, (0.0, -5.0, 0.0))
 
 
-def test_who_touches_nothing_and_who_is_carried_by_nothing_gets_no_event(suite):
-    assert events(suite, 77) == []
-    assert events(suite, 0) == []
-    assert events(suite, 3, ()) == []
+def test_who_touches_nothing_and_who_is_carried_by_nothing_gets_no_event(sensors):
+    assert events(sensors, 77) == []
+    assert events(sensors, 0) == []
+    assert events(sensors, 3, ()) == []
 
 
-def test_collisions_need_no_rays(suite):
-    events(suite, 3)
-    assert suite.last_cast_count == 0
+def test_collisions_need_no_rays(sensors):
+    events(sensors, 3)
+    assert sensors.last_cast_count == 0
 
 
-def test_lane_invasion_is_left_to_the_client(suite):
-    assert suite.capture(state(1), [request("other.lane_invasion", owner_id=3)]) == []
+def test_lane_invasion_is_left_to_the_client(sensors):
+    assert sensors.capture(state(1), [request("other.lane_invasion", owner_id=3)]) == []

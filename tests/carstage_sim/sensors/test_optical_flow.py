@@ -24,14 +24,14 @@ Pose = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
 @pytest.fixture
-def suite(tmp_path_factory):
+def sensors(tmp_path_factory):
     with WorldSensors(
         town(GROUND, WALL), threads=1, cache=tmp_path_factory.getbasetemp() / "trees"
     ) as built:
         yield built
 
 
-def look(suite, world, pose: Pose, **attributes):
+def look(sensors, world, pose: Pose, **attributes):
     """Flow in pixels (y down), depth in metres, tags and ids of one frame."""
     location, rotation = pose
     rig = [
@@ -39,7 +39,7 @@ def look(suite, world, pose: Pose, **attributes):
                 **LENS, **attributes)
         for kind, sensor_id in KINDS.items()
     ]  # fmt: skip
-    frames = dict(suite.capture(world, rig))
+    frames = dict(sensors.capture(world, rig))
     flow = frames[100].flow.astype(float) * (WIDTH / 2.0, -HEIGHT / 2.0)
     b, g, r = (frames[101].pixels[..., k].astype(float) for k in range(3))
     depth = (r + 256 * g + 65536 * b) * 1000 / (2**24 - 1)
@@ -69,14 +69,14 @@ BEFORE: Pose = ((-15.0, 1.0, 2.0), (1.0, -4.0, 0.5))
 NOW: Pose = ((-14.0, 1.2, 2.1), (-1.0, 3.0, -0.5))
 
 
-def test_the_first_picture_shows_no_motion(suite):
-    flow, *_ = look(suite, state(1), NOW)
+def test_the_first_picture_shows_no_motion(sensors):
+    flow, *_ = look(sensors, state(1), NOW)
     assert np.abs(flow).max() < 1e-4
 
 
-def test_flow_agrees_with_depth_and_poses(suite):
-    look(suite, state(1), BEFORE)
-    flow, depth, *_ = look(suite, state(2), NOW)
+def test_flow_agrees_with_depth_and_poses(sensors):
+    look(sensors, state(1), BEFORE)
+    flow, depth, *_ = look(sensors, state(2), NOW)
     error = end_point_error(flow, predicted(depth, NOW, BEFORE), depth < 999.0)
     assert len(error) > 5000
     assert np.median(error) < 1e-3
@@ -84,22 +84,22 @@ def test_flow_agrees_with_depth_and_poses(suite):
     assert np.abs(flow).max() > 10.0
 
 
-def test_flow_of_the_sky_is_that_of_the_rotation_alone(suite):
+def test_flow_of_the_sky_is_that_of_the_rotation_alone(sensors):
     before: Pose = ((-15.0, 1.0, 2.0), (1.0, 174.0, 0.5))
     now: Pose = ((-14.0, 1.2, 2.1), (-1.0, 180.0, -0.5))
-    look(suite, state(1), before)
-    flow, depth, tags, _ = look(suite, state(2), now)
+    look(sensors, state(1), before)
+    flow, depth, tags, _ = look(sensors, state(2), now)
     far = predicted(np.full_like(depth, 1e12), now, before)
     sky = tags == CityObjectLabel.SKY
     assert sky.sum() > 500
     assert end_point_error(flow, far, sky).max() < 1e-3
 
 
-def test_flow_of_a_moving_actor_follows_its_own_motion(suite):
+def test_flow_of_a_moving_actor_follows_its_own_motion(sensors):
     was = ((2.0, -1.0, 0.0), (0.0, 60.0, 0.0))
     moved = ((3.0, 0.5, 0.0), (0.0, 85.0, 0.0))
-    look(suite, state(1, vehicles=[(7, was[0], was[1][1])]), BEFORE)
-    flow, depth, tags, ids = look(suite, state(2, vehicles=[(7, moved[0], moved[1][1])]), NOW)
+    look(sensors, state(1, vehicles=[(7, was[0], was[1][1])]), BEFORE)
+    flow, depth, tags, ids = look(sensors, state(2, vehicles=[(7, moved[0], moved[1][1])]), NOW)
     before_from_now = pose_matrix(*was) @ np.linalg.inv(pose_matrix(*moved))
     car = ids == 7
     assert car.sum() > 50
@@ -111,40 +111,40 @@ def test_flow_of_a_moving_actor_follows_its_own_motion(suite):
     assert end_point_error(flow, predicted(depth, NOW, BEFORE), town_pixels).max() < 0.05
 
 
-def test_the_sign_is_current_minus_previous_with_y_upwards(suite):
+def test_the_sign_is_current_minus_previous_with_y_upwards(sensors):
     # The camera goes right and up: what it sees goes left and down.
-    look(suite, state(1), ((0.0, 0.0, 20.0), (0.0, 0.0, 0.0)))
+    look(sensors, state(1), ((0.0, 0.0, 20.0), (0.0, 0.0, 0.0)))
     rig = request("camera.optical_flow", 100, location=(0.0, 1.0, 20.5), **LENS)
-    ((_, frame),) = suite.capture(state(2), [rig])
+    ((_, frame),) = sensors.capture(state(2), [rig])
     motion_px = FOCAL / 10.0  # the wall is 10 m away
     np.testing.assert_allclose(frame.flow[..., 0], -motion_px / (WIDTH / 2), rtol=1e-4)
     np.testing.assert_allclose(frame.flow[..., 1], -0.5 * motion_px / (HEIGHT / 2), rtol=1e-4)
 
 
-def test_motion_ends_at_twice_the_picture(suite):
-    look(suite, state(1), ((0.0, 0.0, 20.0), (0.0, 0.0, 0.0)))
+def test_motion_ends_at_twice_the_picture(sensors):
+    look(sensors, state(1), ((0.0, 0.0, 20.0), (0.0, 0.0, 0.0)))
     rig = request("camera.optical_flow", 100, rotation_deg=(0.0, 120.0, 0.0), **LENS)
-    ((_, frame),) = suite.capture(state(2), [rig])
+    ((_, frame),) = sensors.capture(state(2), [rig])
     assert np.isfinite(frame.flow).all()
     assert np.abs(frame.flow).max() == 2.0
 
 
-def test_flow_spans_the_ticks_that_sensor_tick_leaves_out(suite):
+def test_flow_spans_the_ticks_that_sensor_tick_leaves_out(sensors):
     poses = [((-15.0 + 0.3 * k, 0.0, 2.0), (0.0, float(k), 0.0)) for k in range(4)]
     for k, pose in enumerate(poses[:3]):
-        given = suite.capture(
+        given = sensors.capture(
             state(1 + k),
             [request("camera.optical_flow", 100, location=pose[0], rotation_deg=pose[1],
                      sensor_tick=0.3, **LENS)],
         )  # fmt: skip
         assert len(given) == int(k == 0)
-    flow, depth, *_ = look(suite, state(4), poses[3], sensor_tick=0.3)
+    flow, depth, *_ = look(sensors, state(4), poses[3], sensor_tick=0.3)
     error = end_point_error(flow, predicted(depth, poses[3], poses[0]), depth < 999.0)
     assert np.median(error) < 1e-3
 
 
-def test_an_actor_that_is_new_has_not_moved(suite):
-    look(suite, state(1), NOW)
-    flow, _, _, ids = look(suite, state(2, vehicles=[(7, (0.0, 0.0, 0.0), 20.0)]), NOW)
+def test_an_actor_that_is_new_has_not_moved(sensors):
+    look(sensors, state(1), NOW)
+    flow, _, _, ids = look(sensors, state(2, vehicles=[(7, (0.0, 0.0, 0.0), 20.0)]), NOW)
     assert (ids == 7).sum() > 50
     assert np.abs(flow).max() < 1e-4

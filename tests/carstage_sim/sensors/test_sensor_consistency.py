@@ -27,7 +27,7 @@ _EYE, _TURN = (0.0, 0.0, 1.8), (-6.0, 3.0, 2.0)
 
 
 @pytest.fixture(scope="module")
-def suite():
+def sensors():
     with WorldSensors(town(GROUND, WALL, _BLOCK), threads=2) as made:
         yield made
 
@@ -39,8 +39,8 @@ def camera(kind, sensor_id, location=_EYE, rotation=_TURN, **attributes):
     )  # fmt: skip
 
 
-def frames(suite, world, *requests):
-    return [frame for _, frame in suite.capture(world, list(requests))]
+def frames(sensors, world, *requests):
+    return [frame for _, frame in sensors.capture(world, list(requests))]
 
 
 def metres(frame):
@@ -74,13 +74,13 @@ def inside(column, row, edge=2.0):
     return (column > edge) & (column < _WIDTH - edge) & (row > edge) & (row < _HEIGHT - edge)
 
 
-def test_lidar_hits_lie_on_the_back_projected_depth(suite):
+def test_lidar_hits_lie_on_the_back_projected_depth(sensors):
     world = state(1)
     laser = request(
         "lidar.ray_cast_semantic", 300, location=_EYE, rotation_deg=_TURN, channels=32, range=80,
         points_per_second=100000, rotation_frequency=10, upper_fov=20, lower_fov=-40,
     )  # fmt: skip
-    depth, points = frames(suite, world, camera("depth", 301), laser)
+    depth, points = frames(sensors, world, camera("depth", 301), laser)
     local = np.stack([points.points[axis] for axis in "xyz"], axis=-1).astype(np.float64)
     found = local @ rotation_matrix(_TURN).T + np.asarray(_EYE)
     ahead = local[:, 0] > 0.5
@@ -99,9 +99,9 @@ def test_lidar_hits_lie_on_the_back_projected_depth(suite):
     assert np.median(np.abs(seen - forward)[flat]) < 1e-3
 
 
-def test_instances_cover_exactly_the_mask_of_their_class(suite):
+def test_instances_cover_exactly_the_mask_of_their_class(sensors):
     tags, instances = frames(
-        suite, state(1, vehicles=_CARS), camera("semantic_segmentation", 310),
+        sensors, state(1, vehicles=_CARS), camera("semantic_segmentation", 310),
         camera("instance_segmentation", 311),
     )  # fmt: skip
     assert np.array_equal(tags.pixels[..., 2], instances.pixels[..., 2])
@@ -112,8 +112,8 @@ def test_instances_cover_exactly_the_mask_of_their_class(suite):
     assert np.array_equal(cars, np.isin(ids, (40, 41)))
 
 
-def test_pixels_of_a_car_lie_in_the_hull_of_its_box(suite):
-    (instances,) = frames(suite, state(1, vehicles=_CARS), camera("instance_segmentation", 320))
+def test_pixels_of_a_car_lie_in_the_hull_of_its_box(sensors):
+    (instances,) = frames(sensors, state(1, vehicles=_CARS), camera("instance_segmentation", 320))
     shape = catalogue()["vehicle.tesla.model3"]
     corner = np.array([[(k >> axis) & 1 for axis in range(3)] for k in range(8)]) * 2.0 - 1.0
     corner = corner * shape.box_extent + shape.box_center
@@ -127,19 +127,19 @@ def test_pixels_of_a_car_lie_in_the_hull_of_its_box(suite):
 
 
 @pytest.mark.parametrize("lens", [{}, {"lens_circle_multiplier": 2.0}])
-def test_flow_leads_back_to_where_each_point_was(suite, lens):
+def test_flow_leads_back_to_where_each_point_was(sensors, lens):
     """Half a pixel in the median, on static and on moving pixels, with a lens too."""
-    suite.reset()
+    sensors.reset()
     moved = [(i, (x + 0.25, y + 0.1, z), yaw + 4.0) for i, (x, y, z), yaw in _CARS]
     eye, turn = (0.3, 0.1, 1.85), (-5.0, 4.0, 1.0)
     requests = [camera(kind, n) for n, kind in ((330, "depth"), (331, "instance_segmentation"))]
-    depth, _ = frames(suite, state(1, vehicles=_CARS), *requests)
-    frames(suite, state(2, vehicles=_CARS), camera("optical_flow", 332, **lens))
+    depth, _ = frames(sensors, state(1, vehicles=_CARS), *requests)
+    frames(sensors, state(2, vehicles=_CARS), camera("optical_flow", 332, **lens))
     later = [
         camera(kind, n, eye, turn, **lens)
         for n, kind in ((332, "optical_flow"), (333, "depth"), (334, "instance_segmentation"))
     ]
-    flow, depth_now, ids_now = frames(suite, state(3, vehicles=moved), *later)
+    flow, depth_now, ids_now = frames(sensors, state(3, vehicles=moved), *later)
     row, column = np.indices((_HEIGHT, _WIDTH)).reshape(2, -1) + 0.5
     ids = ids_now.pixels[..., 1].reshape(-1)
     view = Camera(_WIDTH, _HEIGHT, _FOV, eye, turn, 0, _lens(lens))
@@ -179,8 +179,8 @@ def _lens(attributes):
     return Lens.of({name: str(value) for name, value in attributes.items()})
 
 
-def test_normals_are_unit_vectors_that_face_the_camera(suite):
-    frame = suite.frame_of(state(1, vehicles=_CARS))
+def test_normals_are_unit_vectors_that_face_the_camera(sensors):
+    frame = sensors.frame_of(state(1, vehicles=_CARS))
     caster = RayCaster(1)
     rays = pixel_rays(Camera(_WIDTH, _HEIGHT, _FOV, _EYE, _TURN, 0))
     hits = caster.cast(frame.scene, np.asarray(_EYE), rays, low=0.1, high=1000.0)
@@ -191,7 +191,7 @@ def test_normals_are_unit_vectors_that_face_the_camera(suite):
     assert not normals[~met].any()
 
 
-def test_all_cameras_have_the_same_bytes_with_any_number_of_threads(suite):
+def test_all_cameras_have_the_same_bytes_with_any_number_of_threads(sensors):
     kinds = (
         "rgb", "depth", "semantic_segmentation", "instance_segmentation", "normals", "optical_flow"
     )  # fmt: skip
@@ -201,7 +201,7 @@ def test_all_cameras_have_the_same_bytes_with_any_number_of_threads(suite):
         taken = frames(of, state(1, vehicles=_CARS), *requests)
         return [getattr(frame, "pixels", getattr(frame, "flow", None)).tobytes() for frame in taken]
 
-    suite.reset()
-    many = content(suite)
+    sensors.reset()
+    many = content(sensors)
     with WorldSensors(town(GROUND, WALL, _BLOCK), threads=1) as alone:
         assert content(alone) == many

@@ -30,7 +30,7 @@ def trees(tmp_path_factory):
 
 
 @pytest.fixture
-def suite(trees):
+def sensors(trees):
     with WorldSensors(town(GROUND, WALL), threads=1, cache=trees) as built:
         yield built
 
@@ -70,8 +70,8 @@ def bytes_of(frames):
     return parts
 
 
-def test_all_kinds_are_answered_in_the_order_of_the_requests(suite):
-    frames = suite.capture(state(1, **WORLD), rig())
+def test_all_kinds_are_answered_in_the_order_of_the_requests(sensors):
+    frames = sensors.capture(state(1, **WORLD), rig())
     assert [sensor_id for sensor_id, _ in frames] == [r.sensor_id for r in rig()]
     assert SensorRegistry.known() == (
         "sensor.camera.cosmos_visualization",
@@ -93,31 +93,31 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(suite):
     )
 
 
-def test_cameras_of_one_pose_and_lens_share_a_cast(suite):
+def test_cameras_of_one_pose_and_lens_share_a_cast(sensors):
     same = [request(f"camera.{kind}", k) for k, kind in enumerate(_KINDS)]
-    suite.capture(state(1, **WORLD), same)
-    assert suite.last_cast_count == 1
+    sensors.capture(state(1, **WORLD), same)
+    assert sensors.last_cast_count == 1
     other = [
         request("camera.depth", 10, fov=91.0),
         request("camera.depth", 11, location=(0.0, 0.1, 2.0)),
         request("camera.depth", 12, image_size_x=65),
     ]
-    suite.capture(state(2, **WORLD), same + other)
-    assert suite.last_cast_count == 4
+    sensors.capture(state(2, **WORLD), same + other)
+    assert sensors.last_cast_count == 4
 
 
-def test_sensors_that_cast_nothing_cost_no_cast(suite):
-    suite.capture(state(1), [request("other.imu")])
-    assert suite.last_cast_count == 0
+def test_sensors_that_cast_nothing_cost_no_cast(sensors):
+    sensors.capture(state(1), [request("other.imu")])
+    assert sensors.last_cast_count == 0
 
 
 def test_a_second_run_gives_the_same_bytes_with_any_number_of_threads(trees):
     runs = []
     for threads in (1, 2, 1):
-        with WorldSensors(town(GROUND, WALL), threads=threads, cache=trees) as suite:
+        with WorldSensors(town(GROUND, WALL), threads=threads, cache=trees) as sensors:
             runs.append(
                 [
-                    bytes_of(suite.capture(moving(k), [*rig(), request("camera.dvs", 30)]))
+                    bytes_of(sensors.capture(moving(k), [*rig(), request("camera.dvs", 30)]))
                     for k in range(1, 4)
                 ]
             )
@@ -125,62 +125,64 @@ def test_a_second_run_gives_the_same_bytes_with_any_number_of_threads(trees):
     assert any(sensor_id == 30 for sensor_id, *_ in runs[0][1])
 
 
-def test_a_frame_number_that_goes_back_forgets_the_sensors(suite):
+def test_a_frame_number_that_goes_back_forgets_the_sensors(sensors):
     sensor = request("lidar.ray_cast", 20, **_LIDAR, rotation_frequency=2.5)
-    angles = [suite.capture(state(k), [sensor])[0][1].horizontal_angle_rad for k in (1, 2, 3, 1, 2)]
+    angles = [
+        sensors.capture(state(k), [sensor])[0][1].horizontal_angle_rad for k in (1, 2, 3, 1, 2)
+    ]
     assert angles[3:] == angles[:2]
     assert angles[2] != angles[0]
 
 
-def test_a_new_episode_starts_with_new_sensors(suite):
+def test_a_new_episode_starts_with_new_sensors(sensors):
     sensor = request("lidar.ray_cast", 20, **_LIDAR, rotation_frequency=2.5)
-    first = suite.capture(state(1), [sensor])[0][1].horizontal_angle_rad
-    suite.reset()
-    assert suite.capture(state(2), [sensor])[0][1].horizontal_angle_rad == first
+    first = sensors.capture(state(1), [sensor])[0][1].horizontal_angle_rad
+    sensors.reset()
+    assert sensors.capture(state(2), [sensor])[0][1].horizontal_angle_rad == first
 
 
-def test_a_sensor_that_stops_listening_starts_anew(suite):
+def test_a_sensor_that_stops_listening_starts_anew(sensors):
     sensor = request("lidar.ray_cast", 20, **_LIDAR, rotation_frequency=2.5)
-    first = suite.capture(state(1), [sensor])[0][1].horizontal_angle_rad
-    suite.capture(state(2), [])
-    assert suite.capture(state(3), [sensor])[0][1].horizontal_angle_rad == first
+    first = sensors.capture(state(1), [sensor])[0][1].horizontal_angle_rad
+    sensors.capture(state(2), [])
+    assert sensors.capture(state(3), [sensor])[0][1].horizontal_angle_rad == first
 
 
-def test_sensor_tick_is_kept_without_drift(suite):
+def test_sensor_tick_is_kept_without_drift(sensors):
     sensor = request("other.gnss", sensor_tick=0.25)
-    given = [k for k in range(1, 22) if suite.capture(state(k), [sensor])]
+    given = [k for k in range(1, 22) if sensors.capture(state(k), [sensor])]
     # 0.1 s per frame: due at 0.1, 0.35, 0.6, 0.85, 1.1 ... on the first frame not before.
     assert given == [1, 4, 6, 9, 11, 14, 16, 19, 21]
 
 
-def test_an_unknown_sensor_is_named(suite):
+def test_an_unknown_sensor_is_named(sensors):
     with pytest.raises(KeyError, match=r"sensor\.other\.unknown"):
-        suite.capture(state(1), [request("other.unknown")])
+        sensors.capture(state(1), [request("other.unknown")])
 
 
 def test_warm_up_changes_nothing(trees):
-    with WorldSensors(town(GROUND, WALL), threads=1, cache=trees) as suite:
-        suite.warm_up()
-        warm = bytes_of(suite.capture(state(1, **WORLD), rig()))
-    with WorldSensors(town(GROUND, WALL), threads=1, cache=trees) as suite:
-        assert bytes_of(suite.capture(state(1, **WORLD), rig())) == warm
+    with WorldSensors(town(GROUND, WALL), threads=1, cache=trees) as sensors:
+        sensors.warm_up()
+        warm = bytes_of(sensors.capture(state(1, **WORLD), rig()))
+    with WorldSensors(town(GROUND, WALL), threads=1, cache=trees) as sensors:
+        assert bytes_of(sensors.capture(state(1, **WORLD), rig())) == warm
 
 
-def test_actors_move_between_frames(suite):
+def test_actors_move_between_frames(sensors):
     camera = request("camera.depth")
-    near = suite.capture(state(1, vehicles=[(3, (6.0, 0.0, 0.0), 0.0)]), [camera])[0][1]
-    far = suite.capture(state(2, vehicles=[(3, (8.0, 0.0, 0.0), 0.0)]), [camera])[0][1]
+    near = sensors.capture(state(1, vehicles=[(3, (6.0, 0.0, 0.0), 0.0)]), [camera])[0][1]
+    far = sensors.capture(state(2, vehicles=[(3, (8.0, 0.0, 0.0), 0.0)]), [camera])[0][1]
     assert not np.array_equal(near.pixels, far.pixels)
 
 
 def test_looping_sensors_render_a_few_frames_and_send_them_in_turn(trees):
-    with WorldSensors(town(GROUND, WALL), threads=1, loop=Looping(3), cache=trees) as suite:
-        captures = [suite.capture(moving(frame), rig()) for frame in range(1, 4)]
+    with WorldSensors(town(GROUND, WALL), threads=1, loop=Looping(3), cache=trees) as sensors:
+        captures = [sensors.capture(moving(frame), rig()) for frame in range(1, 4)]
         rendered = [dict(capture) for capture in captures]
         assert not np.array_equal(rendered[0][10].pixels, rendered[1][10].pixels)
         for frame in range(4, 11):
-            repeated = suite.capture(moving(frame), rig())
-            assert suite.last_cast_count == 0
+            repeated = sensors.capture(moving(frame), rig())
+            assert sensors.last_cast_count == 0
             earlier = captures[(frame - 1) % 3]
             assert [number for number, _ in repeated] == [number for number, _ in earlier]
             assert all(a is b for (_, a), (_, b) in zip(repeated, earlier, strict=True))
@@ -190,9 +192,9 @@ def test_noise_of_looping_sensors_is_on_colours_alone_and_the_same_again(trees):
     def captured(noise):
         with WorldSensors(
             town(GROUND, WALL), threads=1, loop=Looping(1, noise), cache=trees
-        ) as suite:
+        ) as sensors:
             cameras = [request("camera.rgb", 10), request("camera.depth", 11)]
-            return {key: frame.pixels for key, frame in suite.capture(moving(1), cameras)}
+            return {key: frame.pixels for key, frame in sensors.capture(moving(1), cameras)}
 
     clean, noisy, again = captured(0.0), captured(4.0), captured(4.0)
     assert np.array_equal(noisy[10], again[10])
@@ -205,8 +207,8 @@ def test_noise_of_looping_sensors_is_on_colours_alone_and_the_same_again(trees):
 
 def test_looping_sensors_keep_to_their_interval(trees):
     slow = request("camera.depth", 10, sensor_tick=0.2)
-    with WorldSensors(town(GROUND, WALL), threads=1, loop=Looping(1), cache=trees) as suite:
-        sent = [bool(suite.capture(moving(frame), [slow])) for frame in range(1, 9)]
+    with WorldSensors(town(GROUND, WALL), threads=1, loop=Looping(1), cache=trees) as sensors:
+        sent = [bool(sensors.capture(moving(frame), [slow])) for frame in range(1, 9)]
     assert sent == [True, False] * 4
 
 
@@ -242,12 +244,12 @@ def test_shapes_that_are_expected_are_made_before_a_sensor_looks(trees):
         made.append(key)
         return WALL
 
-    with WorldSensors(town(GROUND), threads=1, cache=trees, meshes=mesh_of) as suite:
-        suite.expect("vehicle.tesla.model3")
+    with WorldSensors(town(GROUND), threads=1, cache=trees, meshes=mesh_of) as sensors:
+        sensors.expect("vehicle.tesla.model3")
         assert made == ["vehicle.tesla.model3"]
-        suite.capture(state(1, **WORLD), [request("camera.depth", 10)])
+        sensors.capture(state(1, **WORLD), [request("camera.depth", 10)])
         assert made == ["vehicle.tesla.model3"]
-        suite.expect("walker.pedestrian.0001")
+        sensors.expect("walker.pedestrian.0001")
         assert len(set(made)) == 1 + 9, "one that stands and eight that walk"
-        suite.expect("sensor.other.imu")
+        sensors.expect("sensor.other.imu")
         assert len(made) == 10

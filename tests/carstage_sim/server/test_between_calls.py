@@ -76,14 +76,14 @@ def test_a_delayed_action_that_fails_ends_no_server(caplog: pytest.LogCaptureFix
 def test_a_delayed_load_that_resets_the_settings_frees_the_world_of_its_holders() -> None:
     idle = cast(Connection, object())
     with serving(lambda _: None) as (server, simulation):
-        server._claims.served(idle, EpisodeSettings(), SYNCHRONOUS, claims=True)
+        server._owners.served(idle, EpisodeSettings(), SYNCHRONOUS, takes_over=True)
 
         def load() -> None:
             simulation.settings = EpisodeSettings()
 
         server._after(0.0, load)
         server._run_due()
-        assert not server._claims.held
+        assert not server._owners.owned
 
 
 @pytest.mark.parametrize(

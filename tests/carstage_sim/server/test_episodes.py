@@ -40,7 +40,7 @@ def simulation(stage01: Town) -> Iterator[Simulation]:
         yield running
 
 
-def test_a_map_without_spawn_points_is_rehearsed_and_loaded(simulation: Simulation) -> None:
+def test_a_map_without_spawn_points_is_warmed_up_and_loaded(simulation: Simulation) -> None:
     simulation.load("Short", reset_settings=False)
     simulation.warm_up()
     world = simulation.world

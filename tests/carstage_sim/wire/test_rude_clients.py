@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import msgpack
 import pytest
 
-from carstage_sim.wire import complaints
+from carstage_sim.wire import throttled_warnings
 from carstage_sim.wire.channel import Channel
-from carstage_sim.wire.complaints import Complaints
 from carstage_sim.wire.rpc import Disconnected, Request, RpcServer
 from carstage_sim.wire.socket_loop import SocketLoop, bind
+from carstage_sim.wire.throttled_warnings import ThrottledWarnings
 from raw_client import RawClient, subscribe
 from waiting import await_that
 
@@ -196,8 +196,8 @@ def test_same_trouble_is_logged_once_with_a_count(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now_s = [100.0]
-    monkeypatch.setattr(complaints, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
-    told = Complaints(logging.getLogger("test"), again_after_s=10.0)
+    monkeypatch.setattr(throttled_warnings, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    told = ThrottledWarnings(logging.getLogger("test"), again_after_s=10.0)
     for _ in range(5):
         told.warn("it rains", "again")
     assert [record.getMessage() for record in caplog.records] == ["it rains: again"]

@@ -265,7 +265,7 @@ def test_who_is_parked_beside_the_lane_does_not_keep_a_light_green(
 def test_who_is_told_to_let_others_pass_sees_red_and_no_light(world: World, stage01: Town) -> None:
     cars = [world.spawn(CAR, {}, place(stage01, index)) for index in (0, 20)]
     ticks(world, 1)
-    world.arm_turns.told_to_wait = np.array([cars[1].actor_id], np.uint32)
+    world.arm_turns.waiting_ids = np.array([cars[1].actor_id], np.uint32)
     columns = world.freeze(DELTA_S).vehicles
     assert columns.light_id.tolist() == [0, 0]
     assert columns.light_state.tolist() == [TrafficLightState.GREEN, TrafficLightState.RED]

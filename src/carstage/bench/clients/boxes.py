@@ -32,12 +32,12 @@ class Boxes:
     def __init__(self, opened: SceneSession) -> None:
         self._world = opened.world
         self._ego_id = opened.scene.ego.id
-        self._most_m = float(opened.spec.raw["max_distance_m"])
+        self._most_m = opened.spec.max_distance_m
         self._cameras: list[tuple[str, str, Any]] = []
-        for raw in opened.spec.raw["sensors"]:
-            if raw["labelled"]:
-                actor = opened.scene.rig.actors[raw["id"]]
-                self._cameras.append((raw["id"], raw["depth"], _intrinsics(actor)))
+        for sensor in opened.spec.sensors:
+            if sensor.labelled and sensor.depth is not None:
+                actor = opened.scene.rig.actors[sensor.id]
+                self._cameras.append((sensor.id, sensor.depth, _intrinsics(actor)))
         self._actors: list[Any] = []
         self._rows: list[tuple[Any, ...]] = []
 

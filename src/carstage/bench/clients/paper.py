@@ -71,7 +71,7 @@ class MappedSeconds:
 
 def record(opened: SceneSession, options: argparse.Namespace) -> None:
     """Capture; convert when the scene is gone."""
-    per_second = max(1, round(1.0 / opened.spec.timing.step_s))
+    per_second = max(1, round(1.0 / opened.spec.step_s))
     seconds = {name: MappedSeconds(opened.folder / name, per_second) for name in opened.sensors}
     shapes = _capture(opened, seconds)
     jobs = [

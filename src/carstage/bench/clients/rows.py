@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 
@@ -42,10 +41,5 @@ class RowFiles:
     def __enter__(self) -> RowFiles:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._files.close()

@@ -19,12 +19,12 @@ from carstage.collector.__main__ import EXIT_FAILED, EXIT_OK, collector_parser, 
 from carstage.collector.client import connect
 from carstage.collector.internals.errors import CollectorError
 from carstage.collector.internals.events import EventStream
-from carstage.collector.internals.plan import EpisodeSpec, Plan, SensorPlan
-from carstage.collector.internals.reading import read_plan
+from carstage.collector.internals.plan import Plan, read_plan
 from carstage.collector.internals.scene import Scene, build_scene
 from carstage.collector.internals.stopping import StopRequest
 from carstage.collector.timing import Tick
 from carstage.collector.world import WorldSession
+from carstage.spec import EpisodeSpec, SensorSpec
 
 
 class SceneSession(NamedTuple):
@@ -43,7 +43,7 @@ class SceneSession(NamedTuple):
     world: Any
     scene: Scene
     spec: EpisodeSpec
-    sensors: Mapping[str, SensorPlan]
+    sensors: Mapping[str, SensorSpec]
     folder: Path
     timeout_s: float
     listen_from: int
@@ -157,11 +157,10 @@ def _opened_scene(plan: Plan, events: EventStream, stop: StopRequest) -> Iterato
     (episode,) = plan.episodes
     spec = episode.spec
     client = connect(plan.server, stop)
-    hidden = {raw["id"] for raw in spec.raw["sensors"] if raw["hidden"]}
     with WorldSession(client, spec, plan.server.timeout_s) as session:
         scene = build_scene(client, session, spec=spec, server=plan.server, check=stop.check)
         session.on_exit("streams", scene.rig.stop)
-        sensors = {sensor.id: sensor for sensor in spec.sensors if sensor.id not in hidden}
+        sensors = {sensor.id: sensor for sensor in spec.written_sensors}
         for name in sensors:
             Path(episode.folder, name).mkdir(parents=True, exist_ok=True)
         yield SceneSession(

@@ -11,8 +11,8 @@ from typing import Any, Dict, Iterable, List, Optional, Sequence
 import carla
 
 from carstage.collector.internals.errors import VersionMismatchError
-from carstage.collector.internals.level_labels import LEVEL_LABELS
 from carstage.releases import client_release, is_newer, refusal, release_of
+from carstage.spec.labels import LEVEL_LABELS
 
 _log = logging.getLogger(__name__)
 

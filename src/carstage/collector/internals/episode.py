@@ -10,7 +10,7 @@ from carstage.collector.internals.errors import InterruptedByRequestError
 from carstage.collector.internals.events import EventStream
 from carstage.collector.internals.level_objects import level_objects
 from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher
-from carstage.collector.internals.plan import EpisodePlan, EpisodeSpec, Plan
+from carstage.collector.internals.plan import EpisodePlan, Plan
 from carstage.collector.internals.scene import Scene, build_scene
 from carstage.collector.internals.snapshots import WorldMoment, WorldObserver
 from carstage.collector.internals.stopping import StopRequest
@@ -26,7 +26,6 @@ from carstage.collector.paths import prepare_folder
 from carstage.collector.processing import POLL_S, ByteBudget, Pipeline
 from carstage.collector.sensors import sensor_of
 from carstage.collector.timing import (
-    SavedFrames,
     Tick,
     patience_s,
     skipped_ticks,
@@ -35,6 +34,8 @@ from carstage.collector.timing import (
 from carstage.collector.world import WorldSession
 from carstage.rawlog.format import ACTOR_RECORD, FORMAT_VERSION, WORLD, SealedSegment
 from carstage.rawlog.writing import BLOCKS, CHUNKLOG, write_episode_file
+from carstage.spec import EpisodeSpec
+from carstage.spec.timing import SavedFrames
 
 EXPECTED_ACTORS = 200
 
@@ -125,7 +126,7 @@ class EpisodeRecorder:
         writers = stack.enter_context(
             LogWriters(
                 folder,
-                expected_segments(bytes_per_tick, segment_ticks, spec.save_every),
+                expected_segments(bytes_per_tick, segment_ticks, spec.saved),
                 segment_ticks,
                 writer_threads(list(bytes_per_tick.values())),
                 budget.give_back,
@@ -142,13 +143,13 @@ class EpisodeRecorder:
                 FrameMatcher(
                     [sensor.id for sensor in spec.sensors],
                     patience_s(spec.timing, self._plan.server.timeout_s),
-                    spec.timing.skip_incomplete,
-                    spec.timing.own_timelines,
+                    not spec.timing.demands_all,
+                    not spec.timing.sensor_sync,
                 ),
                 budget,
                 spec.steps,
                 segment_ticks,
-                strict=not spec.timing.skip_incomplete,
+                strict=spec.timing.demands_all,
                 failures=failures,
             )
         )
@@ -156,9 +157,9 @@ class EpisodeRecorder:
         listening_ticks = self._plan.sensor_warmup_ticks
         warm_up(scene, pipeline, episode, listening_ticks, self._events, self._stop)
         observer = WorldObserver(
-            session.world, scene.ego, level_objects(session.world, spec.level_objects)
+            session.world, scene.ego, level_objects(session.world, spec.labels.level_objects)
         )
-        saved = SavedFrames(spec.save_every)
+        saved = SavedFrames(spec.saved)
         for tick, step in self._ticks(scene, pipeline, spec.steps):
             if tick == 0:
                 header = self._header(episode, session, scene, segment_ticks, step)
@@ -242,7 +243,7 @@ class EpisodeRecorder:
             "format_version": FORMAT_VERSION,
             "episode_id": episode.episode_id,
             "attempt": episode.attempt,
-            "spec": episode.spec.raw,
+            "spec": episode.spec.to_json(),
             "ticks_per_segment": segment_ticks,
             "ticks": episode.spec.steps,
             "client_version": self._versions.client,

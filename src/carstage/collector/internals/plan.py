@@ -1,21 +1,25 @@
-"""The collector's plan, as ``reading`` makes it from JSON.
+"""The collector's plan: where the server is, how to record, and the episodes.
 
-The JSON is fixed in docs/formats/run-folder.md. Only what the collector acts on becomes a field
-here; the whole specification is carried along and written into ``episode.json`` as it came.
+The JSON is fixed in docs/formats/run-folder.md.
 """
 
 from __future__ import annotations
 
+import json
+import sys
 from dataclasses import dataclass
-from typing import Any, Mapping, Optional, Tuple
+from typing import Any, Optional, Tuple
 
+from carstage.collector.internals.errors import PlanError
+from carstage.rawlog.format import LEDGER, WORLD, check_stream_name
+from carstage.rawlog.writing import CHUNKLOG, RAW_STORES
+from carstage.sensor_kinds import import_plugins, registered_kinds
+from carstage.spec import EpisodeSpec, Fields, SpecError
+
+PLAN_VERSION = 1
+DEFAULT_QUEUE_BYTES = 256 * 1024 * 1024
 DEFAULT_TIMEOUT_S = 20.0
 DEFAULT_LOAD_TIMEOUT_S = 200.0
-EGO = "ego"
-ON_MAP = "world"
-RIGID = "rigid"
-FOLLOW = "follow"
-ATTACHMENTS = (RIGID, FOLLOW, "spring_arm", "spring_arm_ghost")
 
 
 @dataclass(frozen=True)
@@ -27,177 +31,6 @@ class ServerPlan:
     timeout_s: float
     load_timeout_s: float
     traffic_manager_port: int
-
-
-@dataclass(frozen=True)
-class Pose:
-    """A sensor's pose on its carrier or on the map: CARLA's left-handed axes, m and degrees."""
-
-    x_m: float
-    y_m: float
-    z_m: float
-    roll_deg: float
-    pitch_deg: float
-    yaw_deg: float
-
-
-@dataclass(frozen=True)
-class SensorPlan:
-    """One sensor, asked for or a hidden twin.
-
-    Attributes:
-        attach_to: ``ego``, ``world`` or a pattern of actor types.
-        attach_index: which actor of the pattern, by distance from the ego at the start.
-        attachment: ``rigid``, ``follow``, ``spring_arm`` or ``spring_arm_ghost``.
-    """
-
-    id: str
-    kind: str
-    blueprint: str
-    pose: Pose
-    attributes: Mapping[str, str]
-    attach_to: str = EGO
-    attach_index: int = 0
-    attachment: str = RIGID
-
-
-@dataclass(frozen=True)
-class TimingPlan:
-    """How time runs: step, sub-steps, and what an incomplete frame means.
-
-    Attributes:
-        synchronous: we tick; else the server runs on its own and we follow.
-        skip_incomplete: an incomplete frame is not waited for: as asked for, and always where
-            frames may be incomplete by nature, without synchronous mode or sensor synchronisation.
-        own_timelines: sensors need not deliver in every step.
-    """
-
-    synchronous: bool
-    step_s: float
-    max_substep_delta_time_s: float
-    max_substeps: int
-    skip_incomplete: bool
-    own_timelines: bool
-
-
-@dataclass(frozen=True)
-class WeatherMoment:
-    """The weather from ``at_s`` on: a preset (or none) and values that override it."""
-
-    at_s: float
-    preset: Optional[str]
-    parameters: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class WeatherPlan:
-    """The weather at the first step, what it becomes later, and when lamps shine."""
-
-    begin: WeatherMoment
-    changes: Tuple[WeatherMoment, ...]
-    lights: str
-
-
-@dataclass(frozen=True)
-class GroupPlan:
-    """So many actors of these blueprints; ``base_type`` and ``generation`` None: any."""
-
-    count: int
-    filter: str
-    base_type: Optional[str] = None
-    generation: Optional[str] = None
-
-
-@dataclass(frozen=True)
-class VehiclesPlan:
-    """Vehicles besides the ego.
-
-    Attributes:
-        groups: spawned in this order.
-        radius_m: how near the ego they begin; None: anywhere.
-        shortfall: ``warn``, ``fail`` or ``fill``.
-    """
-
-    groups: Tuple[GroupPlan, ...]
-    radius_m: Optional[float]
-    shortfall: str
-
-    @property
-    def count(self) -> int:
-        """Vehicles of all groups."""
-        return sum(group.count for group in self.groups)
-
-
-@dataclass(frozen=True)
-class WalkersPlan:
-    """Pedestrians; shares in per cent, the rest as for vehicles."""
-
-    group: GroupPlan
-    radius_m: Optional[float]
-    shortfall: str
-    running_percent: float
-    crossing_percent: float
-
-
-@dataclass(frozen=True)
-class TrafficPlan:
-    """How the Traffic Manager drives.
-
-    Attributes:
-        spreads: by name, the ends between which each vehicle draws its own value.
-        lane_changes: vehicles may change lanes.
-        include_ego: the ego draws like the others, else it keeps the law.
-        hybrid_physics_radius_m: vehicles farther from the ego move without physics; None: none.
-    """
-
-    spreads: Mapping[str, Tuple[float, float]]
-    lane_changes: bool
-    include_ego: bool
-    hybrid_physics_radius_m: Optional[float]
-
-
-@dataclass(frozen=True)
-class Place:
-    """A place on the map and a heading: metres and degrees."""
-
-    x_m: float
-    y_m: float
-    z_m: float
-    yaw_deg: float
-
-
-@dataclass(frozen=True)
-class EgoPlan:
-    """The ego: its blueprint, its colour (None: a recommended one), and where it begins."""
-
-    blueprint: str
-    color: Optional[Tuple[int, int, int]]
-    spawn_index: Optional[int]
-    place: Optional[Place]
-
-
-@dataclass(frozen=True)
-class EpisodeSpec:
-    """What one episode is, as far as the collector acts on it; ``raw`` is all of it."""
-
-    raw: Mapping[str, Any]
-    dialect: str
-    map: str
-    map_layers: Optional[Tuple[str, ...]]
-    weather: WeatherPlan
-    steps: int
-    fps: float
-    save_every: int
-    warmup_ticks: int
-    timing: TimingPlan
-    vehicles: VehiclesPlan
-    pedestrians: WalkersPlan
-    traffic: TrafficPlan
-    ego: EgoPlan
-    scenario: Mapping[str, Any]
-    sensors: Tuple[SensorPlan, ...]
-    seeds: Mapping[str, int]
-    level_objects: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -230,3 +63,96 @@ class Plan:
     durable: bool
     sensor_warmup_ticks: Optional[int]
     episodes: Tuple[EpisodePlan, ...]
+
+
+def read_plan(path: str) -> Plan:
+    """Read and check a plan file.
+
+    Raises:
+        PlanError: names the field and what is wrong with it.
+    """
+    try:
+        with open(path, encoding="utf-8") as file:
+            value = json.load(file)
+    except (OSError, ValueError) as error:
+        raise PlanError("The plan %s cannot be read: %s." % (path, error)) from error
+    return parse_plan(value)
+
+
+def parse_plan(value: Any) -> Plan:
+    """Check a plan that was read from JSON.
+
+    Raises:
+        PlanError: names the field and what is wrong with it.
+    """
+    try:
+        return _plan(Fields(value, ""))
+    except SpecError as error:
+        raise PlanError(error.message, error.hint) from error
+
+
+def _plan(plan: Fields) -> Plan:
+    version = plan.integer("plan_version", 0)
+    if version != PLAN_VERSION:
+        raise PlanError(
+            "plan_version: %d is not known; this collector reads %d." % (version, PLAN_VERSION),
+            "Use a collector and a Car-STAGE of the same version.",
+        )
+    _import_plugins(plan)
+    server = plan.object("server")
+    episodes = plan.objects("episodes")
+    if not episodes:
+        raise PlanError("episodes: is empty.")
+    return Plan(
+        server=ServerPlan(
+            host=server.text("host"),
+            port=server.integer("port", 1, 65535),
+            timeout_s=server.number("timeout_s", 0.0)
+            if "timeout_s" in server
+            else DEFAULT_TIMEOUT_S,
+            load_timeout_s=server.number("load_timeout_s", 0.0)
+            if "load_timeout_s" in server
+            else DEFAULT_LOAD_TIMEOUT_S,
+            traffic_manager_port=server.integer("traffic_manager_port", 1, 65535),
+        ),
+        queue_bytes=plan.integer("queue_bytes", 1)
+        if "queue_bytes" in plan
+        else DEFAULT_QUEUE_BYTES,
+        raw_store=plan.text("raw_store", RAW_STORES) if "raw_store" in plan else CHUNKLOG,
+        durable=plan.flag("durable") if "durable" in plan else True,
+        sensor_warmup_ticks=plan.integer("sensor_warmup_ticks", 0)
+        if "sensor_warmup_ticks" in plan
+        else None,
+        episodes=tuple(_episode(episode) for episode in episodes),
+    )
+
+
+def _import_plugins(plan: Fields) -> None:
+    """Import the modules that register the kinds of sensors that are not Car-STAGE's."""
+    for index, module in enumerate(plan.list("plugins") if "plugins" in plan else ()):
+        try:
+            import_plugins([module])
+        except Exception as error:
+            raise PlanError(
+                "plugins[%d]: %r cannot be imported: %s." % (index, module, error),
+                "Install the package of the sensor kind for the collector's Python, %s."
+                % sys.executable,
+            ) from error
+
+
+def _episode(fields: Fields) -> EpisodePlan:
+    path = fields.path("spec")
+    spec = EpisodeSpec.from_json(fields.any("spec"), path, kinds=registered_kinds())
+    for index, sensor in enumerate(spec.sensors):
+        try:
+            check_stream_name(sensor.id)
+        except ValueError as error:
+            raise PlanError("%s.sensors[%d].id: %s." % (path, index, error)) from error
+        if sensor.id in (WORLD, LEDGER):
+            raise PlanError("%s.sensors[%d].id: %r is taken already." % (path, index, sensor.id))
+    return EpisodePlan(
+        episode_id=fields.text("episode_id"),
+        attempt=fields.text("attempt"),
+        folder=fields.text("folder"),
+        spec=spec,
+    )

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any, Callable, Dict, Optional
 
-from carstage.collector.internals.plan import EpisodeSpec, ServerPlan
+from carstage.collector.internals.plan import ServerPlan
 from carstage.collector.internals.traffic_manager_wakeup import TickWatch
 from carstage.collector.scenario import Population, Scenario, make_scenario
 from carstage.collector.sensors.rig import Rig
 from carstage.collector.timing import CLOCKS, Clock, Tick
 from carstage.collector.world import WorldSession
+from carstage.spec import EpisodeSpec
 
 
 class Scene:
@@ -85,4 +86,4 @@ def build_scene(
     clock.step()  # so that the client knows what was spawned
     scenario.start(population)
     rig = Rig(session, spec, population.ego)
-    return Scene(session, clock, scenario, rig, population, spec.timing.step_s)
+    return Scene(session, clock, scenario, rig, population, spec.step_s)

@@ -46,7 +46,7 @@ def warm_up(
     spec = episode.spec
     ticks = spec.warmup_ticks
     begin_listening = 0 if listening_ticks is None else max(0, ticks - listening_ticks)
-    own_timelines = spec.timing.own_timelines
+    own_timelines = not spec.timing.sensor_sync
     frame = 0
     patience_s = WAIT_S
     for number in range(ticks + 1):

@@ -8,6 +8,7 @@ from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Seq
 
 from carstage.rawlog.format import LEDGER, Buffer, SealedSegment
 from carstage.rawlog.writing import CHUNKLOG, StreamWriter
+from carstage.spec import SavedSteps
 
 LARGE_BYTES = 1 << 18
 """A stream with so many bytes per tick spends its writer's time in the kernel."""
@@ -190,10 +191,10 @@ class LogWriters:
 
 
 def expected_segments(
-    bytes_per_tick: Mapping[str, int], ticks_per_segment: int, save_every: int
+    bytes_per_tick: Mapping[str, int], ticks_per_segment: int, saved_steps: SavedSteps
 ) -> Dict[str, int]:
     """Bytes that one segment of each stream is likely to take, to be reserved on disk."""
-    saved = -(-ticks_per_segment // save_every)
+    saved = saved_steps.count(ticks_per_segment)
     return {stream: size * saved for stream, size in bytes_per_tick.items()}
 
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any, List, Optional
+from typing import Any, List, Optional, Union
 
 import carla
 
 from carstage.collector.internals.errors import SceneError
-from carstage.collector.internals.plan import EpisodeSpec
 from carstage.collector.maps import spawn_points
 from carstage.collector.scenario.base import Population, Scenario, scenario
 from carstage.collector.scenario.routing import RoadGraph
 from carstage.collector.scenario.traffic import TrafficDriver
 from carstage.collector.world import WorldSession
+from carstage.spec import EpisodeSpec, Place, RouteSpec
 
 
 @scenario("autopilot")
@@ -45,10 +45,11 @@ class Route(Autopilot):
         Raises:
             SceneError: no road leads from one place to the next.
         """
+        assert isinstance(self._spec.scenario, RouteSpec)
         graph = RoadGraph(self._session.map)
         here = population.ego.get_transform().location
         path: List[Any] = []
-        for index, place in enumerate(self._spec.scenario["through"]):
+        for index, place in enumerate(self._spec.scenario.through):
             there = self._location(place, index)
             way = graph.way(here, there)
             if way is None:
@@ -61,9 +62,9 @@ class Route(Autopilot):
         super().start(population)
         self._driver.manager().set_path(population.ego, path)
 
-    def _location(self, place: Any, index: int) -> Any:
+    def _location(self, place: Union[int, Place], index: int) -> Any:
         if not isinstance(place, int):
-            return carla.Location(place["x_m"], place["y_m"], 0.0)
+            return carla.Location(place.x_m, place.y_m, 0.0)
         points = spawn_points(self._session.map)
         if place >= len(points):
             raise SceneError(
@@ -74,7 +75,7 @@ class Route(Autopilot):
         return points[place].location
 
 
-@scenario("hold")
+@scenario("stationary")
 class Hold(Autopilot):
     """The ego stands with its hand brake on; the others drive."""
 

@@ -8,8 +8,8 @@ from carstage.collector.actors import Walker, spawn_vehicles, spawn_walkers, sta
 from carstage.collector.ego import ego_start, spawn_ego
 from carstage.collector.internals.errors import SceneError
 from carstage.collector.internals.lamps import Lamps
-from carstage.collector.internals.plan import EpisodeSpec
 from carstage.collector.world import WorldSession
+from carstage.spec import EpisodeSpec
 
 
 class Population(NamedTuple):
@@ -63,7 +63,7 @@ class Scenario:
             ego,
             vehicles,
             walkers,
-            {"vehicles": spec.vehicles.count, "pedestrians": spec.pedestrians.group.count},
+            {"vehicles": spec.vehicles.total, "pedestrians": spec.pedestrians.group.count},
             {"vehicles": len(vehicles), "pedestrians": len(walkers)},
         )
 
@@ -103,7 +103,7 @@ def make_scenario(
     Raises:
         SceneError: unknown kind.
     """
-    kind = spec.scenario["kind"]
+    kind = spec.scenario.kind
     if kind not in SCENARIOS:
         raise SceneError(
             "scenario.kind: %r is not known." % kind, "Known are: %s." % ", ".join(SCENARIOS)

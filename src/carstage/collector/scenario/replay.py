@@ -4,29 +4,21 @@ from __future__ import annotations
 
 import logging
 import math
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence
+from typing import Any, Callable, Dict, List, Optional, Sequence
 
 import carla
 
 from carstage.collector.actors import find_blueprint
 from carstage.collector.internals.errors import SceneError
-from carstage.collector.internals.plan import EpisodeSpec
 from carstage.collector.scenario.base import Population, Scenario, scenario
 from carstage.collector.world import WorldSession
+from carstage.spec import EpisodeSpec, ReplayedActor, ReplaySpec
 
 DROPS_M = (0.3, 1.0, 4.0, 20.0)
 """Heights above the recorded place to try: a spawn that touches the road or a neighbour fails."""
 
 PoseRow = Sequence[float]
 _log = logging.getLogger(__name__)
-
-
-class _Role(NamedTuple):
-    """One recorded road user: its look, and its pose at each step (None: it is not there)."""
-
-    blueprint: str
-    attributes: Dict[str, str]
-    poses: List[Optional[PoseRow]]
 
 
 @scenario("replay")
@@ -41,10 +33,8 @@ class Replay(Scenario):
         self, client: Any, session: WorldSession, spec: EpisodeSpec, traffic_manager_port: int
     ) -> None:
         super().__init__(client, session, spec, traffic_manager_port)
-        self._roles = [
-            _Role(actor["blueprint"], actor["attributes"], actor["poses"])
-            for actor in spec.scenario["actors"]
-        ]
+        assert isinstance(spec.scenario, ReplaySpec)
+        self._roles = spec.scenario.actors
         self._alive: Dict[int, Any] = {}
         self._ego: Any = None
 
@@ -104,9 +94,9 @@ class Replay(Scenario):
         after = self._next_pose(index, step)
         velocity, turn = carla.Vector3D(), carla.Vector3D()
         if moving and before is not None:
-            velocity, turn = _rates(before, pose, self._spec.timing.step_s)
+            velocity, turn = _rates(before, pose, self._spec.step_s)
         elif moving and after is not None:
-            velocity, turn = _rates(pose, after, self._spec.timing.step_s)
+            velocity, turn = _rates(pose, after, self._spec.step_s)
         if not self._is_vehicle(index):
             # Not ApplyWalkerState, which takes the place of the feet as navigation gives it. The
             # control is for the gait: a CARLA server also lets it carry the walker a step on.
@@ -157,7 +147,7 @@ class Replay(Scenario):
     def _is_vehicle(self, index: int) -> bool:
         return self._roles[index].blueprint.startswith("vehicle.")
 
-    def _count(self, family: str, roles: Sequence[_Role]) -> int:
+    def _count(self, family: str, roles: Sequence[ReplayedActor]) -> int:
         return sum(role.blueprint.startswith(family) for role in roles)
 
 

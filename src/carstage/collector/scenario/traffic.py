@@ -8,8 +8,8 @@ from typing import Any, Dict, List, Mapping
 import carla
 
 from carstage.collector.internals.lamps import DRIVING_LIGHTS
-from carstage.collector.internals.plan import EpisodeSpec, TrafficPlan
 from carstage.collector.world import WorldSession
+from carstage.spec import EpisodeSpec, TrafficSpec
 
 LAW_ABIDING: Mapping[str, float] = {
     "ignore_lights_percent": 0.0,
@@ -19,7 +19,7 @@ LAW_ABIDING: Mapping[str, float] = {
 }
 
 
-def personality(traffic: TrafficPlan, rng: random.Random) -> Dict[str, float]:
+def personality(traffic: TrafficSpec, rng: random.Random) -> Dict[str, float]:
     """A vehicle's own values by name; as many draws for each vehicle, whatever is planned."""
     drawn = {
         name: low + rng.random() * (high - low)
@@ -43,7 +43,7 @@ class TrafficDriver:
         self._session = session
         self._spec = spec
         self._port = port
-        self._rng = random.Random(spec.seeds["driving"])
+        self._rng = random.Random(spec.seeds.driving)
 
     def prepare(self) -> None:
         """Start a seeded Traffic Manager that steps with the world.
@@ -55,7 +55,7 @@ class TrafficDriver:
         manager = self.manager()
         self._session.on_exit("traffic manager", manager.shut_down)
         manager.set_synchronous_mode(self._spec.timing.synchronous)
-        manager.set_random_device_seed(self._spec.seeds["traffic_manager"])
+        manager.set_random_device_seed(self._spec.seeds.traffic_manager)
         radius_m = self._spec.traffic.hybrid_physics_radius_m
         manager.set_hybrid_physics_mode(radius_m is not None)
         if radius_m is not None:

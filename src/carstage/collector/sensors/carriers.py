@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Dict, List, Optional
 
 from carstage.collector.internals.errors import SceneError
-from carstage.collector.internals.plan import EGO, ON_MAP, SensorPlan
+from carstage.spec import EGO, ON_MAP, SensorSpec
 
 
 class Carriers:
@@ -21,7 +21,7 @@ class Carriers:
         self._ego = ego
         self._by_pattern: Dict[str, List[Any]] = {}
 
-    def carrier_of(self, sensor: SensorPlan, path: str) -> Optional[Any]:
+    def carrier_of(self, sensor: SensorSpec, path: str) -> Optional[Any]:
         """The actor that carries a sensor; None for one that is fixed on the map.
 
         Raises:

@@ -9,10 +9,10 @@ import carla
 from carstage.collector.actors import find_blueprint
 from carstage.collector.internals.dialect import attachment_type, is_listening
 from carstage.collector.internals.errors import SceneError
-from carstage.collector.internals.plan import FOLLOW, EpisodeSpec, SensorPlan
 from carstage.collector.sensors import sensor_of
 from carstage.collector.sensors.carriers import Carriers
 from carstage.collector.world import WorldSession
+from carstage.spec import FOLLOW, EpisodeSpec, SensorSpec
 
 MAX_NOISE_SEED = 2**31 - 1
 """``noise_seed`` is an int attribute on the server."""
@@ -40,7 +40,7 @@ class Rig:
         self.actors: Dict[str, Any] = {}
         self.carrier_ids: Dict[str, int] = {}
         self.expected_bytes: Dict[str, int] = {}
-        self._followers: List[Tuple[Any, Any, SensorPlan]] = []
+        self._followers: List[Tuple[Any, Any, SensorSpec]] = []
         for index, sensor in enumerate(spec.sensors):
             path = "sensors[%d]" % index
             blueprint = find_blueprint(library, sensor.blueprint, path + ".blueprint")
@@ -55,7 +55,7 @@ class Rig:
                 dict(actor.attributes), spec.fps
             )
 
-    def _spawn(self, blueprint: Any, sensor: SensorPlan, carrier: Optional[Any], path: str) -> Any:
+    def _spawn(self, blueprint: Any, sensor: SensorSpec, carrier: Optional[Any], path: str) -> Any:
         world = self._session.world
         if carrier is None:
             return world.spawn_actor(blueprint, _transform(sensor))
@@ -94,7 +94,7 @@ class Rig:
 
 
 def _attributes(
-    blueprint: Any, sensor: SensorPlan, spec: EpisodeSpec, index: int
+    blueprint: Any, sensor: SensorSpec, spec: EpisodeSpec, index: int
 ) -> List[Tuple[str, str]]:
     """Every step and a seed where the blueprint has them, then the plan's own values.
 
@@ -102,7 +102,7 @@ def _attributes(
     every n-th step wherever sensors shall be in step.
     """
     path = "sensors[%d].attributes" % index
-    seed = (spec.seeds["sensor_noise"] + index) % MAX_NOISE_SEED
+    seed = (spec.seeds.sensor_noise + index) % MAX_NOISE_SEED
     defaults = {"sensor_tick": "0.0", "noise_seed": str(seed)}
     chosen = {name: value for name, value in defaults.items() if blueprint.has_attribute(name)}
     for name, value in sensor.attributes.items():
@@ -115,7 +115,7 @@ def _attributes(
     return sorted(chosen.items())
 
 
-def _transform(sensor: SensorPlan) -> Any:
+def _transform(sensor: SensorSpec) -> Any:
     pose = sensor.pose
     return carla.Transform(
         carla.Location(pose.x_m, pose.y_m, pose.z_m),
@@ -123,7 +123,7 @@ def _transform(sensor: SensorPlan) -> Any:
     )
 
 
-def _above(carrier: Any, sensor: SensorPlan) -> Any:
+def _above(carrier: Any, sensor: SensorSpec) -> Any:
     """The pose of a sensor that follows: the carrier's place, the map's axes."""
     transform = _transform(sensor)
     transform.location += carrier.get_transform().location

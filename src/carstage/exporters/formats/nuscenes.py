@@ -76,7 +76,7 @@ class NuScenes(Exporter):
         return SampleWriter(
             replace(
                 self.options,
-                max_distance_m=self.options.max_distance_m or episode.spec["max_distance_m"],
+                max_distance_m=self.options.max_distance_m or episode.spec.max_distance_m,
             ),
             self._channels,
             least if least is not None else int(ranged),
@@ -142,7 +142,7 @@ class NuScenes(Exporter):
             {
                 "token": token(episode.id, "log"),
                 "logfile": episode.id,
-                "vehicle": str(episode.spec["ego"]["blueprint"]),
+                "vehicle": episode.spec.ego.blueprint,
                 "date_captured": captured.date().isoformat(),
                 "location": Path(episode.document["map"]).name,
             },
@@ -156,7 +156,7 @@ class NuScenes(Exporter):
                 "first_sample_token": self._samples.first,
                 "last_sample_token": self._samples.last,
                 "name": scene_name(episode),
-                "description": str(episode.spec["weather"].get("preset") or ""),
+                "description": episode.spec.weather.preset or "",
             },
         )
         self._number += 1

@@ -130,8 +130,8 @@ class Video(Exporter):
     def begin_episode(self, episode: Episode) -> PictureReader:
         """Open the episode's files."""
         cameras = colour_cameras(episode, self.options, labelled=False)
-        steps_per_s = Fraction(episode.spec["fps"]).limit_denominator(_FEWEST_PER_S)
-        fps = steps_per_s / int(episode.spec["save_every"])
+        steps_per_s = Fraction(episode.spec.fps).limit_denominator(_FEWEST_PER_S)
+        fps = steps_per_s / episode.spec.save_every
         self._clips: dict[str, _Clip] = {}
         for camera in cameras:
             path = self._folder / f"{episode.id}_{camera.id}{self._coding.suffix}"

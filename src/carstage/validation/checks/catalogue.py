@@ -10,7 +10,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "unreadable": "the documents and tables of every episode can be read",
         "file_missing": "every file of the marker is there",
         "file_size": "it has the size that was committed",
-        "file_hash": "it has the SHA-256 that was committed",
+        "file_hash": "it has the hash that was committed",
         "file_unlisted": "what spec and ledger promise was committed",
         "file_unexpected": "nothing else lies in an episode's folder",
         "decode": "every file decodes",

@@ -40,7 +40,6 @@ from carstage.validation.checks.labels import (
 from carstage.validation.checks.ledger import (
     check_ledger,
     check_row_sensors,
-    declares_waiting,
 )
 from carstage.validation.checks.level import check_level_boxes
 from carstage.validation.checks.motion import MotionFigures, check_motion, compare_motion
@@ -174,11 +173,11 @@ class EpisodeChecks:
         self._conclude()
 
     def _check_tables(self, tables: LabelTables) -> None:
-        truth = self._episode.spec["ground_truth"]
+        truth = self._episode.spec.ground_truth
         check_gaps(
             tables.objects,
             self._episode.frames,
-            ego_labelled=truth["vehicles"],
+            ego_labelled=truth.vehicles,
             findings=self._findings,
         )
         for name, table, location in (
@@ -272,11 +271,11 @@ class EpisodeChecks:
                 k,
                 boxes,
                 {row["track_id"] for row in rows.get((k, camera.id), [])},
-                float(spec["max_distance_m"]),
+                spec.max_distance_m,
                 carrier=self._carriers.get(camera.id) if camera.attachment == "rigid" else None,
-                from_ego=spec["labels"].get("distance_origin", "sensor") == "ego",
+                from_ego=spec.labels.distance_origin == "ego",
                 # The depth image that labels are made from may be missing as well.
-                severity="error" if declares_waiting(spec) else "warning",
+                severity="error" if spec.timing.demands_all else "warning",
                 findings=self._findings,
             )
 
@@ -320,7 +319,7 @@ class EpisodeChecks:
                 )
 
     def _compare_flow(self, k: int, boxes: list[LabelledBox], data: Data) -> None:
-        if int(self._episode.spec["save_every"]) != 1:
+        if self._episode.spec.save_every != 1:
             return  # the pose at the step before is not in the dataset
         for sensor in self._episode.sensors:
             if sensor.content != FLOW or sensor.id not in data:

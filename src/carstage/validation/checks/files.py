@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from carstage.dataset.reading import Episode
 from carstage.dataset.tables import row_sensor
+from carstage.files.hashing import hash_of
 from carstage.validation.checks.findings import Findings
 
 DOCUMENTS = ("episode.json", "calibration.json")
@@ -62,8 +62,8 @@ class VerifiedFiles:
             return None  # check_file_list reports it
         if len(content) != entry.bytes:
             return "file_size", f"{name} has {len(content)} bytes, committed were {entry.bytes}"
-        if hashlib.sha256(content).hexdigest() != entry.sha256:
-            return "file_hash", f"{name} is not the file that was committed: its SHA-256 differs"
+        if hash_of(content, entry.hash) != entry.hash:
+            return "file_hash", f"{name} is not the file that was committed: its hash differs"
         return None
 
 

@@ -147,7 +147,7 @@ def check_labels(
         for column, (low, high) in _RANGES[name].items():
             _check_range(name, table, column, low, high, findings)
     ego_ks: list[Any] = tables.ego["k"].to_pylist()
-    if episode.spec["ground_truth"]["ego_motion"] and sorted(ego_ks) != sorted(times_s):
+    if episode.spec.ground_truth.ego_motion and sorted(ego_ks) != sorted(times_s):
         findings.add("frames_missing", "ego.parquet does not have one row per frame")
     known = set(zip(*(tables.objects[c].to_pylist() for c in ("k", "track_id")), strict=True))
     labelled = {s.id for s in episode.sensors if s.calibration.labelled}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -17,14 +16,6 @@ TIMESTAMP_TOLERANCE_S = 1e-6
 _GOOD_STATES = ("ok", "off")
 
 
-def declares_waiting(spec: Mapping[str, Any]) -> bool:
-    """Whether the spec declares that every tick waits for all data, so that none may be missing."""
-    timing = spec["timing"]
-    return bool(
-        timing["mode"] == "sync" and timing["on_incomplete"] == "wait" and timing["sensor_sync"]
-    )
-
-
 def check_ledger(episode: Episode, ledger: pa.Table, findings: Findings) -> None:
     """Check ``frames.parquet`` against the spec.
 
@@ -33,12 +24,11 @@ def check_ledger(episode: Episode, ledger: pa.Table, findings: Findings) -> None
     ``tick / fps`` and the server's frame numbers consecutive, else both only have to increase.
     """
     spec = episode.spec
-    every = int(spec["save_every"])
-    synchronous = spec["timing"]["mode"] == "sync"
+    synchronous = spec.timing.synchronous
     ticks = ledger["tick"].to_pylist()
-    if ticks != list(range(int(spec["steps"]))):
+    if ticks != list(range(spec.steps)):
         findings.add(
-            "ledger_ticks", f"{len(ticks)} ticks are in the ledger, {spec['steps']} were asked for"
+            "ledger_ticks", f"{len(ticks)} ticks are in the ledger, {spec.steps} were asked for"
         )
     ks = ledger["k"].to_pylist()
     saved = [k for k in ks if k is not None]
@@ -46,14 +36,14 @@ def check_ledger(episode: Episode, ledger: pa.Table, findings: Findings) -> None
         findings.add(
             "frames_missing", f"{len(saved)} frames are in the ledger, {episode.frames} committed"
         )
-    if synchronous and saved != list(range(-(-int(spec["steps"]) // every))):
+    if synchronous and saved != list(range(spec.saved_frames)):
         findings.add(
             "frames_missing",
-            f"{len(saved)} frames are saved; {spec['steps']} steps, every {every} saved, "
-            f"are {-(-int(spec['steps']) // every)}",
+            f"{len(saved)} frames are saved; {spec.steps} steps, every {spec.save_every} saved, "
+            f"are {spec.saved_frames}",
         )
-    _check_time(ledger, float(spec["fps"]), synchronous, findings)
-    severity: Severity = "error" if declares_waiting(spec) else "warning"
+    _check_time(ledger, spec.fps, synchronous, findings)
+    severity: Severity = "error" if spec.timing.demands_all else "warning"
     for sensor in episode.calibration.sensors:
         states = ledger[f"{sensor}.state"].to_pylist()
         reasons = ledger[f"{sensor}.reason"].to_pylist()

@@ -107,7 +107,7 @@ def check_repeats(
         flat: by camera, frames whose images show nothing.
         findings: where problems go.
     """
-    hashes = {entry.path: entry.sha256 for entry in episode.marker.files}
+    hashes = {entry.path: entry.hash for entry in episode.marker.files}
     for sensor in episode.sensors:
         if sensor.content in ROWS:
             continue
@@ -146,7 +146,7 @@ def check_repeated_episodes(episodes: tuple[Episode, ...], findings: Findings) -
     first: dict[frozenset[str], str] = {}
     for episode in episodes:
         data = frozenset(
-            entry.sha256 for entry in episode.marker.files if entry.path.startswith("sensors/")
+            entry.hash for entry in episode.marker.files if entry.path.startswith("sensors/")
         )
         if data and data in first:
             findings.add(

@@ -75,7 +75,7 @@ def check_episode_population(
     cameras = sum(sensor.calibration.labelled for sensor in episode.sensors)
     for group in ("vehicles", "pedestrians"):
         asked, spawned = int(document["requested"][group]), int(document["spawned"][group])
-        population.wanted[group] += bool(asked and spec["ground_truth"][group] and cameras)
+        population.wanted[group] += bool(asked and getattr(spec.ground_truth, group) and cameras)
         if spawned < MIN_SPAWNED_SHARE * asked:
             _warn(findings, "population", f"{spawned} of {asked} {group} could be placed")
     actors = tables.objects.filter(~may_come_back(tables.objects))
@@ -94,7 +94,7 @@ def check_episode_population(
     population.largely_occluded += int((levels >= _LARGELY).sum())
     population.cameras += cameras
     others = sum(int(document["spawned"][group]) for group in ("vehicles", "pedestrians")
-                 if spec["ground_truth"][group])  # fmt: skip
+                 if getattr(spec.ground_truth, group))  # fmt: skip
     if cameras and others and not visible.num_rows:
         _warn(findings, "no_objects", f"none of {others} road users is ever seen")
     _check_traffic(episode, tables, population, findings)
@@ -103,7 +103,7 @@ def check_episode_population(
 def _check_traffic(
     episode: Episode, tables: LabelTables, population: Population, findings: Findings
 ) -> None:
-    seconds = episode.frames * int(episode.spec["save_every"]) / float(episode.spec["fps"])
+    seconds = episode.frames / episode.spec.saved_fps
     objects = tables.objects.filter(~may_come_back(tables.objects))
     columns = (objects[name].to_pylist() for name in ("track_id", "class", "is_ego"))
     places = np.array(objects["actor_location"].to_pylist(), np.float64).reshape(-1, 3)
@@ -122,7 +122,7 @@ def _check_traffic(
             "frozen_traffic",
             f"none of {len(moved)} vehicles moves by {MOVED_M} m in {seconds:g} s",
         )
-    if episode.spec["ground_truth"]["vehicles"]:
+    if episode.spec.ground_truth.vehicles:
         population.seconds += seconds
         population.ego_moved |= ego_moved
 

@@ -91,7 +91,7 @@ class ConfigChecker:
 
     def _facts(self, config: Config, names: list[str | None]) -> ServerFacts:
         """What the embedded simulator offers; of other servers nothing is known before the run."""
-        from carstage.config.recording import EmbeddedServerConfig
+        from carstage.config.servers import EmbeddedServerConfig
         from carstage.plan import ServerFacts
         from carstage.runs.servers import embedded_facts
 

@@ -30,7 +30,7 @@ class ServerCheckService:
             return ServerCheck(ok=False, message=error.message, hint=error.hint)
 
     def _check(self, config: Config) -> ServerCheck:
-        from carstage.config.recording import EmbeddedServerConfig, RemoteServerConfig
+        from carstage.config.servers import EmbeddedServerConfig, RemoteServerConfig
         from carstage.runs.preflight import check_server
         from carstage.server import find_client
 

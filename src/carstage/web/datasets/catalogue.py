@@ -98,17 +98,16 @@ class Catalogue:
     def episode_summary(self, episode: Episode) -> EpisodeSummary:
         """An episode in a few figures."""
         spec = episode.spec
-        weather = spec["weather"]
         return EpisodeSummary(
             episode_id=episode.id,
-            index=int(spec["index"]),
-            map=str(spec["map"]),
-            weather=str(weather["preset"] or "own values"),
+            index=spec.index,
+            map=spec.map,
+            weather=spec.weather.preset or "own values",
             frames=episode.frames,
-            fps=float(spec["fps"]) / int(spec["save_every"]),
-            duration_s=int(spec["steps"]) / float(spec["fps"]),
+            fps=spec.saved_fps,
+            duration_s=spec.duration_s,
             bytes=sum(entry.bytes for entry in episode.marker.files),
-            sensors=sum(not sensor["hidden"] for sensor in spec["sensors"]),
+            sensors=len(spec.written_sensors),
         )
 
     def _summary(self, found: FoundDataset) -> DatasetSummary:

@@ -48,7 +48,7 @@ class EpisodeService:
             incomplete=incomplete,
             requested=dict(episode.document["requested"]),
             spawned=dict(episode.document["spawned"]),
-            spec=dict(episode.spec),
+            spec=episode.spec.to_json(),
         )
 
     def map(self, dataset: str, episode_id: str) -> EpisodeMap:
@@ -66,7 +66,7 @@ class EpisodeService:
             first = next(iter(poses.values()), {})
             track = [[float(pose[0, 3]), float(pose[1, 3]), 0.0] for pose in first.values()]
         xs, ys = [point[0] for point in track] or [0.0], [point[1] for point in track] or [0.0]
-        name = str(episode.spec["map"])
+        name = episode.spec.map
         lanes = self._description.lanes(name)
         return EpisodeMap(
             map=name,

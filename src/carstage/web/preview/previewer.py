@@ -31,6 +31,7 @@ from carstage.runs.folder import FINAL_STATES
 from carstage.runs.reading import read_document
 from carstage.sensor_kinds import sensor_kind
 from carstage.sensor_kinds.model import CLOUDS, DETECTIONS
+from carstage.spec import EpisodeSpec, SensorSpec
 from carstage.web.preview.sensor_views import PALETTE, jpeg, points_of, scaled
 
 FOLDER = "preview"
@@ -85,9 +86,9 @@ def _draw(run: Path, folder: Path) -> None:
 class _Stream:
     """One sensor of one attempt."""
 
-    def __init__(self, attempt: Path, sensor: Mapping[str, Any], server: str) -> None:
-        self.id = str(sensor["id"])
-        self._kind = str(sensor["kind"])
+    def __init__(self, attempt: Path, sensor: SensorSpec, server: str) -> None:
+        self.id = sensor.id
+        self._kind = sensor.kind
         self._server = server
         self._records = NewestRecords(attempt, self.id)
         self._next_s = 0.0
@@ -146,8 +147,8 @@ def _streams(attempt: Path) -> list[_Stream]:
         return []
     return [
         _Stream(attempt, sensor, str(header["server_version"]))
-        for sensor in header["spec"]["sensors"]
-        if sensor_kind(sensor["kind"]).viewer != "none" and not sensor["hidden"]
+        for sensor in EpisodeSpec.from_json(header["spec"]).written_sensors
+        if sensor_kind(sensor.kind).viewer != "none"
     ]
 
 

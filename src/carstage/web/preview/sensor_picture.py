@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from carstage.geometry import pose_matrix, transform_points
-from carstage.plan import SensorSpec
 from carstage.rawlog.tail import NewRecord
 from carstage.report.drawing import birds_eye_view
 from carstage.sensor_kinds import sensor_kind
 from carstage.sensor_kinds.model import DETECTIONS
+from carstage.spec import SensorSpec
 from carstage.web.preview.previewer import draw_record
 from carstage.web.preview.sensor_views import jpeg, scaled
 

@@ -24,8 +24,8 @@ from carstage.web.messages.base import Document
 
 if TYPE_CHECKING:
     from carstage.execution import CollectorProcess
-    from carstage.plan import EpisodeSpec
     from carstage.server import EmbeddedServer
+    from carstage.spec import EpisodeSpec
 
 _IDLE_S = 240.0
 _LOOK_EVERY_S = 10.0

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from carstage.runs.reading import Alive, liveness, read_document
+from carstage.spec import EpisodeSpec, SpecError
 from carstage.web.messages import RunSensor
 from carstage.web.roots import Roots
 
@@ -106,16 +107,17 @@ def read_plan(path: Path, _changed_ns: int) -> RunPlan | None:
     document = read_document(path)
     if document is None:
         return None
-    specs = [entry["spec"] for entry in document.get("episodes", ())]
-    sensors = specs[0]["sensors"] if specs else []
+    try:
+        specs = [EpisodeSpec.from_json(entry["spec"]) for entry in document.get("episodes", ())]
+    except (KeyError, TypeError, SpecError):
+        return None  # of another program: shown as a run without a plan
     return RunPlan(
         config=document.get("config", {}),
         episodes=len(specs),
-        ticks=sum(int(spec["steps"]) for spec in specs),
-        frames=sum(-(-int(spec["steps"]) // int(spec["save_every"])) for spec in specs),
+        ticks=sum(spec.steps for spec in specs),
+        frames=sum(spec.saved_frames for spec in specs),
         sensors=tuple(
-            RunSensor(id=sensor["id"], kind=sensor["kind"])
-            for sensor in sensors
-            if not sensor["hidden"]
+            RunSensor(id=sensor.id, kind=sensor.kind)
+            for sensor in (specs[0].written_sensors if specs else ())
         ),
     )

@@ -48,7 +48,7 @@ def add_lights(
     arms: Sequence[Arm],
     paths: list[Road],
 ) -> list[Controller]:
-    """One light for each approach, each in a phase of its own.
+    """One light for each approach, each in a separate phase.
 
     No two approaches of a junction are green together, so turning traffic needs no gap. A light
     stands across the junction, right of the lanes that it governs. It governs nothing there; the

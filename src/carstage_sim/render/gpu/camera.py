@@ -24,7 +24,7 @@ from carstage_sim.render.sky import Lighting
 _MOST_SAMPLES = 8
 _SHOT_WORDS = 72
 _TILE = 8
-_MOST_ROOMS = 8
+_MOST_SIZES = 8
 
 
 class Product(IntFlag):
@@ -69,7 +69,7 @@ class Shot:
     high: float
 
 
-class _Room:
+class _PictureBuffers:
     """Buffers of cameras with one lens, and the bind groups over them.
 
     Attributes:
@@ -126,7 +126,7 @@ class GpuCameras:
         self._sampling = SAMPLING[quality]
         self._materials = material_table()
         self._program: CameraProgram | None = None
-        self._rooms: dict[int, _Room] = {}
+        self._buffers: dict[int, _PictureBuffers] = {}
         self._curves: dict[float, Any] = {}
 
     def take(
@@ -175,16 +175,16 @@ class GpuCameras:
         self.take(frame, shot, list(Product), light, turns=turns).pictures()
         self._caster.cast(frame.scene, np.zeros(3), np.eye(3, dtype=np.float32), low=0.1, high=1.0)
 
-    def _place(self, shot: Shot) -> _Room:
+    def _place(self, shot: Shot) -> _PictureBuffers:
         """The buffers of a lens: what one camera leaves in them is copied before the next comes."""
-        place = self._rooms.get(id(shot.slopes))
+        place = self._buffers.get(id(shot.slopes))
         if place is None:
-            if len(self._rooms) == _MOST_ROOMS:
-                self._rooms.pop(next(iter(self._rooms)))
-            place = self._rooms[id(shot.slopes)] = _Room(self._gpu, shot)
+            if len(self._buffers) == _MOST_SIZES:
+                self._buffers.pop(next(iter(self._buffers)))
+            place = self._buffers[id(shot.slopes)] = _PictureBuffers(self._gpu, shot)
         return place
 
-    def _aim(self, place: _Room, shot: Shot, wanted: int) -> None:
+    def _aim(self, place: _PictureBuffers, shot: Shot, wanted: int) -> None:
         offsets = self._sampling.offsets
         if len(offsets) > _MOST_SAMPLES:
             raise ValueError(f"more than {_MOST_SAMPLES} extra rays of a pixel")
@@ -223,7 +223,7 @@ class _Work:
         self,
         caster: GpuCaster,
         program: CameraProgram,
-        place: _Room,
+        place: _PictureBuffers,
         curve: Any,
         products: Collection[Product],
     ) -> None:

@@ -188,11 +188,11 @@ class Gpu:
             self._native.unmap(staging)
             self._staging[staging.size].append(staging)
         step = 1 << max(padded(size).bit_length() - 3, 8)
-        room = -(-size // step) * step or step
-        free = self._staging.setdefault(room, [])
+        capacity = -(-size // step) * step or step
+        free = self._staging.setdefault(capacity, [])
         if not free:
             usage = self._usage.MAP_READ | self._usage.COPY_DST
-            free.append(self.device.create_buffer(size=room, usage=usage))
+            free.append(self.device.create_buffer(size=capacity, usage=usage))
         return Readback(self, free.pop(), size)
 
     def received(self, staging: Any, size: int, after: int) -> NDArray[np.uint8]:

@@ -136,25 +136,25 @@ class CameraProgram:
 
     def _shading_source(self) -> str:
         """The shading kernel, translated, and the passes that run it."""
-        given: dict[str, Bound] = {
-            "scratch": Record("scratch", _no_member),
-            "colour": self._array("colour"),
-            "light_state": self._array("light_state"),
+        rays: dict[str, Value | Array] = {
             "origin": Array("ray_origin", "f32", 1),
             "directions": Array("ray_direction", "f32", 2),
-            "skip": Value("shot.skip", "i32"),
-            "pixel_angle": Value("shot.angle", "f32"),
-            "epic": Value("true" if self._epic else "false", "bool"),
-            "first": Value("0i", "i32"),
-            "last": Value("1i", "i32"),
             "t": Array("hit_t", "f32", 1),
             "row": Array("hit_row", "i32", 1),
             "triangle": Array("hit_triangle", "i32", 1),
             "weights": Array("hit_weight", "f32", 2),
+            "skip": Value("shot.skip", "i32"),
+            "pixel_angle": Value("shot.angle", "f32"),
+        }
+        given: dict[str, Bound] = {
+            "frame": Record("frame", self._frame_member),
+            "rays": Record("rays", rays.__getitem__),
+            "scratch": Record("scratch", _no_member),
+            "epic": Value("true" if self._epic else "false", "bool"),
+            "first": Value("0i", "i32"),
+            "last": Value("1i", "i32"),
             "out": Array("", "f32", 2, write="set_colour"),
         }
-        for name in ("scene", "static", "actors", "appearance", "materials", "light", "lamps"):
-            given[name] = self.arenas.record(name)
         kernel: Any = shade_rays
         names = list(inspect.signature(kernel.py_func).parameters)
         externals: dict[Any, External] = {}
@@ -203,13 +203,12 @@ class CameraProgram:
         name, _ = translator.function(facing_normals, [*given, real, real, real])
         return translator.source() + "\n" + wgsl("products").replace("FACING(", f"{name}(")
 
-    def _array(self, name: str) -> Array:
-        array = self.arenas.member(name)
-        if not isinstance(array, Array):
-            raise TypeError(f"{name} is no array")
-        return array
+    def _frame_member(self, name: str) -> Value | Array | Record:
+        """A field of ``ShadedFrame``: a record of arrays, or an array by itself."""
+        return self.arenas.member(name) if name in _ARRAYS else self.arenas.record(name)
 
 
+_ARRAYS = ("colour", "light_state")
 _TRACING = ("shoot", "shade", "sample_edges")
 
 

@@ -262,6 +262,10 @@ class _Body:
     def _assign(self, target: ast.expr, source: ast.expr) -> list[str]:
         if isinstance(target, ast.Tuple) and isinstance(source, ast.Tuple):
             # Python has all values before it changes any variable.
+            bounds = [self._bound(part) for part in source.elts]
+            if not any(isinstance(bound, Value) for bound in bounds):
+                pairs = zip(target.elts, source.elts, strict=True)
+                return [line for pair in pairs for line in self._assign(*pair)]
             lines, held = [], []
             for part in source.elts:
                 value = self._value(part)

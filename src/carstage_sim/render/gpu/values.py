@@ -53,11 +53,11 @@ class Record:
 
     Attributes:
         name: tells it from others.
-        member: gives the field of a name.
+        member: gives the field of a name, which may be a record too.
     """
 
     name: str
-    member: Callable[[str], Value | Array]
+    member: Callable[[str], Value | Array | Record]
 
 
 @dataclass(frozen=True, slots=True)

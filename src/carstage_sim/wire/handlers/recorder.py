@@ -12,13 +12,13 @@ from carstage_sim.wire import values
 from carstage_sim.wire.handlers.bakes import once_finished
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 
-Told = TypeVar("Told")
+Answer = TypeVar("Answer")
 
 
 @handles("start_recorder")
 def _start_recorder(call: Call, name: str, additional_data: bool = False) -> str:
-    deck = call.simulation.recordings
-    return deck.start(str(name), call.world, additional_data=bool(additional_data))
+    recordings = call.simulation.recordings
+    return recordings.start(str(name), call.world, additional_data=bool(additional_data))
 
 
 @handles_void("stop_recorder")
@@ -33,8 +33,8 @@ def _show_recorder_file_info(call: Call, name: str, show_all: bool) -> str:
 
 @handles("show_recorder_collisions")
 def _show_recorder_collisions(call: Call, name: str, first: int, second: int) -> str:
-    deck = call.simulation.recordings
-    return _text(lambda: deck.collisions(str(name), _category(first), _category(second)))
+    recordings = call.simulation.recordings
+    return _text(lambda: recordings.collisions(str(name), _category(first), _category(second)))
 
 
 def _category(letter: int) -> str:
@@ -46,8 +46,10 @@ def _category(letter: int) -> str:
 def _show_recorder_actors_blocked(
     call: Call, name: str, min_time_s: float, min_distance_cm: float
 ) -> str:
-    deck = call.simulation.recordings
-    return _text(lambda: deck.actors_blocked(str(name), float(min_time_s), float(min_distance_cm)))
+    recordings = call.simulation.recordings
+    return _text(
+        lambda: recordings.actors_blocked(str(name), float(min_time_s), float(min_distance_cm))
+    )
 
 
 @handles("replay_file")
@@ -102,8 +104,8 @@ def _load_and_replay(
 
 
 def _replay(call: Call, name: str, options: ReplayOptions, loaded: str = "") -> str:
-    deck = call.simulation.recordings
-    return f"{_replaying(call, name)}{loaded}{deck.replay(name, call.world, options)}"
+    recordings = call.simulation.recordings
+    return f"{_replaying(call, name)}{loaded}{recordings.replay(name, call.world, options)}"
 
 
 def _replaying(call: Call, name: str) -> str:
@@ -115,7 +117,7 @@ def _without_map(call: Call, name: str, map_name: str, error: Exception | None =
     return f"{_replaying(call, name)}Could not load mapfile {map_name}{reason}\n"
 
 
-def _text(tell: Callable[[], Told]) -> Told | str:
+def _text(tell: Callable[[], Answer]) -> Answer | str:
     """A text about a file; what is wrong with the file is a text too, as in CARLA."""
     try:
         return tell()

@@ -14,17 +14,17 @@ from typing import Any, Final, TypeVar
 
 from carstage_sim.simulation import Simulation
 from carstage_sim.wire.argument_types import argument_check, client_parameters
-from carstage_sim.wire.complaints import Complaints
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.rpc import Connection, Request, shortened
+from carstage_sim.wire.throttled_warnings import ThrottledWarnings
 from carstage_sim.wire.traffic_managers import TrafficManagers
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.errors import ActorError, WorldError
 from carstage_sim.world.world import World
 
 logger = logging.getLogger(__name__)
-_complaints = Complaints(logger)
+_warnings = ThrottledWarnings(logger)
 
 _WIRE = __name__.removesuffix(".handlers.registry")
 _UNFIT = (TypeError, ValueError, LookupError, ArithmeticError, AttributeError)
@@ -178,7 +178,7 @@ def serve(session: Session, request: Request) -> None:
     """
     count = len(request.arguments)
     if request.name not in _HANDLERS or request.name in session.dialect.missing_calls:
-        _complaints.warn("unknown call", f"{shortened(request.name)} of {count} arguments")
+        _warnings.warn("unknown call", f"{shortened(request.name)} of {count} arguments")
         request.connection.refuse(
             request,
             f"rpclib: server could not find function '{request.name}' with argument count "
@@ -196,7 +196,7 @@ def serve(session: Session, request: Request) -> None:
 
 
 def refusal(name: str, error: Exception, arguments: object) -> str:
-    """What a client is told of a call or a command that failed; the log gets what is our fault.
+    """The error text that a client gets; the log gets what is our fault.
 
     Values of the wrong type fail where they are decoded, in this package. What fails deeper has
     passed the decoders and must not have.
@@ -208,7 +208,7 @@ def refusal(name: str, error: Exception, arguments: object) -> str:
         logger.debug("%s refused: %s", name, error)
         return str(error)
     if isinstance(error, _UNFIT) and _raised_at_the_wire(error):
-        _complaints.warn(f"arguments that do not fit {name}", shortened(arguments))
+        _warnings.warn(f"arguments that do not fit {name}", shortened(arguments))
         return f"the arguments do not fit {name}: {type(error).__name__}: {error}"
     logger.error("%s%s failed", name, shortened(arguments), exc_info=error)
     return f"{name} failed in the simulator: {type(error).__name__}: {error}"

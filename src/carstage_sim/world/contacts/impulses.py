@@ -3,7 +3,7 @@
 The usual sequential impulses of rigid bodies (Mirtich and Canny, "Impulse-based simulation of rigid
 bodies", 1995): along the normal so much that the bodies part with a small share of the speed with
 which they met, along the surface as much as dry friction transmits, at most so much that they no
-longer slide. An impulse beside a centre of mass makes the body spin.
+longer slide. An impulse off the centre of mass makes the body spin.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What vehicles can hit beside each other and the town: walkers, props, poles of traffic lights."""
+"""What vehicles can hit besides each other and the town: walkers, props, traffic light poles."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ files, so here every junction of three arms or more that has no lights gets turn
 roundabouts and merges have two. Junctions with an arm too short to wait on get none: who waited
 there would stand on the junction behind.
 
-Only who can still stop is told to wait; nobody is while all come from one arm. Nobody sets off
+Only vehicles that can still stop wait; none does while all come from one arm. Nobody sets off
 while somebody comes from another arm too fast to stop.
 """
 
@@ -122,8 +122,8 @@ class ArmTurns:
             count += arms
         self._arm_count = count
         self._seen: NDArray[np.uint32] = np.zeros(0, np.uint32)
-        self.told_to_wait: NDArray[np.uint32] = np.zeros(0, np.uint32)
-        """Ids of the vehicles that are told to wait."""
+        self.waiting_ids: NDArray[np.uint32] = np.zeros(0, np.uint32)
+        """Ids of the vehicles that have to wait."""
 
     def step(
         self,
@@ -167,4 +167,4 @@ class ArmTurns:
         # turn it is not join, those of the other arms would be the first in it meanwhile.
         joins = looks & ~np.isin(ids[rows], self._seen) & is_contested[arm]
         self._seen = ids[rows[looks]]
-        self.told_to_wait = ids[rows[stops & (~goes[arm] | joins)]]
+        self.waiting_ids = ids[rows[stops & (~goes[arm] | joins)]]

@@ -54,11 +54,11 @@ def test_pictures_of_all_kinds_agree(suites):
         for k, kind in enumerate(kinds)
     ]
     found = []
-    for suite in suites:
+    for sensors in suites:
         for number in (1, 2):
             moved = (8.0, 1.0 + number * 0.2, 0.0)
             state = sensor_worlds.state(number, vehicles=[(7, moved, 40.0 + number)])
-            frames = dict(zip(kinds, suite.capture(state, requests), strict=True))
+            frames = dict(zip(kinds, sensors.capture(state, requests), strict=True))
         found.append({kind: frame for kind, (_, frame) in frames.items()})
     cpu, gpu = found
     tally = Tally()
@@ -84,8 +84,8 @@ def test_surfaces_in_one_plane_win_the_same_pixels(software_gpu):
     )
     pixels = []
     for gpu in (None, software_gpu):
-        with WorldSensors(town, threads=2, gpu=gpu) as suite:
-            ((_, frame),) = suite.capture(sensor_worlds.state(1), [request])
+        with WorldSensors(town, threads=2, gpu=gpu) as sensors:
+            ((_, frame),) = sensors.capture(sensor_worlds.state(1), [request])
             pixels.append(frame.pixels)
     cpu, card = pixels
     seen = {tuple(pixel) for pixel in cpu.reshape(-1, 4).tolist()}
@@ -97,9 +97,9 @@ def test_semantic_lidars_agree_and_frames_repeat_to_the_byte(suites):
     request = sensor_worlds.request("lidar.ray_cast_semantic", 300, range=80)
     state = sensor_worlds.state(1, vehicles=[(7, (8.0, 1.0, 0.0), 40.0)])
     points = []
-    for suite in (*suites, suites[1]):
-        suite.reset()
-        ((_, frame),) = suite.capture(state, [request])
+    for sensors in (*suites, suites[1]):
+        sensors.reset()
+        ((_, frame),) = sensors.capture(state, [request])
         points.append(frame.points)
     cpu, gpu, again = points
     assert gpu.tobytes() == again.tobytes()

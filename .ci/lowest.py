@@ -1,0 +1,60 @@
+"""Are the lower bounds in pyproject.toml true? Record and check a small dataset with them.
+
+    python .ci/lowest.py [PYTHON]
+
+Makes an environment (default: Python 3.10, the lowest that is supported) with the lowest version of
+each direct dependency that the bounds allow, records the beginning of the demonstration there,
+validates, reports and exports it, and starts the graphical interface. The pins of
+`constraint-dependencies` do not count here.
+"""
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+LOWEST_PYTHON = "3.10"
+SECONDS = 0.5
+"""Of the demonstration: five frames of eight sensors."""
+
+
+def main(python: str) -> None:
+    """Install, record, validate, export, serve.
+
+    Raises:
+        CalledProcessError: one of them failed, after saying why.
+    """
+    with tempfile.TemporaryDirectory(prefix="lowest-") as name:
+        scratch = Path(name)
+
+        def call(*command: str | Path) -> None:
+            # Away from the project: its constraints would hold there.
+            subprocess.run(list(map(str, command)), check=True, cwd=scratch)
+
+        bounds = scratch / "bounds.txt"
+        text = (ROOT / "pyproject.toml").read_text()
+        block = re.search(r"^dependencies = \[\n(.*?)^\]", text, re.MULTILINE | re.DOTALL)
+        if block is None:
+            raise SystemExit("pyproject.toml has no list of dependencies")
+        bounds.write_text("\n".join(re.findall(r'"(.+?)"', block.group(1))))
+        call("uv", "venv", "--quiet", "--python", python, scratch / "venv")
+        install = ("uv", "pip", "install", "--quiet", "--python", scratch / "venv/bin/python")
+        call(*install, "--resolution", "lowest-direct", "--only-binary", ":all:", "-r", bounds)
+        call("uv", "build", "--quiet", "--wheel", "--out-dir", scratch / "dist", ROOT)
+        call(*install, "--no-deps", *(scratch / "dist").glob("*.whl"))
+        carstage = scratch / "venv/bin/carstage"
+        call(carstage, "demo", "--out", "dataset", "--set", f"duration_s={SECONDS}")
+        call(carstage, "validate", "dataset")
+        call(carstage, "report", "dataset")
+        call(carstage, "export", "nuscenes", "dataset", "nuscenes")
+        environment = {**os.environ, "PATH": f"{carstage.parent}:{os.environ['PATH']}"}
+        gui = [sys.executable, str(ROOT / ".ci" / "gui.py")]
+        subprocess.run(gui, check=True, cwd=scratch, env=environment)
+    print(f"Python {python}: the lowest versions record, validate and export")
+
+
+if __name__ == "__main__":
+    main(*(sys.argv[1:] or [LOWEST_PYTHON]))

@@ -1,0 +1,107 @@
+"""What is labelled, and how visibility is decided."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Strict
+
+from carstage.config.fields import Names, Section, setting
+from carstage.spec.defaults import MIN_VISIBLE_PX
+
+
+class GroundTruth(Section):
+    """What the label tables hold."""
+
+    vehicles: bool = setting(True, title="Vehicles", description="Label vehicles.", group="labels")
+    pedestrians: bool = setting(
+        True, title="Pedestrians", description="Label pedestrians.", group="labels"
+    )
+    ego_motion: bool = setting(
+        True,
+        title="Ego motion",
+        description="Record pose, speed and controls of the ego.",
+        group="labels",
+    )
+
+
+LevelObjectKind = Literal[
+    "parked_vehicles", "traffic_lights", "traffic_signs", "bridges", "buildings", "dynamic",
+    "fences", "guard_rails", "other", "poles", "rail_tracks", "static", "terrain", "trains",
+    "vegetation", "walls", "water",
+]  # fmt: skip
+"""What may be labelled of a level: CARLA's city object labels, those of vehicles as one."""
+DEFAULT_LEVEL_OBJECTS: tuple[LevelObjectKind, ...] = (
+    "parked_vehicles",
+    "traffic_lights",
+    "traffic_signs",
+)
+
+
+class Labels(Section):
+    """How visibility is decided and which boxes are written."""
+
+    method: Literal["stage_vo", "pixels", "both"] = setting(
+        "both",
+        title="Visibility method",
+        basic=True,
+        description="`stage_vo`: the paper's eight corners against depth; `pixels`: instance "
+        "pixels; `both`: both, side by side.",
+        group="labels",
+    )
+    boxes: Annotated[tuple[Literal["2d", "3d"], ...], Strict(strict=False)] = setting(
+        ("2d", "3d"), title="Boxes", basic=True, description="Kinds of boxes.", group="labels"
+    )
+    cameras: Literal["all"] | Names = setting(
+        "all",
+        title="Labelled cameras",
+        description="`all`: every rgb camera; or a list of sensor ids; `[]` labels none.",
+        group="labels",
+    )
+    level_objects: Annotated[tuple[LevelObjectKind, ...], Strict(strict=False)] = setting(
+        DEFAULT_LEVEL_OBJECTS,
+        title="Level objects",
+        description="What else is labelled of the town, by its boxes in the level. Parked "
+        "vehicles, lights and signs are what a detector meets in traffic; they cost no sensor and "
+        "little time. The rest is there on request: a town has thousands. `[]` labels actors "
+        "alone.",
+        group="labels",
+    )
+    min_visible_px: int = setting(
+        MIN_VISIBLE_PX,
+        title="Minimum visible pixels",
+        description="Pixels from which an object is visible to the pixel method.",
+        unit="px",
+        group="labels",
+        ge=1,
+        le=1_000_000,
+    )
+    distance_origin: Literal["sensor", "ego"] = setting(
+        "sensor",
+        title="Distance from",
+        description="Where max_distance_m counts from: the `sensor` (the paper's text) or the "
+        "`ego` (its user interface).",
+        group="labels",
+    )
+    stage_vo_tolerance_m: float = setting(
+        0.0,
+        title="STAGE-VO tolerance",
+        description="How much nearer than a corner the depth must be to occlude it; 0 is the "
+        "paper.",
+        unit="m",
+        group="labels",
+        ge=0,
+        le=10,
+    )
+    stage_vo_strict: bool = setting(
+        False,
+        title="STAGE-VO strict",
+        description="Level 2 (the paper) instead of 3, unknown, when no corner is in the image.",
+        group="labels",
+    )
+    stage_vo_vote: bool = setting(
+        False,
+        title="STAGE-VO vote",
+        description="Compare a corner with its four diagonal neighbour pixels instead of its own.",
+        group="labels",
+    )

@@ -1,0 +1,127 @@
+"""On which CARLA server a run records."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field
+
+from carstage.config.fields import Names, Section, setting
+from carstage.config.supervision import restart_every as _restart_every
+
+Port = Literal["auto"] | Annotated[int, Field(ge=1024, le=65_000)]
+
+
+def _port(title: str, sentence: str) -> Any:
+    return setting("auto", title=title, description=sentence, group="server")
+
+
+SelfTest = Literal["auto", "on", "off", "require"]
+
+
+def _self_test() -> Any:
+    return setting(
+        "auto",
+        title="Self-test",
+        description="Check before the run that the server's pictures, poses, codes and tags are "
+        "what the labels take them for: `on`, `off`, or `require`, which refuses a server that "
+        "fails; `auto`: `off` for the embedded simulator, `on` for others.",
+        group="server",
+    )
+
+
+def _client_python() -> Any:
+    return setting(
+        "auto",
+        title="Client's Python",
+        description="Interpreter with the carla wheel of the server's version; `auto` finds it on "
+        "PATH, among pyenv's versions and uv's.",
+        group="server",
+        min_length=1,
+    )
+
+
+def _create_client_env() -> Any:
+    return setting(
+        False,
+        title="Create the client's Python",
+        description="Where `auto` finds none, let uv make an environment with that wheel in the "
+        "cache folder.",
+        group="server",
+    )
+
+
+class EmbeddedServerConfig(Section):
+    """The simulator that ships with Car-STAGE."""
+
+    kind: Literal["embedded"] = setting(
+        "embedded",
+        title="Server",
+        basic=True,
+        description="The embedded simulator.",
+        group="server",
+    )
+    port: Port = _port("Port", "First of two ports; `auto` finds free ones.")
+    threads: Literal["auto"] | Annotated[int, Field(ge=1, le=1024)] = setting(
+        "auto",
+        title="Threads",
+        description="Threads that draw; `auto`: all cores.",
+        group="server",
+    )
+    carla_version: Literal["0.9.13", "0.9.14", "0.9.15", "0.9.16"] = setting(
+        "0.9.16",
+        title="CARLA version",
+        description="The version of CARLA that it speaks and numbers its tags like.",
+        group="server",
+    )
+    client_python: str = _client_python()
+    create_client_env: bool = _create_client_env()
+    self_test: SelfTest = _self_test()
+    restart_every: int = _restart_every()
+
+
+class CarlaServerConfig(Section):
+    """A CARLA release on this machine, started and stopped by the run."""
+
+    kind: Literal["carla"] = setting(
+        title="Server", basic=True, description="CARLA, started by the run.", group="server"
+    )
+    path: str = setting(
+        title="Path",
+        description="Folder of the CARLA release, the one with CarlaUE4.sh.",
+        group="server",
+        min_length=1,
+    )
+    port: Port = _port("Port", "First of three ports; `auto` finds free ones.")
+    arguments: Names = setting(
+        ("-RenderOffScreen",),
+        title="Arguments",
+        description="More arguments of the start script.",
+        group="server",
+    )
+    client_python: str = _client_python()
+    create_client_env: bool = _create_client_env()
+    self_test: SelfTest = _self_test()
+    restart_every: int = _restart_every()
+
+
+class RemoteServerConfig(Section):
+    """A CARLA server that already runs, here or elsewhere; the run does not stop it."""
+
+    kind: Literal["remote"] = setting(
+        title="Server", basic=True, description="CARLA that already runs.", group="server"
+    )
+    host: str = setting(
+        "127.0.0.1", title="Host", description="Its address.", group="server", min_length=1
+    )
+    port: Annotated[int, Field(ge=1, le=65_533)] = setting(
+        2000, title="Port", description="Its RPC port.", group="server"
+    )
+    client_python: str = _client_python()
+    create_client_env: bool = _create_client_env()
+    self_test: SelfTest = _self_test()
+
+
+ServerConfig = Annotated[
+    EmbeddedServerConfig | CarlaServerConfig | RemoteServerConfig, Discriminator("kind")
+]

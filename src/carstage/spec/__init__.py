@@ -1,0 +1,63 @@
+"""The specification of one episode: all that decides its raw truth and its labels.
+
+Planner, collector, labels, conversion and reader share this one tree of frozen dataclasses. It is
+standard library only and runs on Python 3.8, as the collector needs it there.
+"""
+
+from carstage.spec.episode import SPEC_VERSION, EpisodeSpec, Seeds
+from carstage.spec.fields import Fields, SpecError
+from carstage.spec.labels import GroundTruthSpec, LabelsSpec
+from carstage.spec.road_users import GroupSpec, PedestriansSpec, TrafficSpec, VehiclesSpec
+from carstage.spec.scenario import (
+    AutopilotSpec,
+    ReplayedActor,
+    ReplaySpec,
+    RouteSpec,
+    ScenarioSpec,
+    StationarySpec,
+)
+from carstage.spec.scene import EgoSpec, Place, Stand, WeatherChange, WeatherSpec
+from carstage.spec.sensors import (
+    ATTACHMENTS,
+    EGO,
+    FOLLOW,
+    ON_MAP,
+    RIGID,
+    PoseSpec,
+    SensorSpec,
+)
+from carstage.spec.timing import SavedSteps, TimingSpec
+
+__all__ = [
+    "ATTACHMENTS",
+    "EGO",
+    "FOLLOW",
+    "ON_MAP",
+    "RIGID",
+    "SPEC_VERSION",
+    "AutopilotSpec",
+    "EgoSpec",
+    "EpisodeSpec",
+    "Fields",
+    "GroundTruthSpec",
+    "GroupSpec",
+    "LabelsSpec",
+    "PedestriansSpec",
+    "Place",
+    "PoseSpec",
+    "ReplaySpec",
+    "ReplayedActor",
+    "RouteSpec",
+    "SavedSteps",
+    "ScenarioSpec",
+    "Seeds",
+    "SensorSpec",
+    "SpecError",
+    "Stand",
+    "StationarySpec",
+    "TimingSpec",
+    "TrafficSpec",
+    "VehiclesSpec",
+    "WeatherChange",
+    "WeatherSpec",
+]

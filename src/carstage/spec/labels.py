@@ -1,0 +1,124 @@
+"""What an episode's labels hold, and how visibility is decided."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Tuple
+
+from carstage.spec.defaults import MIN_VISIBLE_PX
+from carstage.spec.fields import Fields, SpecError
+
+METHODS = ("stage_vo", "pixels", "both")
+BOXES = ("2d", "3d")
+LEVEL_LABELS = {
+    "parked_vehicles": ("Car", "Truck", "Bus", "Motorcycle", "Bicycle", "Vehicles"),
+    "traffic_lights": ("TrafficLight",),
+    "traffic_signs": ("TrafficSigns",),
+    "bridges": ("Bridge",),
+    "buildings": ("Buildings",),
+    "dynamic": ("Dynamic",),
+    "fences": ("Fences",),
+    "guard_rails": ("GuardRail",),
+    "other": ("Other",),
+    "poles": ("Poles",),
+    "rail_tracks": ("RailTrack",),
+    "static": ("Static",),
+    "terrain": ("Terrain",),
+    "trains": ("Train",),
+    "vegetation": ("Vegetation",),
+    "walls": ("Walls",),
+    "water": ("Water",),
+}
+"""Names of ``carla.CityObjectLabel`` by kind of level object.
+
+Up to 0.9.13 there is one label for all vehicles.
+"""
+LEVEL_OBJECTS = tuple(sorted(LEVEL_LABELS))
+"""Kinds of level objects that may be labelled."""
+
+
+@dataclass(frozen=True)
+class GroundTruthSpec:
+    """Who is labelled, and whether the ego's motion is written."""
+
+    vehicles: bool = True
+    pedestrians: bool = True
+    ego_motion: bool = True
+
+    @classmethod
+    def read(cls, fields: Fields) -> GroundTruthSpec:
+        """Check and read the section."""
+        names = ("vehicles", "pedestrians", "ego_motion")
+        return cls(**{name: fields.flag(name) for name in names if name in fields})
+
+
+@dataclass(frozen=True)
+class LabelsSpec:
+    """Label settings.
+
+    Attributes:
+        method: ``stage_vo``, ``pixels`` or ``both``; decides ``visible`` (both: pixels).
+        boxes: ``2d`` for 2D boxes and masks, ``3d`` for 3D boxes and angles.
+        level_objects: what else is labelled, by its boxes in the level.
+        min_visible_px: pixels from which an object is visible to the pixel method.
+        distance_origin: ``sensor`` (the paper's text) or ``ego`` (its user interface).
+        stage_vo_tolerance_m: how much nearer the depth must be to occlude; 0 is the paper.
+        stage_vo_strict: level 2 instead of 3 when no vertex lies in the image.
+        stage_vo_vote: compare with the diagonal neighbours instead of the vertex's own pixel.
+    """
+
+    method: str = "both"
+    boxes: Tuple[str, ...] = BOXES
+    level_objects: Tuple[str, ...] = ()
+    min_visible_px: int = MIN_VISIBLE_PX
+    distance_origin: str = "sensor"
+    stage_vo_tolerance_m: float = 0.0
+    stage_vo_strict: bool = False
+    stage_vo_vote: bool = False
+
+    @classmethod
+    def read(cls, fields: Fields) -> LabelsSpec:
+        """Check and read the section; what it leaves out has the defaults above."""
+        given = cls()
+        return cls(
+            method=fields.text("method", METHODS) if "method" in fields else given.method,
+            boxes=_names(fields, "boxes", BOXES) if "boxes" in fields else given.boxes,
+            level_objects=_names(fields, "level_objects", LEVEL_OBJECTS),
+            min_visible_px=fields.integer("min_visible_px", 0)
+            if "min_visible_px" in fields
+            else given.min_visible_px,
+            distance_origin=fields.text("distance_origin", ("sensor", "ego"))
+            if "distance_origin" in fields
+            else given.distance_origin,
+            stage_vo_tolerance_m=fields.number("stage_vo_tolerance_m")
+            if "stage_vo_tolerance_m" in fields
+            else given.stage_vo_tolerance_m,
+            stage_vo_strict="stage_vo_strict" in fields and fields.flag("stage_vo_strict"),
+            stage_vo_vote="stage_vo_vote" in fields and fields.flag("stage_vo_vote"),
+        )
+
+    @property
+    def pixels(self) -> bool:
+        """Whether pixels are counted."""
+        return self.method != "stage_vo"
+
+    @property
+    def boxes_2d(self) -> bool:
+        """Whether 2D boxes and masks are written."""
+        return "2d" in self.boxes
+
+    @property
+    def boxes_3d(self) -> bool:
+        """Whether 3D boxes and angles are written."""
+        return "3d" in self.boxes
+
+
+def _names(fields: Fields, name: str, known: Tuple[str, ...]) -> Tuple[str, ...]:
+    given = fields.list(name) if name in fields else []
+    for index, word in enumerate(given):
+        if word not in known:
+            raise SpecError(
+                "%s[%d]: %r is not known." % (fields.path(name), index, word),
+                "Known are: %s." % ", ".join(known),
+            )
+    return tuple(given)

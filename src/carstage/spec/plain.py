@@ -1,0 +1,22 @@
+"""From dataclasses to what JSON has: objects, lists, numbers and words."""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
+from typing import Any, Mapping
+
+LEFT_OUT = {"left_out_when_none": True}
+"""Metadata of a field that has no key in the JSON form while it is None."""
+
+
+def plain(value: Any) -> Any:
+    """The value as it comes back from JSON: dictionaries for dataclasses, lists for tuples."""
+    if is_dataclass(value):
+        return {
+            field.name: plain(below)
+            for field in fields(value)
+            if (below := getattr(value, field.name)) is not None or not field.metadata
+        }
+    if isinstance(value, Mapping):
+        return {key: plain(below) for key, below in value.items()}
+    return [plain(below) for below in value] if isinstance(value, (tuple, list)) else value

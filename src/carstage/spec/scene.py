@@ -1,0 +1,112 @@
+"""Where an episode plays: the weather, and the ego vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Mapping, Optional, Tuple
+
+from carstage.spec.fields import Fields, SpecError
+
+_COLOUR_MAX = 255
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place on the map in CARLA's world axes (m); the height is the road's."""
+
+    x_m: float
+    y_m: float
+
+
+@dataclass(frozen=True)
+class Stand:
+    """A place and a heading in CARLA's world axes: metres and degrees."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_deg: float
+
+
+@dataclass(frozen=True)
+class WeatherChange:
+    """The weather from ``at_s`` on: a preset (or none) and values that override it."""
+
+    at_s: float
+    preset: Optional[str]
+    parameters: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class WeatherSpec:
+    """The weather at the first step, what it becomes later, and when lamps shine.
+
+    Attributes:
+        preset: name of a preset of the client; None: the map's own weather.
+        parameters: values that override the preset, by the client's names.
+        lights: ``auto``, ``on`` or ``off``.
+        changes: later weathers, ascending.
+    """
+
+    preset: Optional[str]
+    parameters: Mapping[str, float]
+    lights: str
+    changes: Tuple[WeatherChange, ...] = ()
+
+    @classmethod
+    def read(cls, fields: Fields) -> WeatherSpec:
+        """Check and read the section."""
+        return cls(
+            preset=fields.text("preset") if "preset" in fields else None,
+            parameters=fields.numbers("parameters"),
+            lights=fields.text("lights", ("auto", "on", "off")),
+            changes=tuple(
+                WeatherChange(
+                    at_s=change.number("at_s"),
+                    preset=change.text("preset") if "preset" in change else None,
+                    parameters=change.numbers("parameters"),
+                )
+                for change in fields.objects("changes")
+            ),
+        )
+
+    @property
+    def begin(self) -> WeatherChange:
+        """The weather at the first step."""
+        return WeatherChange(0.0, self.preset, self.parameters)
+
+
+@dataclass(frozen=True)
+class EgoSpec:
+    """The vehicle that carries the sensors.
+
+    Attributes:
+        blueprint: CARLA's id.
+        color: red, green, blue from 0 to 255; None: one that the blueprint recommends.
+        spawn_index: the spawn point it begins at; None with ``spawn_place``.
+        spawn_place: or where else it begins.
+    """
+
+    blueprint: str
+    color: Optional[Tuple[int, int, int]]
+    spawn_index: Optional[int]
+    spawn_place: Optional[Stand]
+
+    @classmethod
+    def read(cls, fields: Fields) -> EgoSpec:
+        """Check and read the section."""
+        place = fields.object("spawn_place") if "spawn_place" in fields else None
+        color = fields.list("color") if "color" in fields else None
+        if color is not None and (
+            len(color) != 3
+            or not all(isinstance(part, int) and 0 <= part <= _COLOUR_MAX for part in color)
+        ):
+            raise SpecError("%s: must be three numbers from 0 to 255." % fields.path("color"))
+        return cls(
+            blueprint=fields.text("blueprint"),
+            color=None if color is None else (color[0], color[1], color[2]),
+            spawn_index=fields.integer("spawn_index", 0) if place is None else None,
+            spawn_place=None
+            if place is None
+            else Stand(*(place.number(name) for name in ("x_m", "y_m", "z_m", "yaw_deg"))),
+        )

@@ -1,0 +1,105 @@
+"""The sensors of an episode, those that were asked for and the hidden twins of labelled cameras."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Collection, Dict, Mapping, Optional, Tuple
+
+from carstage.sensor_kinds import content_of
+from carstage.spec.fields import Fields, SpecError
+
+EGO = "ego"
+ON_MAP = "world"
+RIGID = "rigid"
+FOLLOW = "follow"
+ATTACHMENTS = (RIGID, FOLLOW, "spring_arm", "spring_arm_ghost")
+
+
+@dataclass(frozen=True)
+class PoseSpec:
+    """Pose of a sensor on its carrier, or on the map: CARLA's left-handed axes, m and degrees."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    roll_deg: float
+    pitch_deg: float
+    yaw_deg: float
+
+
+@dataclass(frozen=True)
+class SensorSpec:
+    """A sensor to spawn.
+
+    Attributes:
+        kind: short name such as ``rgb``.
+        blueprint: CARLA's id.
+        hidden: recorded for the labels only, not part of the dataset.
+        labelled: a camera that gets labels.
+        attributes: CARLA's attribute strings.
+        attach_to: ``ego``, ``world`` or a pattern of actor types.
+        attach_index: which actor of that pattern, by distance from the ego at the start.
+        attachment: ``rigid``, ``follow``, ``spring_arm`` or ``spring_arm_ghost``.
+        depth, instance: of a labelled camera: ids of the sensors with its pose and intrinsics.
+    """
+
+    id: str
+    kind: str
+    blueprint: str
+    hidden: bool
+    labelled: bool
+    pose: PoseSpec
+    attributes: Mapping[str, str]
+    attach_to: str = EGO
+    attach_index: int = 0
+    attachment: str = RIGID
+    depth: Optional[str] = None
+    instance: Optional[str] = None
+
+    @property
+    def content(self) -> str:
+        """What a frame is, as the table of sensor kinds has it; empty for an unknown kind."""
+        return content_of(self.kind)
+
+    @classmethod
+    def read(cls, fields: Fields, kinds: Optional[Collection[str]]) -> SensorSpec:
+        """Check and read one sensor; ``kinds`` are those that are known, None: any."""
+        pose = fields.object("pose")
+        return cls(
+            id=fields.text("id"),
+            kind=fields.text("kind", tuple(sorted(kinds)) if kinds is not None else ()),
+            blueprint=fields.text("blueprint"),
+            hidden=fields.flag("hidden") if "hidden" in fields else False,
+            labelled=fields.flag("labelled") if "labelled" in fields else False,
+            pose=PoseSpec(
+                *(
+                    pose.number(name)
+                    for name in ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")
+                )
+            ),
+            attributes=fields.object("attributes").texts(),
+            attach_to=fields.text("attach_to") if "attach_to" in fields else EGO,
+            attach_index=fields.integer("attach_index", 0) if "attach_index" in fields else 0,
+            attachment=fields.text("attachment", ATTACHMENTS) if "attachment" in fields else RIGID,
+            depth=fields.text("depth") if "depth" in fields else None,
+            instance=fields.text("instance") if "instance" in fields else None,
+        )
+
+
+def read_sensors(fields: Fields, kinds: Optional[Collection[str]]) -> Tuple[SensorSpec, ...]:
+    """Check and read the list ``sensors``; ids are unique.
+
+    Raises:
+        SpecError: names the field and what is wrong with it.
+    """
+    sensors: Dict[str, SensorSpec] = {}
+    for index, entry in enumerate(fields.objects("sensors")):
+        sensor = SensorSpec.read(entry, kinds)
+        if sensor.id in sensors:
+            raise SpecError(
+                "%s[%d].id: %r is taken already." % (fields.path("sensors"), index, sensor.id)
+            )
+        sensors[sensor.id] = sensor
+    if not sensors:
+        raise SpecError("%s: is empty." % fields.path("sensors"))
+    return tuple(sensors.values())

@@ -1,0 +1,115 @@
+"""Light that comes to a surface before any is reflected: the sky, what covers it, the sun."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from carstage_sim.kernels import device, inlined
+from carstage_sim.render.cast import NOTHING, trace
+
+_ZERO: Any = np.float32(0)
+_ONE: Any = np.float32(1)
+OVER_PI: Any = np.float32(1 / math.pi)
+"""Radiance of a matt white surface for each unit of irradiance, 1/sr."""
+_LEAST_SUN: Any = np.float32(1e-6)
+"""Irradiance of the sun, all channels together, from which it casts shadows."""
+_NEAR_M: Any = np.float32(1e-3)
+"""Rays from a surface begin so far from their origin."""
+_SHADOW_M: Any = np.float32(300.0)
+"""What stands farther towards the sun casts no shadow."""
+_OPENNESS_M: Any = np.float32(3.0)
+"""What is farther covers no sky, quality epic."""
+_OVERHANG_M: Any = np.float32(0.7)
+"""What is higher above the ground keeps no light of the sky off it, quality low."""
+_UNDER_CARS: Any = np.float32(0.30)
+"""Share of the sky's light on ground that something touches."""
+_UNDER_RISE_PER_M: Any = np.float32(0.4)
+"""How that share grows with the height of what is above."""
+
+
+@inlined
+def sun_is_up(light):  # type: ignore[no-untyped-def]
+    """Whether the sun lights anything."""
+    return light.sun[0] + light.sun[1] + light.sun[2] > _LEAST_SUN
+
+
+@device
+def sky_radiance(light, x, y, z):  # type: ignore[no-untyped-def]
+    """Radiance of the sky in a unit direction; below the horizon that of the horizon."""
+    rows, columns = light.sky.shape[0], light.sky.shape[1]
+    elevation = math.asin(min(max(z, _ZERO), _ONE)) * np.float32(2 / math.pi)
+    row = math.sqrt(elevation) * np.float32(rows - 1)
+    turn = math.atan2(y, x) * np.float32(0.5 / math.pi)
+    column = (turn - math.floor(turn)) * np.float32(columns)
+    i = min(int(row), rows - 2)
+    j = int(column) % columns
+    k = (j + 1) % columns
+    a = np.float32(row - i)
+    b = np.float32(column - math.floor(column))
+    p = light.sky
+    low0 = p[i, j, 0] + (p[i, k, 0] - p[i, j, 0]) * b
+    low1 = p[i, j, 1] + (p[i, k, 1] - p[i, j, 1]) * b
+    low2 = p[i, j, 2] + (p[i, k, 2] - p[i, j, 2]) * b
+    i += 1
+    high0 = p[i, j, 0] + (p[i, k, 0] - p[i, j, 0]) * b
+    high1 = p[i, j, 1] + (p[i, k, 1] - p[i, j, 1]) * b
+    high2 = p[i, j, 2] + (p[i, k, 2] - p[i, j, 2]) * b
+    return low0 + (high0 - low0) * a, low1 + (high1 - low1) * a, low2 + (high2 - low2) * a
+
+
+@inlined
+def sky_irradiance(light, nx, ny, nz):  # type: ignore[no-untyped-def]
+    """Irradiance from above, the side and below, mixed by the normal."""
+    up = max(nz, _ZERO) ** 2
+    down = max(-nz, _ZERO) ** 2
+    side = _ONE - up - down
+    a = light.ambient
+    return (
+        a[0, 0] * up + a[1, 0] * side + a[2, 0] * down,
+        a[0, 1] * up + a[1, 1] * side + a[2, 1] * down,
+        a[0, 2] * up + a[1, 2] * side + a[2, 2] * down,
+    )
+
+
+@inlined
+def openness(scene, scratch, o, nx, ny, nz, skip):  # type: ignore[no-untyped-def]
+    """Share of the sky above a surface that nothing near covers, from three rays, 0.2-1."""
+    # Two tangents of the normal (Duff et al., JCGT 2017).
+    sign = _ONE if nz >= 0 else -_ONE
+    a = -_ONE / (sign + nz)
+    b = nx * ny * a
+    tx, ty, tz = _ONE + sign * nx * nx * a, sign * b, -sign * nx
+    bx, by, bz = b, sign + ny * ny * a, -ny
+    total = _ZERO
+    for k in range(3):
+        # Three directions around the normal, 120 degrees apart, 53 degrees off it.
+        across = np.float32(0.8) if k == 0 else np.float32(-0.4)
+        along = _ZERO if k == 0 else (np.float32(0.69) if k == 1 else np.float32(-0.69))
+        ray = (
+            nx * np.float32(0.6) + tx * across + bx * along,
+            ny * np.float32(0.6) + ty * across + by * along,
+            nz * np.float32(0.6) + tz * across + bz * along,
+        )
+        hit = trace(scene, scratch, o, ray, _NEAR_M, _OPENNESS_M, skip, False)
+        total += min(hit[0] * np.float32(1 / 3), _ONE)
+    return np.float32(0.2) + np.float32(0.8 / 3) * total
+
+
+@inlined
+def under_overhang(scene, scratch, o, skip):  # type: ignore[no-untyped-def]
+    """Share of the sky's light that what stands right above leaves to the ground, from one ray."""
+    upwards = (np.float32(0.12), np.float32(0.09), _ONE)
+    hit = trace(scene, scratch, o, upwards, _NEAR_M, _OVERHANG_M, skip, True)
+    if hit[1] == NOTHING:
+        return _ONE
+    return _UNDER_CARS + _UNDER_RISE_PER_M * hit[0]
+
+
+@inlined
+def sees_sun(scene, scratch, light, o, skip):  # type: ignore[no-untyped-def]
+    """Whether nothing stands between a place and the sun."""
+    to_sun = (light.sun_direction[0], light.sun_direction[1], light.sun_direction[2])
+    return trace(scene, scratch, o, to_sun, _NEAR_M, _SHADOW_M, skip, True)[1] == NOTHING

@@ -89,7 +89,7 @@ class EpisodeLabeller:
         header: the raw log's ``episode.json``.
         actors: static facts by actor id; may grow while the episode is labelled.
         measured: boxes by blueprint that replace those of two-wheelers.
-        level_objects: what the raw log tells of the level.
+        level_objects: the level's objects, from the raw log.
 
     Raises:
         AnnotationError: when the header lacks what labels need.

@@ -1,4 +1,4 @@
-"""What the ledger ``frames.parquet`` tells: times of the saved frames, and who delivered."""
+"""The ledger ``frames.parquet``: times of the saved frames, and which sensors delivered."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def recorded_frames(episode: Episode, ledger: pa.Table) -> dict[str, list[int]]:
-    """By sensor, the saved frames that the ledger says there is data of.
+    """By sensor, the saved frames of which there is data.
 
     Raises:
         DatasetError: the ledger lacks a column.

@@ -156,7 +156,7 @@ class Sensor:
         """The calibration with ``ego_from_sensor`` as it was in frame ``k``.
 
         Raises:
-            DatasetError: ``sensor_poses.parquet`` does not tell.
+            DatasetError: ``sensor_poses.parquet`` has no row of it.
         """
         if self.calibration.on_ego:
             return self.calibration

@@ -35,7 +35,7 @@ export function CoverageLayer({ screen, choice }: { screen: Screen; choice: Cove
     const blind = channels(style.getPropertyValue("--bad-rgb"));
     const image = context.createImageData(CELLS, CELLS);
     counts.forEach((count, i) => {
-      // Blind places are hatched, so that colour is not all that tells.
+      // Blind places are hatched: colour alone is not enough for everybody.
       const hatch = (Math.floor(i / CELLS) + (i % CELLS)) % 4 < 2 ? 74 : 30;
       const [r, g, b] = count === 0 ? blind : seen;
       image.data.set([r, g, b, count === 0 ? hatch : (ALPHA[Math.min(count, ALPHA.length) - 1] ?? 60)], i * 4);

@@ -138,7 +138,7 @@ export function withCopies(document: JsonObject, ids: readonly string[]): [JsonO
   return [withList(document, [...sensors, ...copies]), copies.map((one) => String(one.id))];
 }
 
-/** Copies on the other side of the car; a name that says the side changes it. */
+/** Copies on the other side of the car; a name that holds the side changes it. */
 export function withMirrored(document: JsonObject, ids: readonly string[]): [JsonObject, string[]] {
   const sensors = list(document);
   const taken = sensors.map((one) => String(one.id));

@@ -51,7 +51,7 @@ export function sensorModel(
   return group;
 }
 
-/** Put an object where a pose of CARLA's says. */
+/** Put an object at a pose in CARLA's coordinates. */
 export function place(object: { position: Group["position"]; rotation: Euler }, pose: Pose): void {
   object.position.set(...toThree([pose.x, pose.y, pose.z]));
   object.rotation.set(...eulerZYX(pose), "ZYX");

@@ -1,7 +1,7 @@
 """``python -m carstage.web.datasets.job_worker JOB_FOLDER``: one export or validation.
 
-A process of its own: it goes on when the server ends, and what it does not give back goes with it.
-``JOB_FOLDER/job.json`` says what to do, ``status.json`` (replaced as a whole) how far it is.
+A separate process: it goes on when the server ends, and its memory is freed when it is done.
+``JOB_FOLDER/job.json`` is the order; ``status.json``, replaced as a whole, the progress.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Status:
 
 
 def main(folder: Path) -> int:
-    """Do it; the exit code says whether it was done."""
+    """Do the job; exit code 0 when it was done."""
     # Ends like Ctrl-C does: what an export has begun is removed on the way out.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     job = json.loads((folder / "job.json").read_bytes())

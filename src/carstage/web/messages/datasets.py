@@ -185,7 +185,7 @@ class FrameMessage(Message):
 
     Attributes:
         available: sensors that have data of it.
-        states: by sensor, what the ledger says.
+        states: by sensor, from the ledger.
         readings: of IMU and GNSS, by sensor and column.
     """
 

@@ -286,7 +286,7 @@ class EpisodeLabeller:
                 mount = self._cameras[camera_id].mount
                 origins.append(mount.world_from_sensor(scene.world, scene.world_from_ego)[:3, 3])
         near = self._level.near(np.array(origins), self._settings.max_distance_m)
-        return scene.with_level(self._level, near)
+        return self._level.added_to(scene, near)
 
     def _facts_of(self, actor_id: int, tick: int) -> ActorFacts | None:
         """Facts of an actor that is to be labelled, else None."""

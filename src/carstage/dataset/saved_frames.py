@@ -110,7 +110,7 @@ class EpisodeFrames:
         ledger = episode.ledger()
         self._times_s = saved_times_s(ledger)
         self._recorded: dict[int, set[str]] = defaultdict(set)
-        for sensor_id, frames in recorded_frames(episode, ledger).items():
+        for sensor_id, frames in recorded_frames(episode.calibration.sensors, ledger).items():
             for k in frames:
                 if (sensor_id, k) not in damage:
                     self._recorded[k].add(sensor_id)

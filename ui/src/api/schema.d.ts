@@ -1352,7 +1352,7 @@ export interface components {
          *
          *     Attributes:
          *         available: sensors that have data of it.
-         *         states: by sensor, what the ledger says.
+         *         states: by sensor, from the ledger.
          *         readings: of IMU and GNSS, by sensor and column.
          */
         FrameMessage: {
@@ -1553,14 +1553,14 @@ export interface components {
          * @description No picture yet: ask again in a moment.
          *
          *     Attributes:
-         *         state: ``warming``: the simulator starts; ``busy``: pictures for others are being made.
+         *         state: ``starting``: the simulator starts; ``busy``: pictures for others are being made.
          */
         PreviewPending: {
             /**
              * State
              * @enum {string}
              */
-            state: "warming" | "busy";
+            state: "starting" | "busy";
             /** Message */
             message: string;
         };
@@ -1728,7 +1728,7 @@ export interface components {
          * @description One run.
          *
          *     Attributes:
-         *         alive: by process, its start time and heartbeat; ``stalled``: it lives and says nothing.
+         *         alive: by process, its start time and heartbeat; ``stalled``: alive, but without heartbeat.
          *         position: place in the queue, from 1; 0 for what is begun.
          *         stop: how often it was asked to stop.
          *         progress: share of all ticks and frames of the run, 0 to 1.
@@ -2105,7 +2105,7 @@ export interface components {
         };
         /**
          * TickPoint
-         * @description What a tick event says.
+         * @description The numbers of a tick event.
          *
          *     Attributes:
          *         tick_s: wall seconds per step since the point before.
@@ -2236,7 +2236,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2292,7 +2292,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2348,7 +2348,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2417,7 +2417,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2477,7 +2477,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2537,7 +2537,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2593,7 +2593,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2653,7 +2653,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2720,7 +2720,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2780,7 +2780,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2854,7 +2854,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2941,7 +2941,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3037,7 +3037,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3122,7 +3122,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3229,7 +3229,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3305,7 +3305,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3381,7 +3381,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3477,7 +3477,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3545,7 +3545,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3613,7 +3613,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3681,7 +3681,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3752,7 +3752,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3819,7 +3819,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3888,7 +3888,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3962,7 +3962,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -4033,7 +4033,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -4103,7 +4103,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -4203,7 +4203,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -4279,7 +4279,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -4355,7 +4355,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -4451,7 +4451,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;

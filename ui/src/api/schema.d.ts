@@ -1180,6 +1180,9 @@ export interface components {
         /**
          * EpisodeSummary
          * @description An episode of a dataset.
+         *
+         *     Attributes:
+         *         saved_fps: saved frames per simulated second.
          */
         EpisodeSummary: {
             /** Episode Id */
@@ -1192,8 +1195,8 @@ export interface components {
             weather: string;
             /** Frames */
             frames: number;
-            /** Fps */
-            fps: number;
+            /** Saved Fps */
+            saved_fps: number;
             /** Duration S */
             duration_s: number;
             /** Bytes */
@@ -1451,10 +1454,10 @@ export interface components {
              */
             state: "running" | "done" | "failed" | "cancelled";
             /**
-             * Stage
+             * Phase
              * @default
              */
-            stage: string;
+            phase: string;
             /**
              * Done
              * @default 0

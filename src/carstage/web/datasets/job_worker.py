@@ -25,7 +25,7 @@ class Status:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._document: dict[str, Any] = {"state": "running", "stage": "", "done": 0, "total": 0}
+        self._document: dict[str, Any] = {"state": "running", "phase": "", "done": 0, "total": 0}
         self._next_s = 0.0
 
     def write(self, **changes: Any) -> None:
@@ -33,12 +33,12 @@ class Status:
         self._document.update(changes)
         write_whole(self._path, json.dumps(self._document).encode())
 
-    def progress(self, stage: str, done: int, total: int) -> None:
-        """Write how far a stage is, a few times a second."""
+    def progress(self, phase: str, done: int, total: int) -> None:
+        """Write how far a phase is, a few times a second."""
         now_s = time.monotonic()
-        if stage != self._document["stage"] or now_s >= self._next_s or done == total:
+        if phase != self._document["phase"] or now_s >= self._next_s or done == total:
             self._next_s = now_s + _WRITE_EVERY_S
-            self.write(stage=stage, done=done, total=total)
+            self.write(phase=phase, done=done, total=total)
 
 
 def main(folder: Path) -> int:

@@ -227,7 +227,7 @@ class JobService:
             dataset=document["dataset"],
             title=document["title"],
             state=state,
-            stage=status.get("stage", ""),
+            phase=status.get("phase", ""),
             done=status.get("done", 0),
             total=status.get("total", 0),
             started=document["started"],

@@ -1,11 +1,15 @@
-import { describe, expect, test } from "vitest";
+import { beforeAll, describe, expect, test } from "vitest";
 import { blindShare, crosses, groundCoverage, type Box } from "../src/rig/coverage";
 import { heightAt } from "../src/rig/mounts";
 import { groundRings, hull, type Point } from "../src/rig/outline";
 import { SIDE, TOP, fit, fromScreen, toScreen } from "../src/rig/plane";
 import { freeName, mirrorName, sensorsOf, unfolded, viewOf, withCopies, withMirrored, without, withPoses } from "../src/rig/sensors";
 import { nextSelection, stacksOf } from "../src/rig/stacks";
+import { setKinds } from "../src/rig/kinds";
 import { getAt, type JsonObject } from "../src/state/json";
+import { DEFAULTS, KINDS } from "./sensorKinds";
+
+beforeAll(() => setKinds(KINDS));
 
 const camera = { id: "CAM_LEFT", kind: "rgb", pose: { x: 1, y: -0.4, z: 1.6, yaw_deg: -60 }, attributes: { fov_deg: 90 } };
 const lidar = { id: "LIDAR", kind: "lidar", pose: { z: 1.9 }, attributes: { channels: 3, lower_fov_deg: -45, upper_fov_deg: 5 } };
@@ -14,7 +18,7 @@ const car: Box = { location: [0, 0, 0.7], extent: [2.4, 1, 0.7] };
 
 function views(doc: JsonObject) {
   return sensorsOf(doc, []).flatMap((sensor) => {
-    const view = viewOf(sensor, doc);
+    const view = viewOf(sensor, doc, DEFAULTS);
     return view ? [{ sensor, view }] : [];
   });
 }
@@ -44,7 +48,7 @@ describe("sensors of the document", () => {
     expect(getAt(moved, ["rig", "sensors", 0])).toEqual(camera);
   });
   test("the vertical field of view follows from the picture's shape", () => {
-    const view = viewOf(sensorsOf(document, [])[0]!, document);
+    const view = viewOf(sensorsOf(document, [])[0]!, document, DEFAULTS);
     expect(view).toMatchObject({ shape: "pyramid", h: 90 });
     expect(view?.shape === "pyramid" && view.v).toBeCloseTo(58.716, 3); // 2 atan(360/640)
   });

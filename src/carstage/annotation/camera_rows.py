@@ -146,7 +146,7 @@ def camera_rows(
 def _rider(
     fact: ActorFacts, pixels: PixelVisibility | None, evidence: ImageEvidence
 ) -> ModalMask | None:
-    """The pixels of an actor's rider; None where there is none, or none that can be told."""
+    """The pixels of an actor's rider; None where there is none, or none that can be identified."""
     if pixels is None or evidence.tag is None or evidence.rider_tag is None or fact.is_static:
         return None
     if fact.object_class not in TWO_WHEELERS:

@@ -1,4 +1,4 @@
-"""The row of ``ego.parquet``: how the ego moves, what it is told, where on the earth it is."""
+"""The row of ``ego.parquet``: the ego's motion, its control commands, its place on the earth."""
 
 from __future__ import annotations
 

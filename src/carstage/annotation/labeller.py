@@ -89,7 +89,7 @@ class EpisodeLabeller:
         header: the raw log's ``episode.json``.
         actors: static facts by actor id; may grow while the episode is labelled.
         measured: boxes by blueprint that replace those of two-wheelers.
-        level_objects: what the raw log tells of the level.
+        level_objects: the level's objects, from the raw log.
 
     Raises:
         AnnotationError: when the header lacks what labels need.
@@ -286,7 +286,7 @@ class EpisodeLabeller:
                 mount = self._cameras[camera_id].mount
                 origins.append(mount.world_from_sensor(scene.world, scene.world_from_ego)[:3, 3])
         near = self._level.near(np.array(origins), self._settings.max_distance_m)
-        return scene.with_level(self._level, near)
+        return self._level.added_to(scene, near)
 
     def _facts_of(self, actor_id: int, tick: int) -> ActorFacts | None:
         """Facts of an actor that is to be labelled, else None."""

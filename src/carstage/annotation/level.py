@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage.annotation.boxes import LabelBox, are_plausible_in_level
 from carstage.annotation.classes import LEVEL_CLASSES, VEHICLE_CLASSES
-from carstage.annotation.scene import ActorFacts
+from carstage.annotation.scene import ActorFacts, Scene
 from carstage.annotation.settings import LabelSettings
 from carstage.annotation.tracks import level_tracks
 from carstage.geometry import FloatArray, box_corners, pose_matrix
 from carstage.rawlog.reader import ActorInfo, LevelObject
 from carstage.tags import dataset_tags, vehicle_tags
+
+_T = TypeVar("_T", bound=np.generic)
 
 
 class Level:
@@ -74,6 +78,33 @@ class Level:
             if i not in self._facts:
                 self._facts[i] = self._facts_of(self._objects[i], self._tracks[i])
         return [self._facts[i] for i in chosen.tolist()]
+
+    def added_to(self, scene: Scene, chosen: NDArray[np.int64]) -> Scene:
+        """The scene, and some objects of the level after it; their pivot is their middle."""
+        if not len(chosen):
+            return scene
+        facts = self.facts(chosen)
+        poses, extent = self.world_from_box[chosen], self.extent[chosen]
+        rotation = np.array([fact.box.rotation_deg for fact in facts])
+        still = np.zeros((len(facts), 3))
+
+        def both(here: NDArray[_T], more: NDArray[_T]) -> NDArray[_T]:
+            return np.concatenate([here, more])
+
+        return replace(
+            scene,
+            facts=[*scene.facts, *facts],
+            location=both(scene.location, poses[:, :3, 3]),
+            rotation_deg=both(scene.rotation_deg, rotation),
+            velocity=both(scene.velocity, still),
+            acceleration=both(scene.acceleration, still),
+            angular_velocity_deg=both(scene.angular_velocity_deg, still),
+            valid=both(scene.valid, np.ones(len(facts), dtype=np.bool_)),
+            world_from_box=both(scene.world_from_box, poses),
+            extent=both(scene.extent, extent),
+            ground=both(scene.ground, -extent[:, 2]),
+            corners=both(scene.corners, self.corners[chosen]),
+        )
 
     def _facts_of(self, found: LevelObject, track: int) -> ActorFacts:
         kind = self._class_of[found.label] or ""

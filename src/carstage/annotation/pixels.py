@@ -134,7 +134,7 @@ def measure(
     1, so that the ray's parameter is z-depth. A slab test gives where it enters and leaves the
     inflated box; it misses the box exactly where the centre lies outside the silhouette.
 
-    - Own by ``instance``: the id is the object's, the tag one of its own, and the depth within the
+    - Own by ``instance``: the id is the object's, the tag one of its class, the depth within the
       box or 5 cm off it (untagged geometry is transparent to the instance camera and ids collide).
     - Own by ``depth``: the depth is within the box, and the tag one of the object's; without tags,
       what is at the road is not its own.
@@ -145,7 +145,7 @@ def measure(
         view: the box as the camera sees it.
         k: ``(3, 3)`` intrinsics.
         evidence: the camera's images.
-        actor_id: the object's id; its low 16 bits are looked for. None: no pixel tells its id, as
+        actor_id: the object's id; its low 16 bits are looked for. None: no pixel carries its id, as
             with objects of the level.
         tags: ``(256,)`` which tags the object's pixels may carry.
     """

@@ -1,7 +1,7 @@
-"""Riders: labelled by their pixels, beside the two-wheeler whose box holds both.
+"""Riders: labelled by their pixels, next to the two-wheeler whose box holds both.
 
-From CARLA 0.9.14 on a rider's pixels carry a tag of their own and the two-wheeler's id. Nothing
-tells a rider's 3D box, so there is none.
+From CARLA 0.9.14 on, a rider's pixels carry a tag for riders and the two-wheeler's id. CARLA has
+no 3D box of a rider, so there is none here.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, TypeVar
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,6 @@ from carstage.annotation.boxes import LabelBox
 from carstage.annotation.classes import VEHICLE_CLASSES
 from carstage.geometry import FloatArray, box_corners, invert_pose, pose_matrix
 from carstage.rawlog.reader import ActorInfo, WorldFrame
-
-if TYPE_CHECKING:
-    from carstage.annotation.level import Level
-
-_T = TypeVar("_T", bound=np.generic)
 
 _MAX_SINK_M: Final = 0.2
 """Boxes of CARLA's cars reach up to 16 cm below the pivot, which is on the road. A pivot much
@@ -89,33 +84,6 @@ class Scene:
     corners: FloatArray
     world_from_ego: FloatArray
     ego_from_world: FloatArray
-
-    def with_level(self, level: Level, chosen: NDArray[np.int64]) -> Scene:
-        """The scene and some objects of the level after it; their pivot is their middle."""
-        if not len(chosen):
-            return self
-        facts = level.facts(chosen)
-        poses, extent = level.world_from_box[chosen], level.extent[chosen]
-        rotation = np.array([fact.box.rotation_deg for fact in facts])
-        still = np.zeros((len(facts), 3))
-
-        def both(here: NDArray[_T], more: NDArray[_T]) -> NDArray[_T]:
-            return np.concatenate([here, more])
-
-        return replace(
-            self,
-            facts=[*self.facts, *facts],
-            location=both(self.location, poses[:, :3, 3]),
-            rotation_deg=both(self.rotation_deg, rotation),
-            velocity=both(self.velocity, still),
-            acceleration=both(self.acceleration, still),
-            angular_velocity_deg=both(self.angular_velocity_deg, still),
-            valid=both(self.valid, np.ones(len(facts), dtype=np.bool_)),
-            world_from_box=both(self.world_from_box, poses),
-            extent=both(self.extent, extent),
-            ground=both(self.ground, -extent[:, 2]),
-            corners=both(self.corners, level.corners[chosen]),
-        )
 
 
 def build_scene(

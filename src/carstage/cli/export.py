@@ -103,9 +103,9 @@ def export(
     """Write a dataset in another format; OUT appears when all of it is written."""
     del debug
     import carstage
-    from carstage.cli.progress import watch_stages
+    from carstage.cli.progress import watch_phases
 
-    with watch_stages() as progress:
+    with watch_phases() as progress:
         summary = carstage.export(
             format_name,
             dataset,

@@ -160,16 +160,16 @@ def watch_frames(what: str) -> AbstractContextManager[Callable[[int, int], None]
 
 
 @contextmanager
-def watch_stages() -> Iterator[Callable[[str, int, int], None]]:
-    """As ``watch_frames``, with a bar for each of several stages."""
+def watch_phases() -> Iterator[Callable[[str, int, int], None]]:
+    """As ``watch_frames``, with a bar for each of several phases."""
     with ExitStack() as stack:
         bars: dict[str, Callable[[int, int], None]] = {}
 
-        def show(stage: str, done: int, total: int) -> None:
-            if stage not in bars:
-                stack.close()  # the bar of the stage before
-                bars[stage] = stack.enter_context(watch_frames(stage))
-            bars[stage](done, total)
+        def show(phase: str, done: int, total: int) -> None:
+            if phase not in bars:
+                stack.close()  # the bar of the phase before
+                bars[phase] = stack.enter_context(watch_frames(phase))
+            bars[phase](done, total)
 
         yield show
 

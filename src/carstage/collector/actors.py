@@ -199,7 +199,7 @@ def start_walkers(session: WorldSession, walkers: List[Walker]) -> None:
 
 
 def _speed_m_s(blueprint: Any, rng: random.Random, runs: bool) -> float:
-    """A speed of its own for each walker around what its blueprint recommends.
+    """A random speed for each walker around what its blueprint recommends.
 
     CARLA's walkers recommend three speeds: standing, walking, running.
     """

@@ -19,7 +19,7 @@ def prepare_folder(folder: str) -> str:
         if os.listdir(folder):
             raise RecordingError(
                 "The attempt's folder %s is not empty." % folder,
-                "Give every attempt a folder of its own; nothing is recorded over.",
+                "Give every attempt a new folder; nothing is overwritten.",
             )
     except OSError as error:
         kind = DiskFullError if error.errno in OUT_OF_SPACE else RecordingError

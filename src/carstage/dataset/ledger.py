@@ -1,24 +1,21 @@
-"""What the ledger ``frames.parquet`` tells: times of the saved frames, and who delivered."""
+"""The ledger ``frames.parquet``: times of the saved frames, and which sensors delivered."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Collection
+from typing import Any
 
 import pyarrow as pa
 
 from carstage.dataset.tables import require_columns
 
-if TYPE_CHECKING:
-    from carstage.dataset.reading import Episode
 
-
-def recorded_frames(episode: Episode, ledger: pa.Table) -> dict[str, list[int]]:
-    """By sensor, the saved frames that the ledger says there is data of.
+def recorded_frames(sensors: Collection[str], ledger: pa.Table) -> dict[str, list[int]]:
+    """By sensor, the saved frames of which there is data.
 
     Raises:
         DatasetError: the ledger lacks a column.
     """
-    sensors = tuple(episode.calibration.sensors)
     states = [f"{sensor}.{what}" for sensor in sensors for what in ("state", "reason")]
     require_columns(ledger, ("tick", "k", "server_frame", "timestamp_s", *states), "frames.parquet")
     ks = ledger["k"].to_pylist()

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pyarrow as pa
 
 from carstage.errors import BadInputError, DatasetError
-
-if TYPE_CHECKING:
-    from carstage.dataset.reading import Episode
 
 TABLES = {
     "objects": "objects.parquet",
@@ -22,14 +19,14 @@ TABLES = {
 """Names in queries, with the file of each episode that they stand for."""
 
 
-def query_episodes(episodes: Sequence[Episode], query: str) -> pa.Table:
+def query_episodes(folders: Sequence[Path], query: str) -> pa.Table:
     """The result of a query over the tables of episodes.
 
     Each table has the rows of all episodes, and the column ``episode_id`` where its file has none.
     DuckDB reads of the files what the query needs.
 
     Args:
-        episodes: committed episodes, one at least.
+        folders: of committed episodes, one at least.
         query: DuckDB's SQL; tables are those of ``TABLES``.
 
     Raises:
@@ -43,12 +40,12 @@ def query_episodes(episodes: Sequence[Episode], query: str) -> pa.Table:
             "SQL needs a package that is not installed.",
             "Install it: pip install 'carstage[sql]'.",
         ) from error
-    if not episodes:
+    if not folders:
         raise BadInputError("The dataset has no episode to query.", "Record one: carstage run.")
     with duckdb.connect() as connection:
         try:
             for name, file in TABLES.items():
-                paths = [str(episode.folder / file) for episode in episodes]
+                paths = [str(folder / file) for folder in folders]
                 connection.execute(f"CREATE VIEW {name} AS {_rows_of(name, paths)}")
         except (duckdb.IOException, duckdb.InvalidInputException) as error:
             raise DatasetError(f"A table of the dataset cannot be read: {error}") from error

@@ -156,7 +156,7 @@ class Sensor:
         """The calibration with ``ego_from_sensor`` as it was in frame ``k``.
 
         Raises:
-            DatasetError: ``sensor_poses.parquet`` does not tell.
+            DatasetError: ``sensor_poses.parquet`` has no row of it.
         """
         if self.calibration.on_ego:
             return self.calibration
@@ -429,7 +429,7 @@ class Dataset:
             BadInputError: DuckDB is not installed, or refuses the query.
             DatasetError: a table is missing or damaged.
         """
-        return query_episodes(self.episodes, query)
+        return query_episodes([episode.folder for episode in self.episodes], query)
 
 
 def _read_document(path: Path, version: int) -> dict[str, Any]:

@@ -56,7 +56,7 @@ class FrameSamples(Generic[Sample]):
                     f"{self._path} has no episode {episode_id}.", f"Episodes: {', '.join(known)}."
                 )
             episode = known[episode_id]
-            recorded = recorded_frames(episode, episode.ledger())
+            recorded = recorded_frames(episode.calibration.sensors, episode.ledger())
             frames = set(range(episode.frames))
             for sensor in sensors:
                 frames &= set(recorded[episode.sensor(sensor).id])

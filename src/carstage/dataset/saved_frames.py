@@ -65,7 +65,7 @@ class Frame:
         """``(4, 4)`` pose in CARLA's world and sensor axes.
 
         Raises:
-            DatasetError: ``sensor_poses.parquet`` does not tell.
+            DatasetError: ``sensor_poses.parquet`` has no row of it.
         """
         row = self.sensor_poses.get(sensor_id)
         if row is None:
@@ -84,7 +84,7 @@ class Frame:
         """``(4, 4)`` pose of the ego's pivot, CARLA's axes.
 
         Raises:
-            DatasetError: no table tells.
+            DatasetError: no table holds it.
         """
         if self.ego is not None:
             return pose_matrix(self.ego["location"], self.ego["rotation_deg"])
@@ -110,7 +110,7 @@ class EpisodeFrames:
         ledger = episode.ledger()
         self._times_s = saved_times_s(ledger)
         self._recorded: dict[int, set[str]] = defaultdict(set)
-        for sensor_id, frames in recorded_frames(episode, ledger).items():
+        for sensor_id, frames in recorded_frames(episode.calibration.sensors, ledger).items():
             for k in frames:
                 if (sensor_id, k) not in damage:
                     self._recorded[k].add(sensor_id)

@@ -73,7 +73,7 @@ def examine(dataset: Dataset, progress: Progress | None = None) -> Completeness:
             try:
                 damage[episode.id] = _damage(episode, changed)
                 ledger = episode.ledger()
-                recorded = recorded_frames(episode, ledger)
+                recorded = recorded_frames(episode.calibration.sensors, ledger)
                 check_file_list(episode, recorded, findings)
                 check_ledger(episode, ledger, findings)
                 unknown += _unknown_classes(episode)

@@ -178,7 +178,7 @@ def _sweeps(episode: Episode, wanted: int) -> list[NDArray[np.float64]]:
         try:
             points = points_xyz(lidar.read(k))
         except DatasetError:
-            continue  # the validation tells of it
+            continue  # the validation reports it
         if k in poses:
             clouds.append(transform_points(poses[k], points))
     return clouds

@@ -197,7 +197,7 @@ def semantic_view(tags: NDArray[np.uint8], palette: Mapping[int, RgbColour]) -> 
 
 
 def instance_view(instance: NDArray[np.uint16]) -> Image.Image:
-    """A colour of its own for each id of a thing that moves; everything else in greys by tag."""
+    """A separate colour for each id of a thing that moves; everything else in greys by tag."""
     ids, tags = instance[..., 0].astype(np.int64), instance[..., 1]
     moves = (tags >= 12) & (tags <= 19)
     hue = (ids * _GOLDEN_RATIO) % 1.0  # neighbouring ids get hues that lie far apart

@@ -164,7 +164,7 @@ class _Pictures:
         return len(self._rows[k, sensor.id])
 
     def _read(self, sensor: Sensor, k: int) -> NDArray[Any] | None:
-        """The data of a frame; ``None`` where there is none, which the validation tells of."""
+        """The data of a frame; ``None`` where there is none, which the validation reports."""
         try:
             return sensor.read(k)
         except DatasetError:

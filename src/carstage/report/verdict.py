@@ -1,4 +1,4 @@
-"""What validation found, as markup: a section of the report, and a page of its own."""
+"""What validation found, as markup: a section of the report, and a separate page."""
 
 from __future__ import annotations
 
@@ -152,11 +152,11 @@ def _checks(report: ValidationReport) -> str:
     for group, rules in GROUPS.items():
         for name, rule in rules.items():
             errors, warnings = (report.counts[name][kind] for kind in ("error", "warning"))
-            told = [
+            found = [
                 f"{count:,} {kind}{'' if count == 1 else 's'}"
                 for kind, count in (("error", errors), ("warning", warnings))
                 if count
             ]
             # No tick: where the rig lacks what a check compares, it has found nothing either.
-            rows.append((group, name, rule, ", ".join(told) or "nothing found"))
+            rows.append((group, name, rule, ", ".join(found) or "nothing found"))
     return html.table(("Group", "Check", "Rule", "Result"), rows)

@@ -1,4 +1,4 @@
-"""The WebSocket's hub: looks at the folders, tells every client what is new to it.
+"""The WebSocket's hub: looks at the folders and sends every client what is new to it.
 
 One task looks twenty times a second while somebody is connected, so that ten pictures a second pass
 without a gap, and once a second otherwise, for the queue. A client gets each text message in order;
@@ -126,14 +126,14 @@ class LiveHub:
         self._clients: set[_Client] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._summaries: dict[str, RunSummary] = {}
-        self._told: list[tuple[str, int]] = []
-        self._jobs_told: dict[str, Message] = {}
+        self._runs_sent: list[tuple[str, int]] = []
+        self._jobs_sent: dict[str, Message] = {}
         self._datasets: dict[str, float] = {}
 
     def config_changed(self, state: ConfigState) -> None:
-        """Tell everybody; may be called from any thread."""
+        """Send it to all clients; may be called from any thread."""
         if self._loop is not None:
-            self._loop.call_soon_threadsafe(self._tell_all, ConfigMessage(config=state))
+            self._loop.call_soon_threadsafe(self._broadcast, ConfigMessage(config=state))
 
     async def look_on(self) -> None:
         """Look until cancelled."""
@@ -167,7 +167,7 @@ class LiveHub:
         try:
             while True:
                 text = await socket.receive_text()
-                with suppress(ValidationError):  # of a newer page: what is not known says nothing
+                with suppress(ValidationError):  # of a newer page: unknown messages are ignored
                     client.watch(ClientMessage.model_validate_json(text))
         except (WebSocketDisconnect, KeyError, RuntimeError):
             pass  # gone, or it has sent bytes
@@ -179,7 +179,7 @@ class LiveHub:
                 _log.error("sending to a page failed", exc_info=fault)
 
     async def close(self) -> None:
-        """Say good-bye to all."""
+        """Close all connections."""
         for client in list(self._clients):
             with suppress(*_GONE):
                 await client.socket.close(1001)
@@ -207,7 +207,7 @@ class LiveHub:
                     await client.socket.send_bytes(client.pictures.pop(channel))
         await client.socket.close(_TRY_AGAIN_LATER, "too slow")
 
-    def _tell_all(self, message: Message) -> None:
+    def _broadcast(self, message: Message) -> None:
         for client in self._clients:
             client.post(message)
 
@@ -217,22 +217,22 @@ class LiveHub:
             return
         runs = await asyncio.to_thread(self._runs.summaries)
         order = [(run.run_id, run.position) for run in runs]
-        if order != self._told:
-            self._told = order
-            self._tell_all(RunsMessage(runs=runs))
+        if order != self._runs_sent:
+            self._runs_sent = order
+            self._broadcast(RunsMessage(runs=runs))
         else:
             for run in runs:
                 if self._summaries.get(run.run_id) != run:
-                    self._tell_all(RunMessage(run_id=run.run_id, run=run))
+                    self._broadcast(RunMessage(run_id=run.run_id, run=run))
         self._summaries = {run.run_id: run for run in runs}
         for job in await asyncio.to_thread(self._jobs.all):
-            if self._jobs_told.get(job.job_id) != job:
-                self._jobs_told[job.job_id] = job
-                self._tell_all(JobMessage(job=job))
+            if self._jobs_sent.get(job.job_id) != job:
+                self._jobs_sent[job.job_id] = job
+                self._broadcast(JobMessage(job=job))
         datasets = await asyncio.to_thread(self._fingerprint)
         if datasets != self._datasets:
             self._datasets = datasets
-            self._tell_all(DatasetsMessage())
+            self._broadcast(DatasetsMessage())
 
     def _fingerprint(self) -> dict[str, float]:
         """Changes when a dataset or an episode comes or goes."""

@@ -26,7 +26,7 @@ def serve(roots: Sequence[Path], host: str, port: int, ready: Callable[[str], No
         roots: folders of datasets; the first is made when it is missing.
         host: address to bind.
         port: port to bind; 0: a free one.
-        ready: told the address to open, when the server listens.
+        ready: called with the address to open, when the server listens.
 
     Raises:
         BadInputError: the address is taken or not ours, or a folder cannot be used.
@@ -47,7 +47,7 @@ def serve(roots: Sequence[Path], host: str, port: int, ready: Callable[[str], No
 
 
 class _Server(uvicorn.Server):
-    """Says when it listens; its own log stays silent: the token stands in an address."""
+    """Calls ``ready`` when it listens. Its own log stays silent: addresses hold the token."""
 
     def __init__(self, settings: WebSettings, ready: Callable[[str], None]) -> None:
         super().__init__(

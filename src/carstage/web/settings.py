@@ -1,4 +1,4 @@
-"""What ``carstage gui`` is told, and where it keeps its own state."""
+"""The settings of ``carstage gui``, and where it keeps its own state."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ export async function put<T>(path: string, body: unknown): Promise<T> {
   return (await (await send(path, withBody("PUT", body))).json()) as T;
 }
 
-/** What to tell the user about anything that was thrown. */
+/** A sentence for the user about anything that was thrown. */
 export function sentence(error: unknown): string {
   return error instanceof Error ? error.message : String(error);
 }

@@ -1,7 +1,7 @@
 import { createStore } from "../state/store";
 import type { Channel, ClientMessage, ConfigState, Job, LiveMessage, LogLine, RunSummary, TickPoint } from "./types";
 
-/** What the server tells by itself: runs, the watched run's log and ticks, jobs. */
+/** What the server sends unasked: runs, the watched run's log and ticks, jobs. */
 export interface Live {
   connection: "connecting" | "online" | "offline";
   runs: readonly RunSummary[];
@@ -45,12 +45,12 @@ let socket: WebSocket | null = null;
 let wanted: { run: string | null; previews: boolean } = { run: null, previews: false };
 let onConfig: (config: ConfigState, first: boolean) => void = () => undefined;
 
-/** Connect, and stay connected. `config` is told each configuration that comes. */
+/** Connect, and stay connected. `config` is called with each configuration that comes. */
 export function connect(config: (state: ConfigState, first: boolean) => void): void {
   onConfig = config;
   open(FIRST_WAIT_MS);
   // A hidden tab needs no pictures.
-  document.addEventListener("visibilitychange", tell);
+  document.addEventListener("visibilitychange", sendWatch);
 }
 
 function open(wait: number): void {
@@ -64,7 +64,7 @@ function open(wait: number): void {
   made.onopen = () => {
     next = FIRST_WAIT_MS;
     live.set((now) => ({ ...now, connection: "online" }));
-    tell();
+    sendWatch();
   };
   made.onmessage = ({ data }: MessageEvent<string | ArrayBuffer>) => {
     if (typeof data === "string") receive(JSON.parse(data) as LiveMessage);
@@ -76,17 +76,17 @@ function open(wait: number): void {
   };
 }
 
-/** Say which run this page looks at, and whether it shows its pictures. */
+/** Watch a run, and its pictures where they are shown. */
 export function watch(run: string | null, previews: boolean): void {
   if (run !== wanted.run) {
     pictures.clear();
     live.set((now) => ({ ...now, watched: run, log: [], ticks: [], channels: [] }));
   }
   wanted = { run, previews };
-  tell();
+  sendWatch();
 }
 
-function tell(): void {
+function sendWatch(): void {
   if (socket?.readyState !== WebSocket.OPEN) return;
   const message: ClientMessage = {
     type: "watch",
@@ -157,7 +157,7 @@ function receivePicture(data: ArrayBuffer): void {
   for (const listener of pictureListeners.get(channel.sensor_id) ?? []) listener(picture);
 }
 
-/** Be told each picture of a sensor, the newest known one at once. */
+/** Call a listener with each picture of a sensor, the newest known one at once. */
 export function onPicture(sensor: string, listener: (picture: Picture) => void): () => void {
   const listeners = pictureListeners.get(sensor) ?? new Set();
   pictureListeners.set(sensor, listeners);

@@ -1180,6 +1180,9 @@ export interface components {
         /**
          * EpisodeSummary
          * @description An episode of a dataset.
+         *
+         *     Attributes:
+         *         saved_fps: saved frames per simulated second.
          */
         EpisodeSummary: {
             /** Episode Id */
@@ -1192,8 +1195,8 @@ export interface components {
             weather: string;
             /** Frames */
             frames: number;
-            /** Fps */
-            fps: number;
+            /** Saved Fps */
+            saved_fps: number;
             /** Duration S */
             duration_s: number;
             /** Bytes */
@@ -1352,7 +1355,7 @@ export interface components {
          *
          *     Attributes:
          *         available: sensors that have data of it.
-         *         states: by sensor, what the ledger says.
+         *         states: by sensor, from the ledger.
          *         readings: of IMU and GNSS, by sensor and column.
          */
         FrameMessage: {
@@ -1451,10 +1454,10 @@ export interface components {
              */
             state: "running" | "done" | "failed" | "cancelled";
             /**
-             * Stage
+             * Phase
              * @default
              */
-            stage: string;
+            phase: string;
             /**
              * Done
              * @default 0
@@ -1553,14 +1556,14 @@ export interface components {
          * @description No picture yet: ask again in a moment.
          *
          *     Attributes:
-         *         state: ``warming``: the simulator starts; ``busy``: pictures for others are being made.
+         *         state: ``starting``: the simulator starts; ``busy``: pictures for others are being made.
          */
         PreviewPending: {
             /**
              * State
              * @enum {string}
              */
-            state: "warming" | "busy";
+            state: "starting" | "busy";
             /** Message */
             message: string;
         };
@@ -1728,7 +1731,7 @@ export interface components {
          * @description One run.
          *
          *     Attributes:
-         *         alive: by process, its start time and heartbeat; ``stalled``: it lives and says nothing.
+         *         alive: by process, its start time and heartbeat; ``stalled``: alive, but without heartbeat.
          *         position: place in the queue, from 1; 0 for what is begun.
          *         stop: how often it was asked to stop.
          *         progress: share of all ticks and frames of the run, 0 to 1.
@@ -2105,7 +2108,7 @@ export interface components {
         };
         /**
          * TickPoint
-         * @description What a tick event says.
+         * @description The numbers of a tick event.
          *
          *     Attributes:
          *         tick_s: wall seconds per step since the point before.
@@ -2236,7 +2239,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2292,7 +2295,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2348,7 +2351,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2417,7 +2420,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2477,7 +2480,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2537,7 +2540,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2593,7 +2596,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2653,7 +2656,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2720,7 +2723,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2780,7 +2783,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2854,7 +2857,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -2941,7 +2944,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3037,7 +3040,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3122,7 +3125,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3229,7 +3232,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3305,7 +3308,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3381,7 +3384,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3477,7 +3480,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3545,7 +3548,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3613,7 +3616,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3681,7 +3684,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3752,7 +3755,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3819,7 +3822,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3888,7 +3891,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -3962,7 +3965,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -4033,7 +4036,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -4103,7 +4106,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -4203,7 +4206,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -4279,7 +4282,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -4355,7 +4358,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -4451,7 +4454,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorMessage"];
                 };
             };
-            /** @description Values are wrong; `errors` says which. */
+            /** @description Values are wrong; `errors` lists them. */
             422: {
                 headers: {
                     [name: string]: unknown;

@@ -3,6 +3,9 @@ import type { components } from "./schema";
 type Schemas = components["schemas"];
 
 export type SchemaMessage = Schemas["SchemaMessage"];
+export type SensorKind = Schemas["SensorKindMessage"];
+export type SensorKinds = Schemas["SensorKindsMessage"];
+export type SensorModality = Schemas["SensorModality"];
 export type Description = Schemas["DescriptionMessage"];
 export type ConfigState = Schemas["ConfigState"];
 export type ConfigSaved = Schemas["ConfigSaved"];

@@ -3,6 +3,7 @@ import { live } from "../api/live";
 import { ConfigurePage } from "../configure/ConfigurePage";
 // The page's head names the file, too: inlined here or not would be a matter of chance.
 import icon from "../icon.svg?no-inline";
+import { kindTable } from "../rig/kinds";
 import { useStore } from "../state/store";
 import { Icon } from "../ui/Icon";
 import { percent } from "../ui/format";
@@ -16,6 +17,7 @@ const EpisodePage = lazy(() => import("../episode/EpisodePage"));
 /** The frame of all pages: where one is, how the server does, light or dark. */
 export function Shell() {
   const route = useRoute();
+  const { kinds, error } = useStore(kindTable, (now) => now);
   return (
     <>
       <button type="button" className="skip" onClick={() => document.getElementById("content")?.focus()}>
@@ -24,16 +26,24 @@ export function Shell() {
       <TopBar route={route} />
       <div className="content" id="content" tabIndex={-1}>
         <Suspense fallback={<p className="empty">Loading…</p>}>
-          {route.page === "configure" && <ConfigurePage />}
-          {route.page === "run" && <RunPage run={route.run} />}
-          {route.page === "datasets" && <DatasetsPage dataset={route.dataset} />}
-          {route.page === "episode" && (
-            <EpisodePage key={`${route.dataset}/${route.episode}`} dataset={route.dataset} episode={route.episode} />
-          )}
+          {kinds ? <Page route={route} /> : <p className="empty page-error">{error ?? "Loading…"}</p>}
         </Suspense>
       </div>
     </>
   );
+}
+
+function Page({ route }: { route: Route }) {
+  switch (route.page) {
+    case "configure":
+      return <ConfigurePage />;
+    case "run":
+      return <RunPage run={route.run} />;
+    case "datasets":
+      return <DatasetsPage dataset={route.dataset} />;
+    case "episode":
+      return <EpisodePage key={`${route.dataset}/${route.episode}`} dataset={route.dataset} episode={route.episode} />;
+  }
 }
 
 function TopBar({ route }: { route: Route }) {

@@ -4,6 +4,7 @@ import type { Description, SchemaMessage } from "../api/types";
 import { ConfigForm } from "../form/ConfigForm";
 import { Form, type FormContext } from "../form/context";
 import type { SchemaNode } from "../form/schema";
+import { kindOf } from "../rig/kinds";
 import { RigEditor } from "../rig/RigEditor";
 import { dispatch, draft, edit } from "../state/draft";
 import { getAt, isObject, setAt, type JsonObject, type Path } from "../state/json";
@@ -128,7 +129,7 @@ function suggestions(
   if ((section === "labels" && key === "cameras") || (section === "conversion" && key === "codecs")) {
     const listed = getAt(document, ["rig", "sensors"]);
     const sensors = (Array.isArray(listed) ? listed : []).filter(isObject);
-    return sensors.filter((one) => key === "codecs" || one.kind === "rgb").map((one) => String(one.id));
+    return sensors.filter((one) => key === "codecs" || kindOf(String(one.kind))?.modality === "camera").map((one) => String(one.id));
   }
   return null;
 }

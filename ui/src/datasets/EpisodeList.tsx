@@ -1,5 +1,6 @@
 import { useAnswer } from "../api/useAnswer";
 import type { EpisodeDetail, EpisodeSummary } from "../api/types";
+import { kindOf } from "../rig/kinds";
 import { href } from "../app/routes";
 import { bytes, count, duration } from "../ui/format";
 
@@ -20,7 +21,8 @@ export function EpisodeList({ dataset, episodes }: { dataset: string; episodes: 
 function EpisodeCard({ dataset, episode }: { dataset: string; episode: EpisodeSummary }) {
   const base = `/datasets/${encodeURIComponent(dataset)}/episodes/${episode.episode_id}`;
   const detail = useAnswer<EpisodeDetail>(base);
-  const camera = detail.data?.sensors.find((sensor) => sensor.kind === "rgb") ?? detail.data?.sensors.find((sensor) => sensor.data === "image");
+  const pictures = detail.data?.sensors.filter((sensor) => sensor.data === "image") ?? [];
+  const camera = pictures.find((sensor) => kindOf(sensor.kind)?.modality === "camera") ?? pictures[0];
   return (
     <a className="panel episode-card" href={href({ page: "episode", dataset, episode: episode.episode_id })}>
       {camera ? (

@@ -7,7 +7,7 @@ import { useStore } from "../state/store";
 import { Icon } from "../ui/Icon";
 import { JobProgress } from "./JobProgress";
 
-/** The dataset in another format, written beside it. */
+/** The dataset in another format, written next to it. */
 export function ExportView({ base, dataset }: { base: string; dataset: string }) {
   const formats = useAnswer<ExportFormats>("/exports/formats");
   const jobs = useStore(live, (now) => now.jobs).filter((job) => job.kind === "export" && job.dataset === dataset);

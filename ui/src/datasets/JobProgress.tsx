@@ -16,7 +16,7 @@ export function JobProgress({ job }: { job: Job }) {
             <span style={{ width: percent(share) }} />
           </div>
           <span className="muted">
-            {job.stage} {total > 0 ? `${done} of ${count(total, "frame")}` : ""}
+            {job.phase} {total > 0 ? `${done} of ${count(total, "frame")}` : ""}
           </span>
           <button
             type="button"

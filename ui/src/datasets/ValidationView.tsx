@@ -15,7 +15,7 @@ interface Report {
   figures: Record<string, unknown>;
 }
 
-/** Everything computed again from the files: whether the dataset is what it says it is. */
+/** The dataset's validation: everything is computed again from the files. */
 export function ValidationView({ base, dataset, version }: { base: string; dataset: string; version: number }) {
   const jobs = useStore(live, (now) => now.jobs);
   const job = jobs.find((one) => one.kind === "validation" && one.dataset === dataset);

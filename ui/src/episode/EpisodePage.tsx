@@ -31,7 +31,7 @@ export default function EpisodePage({ dataset, episode }: { dataset: string; epi
 }
 
 function PlayerOf({ base, detail, dataset }: { base: string; detail: EpisodeDetail; dataset: string }) {
-  const player = usePlayer(base, detail.times_s.length, detail.episode.fps);
+  const player = usePlayer(base, detail.times_s.length, detail.episode.saved_fps);
   const pictures = detail.sensors.filter((sensor) => sensor.data === "image");
   const clouds = detail.sensors.filter((sensor) => sensor.data === "points" || sensor.data === "radar");
   const [large, setLarge] = useState(pictures[0]?.id ?? "");
@@ -51,7 +51,7 @@ function PlayerOf({ base, detail, dataset }: { base: string; detail: EpisodeDeta
         <span className="badge">{episode.map}</span>
         <span className="badge">{episode.weather}</span>
         <span className="muted">
-          {episode.frames} frames, {episode.fps} Hz, {detail.sensors.length} sensors
+          {episode.frames} frames, {episode.saved_fps} Hz, {detail.sensors.length} sensors
         </span>
         {detail.incomplete > 0 && <span className="badge badge-warn">{detail.incomplete} incomplete steps</span>}
         <span className="spacer" />

@@ -49,7 +49,7 @@ export type Kind =
 export interface Field {
   kind: Kind;
   node: SchemaNode;
-  /** `null` or left out is a value of its own. */
+  /** `null` or left out is a value like others. */
   optional: boolean;
   title: string;
   description: string;
@@ -69,7 +69,7 @@ export interface Field {
   properties?: Record<string, Field>;
 }
 
-/** Follow references and say what control a node needs. */
+/** Follow references and find the control that a node needs. */
 export function fieldOf(root: SchemaNode, node: SchemaNode): Field {
   const here = follow(root, node);
   const base = {
@@ -105,7 +105,7 @@ function follow(root: SchemaNode, node: SchemaNode): SchemaNode {
   const target = root.$defs?.[name];
   if (!target) throw new Error(`the schema has no definition ${name}`);
   const { $ref: _, ...own } = node;
-  // What is said at the place of use wins over what the section says of itself.
+  // A text at the place of use wins over the section's own.
   return { ...follow(root, target), title: "", ...own };
 }
 

@@ -188,7 +188,7 @@ export function PairField({ path, field }: ControlProps) {
   );
 }
 
-/** `stage_vo` as one would say it. */
+/** `stage_vo` as words. */
 export function words(name: string): string {
   return name.replaceAll("_", " ");
 }

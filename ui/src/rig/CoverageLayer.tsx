@@ -1,6 +1,6 @@
 import { useEffect, useMemo, useRef } from "react";
 import { blindShare, groundCoverage } from "./coverage";
-import { kindInfo, type Modality } from "./kinds";
+import { kindOf, kindTable, type Modality } from "./kinds";
 import { toScreen, type Screen } from "./plane";
 import { useRig } from "./useRig";
 import { percent } from "../ui/format";
@@ -19,27 +19,29 @@ export function CoverageLayer({ screen, choice }: { screen: Screen; choice: Cove
   const canvas = useRef<HTMLCanvasElement>(null);
   const counts = useMemo(() => {
     const eyes = rig.sensors.flatMap((sensor) => {
-      const { modality } = kindInfo(sensor.kind);
-      const view = sensor.onEgo && (choice === "all" ? modality !== "truth" : modality === choice) ? rig.view(sensor) : null;
+      const modality = kindOf(sensor.kind)?.modality;
+      const counts = choice === "all" ? modality !== "truth" : modality === choice;
+      const view = sensor.onEgo && counts ? rig.view(sensor) : null;
       return view ? [{ sensor, view }] : [];
     });
     return groundCoverage(eyes, rig.shape?.box ?? null, HALF_M, CELLS);
   }, [rig, choice]);
+  const colour = kindTable.get().modalities.find(({ name }) => name === choice)?.colour ?? "accent";
   useEffect(() => {
     const context = canvas.current?.getContext("2d");
     if (!context) return;
     const style = getComputedStyle(document.documentElement);
-    const seen = channels(style.getPropertyValue(choice === "all" ? "--accent-rgb" : `--${choice}-rgb`));
+    const seen = channels(style.getPropertyValue(`--${choice === "all" ? "accent" : colour}-rgb`));
     const blind = channels(style.getPropertyValue("--bad-rgb"));
     const image = context.createImageData(CELLS, CELLS);
     counts.forEach((count, i) => {
-      // Blind places are hatched, so that colour is not all that tells.
+      // Blind places are hatched: colour alone is not enough for everybody.
       const hatch = (Math.floor(i / CELLS) + (i % CELLS)) % 4 < 2 ? 74 : 30;
       const [r, g, b] = count === 0 ? blind : seen;
       image.data.set([r, g, b, count === 0 ? hatch : (ALPHA[Math.min(count, ALPHA.length) - 1] ?? 60)], i * 4);
     });
     context.putImageData(image, 0, 0);
-  }, [counts, choice]);
+  }, [counts, choice, colour]);
   const [left, top] = toScreen(screen, [-HALF_M, HALF_M]);
   const size = 2 * HALF_M * screen.scale;
   const blind = blindShare(counts, rig.shape?.box ?? null, HALF_M, CELLS, NEAR_M);

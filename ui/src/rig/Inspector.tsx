@@ -5,7 +5,7 @@ import { FieldFrame } from "../form/FieldFrame";
 import { NumberInput } from "../form/NumberInput";
 import { fieldOf, type Field, type SchemaNode } from "../form/schema";
 import { ChosenTools } from "./ChosenTools";
-import { colourOf, kindInfo } from "./kinds";
+import { colourOf, looks, titleOf } from "./kinds";
 import { pathText, type Path } from "../state/json";
 import type { Pose } from "./coordinates";
 import { SensorPreview } from "./SensorPreview";
@@ -42,11 +42,11 @@ export function Inspector({ schema }: { schema: SchemaNode }) {
       <header className="inspector-head" style={{ "--colour": colourOf(lead.kind) } as React.CSSProperties}>
         <span className="dot" />
         <strong>{chosen.length > 1 ? `${chosen.length} sensors` : lead.id}</strong>
-        <span className="muted">{chosen.length > 1 ? chosen.map((one) => one.id).join(", ") : kindInfo(lead.kind).label}</span>
+        <span className="muted">{chosen.length > 1 ? chosen.map((one) => one.id).join(", ") : titleOf(lead.kind)}</span>
         <span className="spacer" />
         <ChosenTools />
       </header>
-      {chosen.length === 1 && kindInfo(lead.kind).looks && <SensorPreview sensor={lead} />}
+      {chosen.length === 1 && looks(lead.kind) && <SensorPreview sensor={lead} />}
       <PoseFields chosen={chosen} lead={lead} />
       {chosen.length === 1 && lead.index !== null && (
         <OwnFields schema={schema} sensor={lead} index={lead.index} />

@@ -68,7 +68,7 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
       selected,
       select: setSelected,
       trueRanges,
-      view: (sensor) => viewOf(sensor, document),
+      view: (sensor) => viewOf(sensor, document, schema),
       pose: (ids, how, gesture) => change((now) => withPoses(now, ids, how), gesture),
       endGesture,
       remove: (ids) => {
@@ -78,7 +78,7 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
       duplicate: (ids) => copied((now) => withCopies(now, ids)),
       mirror: (ids) => copied((now) => withMirrored(now, ids)),
     };
-  }, [document, sensors, shape.data, mounts, selected, trueRanges, change, endGesture]);
+  }, [document, schema, sensors, shape.data, mounts, selected, trueRanges, change, endGesture]);
 
   useEffect(() => {
     const known = new Set(sensors.map((sensor) => sensor.id));

@@ -1,9 +1,10 @@
-import type { SchemaMessage } from "../api/types";
+import type { SchemaMessage, SensorKind } from "../api/types";
 import { edit } from "../state/draft";
+import { useStore } from "../state/store";
 import { Icon } from "../ui/Icon";
 import { Menu } from "../ui/Menu";
 import type { CoverageChoice } from "./CoverageLayer";
-import { colourOf, KINDS, kindInfo, MODALITIES, type Modality } from "./kinds";
+import { colourOf, commonKinds, kindTable, measuring } from "./kinds";
 import { withSensor } from "./sensors";
 import { useRig } from "./useRig";
 
@@ -15,21 +16,20 @@ interface Props {
   onPreset(name: string): void;
 }
 
-const QUICK = ["rgb", "lidar", "radar"];
-const QUICK_NAMES: Record<string, string> = { rgb: "Camera", lidar: "LiDAR", radar: "Radar" };
-
 /** Presets, new sensors, changes of what is chosen, and how fields of view are drawn. */
 export function RigToolbar({ schema, coverage, onCoverage, onTrueRanges, onPreset }: Props) {
   const rig = useRig();
-  const add = (kind: string) => {
+  const { kinds, modalities } = useStore(kindTable, (now) => now);
+  const common = commonKinds();
+  const others = [...(kinds?.values() ?? [])].filter((kind) => !common.includes(kind));
+  const add = ({ name, field_of_view }: SensorKind) => {
     const roof = rig.mounts[0]?.pose ?? { x: 0, y: 0, z: 1.8, roll_deg: 0, pitch_deg: 0, yaw_deg: 0 };
     const bumper = rig.mounts.find(({ name }) => name === "Front bumper")?.pose ?? roof;
     const front = rig.mounts.find(({ name }) => name === "Roof, front")?.pose ?? roof;
-    const { modality } = kindInfo(kind);
-    const pose = modality === "radar" ? bumper : modality === "lidar" ? roof : modality === "inertial" ? { ...roof, x: 0, z: 0 } : front;
+    const places = { pyramid: front, cone: bumper, sweep: roof, none: { ...roof, x: 0, z: 0 } };
     let id = "";
     edit((now) => {
-      const [next, made] = withSensor(now, kind, pose);
+      const [next, made] = withSensor(now, name, places[field_of_view]);
       id = made;
       return next;
     });
@@ -55,27 +55,25 @@ export function RigToolbar({ schema, coverage, onCoverage, onTrueRanges, onPrese
         </select>
       </label>
       <div className="button-row" role="group" aria-label="Add a sensor">
-        {QUICK.map((kind) => (
+        {common.map((kind) => (
           <button
-            key={kind}
+            key={kind.name}
             type="button"
             className="button small add"
-            style={{ "--colour": colourOf(kind) } as React.CSSProperties}
+            style={{ "--colour": colourOf(kind.name) } as React.CSSProperties}
             onClick={() => add(kind)}
           >
             <Icon name="plus" />
-            {QUICK_NAMES[kind]}
+            {shortTitle(kind.title)}
           </button>
         ))}
         <Menu label="More" name="other kinds of sensor">
-          {Object.entries(KINDS)
-            .filter(([kind]) => !QUICK.includes(kind))
-            .map(([kind, { label }]) => (
-              <button key={kind} type="button" role="menuitem" onClick={() => add(kind)}>
-                <span className="dot" style={{ "--colour": colourOf(kind) } as React.CSSProperties} />
-                {label}
-              </button>
-            ))}
+          {others.map((kind) => (
+            <button key={kind.name} type="button" role="menuitem" onClick={() => add(kind)}>
+              <span className="dot" style={{ "--colour": colourOf(kind.name) } as React.CSSProperties} />
+              {kind.title}
+            </button>
+          ))}
         </Menu>
       </div>
       <span className="spacer" />
@@ -90,13 +88,11 @@ export function RigToolbar({ schema, coverage, onCoverage, onTrueRanges, onPrese
         >
           <option value="off">Coverage</option>
           <option value="all">All sensors</option>
-          {(Object.keys(MODALITIES) as Modality[])
-            .filter((one) => one !== "inertial" && one !== "truth")
-            .map((one) => (
-              <option key={one} value={one}>
-                {MODALITIES[one]}
-              </option>
-            ))}
+          {measuring(modalities).map(({ name, title }) => (
+            <option key={name} value={name}>
+              {title}
+            </option>
+          ))}
         </select>
       </label>
       <button
@@ -110,6 +106,11 @@ export function RigToolbar({ schema, coverage, onCoverage, onTrueRanges, onPrese
       </button>
     </header>
   );
+}
+
+/** `Camera (RGB)` on a button is `Camera`. */
+function shortTitle(title: string): string {
+  return title.replace(/ \(.*\)$/, "");
 }
 
 function presetName(name: string): string {

@@ -1,6 +1,6 @@
 import { useForm } from "../form/context";
 import { startsWith } from "../state/json";
-import { colourOf, kindInfo } from "./kinds";
+import { colourOf, titleOf } from "./kinds";
 import { useRig } from "./useRig";
 
 /** All sensors by name; click to choose, with Shift or Ctrl several. */
@@ -33,7 +33,7 @@ export function SensorList() {
               <span className="dot" />
               <span className="sensor-id">{sensor.id || "unnamed"}</span>
               <span className="muted sensor-kind">
-                {kindInfo(sensor.kind).label}
+                {titleOf(sensor.kind)}
                 {!sensor.onEgo && ", off the car"}
               </span>
               {wrong && <span className="badge badge-bad">!</span>}

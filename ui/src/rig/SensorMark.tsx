@@ -1,6 +1,6 @@
 import { useEffect, useRef, type KeyboardEvent, type PointerEvent, type RefObject } from "react";
 import { snap, type Pose } from "./coordinates";
-import { colourOf, kindInfo } from "./kinds";
+import { colourOf, looks } from "./kinds";
 import type { Point } from "./outline";
 import { toScreen, type Plane, type Screen } from "./plane";
 import { nextSelection, type Stack } from "./stacks";
@@ -34,7 +34,7 @@ export function SensorMark({ stack, plane, screen, dragging, focused, onBegin }:
   }, [focused, lead?.id]);
   if (!lead || !Number.isFinite(px + py)) return null;
   const angle = (plane.angle(lead.pose) * Math.PI) / 180;
-  const looks = stack.sensors.some((sensor) => kindInfo(sensor.kind).looks);
+  const turns = stack.sensors.some((sensor) => looks(sensor.kind));
   const handle: Point = [px + HANDLE_PX * Math.cos(angle), py - HANDLE_PX * Math.sin(angle)];
 
   const key = (event: KeyboardEvent) => {
@@ -68,7 +68,7 @@ export function SensorMark({ stack, plane, screen, dragging, focused, onBegin }:
       style={{ "--colour": colourOf(lead.kind) } as React.CSSProperties}
     >
       {chosen.length > 0 && dragging && <MountDots plane={plane} screen={screen} />}
-      {chosen.length > 0 && looks && (
+      {chosen.length > 0 && turns && (
         <>
           <line className="turn-line" x1={px} y1={py} x2={handle[0]} y2={handle[1]} />
           <circle

@@ -1,5 +1,5 @@
 import { useEffect, useRef, useState } from "react";
-import { ApiError, post, postForBlob, sentence } from "../api/client";
+import { post, postForBlob, sentence } from "../api/client";
 import { getAt } from "../state/json";
 import { Icon } from "../ui/Icon";
 import type { RigSensor } from "./sensors";
@@ -8,7 +8,7 @@ import { useRig } from "./useRig";
 const SILENCE_MS = 120;
 /** While a button is down: a hand that rests is shown what it would leave. */
 const HELD_SILENCE_MS = 500;
-const WARMING_MS = 900;
+const STARTING_MS = 900;
 const BUSY_MS = 150;
 
 /** A live picture through a sensor, asked anew whenever it is moved. */
@@ -45,7 +45,7 @@ export function SensorPreview({ sensor }: { sensor: RigSensor }) {
         if (blob === null) {
           const first = shown.current === null;
           if (first) setState("starting the simulator…");
-          timer = later(first ? WARMING_MS : BUSY_MS);
+          timer = later(first ? STARTING_MS : BUSY_MS);
           return;
         }
         if (shown.current) URL.revokeObjectURL(shown.current);
@@ -54,10 +54,7 @@ export function SensorPreview({ sensor }: { sensor: RigSensor }) {
         setState("");
       } catch (error) {
         if (stop.signal.aborted) return;
-        if (error instanceof ApiError && error.answer.code === "warming") {
-          setState("starting the simulator…");
-          timer = later(WARMING_MS);
-        } else setState(sentence(error));
+        setState(sentence(error));
       }
     }
     return () => {

@@ -1,48 +1,70 @@
-/** What a sensor measures, and so which colour it has everywhere. */
-export type Modality = "camera" | "truth" | "lidar" | "radar" | "inertial";
+import { get, sentence } from "../api/client";
+import type { SensorKind, SensorKinds, SensorModality } from "../api/types";
+import { createStore } from "../state/store";
 
-export interface KindInfo {
-  label: string;
-  short: string;
-  modality: Modality;
-  /** Whether it looks somewhere: has a field of view. */
-  looks: boolean;
+export type Modality = SensorModality["name"];
+
+/** The server's table of sensor kinds; `error` says why it is not there yet. */
+interface KindTable {
+  kinds: ReadonlyMap<string, SensorKind> | null;
+  modalities: readonly SensorModality[];
+  error: string | null;
 }
 
-export const KINDS: Record<string, KindInfo> = {
-  rgb: { label: "Camera (RGB)", short: "CAM", modality: "camera", looks: true },
-  depth: { label: "Depth camera", short: "DEPTH", modality: "truth", looks: true },
-  semantic: { label: "Semantic camera", short: "SEMANTIC", modality: "truth", looks: true },
-  instance: { label: "Instance camera", short: "INSTANCE", modality: "truth", looks: true },
-  flow: { label: "Optical flow", short: "FLOW", modality: "truth", looks: true },
-  normals: { label: "Surface normals", short: "NORMALS", modality: "truth", looks: true },
-  lidar: { label: "LiDAR", short: "LIDAR", modality: "lidar", looks: true },
-  semantic_lidar: { label: "Semantic LiDAR", short: "SEMLIDAR", modality: "lidar", looks: true },
-  radar: { label: "Radar", short: "RADAR", modality: "radar", looks: true },
-  imu: { label: "IMU", short: "IMU", modality: "inertial", looks: false },
-  gnss: { label: "GNSS", short: "GNSS", modality: "inertial", looks: false },
-};
+const RETRY_MS = 1500;
 
-export const MODALITIES: Record<Modality, string> = {
-  camera: "Cameras",
-  truth: "Ground-truth cameras",
-  lidar: "LiDAR",
-  radar: "Radar",
-  inertial: "IMU and GNSS",
-};
+export const kindTable = createStore<KindTable>({ kinds: null, modalities: [], error: null });
 
-const OTHER: KindInfo = { label: "Sensor", short: "SENSOR", modality: "inertial", looks: false };
-
-export function kindInfo(kind: string): KindInfo {
-  return KINDS[kind] ?? OTHER;
+/** Ask the server for the table, and again until it answers. */
+export async function loadKinds(): Promise<void> {
+  try {
+    setKinds(await get<SensorKinds>("/sensor-kinds"));
+  } catch (error) {
+    kindTable.set((now) => ({ ...now, error: sentence(error) }));
+    window.setTimeout(() => void loadKinds(), RETRY_MS);
+  }
 }
 
-export function isCamera(kind: string): boolean {
-  const { modality } = kindInfo(kind);
-  return modality === "camera" || modality === "truth";
+export function setKinds({ kinds, modalities }: SensorKinds): void {
+  kindTable.set({ kinds: new Map(kinds.map((kind) => [kind.name, kind])), modalities, error: null });
 }
 
-/** The colour of a modality as a CSS variable. */
-export function colourOf(kind: string): string {
-  return `var(--${kindInfo(kind).modality})`;
+/** The row of a kind; null where the server does not know it, as in a dataset with a missing plug-in. */
+export function kindOf(name: string): SensorKind | null {
+  return kindTable.get().kinds?.get(name) ?? null;
+}
+
+export function titleOf(name: string): string {
+  return kindOf(name)?.title ?? (name || "Sensor");
+}
+
+/** Whether it looks somewhere: has a field of view. */
+export function looks(name: string): boolean {
+  return (kindOf(name)?.field_of_view ?? "none") !== "none";
+}
+
+/** The name of a kind's colour; unknown kinds are grey. */
+export function colourName(name: string): string {
+  const modality = kindOf(name)?.modality;
+  return kindTable.get().modalities.find((one) => one.name === modality)?.colour ?? "muted";
+}
+
+/** The colour of a kind as a CSS variable. */
+export function colourOf(name: string): string {
+  return `var(--${colourName(name)})`;
+}
+
+/** The first kind of each group of measuring sensors: those that most rigs have. */
+export function commonKinds(): SensorKind[] {
+  const { kinds, modalities } = kindTable.get();
+  const all = [...(kinds?.values() ?? [])];
+  return measuring(modalities).flatMap(({ name }) => all.find((kind) => kind.modality === name && looks(kind.name)) ?? []);
+}
+
+/** Groups that look somewhere and measure: ground truth is no sensor of a car. */
+export function measuring(modalities: readonly SensorModality[]): SensorModality[] {
+  const all = [...(kindTable.get().kinds?.values() ?? [])];
+  return modalities.filter(
+    ({ name }) => name !== "truth" && all.some((kind) => kind.modality === name && looks(kind.name)),
+  );
 }

@@ -1,7 +1,8 @@
+import type { SchemaMessage } from "../api/types";
 import { getAt, isObject, setAt, type Json, type JsonObject } from "../state/json";
 import type { Pose } from "./coordinates";
 import { wrapDegrees } from "./coordinates";
-import { isCamera, kindInfo } from "./kinds";
+import { kindOf } from "./kinds";
 
 /** A sensor of the document with every number filled in. */
 export interface RigSensor {
@@ -114,7 +115,7 @@ export function freeName(wanted: string, taken: readonly string[]): string {
 
 export function withSensor(document: JsonObject, kind: string, pose: Pose): [JsonObject, string] {
   const sensors = list(document);
-  const id = freeName(kindInfo(kind).short, sensors.map((one) => String(one.id)));
+  const id = freeName(kindOf(kind)?.short ?? "SENSOR", sensors.map((one) => String(one.id)));
   return [withList(document, [...sensors, { id, kind, pose: poseJson(pose), attributes: {} }]), id];
 }
 
@@ -137,7 +138,7 @@ export function withCopies(document: JsonObject, ids: readonly string[]): [JsonO
   return [withList(document, [...sensors, ...copies]), copies.map((one) => String(one.id))];
 }
 
-/** Copies on the other side of the car; a name that says the side changes it. */
+/** Copies on the other side of the car; a name that holds the side changes it. */
 export function withMirrored(document: JsonObject, ids: readonly string[]): [JsonObject, string[]] {
   const sensors = list(document);
   const taken = sensors.map((one) => String(one.id));
@@ -160,44 +161,53 @@ export function mirrorName(id: string): string {
   return id.replace(/LEFT|RIGHT|left|right/g, (side) => swap[side] ?? side);
 }
 
-/** Horizontal and vertical field of view of a camera, degrees, as a pinhole. */
-export function cameraAngles(sensor: RigSensor, document: JsonObject): { h: number; v: number } {
-  const h = number(sensor.attributes.fov_deg ?? sensor.attributes.fov, 90);
-  const size = sensor.attributes.image_size ?? getAt(document, ["image_size"]);
-  const [width, height] = Array.isArray(size) ? [number(size[0], 640), number(size[1], 360)] : [640, 360];
-  const half = (Math.tan((Math.min(h, 179) * Math.PI) / 360) * height) / Math.max(width, 1);
-  return { h, v: (Math.atan(half) * 360) / Math.PI };
-}
-
 /** What a sensor looks at. */
 export type View =
   | { shape: "pyramid"; h: number; v: number; range: number }
   | { shape: "cone"; h: number; v: number; range: number }
   | { shape: "sweep"; h: number; upper: number; lower: number; channels: number; range: number };
 
-export function viewOf(sensor: RigSensor, document: JsonObject): View | null {
-  const { attributes: a } = sensor;
-  if (isCamera(sensor.kind))
-    return {
-      shape: "pyramid",
-      ...cameraAngles(sensor, document),
-      range: number(getAt(document, ["max_distance_m"]), 80),
-    };
-  if (sensor.kind === "radar")
-    return {
-      shape: "cone",
-      h: number(a.horizontal_fov_deg ?? a.horizontal_fov, 30),
-      v: number(a.vertical_fov_deg ?? a.vertical_fov, 30),
-      range: number(a.range_m ?? a.range, 100),
-    };
-  if (kindInfo(sensor.kind).modality === "lidar")
-    return {
-      shape: "sweep",
-      h: number(a.horizontal_fov_deg ?? a.horizontal_fov, 360),
-      upper: number(a.upper_fov_deg ?? a.upper_fov, 10),
-      lower: number(a.lower_fov_deg ?? a.lower_fov, -30),
-      channels: number(a.channels, 64),
-      range: number(a.range_m ?? a.range, 100),
-    };
-  return null;
+/** Where the numbers come from that a document leaves out. */
+export type Defaults = Pick<SchemaMessage, "defaults" | "sensor_defaults">;
+
+/** What the sensor looks at; null where it does not look, or its numbers are of no such shape. */
+export function viewOf(sensor: RigSensor, document: JsonObject, defaults: Defaults): View | null {
+  const view = shapeOf(sensor, document, defaults);
+  return view && view.h > 0 && view.range > 0 ? view : null;
+}
+
+function shapeOf(sensor: RigSensor, document: JsonObject, { defaults, sensor_defaults }: Defaults): View | null {
+  const otherwise = getAt(sensor_defaults[sensor.kind] as JsonObject | undefined, ["attributes"]);
+  const byKind = isObject(otherwise) ? otherwise : {};
+  // A document may name an attribute as CARLA does: without its unit.
+  const read = (name: string) =>
+    number(sensor.attributes[name] ?? sensor.attributes[name.replace(/_(deg|m)$/, "")], number(byKind[name]));
+  const shared = (key: string) => document[key] ?? (defaults as JsonObject)[key];
+  switch (kindOf(sensor.kind)?.field_of_view) {
+    case "pyramid": {
+      const h = read("fov_deg");
+      const size = sensor.attributes.image_size ?? shared("image_size");
+      return { shape: "pyramid", h, v: verticalAngle(h, size), range: number(shared("max_distance_m")) };
+    }
+    case "cone":
+      return { shape: "cone", h: read("horizontal_fov_deg"), v: read("vertical_fov_deg"), range: read("range_m") };
+    case "sweep":
+      return {
+        shape: "sweep",
+        h: read("horizontal_fov_deg"),
+        upper: read("upper_fov_deg"),
+        lower: read("lower_fov_deg"),
+        channels: read("channels"),
+        range: read("range_m"),
+      };
+    default:
+      return null;
+  }
+}
+
+/** Vertical field of view of a pinhole camera whose pictures have that size, degrees. */
+function verticalAngle(h: number, size: Json | undefined): number {
+  const [width, height] = Array.isArray(size) ? [number(size[0]), number(size[1])] : [0, 0];
+  const half = (Math.tan((Math.min(h, 179) * Math.PI) / 360) * height) / Math.max(width, 1);
+  return (Math.atan(half) * 360) / Math.PI;
 }

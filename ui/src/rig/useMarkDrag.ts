@@ -21,7 +21,7 @@ interface Drag {
   poses: Map<string, Pose>;
   moved: boolean;
   gesture: string;
-  /** Told when the pointer did not move: it was a click on what was chosen already. */
+  /** Called when the pointer did not move: it was a click on what was chosen already. */
   click(): void;
 }
 
@@ -29,7 +29,7 @@ let gestures = 0;
 
 /**
  * Dragging marks of one view. The view holds it and listens on the window, since a mark may become
- * another element on the way: a sensor that leaves its stack is a mark of its own.
+ * another element on the way: a sensor that leaves its stack becomes a separate mark.
  */
 export function useMarkDrag(plane: Plane, screen: Screen) {
   const rig = useRig();

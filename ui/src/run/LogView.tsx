@@ -6,7 +6,7 @@ import { clock } from "../ui/format";
 
 const LEVELS = { all: ["debug", "info", "warning", "error"], warnings: ["warning", "error"] } as const;
 
-/** What happened, newest at the end and in sight, unless one has scrolled back. */
+/** What happened, newest at the end and visible, unless one has scrolled back. */
 export function LogView({ run }: { run: RunSummary }) {
   const log = useStore(live, (now) => now.log);
   const [level, setLevel] = useState<keyof typeof LEVELS>("all");

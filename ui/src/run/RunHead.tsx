@@ -3,12 +3,12 @@ import { post, sentence } from "../api/client";
 import type { RunSummary } from "../api/types";
 import { href } from "../app/routes";
 import { Icon } from "../ui/Icon";
-import { isActive, told } from "./states";
+import { isActive, stateOf } from "./states";
 
 /** Name, state, and the button that stops: first after this frame, then at once. */
 export function RunHead({ run }: { run: RunSummary }) {
   const [error, setError] = useState("");
-  const { text, tone } = told(run);
+  const { text, tone } = stateOf(run);
   const asked = run.stop ?? 0;
   const stop = () => {
     setError("");

@@ -1,7 +1,7 @@
 import { href } from "../app/routes";
 import type { RunSummary } from "../api/types";
 import { day, percent } from "../ui/format";
-import { isActive, told } from "./states";
+import { isActive, stateOf } from "./states";
 
 /** The queue and what has been, newest first. */
 export function RunList({ runs, chosen }: { runs: readonly RunSummary[]; chosen: string }) {
@@ -13,7 +13,7 @@ export function RunList({ runs, chosen }: { runs: readonly RunSummary[]; chosen:
       </header>
       <ul>
         {runs.map((run) => {
-          const { text, tone } = told(run);
+          const { text, tone } = stateOf(run);
           return (
             <li key={run.run_id}>
               <a

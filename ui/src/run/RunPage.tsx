@@ -10,7 +10,7 @@ import { RunList } from "./RunList";
 import { Thumbnails } from "./Thumbnails";
 import { TickPlots } from "./TickPlots";
 
-/** One run as it goes on, beside all the others. */
+/** One run as it goes on, and the list of all. */
 export default function RunPage({ run: chosen }: { run: string | null }) {
   const { runs, connection } = useStore(live, (now) => now);
   const run = runs.find((one) => one.run_id === chosen) ?? (chosen === null ? newest(runs) : undefined);

@@ -1,12 +1,12 @@
 import { useEffect, useRef, useState } from "react";
 import { live, onPicture } from "../api/live";
 import type { Channel, RunSummary } from "../api/types";
-import { colourOf } from "../rig/kinds";
+import { colourName, colourOf } from "../rig/kinds";
 import { useStore } from "../state/store";
 import { drawFromAbove } from "./fromAbove";
 import { LastFrame } from "./LastFrame";
 
-/** The newest picture of every camera, and LiDAR and radar from above. */
+/** The newest picture of every camera; points are drawn from above. */
 export function Thumbnails({ run }: { run: RunSummary }) {
   const channels = useStore(live, (now) => now.channels);
   if (run.alive === "ended" || run.alive === "dead") return <LastFrame run={run} />;
@@ -20,7 +20,7 @@ export function Thumbnails({ run }: { run: RunSummary }) {
   return (
     <section className="thumbs" aria-label="Live pictures">
       {channels.map((channel) => {
-        const kind = kinds.get(channel.sensor_id) ?? "rgb";
+        const kind = kinds.get(channel.sensor_id) ?? "";
         return (
           <figure
             key={channel.sensor_id}
@@ -28,7 +28,7 @@ export function Thumbnails({ run }: { run: RunSummary }) {
             data-sensor={channel.sensor_id}
             style={{ "--colour": colourOf(kind) } as React.CSSProperties}
           >
-            {channel.kind === "image" ? <ImageThumb channel={channel} /> : <PointsThumb channel={channel} />}
+            {channel.kind === "image" ? <ImageThumb channel={channel} /> : <PointsThumb channel={channel} colour={colourName(kind)} />}
             <figcaption>
               <span className="dot" />
               {channel.sensor_id}
@@ -76,17 +76,17 @@ function ImageThumb({ channel }: { channel: Channel }) {
   );
 }
 
-function PointsThumb({ channel }: { channel: Channel }) {
+function PointsThumb({ channel, colour }: { channel: Channel; colour: string }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const [tick, setTick] = useState<number | null>(null);
   useEffect(
     () =>
       onPicture(channel.sensor_id, (picture) => {
         if (!canvas.current) return;
-        drawFromAbove(canvas.current, new Float32Array(picture.data), channel.kind === "radar" ? "radar" : "lidar");
+        drawFromAbove(canvas.current, new Float32Array(picture.data), channel.kind === "radar" ? "radar" : "points", colour);
         setTick(picture.tick);
       }),
-    [channel.sensor_id, channel.kind],
+    [channel.sensor_id, channel.kind, colour],
   );
   return (
     <canvas

@@ -1,11 +1,11 @@
 const RINGS_M = [10, 20, 40];
-const HALF_M = { lidar: 45, radar: 60 };
+const HALF_M = { points: 45, radar: 60 };
 
 /**
- * Points from above, the car in the middle, ahead is up; brighter is higher (LiDAR), and for radar
- * the colour says whether something comes or goes.
+ * Points from above, the car in the middle, ahead is up. Higher points are brighter; a radar's
+ * detections are in another colour when they come nearer.
  */
-export function drawFromAbove(canvas: HTMLCanvasElement, points: Float32Array, kind: "lidar" | "radar"): void {
+export function drawFromAbove(canvas: HTMLCanvasElement, points: Float32Array, kind: "points" | "radar", colourName: string): void {
   const context = canvas.getContext("2d");
   if (!context) return;
   const { width, height } = canvas;
@@ -21,7 +21,7 @@ export function drawFromAbove(canvas: HTMLCanvasElement, points: Float32Array, k
     context.arc(cx, cy, ring * scale, 0, 2 * Math.PI);
     context.stroke();
   }
-  const [r, g, b] = colour(`--${kind}-rgb`).split(",").map(Number);
+  const [r, g, b] = colour(`--${colourName}-rgb`).split(",").map(Number);
   const size = kind === "radar" ? 3 : 1.3;
   for (let i = 0; i + 3 < points.length; i += 4) {
     const [x, y, z, value] = [points[i] ?? 0, points[i + 1] ?? 0, points[i + 2] ?? 0, points[i + 3] ?? 0];

@@ -1,12 +1,12 @@
 import type { RunSummary } from "../api/types";
 
-export interface Told {
+export interface RunState {
   text: string;
   tone: "live" | "good" | "bad" | "warn" | "plain";
 }
 
 /** How a run is, in a word or two. */
-export function told(run: RunSummary): Told {
+export function stateOf(run: RunSummary): RunState {
   if (run.alive === "queued") return { text: `queued, place ${run.position}`, tone: "plain" };
   if (run.alive === "stalled") return { text: "stalled", tone: "warn" };
   if (run.alive === "dead") return { text: "died", tone: "bad" };

@@ -98,7 +98,7 @@ function refused(error: unknown): void {
   }
 }
 
-/** Take over what the server says: at first, or when another page has changed it. */
+/** Take over the server's configuration: at first, or when another page has changed it. */
 export function receiveConfig(state: ConfigState, first: boolean): void {
   const now = draft.get();
   if (state.author === author && !first) return;

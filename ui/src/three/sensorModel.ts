@@ -16,14 +16,23 @@ import {
   MeshLambertMaterial,
   SphereGeometry,
 } from "three";
+import type { SensorKind } from "../api/types";
 import { eulerZYX, toThree, type Pose, type Vector } from "../rig/coordinates";
-import { isCamera, kindInfo } from "../rig/kinds";
+import { colourName, kindOf } from "../rig/kinds";
 import { direction, pinhole } from "../rig/outline";
 import type { RigSensor, View } from "../rig/sensors";
 import type { Materials } from "./Materials";
 import { cssColour } from "./sceneView";
 
 const HIT_RADIUS_M = 0.14;
+
+/** Bodies in metres, by the icon of a kind. */
+const BODIES: Record<SensorKind["icon"], () => BufferGeometry> = {
+  camera: () => new BoxGeometry(0.12, 0.1, 0.08),
+  lidar: () => new CylinderGeometry(0.09, 0.09, 0.12, 20).rotateX(Math.PI / 2),
+  radar: () => new BoxGeometry(0.04, 0.16, 0.1),
+  box: () => new BoxGeometry(0.08, 0.08, 0.05),
+};
 
 /** A sensor with what it sees; `userData.sensor` names it on everything that can be hit. */
 export function sensorModel(
@@ -34,7 +43,7 @@ export function sensorModel(
   chosen: boolean,
 ): Group {
   const group = new Group();
-  const colour = cssColour(`--${kindInfo(sensor.kind).modality}`);
+  const colour = cssColour(`--${colourName(sensor.kind)}`);
   group.add(body(materials, sensor, colour, chosen), hitArea(materials, sensor.id));
   if (view) group.add(...seen(materials, view, distance, colour, chosen));
   place(group, sensor.pose);
@@ -42,21 +51,14 @@ export function sensorModel(
   return group;
 }
 
-/** Put an object where a pose of CARLA's says. */
+/** Put an object at a pose in CARLA's coordinates. */
 export function place(object: { position: Group["position"]; rotation: Euler }, pose: Pose): void {
   object.position.set(...toThree([pose.x, pose.y, pose.z]));
   object.rotation.set(...eulerZYX(pose), "ZYX");
 }
 
 function body(materials: Materials, sensor: RigSensor, colour: Color, chosen: boolean): Mesh {
-  const { modality } = kindInfo(sensor.kind);
-  const shape = isCamera(sensor.kind)
-    ? new BoxGeometry(0.12, 0.1, 0.08)
-    : modality === "lidar"
-      ? new CylinderGeometry(0.09, 0.09, 0.12, 20).rotateX(Math.PI / 2)
-      : modality === "radar"
-        ? new BoxGeometry(0.04, 0.16, 0.1)
-        : new BoxGeometry(0.08, 0.08, 0.05);
+  const shape = BODIES[kindOf(sensor.kind)?.icon ?? "box"]();
   const emissive = colour.clone().multiplyScalar(chosen ? 0.55 : 0.2);
   const surface = () => new MeshLambertMaterial({ color: colour, emissive });
   return new Mesh(shape, materials.take(`body ${chosen}`, colour, surface));

@@ -21,7 +21,7 @@ def check_versions(client: str, server: str, dialects: Iterable[str]) -> None:
     """Compare client, server and the planned dialects.
 
     A client speaks to servers of its own release. With a server that is newer than every known
-    release, the newest known client goes on: what it understands, the self-test tells.
+    release, the newest known client is used; the self-test shows what it understands.
 
     Raises:
         VersionMismatchError: they do not go together; names both versions.

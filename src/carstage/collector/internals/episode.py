@@ -61,7 +61,7 @@ class EpisodeRecorder:
         client: ``carla.Client``, connected.
         versions: of both ends.
         plan: the whole plan.
-        events: told what happens.
+        events: gets what happens.
         stop: asked between ticks.
     """
 

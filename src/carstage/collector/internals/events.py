@@ -1,4 +1,4 @@
-"""What the collector tells whoever started it: one JSON object per line on standard output."""
+"""The collector's events: one JSON object per line on standard output."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class EventStream:
 
     Args:
         fd: where the lines go.
-        stop: told when nobody reads any more.
+        stop: requested when nobody reads any more.
         wall_clock_s: Unix time for the events' ``time``.
         clock_s: monotonic time, for throttling.
     """

@@ -14,7 +14,7 @@ from carstage.collector.internals.dialect import city_object_labels
 
 LIGHT_HEADS = "traffic_lights"
 SAME_HEAD_M = 1.0
-"""Level box and actor tell of the same head when their centres are that near."""
+"""Level box and actor are the same head when their centres are that near."""
 
 
 def level_objects(world: Any, wanted: Sequence[str]) -> List[Dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""Joins sensor data by frame number into frames and says what became of each sensor.
+"""Joins sensor data by frame number into frames, with a state for each sensor.
 
 Pure logic: the clock is an argument, nothing waits here. The thread around it is in ``processing``.
 """
@@ -72,8 +72,8 @@ class FrameMatcher:
 
     A frame is closed when every sensor delivered, or ``patience_s`` after its tick. A sensor that
     delivered nothing until then is ``missing``, or ``mismatched`` when it delivered a later frame
-    instead. Its row is booked after another ``patience_s``, so that data that still come are told
-    apart as ``late``; they are not recorded.
+    instead. Its row is booked after another ``patience_s``, so that data that still come
+    are noted as ``late``; they are not recorded.
 
     Args:
         sensors: names of the sensors, in the order of the ledger.
@@ -139,7 +139,7 @@ class FrameMatcher:
         if newest_tick is not None and frame < newest_tick.expected.frame:
             self._dropped.append(data)
             return
-        # Data may overtake the news of their tick.
+        # Data may arrive before the answer to their tick.
         if self._early.setdefault(frame, {}).setdefault(sensor, data) is not data:
             self._dropped.append(data)
 

@@ -101,7 +101,7 @@ class WorldObserver:
     Args:
         world: ``carla.World``.
         ego: the ego's ``carla.Vehicle``.
-        level_objects: what the level holds, told with the first tick.
+        level_objects: what the level holds, noted with the first tick.
     """
 
     def __init__(

@@ -36,10 +36,10 @@ def warm_up(
 
     Args:
         scene: what is stepped.
-        pipeline: where the sensors deliver; told when to begin.
+        pipeline: where the sensors deliver; it is started here.
         episode: its number of ticks and its sensors.
         listening_ticks: how many of the ticks sensors are listened to in; None: all.
-        events: told that the ticks go on.
+        events: gets the progress.
         stop: asked between ticks.
         clock_s: monotonic time.
     """

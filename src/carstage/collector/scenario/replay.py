@@ -25,8 +25,8 @@ _log = logging.getLogger(__name__)
 class Replay(Scenario):
     """Vehicles and walkers are put where they were, step by step; nobody drives them.
 
-    They have no physics meanwhile, and are told the velocity of their motion, so that the world's
-    snapshots and its sensors know it.
+    They have no physics meanwhile. Their velocity is set explicitly, so snapshots and sensors
+    hold it.
     """
 
     def __init__(

@@ -19,7 +19,7 @@ _SHIFT_SHARE = 8
 
 @dataclass(slots=True)
 class EdgeFigures:
-    """Sums over images: steps of brightness (0 to 255) at boundaries of labels and beside them.
+    """Sums over images: steps of brightness (0 to 255) at boundaries of labels and next to them.
 
     ``contrast`` sums the standard deviation of each image's brightness.
     """

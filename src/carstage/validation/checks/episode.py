@@ -144,7 +144,7 @@ class EpisodeChecks:
         for name in (*DOCUMENTS, *TABLES):
             self._files.read(episode.folder / name)
         ledger = episode.ledger()
-        recorded = recorded_frames(episode, ledger)
+        recorded = recorded_frames(episode.calibration.sensors, ledger)
         check_file_list(episode, recorded, findings)
         check_ledger(episode, ledger, findings)
         for sensor in episode.sensors:

@@ -45,7 +45,7 @@ def compare_motion(table: pa.Table, location: str) -> MotionFigures:
 
     From one saved frame to the next a track moves by the mean of its two velocities times the
     time between (trapezoidal rule), to 0.1 m + 20 %. Steps longer than 1 s, and those in which
-    neither the places nor the velocities tell of a motion beyond the tolerance, say nothing.
+    neither places nor velocities show a motion beyond the tolerance, are left out.
 
     Args:
         table: ``k``, ``timestamp_s``, ``velocity``, the location, and ``track_id`` if it has many.

@@ -19,7 +19,7 @@ _log = logging.getLogger("carstage.web")
 class DescriptionService:
     """Maps, blueprints, shapes of vehicles, lanes of maps; each asked for once.
 
-    The simulator answers in processes of its own: it is never imported here.
+    The simulator answers in separate processes: it is never imported here.
     """
 
     def __init__(self) -> None:

@@ -20,7 +20,7 @@ class ConfigStore:
     Args:
         path: file that it is kept in.
         checker: what is valid.
-        changed: told of each new state, from the thread that changed it.
+        changed: called with each new state, in the thread that changed it.
     """
 
     def __init__(

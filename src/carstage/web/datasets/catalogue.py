@@ -104,7 +104,7 @@ class Catalogue:
             map=spec.map,
             weather=spec.weather.preset or "own values",
             frames=episode.frames,
-            fps=spec.saved_fps,
+            saved_fps=spec.saved_fps,
             duration_s=spec.duration_s,
             bytes=sum(entry.bytes for entry in episode.marker.files),
             sensors=len(spec.written_sensors),

@@ -16,7 +16,7 @@ _FINE = ("ok", "off")
 
 
 class EpisodeService:
-    """Tells of episodes.
+    """Episodes with their sensors and maps.
 
     Args:
         catalogue: finds them.
@@ -61,7 +61,7 @@ class EpisodeService:
         episode = self._catalogue.episode(dataset, episode_id)
         ego = episode.ego().select(["location", "rotation_deg"]).to_pylist()
         track = [[row["location"][0], row["location"][1], row["rotation_deg"][1]] for row in ego]
-        if not track:  # no ego motion was asked for: the first sensor on it tells
+        if not track:  # no ego motion was asked for: the first sensor on it has the same motion
             poses = episode.world_from_sensor()
             first = next(iter(poses.values()), {})
             track = [[float(pose[0, 3]), float(pose[1, 3]), 0.0] for pose in first.values()]

@@ -1,7 +1,7 @@
 """``python -m carstage.web.datasets.job_worker JOB_FOLDER``: one export or validation.
 
-A process of its own: it goes on when the server ends, and what it does not give back goes with it.
-``JOB_FOLDER/job.json`` says what to do, ``status.json`` (replaced as a whole) how far it is.
+A separate process: it goes on when the server ends, and its memory is freed when it is done.
+``JOB_FOLDER/job.json`` is the order; ``status.json``, replaced as a whole, the progress.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Status:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._document: dict[str, Any] = {"state": "running", "stage": "", "done": 0, "total": 0}
+        self._document: dict[str, Any] = {"state": "running", "phase": "", "done": 0, "total": 0}
         self._next_s = 0.0
 
     def write(self, **changes: Any) -> None:
@@ -33,16 +33,16 @@ class Status:
         self._document.update(changes)
         write_whole(self._path, json.dumps(self._document).encode())
 
-    def progress(self, stage: str, done: int, total: int) -> None:
-        """Write how far a stage is, a few times a second."""
+    def progress(self, phase: str, done: int, total: int) -> None:
+        """Write how far a phase is, a few times a second."""
         now_s = time.monotonic()
-        if stage != self._document["stage"] or now_s >= self._next_s or done == total:
+        if phase != self._document["phase"] or now_s >= self._next_s or done == total:
             self._next_s = now_s + _WRITE_EVERY_S
-            self.write(stage=stage, done=done, total=total)
+            self.write(phase=phase, done=done, total=total)
 
 
 def main(folder: Path) -> int:
-    """Do it; the exit code says whether it was done."""
+    """Do the job; exit code 0 when it was done."""
     # Ends like Ctrl-C does: what an export has begun is removed on the way out.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     job = json.loads((folder / "job.json").read_bytes())

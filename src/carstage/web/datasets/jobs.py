@@ -217,7 +217,7 @@ class JobService:
         status = read_document(folder / "status.json") or {}
         state, error = status.get("state", "running"), status.get("error")
         if state == "running" and "pid" in document and not is_alive(document):
-            status = read_document(folder / "status.json") or {}  # it may just have said so
+            status = read_document(folder / "status.json") or {}  # it may have ended just now
             state, error = status.get("state"), status.get("error")
             if state in (None, "running"):
                 state, error = "failed", "Its process ended without a word."
@@ -227,7 +227,7 @@ class JobService:
             dataset=document["dataset"],
             title=document["title"],
             state=state,
-            stage=status.get("stage", ""),
+            phase=status.get("phase", ""),
             done=status.get("done", 0),
             total=status.get("total", 0),
             started=document["started"],

@@ -163,7 +163,7 @@ class LabelTables:
 
 
 def _rows(episode: Episode, name: str) -> pa.Table:
-    """A table of an episode; rows of cameras also tell class and blueprint."""
+    """A table of an episode; rows of cameras also hold class and blueprint."""
     import pyarrow as pa
 
     table = {

@@ -49,14 +49,18 @@ class DatasetList(Message):
 
 
 class EpisodeSummary(Message):
-    """An episode of a dataset."""
+    """An episode of a dataset.
+
+    Attributes:
+        saved_fps: saved frames per simulated second.
+    """
 
     episode_id: Name
     index: int
     map: str
     weather: str
     frames: int
-    fps: float
+    saved_fps: float
     duration_s: float
     bytes: int
     sensors: int
@@ -185,7 +189,7 @@ class FrameMessage(Message):
 
     Attributes:
         available: sensors that have data of it.
-        states: by sensor, what the ledger says.
+        states: by sensor, from the ledger.
         readings: of IMU and GNSS, by sensor and column.
     """
 

@@ -67,7 +67,7 @@ class Job(Message):
     dataset: DatasetId
     title: str
     state: Literal["running", "done", "failed", "cancelled"]
-    stage: str = ""
+    phase: str = ""
     done: int = 0
     total: int = 0
     started: float

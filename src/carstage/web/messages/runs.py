@@ -62,7 +62,7 @@ class RunSummary(Message):
     """One run.
 
     Attributes:
-        alive: by process, its start time and heartbeat; ``stalled``: it lives and says nothing.
+        alive: by process, its start time and heartbeat; ``stalled``: alive, but without heartbeat.
         position: place in the queue, from 1; 0 for what is begun.
         stop: how often it was asked to stop.
         progress: share of all ticks and frames of the run, 0 to 1.
@@ -105,7 +105,7 @@ class LogLine(Message):
 
 
 class TickPoint(Message):
-    """What a tick event says.
+    """The numbers of a tick event.
 
     Attributes:
         tick_s: wall seconds per step since the point before.

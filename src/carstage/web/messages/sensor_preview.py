@@ -27,8 +27,8 @@ class PreviewPending(Message):
     """No picture yet: ask again in a moment.
 
     Attributes:
-        state: ``warming``: the simulator starts; ``busy``: pictures for others are being made.
+        state: ``starting``: the simulator starts; ``busy``: pictures for others are being made.
     """
 
-    state: Literal["warming", "busy"]
+    state: Literal["starting", "busy"]
     message: str

@@ -1,7 +1,7 @@
 """Small pictures of what a run records now: ``python -m carstage.web.preview.previewer FOLDER``.
 
-A process of its own, so that drawing takes nothing from the run's processes nor from the server.
-It works only while somebody watches, which a fresh ``preview/want`` says, and only once per run.
+A separate process: drawing takes no time from the run's processes nor from the server. It works
+only while somebody watches, which a fresh ``preview/want`` shows, and only once per run.
 It reads the raw log that is being written and leaves, for each sensor, the newest picture:
 ``preview/<sensor>.jpg`` or ``.f32``, each replaced as a whole, and ``preview/index.json`` with
 their ticks, written last.
@@ -52,8 +52,8 @@ def main(run: Path) -> int:
     with suppress(OSError):
         os.nice(_NICE)
     folder = run / FOLDER
-    with _alone(folder) as alone:
-        if alone:
+    with _only_previewer(folder) as is_only:
+        if is_only:
             _draw(run, folder)
     return 0
 
@@ -160,7 +160,7 @@ def _wanted(folder: Path) -> bool:
 
 
 @contextmanager
-def _alone(folder: Path) -> Iterator[bool]:
+def _only_previewer(folder: Path) -> Iterator[bool]:
     """Whether no other process draws this run; holds the place meanwhile."""
     try:
         held = take_lock(folder / ".lock", 0o644)

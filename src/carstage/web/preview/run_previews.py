@@ -1,6 +1,6 @@
 """The newest pictures of runs that somebody watches; of others none are made.
 
-Imports nothing that draws: ``carstage.web.preview.previewer`` does, in a process of its own.
+Imports nothing that draws: ``carstage.web.preview.previewer`` does, in a separate process.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _MOST_CHANNELS = 250
 
 
 class Previews:
-    """Says what is wanted, starts the previewer, reads what it leaves."""
+    """Writes which run is watched, starts the previewer, reads its pictures."""
 
     def __init__(self) -> None:
         self._touched_s: dict[Path, float] = {}

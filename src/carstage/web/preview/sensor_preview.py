@@ -93,7 +93,7 @@ class SensorPreviewService:
             problem, self._problem = self._problem, None
             if problem is not None:
                 raise problem
-            return PreviewPending(state="warming", message="The simulator is starting.")
+            return PreviewPending(state="starting", message="The simulator is starting.")
         with self._lock:
             self._newest += 1
             number = self._newest
@@ -103,7 +103,7 @@ class SensorPreviewService:
             if number != self._newest:
                 return PreviewPending(state="busy", message=_BUSY)
             if self._server is None:  # it ended meanwhile, as nobody had asked
-                return PreviewPending(state="warming", message="The simulator is starting.")
+                return PreviewPending(state="starting", message="The simulator is starting.")
             return self._draw(spec, self._record(spec), request.width)
         finally:
             self._turn.release()
@@ -272,7 +272,7 @@ class _PreviewError(CarStageError, RuntimeError):
 
 
 def _sized(sensor: Document, config: Document, width: int) -> Document:
-    """The sensor with a picture of that width, in the shape of its own."""
+    """The sensor with a picture of that width, in its own shape."""
     attributes = dict(sensor.get("attributes") or {})
     kind = known_kind(str(sensor.get("kind")))
     if kind is not None and not kind.is_camera:

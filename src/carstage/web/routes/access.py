@@ -17,7 +17,7 @@ BAD: Responses = {
     400: {"model": ErrorMessage, "description": "The request is wrong."},
     403: {"model": ErrorMessage, "description": "Refused: host, origin or token."},
     413: {"model": ErrorMessage, "description": "The request is too large."},
-    422: {"model": ErrorMessage, "description": "Values are wrong; `errors` says which."},
+    422: {"model": ErrorMessage, "description": "Values are wrong; `errors` lists them."},
 }
 MISSING: Responses = {**BAD, 404: {"model": ErrorMessage, "description": "There is none."}}
 BUSY: Responses = {

@@ -25,7 +25,7 @@ _POINTS: Responses = {
     },
     **MISSING,
 }
-#: Committed files never change; the address does not tell a re-recorded one, so not for long.
+#: Committed files never change; but a re-recorded one has the same address, so not for long.
 _KEEP = {"Cache-Control": "private, max-age=60", "Content-Encoding": "identity"}
 """Pictures and points are not squeezed once more: it would take longer than to send them."""
 

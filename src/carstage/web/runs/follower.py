@@ -1,4 +1,4 @@
-"""What one run has said so far: log lines, tick times, rate; read on as its files grow."""
+"""Log lines, tick times and rate of one run, read on as its files grow."""
 
 from __future__ import annotations
 

@@ -118,7 +118,7 @@ class Launches:
                 retries=waiting.retries,
                 folder=self._root,
             )
-            # Waited for, so that it does not stay as a zombie; its status says how it ended.
+            # Waited for, or it would stay as a zombie; its status file holds how it ended.
             threading.Thread(target=child.wait, name=f"run {run_id}", daemon=True).start()
             self._keep(replace(waiting, pid=child.pid, pid_started=started_at(child.pid)))
 
@@ -164,5 +164,5 @@ class Launches:
                 document: Any = json.loads(path.read_bytes())
                 found.append(Launch(**document))
             except (OSError, ValueError, TypeError):
-                continue  # of another version, or not whole: the run's own folder still tells
+                continue  # of another version, or not whole: the run's own folder is still read
         return found

@@ -1,4 +1,4 @@
-"""The runs of all datasets below the roots, as their folders tell of them."""
+"""The runs of all datasets below the roots, read from their folders."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ _MOST_QUEUED = 50
 class RunService:
     """Starts, queues, lists, follows and stops runs; safe to use from several threads.
 
-    A run belongs to nobody: its folder and process say what it does, so one that an earlier server
+    A run belongs to nobody: its state is in its folder and process, so one that an earlier server
     has started, or somebody in a terminal, is shown and stopped like any other.
     """
 

@@ -48,7 +48,7 @@ def summary_of_record(
     """A run with a folder.
 
     Args:
-        record: what its folder says.
+        record: the contents of its folder.
         stop: how often it was asked to stop.
         rate_ticks_s: steps per second lately.
         free_bytes: free space where it writes.

@@ -107,10 +107,10 @@ def test_the_keyboard_reaches_a_sensor_and_nudges_it(configure: Page) -> None:
 def test_the_gizmo_moves_a_sensor_up(configure: Page) -> None:
     page = configure
     choose(page, "LIDAR_TOP")
-    stage = page.locator(".scene-host[data-ready=true] canvas")
-    stage.wait_for()
+    canvas = page.locator(".scene-host[data-ready=true] canvas")
+    canvas.wait_for()
     wait_until(page, "window.carstage3d && window.carstage3d.drawn() > 0")
-    box = stage.bounding_box()
+    box = canvas.bounding_box()
     assert box is not None
     foot = page.evaluate("window.carstage3d.project(0, 0, 1.9)")
     # The arrow along z begins a little above the sensor.

@@ -131,7 +131,7 @@ def test_while_the_simulator_starts_the_page_is_told_to_ask_again(
     monkeypatch.setattr(SensorPreviewService, "warm", lambda _: False)
     request = asked(demo, "rgb").model_dump()
     answer = site.client.post("/api/preview", json=request)
-    assert (answer.status_code, answer.json()["state"]) == (202, "warming")
+    assert (answer.status_code, answer.json()["state"]) == (202, "starting")
 
 
 @pytest.mark.parametrize("sensor", [{"kind": "rgb"}, {"id": "A", "kind": "eye"}, {}])

@@ -6,7 +6,7 @@ Standard library only, for the collector runs it under an older Python.
 from __future__ import annotations
 
 import re
-from typing import Dict, Iterable, List, NamedTuple, Optional
+from typing import Dict, List, Mapping, NamedTuple, Optional
 
 _NUMBERS = re.compile(r"(\d+)\.(\d+)\.(\d+)")
 
@@ -28,9 +28,6 @@ KNOWN = (Release(0, 9, 13), Release(0, 9, 14), Release(0, 9, 15), Release(0, 9, 
 OLDEST = KNOWN[0]
 NEWEST = KNOWN[-1]
 
-SENSOR_KIND_SINCE: Dict[str, Release] = {"normals": Release(0, 9, 14)}
-"""First release that has a kind of sensor, for those that :data:`OLDEST` lacks."""
-
 CLIENT_PYTHONS: Dict[Release, List[str]] = {
     Release(0, 9, 13): ["3.8"],
     Release(0, 9, 14): ["3.8"],
@@ -46,12 +43,12 @@ def release_of(version: str) -> Optional[Release]:
     return Release(*(int(number) for number in match.groups())) if match else None
 
 
-def refusal(server: str, kinds: Iterable[str] = ()) -> str:
+def refusal(server: str, since: Optional[Mapping[str, Release]] = None) -> str:
     """Why a server of this version cannot be recorded from; empty when it can.
 
     Args:
         server: the version that it reports.
-        kinds: kinds of the sensors that are wanted.
+        since: of the kinds of sensors that are wanted, the first release that has each.
     """
     release = release_of(server)
     if release is None:
@@ -61,13 +58,12 @@ def refusal(server: str, kinds: Iterable[str] = ()) -> str:
             server,
             OLDEST,
         )
-    for kind in kinds:
-        since = SENSOR_KIND_SINCE.get(kind, OLDEST)
-        if release < since:
+    for kind, first in (since or {}).items():
+        if release < first:
             return "the server is CARLA %s; sensors of kind %s exist since %s" % (
                 server,
                 kind,
-                since,
+                first,
             )
     return ""
 

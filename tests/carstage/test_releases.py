@@ -13,6 +13,9 @@ from carstage.releases import (
     refusal,
     release_of,
 )
+from carstage.sensor_kinds import sensor_kind
+
+_SINCE = {kind: sensor_kind(kind).since for kind in ("rgb", "normals")}
 
 
 @pytest.mark.parametrize(
@@ -35,8 +38,8 @@ def test_server_older_than_the_oldest_known_is_refused_with_both_versions() -> N
 
 
 def test_kind_of_sensor_that_a_release_lacks_is_refused_with_both_versions() -> None:
-    assert refusal("0.9.14", ["rgb", "normals"]) == ""
-    found = refusal("0.9.13", ["rgb", "normals"])
+    assert refusal("0.9.14", _SINCE) == ""
+    found = refusal("0.9.13", _SINCE)
     assert all(word in found for word in ("normals", "0.9.13", "0.9.14"))
 
 

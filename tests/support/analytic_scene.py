@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from carstage.rawlog import format as raw
 from carstage.rawlog import writing
+from carstage.sensor_kinds import sensor_kind
 
 DEPTH_CODES = 2**24 - 1
 ROAD, BUILDING, LIGHT, SKY, WALKER, CAR, TRUCK = 1, 3, 7, 11, 12, 14, 15
@@ -391,5 +392,5 @@ def _sensor_data(sensor: dict[str, Any], time_s: float) -> tuple[dict[str, Any],
         points, counts = sweep(sensor["pose"], time_s)
         return {"horizontal_angle_rad": 0.0, "counts": counts}, points.tobytes()
     if sensor["kind"] == "imu":
-        return {}, raw.IMU_PAYLOAD.pack(0.0, 0.0, 9.81, 0.0, 0.0, 0.0, 1.7)
-    return {}, raw.GNSS_PAYLOAD.pack(1e-5 * time_s, 2e-5, 0.5)
+        return {}, sensor_kind("imu").layout.pack(0.0, 0.0, 9.81, 0.0, 0.0, 0.0, 1.7)
+    return {}, sensor_kind("gnss").layout.pack(1e-5 * time_s, 2e-5, 0.5)

@@ -51,7 +51,7 @@ from carstage.collector.internals.level_objects import level_objects
 from carstage.collector.internals.snapshots import WorldObserver
 from carstage.collector.internals.stopping import StopRequest
 from carstage.collector.maps import find_map
-from carstage.collector.sensors import SENSOR_KINDS
+from carstage.collector.sensors import sensor_of
 from carstage.rawlog.format import KIND_DATA, KIND_TABLE, WORLD
 from carstage.rawlog.writing import StreamWriter, write_episode_file
 
@@ -147,7 +147,7 @@ class Recording:
         meta, payload = moment.encode()
         self._streams[WORLD].append(KIND_DATA, *at, meta, payload)
         for name, data in pictures.items():
-            meta, payload = SENSOR_KINDS[_KINDS[name]].encode(data)
+            meta, payload = sensor_of(_KINDS[name]).encode(data)
             self._streams[name].append(KIND_DATA, *at, meta, payload)
 
     def add_alone(self, scene: int, actor_id: int, picture: Any) -> None:

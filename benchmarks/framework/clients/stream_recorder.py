@@ -25,7 +25,7 @@ from carstage.collector.__main__ import EXIT_FAILED, EXIT_OK, parse_options, pri
 from carstage.collector.internals.errors import CollectorError
 from carstage.collector.internals.events import EventStream
 from carstage.collector.internals.stopping import StopRequest
-from carstage.collector.sensors import SENSOR_KINDS, Sensor
+from carstage.collector.sensors import Sensor, sensor_of
 
 _LOOK_EVERY_S = 0.02
 
@@ -41,7 +41,7 @@ class Witness:
         self._journal = journal
         self._lock = threading.Lock()
 
-    def callback(self, actor_id: int, kind: type[Sensor]) -> Callable[[Any], None]:
+    def callback(self, actor_id: int, kind: Sensor) -> Callable[[Any], None]:
         """The function to give to ``listen``."""
 
         def note(data: Any) -> None:
@@ -85,7 +85,7 @@ def main(arguments: list[str] | None = None) -> int:
             events.emit("witness_waits")
             sensors = await_sensors(client, plan["sensors"], stop, plan["timeout_s"])
             for sensor in sensors:
-                kind = SENSOR_KINDS[plan["kinds"][sensor.type_id]]
+                kind = sensor_of(plan["kinds"][sensor.type_id])
                 sensor.listen(witness.callback(sensor.id, kind))
         except (CollectorError, RuntimeError) as error:
             events.emit("error", kind="client", message=str(error), hint="")

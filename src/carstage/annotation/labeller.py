@@ -25,6 +25,7 @@ from carstage.errors import AnnotationError
 from carstage.geometry import FloatArray, invert_pose
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.reader import ActorInfo, LevelObject, WorldFrame
+from carstage.sensor_kinds.model import DETECTIONS, POINTS
 from carstage.spec import EpisodeSpec, SpecError
 from carstage.tags import (
     dataset_tags,
@@ -115,8 +116,11 @@ class EpisodeLabeller:
                 if sensor.labelled
             }
             self._lidars, self._radars = (
-                {sensor.id: Mount.from_spec(sensor, actor_ids) for sensor in spec.sensors_of(kind)}
-                for kind in ("lidar", "radar")
+                {
+                    sensor.id: Mount.from_spec(sensor, actor_ids)
+                    for sensor in spec.sensors_of(content)
+                }
+                for content in (POINTS, DETECTIONS)
             )
             self._mounts = [Mount.from_spec(sensor, actor_ids) for sensor in spec.written_sensors]
             on_ego = dict.fromkeys((sensor.id for sensor in spec.sensors), self._ego_id)

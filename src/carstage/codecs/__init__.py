@@ -1,15 +1,9 @@
 """What one frame of one sensor is on disk: a codec per kind and name, encoder beside decoder.
 
-Importing this package registers the built-in codecs. How to add one: ``docs/formats/dataset.md``.
+The table of sensor kinds names the codecs of each kind. How to add one:
+``docs/formats/dataset.md``.
 """
 
-from carstage.codecs import (  # noqa: F401  (they register themselves)
-    depth,
-    flow,
-    images,
-    points,
-    semantic_points,
-)
 from carstage.codecs.codec import Codec, codec_for, codec_names, register
 from carstage.codecs.semantic_points import SEMANTIC_POINT
 

@@ -1,4 +1,4 @@
-"""The contract of a codec and the registry of codecs by sensor kind and name."""
+"""The contract of a codec, and which ones there are by sensor kind and name."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.errors import BadInputError
+from carstage.sensor_kinds import known_kind, load_object, sensor_kind
 
 ENTRY_POINT_GROUP = "carstage.codecs"
 
@@ -66,23 +67,19 @@ class Codec(ABC):
 
 
 _Class = TypeVar("_Class", bound=type[Codec])
-_codecs: dict[tuple[str, str], type[Codec]] = {}
-_defaults: dict[str, str] = {}
+_added: dict[tuple[str, str], type[Codec]] = {}
 
 
-def register(kind: str, name: str, *, default: bool = False) -> Callable[[_Class], _Class]:
-    """Class decorator: this codec writes sensors of ``kind`` when ``name`` is asked for.
+def register(kind: str, name: str) -> Callable[[_Class], _Class]:
+    """Class decorator: add a codec to those that the table has for ``kind``.
 
     Args:
         kind: sensor kind, such as ``rgb``.
         name: what users write under ``conversion.codecs``.
-        default: use it when nothing is asked for.
     """
 
     def decorate(codec: _Class) -> _Class:
-        _codecs[kind, name] = codec
-        if default:
-            _defaults[kind] = name
+        _added[kind, name] = codec
         return codec
 
     return decorate
@@ -91,8 +88,10 @@ def register(kind: str, name: str, *, default: bool = False) -> Callable[[_Class
 def codec_names(kind: str) -> tuple[str, ...]:
     """Names of the codecs for a sensor kind, the default first; empty for an unknown kind."""
     _load_installed()
-    names = [name for known, name in _codecs if known == kind]
-    return tuple(sorted(names, key=lambda name: (name != _defaults.get(kind), name)))
+    row = known_kind(kind)
+    listed = list(row.codecs) if row is not None else []
+    added = sorted(name for known, name in _added if known == kind and name not in listed)
+    return (*listed, *added)
 
 
 def codec_for(kind: str, name: str | None = None) -> tuple[str, Codec]:
@@ -113,7 +112,8 @@ def codec_for(kind: str, name: str | None = None) -> tuple[str, Codec]:
             f"conversion.codecs: no codec {name!r} for sensors of kind {kind!r}.",
             f"Codecs of that kind: {known}.",
         )
-    return chosen, _codecs[kind, chosen]()
+    codec = _added.get((kind, chosen)) or load_object(sensor_kind(kind).codecs[chosen])
+    return chosen, codec()
 
 
 @cache

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.codecs.codec import Codec, image_bgra, register
+from carstage.codecs.codec import Codec, image_bgra
 from carstage.codecs.extras import need
 from carstage.codecs.images import RgbPng, grey_pixels, rgb_pixels
 from carstage.codecs.npz import pack_npz, unpack_npz
@@ -23,7 +23,6 @@ _CM_PER_M = 100.0
 _LARGEST_CM = 2**16 - 1
 
 
-@register("depth", "png", default=True)
 class DepthPng(RgbPng):
     """CARLA's 24-bit code as 8-bit RGB; decodes to ``(H, W)`` float32 metres."""
 
@@ -61,7 +60,6 @@ class _MetresCodec(Codec):
     def _unpack(self, content: bytes) -> NDArray[Any]: ...
 
 
-@register("depth", "png16")
 class DepthPng16(_MetresCodec):
     """Centimetres as 16-bit grey, as many depth datasets have it; 655.35 m is "that or farther"."""
 
@@ -79,7 +77,6 @@ class DepthPng16(_MetresCodec):
         return grey_pixels(content, np.uint16) / np.float32(_CM_PER_M)
 
 
-@register("depth", "npz")
 class DepthNpz(_MetresCodec):
     """float32 metres under the name ``depth_m`` in a compressed NPZ."""
 
@@ -92,7 +89,6 @@ class DepthNpz(_MetresCodec):
         return unpack_npz(content, "depth_m")
 
 
-@register("depth", "npz16")
 class DepthNpz16(DepthNpz):
     """float16 metres: half the size, 3 significant digits."""
 
@@ -102,7 +98,6 @@ class DepthNpz16(DepthNpz):
         return pack_npz({"depth_m": depth_m.astype(np.float16)})
 
 
-@register("depth", "exr")
 class DepthExr(_MetresCodec):
     """float32 metres in the channel ``Z`` of an OpenEXR file, ZIP compressed (extra ``exr``)."""
 

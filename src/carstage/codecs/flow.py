@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.codecs.codec import Codec, register
+from carstage.codecs.codec import Codec
 from carstage.codecs.npz import pack_npz, unpack_npz
 from carstage.codecs.png import PngPacker, unpack_rgb16
 
@@ -17,7 +17,6 @@ _KITTI_ZERO = 2.0**15
 _KITTI_LARGEST = 2**16 - 1
 
 
-@register("flow", "npz", default=True)
 class FlowNpz(Codec):
     """Pixels under the name ``flow``; decodes to ``(H, W, 2)`` float32: to the right, down.
 
@@ -47,7 +46,6 @@ class FlowNpz(Codec):
         return shares * np.array([width / 2.0, -height / 2.0], np.float32)
 
 
-@register("flow", "kitti")
 class FlowKittiPng(FlowNpz):
     """16-bit RGB PNG as KITTI has it: ``64 u + 2^15``, ``64 v + 2^15``, 1 where there is a value.
 

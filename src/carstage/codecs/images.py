@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from carstage.codecs.codec import Codec, image_bgra, register
+from carstage.codecs.codec import Codec, image_bgra
 from carstage.codecs.extras import need
 from carstage.codecs.png import PngPacker, ZlibOfRuns, pixel_words, unpack_png
 
@@ -33,8 +33,6 @@ class RgbBuffer:
         return self._rgb
 
 
-@register("rgb", "png-small")
-@register("normals", "png", default=True)
 class RgbPng(Codec):
     """8-bit RGB by libdeflate; decodes to ``(H, W, 3)`` uint8."""
 
@@ -56,7 +54,6 @@ class RgbPng(Codec):
         return image_bgra(meta, payload)[..., 2::-1]
 
 
-@register("rgb", "png", default=True)
 class RgbRunsPng(RgbPng):
     """The same by Huffman codes and runs alone: for colours half the work of libdeflate.
 
@@ -67,7 +64,6 @@ class RgbRunsPng(RgbPng):
         super().__init__(PngPacker(ZlibOfRuns()))
 
 
-@register("rgb", "fpng")
 class RgbFpng(RgbPng):
     """PNG by fpng: half the work of the default, some percent larger (extra ``fast-png``)."""
 
@@ -82,7 +78,6 @@ class RgbFpng(RgbPng):
         return (content,)
 
 
-@register("rgb", "jpeg")
 class RgbJpeg(Codec):
     """JPEG of quality 95 without chroma subsampling: about a quarter of the PNG's size, lossy."""
 
@@ -113,7 +108,6 @@ class RgbJpeg(Codec):
         return image_bgra(meta, payload)[..., 2::-1]
 
 
-@register("semantic", "png", default=True)
 class SemanticPng(Codec):
     """8-bit grey, the tag (the raw image's red channel); decodes to ``(H, W)`` uint8."""
 
@@ -135,7 +129,6 @@ class SemanticPng(Codec):
         return image_bgra(meta, payload)[..., 2]
 
 
-@register("instance", "png", default=True)
 class InstancePng(Codec):
     """16-bit grey id and 8-bit grey tag; decodes to ``(H, W, 2)`` uint16: id, tag.
 

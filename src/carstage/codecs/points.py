@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.codecs.codec import Codec, Content, register
+from carstage.codecs.codec import Codec, Content
 from carstage.codecs.extras import need
 from carstage.codecs.npz import pack_npz, unpack_npz
 
@@ -19,7 +19,6 @@ _LAZ_STEP_M = 0.0005
 _LAZ_INTENSITY = 65535.0
 
 
-@register("lidar", "bin", default=True)
 class LidarBin(Codec):
     """The points as they were measured; decodes to ``(N, 4)`` float32 x, y, z (m), intensity.
 
@@ -45,7 +44,6 @@ class LidarBin(Codec):
         return _points(payload)
 
 
-@register("lidar", "npz")
 class LidarNpz(LidarBin):
     """The points under the name ``points`` in a compressed NPZ."""
 
@@ -87,7 +85,6 @@ class _HeadedPoints(LidarBin):
         raise NotImplementedError
 
 
-@register("lidar", "ply")
 class LidarPly(_HeadedPoints):
     """Binary PLY with x, y, z and intensity."""
 
@@ -103,7 +100,6 @@ class LidarPly(_HeadedPoints):
         return "\n".join(lines).encode("ascii")
 
 
-@register("lidar", "pcd")
 class LidarPcd(_HeadedPoints):
     """Binary PCD 0.7 with x, y, z and intensity."""
 
@@ -119,7 +115,6 @@ class LidarPcd(_HeadedPoints):
         return "\n".join(lines).encode("ascii")
 
 
-@register("lidar", "laz")
 class LidarLaz(LidarBin):
     """LAZ: a third of the size, coordinates to 0.25 mm, intensity to 1/65535 (extra ``laz``)."""
 

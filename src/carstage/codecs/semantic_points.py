@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.codecs.codec import Codec, Content, register
+from carstage.codecs.codec import Codec, Content
 from carstage.codecs.npz import pack_npz, unpack_npz
 
 SEMANTIC_POINT = np.dtype(
@@ -31,7 +31,6 @@ def points_xyz(points: NDArray[Any]) -> NDArray[np.float64]:
     return np.column_stack([points[name] for name in "xyz"]).astype(np.float64)
 
 
-@register("semantic_lidar", "bin", default=True)
 class SemanticLidarBin(Codec):
     """The points as they were measured; decodes to ``(N,)`` of ``SEMANTIC_POINT``."""
 
@@ -54,7 +53,6 @@ class SemanticLidarBin(Codec):
         return _points(payload)
 
 
-@register("semantic_lidar", "npz")
 class SemanticLidarNpz(SemanticLidarBin):
     """The points under the name ``points`` in a compressed NPZ, with named fields."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 import time
 from queue import Empty, SimpleQueue
-from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple, Type
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from carstage.collector.internals.errors import RecordingError, writing_failed
 from carstage.collector.internals.matching import (
@@ -112,7 +112,7 @@ class Pipeline:
 
     def __init__(
         self,
-        sensors: Mapping[str, Type[Sensor]],
+        sensors: Mapping[str, Sensor],
         writers: LogWriters,
         matcher: FrameMatcher,
         budget: ByteBudget,

@@ -28,7 +28,7 @@ from carstage.collector.internals.events import EventStream
 from carstage.collector.internals.plan import EpisodePlan, Plan, read_plan
 from carstage.collector.internals.stopping import StopRequest
 from carstage.collector.paths import prepare_folder
-from carstage.collector.sensors import SENSOR_KINDS
+from carstage.collector.sensors import sensor_of
 from carstage.collector.sensors.rig import Rig
 from carstage.collector.timing import SynchronousClock
 from carstage.collector.world import WorldSession
@@ -143,7 +143,7 @@ class Viewer:
         folder = prepare_folder(episode.folder)
         for sensor in episode.spec.sensors:
             datum = data[sensor.id]
-            meta, payload = SENSOR_KINDS[sensor.kind].encode(datum)
+            meta, payload = sensor_of(sensor.kind).encode(datum)
             stream = os.path.join(folder, sensor.id)
             os.mkdir(stream)
             with SegmentWriter(stream, sensor.id, 0) as writer:

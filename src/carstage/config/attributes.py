@@ -1,18 +1,19 @@
-"""Attributes of sensors: friendly names with units, and the strings that CARLA wants.
+"""Attributes of sensors in the configuration: models of the rows in ``carstage.sensor_kinds``.
 
-Every field names CARLA's attribute; that name is accepted as the key, too. What is not set stays at
-the server's own default, except where a class says otherwise: cameras always get size and field of
-view. Source of names and defaults: CARLA's sensor reference, 0.9.16. Sensors that measure distances
-by rays are in ``ranging``.
+Every row names CARLA's attribute; that name is accepted as the key, too. What goes beyond a row
+stands here: the two numbers of a picture's size, and what of a LiDAR follows from the frame rate.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from functools import cache
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, Strict, create_model, model_validator
 
 from carstage.config.fields import Section, problem, setting
+from carstage.sensor_kinds import Attribute, AttributeSet
+from carstage.sensor_kinds.attributes import RAYS_PER_CHANNEL
 
 #: Attributes that a user may not set, and what to use instead.
 _SET_BY_THE_RUN = {
@@ -72,46 +73,13 @@ class SensorAttributes(Section):
         }
 
 
-def _optional(
-    title: str, sentence: str, carla: str, *, unit: str | None = None, **constraints: Any
-) -> Any:
-    return setting(
-        None, title=title, description=sentence, unit=unit, carla=carla, group="rig", **constraints
-    )
-
-
 class CameraAttributes(SensorAttributes):
-    """Attributes of every camera; two cameras with equal ones and one pose see the same pixels."""
+    """What goes beyond the rows of a camera: the size of its picture."""
+
+    if TYPE_CHECKING:
+        image_size: ImageSize | None
 
     other_keys: ClassVar[frozenset[str]] = frozenset({"image_size_x", "image_size_y"})
-
-    image_size: ImageSize | None = setting(
-        None,
-        title="Image size",
-        description="Width and height; left out, the run's `image_size`.",
-        unit="px",
-        group="rig",
-    )
-    fov_deg: float = setting(
-        90.0,
-        title="Field of view",
-        description="Horizontal field of view.",
-        unit="deg",
-        carla="fov",
-        group="rig",
-        gt=0,
-        lt=180,
-    )
-    lens_circle_falloff: float | None = _optional(
-        "Lens circle fall-off", "How fast the lens darkens to the edge.", "lens_circle_falloff"
-    )
-    lens_circle_multiplier: float | None = _optional(
-        "Lens circle multiplier", "How strongly the lens darkens.", "lens_circle_multiplier"
-    )
-    lens_k: float | None = _optional("Lens k", "Distortion.", "lens_k")
-    lens_kcube: float | None = _optional("Lens k cube", "Cubic distortion.", "lens_kcube")
-    lens_x_size: float | None = _optional("Lens x size", "Distortion along x.", "lens_x_size")
-    lens_y_size: float | None = _optional("Lens y size", "Distortion along y.", "lens_y_size")
 
     @model_validator(mode="before")
     @classmethod
@@ -136,104 +104,84 @@ class CameraAttributes(SensorAttributes):
         return {"image_size_x": str(width), "image_size_y": str(height), **strings}
 
 
-class RgbAttributes(CameraAttributes):
-    """A colour camera's: geometry, exposure and the effects of CARLA's post-processing."""
+class SweepAttributes(SensorAttributes):
+    """What goes beyond the rows of a rotating LiDAR. The defaults make one full sweep per tick."""
 
-    enable_postprocess_effects: bool | None = _optional(
-        "Post-processing",
-        "Bloom, exposure, motion blur and the rest.",
-        "enable_postprocess_effects",
-    )
-    exposure_mode: Literal["histogram", "manual"] | None = _optional(
-        "Exposure mode", "Automatic by histogram, or manual.", "exposure_mode"
-    )
-    gamma: float | None = _optional("Gamma", "Target gamma.", "gamma", gt=0)
-    shutter_speed_hz: float | None = _optional(
-        "Shutter speed", "Reciprocal of the exposure time.", "shutter_speed", unit="1/s", gt=0
-    )
-    iso: float | None = _optional("ISO", "Sensitivity.", "iso", gt=0)
-    fstop: float | None = _optional("F-stop", "Opening of the lens.", "fstop", gt=0)
-    min_fstop: float | None = _optional("Smallest f-stop", "Largest opening.", "min_fstop", gt=0)
-    blade_count: int | None = _optional("Blades", "Blades of the diaphragm.", "blade_count", ge=0)
-    exposure_compensation: float | None = _optional(
-        "Exposure compensation", "Brighter or darker.", "exposure_compensation", unit="EV"
-    )
-    exposure_min_bright: float | None = _optional(
-        "Lowest brightness", "Bound of automatic exposure.", "exposure_min_bright"
-    )
-    exposure_max_bright: float | None = _optional(
-        "Highest brightness", "Bound of automatic exposure.", "exposure_max_bright"
-    )
-    exposure_speed_up: float | None = _optional(
-        "Exposure speed up", "Speed of adaptation from dark to bright.", "exposure_speed_up"
-    )
-    exposure_speed_down: float | None = _optional(
-        "Exposure speed down", "Speed of adaptation from bright to dark.", "exposure_speed_down"
-    )
-    calibration_constant: float | None = _optional(
-        "Calibration constant", "Grey that exposure aims at.", "calibration_constant"
-    )
-    focal_distance_cm: float | None = _optional(
-        "Focal distance", "Where the image is sharp.", "focal_distance", unit="cm", ge=0
-    )
-    blur_amount: float | None = _optional("Blur amount", "Strength of defocus.", "blur_amount")
-    blur_radius: float | None = _optional("Blur radius", "Radius of defocus.", "blur_radius")
-    motion_blur_intensity: float | None = _optional(
-        "Motion blur", "Strength of motion blur.", "motion_blur_intensity", ge=0, le=1
-    )
-    motion_blur_max_distortion: float | None = _optional(
-        "Motion blur limit", "Longest smear, share of the width.", "motion_blur_max_distortion"
-    )
-    motion_blur_min_object_screen_size: float | None = _optional(
-        "Motion blur threshold",
-        "Share of the screen below which nothing smears.",
-        "motion_blur_min_object_screen_size",
-    )
-    lens_flare_intensity: float | None = _optional(
-        "Lens flare", "Strength of lens flares.", "lens_flare_intensity", ge=0
-    )
-    bloom_intensity: float | None = _optional("Bloom", "Strength of bloom.", "bloom_intensity")
-    slope: float | None = _optional("Slope", "Steepness of the tone curve.", "slope")
-    toe: float | None = _optional("Toe", "Dark end of the tone curve.", "toe")
-    shoulder: float | None = _optional("Shoulder", "Bright end of the tone curve.", "shoulder")
-    black_clip: float | None = _optional("Black clip", "Where black is cut.", "black_clip")
-    white_clip: float | None = _optional("White clip", "Where white is cut.", "white_clip")
-    temp_k: float | None = _optional("Temperature", "White balance.", "temp", unit="K", gt=0)
-    tint: float | None = _optional("Tint", "White balance, green to magenta.", "tint")
-    chromatic_aberration_intensity: float | None = _optional(
-        "Chromatic aberration", "Strength of colour fringes.", "chromatic_aberration_intensity"
-    )
-    chromatic_aberration_offset: float | None = _optional(
-        "Chromatic aberration offset", "Where fringes start.", "chromatic_aberration_offset"
+    if TYPE_CHECKING:
+        channels: int
+        points_per_second: Literal["auto"] | int
+        rotation_frequency_hz: Literal["auto"] | float
+        upper_fov_deg: float
+        lower_fov_deg: float
+
+    @model_validator(mode="after")
+    def _check_fan(self) -> SweepAttributes:
+        if self.lower_fov_deg > self.upper_fov_deg:
+            raise problem(
+                f"{self.lower_fov_deg:g} is above upper_fov_deg, {self.upper_fov_deg:g}.",
+                "Exchange the two.",
+                "lower_fov_deg",
+            )
+        return self
+
+    def rotation_hz(self, fps: float) -> float:
+        """Turns per second in a run at ``fps``."""
+        return fps if self.rotation_frequency_hz == "auto" else self.rotation_frequency_hz
+
+    def rays_per_second(self, fps: float) -> int:
+        """Rays of all lasers in a simulated second at ``fps``."""
+        if self.points_per_second == "auto":
+            return round(self.channels * RAYS_PER_CHANNEL * fps)
+        return self.points_per_second
+
+    def carla(self, *, fps: float, image_size: tuple[int, int]) -> dict[str, str]:
+        """CARLA's attribute strings, all of them."""
+        strings = super().carla(fps=fps, image_size=image_size)
+        strings["points_per_second"] = str(self.rays_per_second(fps))
+        strings["rotation_frequency"] = carla_text(float(self.rotation_hz(fps)))
+        return strings
+
+
+_SHAPES: dict[str, type[SensorAttributes]] = {
+    "plain": SensorAttributes,
+    "camera": CameraAttributes,
+    "sweep": SweepAttributes,
+}
+_TYPES: dict[str, Any] = {"float": float, "int": int, "bool": bool, "size": ImageSize}
+_BOUNDS = ("gt", "ge", "le", "lt")
+_OR_AUTO = " or auto"
+
+
+@cache
+def attributes_model(attributes: AttributeSet) -> type[SensorAttributes]:
+    """The model of a set of attributes."""
+    fields: dict[str, Any] = {row.name: _field(row) for row in attributes.rows}
+    return create_model(
+        attributes.name,
+        __base__=_SHAPES[attributes.shape],
+        __doc__=attributes.sentence,
+        __module__=__name__,
+        **fields,
     )
 
 
-def _noise(title: str, carla: str, unit: str, **constraints: Any) -> Any:
-    return _optional(
-        title, "Noise that is added; none by default.", carla, unit=unit, **constraints
+def _field(row: Attribute) -> tuple[Any, Any]:
+    """Type and declaration of a row; its bounds stand with the number, not with ``auto``."""
+    bounds = {name: bound for name in _BOUNDS if (bound := getattr(row, name)) is not None}
+    if row.type.endswith(_OR_AUTO):
+        number = _TYPES[row.type.removesuffix(_OR_AUTO)]
+        kind: Any = Literal["auto"] | Annotated[number, Field(**bounds)]
+        bounds = {}
+    else:
+        kind = Literal[row.words] if row.words else _TYPES[row.type]
+    if row.default is None:
+        kind = kind | None
+    return kind, setting(
+        row.default,
+        title=row.title,
+        description=row.sentence,
+        unit=row.unit,
+        carla=row.carla,
+        group="rig",
+        **bounds,
     )
-
-
-class ImuAttributes(SensorAttributes):
-    """An inertial measurement unit's: its noise."""
-
-    noise_accel_stddev_x: float | None = _noise("x", "noise_accel_stddev_x", "m/s²", ge=0)
-    noise_accel_stddev_y: float | None = _noise("y", "noise_accel_stddev_y", "m/s²", ge=0)
-    noise_accel_stddev_z: float | None = _noise("z", "noise_accel_stddev_z", "m/s²", ge=0)
-    noise_gyro_stddev_x: float | None = _noise("x", "noise_gyro_stddev_x", "rad/s", ge=0)
-    noise_gyro_stddev_y: float | None = _noise("y", "noise_gyro_stddev_y", "rad/s", ge=0)
-    noise_gyro_stddev_z: float | None = _noise("z", "noise_gyro_stddev_z", "rad/s", ge=0)
-    noise_gyro_bias_x: float | None = _noise("x", "noise_gyro_bias_x", "rad/s")
-    noise_gyro_bias_y: float | None = _noise("y", "noise_gyro_bias_y", "rad/s")
-    noise_gyro_bias_z: float | None = _noise("z", "noise_gyro_bias_z", "rad/s")
-
-
-class GnssAttributes(SensorAttributes):
-    """A satellite receiver's: its noise."""
-
-    noise_lat_stddev: float | None = _noise("Latitude", "noise_lat_stddev", "deg", ge=0)
-    noise_lon_stddev: float | None = _noise("Longitude", "noise_lon_stddev", "deg", ge=0)
-    noise_alt_stddev: float | None = _noise("Altitude", "noise_alt_stddev", "m", ge=0)
-    noise_lat_bias: float | None = _noise("Latitude bias", "noise_lat_bias", "deg")
-    noise_lon_bias: float | None = _noise("Longitude bias", "noise_lon_bias", "deg")
-    noise_alt_bias: float | None = _noise("Altitude bias", "noise_alt_bias", "m")

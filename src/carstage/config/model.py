@@ -6,12 +6,11 @@ from typing import Any
 
 from pydantic import model_validator
 
-from carstage.config.attributes import ImageSize
+from carstage.config.attributes import ImageSize, SweepAttributes
 from carstage.config.conversion import Conversion
 from carstage.config.fields import Section, path_text, problem, setting, unknown
 from carstage.config.labels import GroundTruth, Labels
 from carstage.config.output import Output
-from carstage.config.ranging import SweepAttributes
 from carstage.config.rig import Rig, default_rig
 from carstage.config.scene import DEFAULT_MAP, AutopilotScenario, Ego, MapConfig, Scenario
 from carstage.config.sensors import SPRING_ARMS, Sensor
@@ -21,6 +20,7 @@ from carstage.config.timing import Timing, check_substepping
 from carstage.config.traffic import Pedestrians, Traffic, Vehicles
 from carstage.config.weather import DEFAULT_PRESET, WeatherConfig
 from carstage.releases import refusal
+from carstage.sensor_kinds.model import COLOUR
 from carstage.spec import SavedSteps
 from carstage.spec.defaults import MAX_DISTANCE_M, MIN_LIDAR_POINTS
 
@@ -216,7 +216,7 @@ class Config(Section):
         for path, sensor in self.located_sensors():
             self._check_sensor(path, sensor)
         ids = {sensor.id for sensor in self.sensors}
-        cameras = {sensor.id for sensor in self.sensors if sensor.is_camera}
+        cameras = {sensor.id for sensor in self.sensors if sensor.row.twins}
         for position, name in enumerate(
             () if self.labels.cameras == "all" else self.labels.cameras
         ):
@@ -232,7 +232,7 @@ class Config(Section):
     def _check_sensor(self, path: tuple[str | int, ...], sensor: Sensor) -> None:
         attributes = sensor.attributes
         if isinstance(self.server, EmbeddedServerConfig):
-            reason = refusal(self.server.carla_version, [sensor.kind])
+            reason = refusal(self.server.carla_version, {sensor.kind: sensor.row.since})
             if reason:
                 hint = "Leave the sensor out, or choose a later server.carla_version."
                 raise problem(f"{reason}.", hint, *path, "kind")
@@ -272,7 +272,7 @@ class Config(Section):
 
     def _is_labelled(self, sensor: Sensor) -> bool:
         if self.labels.cameras == "all":
-            return sensor.kind == "rgb"
+            return sensor.row.content == COLOUR
         return sensor.id in self.labels.cameras
 
     def warnings(self) -> list[str]:

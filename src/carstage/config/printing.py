@@ -12,6 +12,7 @@ from carstage.config.model import Config
 from carstage.config.presets import RIG_PRESETS
 from carstage.config.sensors import SENSOR_KINDS, Sensor
 from carstage.config.weather import WEATHER_PRESETS
+from carstage.sensor_kinds import sensor_kind
 
 Schema = Mapping[str, Any]
 _LINE = 100
@@ -82,7 +83,7 @@ def _rig_reference(schema: Schema) -> Iterator[str]:
     yield from ("", "### Sensor kinds", "", "| kind | CARLA | what |", "|---|---|---|")
     users: dict[str, list[str]] = {}
     for kind, cls in SENSOR_KINDS.items():
-        yield f"| `{kind}` | `{cls.blueprint}` | {(cls.__doc__ or '').strip()} |"
+        yield f"| `{kind}` | `{sensor_kind(kind).blueprint}` | {(cls.__doc__ or '').strip()} |"
         attributes = cls.model_fields["attributes"].annotation
         users.setdefault(getattr(attributes, "__name__", ""), []).append(kind)
     yield from ("", "CARLA's own names of attributes are accepted as keys, too.")

@@ -8,7 +8,7 @@ from pydantic import Strict, model_validator
 
 from carstage.config.fields import Section, problem, setting
 from carstage.config.presets import RIG_PRESETS, RigPreset
-from carstage.config.sensors import AnySensor, Pose, RgbSensor, Sensor
+from carstage.config.sensors import SENSOR_KINDS, AnySensor, Pose, Sensor
 
 
 class Rig(Section):
@@ -55,4 +55,7 @@ class Rig(Section):
 
 def default_rig() -> Rig:
     """One colour camera above the windscreen."""
-    return Rig(sensors=(RgbSensor(id="CAM_FRONT", kind="rgb", pose=Pose(x=1.5, z=1.6)),))
+    camera = SENSOR_KINDS["rgb"].model_validate(
+        {"id": "CAM_FRONT", "kind": "rgb", "pose": Pose(x=1.5, z=1.6)}
+    )
+    return Rig(sensors=(camera,))

@@ -1,25 +1,20 @@
-"""Sensors: which kinds there are, what carries them, where they sit.
+"""Sensors in the configuration: what carries them, where they sit, a model per kind.
 
-The table of kinds is the set of classes at the end: one class per kind, its CARLA id beside its
-attributes. A new kind is one more of them in ``AnySensor``.
+The models are made from the rows of ``carstage.sensor_kinds``.
 """
 
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from functools import reduce
+from operator import or_
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Discriminator, model_validator
+from pydantic import Discriminator, create_model, model_validator
 
-from carstage.config.attributes import (
-    CameraAttributes,
-    GnssAttributes,
-    ImuAttributes,
-    RgbAttributes,
-    SensorAttributes,
-)
+from carstage.config.attributes import SensorAttributes, attributes_model
 from carstage.config.fields import Section, problem, setting
-from carstage.config.ranging import LidarAttributes, RadarAttributes, SemanticLidarAttributes
+from carstage.sensor_kinds import SensorKind, kinds, sensor_kind
 
 #: Length of a stream's name in the raw log; hidden twins append one of these to the camera's id.
 LONGEST_STREAM_NAME = 31
@@ -69,9 +64,6 @@ class Pose(Section):
 
 class Sensor(Section):
     """What all sensors have; the base of the kinds."""
-
-    blueprint: ClassVar[str]
-    is_camera: ClassVar[bool] = False
 
     id: str = setting(
         title="Id",
@@ -165,126 +157,36 @@ class Sensor(Section):
             )
         return self
 
-
-def _attributes(model: type[SensorAttributes]) -> Any:
-    return setting(model, title="Attributes", description="Properties of the sensor.", group="rig")
-
-
-def _kind(description: str) -> Any:
-    return setting(title="Kind", description=description, group="rig")
+    @property
+    def row(self) -> SensorKind:
+        """What the table knows of its kind."""
+        return sensor_kind(self.kind)
 
 
-class RgbSensor(Sensor):
-    """A colour camera."""
-
-    blueprint = "sensor.camera.rgb"
-    is_camera = True
-    kind: Literal["rgb"] = _kind("Colour camera.")
-    attributes: RgbAttributes = _attributes(RgbAttributes)
-
-
-class DepthSensor(Sensor):
-    """A depth camera: distance along the optical axis."""
-
-    blueprint = "sensor.camera.depth"
-    is_camera = True
-    kind: Literal["depth"] = _kind("Depth camera.")
-    attributes: CameraAttributes = _attributes(CameraAttributes)
-
-
-class SemanticSensor(Sensor):
-    """A semantic segmentation camera: a tag per pixel."""
-
-    blueprint = "sensor.camera.semantic_segmentation"
-    is_camera = True
-    kind: Literal["semantic"] = _kind("Semantic segmentation camera.")
-    attributes: CameraAttributes = _attributes(CameraAttributes)
+def _model(kind: SensorKind) -> type[Sensor]:
+    """The model of a kind."""
+    model = attributes_model(kind.attributes)
+    attributes = setting(
+        model, title="Attributes", description="Properties of the sensor.", group="rig"
+    )
+    name = setting(title="Kind", description=kind.description, group="rig")
+    fields: dict[str, Any] = {
+        "kind": (Literal[kind.name], name),
+        "attributes": (model, attributes),
+    }
+    return create_model(
+        "".join(part.capitalize() for part in kind.name.split("_")) + "Sensor",
+        __base__=Sensor,
+        __doc__=kind.summary,
+        __module__=__name__,
+        **fields,
+    )
 
 
-class InstanceSensor(Sensor):
-    """An instance segmentation camera: a tag and an object per pixel."""
+SENSOR_KINDS: dict[str, type[Sensor]] = {kind.name: _model(kind) for kind in kinds()}
+"""Model of a sensor by the short name of its kind."""
 
-    blueprint = "sensor.camera.instance_segmentation"
-    is_camera = True
-    kind: Literal["instance"] = _kind("Instance segmentation camera.")
-    attributes: CameraAttributes = _attributes(CameraAttributes)
-
-
-class FlowSensor(Sensor):
-    """An optical flow camera: how far each pixel's surface moved since the last step."""
-
-    blueprint = "sensor.camera.optical_flow"
-    is_camera = True
-    kind: Literal["flow"] = _kind("Optical flow camera.")
-    attributes: CameraAttributes = _attributes(CameraAttributes)
-
-
-class NormalsSensor(Sensor):
-    """A camera of surface normals."""
-
-    blueprint = "sensor.camera.normals"
-    is_camera = True
-    kind: Literal["normals"] = _kind("Camera of surface normals.")
-    attributes: CameraAttributes = _attributes(CameraAttributes)
-
-
-class LidarSensor(Sensor):
-    """A rotating ray-cast LiDAR."""
-
-    blueprint = "sensor.lidar.ray_cast"
-    kind: Literal["lidar"] = _kind("Rotating LiDAR.")
-    attributes: LidarAttributes = _attributes(LidarAttributes)
-
-
-class SemanticLidarSensor(Sensor):
-    """A rotating LiDAR whose points know the object that they hit."""
-
-    blueprint = "sensor.lidar.ray_cast_semantic"
-    kind: Literal["semantic_lidar"] = _kind("Semantic LiDAR.")
-    attributes: SemanticLidarAttributes = _attributes(SemanticLidarAttributes)
-
-
-class RadarSensor(Sensor):
-    """A radar: distance, direction and range rate of what its rays hit."""
-
-    blueprint = "sensor.other.radar"
-    kind: Literal["radar"] = _kind("Radar.")
-    attributes: RadarAttributes = _attributes(RadarAttributes)
-
-
-class ImuSensor(Sensor):
-    """An inertial measurement unit: acceleration, turn rate, compass."""
-
-    blueprint = "sensor.other.imu"
-    kind: Literal["imu"] = _kind("Inertial measurement unit.")
-    attributes: ImuAttributes = _attributes(ImuAttributes)
-
-
-class GnssSensor(Sensor):
-    """A satellite receiver: latitude, longitude, altitude."""
-
-    blueprint = "sensor.other.gnss"
-    kind: Literal["gnss"] = _kind("Satellite receiver.")
-    attributes: GnssAttributes = _attributes(GnssAttributes)
-
-
-AnySensor = Annotated[
-    RgbSensor
-    | DepthSensor
-    | SemanticSensor
-    | InstanceSensor
-    | FlowSensor
-    | NormalsSensor
-    | LidarSensor
-    | SemanticLidarSensor
-    | RadarSensor
-    | ImuSensor
-    | GnssSensor,
-    Discriminator("kind"),
-]
-
-_CLASSES: tuple[type[Sensor], ...] = get_args(get_args(AnySensor)[0])
-#: Class of a sensor by the short name of its kind.
-SENSOR_KINDS: dict[str, type[Sensor]] = {
-    get_args(cls.model_fields["kind"].annotation)[0]: cls for cls in _CLASSES
-}
+if TYPE_CHECKING:
+    AnySensor = Sensor
+else:
+    AnySensor = Annotated[reduce(or_, SENSOR_KINDS.values()), Discriminator("kind")]

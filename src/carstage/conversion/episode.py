@@ -30,7 +30,7 @@ from carstage.conversion.segment import (
     read_label_part,
 )
 from carstage.conversion.sensors import SensorPlan, plan_sensors
-from carstage.dataset.tables import ROW_SENSORS, write_table
+from carstage.dataset.tables import row_sensor, write_table
 from carstage.errors import ConversionError, ConverterDiedError
 from carstage.files.whole import write_whole
 from carstage.rawlog.format import LEDGER, WORLD
@@ -300,9 +300,9 @@ class EpisodeConversion:
 
     def _write_row_sensors(self, segments: range) -> None:
         for sensor in self._plan.written:
-            if sensor.kind in ROW_SENSORS:
+            if row_kind := row_sensor(sensor.kind):
                 rows = [r for i in segments for r in self._tasks[i, sensor.id].result().rows]
-                table = pa.Table.from_pylist(rows, schema=ROW_SENSORS[sensor.kind].schema)
+                table = pa.Table.from_pylist(rows, schema=row_kind.schema)
                 self._write_table(table, f"sensors/{sensor.id}.parquet")
 
     def _merge_labels(self, segments: range) -> None:
@@ -320,7 +320,7 @@ class EpisodeConversion:
         endings: dict[str, tuple[str, ...]] = {
             sensor.id: codec_for(sensor.kind, sensor.codec)[1].suffixes
             for sensor in self._plan.written
-            if sensor.kind not in ROW_SENSORS
+            if row_sensor(sensor.kind) is None
         }
         for path in (self.attempt_folder / "sensors").glob("*/*"):
             suffix = path.name[path.name.index(".") :] if path.name[0] != "." else ""

@@ -72,12 +72,12 @@ def load_libraries(pictures: bool) -> None:
     try:
         # Not before this is called: the supervisor needs none of it.
         importlib.import_module("carstage.conversion.segment")
-        from carstage.codecs import codec_for
+        from carstage.codecs.images import RgbRunsPng
 
         if pictures:
             importlib.import_module("carstage.annotation.pixel_kernel")
             # The first call of compiled code takes as long as the imports.
-            codec_for("rgb")[1].encode({"width": 1, "height": 1}, memoryview(bytes(4)))
+            RgbRunsPng().encode({"width": 1, "height": 1}, memoryview(bytes(4)))
     finally:
         gc.freeze()
         gc.enable()

@@ -12,13 +12,13 @@ import pyarrow as pa
 
 from carstage.annotation import CameraImages, EpisodeLabeller
 from carstage.annotation.decoding import decode_depth_bgra
-from carstage.annotation.point_sensors import RADAR_DTYPE, radar_points
+from carstage.annotation.point_sensors import radar_points
 from carstage.annotation.schema import TABLES, Column
 from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
-from carstage.conversion.sensors import LIDAR_KIND, RADAR_KIND, RecordedSensor
+from carstage.conversion.sensors import RecordedSensor
 from carstage.conversion.tag_numbers import dataset_payload
-from carstage.dataset.tables import ROW_SENSORS, arrow_type
+from carstage.dataset.tables import RowSensor, arrow_type, row_sensor
 from carstage.errors import ConversionError
 from carstage.files.hashing import hash_of
 from carstage.files.streaming import FileStream
@@ -26,6 +26,7 @@ from carstage.files.whole import whole_file
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.format import KIND_DATA, LEDGER
 from carstage.rawlog.reader import EpisodeLog, Record
+from carstage.sensor_kinds.model import DETECTIONS, POINTS
 from carstage.storage.marker import FileEntry
 
 LABEL_PARTS = ".labels"
@@ -67,9 +68,11 @@ def encode_segment(
     log = EpisodeLog(raw_folder)
     ticks = saved_ticks(log, segment)
     records = [r for r in _data(log, sensor.id, segment) if r.tick in ticks]
-    if sensor.kind in ROW_SENSORS:
+    if row_kind := row_sensor(sensor.kind):
         return EncodedSegment(
-            rows=tuple(_row(log, sensor, record, ticks[record.tick]) for record in records)
+            rows=tuple(
+                _row(log, sensor, row_kind, record, ticks[record.tick]) for record in records
+            )
         )
     _, codec = codec_for(sensor.kind, sensor.codec)
     below = f"sensors/{sensor.id}"
@@ -109,8 +112,8 @@ def label_segment(raw_folder: Path, segment: int) -> None:
     image_streams = {s.depth for s in streams.values()} | {
         s.instance for s in streams.values() if s.instance is not None
     }
-    lidars = [sensor.id for sensor in log.spec.sensors_of(LIDAR_KIND)]
-    radars = [sensor.id for sensor in log.spec.sensors_of(RADAR_KIND)]
+    lidars = [sensor.id for sensor in log.spec.sensors_of(POINTS)]
+    radars = [sensor.id for sensor in log.spec.sensors_of(DETECTIONS)]
     by_tick = {
         stream: {record.tick: record for record in _data(log, stream, segment)}
         for stream in [*sorted(image_streams), *lidars, *radars]
@@ -135,7 +138,7 @@ def label_segment(raw_folder: Path, segment: int) -> None:
             if (record := by_tick[lidar].get(world.tick)) is not None
         }
         detections = {
-            radar: radar_points(np.frombuffer(record.payload, RADAR_DTYPE))
+            radar: radar_points(np.frombuffer(record.payload, "<f4").reshape(-1, 4))
             for radar in radars
             if (record := by_tick[radar].get(world.tick)) is not None
         }
@@ -214,10 +217,12 @@ def _data(log: EpisodeLog, stream: str, segment: int) -> list[Record]:
     return [r for r in log.read_segment(stream, segment) if r.kind == KIND_DATA]
 
 
-def _row(log: EpisodeLog, sensor: RecordedSensor, record: Record, k: int) -> dict[str, Any]:
+def _row(
+    log: EpisodeLog, sensor: RecordedSensor, row_kind: RowSensor, record: Record, k: int
+) -> dict[str, Any]:
     time_s = elapsed_s(log.spec, log.first_timestamp_s, record.tick, record.timestamp_s)
     try:
-        return ROW_SENSORS[sensor.kind].row(k, time_s, record.payload)
+        return row_kind.row(k, time_s, record.payload)
     except ValueError as error:
         raise _bad_record(sensor, record, str(error)) from error
 

@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from carstage.codecs import codec_for
-from carstage.dataset.tables import ROW_SENSORS
 from carstage.errors import BadInputError
 from carstage.rawlog.format import LEDGER, WORLD
+from carstage.sensor_kinds.model import DETECTIONS, POINTS, ROWS
 from carstage.spec import EpisodeSpec, SensorSpec
 
-LIDAR_KIND = "lidar"
-RADAR_KIND = "radar"
 ROWS_CODEC = "parquet"
 
 
@@ -65,7 +63,7 @@ def plan_sensors(spec: EpisodeSpec, codecs: Mapping[str, str]) -> SensorPlan:
     for sensor in spec.sensors:
         if sensor.labelled:
             label_streams |= {name for name in (sensor.depth, sensor.instance) if name}
-        if sensor.kind in (LIDAR_KIND, RADAR_KIND):
+        if sensor.content in (POINTS, DETECTIONS):
             label_streams.add(sensor.id)
     return SensorPlan(
         tuple(_recorded(sensor, codecs.get(sensor.id)) for sensor in shown),
@@ -75,7 +73,7 @@ def plan_sensors(spec: EpisodeSpec, codecs: Mapping[str, str]) -> SensorPlan:
 
 def _recorded(sensor: SensorSpec, codec: str | None) -> RecordedSensor:
     kind = sensor.kind
-    if kind in ROW_SENSORS:
+    if sensor.content in ROWS:
         if codec not in (None, ROWS_CODEC):
             raise BadInputError(
                 f"conversion.codecs.{sensor.id}: no codec {codec!r} for sensors of kind {kind!r}.",

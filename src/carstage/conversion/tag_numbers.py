@@ -7,12 +7,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.annotation.point_sensors import SEMANTIC_LIDAR_DTYPE
+from carstage.annotation.point_sensors import record_dtype
+from carstage.sensor_kinds import content_of
+from carstage.sensor_kinds.model import INSTANCES, TAGGED_POINTS, TAGS
 from carstage.tags import TAGS_0_9_13, new_tag, numbers_tags_anew
 
 _RED: Final = 2
-TAG_PICTURES: Final = ("semantic", "instance")
-TAG_POINTS: Final = "semantic_lidar"
 
 
 def _table() -> NDArray[np.uint8]:
@@ -38,12 +38,13 @@ def dataset_payload(kind: str, server_version: str, payload: memoryview) -> memo
     """
     if numbers_tags_anew(server_version):
         return payload
-    if kind in TAG_PICTURES:
+    content = content_of(kind)
+    if content in (TAGS, INSTANCES):
         pixels = np.frombuffer(payload, np.uint8).reshape(-1, 4).copy()
         pixels[:, _RED] = _NEW_FROM_OLD[pixels[:, _RED]]
         return pixels.reshape(-1).data
-    if kind == TAG_POINTS:
-        points = np.frombuffer(payload, SEMANTIC_LIDAR_DTYPE).copy()
+    if content == TAGGED_POINTS:
+        points = np.frombuffer(payload, record_dtype(kind)).copy()
         points["object_tag"] = _NEW_FROM_OLD[points["object_tag"].astype(np.uint8)]
         return points.view(np.uint8).data
     return payload

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from carstage.codecs import codec_for
 from carstage.dataset.querying import query_episodes
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
-from carstage.dataset.tables import ROW_SENSORS, read_table, require_columns
+from carstage.dataset.tables import read_table, require_columns, row_sensor
 from carstage.errors import BadInputError, DatasetError
 from carstage.geometry import is_pinhole, pose_matrix
+from carstage.sensor_kinds import content_of
 from carstage.spec import EpisodeSpec, SpecError
 from carstage.storage.description import read_description
 from carstage.storage.local import LocalStore
@@ -68,6 +69,11 @@ class SensorCalibration:
     height: int
     fov_deg: float
     k: NDArray[np.float64]
+
+    @property
+    def content(self) -> str:
+        """What a frame is, as the table of sensor kinds has it; empty for an unknown kind."""
+        return content_of(self.kind)
 
     @property
     def is_camera(self) -> bool:
@@ -127,8 +133,9 @@ class Sensor:
         self.calibration = calibration
         self._folder = folder
         self._poses = poses
-        rows = calibration.kind in ROW_SENSORS
-        self._codec = None if rows else codec_for(calibration.kind, calibration.codec)[1]
+        self._row_kind = row_sensor(calibration.kind)
+        named = calibration.kind, calibration.codec
+        self._codec = None if self._row_kind else codec_for(*named)[1]
 
     @property
     def id(self) -> str:
@@ -139,6 +146,11 @@ class Sensor:
     def kind(self) -> str:
         """Short name of its kind, such as ``rgb``."""
         return self.calibration.kind
+
+    @property
+    def content(self) -> str:
+        """What a frame is, as the table of sensor kinds has it."""
+        return self.calibration.content
 
     def calibration_at(self, k: int) -> SensorCalibration:
         """The calibration with ``ego_from_sensor`` as it was in frame ``k``.
@@ -195,7 +207,7 @@ class Sensor:
 
     @cached_property
     def table(self) -> pa.Table:
-        """All frames of a row-wise sensor (``imu``, ``gnss``, ``radar``).
+        """All frames of a sensor whose frames are rows.
 
         Raises:
             DatasetError: the sensor has no table, or it is damaged.
@@ -205,12 +217,13 @@ class Sensor:
         return read_table(self.paths(0)[0])
 
     def _row(self, k: int) -> NDArray[Any]:
+        assert self._row_kind is not None
         table = self.table
         rows = np.flatnonzero(table["k"].to_numpy() == k)
         if len(rows) != 1:
             raise DatasetError(f"Sensor {self.id} has {len(rows)} rows for frame {k}.")
         row = table.slice(int(rows[0]), 1).to_pylist()[0]
-        return ROW_SENSORS[self.kind].array(row)
+        return self._row_kind.array(row)
 
 
 class Episode:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,6 +15,8 @@ from numpy.typing import NDArray
 
 from carstage.errors import DatasetError
 from carstage.files.whole import whole_file
+from carstage.sensor_kinds import known_kind
+from carstage.sensor_kinds.model import DETECTIONS
 
 _COMPRESSION: Literal["zstd"] = "zstd"
 _COMPRESSION_LEVEL = 3
@@ -93,14 +96,14 @@ class DetectionSensor(RowSensor):
         return np.frombuffer(payload, "<f4").reshape(-1, len(self.columns)).T
 
 
-ROW_SENSORS: dict[str, RowSensor] = {
-    "imu": RowSensor((("accelerometer", 3), ("gyroscope", 3), ("compass_rad", 1))),
-    "gnss": RowSensor((("latitude_deg", 1), ("longitude_deg", 1), ("altitude_m", 1))),
-    "radar": DetectionSensor(
-        (("range_rate_m_s", 1), ("azimuth_rad", 1), ("altitude_rad", 1), ("depth_m", 1))
-    ),
-}
-"""Sensor kinds that become one Parquet file per episode, ``sensors/<id>.parquet``."""
+@cache
+def row_sensor(kind: str) -> RowSensor | None:
+    """The table of a kind that becomes one, ``sensors/<id>.parquet``; None for other kinds."""
+    row = known_kind(kind)
+    if row is None or not row.has_rows:
+        return None
+    made = DetectionSensor if row.content == DETECTIONS else RowSensor
+    return made(tuple((column.name, column.count) for column in row.columns))
 
 
 def vector(length: int, *, nullable: bool = False) -> pa.DataType:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from carstage.dataset import Episode, SensorCalibration
 from carstage.errors import BadInputError
 from carstage.exporters.options import ExportOptions
+from carstage.sensor_kinds.model import COLOUR, POINTS
 
 
 def colour_cameras(
@@ -23,7 +24,7 @@ def colour_cameras(
     fitting = {
         sensor.id: sensor.calibration
         for sensor in episode.sensors
-        if sensor.kind == "rgb" and (sensor.calibration.labelled or not labelled)
+        if sensor.content == COLOUR and (sensor.calibration.labelled or not labelled)
     }
     what = "labelled colour camera" if labelled else "colour camera"
     for name in options.cameras:
@@ -60,7 +61,7 @@ def main_lidar(episode: Episode, options: ExportOptions) -> SensorCalibration | 
     fitting = {
         sensor.id: sensor.calibration
         for sensor in episode.sensors
-        if sensor.kind == "lidar" and sensor.calibration.on_ego
+        if sensor.content == POINTS and sensor.calibration.on_ego
     }
     if options.lidar is None:
         return next(iter(fitting.values()), None)

@@ -1,7 +1,6 @@
 """What a run will need: bytes on disk and, roughly, time.
 
-Sizes are meant to be on the safe side: images compress better than the densities below, which come
-from measured 1280x720 images (noisy photographs for RGB, procedural labels and depth).
+Sizes are meant to be on the safe side; the table of sensor kinds has those of pixels and points.
 """
 
 from __future__ import annotations
@@ -11,20 +10,9 @@ from dataclasses import dataclass
 
 from carstage.config import Config
 from carstage.plan.rig import geometry
+from carstage.sensor_kinds import sensor_kind
 from carstage.spec import EpisodeSpec, ReplaySpec, SensorSpec
 
-#: Bytes per pixel in the dataset by kind of camera.
-_FILE_BYTES_PER_PIXEL = {
-    "rgb": 1.8,
-    "depth": 0.8,
-    "semantic": 0.05,
-    "instance": 0.08,
-    "flow": 6.0,
-    "normals": 1.2,
-}
-_RAW_BYTES_PER_PIXEL = {"flow": 8}
-_BGRA_BYTES = 4
-_BYTES_PER_POINT = {"lidar": 16, "semantic_lidar": 24, "radar": 16}
 _BYTES_PER_ACTOR = 68
 _BYTES_PER_RECORD = 512  # header, padding, JSON
 _LABEL_BYTES = 400  # one row of the label tables after compression, generously
@@ -83,15 +71,21 @@ def _rays(sensor: SensorSpec, fps: float) -> int:
     return round(int(sensor.attributes["points_per_second"]) / fps)
 
 
+def _file_bytes(sensor: SensorSpec) -> float:
+    """What a pixel or a point takes in the dataset."""
+    kind = sensor_kind(sensor.kind)
+    return kind.raw_bytes if kind.file_bytes is None else kind.file_bytes
+
+
 def _raw_bytes(spec: EpisodeSpec) -> int:
     actors = road_users(spec) + spec.pedestrians.count + len(spec.sensors) + 60
     per_frame: int = 0
     for sensor in spec.sensors:
         per_frame += _BYTES_PER_RECORD
         if "image_size_x" in sensor.attributes:
-            per_frame += _RAW_BYTES_PER_PIXEL.get(sensor.kind, _BGRA_BYTES) * _pixels(sensor)
+            per_frame += sensor_kind(sensor.kind).raw_bytes * _pixels(sensor)
         elif "points_per_second" in sensor.attributes:
-            per_frame += _BYTES_PER_POINT[sensor.kind] * _rays(sensor, spec.fps)
+            per_frame += sensor_kind(sensor.kind).raw_bytes * _rays(sensor, spec.fps)
     per_tick: int = _BYTES_PER_ACTOR * actors + 4 * _BYTES_PER_RECORD
     return spec.saved_frames * per_frame + spec.steps * per_tick
 
@@ -105,9 +99,9 @@ def _dataset_bytes(spec: EpisodeSpec) -> int:
         if sensor.hidden:
             continue
         if "image_size_x" in sensor.attributes:
-            per_frame += _FILE_BYTES_PER_PIXEL[sensor.kind] * _pixels(sensor)
+            per_frame += _file_bytes(sensor) * _pixels(sensor)
         elif "points_per_second" in sensor.attributes:
-            per_frame += _BYTES_PER_POINT[sensor.kind] * _rays(sensor, spec.fps)
+            per_frame += _file_bytes(sensor) * _rays(sensor, spec.fps)
         else:
             per_frame += _SMALL_SENSOR_BYTES
     return round(spec.saved_frames * (per_frame + _LABEL_BYTES * objects))

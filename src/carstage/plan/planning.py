@@ -224,15 +224,15 @@ def _check_blueprints(config: Config, facts: ServerFacts) -> None:
             message, hint = unknown("blueprint", pattern, (_family(name) for name in names))
             raise ConfigError(f"{path}: {message}", hint)
     for place, sensor in config.located_sensors():
-        if sensor.blueprint not in known:
+        if sensor.row.blueprint not in known:
             raise ConfigError(
-                f"{path_text((*place, 'kind'))}: this server has no {sensor.blueprint}.",
+                f"{path_text((*place, 'kind'))}: this server has no {sensor.row.blueprint}.",
                 "Leave the sensor out or use another server.",
             )
         strings = sensor.attributes.carla(fps=config.fps, image_size=config.image_size)
         for name in strings:
-            if name not in known[sensor.blueprint]:
-                message, hint = unknown("attribute", name, known[sensor.blueprint])
+            if name not in known[sensor.row.blueprint]:
+                message, hint = unknown("attribute", name, known[sensor.row.blueprint])
                 raise ConfigError(f"{path_text((*place, 'attributes', name))}: {message}", hint)
 
 

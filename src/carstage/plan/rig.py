@@ -9,26 +9,31 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from carstage.config import SENSOR_KINDS, Config, Sensor
+from carstage.config import Config, Sensor
 from carstage.config.attributes import carla_text
-from carstage.config.sensors import DEPTH_SUFFIX, INSTANCE_SUFFIX, Pose
+from carstage.config.sensors import Pose
+from carstage.sensor_kinds import sensor_kind
 from carstage.spec import PoseSpec, SensorSpec
 
 _RATE = "sensor_tick"
+_DEPTH = "depth"
 _GEOMETRY = ("image_size_", "fov", "lens_")
-_TWINS = {"depth": DEPTH_SUFFIX, "instance": INSTANCE_SUFFIX}
 
 
 def plan_sensors(config: Config) -> tuple[SensorSpec, ...]:
     """Requested sensors in the rig's order, then the hidden twins."""
     labelled = set(config.labelled_cameras)
     sensors = [_sensor(sensor, config, sensor.id in labelled) for sensor in config.sensors]
-    needed = ("depth",) if config.labels.method == "stage_vo" else ("depth", "instance")
+    by_depth_alone = config.labels.method == "stage_vo"
     for position, camera in enumerate(list(sensors)):
         if camera.labelled:
-            names = {kind: _serving(camera, kind, sensors) for kind in needed}
+            names = {
+                kind: _serving(camera, kind, sensors)
+                for kind in sensor_kind(camera.kind).twins
+                if kind == _DEPTH or not by_depth_alone
+            }
             sensors[position] = replace(
-                camera, depth=names.get("depth"), instance=names.get("instance")
+                camera, depth=names.get(_DEPTH), instance=names.get("instance")
             )
     return tuple(sensors)
 
@@ -42,7 +47,7 @@ def _sensor(sensor: Sensor, config: Config, labelled: bool) -> SensorSpec:
     return SensorSpec(
         id=sensor.id,
         kind=sensor.kind,
-        blueprint=sensor.blueprint,
+        blueprint=sensor.row.blueprint,
         hidden=False,
         labelled=labelled,
         pose=_pose(sensor.pose),
@@ -93,9 +98,9 @@ def _serving(camera: SensorSpec, kind: str, sensors: list[SensorSpec]) -> str:
             return other.id
     twin = replace(
         camera,
-        id=camera.id + _TWINS[kind],
+        id=f"{camera.id}.{kind}",
         kind=kind,
-        blueprint=SENSOR_KINDS[kind].blueprint,
+        blueprint=sensor_kind(kind).blueprint,
         hidden=True,
         labelled=False,
         attributes=_shared(camera.attributes),

@@ -52,12 +52,6 @@ ACTOR_RECORD = struct.Struct("<II15f")
 """One actor of a world snapshot: id, reserved, then location, rotation (pitch, yaw, roll in deg),
 velocity, angular velocity (deg/s), acceleration; 3 float32 each, world frame."""
 
-IMU_PAYLOAD = struct.Struct("<7d")
-"""Accelerometer (m/s^2), gyroscope (rad/s), compass (rad)."""
-
-GNSS_PAYLOAD = struct.Struct("<3d")
-"""Latitude (deg), longitude (deg), altitude (m)."""
-
 Buffer = Union[bytes, bytearray, memoryview]
 
 

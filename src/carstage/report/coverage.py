@@ -18,6 +18,7 @@ from carstage.errors import DatasetError
 from carstage.geometry import transform_points
 from carstage.report import html
 from carstage.report.drawing import RgbColour, data_uri, spectrum
+from carstage.sensor_kinds.model import CLOUDS
 
 _MAP_PX = 900
 _MARGIN_M = 25.0
@@ -168,7 +169,7 @@ def _ground(episodes: Sequence[Episode], canvas: _Canvas) -> NDArray[np.uint8]:
 
 def _sweeps(episode: Episode, wanted: int) -> list[NDArray[np.float64]]:
     """Points ``(N, 3)`` in the world of up to ``wanted`` sweeps, spread over the episode."""
-    lidar = next((s for s in episode.sensors if s.kind in ("lidar", "semantic_lidar")), None)
+    lidar = next((s for s in episode.sensors if s.content in CLOUDS), None)
     if lidar is None or not episode.frames:
         return []
     poses = episode.world_from_sensor().get(lidar.id, {})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from carstage.geometry import (
     project,
     transform_points,
 )
+from carstage.sensor_kinds.model import DEPTH, FLOW, INSTANCES, TAGS
 from carstage.validation.checks.labels import LabelledBox
 
 RgbColour = tuple[int, int, int]
@@ -220,13 +221,25 @@ def flow_view(flow_px: NDArray[np.float32]) -> Image.Image:
     return Image.fromarray(hsv.astype(np.uint8), mode="HSV").convert("RGB")
 
 
-def radar_xyz(detections: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Points ``(N, 3)`` in the radar's axes (m) of rows of range rate, azimuth, altitude, depth."""
-    _, azimuth, altitude, depth = detections.astype(np.float64).T
-    flat = depth * np.cos(altitude)
-    return np.column_stack(
-        [flat * np.cos(azimuth), flat * np.sin(azimuth), depth * np.sin(altitude)]
-    )
+def camera_view(content: str, data: NDArray[Any], palette: Mapping[int, RgbColour]) -> Image.Image:
+    """What a camera measured, in colours.
+
+    Args:
+        content: what its pixels are, as the table of sensor kinds has it.
+        data: ``(H, W, ...)``, as ``carstage.dataset.Sensor.read`` gives them.
+        palette: colour of each semantic tag.
+    """
+    if content == TAGS:
+        return semantic_view(data, palette)
+    view = _VIEWS.get(content)
+    return Image.fromarray(np.ascontiguousarray(data)) if view is None else view(data)
+
+
+_VIEWS: Mapping[str, Callable[[NDArray[Any]], Image.Image]] = {
+    DEPTH: depth_view,
+    INSTANCES: instance_view,
+    FLOW: lambda data: flow_view(np.nan_to_num(data)),
+}
 
 
 def birds_eye_view(

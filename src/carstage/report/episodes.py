@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from html import escape
 from itertools import chain
 from typing import Any
@@ -13,26 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from carstage.annotation.point_sensors import radar_points
 from carstage.codecs.semantic_points import points_xyz
 from carstage.dataset.reading import Episode, Sensor
-from carstage.dataset.tables import ROW_SENSORS
 from carstage.errors import DatasetError
 from carstage.geometry import transform_points
 from carstage.report import html
 from carstage.report.drawing import (
     RgbColour,
     birds_eye_view,
+    camera_view,
     class_colour,
     data_uri,
-    depth_view,
     draw_boxes_2d,
     draw_boxes_3d,
-    flow_view,
-    instance_view,
-    radar_xyz,
-    semantic_view,
 )
 from carstage.report.film import MOST_FRAMES, film
+from carstage.sensor_kinds.model import CAMERAS, CLOUDS, COLOUR, DETECTIONS, ROWS
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelledBox, LabelTables, labelled_boxes
 
@@ -64,7 +60,7 @@ def episode_section(
         html.legend((name, class_colour(name)) for name in pictures.classes()),
     ]
     for sensor in episode.sensors:
-        if sensor.calibration.labelled and sensor.kind == "rgb":
+        if sensor.calibration.labelled and sensor.content == COLOUR:
             parts.append(_contact_sheet(pictures, sensor))
             if films:
                 parts.append(_film(pictures, sensor, episode))
@@ -130,15 +126,8 @@ class _Pictures:
 
     def __init__(self, episode: Episode, description: Mapping[str, Any]) -> None:
         self._episode = episode
-        palette: dict[int, RgbColour] = {
+        self._palette: dict[int, RgbColour] = {
             tag["value"]: tuple(tag["rgb"]) for tag in description["tags"]
-        }
-        self._drawings: dict[str, Callable[[NDArray[Any]], Image.Image]] = {
-            "depth": depth_view,
-            "semantic": partial(semantic_view, palette=palette),
-            "instance": instance_view,
-            "flow": flow_view,
-            "normals": Image.fromarray,
         }
         tables = LabelTables.load(episode)
         self._boxes = labelled_boxes(tables, Findings(episode.id))
@@ -215,10 +204,11 @@ class _Pictures:
         figures = []
         for k in frames:
             for sensor in self._episode.sensors:
-                draw = self._drawings.get(sensor.kind)
-                if draw is None or (image := self._read(sensor, k)) is None:
+                if sensor.content == COLOUR or sensor.content not in CAMERAS:
                     continue
-                picture = draw(image)
+                if (image := self._read(sensor, k)) is None:
+                    continue
+                picture = camera_view(sensor.content, image, self._palette)
                 caption = f"{sensor.id}, frame {k}"
                 figures.append(html.figure(data_uri(picture, _CONTACT_PX), caption))
         return "".join(figures)
@@ -231,11 +221,11 @@ class _Pictures:
             ]
             radar = [
                 (
-                    transform_points(s.calibration_at(k).ego_from_sensor, radar_xyz(found)),
+                    transform_points(s.calibration_at(k).ego_from_sensor, radar_points(found)),
                     found[:, 0],
                 )
                 for s in self._episode.sensors
-                if s.kind == "radar" and (found := self._read(s, k)) is not None
+                if s.content == DETECTIONS and (found := self._read(s, k)) is not None
             ]
             if clouds or radar:
                 boxes = [(box, self._colour(box)) for box in self._boxes.get(k, [])]
@@ -251,7 +241,7 @@ class _Pictures:
 
     def _cloud(self, sensor: Sensor, k: int) -> NDArray[np.float64] | None:
         """``(N, 3)`` points of a LiDAR in the ego actor's frame; None for what is no LiDAR."""
-        if sensor.kind not in ("lidar", "semantic_lidar"):
+        if sensor.content not in CLOUDS:
             return None
         points = self._read(sensor, k)
         if points is None:
@@ -314,7 +304,7 @@ _STATES = ("ok", "missing", "late", "mismatched", "off")
 
 
 def _frames_on_disk(episode: Episode, sensor: Sensor) -> int:
-    if sensor.kind in ROW_SENSORS:
+    if sensor.content in ROWS:
         try:
             return int(sensor.table.num_rows)
         except DatasetError:

@@ -38,6 +38,7 @@ from carstage.runs.folder import RunFolder
 from carstage.runs.interruption import Interruption
 from carstage.runs.servers import ServerSetup
 from carstage.runs.watching import AttemptWatch, Limits
+from carstage.sensor_kinds import plugins_of
 from carstage.server import Endpoint, Server
 from carstage.spec import EpisodeSpec
 from carstage.storage.disk import disk_error
@@ -261,6 +262,7 @@ class ServerWorker:
         call_s, load_s = self._timeouts_s(spec)
         return {
             "plan_version": 1,
+            "plugins": plugins_of(sensor.kind for sensor in spec.sensors),
             "server": {
                 "host": endpoint.host,
                 "port": endpoint.port,

@@ -162,7 +162,7 @@ class ServerSetup:
 
     def _find_client(self, version: str) -> ClientPython:
         server = self._config.server
-        reason = refusal(version, [sensor.kind for sensor in self._config.sensors])
+        reason = refusal(version, {s.kind: s.row.since for s in self._config.sensors})
         if reason:
             raise BadInputError(
                 f"server: {reason}.", "Use a newer CARLA, or leave such sensors out."

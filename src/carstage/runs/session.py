@@ -82,7 +82,8 @@ class Session:
         self._retries = retries
         self._self_test: Mapping[str, Any] | None = None
         self._converters = Converters(
-            config.conversion.workers, pictures=any(sensor.is_camera for sensor in config.sensors)
+            config.conversion.workers,
+            pictures=any(one.row.is_camera for one in config.sensors),
         )
         self._jobs: deque[Job] = deque()
         self._recording: AttemptCommit | None = None

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.annotation.point_sensors import LIDAR_DTYPE
+from carstage.annotation.point_sensors import record_dtype
 from carstage.errors import RawLogError
 from carstage.geometry import FloatArray, intrinsics, pose_matrix
 from carstage.rawlog import format as raw
@@ -152,7 +152,7 @@ def _pictures(name: str, records: list[Record]) -> NDArray[Any]:
 
 
 def _points(record: Record) -> FloatArray:
-    found = np.frombuffer(record.payload, LIDAR_DTYPE)
+    found = np.frombuffer(record.payload, record_dtype(LIDAR))
     return np.stack([found["x"], found["y"], found["z"]], axis=-1).astype(np.float64)
 
 

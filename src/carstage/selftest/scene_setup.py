@@ -11,9 +11,9 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from carstage.config import SENSOR_KINDS
 from carstage.errors import ServerError
 from carstage.geometry import FloatArray, pose_matrix, rotation_deg
+from carstage.sensor_kinds import sensor_kind
 from carstage.spec import (
     EgoSpec,
     EpisodeSpec,
@@ -199,14 +199,14 @@ def _sensors(blueprints: Collection[str]) -> tuple[SensorSpec, ...]:
         SensorSpec(
             id=kind,
             kind=kind,
-            blueprint=SENSOR_KINDS[kind].blueprint,
+            blueprint=sensor_kind(kind).blueprint,
             hidden=False,
             labelled=False,
             pose=pose,
             attributes=attributes,
         )
         for kind, pose, attributes in wanted
-        if SENSOR_KINDS[kind].blueprint in blueprints
+        if sensor_kind(kind).blueprint in blueprints
     )
 
 

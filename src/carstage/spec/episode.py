@@ -185,9 +185,9 @@ class EpisodeSpec:
         """Simulated seconds of the recorded steps."""
         return self.steps / self.fps
 
-    def sensors_of(self, kind: str) -> Tuple[SensorSpec, ...]:
-        """Sensors of one kind, hidden ones too, in the order of the rig."""
-        return tuple(sensor for sensor in self.sensors if sensor.kind == kind)
+    def sensors_of(self, content: str) -> Tuple[SensorSpec, ...]:
+        """Sensors whose frames have that content, hidden ones too, in the order of the rig."""
+        return tuple(sensor for sensor in self.sensors if sensor.content == content)
 
     @property
     def written_sensors(self) -> Tuple[SensorSpec, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Collection, Dict, Mapping, Optional, Tuple
 
+from carstage.sensor_kinds import content_of
 from carstage.spec.fields import Fields, SpecError
 
 EGO = "ego"
@@ -54,6 +55,11 @@ class SensorSpec:
     attachment: str = RIGID
     depth: Optional[str] = None
     instance: Optional[str] = None
+
+    @property
+    def content(self) -> str:
+        """What a frame is, as the table of sensor kinds has it; empty for an unknown kind."""
+        return content_of(self.kind)
 
     @classmethod
     def read(cls, fields: Fields, kinds: Optional[Collection[str]]) -> SensorSpec:

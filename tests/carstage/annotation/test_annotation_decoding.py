@@ -14,9 +14,8 @@ from carstage.annotation.decoding import (
 )
 from carstage.annotation.pixels import shared_low_ids
 from carstage.annotation.point_sensors import (
-    RADAR_DTYPE,
-    SEMANTIC_LIDAR_DTYPE,
     radar_points,
+    record_dtype,
 )
 from carstage.errors import AnnotationError
 from carstage.geometry import range_per_depth
@@ -133,17 +132,17 @@ def test_text_that_is_no_version_is_refused() -> None:
 
 
 def test_semantic_lidar_ids_survive_above_24_bits() -> None:
-    assert SEMANTIC_LIDAR_DTYPE.itemsize == 24
-    raw = np.zeros(1, SEMANTIC_LIDAR_DTYPE)
+    assert record_dtype("semantic_lidar").itemsize == 24
+    raw = np.zeros(1, record_dtype("semantic_lidar"))
     raw["object_idx"] = 2**24 + 1
-    again = np.frombuffer(raw.tobytes(), SEMANTIC_LIDAR_DTYPE)
+    again = np.frombuffer(raw.tobytes(), record_dtype("semantic_lidar"))
     assert int(again["object_idx"][0]) == 2**24 + 1
     assert float(np.float32(2**24 + 1)) != 2**24 + 1
 
 
 def test_radar_detections_become_points() -> None:
     raw = np.array([-5.0, 0.1, 0.05, 30.0], dtype="<f4").tobytes()
-    detection = np.frombuffer(raw, RADAR_DTYPE)
+    detection = np.frombuffer(raw, "<f4").reshape(-1, 4)
     np.testing.assert_allclose(
         radar_points(detection), [[29.812820, 2.991260, 1.499375]], atol=2e-6
     )

@@ -13,7 +13,7 @@ import pytest
 from carstage.collector.internals.errors import DiskFullError, RecordingError
 from carstage.collector.internals.writing import expected_segments, writer_threads
 from carstage.collector.paths import prepare_folder
-from carstage.collector.sensors import SENSOR_KINDS
+from carstage.collector.sensors import sensor_of
 from carstage.collector.timing import (
     MAX_SEGMENT_BYTES,
     Tick,
@@ -98,7 +98,7 @@ def test_a_cloud_keeps_its_points_per_channel() -> None:
         get_point_count=counts.__getitem__,
         __len__=lambda: 3,
     )
-    meta, payload = SENSOR_KINDS["lidar"].encode(cloud)
+    meta, payload = sensor_of("lidar").encode(cloud)
     assert meta == {"horizontal_angle_rad": 0.5, "counts": counts}
     assert bytes(payload) == bytes(48)
 
@@ -106,6 +106,6 @@ def test_a_cloud_keeps_its_points_per_channel() -> None:
 def test_the_imu_is_seven_numbers() -> None:
     vector = SimpleNamespace(x=1.0, y=2.0, z=3.0)
     data = SimpleNamespace(accelerometer=vector, gyroscope=vector, compass=0.25)
-    meta, payload = SENSOR_KINDS["imu"].encode(data)
+    meta, payload = sensor_of("imu").encode(data)
     assert meta == {}
     assert memoryview(payload).cast("B").cast("d").tolist() == [1, 2, 3, 1, 2, 3, 0.25]

@@ -20,12 +20,14 @@ from carstage.collector.internals.snapshots import WorldMoment
 from carstage.collector.internals.stopping import StopRequest
 from carstage.collector.internals.writing import LogWriters
 from carstage.collector.processing import MAX_CONSECUTIVE_MISSES, ByteBudget, Pipeline
-from carstage.collector.sensors import SENSOR_KINDS, Sensor
+from carstage.collector.sensors import Sensor, sensor_of
+from carstage.collector.sensors.cameras import Camera
 from carstage.rawlog.format import WORLD, SealedSegment
 from carstage.rawlog.reader import EpisodeLog
 from carstage.rawlog.writing import write_episode_file
 
 FIRST_FRAME = 50
+CAMERA = sensor_of("rgb")
 
 
 def picture(frame: int, width: int = 4, height: int = 3) -> Any:
@@ -60,7 +62,7 @@ class Recording:
         limit_bytes: int = 1 << 20,
         strict: bool = True,
         ticks_per_segment: int = 2,
-        camera: type[Sensor] = SENSOR_KINDS["rgb"],
+        camera: Sensor = CAMERA,
     ) -> None:
         self.steps = steps
         self.save_every = save_every
@@ -83,7 +85,7 @@ class Recording:
         )
         self.pipeline = stack.enter_context(
             Pipeline(
-                {"CAM": camera, "GNSS": SENSOR_KINDS["gnss"]},
+                {"CAM": camera, "GNSS": sensor_of("gnss")},
                 self.writers,
                 FrameMatcher(["CAM", "GNSS"], patience_s),
                 self.budget,
@@ -313,13 +315,12 @@ def test_an_abandoned_recording_leaves_whole_records_unsealed(tmp_path: Path) ->
 
 
 def test_everything_booked_is_written_when_the_recording_is_abandoned(tmp_path: Path) -> None:
-    class SlowCamera(SENSOR_KINDS["rgb"]):  # type: ignore[misc]
-        @classmethod
-        def encode(cls, data: Any) -> Any:
+    class Slow(Camera):
+        def encode(self, data: Any) -> Any:
             threading.Event().wait(0.05)
             return super().encode(data)
 
-    with recording(tmp_path, steps=50, ticks_per_segment=1, camera=SlowCamera) as running:
+    with recording(tmp_path, steps=50, ticks_per_segment=1, camera=Slow(CAMERA.kind)) as running:
         for number in range(4):
             running.tick(number)
             running.camera(picture(FIRST_FRAME + number))
@@ -349,7 +350,7 @@ from carstage.collector.internals import events
 from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher
 from carstage.collector.internals.plan import parse_plan
 from carstage.collector.processing import ByteBudget, Pipeline
-from carstage.collector.sensors import SENSOR_KINDS, Sensor
+from carstage.collector.sensors import Sensor, sensor_of
 from carstage.collector.internals.snapshots import WorldMoment
 from carstage.collector.internals.writing import LogWriters
 from carstage.rawlog.writing import write_episode_file
@@ -358,7 +359,7 @@ write_episode_file(folder, {"format_version": 1, "ticks": 2})
 budget, failures = ByteBudget(1000), []
 sizes = {"GNSS": 24, "world": 68}
 writers = LogWriters(folder, sizes, 2, 1, budget.give_back, lambda sealed: None, failures.append)
-gnss = {"GNSS": SENSOR_KINDS["gnss"]}
+gnss = {"GNSS": sensor_of("gnss")}
 with writers, Pipeline(gnss, writers, FrameMatcher(["GNSS"], 5.0), budget, 2, 2) as pipeline:
     pipeline.begin(9)
     for tick in range(2):

@@ -25,10 +25,11 @@ from carstage.config import (
     load_demo,
     parse_config,
 )
-from carstage.config.attributes import RgbAttributes
-from carstage.config.ranging import LidarAttributes
+from carstage.config.attributes import attributes_model
 from carstage.config.timing import MAX_SUBSTEPS, Timing
 from carstage.errors import ConfigError
+from carstage.sensor_kinds import kinds
+from carstage.sensor_kinds.attributes import COLOUR_CAMERA, LIDAR
 
 ONE = "rig: {sensors: [{id: A, kind: rgb}, {id: B, kind: %s}]}"
 
@@ -56,7 +57,7 @@ def test_demo_has_the_rig_that_is_promised() -> None:
     kinds = [sensor.kind for sensor in config.sensors]
     assert kinds == ["rgb", "rgb", "depth", "semantic", "instance", "lidar", "imu", "gnss"]
     assert (config.saved_frames, config.image_size) == (50, (640, 360))
-    poses = {sensor.pose for sensor in config.sensors if sensor.is_camera}
+    poses = {sensor.pose for sensor in config.sensors if sensor.row.is_camera}
     assert len(poses) == 2
 
 
@@ -350,21 +351,21 @@ def test_automatic_substepping_is_ten_milliseconds_where_that_suffices() -> None
 
 @given(fps=st.floats(1, 240))
 def test_lidar_makes_one_full_sweep_per_step(fps: float) -> None:
-    strings = LidarAttributes().carla(fps=fps, image_size=(1, 1))
+    strings = attributes_model(LIDAR)().carla(fps=fps, image_size=(1, 1))
     assert isclose(float(strings["rotation_frequency"]) / fps, 1.0, rel_tol=1e-12)
     rays_per_laser = round(int(strings["points_per_second"]) / fps / 64)
     assert rays_per_laser == 1024
 
 
 def test_lidar_loses_no_points_by_default() -> None:
-    strings = LidarAttributes().carla(fps=10, image_size=(1, 1))
+    strings = attributes_model(LIDAR)().carla(fps=10, image_size=(1, 1))
     assert strings["range"] == "100.0"
     assert {strings[f"dropoff_{end}"] for end in ("general_rate", "zero_intensity")} == {"0.0"}
 
 
 def test_camera_takes_the_size_of_the_run_unless_it_has_its_own() -> None:
-    own = RgbAttributes(image_size=(100, 50)).carla(fps=10, image_size=(640, 360))
-    run = RgbAttributes().carla(fps=10, image_size=(640, 360))
+    own = attributes_model(COLOUR_CAMERA)(image_size=(100, 50)).carla(fps=10, image_size=(640, 360))
+    run = attributes_model(COLOUR_CAMERA)().carla(fps=10, image_size=(640, 360))
     assert (own["image_size_x"], own["image_size_y"]) == ("100", "50")
     assert (run["image_size_x"], run["image_size_y"]) == ("640", "360")
 
@@ -448,7 +449,7 @@ def test_short_scenario_is_the_autopilot() -> None:
 
 
 def test_kinds_have_distinct_blueprints() -> None:
-    assert len({cls.blueprint for cls in SENSOR_KINDS.values()}) == len(SENSOR_KINDS)
+    assert len({kind.blueprint for kind in kinds()}) == len(SENSOR_KINDS)
 
 
 def test_sensor_that_the_chosen_version_lacks_is_refused_at_its_place() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carstage.annotation.point_sensors import SEMANTIC_LIDAR_DTYPE
+from carstage.annotation.point_sensors import record_dtype
 from carstage.conversion.tag_numbers import dataset_payload
 from carstage.tags import TAGS_0_9_13, TAGS_0_9_14, dataset_tags
 
@@ -22,10 +22,12 @@ def test_tags_of_old_pictures_are_renumbered_and_nothing_else(kind: str) -> None
 
 
 def test_tags_of_old_points_are_renumbered_and_nothing_else() -> None:
-    points = np.zeros(2, SEMANTIC_LIDAR_DTYPE)
+    points = np.zeros(2, record_dtype("semantic_lidar"))
     points["x"], points["object_idx"], points["object_tag"] = 1.5, 70_000, [4, 13]
     payload = memoryview(points.tobytes())
-    found = np.frombuffer(dataset_payload("semantic_lidar", OLD, payload), SEMANTIC_LIDAR_DTYPE)
+    found = np.frombuffer(
+        dataset_payload("semantic_lidar", OLD, payload), record_dtype("semantic_lidar")
+    )
     assert found["object_tag"].tolist() == [12, 11]  # pedestrian, sky
     assert found["object_idx"].tolist() == [70_000, 70_000]
     assert found["x"].tolist() == [1.5, 1.5]

@@ -14,7 +14,7 @@ from carstage.annotation.rle import encode_mask
 from carstage.annotation.schema import TABLES
 from carstage.conversion.segment import label_schema
 from carstage.dataset.masks import decode_mask
-from carstage.dataset.tables import ROW_SENSORS, arrow_type, read_table, write_table
+from carstage.dataset.tables import RowSensor, arrow_type, read_table, row_sensor, write_table
 from carstage.errors import DatasetError
 from carstage.geometry import convex_hull
 from carstage.validation.checks.edges import boundaries, compare_edges, steepness
@@ -79,10 +79,16 @@ def test_every_label_column_survives_parquet(name: str, tmp_path: object) -> Non
     assert read_table(path).schema.equals(schema)
 
 
+def table_of(kind: str) -> RowSensor:
+    table = row_sensor(kind)
+    assert table is not None
+    return table
+
+
 def test_equal_tables_are_equal_bytes_whatever_metadata_and_chunks_they_have(tmp_path) -> None:
-    schema = ROW_SENSORS["imu"].schema
+    schema = table_of("imu").schema
     payloads = [memoryview(np.full(7, 0.5 * k).tobytes()) for k in range(40)]
-    rows = [ROW_SENSORS["imu"].row(k, k / 10, payload) for k, payload in enumerate(payloads)]
+    rows = [table_of("imu").row(k, k / 10, payload) for k, payload in enumerate(payloads)]
     whole = pa.Table.from_pylist(rows, schema=schema)
     parts = pa.concat_tables(
         pa.Table.from_pylist(rows[i : i + 7], schema=schema) for i in range(0, 40, 7)
@@ -114,7 +120,7 @@ def test_a_missing_or_damaged_table_is_a_dataset_error(tmp_path) -> None:
 
 
 def test_a_radar_frame_is_a_row_of_lists_and_comes_back_as_it_was() -> None:
-    radar = ROW_SENSORS["radar"]
+    radar = table_of("radar")
     detections = np.array([[-2.5, 0.1, 0.05, 30.0], [1.0, -0.2, 0.0, 12.0]], "<f4")
     row = radar.row(3, 0.3, memoryview(detections.tobytes()))
     assert row["range_rate_m_s"] == [-2.5, 1.0]

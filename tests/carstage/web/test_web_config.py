@@ -33,6 +33,18 @@ def test_the_schema_has_a_title_and_a_group_for_each_field(site: Site) -> None:
         check_config({"rig": {"sensors": [defaults]}, "timing": {"sensor_sync": True}})
 
 
+def test_the_page_gets_every_kind_of_sensor_and_its_group(site: Site) -> None:
+    message = site.client.get("/api/sensor-kinds").json()
+    shown = {kind["name"]: kind for kind in message["kinds"]}
+    assert set(shown) == set(SENSOR_KINDS)
+    groups = {modality["name"] for modality in message["modalities"]}
+    assert {kind["modality"] for kind in shown.values()} == groups
+    assert shown["rgb"]["is_camera"]
+    assert shown["rgb"]["codecs"][0] == "png"
+    assert shown["radar"]["viewer"] == "radar"
+    assert not shown["imu"]["codecs"]
+
+
 def test_presets_come_with_sensors_that_are_valid(site: Site) -> None:
     for name in RIG_PRESETS:
         preset = site.client.get(f"/api/presets/rig/{name}").json()

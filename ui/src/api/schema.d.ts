@@ -24,6 +24,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/sensor-kinds": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Sensor Kinds
+         * @description The kinds of sensors that a rig may have, and how the interface shows them.
+         */
+        get: operations["sensor_kinds"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/config": {
         parameters: {
             query?: never;
@@ -1825,6 +1845,87 @@ export interface components {
             };
         };
         /**
+         * SensorKindMessage
+         * @description A kind of sensor, as the interface needs to know it.
+         *
+         *     Attributes:
+         *         short: beginning of the ids that new sensors of the kind get.
+         *         modality: what it measures with; the interface groups and colours sensors by it:
+         *             ``truth`` is a camera that shows no colours.
+         *         content: what a frame is.
+         *         icon: shape of its mark.
+         *         viewer: what shows a frame; ``none``: numbers, not shown as a picture.
+         *         field_of_view: shape of what it sees; ``none``: it does not look anywhere.
+         *         codecs: names, the default first; empty for what becomes a table.
+         *         since: CARLA's first release that has it.
+         */
+        SensorKindMessage: {
+            /** Name */
+            name: string;
+            /** Blueprint */
+            blueprint: string;
+            /** Title */
+            title: string;
+            /** Short */
+            short: string;
+            /**
+             * Modality
+             * @enum {string}
+             */
+            modality: "camera" | "truth" | "lidar" | "radar" | "inertial";
+            /** Content */
+            content: string;
+            /**
+             * Icon
+             * @enum {string}
+             */
+            icon: "camera" | "lidar" | "radar" | "box";
+            /**
+             * Viewer
+             * @enum {string}
+             */
+            viewer: "image" | "points" | "radar" | "none";
+            /**
+             * Field Of View
+             * @enum {string}
+             */
+            field_of_view: "pyramid" | "cone" | "sweep" | "none";
+            /** Is Camera */
+            is_camera: boolean;
+            /** Codecs */
+            codecs: string[];
+            /** Since */
+            since: string;
+        };
+        /**
+         * SensorKindsMessage
+         * @description All kinds of sensors, those of installed packages too, and their groups in order.
+         */
+        SensorKindsMessage: {
+            /** Kinds */
+            kinds: components["schemas"]["SensorKindMessage"][];
+            /** Modalities */
+            modalities: components["schemas"]["SensorModality"][];
+        };
+        /**
+         * SensorModality
+         * @description A group of kinds.
+         *
+         *     Attributes:
+         *         colour: name of the page's colour variable, such as ``lidar`` for ``--lidar``.
+         */
+        SensorModality: {
+            /**
+             * Name
+             * @enum {string}
+             */
+            name: "camera" | "truth" | "lidar" | "radar" | "inertial";
+            /** Title */
+            title: string;
+            /** Colour */
+            colour: string;
+        };
+        /**
          * ServerCheck
          * @description Whether a server can be used.
          *
@@ -2106,6 +2207,62 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["SchemaMessage"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` says which. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    sensor_kinds: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SensorKindsMessage"];
                 };
             };
             /** @description The request is wrong. */

@@ -24,7 +24,7 @@ from carstage.collector.internals.writing import (
 from carstage.collector.maps import geo_reference
 from carstage.collector.paths import prepare_folder
 from carstage.collector.processing import POLL_S, ByteBudget, Pipeline
-from carstage.collector.sensors import SENSOR_KINDS
+from carstage.collector.sensors import sensor_of
 from carstage.collector.timing import (
     Tick,
     patience_s,
@@ -138,7 +138,7 @@ class EpisodeRecorder:
         )
         pipeline = stack.enter_context(
             Pipeline(
-                {sensor.id: SENSOR_KINDS[sensor.kind] for sensor in spec.sensors},
+                {sensor.id: sensor_of(sensor.kind) for sensor in spec.sensors},
                 writers,
                 FrameMatcher(
                     [sensor.id for sensor in spec.sensors],
@@ -188,7 +188,7 @@ class EpisodeRecorder:
         """Where payloads go that are not in their records; by sensor."""
         stores = {}
         for sensor in spec.sensors:
-            if SENSOR_KINDS[sensor.kind].one_size and self._plan.raw_store != CHUNKLOG:
+            if sensor_of(sensor.kind).one_size and self._plan.raw_store != CHUNKLOG:
                 stores[sensor.id] = self._plan.raw_store
             elif not self._plan.durable and bytes_per_tick[sensor.id] >= LARGE_BYTES:
                 stores[sensor.id] = BLOCKS  # segments are removed as they are read

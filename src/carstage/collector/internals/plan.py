@@ -6,13 +6,14 @@ The JSON is fixed in docs/formats/run-folder.md.
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import dataclass
 from typing import Any, Optional, Tuple
 
 from carstage.collector.internals.errors import PlanError
-from carstage.collector.sensors import SENSOR_KINDS
 from carstage.rawlog.format import LEDGER, WORLD, check_stream_name
 from carstage.rawlog.writing import RAW_STORES
+from carstage.sensor_kinds import import_plugins, registered_kinds
 from carstage.spec import EpisodeSpec, Fields, SpecError
 from carstage.spec.defaults import QUEUE_BYTES, RAW_STORE
 
@@ -97,6 +98,7 @@ def _plan(plan: Fields) -> Plan:
             "plan_version: %d is not known; this collector reads %d." % (version, PLAN_VERSION),
             "Use a collector and a Car-STAGE of the same version.",
         )
+    _import_plugins(plan)
     server = plan.object("server")
     episodes = plan.objects("episodes")
     if not episodes:
@@ -123,9 +125,22 @@ def _plan(plan: Fields) -> Plan:
     )
 
 
+def _import_plugins(plan: Fields) -> None:
+    """Import the modules that register the kinds of sensors that are not Car-STAGE's."""
+    for index, module in enumerate(plan.list("plugins") if "plugins" in plan else ()):
+        try:
+            import_plugins([module])
+        except Exception as error:
+            raise PlanError(
+                "plugins[%d]: %r cannot be imported: %s." % (index, module, error),
+                "Install the package of the sensor kind for the collector's Python, %s."
+                % sys.executable,
+            ) from error
+
+
 def _episode(fields: Fields) -> EpisodePlan:
     path = fields.path("spec")
-    spec = EpisodeSpec.from_json(fields.any("spec"), path, kinds=SENSOR_KINDS)
+    spec = EpisodeSpec.from_json(fields.any("spec"), path, kinds=registered_kinds())
     for index, sensor in enumerate(spec.sensors):
         try:
             check_stream_name(sensor.id)

@@ -1,9 +1,8 @@
-"""One class per kind of sensor; importing this package fills the registry.
+"""What makes records of sensors' data: ``base`` holds the seam, ``rig`` spawns and listens.
 
-``base`` holds the seam and the registry, ``rig`` spawns and listens, the rest are the kinds.
+The table of kinds names the class of each kind.
 """
 
-from carstage.collector.sensors import cameras, inertial, rays
-from carstage.collector.sensors.base import SENSOR_KINDS, Sensor, register
+from carstage.collector.sensors.base import Sensor, sensor_of
 
-__all__ = ["SENSOR_KINDS", "Sensor", "cameras", "inertial", "rays", "register"]
+__all__ = ["Sensor", "sensor_of"]

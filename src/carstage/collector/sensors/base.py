@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, Callable, Dict, Mapping, Tuple, Type, TypeVar
+from functools import lru_cache
+from typing import Any, Dict, Mapping, Tuple
 
 from carstage.rawlog.format import Buffer
+from carstage.sensor_kinds import SensorKind, load_object, sensor_kind
 
 Attributes = Mapping[str, str]
 
@@ -13,7 +15,10 @@ Attributes = Mapping[str, str]
 class Sensor(ABC):
     """One kind of sensor: how its data become a record.
 
-    Nothing here holds state; ``data`` is the ``carla`` object that the callback got.
+    It remembers nothing between records; ``data`` is the ``carla`` object that the callback got.
+
+    Args:
+        kind: the row of the table.
 
     Attributes:
         one_size: every payload has the same size, so that a file of equal slots can hold them.
@@ -21,35 +26,31 @@ class Sensor(ABC):
 
     one_size = False
 
-    @classmethod
+    def __init__(self, kind: SensorKind) -> None:
+        self.kind = kind
+        self.datum_bytes = kind.raw_bytes
+
     @abstractmethod
-    def expected_bytes(cls, attributes: Attributes, fps: float) -> int:
+    def expected_bytes(self, attributes: Attributes, fps: float) -> int:
         """Upper estimate of one tick's payload, from the blueprint's final attributes."""
 
-    @classmethod
     @abstractmethod
-    def size_bytes(cls, data: Any) -> int:
+    def size_bytes(self, data: Any) -> int:
         """Bytes that ``data`` keeps in memory; called in the sensor's callback, so cheap."""
 
-    @classmethod
     @abstractmethod
-    def encode(cls, data: Any) -> Tuple[Dict[str, Any], Buffer]:
+    def encode(self, data: Any) -> Tuple[Dict[str, Any], Buffer]:
         """Meta and payload of the record; the payload may be a view that needs ``data`` alive."""
 
 
-SENSOR_KINDS: Dict[str, Type[Sensor]] = {}
-"""Kind (``rgb``, ``lidar``) to class, filled by :func:`register`."""
+@lru_cache(maxsize=None)
+def sensor_of(kind: str) -> Sensor:
+    """What makes records of the data of a kind.
 
-SensorClass = TypeVar("SensorClass", bound=Type[Sensor])
-
-
-def register(kind: str) -> Callable[[SensorClass], SensorClass]:
-    """Class decorator that adds a kind to the registry."""
-
-    def add(sensor: SensorClass) -> SensorClass:
-        if kind in SENSOR_KINDS:
-            raise ValueError("sensor kind %r is registered already" % kind)
-        SENSOR_KINDS[kind] = sensor
-        return sensor
-
-    return add
+    Raises:
+        KeyError: there is no such kind.
+        ImportError: the class that its row names cannot be imported.
+    """
+    row = sensor_kind(kind)
+    sensor: Sensor = load_object(row.collector)(row)
+    return sensor

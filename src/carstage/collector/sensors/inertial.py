@@ -2,48 +2,45 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Any, Dict, Tuple
 
-from carstage.collector.sensors.base import Attributes, Sensor, register
-from carstage.rawlog.format import GNSS_PAYLOAD, IMU_PAYLOAD, Buffer
+from carstage.collector.sensors.base import Attributes, Sensor
+from carstage.rawlog.format import Buffer
 
 
-@register("imu")
-class Imu(Sensor):
-    """``sensor.other.imu``: accelerometer (m/s^2), gyroscope (rad/s), compass (rad)."""
+class Reading(Sensor):
+    """The same few numbers in every frame, in the order of the table's columns."""
 
-    @classmethod
-    def expected_bytes(cls, attributes: Attributes, fps: float) -> int:
-        """Seven float64."""
-        return IMU_PAYLOAD.size
+    def expected_bytes(self, attributes: Attributes, fps: float) -> int:
+        """Exact."""
+        return self.datum_bytes
 
-    @classmethod
-    def size_bytes(cls, data: Any) -> int:
-        """Seven float64."""
-        return IMU_PAYLOAD.size
+    def size_bytes(self, data: Any) -> int:
+        """What the numbers take."""
+        return self.datum_bytes
 
-    @classmethod
-    def encode(cls, data: Any) -> Tuple[Dict[str, Any], Buffer]:
-        """No meta; accelerometer, gyroscope, compass."""
+    def encode(self, data: Any) -> Tuple[Dict[str, Any], Buffer]:
+        """No meta; the numbers."""
+        return {}, self.kind.layout.pack(*self.numbers(data))
+
+    @abstractmethod
+    def numbers(self, data: Any) -> Tuple[float, ...]:
+        """The numbers of a measurement."""
+
+
+class Imu(Reading):
+    """Accelerometer (m/s^2), gyroscope (rad/s), compass (rad)."""
+
+    def numbers(self, data: Any) -> Tuple[float, ...]:
+        """The two vectors, then the compass."""
         a, g = data.accelerometer, data.gyroscope
-        return {}, IMU_PAYLOAD.pack(a.x, a.y, a.z, g.x, g.y, g.z, data.compass)
+        return a.x, a.y, a.z, g.x, g.y, g.z, data.compass
 
 
-@register("gnss")
-class Gnss(Sensor):
-    """``sensor.other.gnss``: latitude and longitude (deg), altitude (m)."""
+class Gnss(Reading):
+    """Latitude and longitude (deg), altitude (m)."""
 
-    @classmethod
-    def expected_bytes(cls, attributes: Attributes, fps: float) -> int:
-        """Three float64."""
-        return GNSS_PAYLOAD.size
-
-    @classmethod
-    def size_bytes(cls, data: Any) -> int:
-        """Three float64."""
-        return GNSS_PAYLOAD.size
-
-    @classmethod
-    def encode(cls, data: Any) -> Tuple[Dict[str, Any], Buffer]:
-        """No meta; latitude, longitude, altitude."""
-        return {}, GNSS_PAYLOAD.pack(data.latitude, data.longitude, data.altitude)
+    def numbers(self, data: Any) -> Tuple[float, ...]:
+        """The three numbers."""
+        return data.latitude, data.longitude, data.altitude

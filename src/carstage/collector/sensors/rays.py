@@ -4,32 +4,26 @@ from __future__ import annotations
 
 from typing import Any, Dict, Tuple
 
-from carstage.collector.sensors.base import Attributes, Sensor, register
+from carstage.collector.sensors.base import Attributes, Sensor
 from carstage.rawlog.format import Buffer
 
 
 class RaySensor(Sensor):
     """A sensor that returns a record for each ray that hit something."""
 
-    bytes_per_point = 16
-
-    @classmethod
-    def expected_bytes(cls, attributes: Attributes, fps: float) -> int:
+    def expected_bytes(self, attributes: Attributes, fps: float) -> int:
         """Every ray hits."""
-        return int(float(attributes["points_per_second"]) / fps) * cls.bytes_per_point
+        return int(float(attributes["points_per_second"]) / fps) * self.datum_bytes
 
-    @classmethod
-    def size_bytes(cls, data: Any) -> int:
+    def size_bytes(self, data: Any) -> int:
         """Points by the bytes of a point."""
-        return len(data) * cls.bytes_per_point
+        return len(data) * self.datum_bytes
 
 
-@register("lidar")
 class Lidar(RaySensor):
-    """``sensor.lidar.ray_cast``: float32 x, y, z, intensity per point, grouped by channel."""
+    """A rotating LiDAR: points grouped by channel."""
 
-    @classmethod
-    def encode(cls, data: Any) -> Tuple[Dict[str, Any], Buffer]:
+    def encode(self, data: Any) -> Tuple[Dict[str, Any], Buffer]:
         """Meta ``{"horizontal_angle_rad", "counts"}``; the payload is a view into the cloud."""
         meta = {
             "horizontal_angle_rad": data.horizontal_angle,
@@ -38,18 +32,9 @@ class Lidar(RaySensor):
         return meta, memoryview(data.raw_data)
 
 
-@register("semantic_lidar")
-class SemanticLidar(Lidar):
-    """``sensor.lidar.ray_cast_semantic``: float32 x, y, z, cosine; uint32 object id, tag."""
-
-    bytes_per_point = 24
-
-
-@register("radar")
 class Radar(RaySensor):
-    """``sensor.other.radar``: float32 range rate (m/s), azimuth, altitude (rad), depth (m)."""
+    """A radar: detections in the order in which they come."""
 
-    @classmethod
-    def encode(cls, data: Any) -> Tuple[Dict[str, Any], Buffer]:
+    def encode(self, data: Any) -> Tuple[Dict[str, Any], Buffer]:
         """No meta; the payload is a view into the detections."""
         return {}, memoryview(data.raw_data)

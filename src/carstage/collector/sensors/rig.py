@@ -9,7 +9,7 @@ import carla
 from carstage.collector.actors import find_blueprint
 from carstage.collector.internals.dialect import attachment_type, is_listening
 from carstage.collector.internals.errors import SceneError
-from carstage.collector.sensors import SENSOR_KINDS
+from carstage.collector.sensors import sensor_of
 from carstage.collector.sensors.carriers import Carriers
 from carstage.collector.world import WorldSession
 from carstage.spec import FOLLOW, EpisodeSpec, SensorSpec
@@ -51,7 +51,7 @@ class Rig:
             session.destroy_on_exit("sensor %s" % sensor.id, actor)
             self.actors[sensor.id] = actor
             self.carrier_ids[sensor.id] = 0 if carrier is None else int(carrier.id)
-            self.expected_bytes[sensor.id] = SENSOR_KINDS[sensor.kind].expected_bytes(
+            self.expected_bytes[sensor.id] = sensor_of(sensor.kind).expected_bytes(
                 dict(actor.attributes), spec.fps
             )
 

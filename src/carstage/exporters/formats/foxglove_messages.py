@@ -47,6 +47,7 @@ from carstage.exporters.labels import CameraLabel, camera_labels
 from carstage.exporters.options import ExportOptions
 from carstage.geometry import FloatArray, pose_matrix
 from carstage.report.drawing import class_colour
+from carstage.sensor_kinds.model import COLOUR, POINTS
 
 MAP, EGO = "map", "ego"
 MESSAGES: dict[str, type[Message]] = {
@@ -82,9 +83,9 @@ def frame_messages(frame: Frame, options: ExportOptions) -> Iterator[Stamped]:
     for sensor in frame.episode.sensors:
         if not frame.has(sensor.id):
             continue
-        if sensor.kind == "rgb":
+        if sensor.content == COLOUR:
             yield from _camera(frame, sensor.id, time, options)
-        elif sensor.kind == "lidar":
+        elif sensor.content == POINTS:
             yield _stamped(f"/{sensor.id}/points", _cloud(frame, sensor.id, time))
         elif sensor.kind == "gnss":
             latitude, longitude, altitude = (float(value) for value in frame.read(sensor.id))

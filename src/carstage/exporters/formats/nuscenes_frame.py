@@ -27,6 +27,7 @@ from carstage.exporters.labels import lidar_points, radar_points
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import colour_cameras, main_lidar
 from carstage.geometry import FloatArray, pose_matrix
+from carstage.sensor_kinds.model import DETECTIONS, POINTS
 
 _MOVING_MPS, _WALKING_MPS = 0.2, 0.1
 
@@ -42,7 +43,7 @@ def channels(episode: Episode, options: ExportOptions) -> dict[str, str]:
     radars = (
         sensor.calibration
         for sensor in episode.sensors
-        if sensor.kind == "radar" and sensor.calibration.on_ego
+        if sensor.content == DETECTIONS and sensor.calibration.on_ego
     )
     for prefix, sensors in (("CAM_", cameras), ("RADAR_", radars)):
         for sensor in sensors:
@@ -102,7 +103,7 @@ class SampleWriter:
         stem = folder / "samples" / channel / f"{frame.episode.id}__{channel}__{frame.k:06d}"
         if sensor.is_camera:
             path = copy_picture(frame, sensor_id, stem)
-        elif sensor.kind == "lidar":
+        elif sensor.content == POINTS:
             path = stem.with_name(stem.name + ".pcd.bin")
             path.write_bytes(lidar_file(frame.read(sensor_id), sensor.attributes))
         else:
@@ -155,7 +156,7 @@ def calibrated_sensor(sensor: SensorCalibration) -> dict[str, Any]:
     """Pose of a sensor on the ego in nuScenes's axes, and a camera's intrinsics."""
     if sensor.is_camera:
         pose = flu_from_optical(sensor.ego_from_sensor)
-    elif sensor.kind == "lidar":
+    elif sensor.content == POINTS:
         pose = flu_from_nuscenes_lidar(sensor.ego_from_sensor)
     else:
         pose = flu_pose(sensor.ego_from_sensor)

@@ -17,6 +17,7 @@ from carstage.dataset.saved_frames import Frame
 from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.splits import Split, split_episodes
+from carstage.sensor_kinds.model import FLOW
 
 SHARD_BYTES = 1 << 29
 """A new tar file is begun when one is at least that large: some hundred frames each."""
@@ -42,7 +43,7 @@ class SampleWriter:
             if not frame.has(sensor.id):
                 continue
             name = f"{key}.{sensor.id.lower()}"
-            if sensor.calibration.is_camera and sensor.kind != "flow":
+            if sensor.calibration.is_camera and sensor.content != FLOW:
                 files += [
                     (name + "".join(path.name.partition(".")[1:]), path.read_bytes())
                     for path in sensor.paths(frame.k)

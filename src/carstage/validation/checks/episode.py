@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from carstage.codecs.semantic_points import points_xyz
 from carstage.dataset.ledger import recorded_frames, saved_times_s
 from carstage.dataset.reading import Episode, Sensor
-from carstage.dataset.tables import ROW_SENSORS
 from carstage.dataset.tracks import may_come_back
 from carstage.geometry import invert_pose
+from carstage.sensor_kinds.model import CLOUDS, COLOUR, DEPTH, FLOW, INSTANCES, POINTS, ROWS, TAGS
 from carstage.validation.checks.completeness import check_gaps, check_missing_rows
 from carstage.validation.checks.edges import (
     EdgeFigures,
@@ -58,8 +58,6 @@ from carstage.validation.checks.silhouettes import (
     visible_objects,
 )
 from carstage.validation.checks.tag_images import check_tags
-
-_LIDARS = ("lidar", "semantic_lidar")
 
 Rows = Mapping[tuple[int, str], list[dict[str, Any]]]
 Data = Mapping[str, NDArray[Any]]
@@ -150,7 +148,7 @@ class EpisodeChecks:
         check_file_list(episode, recorded, findings)
         check_ledger(episode, ledger, findings)
         for sensor in episode.sensors:
-            if sensor.kind in ROW_SENSORS:
+            if sensor.content in ROWS:
                 self._files.read(sensor.paths(0)[0], sensor=sensor.id)
         check_row_sensors(episode, ledger, recorded, findings)
         check_self_test(episode, findings)
@@ -166,7 +164,7 @@ class EpisodeChecks:
             data = {
                 sensor.id: array
                 for sensor in episode.sensors
-                if sensor.kind not in ROW_SENSORS and k in available[sensor.id]
+                if sensor.content not in ROWS and k in available[sensor.id]
                 if (array := self._decoded(sensor, k)) is not None
             }
             self._check_frame(k, rows, boxes.get(k, []), data)
@@ -283,13 +281,13 @@ class EpisodeChecks:
 
     def _check_ranging(self, k: int, boxes: list[LabelledBox], data: Data) -> None:
         sensors = [sensor for sensor in self._episode.sensors if sensor.id in data]
-        for lidar in (sensor for sensor in sensors if sensor.kind in _LIDARS):
+        for lidar in (sensor for sensor in sensors if sensor.content in CLOUDS):
             points = points_xyz(data[lidar.id])
-            if lidar.kind == "lidar":
+            if lidar.content == POINTS:
                 self._figures.points_in_boxes += check_point_counts(
                     points, lidar.calibration_at(k), k, boxes, self._findings
                 )
-            for camera in (sensor for sensor in sensors if sensor.kind == "depth"):
+            for camera in (sensor for sensor in sensors if sensor.content == DEPTH):
                 found = compare_with_depth(
                     points, lidar.calibration_at(k), data[camera.id], camera.calibration_at(k)
                 )
@@ -297,19 +295,19 @@ class EpisodeChecks:
                 self._pairs[lidar.id, camera.id].add(found)
                 self._figures.pairs[lidar.id, camera.id].add(found)
 
-    def _twin(self, sensor: Sensor, kind: str, data: Data) -> Sensor | None:
-        """A sensor of a kind that looks along the same rays and has data."""
+    def _twin(self, sensor: Sensor, content: str, data: Data) -> Sensor | None:
+        """A sensor of that content that looks along the same rays and has data."""
         for other in self._episode.sensors:
-            fits = other.kind == kind and other.calibration.shares_view(sensor.calibration)
+            fits = other.content == content and other.calibration.shares_view(sensor.calibration)
             if fits and other.id in data:
                 return other
         return None
 
     def _check_tags(self, k: int, data: Data) -> None:
         for sensor in self._episode.sensors:
-            if sensor.kind != "semantic" or sensor.id not in data:
+            if sensor.content != TAGS or sensor.id not in data:
                 continue
-            instance = self._twin(sensor, "instance", data)
+            instance = self._twin(sensor, INSTANCES, data)
             if instance is not None:
                 check_tags(
                     data[sensor.id],
@@ -324,13 +322,13 @@ class EpisodeChecks:
         if self._episode.spec.save_every != 1:
             return  # the pose at the step before is not in the dataset
         for sensor in self._episode.sensors:
-            if sensor.kind != "flow" or sensor.id not in data:
+            if sensor.content != FLOW or sensor.id not in data:
                 continue
             follows = self._flow_frames.get(sensor.id) == k - 1  # it looks back to its last image
             self._flow_frames[sensor.id] = k
             poses = self._poses.get(sensor.id, {})
             moving = [box for box in boxes if not box.is_static]
-            depth = self._twin(sensor, "depth", data)
+            depth = self._twin(sensor, DEPTH, data)
             if not follows or depth is None or not {k - 1, k} <= set(poses):
                 continue
             self._flow[sensor.id].add(
@@ -345,7 +343,7 @@ class EpisodeChecks:
 
     def _look_at_pictures(self, k: int, rows: Rows, data: Data) -> None:
         for sensor in self._episode.sensors:
-            if sensor.kind != "rgb":
+            if sensor.content != COLOUR:
                 continue
             if sensor.id not in data:
                 self._edges_before.pop(sensor.id, None)

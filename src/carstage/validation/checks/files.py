@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from carstage.dataset.reading import Episode
-from carstage.dataset.tables import ROW_SENSORS
+from carstage.dataset.tables import row_sensor
 from carstage.files.hashing import hash_of
 from carstage.validation.checks.findings import Findings
 
@@ -80,7 +80,7 @@ def check_file_list(
     listed = {entry.path for entry in episode.marker.files}
     promised = {*TABLES, *DOCUMENTS}
     for sensor in episode.sensors:
-        if sensor.kind in ROW_SENSORS:
+        if row_sensor(sensor.kind):
             promised.add(f"sensors/{sensor.id}.parquet")
             continue
         for k in recorded[sensor.id]:

@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from carstage.dataset.ledger import saved_times_s
 from carstage.dataset.reading import Episode
-from carstage.dataset.tables import ROW_SENSORS
+from carstage.dataset.tables import row_sensor
 from carstage.validation.checks.findings import Findings, Severity
 
 TIMESTAMP_TOLERANCE_S = 1e-6
@@ -93,10 +93,11 @@ def check_row_sensors(
     """
     times = saved_times_s(ledger)
     for sensor in episode.sensors:
-        if sensor.kind not in ROW_SENSORS:
+        row_kind = row_sensor(sensor.kind)
+        if row_kind is None:
             continue
         table = sensor.table
-        if not table.schema.equals(ROW_SENSORS[sensor.kind].schema):
+        if not table.schema.equals(row_kind.schema):
             findings.add("schema", f"{sensor.id}.parquet has other columns", sensor=sensor.id)
             continue
         ks: list[Any] = table["k"].to_pylist()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.dataset.reading import Episode, Sensor
-from carstage.dataset.tables import ROW_SENSORS
+from carstage.sensor_kinds.model import COLOUR, ROWS
 from carstage.validation.checks.findings import Findings
 
 BLACK_LEVEL = 8
@@ -109,7 +109,7 @@ def check_repeats(
     """
     hashes = {entry.path: entry.hash for entry in episode.marker.files}
     for sensor in episode.sensors:
-        if sensor.kind in ROW_SENSORS:
+        if sensor.content in ROWS:
             continue
         content = [_content(episode, sensor, k, hashes) for k in range(episode.frames)]
         still = 0
@@ -124,10 +124,14 @@ def check_repeats(
                     "the data are those of the frame before, though the sensor has moved",
                     frame=k,
                     sensor=sensor.id,
-                    severity="error" if sensor.kind == "rgb" else "warning",
+                    severity="error" if sensor.content == COLOUR else "warning",
                 )
         steps = episode.frames - 1
-        if sensor.kind == "rgb" and still >= _MIN_STILL_FRAMES and still > MOST_STILL_SHARE * steps:
+        if (
+            sensor.content == COLOUR
+            and still >= _MIN_STILL_FRAMES
+            and still > MOST_STILL_SHARE * steps
+        ):
             findings.add(
                 "repeated",
                 f"{still} of {episode.frames} images are the one before once more: "

@@ -61,7 +61,7 @@ def write_sensors(config: Any) -> str:
         pose = sensor.pose
         rows.append(
             {
-                "type": sensor.blueprint,
+                "type": sensor.row.blueprint,
                 "id": sensor.id,
                 "x": pose.x,
                 "y": pose.y,
@@ -118,22 +118,17 @@ def _sensor(entry: Mapping[str, Any], kind: str, name: str, warnings: list[str])
 
 
 def _kinds() -> dict[str, str]:
-    from carstage.config import SENSOR_KINDS
+    from carstage.sensor_kinds import kinds
 
-    return {cls.blueprint: kind for kind, cls in SENSOR_KINDS.items()}
+    return {kind.blueprint: kind.name for kind in kinds()}
 
 
 def _attributes(kind: str) -> set[str]:
-    from carstage.config import SENSOR_KINDS
+    from carstage.sensor_kinds import sensor_kind
 
-    attributes = SENSOR_KINDS[kind].model_fields["attributes"].annotation
-    assert attributes is not None
-    names = {
-        str(extra["carla"])
-        for field in attributes.model_fields.values()
-        if isinstance(extra := field.json_schema_extra, dict) and "carla" in extra
-    }
-    return names | ({"image_size_x", "image_size_y"} if SENSOR_KINDS[kind].is_camera else set())
+    row = sensor_kind(kind)
+    size = {"image_size_x", "image_size_y"} if row.is_camera else set()
+    return {attribute.carla for attribute in row.attributes.rows if attribute.carla} | size
 
 
 def _unique(name: str, names: set[str]) -> str:

@@ -88,7 +88,8 @@ class DescriptionService:
             return self._answers[question]
 
     def _describe(self) -> DescriptionMessage:
-        from carstage.config import SENSOR_KINDS, WEATHER_PRESETS
+        from carstage.config import WEATHER_PRESETS
+        from carstage.sensor_kinds import kinds
         from carstage.server import describe_embedded
 
         described = describe_embedded()
@@ -112,8 +113,8 @@ class DescriptionService:
             walkers=[name for name in blueprints if name.startswith("walker.pedestrian.")],
             weathers=list(WEATHER_PRESETS),
             sensors={
-                kind: dict(blueprints[cls.blueprint].attributes)
-                for kind, cls in SENSOR_KINDS.items()
-                if cls.blueprint in blueprints
+                kind.name: dict(blueprints[kind.blueprint].attributes)
+                for kind in kinds()
+                if kind.blueprint in blueprints
             },
         )

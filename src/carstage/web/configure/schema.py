@@ -5,8 +5,13 @@ from __future__ import annotations
 from functools import cached_property
 
 from carstage.web.errors import not_found
-from carstage.web.messages import RigPresetMessage, SchemaMessage
-from carstage.web.messages.config import RigPresetSummary, SchemaGroup
+from carstage.web.messages import (
+    RigPresetMessage,
+    SchemaMessage,
+    SensorKindMessage,
+    SensorKindsMessage,
+)
+from carstage.web.messages.config import RigPresetSummary, SchemaGroup, SensorModality
 
 _GROUPS = (
     ("scene", "Scene"),
@@ -18,6 +23,19 @@ _GROUPS = (
     ("server", "Server"),
     ("conversion", "Conversion"),
     ("output", "Output"),
+)
+
+_MODALITIES = (
+    ("camera", "Cameras"),
+    ("truth", "Ground-truth cameras"),
+    ("lidar", "LiDAR"),
+    ("radar", "Radar"),
+    ("inertial", "IMU and GNSS"),
+)
+
+_SHOWN = (
+    *("name", "blueprint", "title", "short", "modality", "content", "icon", "viewer"),
+    *("field_of_view", "is_camera"),
 )
 
 
@@ -41,6 +59,26 @@ class SchemaService:
             raise not_found(f"rig {name}")
         sensors = [sensor.model_dump(mode="json", exclude_none=True) for sensor in rig.sensors()]
         return RigPresetMessage(name=name, title=rig.title, source=rig.source, sensors=sensors)
+
+    def sensor_kinds(self) -> SensorKindsMessage:
+        """The table of sensor kinds, as far as the page needs it."""
+        from carstage.codecs import codec_names
+        from carstage.sensor_kinds import kinds
+
+        return SensorKindsMessage(
+            kinds=[
+                SensorKindMessage(
+                    codecs=list(codec_names(kind.name)),
+                    since=str(kind.since),
+                    **{name: getattr(kind, name) for name in _SHOWN},
+                )
+                for kind in kinds()
+            ],
+            modalities=[
+                SensorModality.model_validate({"name": name, "title": title, "colour": name})
+                for name, title in _MODALITIES
+            ],
+        )
 
     @cached_property
     def _message(self) -> SchemaMessage:

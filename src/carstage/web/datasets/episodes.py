@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from carstage.web.configure.description import DescriptionService
 from carstage.web.datasets.catalogue import Catalogue
@@ -100,15 +100,9 @@ def _forward(vector: list[float] | None) -> float | None:
 
 
 def _sensor(sensor: SensorCalibration) -> RigSensor:
-    from carstage.web.preview.sensor_views import IMAGE_KINDS, POINT_KINDS, RADAR
+    from carstage.sensor_kinds import known_kind
 
-    data: Literal["image", "points", "radar", "none"] = "none"
-    if sensor.kind in IMAGE_KINDS:
-        data = "image"
-    elif sensor.kind in POINT_KINDS:
-        data = "points"
-    elif sensor.kind == RADAR:
-        data = "radar"
+    kind = known_kind(sensor.kind)
     return RigSensor(
         id=sensor.id,
         kind=sensor.kind,
@@ -119,5 +113,5 @@ def _sensor(sensor: SensorCalibration) -> RigSensor:
         K=sensor.k.tolist() if sensor.is_camera else None,
         ego_from_sensor=sensor.ego_from_sensor.tolist() if sensor.on_ego else None,
         attach_to=sensor.attach_to,
-        data=data,
+        data="none" if kind is None else kind.viewer,  # type: ignore[arg-type]
     )

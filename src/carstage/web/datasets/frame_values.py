@@ -9,6 +9,8 @@ from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from carstage.sensor_kinds import content_of, sensor_kind
+from carstage.sensor_kinds.model import READING
 from carstage.web.datasets.catalogue import Catalogue
 from carstage.web.errors import not_found
 from carstage.web.messages import CameraObject, EgoPose, FrameMessage, FrameObject
@@ -17,7 +19,6 @@ if TYPE_CHECKING:
     from carstage.dataset import EpisodeFrames, Frame
 
 _MOST_EPISODES = 4
-_READINGS = ("imu", "gnss")
 Row = Mapping[str, Any]
 
 
@@ -76,7 +77,7 @@ class FrameService:
             readings={
                 s.id: _reading(frame, s.id, s.kind)
                 for s in sensors
-                if s.kind in _READINGS and frame.has(s.id)
+                if content_of(s.kind) == READING and frame.has(s.id)
             },
         )
 
@@ -152,9 +153,11 @@ def _camera_objects(frame: Frame, camera: str, rows: Sequence[Row]) -> list[Came
 
 def _reading(frame: Frame, sensor: str, kind: str) -> dict[str, Any]:
     values = [float(value) for value in frame.read(sensor)]
-    if kind == "gnss":
-        return dict(zip(("latitude_deg", "longitude_deg", "altitude_m"), values, strict=True))
-    return {"accelerometer": values[:3], "gyroscope": values[3:6], "compass_rad": values[6]}
+    reading: dict[str, Any] = {}
+    for column in sensor_kind(kind).columns:
+        part, values = values[: column.count], values[column.count :]
+        reading[column.name] = part if column.count > 1 else part[0]
+    return reading
 
 
 def _finite(value: float | None) -> float | None:

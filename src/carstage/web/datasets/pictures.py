@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from carstage.sensor_kinds.model import CAMERAS, CLOUDS, COLOUR, DETECTIONS
 from carstage.web.datasets.frame_values import FrameService
 from carstage.web.errors import not_found
 from carstage.web.media import Media
@@ -32,18 +33,19 @@ class Pictures:
             WebError: there is none.
             DatasetError: the file is damaged.
         """
-        from carstage.web.preview.sensor_views import IMAGE_KINDS, jpeg, picture, png, scaled
+        from carstage.report.drawing import camera_view
+        from carstage.web.preview.sensor_views import PALETTE, jpeg, png, scaled
 
         frame = self._frames.frame(dataset, episode, k)
-        sensor = _sensor(frame, sensor_id, IMAGE_KINDS)
+        sensor = _sensor(frame, sensor_id, CAMERAS)
         small = width is not None and width < sensor.calibration.width
-        if sensor.kind == "rgb" and not small:
+        if sensor.content == COLOUR and not small:
             path = sensor.paths(k)[0]
             return Media(path.read_bytes(), _JPEG if path.suffix == ".jpg" else _PNG)
-        drawn = picture(sensor.kind, sensor.read(k))
+        drawn = camera_view(sensor.content, sensor.read(k), PALETTE)
         if small and width is not None:
             drawn = scaled(drawn, width)
-        if sensor.kind == "rgb":
+        if sensor.content == COLOUR:
             return Media(jpeg(drawn, 85), _JPEG)
         return Media(png(drawn), _PNG)
 
@@ -59,10 +61,10 @@ class Pictures:
 
         from carstage.dataset import decode_mask
         from carstage.report.drawing import class_colour
-        from carstage.web.preview.sensor_views import IMAGE_KINDS, png
+        from carstage.web.preview.sensor_views import png
 
         frame = self._frames.frame(dataset, episode, k)
-        camera = _sensor(frame, sensor_id, IMAGE_KINDS).calibration
+        camera = _sensor(frame, sensor_id, CAMERAS).calibration
         canvas = np.zeros((camera.height, camera.width, 4), np.uint8)
         rows = frame.camera_objects.get(sensor_id, ())
         for row in sorted(rows, key=lambda row: -row["distance"]):  # the nearest on top
@@ -84,24 +86,24 @@ class Pictures:
         import numpy as np
 
         from carstage.geometry import transform_points
-        from carstage.web.preview.sensor_views import POINT_KINDS, RADAR, points_of
+        from carstage.web.preview.sensor_views import points_of
 
         frame = self._frames.frame(dataset, episode, k)
-        sensor = _sensor(frame, sensor_id, POINT_KINDS | {RADAR})
-        points = points_of(sensor.kind, sensor.read(k)).copy()
+        sensor = _sensor(frame, sensor_id, (*CLOUDS, DETECTIONS))
+        points = points_of(sensor.content, sensor.read(k)).copy()
         pose = sensor.calibration_at(k).ego_from_sensor
         points[:, :3] = transform_points(pose, points[:, :3].astype(np.float64))
         return Media(points.astype("<f4").tobytes(), _BYTES)
 
 
-def _sensor(frame: Frame, sensor_id: str, kinds: frozenset[str]) -> Sensor:
-    """A sensor of one of the kinds that has data of the frame.
+def _sensor(frame: Frame, sensor_id: str, contents: tuple[str, ...]) -> Sensor:
+    """A sensor of such content that has data of the frame.
 
     Raises:
         WebError: there is none.
     """
     known = frame.episode.calibration.sensors.get(sensor_id)
-    if known is None or known.kind not in kinds:
+    if known is None or known.content not in contents:
         raise not_found(f"sensor {sensor_id} that could be shown so")
     if not frame.has(sensor_id):
         raise not_found(f"data of {sensor_id} in frame {frame.k}")

@@ -15,6 +15,8 @@ from carstage.web.messages.config import (
     Estimate,
     RigPresetMessage,
     SchemaMessage,
+    SensorKindMessage,
+    SensorKindsMessage,
     ServerCheck,
     ServerCheckRequest,
 )
@@ -128,6 +130,8 @@ __all__ = [
     "RunSummary",
     "RunsMessage",
     "SchemaMessage",
+    "SensorKindMessage",
+    "SensorKindsMessage",
     "ServerCheck",
     "ServerCheckRequest",
     "SnapshotMessage",

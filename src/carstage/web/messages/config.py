@@ -48,6 +48,54 @@ class SchemaMessage(Message):
     sensor_defaults: dict[str, Document]
 
 
+class SensorKindMessage(Message):
+    """A kind of sensor, as the interface needs to know it.
+
+    Attributes:
+        short: beginning of the ids that new sensors of the kind get.
+        modality: what it measures with; the interface groups and colours sensors by it:
+            ``truth`` is a camera that shows no colours.
+        content: what a frame is.
+        icon: shape of its mark.
+        viewer: what shows a frame; ``none``: numbers, not shown as a picture.
+        field_of_view: shape of what it sees; ``none``: it does not look anywhere.
+        codecs: names, the default first; empty for what becomes a table.
+        since: CARLA's first release that has it.
+    """
+
+    name: str
+    blueprint: str
+    title: str
+    short: str
+    modality: Literal["camera", "truth", "lidar", "radar", "inertial"]
+    content: str
+    icon: Literal["camera", "lidar", "radar", "box"]
+    viewer: Literal["image", "points", "radar", "none"]
+    field_of_view: Literal["pyramid", "cone", "sweep", "none"]
+    is_camera: bool
+    codecs: list[str]
+    since: str
+
+
+class SensorModality(Message):
+    """A group of kinds.
+
+    Attributes:
+        colour: name of the page's colour variable, such as ``lidar`` for ``--lidar``.
+    """
+
+    name: Literal["camera", "truth", "lidar", "radar", "inertial"]
+    title: str
+    colour: str
+
+
+class SensorKindsMessage(Message):
+    """All kinds of sensors, those of installed packages too, and their groups in order."""
+
+    kinds: list[SensorKindMessage]
+    modalities: list[SensorModality]
+
+
 class RigPresetMessage(Message):
     """A preset with its sensors, as they would stand in ``rig.sensors``."""
 

@@ -26,18 +26,13 @@ from carstage.conversion.tag_numbers import dataset_payload
 from carstage.files.locks import take_lock
 from carstage.files.whole import write_whole
 from carstage.rawlog.tail import NewestRecords, NewRecord
+from carstage.report.drawing import camera_view
 from carstage.runs.folder import FINAL_STATES
 from carstage.runs.reading import read_document
+from carstage.sensor_kinds import sensor_kind
+from carstage.sensor_kinds.model import CLOUDS, DETECTIONS
 from carstage.spec import EpisodeSpec, SensorSpec
-from carstage.web.preview.sensor_views import (
-    IMAGE_KINDS,
-    POINT_KINDS,
-    RADAR,
-    jpeg,
-    picture,
-    points_of,
-    scaled,
-)
+from carstage.web.preview.sensor_views import PALETTE, jpeg, points_of, scaled
 
 FOLDER = "preview"
 WANT = "want"
@@ -105,7 +100,7 @@ class _Stream:
         if record is None:
             return None
         self._next_s = max(self._next_s, now_s - _PICTURE_EVERY_S) + _PICTURE_EVERY_S
-        suffix = ".jpg" if self._kind in IMAGE_KINDS else ".f32"
+        suffix = ".jpg" if sensor_kind(self._kind).is_camera else ".f32"
         write_whole(folder / f"{self.id}{suffix}", draw_record(self._kind, self._server, record))
         return record.tick
 
@@ -126,14 +121,15 @@ def draw_record(
         width: of the picture, at most.
         most_points: of a LiDAR; of more, every n-th is taken.
     """
-    if kind == RADAR:
-        return points_of(kind, np.frombuffer(record.payload, "<f4").reshape(-1, 4)).tobytes()
+    content = sensor_kind(kind).content
+    if content == DETECTIONS:
+        return points_of(content, np.frombuffer(record.payload, "<f4").reshape(-1, 4)).tobytes()
     payload = memoryview(dataset_payload(kind, server, memoryview(record.payload)))
     data = codec_for(kind)[1].raw_array(record.meta, payload)
-    if kind in POINT_KINDS:
-        points = points_of(kind, data)
+    if content in CLOUDS:
+        points = points_of(content, data)
         return points[:: max(1, -(-len(points) // most_points))].tobytes()
-    return jpeg(scaled(picture(kind, data), width))
+    return jpeg(scaled(camera_view(content, data, PALETTE), width))
 
 
 def _attempt(run: Path, status: Mapping[str, Any]) -> Path | None:
@@ -149,11 +145,10 @@ def _streams(attempt: Path) -> list[_Stream]:
     header = read_document(attempt / "episode.json")
     if header is None:
         return []
-    drawn = (*IMAGE_KINDS, *POINT_KINDS, RADAR)
     return [
         _Stream(attempt, sensor, str(header["server_version"]))
         for sensor in EpisodeSpec.from_json(header["spec"]).written_sensors
-        if sensor.kind in drawn
+        if sensor_kind(sensor.kind).viewer != "none"
     ]
 
 

@@ -10,11 +10,12 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from carstage.runs.reading import read_document
+from carstage.sensor_kinds import known_kind
 from carstage.web.messages import Channel, RunSensor
 
 FOLDER, WANT, INDEX = "preview", "want", "index.json"
@@ -22,11 +23,6 @@ _HEADER = struct.Struct("<B3xI")
 _TOUCH_EVERY_S = 1.0
 _START_EVERY_S = 3.0
 _MOST_CHANNELS = 250
-_KINDS: Mapping[str, str] = {
-    **dict.fromkeys(("rgb", "depth", "semantic", "instance", "flow", "normals"), "image"),
-    **dict.fromkeys(("lidar", "semantic_lidar"), "points"),
-    "radar": "radar",
-}
 
 
 class Previews:
@@ -40,9 +36,9 @@ class Previews:
 
     def channels(self, sensors: Sequence[RunSensor]) -> list[Channel]:
         """The channels of a run's sensors that can be shown, in the rig's order."""
-        shown = [sensor for sensor in sensors if sensor.kind in _KINDS][:_MOST_CHANNELS]
+        shown = [one for one in sensors if _viewer(one) != "none"][:_MOST_CHANNELS]
         return [
-            Channel(channel=number, sensor_id=sensor.id, kind=_KINDS[sensor.kind])  # type: ignore[arg-type]
+            Channel(channel=number, sensor_id=sensor.id, kind=_viewer(sensor))  # type: ignore[arg-type]
             for number, sensor in enumerate(shown)
         ]
 
@@ -97,3 +93,9 @@ class Previews:
             for process in self._processes.values():
                 process.wait()
             self._processes.clear()
+
+
+def _viewer(sensor: RunSensor) -> str:
+    """What shows the sensor's frames; ``none`` also for a kind that is not known here."""
+    kind = known_kind(sensor.kind)
+    return "none" if kind is None else kind.viewer

@@ -7,9 +7,11 @@ import numpy as np
 from carstage.geometry import pose_matrix, transform_points
 from carstage.rawlog.tail import NewRecord
 from carstage.report.drawing import birds_eye_view
+from carstage.sensor_kinds import sensor_kind
+from carstage.sensor_kinds.model import DETECTIONS
 from carstage.spec import SensorSpec
 from carstage.web.preview.previewer import draw_record
-from carstage.web.preview.sensor_views import IMAGE_KINDS, RADAR, jpeg, scaled
+from carstage.web.preview.sensor_views import jpeg, scaled
 
 _QUALITY = 85
 _MOST_POINTS = 200_000
@@ -18,7 +20,8 @@ _MOST_POINTS = 200_000
 def sensor_picture(sensor: SensorSpec, server: str, record: NewRecord, width: int) -> bytes:
     """JPEG: of a camera what it sees, of LiDAR and radar their points from above."""
     drawn = draw_record(sensor.kind, server, record, width, _MOST_POINTS)
-    if sensor.kind in IMAGE_KINDS:
+    kind = sensor_kind(sensor.kind)
+    if kind.is_camera:
         return drawn
     points = np.frombuffer(drawn, "<f4").reshape(-1, 4).astype(np.float64)
     pose = sensor.pose
@@ -26,7 +29,7 @@ def sensor_picture(sensor: SensorSpec, server: str, record: NewRecord, width: in
         [pose.x_m, pose.y_m, pose.z_m], [pose.pitch_deg, pose.yaw_deg, pose.roll_deg]
     )
     places = transform_points(ego_from_sensor, points[:, :3])
-    if sensor.kind == RADAR:
+    if kind.content == DETECTIONS:
         rates = points[:, 3].astype(np.float32)
         picture = birds_eye_view(np.zeros((0, 3)), [], [(places, rates)])
     else:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from carstage.errors import CarStageError, CollectorError, ConfigError
+from carstage.sensor_kinds import known_kind, plugins_of
 from carstage.web.configure.checking import ConfigChecker
 from carstage.web.errors import WebError
 from carstage.web.messages import PreviewPending, PreviewRequest
@@ -138,7 +139,7 @@ class SensorPreviewService:
             config = self._checker.parse(document)
         except ConfigError as error:
             raise _of_sensor(error) from error
-        if config.sensors[0].kind in ("imu", "gnss"):
+        if config.sensors[0].row.viewer == "none":
             raise WebError(422, "This sensor sees nothing.", "Choose a camera, LiDAR or radar.")
         facts = embedded_facts("0.9.16")
         if config.map.choice not in facts.maps:  # a map of another server, or a random one
@@ -235,6 +236,7 @@ class SensorPreviewService:
         endpoint = self._server.endpoint
         return {
             "plan_version": 1,
+            "plugins": plugins_of(sensor.kind for sensor in spec.sensors),
             "server": {
                 "host": endpoint.host,
                 "port": endpoint.port,
@@ -272,7 +274,8 @@ class _PreviewError(CarStageError, RuntimeError):
 def _sized(sensor: Document, config: Document, width: int) -> Document:
     """The sensor with a picture of that width, in the shape of its own."""
     attributes = dict(sensor.get("attributes") or {})
-    if sensor.get("kind") in ("lidar", "semantic_lidar", "radar", "imu", "gnss"):
+    kind = known_kind(str(sensor.get("kind")))
+    if kind is not None and not kind.is_camera:
         return {**sensor, "attach_to": "ego", "attach_index": 0, "rate_hz": None}
     size = attributes.get("image_size") or config.get("image_size")
     shape = (

@@ -13,49 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from carstage.report.drawing import (
-    RgbColour,
-    depth_view,
-    flow_view,
-    instance_view,
-    radar_xyz,
-    semantic_view,
-)
+from carstage.annotation.point_sensors import radar_points
+from carstage.report.drawing import RgbColour
+from carstage.sensor_kinds.model import DETECTIONS, TAGGED_POINTS
 from carstage.tags import TAGS_0_9_14
 
-IMAGE_KINDS = frozenset({"rgb", "depth", "semantic", "instance", "flow", "normals"})
-POINT_KINDS = frozenset({"lidar", "semantic_lidar"})
-RADAR = "radar"
 PALETTE: Mapping[int, RgbColour] = {value: tag.rgb for value, tag in TAGS_0_9_14.items()}
 
 
-def picture(
-    kind: str, data: NDArray[Any], palette: Mapping[int, RgbColour] = PALETTE
-) -> Image.Image:
-    """A camera's data, as ``carstage.dataset.Sensor.read`` gives them, in colours.
-
-    Args:
-        kind: of the camera.
-        data: ``(H, W, ...)``.
-        palette: colour of each semantic tag.
-    """
-    if kind == "depth":
-        return depth_view(data)
-    if kind == "semantic":
-        return semantic_view(data, palette)
-    if kind == "instance":
-        return instance_view(data)
-    if kind == "flow":
-        return flow_view(np.nan_to_num(data))
-    return Image.fromarray(np.ascontiguousarray(data))
-
-
-def points_of(kind: str, data: NDArray[Any]) -> NDArray[np.float32]:
+def points_of(content: str, data: NDArray[Any]) -> NDArray[np.float32]:
     """``(N, 4)`` float32 x, y, z in the sensor's axes, and intensity, tag or range rate."""
-    if kind == RADAR:
+    if content == DETECTIONS:
         rates = data[:, :1].astype(np.float64)
-        return np.hstack([radar_xyz(data), rates]).astype("<f4")
-    if kind == "semantic_lidar":
+        return np.hstack([radar_points(data), rates]).astype("<f4")
+    if content == TAGGED_POINTS:
         columns = [data["x"], data["y"], data["z"], data["object_tag"]]
         return np.stack(columns, axis=1).astype("<f4")
     return np.ascontiguousarray(data[:, :4], "<f4")

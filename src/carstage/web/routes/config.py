@@ -18,6 +18,7 @@ from carstage.web.messages import (
     ConfigText,
     RigPresetMessage,
     SchemaMessage,
+    SensorKindsMessage,
     ServerCheck,
     ServerCheckRequest,
 )
@@ -32,6 +33,12 @@ router = APIRouter(prefix="/api", tags=["config"])
 def schema(services: Access) -> SchemaMessage:
     """What the form is generated from: JSON schema, groups, defaults, presets."""
     return services.schema.message()
+
+
+@router.get("/sensor-kinds", responses=BAD)
+def sensor_kinds(services: Access) -> SensorKindsMessage:
+    """The kinds of sensors that a rig may have, and how the interface shows them."""
+    return services.schema.sensor_kinds()
 
 
 @router.get("/config", responses=BAD)

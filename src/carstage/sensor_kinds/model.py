@@ -1,0 +1,183 @@
+"""What a row of the table holds."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from typing import Any, Mapping, Optional, Tuple, Union
+
+from carstage.releases import OLDEST, Release
+
+COLOUR = "colour"
+DEPTH = "depth"
+TAGS = "tags"
+INSTANCES = "instances"
+FLOW = "flow"
+NORMALS = "normals"
+POINTS = "points"
+TAGGED_POINTS = "tagged points"
+DETECTIONS = "detections"
+READING = "reading"
+
+CAMERAS = (COLOUR, DEPTH, TAGS, INSTANCES, FLOW, NORMALS)
+"""Contents that are pictures."""
+CLOUDS = (POINTS, TAGGED_POINTS)
+"""Contents that are point clouds, one file per frame."""
+ROWS = (DETECTIONS, READING)
+"""Contents that are rows of one Parquet file per episode."""
+
+_VIEWERS = {DETECTIONS: "radar", READING: "none"}
+_SIZES = {"|u1": 1, "<f4": 4, "<u4": 4, "<f8": 8}
+
+
+@dataclass(frozen=True)
+class Attribute:
+    """An attribute that users set; ``name`` carries the unit, ``carla`` is CARLA's own name.
+
+    Attributes:
+        type: ``float``, ``int``, ``bool``, ``word``, ``size`` (width and height in pixels), or
+            ``float or auto`` and ``int or auto``.
+        default: None leaves the attribute at the server's own default.
+        title: the name that a form shows, without the unit.
+        sentence: what it does.
+        gt, ge, le, lt: bounds of the number; ``gt`` and ``lt`` are excluded.
+        words: the values of a ``word``.
+    """
+
+    name: str
+    type: str
+    default: Union[bool, int, float, str, None]
+    title: str
+    sentence: str
+    carla: Optional[str]
+    unit: Optional[str] = None
+    gt: Optional[float] = None
+    ge: Optional[float] = None
+    le: Optional[float] = None
+    lt: Optional[float] = None
+    words: Tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class AttributeSet:
+    """The attributes that kinds share.
+
+    Attributes:
+        name: of the section in the configuration's schema.
+        sentence: what the section is.
+        shape: what else belongs to it: ``camera`` (a picture's size), ``sweep`` (turns and rays
+            that follow the frame rate) or ``plain``.
+    """
+
+    name: str
+    sentence: str
+    rows: Tuple[Attribute, ...]
+    shape: str = "plain"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A number, or ``count`` equal ones, of a raw pixel, point, detection or reading.
+
+    Attributes:
+        dtype: numpy's name of the type, such as ``<f4``.
+    """
+
+    name: str
+    dtype: str
+    count: int = 1
+
+
+@dataclass(frozen=True)
+class SensorKind:
+    """One kind of sensor.
+
+    Attributes:
+        name: what users write as ``kind``.
+        blueprint: CARLA's id.
+        content: what a frame is; one of :data:`CAMERAS`, :data:`CLOUDS` or :data:`ROWS`. All
+            that reads frames goes by it: labels, checks, exports, views.
+        title: name in the interface; ``short``: beginning of the ids that it gives.
+        description: the kind in a few words; ``summary``: in a sentence.
+        collector: ``module:Class`` of the class that makes records of the client's data.
+        codecs: ``module:Class`` by codec name, the default first; none for tables.
+        columns: what a raw pixel, point, detection or reading consists of.
+        file_bytes: upper estimate of what one of them takes in the dataset; None: as recorded.
+        twins: kinds that a labelled sensor of this kind needs at its pose; none: no labels.
+        since: CARLA's first release that has it.
+        modality: what it measures with: ``camera``, ``truth`` (a camera that shows no colours),
+            ``lidar``, ``radar`` or ``inertial``; the interface groups and colours sensors by it.
+        icon: how it is drawn: ``camera``, ``lidar``, ``radar`` or ``box``.
+        field_of_view: ``pyramid``, ``cone``, ``sweep`` or ``none``.
+        plugin: of a kind from elsewhere, the module whose import registers this row; collectors
+            import it. It must run on the collector's Python.
+        simulator: of such a kind, the module that the embedded simulator imports.
+    """
+
+    name: str
+    blueprint: str
+    content: str
+    title: str
+    short: str
+    description: str
+    summary: str
+    attributes: AttributeSet
+    collector: str
+    columns: Tuple[Column, ...]
+    codecs: Mapping[str, str] = field(default_factory=dict)
+    file_bytes: Optional[float] = None
+    twins: Tuple[str, ...] = ()
+    since: Release = OLDEST
+    modality: str = "inertial"
+    icon: str = "box"
+    field_of_view: str = "none"
+    plugin: str = ""
+    simulator: str = ""
+
+    @property
+    def is_camera(self) -> bool:
+        """Whether a frame is a picture."""
+        return self.content in CAMERAS
+
+    @property
+    def is_cloud(self) -> bool:
+        """Whether a frame is a point cloud."""
+        return self.content in CLOUDS
+
+    @property
+    def has_rows(self) -> bool:
+        """Whether frames become rows of one table per episode."""
+        return self.content in ROWS
+
+    @property
+    def viewer(self) -> str:
+        """What shows a frame: ``image``, ``points``, ``radar`` or ``none``."""
+        return "image" if self.is_camera else _VIEWERS.get(self.content, "points")
+
+    @property
+    def raw_bytes(self) -> int:
+        """Bytes of a raw pixel, point, detection or reading."""
+        return sum(_SIZES[column.dtype] * column.count for column in self.columns)
+
+    @cached_property
+    def layout(self) -> struct.Struct:
+        """The columns as they stand in a record."""
+        codes = {"|u1": "B", "<f4": "f", "<u4": "I", "<f8": "d"}
+        return struct.Struct(
+            "<" + "".join(codes[column.dtype] * column.count for column in self.columns)
+        )
+
+
+def load_object(path: str) -> Any:
+    """The object that ``module:Name`` names.
+
+    Raises:
+        ImportError: there is no such module, or no such name in it.
+    """
+    module, _, name = path.partition(":")
+    try:
+        return getattr(import_module(module), name)
+    except AttributeError as error:
+        raise ImportError("%s has no %s" % (module, name)) from error

@@ -1,0 +1,114 @@
+"""The table: the rows of Car-STAGE, then those that other packages register."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from typing import Dict, Iterable, List, Optional, Tuple
+
+from carstage.sensor_kinds.built_in import BUILT_IN
+from carstage.sensor_kinds.model import CAMERAS, CLOUDS, ROWS, SensorKind
+
+ENTRY_POINT_GROUP = "carstage.sensors"
+"""Group of entry points; each names a module that registers kinds."""
+
+_kinds: Dict[str, SensorKind] = {}
+_scanned: List[bool] = []
+
+
+def register(kind: SensorKind) -> None:
+    """Add a kind.
+
+    A kind of another package must be registered before ``carstage.config`` is imported: by an
+    entry point of the group ``carstage.sensors`` it always is.
+
+    Raises:
+        ValueError: the name or the blueprint is taken, or the row contradicts itself.
+    """
+    taken = _kinds.get(kind.name)
+    if taken == kind:
+        return
+    if taken is not None:
+        raise ValueError("sensor kind %r is registered already" % kind.name)
+    if not kind.name.isidentifier() or kind.name != kind.name.lower():
+        raise ValueError("sensor kind %r: use small letters, digits and '_'" % kind.name)
+    for other in _kinds.values():
+        if other.blueprint == kind.blueprint:
+            raise ValueError("sensor kind %r: %s is %r" % (kind.name, kind.blueprint, other.name))
+    if kind.content not in CAMERAS + CLOUDS + ROWS:
+        raise ValueError("sensor kind %r: no content is called %r" % (kind.name, kind.content))
+    if kind.has_rows == bool(kind.codecs):
+        raise ValueError(
+            "sensor kind %r: %s"
+            % (kind.name, "a table has no codec" if kind.codecs else "no codec")
+        )
+    _kinds[kind.name] = kind
+
+
+def kinds() -> Tuple[SensorKind, ...]:
+    """All kinds, those of Car-STAGE first, then those of installed packages."""
+    _load_installed()
+    return tuple(_kinds.values())
+
+
+def registered_kinds() -> Tuple[str, ...]:
+    """Names of the kinds so far, without a look at what is installed."""
+    return tuple(_kinds)
+
+
+def known_kind(name: str) -> Optional[SensorKind]:
+    """The kind of that name, None where there is none."""
+    if name not in _kinds:
+        _load_installed()
+    return _kinds.get(name)
+
+
+def sensor_kind(name: str) -> SensorKind:
+    """The kind of that name.
+
+    Raises:
+        KeyError: there is none.
+    """
+    kind = known_kind(name)
+    if kind is None:
+        raise KeyError("no sensor kind %r; known are %s" % (name, ", ".join(_kinds)))
+    return kind
+
+
+def content_of(name: str) -> str:
+    """What a frame of a kind is; empty for a kind that is not known here."""
+    kind = known_kind(name)
+    return "" if kind is None else kind.content
+
+
+def plugins_of(names: Iterable[str]) -> List[str]:
+    """Modules that a collector imports so that it knows these kinds."""
+    return sorted({sensor_kind(name).plugin for name in names} - {""})
+
+
+def import_plugins(modules: Iterable[str]) -> None:
+    """Import modules that register kinds.
+
+    Raises:
+        ImportError: one cannot be imported.
+    """
+    for module in modules:
+        import_module(module)
+
+
+def _load_installed() -> None:
+    """Import the modules that installed packages name as entry points; the first call only.
+
+    Under a Python that is older than 3.10 nothing is looked up: only collectors run there, and
+    their plan names the modules.
+    """
+    if _scanned or sys.version_info < (3, 10):
+        return
+    _scanned.append(True)
+    from importlib.metadata import entry_points
+
+    import_plugins(entry.module for entry in entry_points(group=ENTRY_POINT_GROUP))
+
+
+for _kind in BUILT_IN:
+    register(_kind)

@@ -50,6 +50,7 @@ from carstage.geometry import (
 )
 from carstage.rawlog.reader import EpisodeLog, WorldFrame
 from carstage.server import EmbeddedServer, Endpoint
+from carstage.spec.defaults import MAX_DISTANCE_M
 
 TOWNS: Final = ("Stage01", "Stage02", "Stage03")
 SCENES: Final = 14
@@ -59,7 +60,6 @@ TAKEN_AWAY: Final = 5
 _VEHICLES, _WALKERS = 9, 6
 _SIZE: Final = (640, 360)
 _FOV_DEG: Final = 90.0
-_MAX_DISTANCE_M: Final = 80.0
 _TIMEOUT_S: Final = 300.0
 """A client's patience: a town that was never loaded is baked first."""
 
@@ -131,7 +131,7 @@ def measure_labels(
             ),
             (
                 f"{scenes} scenes in each of {', '.join(towns)}, pictures of "
-                f"{size[0]}x{size[1]}; objects within {_MAX_DISTANCE_M:g} m of which the lone "
+                f"{size[0]}x{size[1]}; objects within {MAX_DISTANCE_M:g} m of which the lone "
                 "picture shows a pixel.",
             ),
             command=f"python -m benchmarks labels --scenes {scenes} --json",
@@ -181,12 +181,12 @@ def compare(log: EpisodeLog, town: str) -> tuple[list[Finding], list[LevelFindin
         optical = _camera(log.header, scene.world)
         for truth in scene.truths:
             box = _world_from_box(scene.world, truth)
-            if np.linalg.norm(transform_points(optical, box[:3, 3])) <= _MAX_DISTANCE_M:
+            if np.linalg.norm(transform_points(optical, box[:3, 3])) <= MAX_DISTANCE_M:
                 found.append(_finding(town, scene, truth, rows, optical, box))
         height, width = scene.depth_m.shape
         k = intrinsics(width, height, _FOV_DEG)
         level += compare_level(
-            town, scene, objects, server, rows["instance"], optical, k, _MAX_DISTANCE_M
+            town, scene, objects, server, rows["instance"], optical, k, MAX_DISTANCE_M
         )
     return found, level
 

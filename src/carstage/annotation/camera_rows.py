@@ -24,7 +24,6 @@ from carstage.annotation.pixels import (
 from carstage.annotation.riders import rider_camera_row, rider_pixels
 from carstage.annotation.rig import LabelledCamera
 from carstage.annotation.scene import ActorFacts, Scene
-from carstage.annotation.settings import LabelSettings
 from carstage.annotation.silhouette import (
     Silhouette,
     may_be_in_image,
@@ -49,6 +48,7 @@ from carstage.geometry import (
     rotation_y,
     transform_points,
 )
+from carstage.spec import EpisodeSpec, LabelsSpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ def camera_rows(
     evidence: ImageEvidence,
     keys: Mapping[str, Any],
     carrier_id: int,
-    settings: LabelSettings,
+    spec: EpisodeSpec,
     has_points: NDArray[np.bool_],
 ) -> list[CameraRow]:
     """Label the objects of a scene for one camera.
@@ -85,18 +85,19 @@ def camera_rows(
         evidence: what it saw.
         keys: ``k`` and ``timestamp_s``.
         carrier_id: the actor that the camera sits on, which is not labelled for it; 0: none.
-        settings: what the spec asks for.
+        spec: what is asked for.
         has_points: ``(N,)`` whether enough LiDAR points lie in each box.
     """
     if not camera.pinhole:
         return []
+    labels = spec.labels
     world_from_sensor = camera.mount.world_from_sensor(scene.world, scene.world_from_ego)
     optical = optical_from_world(world_from_sensor)
-    origin = (world_from_sensor if settings.distance_origin == "sensor" else scene.world_from_ego)[
+    origin = (world_from_sensor if labels.distance_origin == "sensor" else scene.world_from_ego)[
         :3, 3
     ]
     keep = scene.valid & within_distance(
-        scene.world_from_box[:, :3, 3], origin, settings.max_distance_m
+        scene.world_from_box[:, :3, 3], origin, spec.max_distance_m
     )
     keep &= np.array([fact.info.id != carrier_id for fact in scene.facts], dtype=np.bool_)
     chosen = np.flatnonzero(keep)
@@ -109,9 +110,9 @@ def camera_rows(
         return []
     chosen, corners = chosen[seen], corners[seen]
     outlines = [outline for outline in found if outline is not None]
-    columns = _columns(scene, chosen, corners, optical, evidence, camera, settings)
+    columns = _columns(scene, chosen, corners, optical, evidence, camera, labels)
     counted: list[PixelVisibility | None] = [None] * len(seen)
-    if settings.pixels:
+    if labels.pixels:
         counted = [*_count_pixels(scene, chosen, optical, camera, evidence, world_from_sensor)]
     shared = shared_low_ids(scene.world.actor_id)
     rows = []
@@ -125,20 +126,20 @@ def camera_rows(
             "track_id": info.id,
             "sensor_id": camera.mount.sensor_id,
             **{name: values[i] for name, values in columns.items()},
-            **_rectangles(outline, pixels, camera, settings),
+            **_rectangles(outline, pixels, camera, labels),
             "truncated": outline.truncated,
             "crosses_near": outline.crosses_near,
             "pinhole": camera.pinhole,
             "instance_ambiguous": not scene.facts[actor].is_static and info.id & 0xFFFF in shared,
-            **_pixel_columns(pixels, settings),
+            **_pixel_columns(pixels, labels),
         }
-        verdict = row["visible_pixel"] if settings.pixels else row["visible_stage_vo"]
+        verdict = row["visible_pixel"] if labels.pixels else row["visible_stage_vo"]
         row["visible"] = bool(verdict and has_points[actor])
         rows.append(CameraRow(info.id, row, pixels))
         rider = _rider(scene.facts[actor], pixels, evidence)
         if rider is not None:
             enough = bool(has_points[actor])
-            of_rider = rider_camera_row(row, rider, camera, settings, has_points=enough)
+            of_rider = rider_camera_row(row, rider, camera, labels, has_points=enough)
             rows.append(CameraRow(info.id, of_rider, None, is_rider=True))
     return rows
 
@@ -166,7 +167,7 @@ def _columns(
     optical: FloatArray,
     evidence: ImageEvidence,
     camera: LabelledCamera,
-    settings: LabelSettings,
+    labels: LabelsSpec,
 ) -> dict[str, Sequence[Any]]:
     """The columns that are computed for all objects at once, as lists."""
     center = transform_points(optical, scene.world_from_box[chosen, :3, 3])
@@ -178,8 +179,8 @@ def _columns(
         uv,
         corners[..., 2],
         evidence.depth_m,
-        tolerance_m=settings.stage_vo_tolerance_m,
-        vote=settings.stage_vo_vote,
+        tolerance_m=labels.stage_vo_tolerance_m,
+        vote=labels.stage_vo_vote,
     )
     half_height = np.zeros_like(center)
     half_height[:, 1] = extent[:, 2]
@@ -192,7 +193,7 @@ def _columns(
         "rotation_cam": quaternion_from_matrix(proper_box_rotation(optical_from_box)).tolist(),
         "corners_uv": _without_nan(uv),
     }
-    if not settings.boxes_3d:
+    if not labels.boxes_3d:
         three_d = {name: [None] * len(chosen) for name in three_d}
     return {
         **three_d,
@@ -202,7 +203,7 @@ def _columns(
         "n_occluded": counts.occluded.tolist(),
         "n_outside": counts.outside.tolist(),
         "n_behind": counts.behind.tolist(),
-        "occluded": occlusion_level(counts, strict=settings.stage_vo_strict).tolist(),
+        "occluded": occlusion_level(counts, strict=labels.stage_vo_strict).tolist(),
         "truncation_paper": truncation_paper(counts.visible).tolist(),
         "visible_stage_vo": (counts.visible >= 1).tolist(),
     }
@@ -249,18 +250,18 @@ def _rectangles(
     outline: Silhouette,
     pixels: PixelVisibility | None,
     camera: LabelledCamera,
-    settings: LabelSettings,
+    labels: LabelsSpec,
 ) -> dict[str, Any]:
-    mask = pixels.mask if pixels is not None and settings.boxes_2d else None
+    mask = pixels.mask if pixels is not None and labels.boxes_2d else None
     return {
-        "bbox_amodal_unclipped": list(outline.bbox_unclipped) if settings.boxes_2d else None,
-        "bbox_amodal": list(outline.bbox) if settings.boxes_2d else None,
+        "bbox_amodal_unclipped": list(outline.bbox_unclipped) if labels.boxes_2d else None,
+        "bbox_amodal": list(outline.bbox) if labels.boxes_2d else None,
         "bbox_modal": list(mask.bounds()) if mask is not None else None,
         "mask_modal": mask.rle(camera.width, camera.height) if mask is not None else None,
     }
 
 
-def _pixel_columns(pixels: PixelVisibility | None, settings: LabelSettings) -> dict[str, Any]:
+def _pixel_columns(pixels: PixelVisibility | None, labels: LabelsSpec) -> dict[str, Any]:
     if pixels is None:
         return {
             "visible_px": None,
@@ -284,5 +285,5 @@ def _pixel_columns(pixels: PixelVisibility | None, settings: LabelSettings) -> d
         "occluded_px": occlusion_bin(pixels.occlusion_ratio) if known else LEVEL_UNKNOWN,
         "visibility_method": pixels.method,
         "amodal_method": pixels.amodal_method,
-        "visible_pixel": pixels.visible_px >= settings.min_visible_px,
+        "visible_pixel": pixels.visible_px >= labels.min_visible_px,
     }

@@ -21,7 +21,6 @@ from carstage.annotation.point_counts import count_points
 from carstage.annotation.pose_rows import pose_rows
 from carstage.annotation.rig import LabelledCamera, Mount
 from carstage.annotation.scene import ActorFacts, Scene, build_scene
-from carstage.annotation.settings import LabelSettings
 from carstage.errors import AnnotationError
 from carstage.geometry import FloatArray, invert_pose
 from carstage.rawlog.clock import elapsed_s
@@ -135,7 +134,6 @@ class EpisodeLabeller:
                 f"The raw log's specification is not usable: {error.message}",
                 "Record the episode again.",
             ) from error
-        self._settings = LabelSettings.from_spec(spec)
         self._first_tick_has_past = spec.warmup_ticks > 0
         # Before 0.9.16 the instance camera wrote ids of Unreal's objects, not of actors.
         self._instance_is_actor = server_release(version) >= (0, 9, 16)
@@ -144,7 +142,7 @@ class EpisodeLabeller:
         self._walker_tags = _lookup(walker_tags(version))
         self._actors = actors
         self._measured = measured
-        self._level = Level(level_objects, version, self._settings)
+        self._level = Level(level_objects, version, spec.ground_truth)
         self._rider_tag = RIDER_TAG if numbers_tags_anew(version) else None
         self._labelled: dict[int, ActorFacts | None] = {}
 
@@ -156,7 +154,7 @@ class EpisodeLabeller:
     def inputs(self, camera_id: str) -> CameraInputs:
         """The streams that ``label_frame`` needs for a labelled camera."""
         camera = self._cameras[camera_id]
-        return CameraInputs(camera.depth, camera.instance if self._settings.pixels else None)
+        return CameraInputs(camera.depth, camera.instance if self._spec.labels.pixels else None)
 
     def label_frame(
         self,
@@ -194,7 +192,7 @@ class EpisodeLabeller:
             evidence = self._evidence(camera, images[camera_id], world.tick)
             has_points = self._has_points(scene, camera, points)
             for found in camera_rows(
-                scene, camera, evidence, keys, self._too_near(camera), self._settings, has_points
+                scene, camera, evidence, keys, self._too_near(camera), self._spec, has_points
             ):
                 camera_objects.append(found.row)
                 if found.is_rider and self._rider_tag is not None:
@@ -209,7 +207,7 @@ class EpisodeLabeller:
             scene,
             keys,
             self._ego_id,
-            self._settings,
+            self._spec.labels,
             acceleration_valid=acceleration_valid,
             lidar_points=points,
             radar_points=detections,
@@ -217,7 +215,7 @@ class EpisodeLabeller:
             riders=riders,
         )
         ego: dict[str, Any] = {}
-        if self._settings.ego_motion:
+        if self._spec.ground_truth.ego_motion:
             ego = ego_row(
                 world, ego_row_index, keys, self._episode, acceleration_valid=acceleration_valid
             )
@@ -238,7 +236,7 @@ class EpisodeLabeller:
         """
         carrier = self._carriers.get(camera.mount.sensor_id)
         beside = {name for name in self._lidars if self._carriers.get(name) == carrier}
-        least = self._settings.min_lidar_points
+        least = self._spec.min_lidar_points
         totals = np.zeros(len(scene.facts), dtype=np.int64)
         counted = set()
         for i, fact in enumerate(scene.facts):
@@ -281,11 +279,11 @@ class EpisodeLabeller:
         if not len(self._level.extent):
             return scene
         origins = [scene.world_from_ego[:3, 3]]
-        if self._settings.distance_origin == "sensor":
+        if self._spec.labels.distance_origin == "sensor":
             for camera_id in images:
                 mount = self._cameras[camera_id].mount
                 origins.append(mount.world_from_sensor(scene.world, scene.world_from_ego)[:3, 3])
-        near = self._level.near(np.array(origins), self._settings.max_distance_m)
+        near = self._level.near(np.array(origins), self._spec.max_distance_m)
         return self._level.added_to(scene, near)
 
     def _facts_of(self, actor_id: int, tick: int) -> ActorFacts | None:
@@ -300,7 +298,8 @@ class EpisodeLabeller:
         if kind is None:
             return None
         walker = kind in WALKER_CLASSES
-        if not (self._settings.pedestrians if walker else self._settings.vehicles):
+        asked = self._spec.ground_truth
+        if not (asked.pedestrians if walker else asked.vehicles):
             return None
         tags = self._walker_tags if walker else self._vehicle_tags
         info = replace(info, semantic_tags=dataset_tags(info.semantic_tags, self._server))
@@ -309,7 +308,7 @@ class EpisodeLabeller:
     def _evidence(self, camera: LabelledCamera, images: CameraImages, tick: int) -> ImageEvidence:
         shape = (camera.height, camera.width)
         instance_id, tag = None, images.semantic_tag
-        if images.instance_bgra is not None and self._settings.pixels:
+        if images.instance_bgra is not None and self._spec.labels.pixels:
             ids, instance_tag = decode_instance_bgra(images.instance_bgra)
             instance_id = ids if self._instance_is_actor else None
             tag = instance_tag if tag is None else tag

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from carstage.annotation.boxes import LabelBox, are_plausible_in_level
 from carstage.annotation.classes import LEVEL_CLASSES, VEHICLE_CLASSES
 from carstage.annotation.scene import ActorFacts, Scene
-from carstage.annotation.settings import LabelSettings
 from carstage.annotation.tracks import level_tracks
 from carstage.geometry import FloatArray, box_corners, pose_matrix
 from carstage.rawlog.reader import ActorInfo, LevelObject
+from carstage.spec import GroundTruthSpec
 from carstage.tags import dataset_tags, vehicle_tags
 
 _T = TypeVar("_T", bound=np.generic)
@@ -30,7 +30,7 @@ class Level:
     Args:
         objects: as recorded.
         server: its version, for the tags.
-        settings: without labels of vehicles parked ones have none either.
+        ground_truth: without labels of vehicles parked ones have none either.
 
     Attributes:
         world_from_box: ``(N, 4, 4)``.
@@ -39,7 +39,7 @@ class Level:
     """
 
     def __init__(
-        self, objects: Sequence[LevelObject], server: str, settings: LabelSettings
+        self, objects: Sequence[LevelObject], server: str, ground_truth: GroundTruthSpec
     ) -> None:
         self._server = server
         self._class_of = {
@@ -47,7 +47,7 @@ class Level:
             for label in sorted({found.label for found in objects})
         }
         wanted = [
-            kind is not None and (settings.vehicles or kind not in VEHICLE_CLASSES)
+            kind is not None and (ground_truth.vehicles or kind not in VEHICLE_CLASSES)
             for kind in (self._class_of[found.label] for found in objects)
         ]
         parked = [self._class_of[found.label] in VEHICLE_CLASSES for found in objects]

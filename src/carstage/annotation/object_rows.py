@@ -12,7 +12,6 @@ from carstage.annotation.classes import TRAFFIC_LIGHT
 from carstage.annotation.pixels import visibility_token
 from carstage.annotation.riders import rider_object_row
 from carstage.annotation.scene import Scene
-from carstage.annotation.settings import LabelSettings
 from carstage.geometry import (
     flu_rotation,
     quaternion_from_matrix,
@@ -20,6 +19,7 @@ from carstage.geometry import (
     transform_points,
     wrap_angle,
 )
+from carstage.spec import LabelsSpec
 
 VisiblePixels = tuple[int, float]
 """Visible and amodal pixels of an object, summed over the cameras."""
@@ -29,7 +29,7 @@ def object_rows(
     scene: Scene,
     keys: Mapping[str, Any],
     ego_id: int,
-    settings: LabelSettings,
+    labels: LabelsSpec,
     *,
     acceleration_valid: bool,
     lidar_points: Mapping[int, list[tuple[str, int]]],
@@ -43,7 +43,7 @@ def object_rows(
         scene: the frame's actors.
         keys: ``k``, ``timestamp_s`` and ``episode_id``.
         ego_id: actor id of the ego.
-        settings: what the spec asks for.
+        labels: what the spec asks of them.
         acceleration_valid: false in an episode's very first frame.
         lidar_points: by actor id, points per LiDAR.
         radar_points: by actor id, detections per radar.
@@ -80,8 +80,8 @@ def object_rows(
     rows = []
     for i, fact in enumerate(scene.facts):
         info = fact.info
-        has_box = settings.boxes_3d and bool(scene.valid[i])
-        visibility = _visibility(pixels.get(info.id)) if settings.pixels else None
+        has_box = labels.boxes_3d and bool(scene.valid[i])
+        visibility = _visibility(pixels.get(info.id)) if labels.pixels else None
         rows.append(
             {
                 "k": keys["k"],

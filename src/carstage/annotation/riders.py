@@ -14,9 +14,9 @@ import numpy as np
 from carstage.annotation.classes import RIDER
 from carstage.annotation.pixels import ModalMask, PixelVisibility
 from carstage.annotation.rig import LabelledCamera
-from carstage.annotation.settings import LabelSettings
 from carstage.annotation.stage_vo import LEVEL_UNKNOWN
 from carstage.annotation.tracks import rider_track
+from carstage.spec import LabelsSpec
 
 _UNKNOWN_IN_CAMERA: Final = (
     "center_cam",
@@ -80,7 +80,7 @@ def rider_camera_row(
     two_wheeler: Mapping[str, Any],
     mask: ModalMask,
     camera: LabelledCamera,
-    settings: LabelSettings,
+    labels: LabelsSpec,
     *,
     has_points: bool,
 ) -> dict[str, Any]:
@@ -90,7 +90,7 @@ def rider_camera_row(
         two_wheeler: the row of the two-wheeler.
         mask: the rider's pixels.
         camera: that sees them.
-        settings: what the spec asks for.
+        labels: what the spec asks of them.
         has_points: whether enough LiDAR points lie in the two-wheeler's box.
     """
     count = int(mask.crop.sum())
@@ -98,14 +98,14 @@ def rider_camera_row(
         **two_wheeler,
         **dict.fromkeys(_UNKNOWN_IN_CAMERA),
         "track_id": rider_track(two_wheeler["track_id"]),
-        "bbox_modal": list(mask.bounds()) if settings.boxes_2d else None,
-        "mask_modal": mask.rle(camera.width, camera.height) if settings.boxes_2d else None,
+        "bbox_modal": list(mask.bounds()) if labels.boxes_2d else None,
+        "mask_modal": mask.rle(camera.width, camera.height) if labels.boxes_2d else None,
         "visible_px": count,
         "occluded": LEVEL_UNKNOWN,
         "occluded_px": LEVEL_UNKNOWN,
         "amodal_method": "none",
-        "visible_pixel": count >= settings.min_visible_px,
-        "visible": count >= settings.min_visible_px and has_points,
+        "visible_pixel": count >= labels.min_visible_px,
+        "visible": count >= labels.min_visible_px and has_points,
     }
 
 

@@ -16,13 +16,13 @@ from carstage.rawlog.format import PAYLOAD_SUFFIX, SEALED_SUFFIX
 from carstage.runs.servers import ServerSetup
 from carstage.server import EmbeddedServer, Endpoint, allot_ports, free_port
 from carstage.spec import EpisodeSpec
+from carstage.spec.defaults import QUEUE_BYTES
 
 Progress = Callable[[int, int], None]
 """Told how much is done, of how much."""
 
 SILENCE_S = 600.0
 """A client that says nothing for so long hangs; the first pictures of a machine compile kernels."""
-_QUEUE_BYTES = 256 * 1024 * 1024
 _SENSOR_WARMUP_TICKS = 3
 _TIMEOUT_S = 60.0
 
@@ -74,7 +74,7 @@ def client_plan(
     folder: Path,
     *,
     host: str | None = None,
-    queue_bytes: int = _QUEUE_BYTES,
+    queue_bytes: int = QUEUE_BYTES,
     raw_store: str = "chunklog",
     sensor_warmup_ticks: int | None = _SENSOR_WARMUP_TICKS,
 ) -> dict[str, Any]:

@@ -7,18 +7,23 @@ from typing import Annotated, Literal
 from pydantic import Strict
 
 from carstage.config.fields import Names, Section, setting
-from carstage.spec.defaults import MIN_VISIBLE_PX
+from carstage.spec import GroundTruthSpec, LabelsSpec
 
 
 class GroundTruth(Section):
     """What the label tables hold."""
 
-    vehicles: bool = setting(True, title="Vehicles", description="Label vehicles.", group="labels")
+    vehicles: bool = setting(
+        GroundTruthSpec.vehicles, title="Vehicles", description="Label vehicles.", group="labels"
+    )
     pedestrians: bool = setting(
-        True, title="Pedestrians", description="Label pedestrians.", group="labels"
+        GroundTruthSpec.pedestrians,
+        title="Pedestrians",
+        description="Label pedestrians.",
+        group="labels",
     )
     ego_motion: bool = setting(
-        True,
+        GroundTruthSpec.ego_motion,
         title="Ego motion",
         description="Record pose, speed and controls of the ego.",
         group="labels",
@@ -42,7 +47,7 @@ class Labels(Section):
     """How visibility is decided and which boxes are written."""
 
     method: Literal["stage_vo", "pixels", "both"] = setting(
-        "both",
+        LabelsSpec.method,
         title="Visibility method",
         basic=True,
         description="`stage_vo`: the paper's eight corners against depth; `pixels`: instance "
@@ -50,7 +55,7 @@ class Labels(Section):
         group="labels",
     )
     boxes: Annotated[tuple[Literal["2d", "3d"], ...], Strict(strict=False)] = setting(
-        ("2d", "3d"), title="Boxes", basic=True, description="Kinds of boxes.", group="labels"
+        LabelsSpec.boxes, title="Boxes", basic=True, description="Kinds of boxes.", group="labels"
     )
     cameras: Literal["all"] | Names = setting(
         "all",
@@ -68,7 +73,7 @@ class Labels(Section):
         group="labels",
     )
     min_visible_px: int = setting(
-        MIN_VISIBLE_PX,
+        LabelsSpec.min_visible_px,
         title="Minimum visible pixels",
         description="Pixels from which an object is visible to the pixel method.",
         unit="px",
@@ -77,14 +82,14 @@ class Labels(Section):
         le=1_000_000,
     )
     distance_origin: Literal["sensor", "ego"] = setting(
-        "sensor",
+        LabelsSpec.distance_origin,
         title="Distance from",
         description="Where max_distance_m counts from: the `sensor` (the paper's text) or the "
         "`ego` (its user interface).",
         group="labels",
     )
     stage_vo_tolerance_m: float = setting(
-        0.0,
+        LabelsSpec.stage_vo_tolerance_m,
         title="STAGE-VO tolerance",
         description="How much nearer than a corner the depth must be to occlude it; 0 is the "
         "paper.",
@@ -94,13 +99,13 @@ class Labels(Section):
         le=10,
     )
     stage_vo_strict: bool = setting(
-        False,
+        LabelsSpec.stage_vo_strict,
         title="STAGE-VO strict",
         description="Level 2 (the paper) instead of 3, unknown, when no corner is in the image.",
         group="labels",
     )
     stage_vo_vote: bool = setting(
-        False,
+        LabelsSpec.stage_vo_vote,
         title="STAGE-VO vote",
         description="Compare a corner with its four diagonal neighbour pixels instead of its own.",
         group="labels",

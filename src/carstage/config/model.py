@@ -13,7 +13,7 @@ from carstage.config.labels import GroundTruth, Labels
 from carstage.config.output import Output
 from carstage.config.rig import Rig, default_rig
 from carstage.config.scene import DEFAULT_MAP, AutopilotScenario, Ego, MapConfig, Scenario
-from carstage.config.sensors import SPRING_ARMS, Sensor
+from carstage.config.sensors import Sensor
 from carstage.config.servers import EmbeddedServerConfig, ServerConfig
 from carstage.config.supervision import Supervision
 from carstage.config.timing import Timing, check_substepping
@@ -23,6 +23,7 @@ from carstage.releases import refusal
 from carstage.sensor_kinds.model import COLOUR
 from carstage.spec import SavedSteps
 from carstage.spec.defaults import MAX_DISTANCE_M, MIN_LIDAR_POINTS
+from carstage.spec.sensors import SPRING_ARMS
 
 _SLACK = 1e-9
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from carstage.config.fields import Section, setting
+from carstage.spec.defaults import RAW_QUEUE_MB, RAW_STORE
 
 
 class Output(Section):
@@ -17,14 +18,14 @@ class Output(Section):
         group="output",
     )
     raw_store: Literal["chunklog", "mmap"] = setting(
-        "chunklog",
+        RAW_STORE,
         title="Raw store",
         description="Raw pictures in the log's records, or in memory-mapped files, one per camera "
         "and second (`mmap`, the paper's).",
         group="output",
     )
     raw_queue_mb: int = setting(
-        256,
+        RAW_QUEUE_MB,
         title="Raw queue",
         description="Sensor data in memory that may wait for the disk; when more would, the tick "
         "waits.",

@@ -15,6 +15,7 @@ from pydantic import Discriminator, create_model, model_validator
 from carstage.config.attributes import SensorAttributes, attributes_model
 from carstage.config.fields import Section, problem, setting
 from carstage.sensor_kinds import SensorKind, kinds, sensor_kind
+from carstage.spec.sensors import EGO, ON_MAP, RIGID, SensorSpec
 
 #: Length of a stream's name in the raw log; hidden twins append one of these to the camera's id.
 LONGEST_STREAM_NAME = 31
@@ -22,9 +23,6 @@ DEPTH_SUFFIX = ".depth"
 INSTANCE_SUFFIX = ".instance"
 LONGEST_SENSOR_ID = LONGEST_STREAM_NAME - len(INSTANCE_SUFFIX)
 RESERVED_IDS = frozenset({"world", "ledger"})
-EGO = "ego"
-WORLD = "world"
-SPRING_ARMS = ("spring_arm", "spring_arm_ghost")
 _ID_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 #: Families of actors that can carry a sensor.
 _CARRIERS = ("vehicle.", "walker.", "traffic.", "static.")
@@ -75,7 +73,7 @@ class Sensor(Section):
         Pose, title="Pose", description="Place on what carries it, or on the map.", group="rig"
     )
     attach_to: str = setting(
-        EGO,
+        SensorSpec.attach_to,
         title="Carried by",
         description="`ego`; `world`: fixed on the map; or a pattern of actor types, such as "
         "`vehicle.audi.*` or `traffic.traffic_light`: the one nearest to the ego at the start.",
@@ -83,7 +81,7 @@ class Sensor(Section):
         min_length=1,
     )
     attach_index: int = setting(
-        0,
+        SensorSpec.attach_index,
         title="Which of them",
         description="0: the nearest actor that attach_to matches, 1: the second nearest, …",
         group="rig",
@@ -91,7 +89,7 @@ class Sensor(Section):
         le=1000,
     )
     attachment: Literal["rigid", "follow", "spring_arm", "spring_arm_ghost"] = setting(
-        "rigid",
+        SensorSpec.attachment,
         title="Attachment",
         description="`rigid`; `follow`: hovers over its carrier like a drone, a step behind, and "
         "keeps its own heading; spring arms swing and serve for unlabelled views only.",
@@ -136,7 +134,7 @@ class Sensor(Section):
 
     @model_validator(mode="after")
     def _check_carrier(self) -> Sensor:
-        if self.attach_to in (EGO, WORLD):
+        if self.attach_to in (EGO, ON_MAP):
             if self.attach_index:
                 raise problem(
                     f"there is only one {self.attach_to}.",
@@ -149,7 +147,7 @@ class Sensor(Section):
                 "Give `ego`, `world` or a pattern such as `vehicle.*` or `traffic.traffic_light`.",
                 "attach_to",
             )
-        if self.attach_to == WORLD and self.attachment != "rigid":
+        if self.attach_to == ON_MAP and self.attachment != RIGID:
             raise problem(
                 f"a sensor that is fixed on the map cannot be attached by {self.attachment}.",
                 "Leave attachment out.",

@@ -6,7 +6,6 @@ from math import ceil
 from typing import Literal, NamedTuple
 
 from carstage.config.fields import Section, problem, setting
-from carstage.spec.defaults import WARMUP_TICKS
 
 #: CARLA's bounds of physics sub-steps (documentation of the synchronous mode and the time step).
 MAX_SUBSTEPS = 16
@@ -73,7 +72,7 @@ class Timing(Section):
         group="timing",
     )
     warmup_ticks: int = setting(
-        WARMUP_TICKS,
+        20,
         title="Warm-up",
         description="Steps before the first that is recorded.",
         unit="steps",

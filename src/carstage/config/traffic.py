@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, Strict, model_validator
 
 from carstage.config.fields import Section, problem, setting
-from carstage.spec.defaults import RADIUS_M
+from carstage.spec import GroupSpec, PedestriansSpec, TrafficSpec, VehiclesSpec
+from carstage.spec.road_users import SPREADS
 
 Generation = Literal["all", "1", "2", "3"]
 Shortfall = Literal["warn", "fail", "fill"]
@@ -27,7 +28,7 @@ def _filter(default: str) -> Any:
 
 def _generation() -> Any:
     return setting(
-        "all",
+        GroupSpec.generation,
         title="Generation",
         description="Only blueprints of CARLA's asset generation `1`, `2` or `3`.",
         group="traffic",
@@ -36,7 +37,7 @@ def _generation() -> Any:
 
 def _radius_m(who: str) -> Any:
     return setting(
-        RADIUS_M,
+        80.0,
         title=f"{who} within",
         description="They begin within this distance of the ego first and further away when the "
         "places there run out; null: anywhere on the map.",
@@ -49,7 +50,7 @@ def _radius_m(who: str) -> Any:
 
 def _shortfall(more: str) -> Any:
     return setting(
-        "warn",
+        VehiclesSpec.shortfall,
         title="Shortfall",
         description="When places run out: `warn` and record with fewer, `fail`, or `fill`: "
         f"look for {more}, then fail.",
@@ -123,8 +124,12 @@ class Pedestrians(Section):
     filter: str = _filter("walker.pedestrian.*")
     radius_m: float | None = _radius_m("Pedestrians")
     generation: Generation = _generation()
-    running_percent: float = _share(0.0, "Running", "Share that runs instead of walking.")
-    crossing_percent: float = _share(0.0, "Crossing", "Share that may cross roads anywhere.")
+    running_percent: float = _share(
+        PedestriansSpec.running_percent, "Running", "Share that runs instead of walking."
+    )
+    crossing_percent: float = _share(
+        PedestriansSpec.crossing_percent, "Crossing", "Share that may cross roads anywhere."
+    )
     shortfall: Shortfall = _shortfall("more places on the sidewalks")
 
 
@@ -145,7 +150,10 @@ class Traffic(Section):
         None, "Distance", "To the vehicle ahead; left out: the Traffic Manager's own.", "m"
     )
     lane_changes: bool = setting(
-        True, title="Lane changes", description="Vehicles may change lanes.", group="traffic"
+        TrafficSpec.lane_changes,
+        title="Lane changes",
+        description="Vehicles may change lanes.",
+        group="traffic",
     )
     random_lane_change_percent: Spread = _spread(
         0.0, "Random lane changes", "Chance of a lane change without need, to each side.", "%"
@@ -161,7 +169,7 @@ class Traffic(Section):
         0.0, "Ignore pedestrians", "Chance of not braking for a pedestrian.", "%"
     )
     include_ego: bool = setting(
-        False,
+        TrafficSpec.include_ego,
         title="Ego, too",
         description="The ego draws like the others; else it keeps the law.",
         group="traffic",
@@ -176,10 +184,10 @@ class Traffic(Section):
 
     @model_validator(mode="after")
     def _check_spreads(self) -> Traffic:
-        for name, value in self:
-            if isinstance(value, bool) or value is None or name == "hybrid_physics_radius_m":
+        for name, (least, most) in SPREADS.items():
+            value = getattr(self, name)
+            if value is None:
                 continue
-            least, most = _BOUNDS.get(name, (0.0, 100.0))
             ends = value if isinstance(value, tuple) else (value,)
             for position, end in enumerate(ends):
                 path = (name, position) if isinstance(value, tuple) else (name,)
@@ -190,6 +198,3 @@ class Traffic(Section):
             if ends[0] > ends[-1]:
                 raise problem(f"{ends[0]:g} is above {ends[-1]:g}.", "Write [low, high].", name)
         return self
-
-
-_BOUNDS = {"speed_difference_percent": (-100.0, 100.0), "distance_m": (0.0, 100.0)}

@@ -1,10 +1,12 @@
-"""Values that a configuration may leave out, each here once; the configuration takes its from here.
+"""Defaults that several modules need, each here once; the configuration takes its from here.
 
-A raw log or dataset of an earlier version may lack a field that came later: these stand for it.
+Those of a whole section (labels, ground truth, road users) stand at its dataclass.
 """
 
 MAX_DISTANCE_M = 80.0
+#: Of a configuration. A specification without the field is older than the rule: it asks for none.
 MIN_LIDAR_POINTS = 5
-MIN_VISIBLE_PX = 10
-RADIUS_M = 80.0
-WARMUP_TICKS = 20
+RAW_QUEUE_MB = 256
+#: What may wait for the disk where a plan does not say; runs say it, from the configuration.
+QUEUE_BYTES = 256 * 1024 * 1024
+RAW_STORE = "chunklog"

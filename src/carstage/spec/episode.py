@@ -107,14 +107,14 @@ class EpisodeSpec:
             raise SpecError(
                 "%s: %r is not a CARLA version such as 0.9.16." % (given.path("dialect"), dialect)
             )
-        fps = given.number("fps", 0.0)
+        fps, steps = given.number("fps", 0.0), given.integer("steps", 1)
         return cls(
             dialect=dialect,
             index=given.integer("index", 0) if "index" in given else 0,
             map=given.text("map"),
-            map_layers=_layers(given),
+            map_layers=given.words("map_layers") if "map_layers" in given else None,
             weather=WeatherSpec.read(given.object("weather")),
-            steps=given.integer("steps", 1),
+            steps=steps,
             fps=fps,
             save_every=given.integer("save_every", 1),
             warmup_ticks=given.integer("warmup_ticks", 0),
@@ -123,14 +123,14 @@ class EpisodeSpec:
             pedestrians=PedestriansSpec.read(given.object("pedestrians")),
             traffic=TrafficSpec.read(given.object("traffic")),
             ego=EgoSpec.read(given.object("ego")),
-            scenario=read_scenario(given.object("scenario")),
+            scenario=read_scenario(given.object("scenario"), steps),
             sensors=read_sensors(given, kinds),
             seeds=Seeds.read(given.object("seeds")),
             labels=LabelsSpec.read(given.object("labels")) if "labels" in given else LabelsSpec(),
             ground_truth=GroundTruthSpec.read(given.object("ground_truth"))
             if "ground_truth" in given
             else GroundTruthSpec(),
-            max_distance_m=given.number("max_distance_m")
+            max_distance_m=given.number("max_distance_m", 0.0)
             if "max_distance_m" in given
             else MAX_DISTANCE_M,
             min_lidar_points=given.integer("min_lidar_points", 0)
@@ -193,9 +193,3 @@ class EpisodeSpec:
     def written_sensors(self) -> Tuple[SensorSpec, ...]:
         """Sensors of the dataset: those that are not hidden."""
         return tuple(sensor for sensor in self.sensors if not sensor.hidden)
-
-
-def _layers(given: Fields) -> Optional[Tuple[str, ...]]:
-    if "map_layers" not in given:
-        return None
-    return tuple(str(name) for name in given.list("map_layers"))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import sys
 from typing import Any, Dict, List, Optional, Tuple, Union
 
 
@@ -31,7 +33,8 @@ class Fields:
 
     def path(self, name: str) -> str:
         """Path of a field, as complaints begin with it."""
-        return "%s.%s" % (self._path, name) if self._path else name
+        joint = "." if self._path and not name.startswith("[") else ""
+        return self._path + joint + name
 
     def __contains__(self, name: str) -> bool:
         return self._fields.get(name) is not None
@@ -70,15 +73,15 @@ class Fields:
             )
         return value
 
-    def spread(self, name: str) -> Union[float, Tuple[float, float]]:
-        """A number, or a list of two: the low and the high end."""
+    def spread(self, name: str, least: float, most: float) -> Union[float, Tuple[float, float]]:
+        """A number within bounds, or a list of two: the low and the high end."""
         value = self.any(name)
         if not isinstance(value, list):
-            return self.number(name)
+            return self.number(name, least=least, most=most)
         if len(value) != 2:
             raise SpecError("%s: must be [low, high]." % self.path(name))
         ends = Fields({"[0]": value[0], "[1]": value[1]}, self.path(name))
-        low, high = ends.number("[0]"), ends.number("[1]")
+        low, high = (ends.number(end, least=least, most=most) for end in ("[0]", "[1]"))
         if low > high:
             raise SpecError("%s: %g is above %g." % (self.path(name), low, high))
         return (low, high)
@@ -91,6 +94,12 @@ class Fields:
     def texts(self) -> Dict[str, str]:
         """This object's values, all of them texts that are not empty."""
         return {key: self.text(key) for key in self._fields}
+
+    def words(self, name: str, choices: Tuple[str, ...] = ()) -> Tuple[str, ...]:
+        """A list of texts that are not empty; none when the field is left out."""
+        given = self.list(name) if name in self else []
+        words = Fields({"[%d]" % i: word for i, word in enumerate(given)}, self.path(name))
+        return tuple(words.text(place, choices) for place in words._fields)
 
     def flag(self, name: str) -> bool:
         """True or false."""
@@ -108,14 +117,28 @@ class Fields:
             raise SpecError("%s: %d is out of range." % (self.path(name), value))
         return value
 
-    def number(self, name: str, above: Optional[float] = None) -> float:
-        """A number, above a bound."""
+    def number(
+        self,
+        name: str,
+        above: Optional[float] = None,
+        *,
+        least: float = -math.inf,
+        most: float = math.inf,
+    ) -> float:
+        """A finite number, above a bound or within two."""
         value = self.any(name)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value:
+        if not is_number(value):
             raise SpecError("%s: must be a number, not %s." % (self.path(name), shown(value)))
         if above is not None and value <= above:
             raise SpecError("%s: must be above %g, not %g." % (self.path(name), above, value))
+        if not least <= value <= most:
+            raise SpecError("%s: %g is out of range." % (self.path(name), value))
         return float(value)
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value that was read from JSON is a finite number."""
+    return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
 
 def shown(value: Any) -> str:

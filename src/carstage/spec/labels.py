@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Tuple
 
-from carstage.spec.defaults import MIN_VISIBLE_PX
-from carstage.spec.fields import Fields, SpecError
+from carstage.spec.fields import Fields
 
 METHODS = ("stage_vo", "pixels", "both")
 BOXES = ("2d", "3d")
@@ -70,7 +69,7 @@ class LabelsSpec:
     method: str = "both"
     boxes: Tuple[str, ...] = BOXES
     level_objects: Tuple[str, ...] = ()
-    min_visible_px: int = MIN_VISIBLE_PX
+    min_visible_px: int = 10
     distance_origin: str = "sensor"
     stage_vo_tolerance_m: float = 0.0
     stage_vo_strict: bool = False
@@ -82,15 +81,15 @@ class LabelsSpec:
         given = cls()
         return cls(
             method=fields.text("method", METHODS) if "method" in fields else given.method,
-            boxes=_names(fields, "boxes", BOXES) if "boxes" in fields else given.boxes,
-            level_objects=_names(fields, "level_objects", LEVEL_OBJECTS),
+            boxes=fields.words("boxes", BOXES) if "boxes" in fields else given.boxes,
+            level_objects=fields.words("level_objects", LEVEL_OBJECTS),
             min_visible_px=fields.integer("min_visible_px", 0)
             if "min_visible_px" in fields
             else given.min_visible_px,
             distance_origin=fields.text("distance_origin", ("sensor", "ego"))
             if "distance_origin" in fields
             else given.distance_origin,
-            stage_vo_tolerance_m=fields.number("stage_vo_tolerance_m")
+            stage_vo_tolerance_m=fields.number("stage_vo_tolerance_m", least=0.0)
             if "stage_vo_tolerance_m" in fields
             else given.stage_vo_tolerance_m,
             stage_vo_strict="stage_vo_strict" in fields and fields.flag("stage_vo_strict"),
@@ -111,14 +110,3 @@ class LabelsSpec:
     def boxes_3d(self) -> bool:
         """Whether 3D boxes and angles are written."""
         return "3d" in self.boxes
-
-
-def _names(fields: Fields, name: str, known: Tuple[str, ...]) -> Tuple[str, ...]:
-    given = fields.list(name) if name in fields else []
-    for index, word in enumerate(given):
-        if word not in known:
-            raise SpecError(
-                "%s[%d]: %r is not known." % (fields.path(name), index, word),
-                "Known are: %s." % ", ".join(known),
-            )
-    return tuple(given)

@@ -136,7 +136,9 @@ class TrafficSpec:
     @classmethod
     def read(cls, fields: Fields) -> TrafficSpec:
         """Check and read the section."""
-        spreads = {name: fields.spread(name) for name in SPREADS if name in fields}
+        spreads = {
+            name: fields.spread(name, *bounds) for name, bounds in SPREADS.items() if name in fields
+        }
         return cls(
             lane_changes=fields.flag("lane_changes") if "lane_changes" in fields else True,
             include_ego=fields.flag("include_ego") if "include_ego" in fields else False,
@@ -157,15 +159,17 @@ class TrafficSpec:
         return found
 
 
-SPREADS = (
-    "speed_difference_percent",
-    "distance_m",
-    "random_lane_change_percent",
-    "ignore_lights_percent",
-    "ignore_signs_percent",
-    "ignore_vehicles_percent",
-    "ignore_walkers_percent",
-)
+_PERCENT = (0.0, 100.0)
+SPREADS = {
+    "speed_difference_percent": (-100.0, 100.0),
+    "distance_m": (0.0, 100.0),
+    "random_lane_change_percent": _PERCENT,
+    "ignore_lights_percent": _PERCENT,
+    "ignore_signs_percent": _PERCENT,
+    "ignore_vehicles_percent": _PERCENT,
+    "ignore_walkers_percent": _PERCENT,
+}
+"""The least and the most of each value that vehicles draw."""
 
 
 def _generation(fields: Fields) -> str:
@@ -181,4 +185,4 @@ def _shortfall(fields: Fields) -> str:
 
 
 def _percent(fields: Fields, name: str) -> float:
-    return fields.number(name) if name in fields else 0.0
+    return fields.number(name, least=0.0, most=100.0) if name in fields else 0.0

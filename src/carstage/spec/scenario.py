@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar, Dict, List, Mapping, Optional, Tuple, Type, Union
 
-from carstage.spec.fields import Fields, SpecError
+from carstage.spec.fields import Fields, SpecError, is_number, shown
 from carstage.spec.plain import plain
 from carstage.spec.scene import Place
 
 Pose = Tuple[float, ...]
 """x, y, z (m), pitch, yaw, roll (deg) in CARLA's world axes."""
+_POSE_NUMBERS = 6
 
 
 @dataclass(frozen=True)
@@ -26,9 +27,9 @@ class ScenarioSpec:
     json_kind: ClassVar[str]
 
     @classmethod
-    def read(cls, fields: Fields) -> ScenarioSpec:
-        """Check and read the section of this kind."""
-        del fields
+    def read(cls, fields: Fields, steps: int) -> ScenarioSpec:
+        """Check and read the section of this kind, for an episode of so many steps."""
+        del fields, steps
         return cls()
 
     def to_json(self) -> Dict[str, Any]:
@@ -60,16 +61,19 @@ class RouteSpec(ScenarioSpec):
     through: Tuple[Union[int, Place], ...]
 
     @classmethod
-    def read(cls, fields: Fields) -> RouteSpec:
+    def read(cls, fields: Fields, steps: int) -> RouteSpec:
         """Check and read the section."""
+        del steps
         places: List[Union[int, Place]] = []
         for index, value in enumerate(fields.list("through")):
             path = "%s[%d]" % (fields.path("through"), index)
-            if isinstance(value, int) and not isinstance(value, bool):
-                places.append(value)
+            if type(value) is int:
+                places.append(Fields({path: value}, "").integer(path, 0))
             else:
                 place = Fields(value, path)
                 places.append(Place(place.number("x_m"), place.number("y_m")))
+        if not places:
+            raise SpecError("%s: is empty." % fields.path("through"))
         return cls(tuple(places))
 
 
@@ -95,32 +99,48 @@ class ReplaySpec(ScenarioSpec):
     actors: Tuple[ReplayedActor, ...]
 
     @classmethod
-    def read(cls, fields: Fields) -> ReplaySpec:
+    def read(cls, fields: Fields, steps: int) -> ReplaySpec:
         """Check and read the section."""
-        actors = []
-        for actor in fields.objects("actors"):
-            attributes = actor.object("attributes")
-            actors.append(
-                ReplayedActor(
-                    blueprint=actor.text("blueprint"),
-                    attributes=attributes.texts(),
-                    poses=tuple(
-                        None if pose is None else tuple(pose) for pose in actor.list("poses")
-                    ),
-                )
+        actors = tuple(
+            ReplayedActor(
+                blueprint=actor.text("blueprint"),
+                attributes=actor.object("attributes").texts(),
+                poses=_read_poses(actor, steps),
             )
-        return cls(fields.text("episode_id"), tuple(actors))
+            for actor in fields.objects("actors")
+        )
+        if not actors:
+            raise SpecError("%s: is empty." % fields.path("actors"))
+        return cls(fields.text("episode_id"), actors)
+
+
+def _read_poses(actor: Fields, steps: int) -> Tuple[Optional[Pose], ...]:
+    poses = actor.list("poses")
+    if len(poses) != steps:
+        raise SpecError(
+            "%s: %d poses are not one for each of %d steps."
+            % (actor.path("poses"), len(poses), steps)
+        )
+    for index, pose in enumerate(poses):
+        if pose is not None and not (
+            isinstance(pose, list) and len(pose) == _POSE_NUMBERS and all(map(is_number, pose))
+        ):
+            raise SpecError(
+                "%s[%d]: must be null or six numbers, not %s."
+                % (actor.path("poses"), index, shown(pose))
+            )
+    return tuple(None if pose is None else tuple(pose) for pose in poses)
 
 
 _KINDS: Tuple[Type[ScenarioSpec], ...] = (AutopilotSpec, StationarySpec, RouteSpec, ReplaySpec)
 
 
-def read_scenario(fields: Fields) -> ScenarioSpec:
-    """Check and read the section by its kind."""
+def read_scenario(fields: Fields, steps: int) -> ScenarioSpec:
+    """Check and read the section by its kind, for an episode of so many steps."""
     word = fields.text("kind")
     for cls in _KINDS:
         if word in (cls.kind, cls.json_kind):
-            return cls.read(fields)
+            return cls.read(fields, steps)
     raise SpecError(
         "%s: %r is not known." % (fields.path("kind"), word),
         "Known are: %s." % ", ".join(sorted(cls.kind for cls in _KINDS)),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Mapping, Optional, Tuple
+from typing import List, Mapping, Optional, Tuple
 
 from carstage.spec.fields import Fields, SpecError
 
@@ -56,18 +56,20 @@ class WeatherSpec:
     @classmethod
     def read(cls, fields: Fields) -> WeatherSpec:
         """Check and read the section."""
+        changes: List[WeatherChange] = []
+        for change in fields.objects("changes"):
+            changes.append(
+                WeatherChange(
+                    at_s=change.number("at_s", changes[-1].at_s if changes else None, least=0.0),
+                    preset=change.text("preset") if "preset" in change else None,
+                    parameters=change.numbers("parameters"),
+                )
+            )
         return cls(
             preset=fields.text("preset") if "preset" in fields else None,
             parameters=fields.numbers("parameters"),
             lights=fields.text("lights", ("auto", "on", "off")),
-            changes=tuple(
-                WeatherChange(
-                    at_s=change.number("at_s"),
-                    preset=change.text("preset") if "preset" in change else None,
-                    parameters=change.numbers("parameters"),
-                )
-                for change in fields.objects("changes")
-            ),
+            changes=tuple(changes),
         )
 
     @property
@@ -99,7 +101,7 @@ class EgoSpec:
         color = fields.list("color") if "color" in fields else None
         if color is not None and (
             len(color) != 3
-            or not all(isinstance(part, int) and 0 <= part <= _COLOUR_MAX for part in color)
+            or not all(type(part) is int and 0 <= part <= _COLOUR_MAX for part in color)
         ):
             raise SpecError("%s: must be three numbers from 0 to 255." % fields.path("color"))
         return cls(

@@ -12,7 +12,8 @@ EGO = "ego"
 ON_MAP = "world"
 RIGID = "rigid"
 FOLLOW = "follow"
-ATTACHMENTS = (RIGID, FOLLOW, "spring_arm", "spring_arm_ghost")
+SPRING_ARMS = ("spring_arm", "spring_arm_ghost")
+ATTACHMENTS = (RIGID, FOLLOW, *SPRING_ARMS)
 
 
 @dataclass(frozen=True)

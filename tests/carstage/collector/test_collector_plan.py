@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from carstage.collector.internals.errors import PlanError
-from carstage.collector.internals.plan import DEFAULT_QUEUE_BYTES, parse_plan, read_plan
+from carstage.collector.internals.plan import parse_plan, read_plan
 from carstage.spec import EpisodeSpec
+from carstage.spec.defaults import QUEUE_BYTES
 
 PlanMaker = Callable[..., dict[str, Any]]
 
@@ -27,7 +28,7 @@ def test_a_plan_comes_out_as_it_was_written(make_plan: PlanMaker) -> None:
     document = make_plan("one", "two")
     plan = parse_plan(document)
     assert (plan.server.host, plan.server.port, plan.server.timeout_s) == ("127.0.0.1", 2000, 30.0)
-    assert plan.queue_bytes == DEFAULT_QUEUE_BYTES
+    assert plan.queue_bytes == QUEUE_BYTES
     assert plan.sensor_warmup_ticks == 3
     assert [episode.folder for episode in plan.episodes] == ["one", "two"]
     spec = plan.episodes[0].spec

@@ -10,12 +10,12 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from carstage.annotation.settings import LabelSettings
 from carstage.config import Config, load_demo, parse_config
-from carstage.config.labels import Labels
+from carstage.config.labels import DEFAULT_LEVEL_OBJECTS, Labels
 from carstage.errors import ConfigError
 from carstage.plan import Recording, ServerFacts, Track, estimate_run, plan_episodes
-from carstage.spec import EpisodeSpec, RouteSpec, Seeds
+from carstage.spec import EpisodeSpec, GroundTruthSpec, LabelsSpec, RouteSpec, Seeds
+from carstage.spec.defaults import MAX_DISTANCE_M, MIN_LIDAR_POINTS
 
 CAMERA = {"role_name", "image_size_x", "image_size_y", "fov", "iso"}
 FACTS = ServerFacts(
@@ -220,9 +220,8 @@ def test_estimate_grows_with_pixels_and_saved_frames() -> None:
 @pytest.mark.parametrize("method", get_args(Labels.model_fields["method"].annotation))
 def test_the_labeller_understands_every_method_that_can_be_asked_for(method: str) -> None:
     (spec,) = plan(f"labels: {{method: {method}}}")
-    settings = LabelSettings.from_spec(spec)
-    assert settings.method == method
-    assert settings.pixels == (method != "stage_vo")
+    assert spec.labels.method == method
+    assert spec.labels.pixels == (method != "stage_vo")
 
 
 def test_every_label_setting_can_be_asked_for() -> None:
@@ -230,21 +229,28 @@ def test_every_label_setting_can_be_asked_for() -> None:
     (spec,) = plan(
         """
         {labels: {method: stage_vo, boxes: [3d], min_visible_px: 3, distance_origin: ego,
-                  stage_vo_tolerance_m: 0.1, stage_vo_strict: true, stage_vo_vote: true},
+                  level_objects: [walls], stage_vo_tolerance_m: 0.1, stage_vo_strict: true,
+                  stage_vo_vote: true},
          ground_truth: {vehicles: false, pedestrians: false, ego_motion: false},
          max_distance_m: 55, min_lidar_points: 2}
         """
     )
-    chosen = LabelSettings.from_spec(spec)
-    default = LabelSettings()
-    same = [f.name for f in fields(LabelSettings)
-            if getattr(chosen, f.name) == getattr(default, f.name)]  # fmt: skip
-    assert same == ["boxes_3d"]
+    (default,) = plan()
+    for section in ("labels", "ground_truth"):
+        chosen, usual = getattr(spec, section), getattr(default, section)
+        same = [f.name for f in fields(chosen)
+                if getattr(chosen, f.name) == getattr(usual, f.name)]  # fmt: skip
+        assert same == []
+    assert spec.labels.boxes_3d
+    assert not spec.labels.boxes_2d
+    assert (spec.max_distance_m, spec.min_lidar_points) == (55.0, 2)
 
 
 def test_label_settings_have_one_set_of_defaults() -> None:
-    planned = LabelSettings.from_spec(plan()[0])
-    assert planned == replace(LabelSettings(), min_lidar_points=5)
+    (planned,) = plan()
+    assert planned.labels == LabelsSpec(level_objects=tuple(sorted(DEFAULT_LEVEL_OBJECTS)))
+    assert planned.ground_truth == GroundTruthSpec()
+    assert (planned.max_distance_m, planned.min_lidar_points) == (MAX_DISTANCE_M, MIN_LIDAR_POINTS)
 
 
 def test_twins_hang_where_their_camera_hangs() -> None:

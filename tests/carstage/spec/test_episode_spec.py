@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import tarfile
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import pytest
 
 from benchmarks.framework.bare_specs import bare_sensor, bare_spec
-from carstage.spec import EpisodeSpec, SavedSteps, SpecError, StationarySpec
+from carstage.spec import EpisodeSpec, ReplaySpec, SavedSteps, SpecError, StationarySpec
 from carstage.spec.timing import SavedFrames
 
 ROOT = Path(__file__).parents[3]
@@ -25,6 +26,15 @@ def old_plan() -> list[dict[str, Any]]:
         assert file is not None
         episodes: list[dict[str, Any]] = json.load(file)["episodes"]
     return episodes
+
+
+CHANGES = [{"at_s": at_s, "preset": "WetNoon", "parameters": {}} for at_s in (2.0, 2.0)]
+
+
+def replay(*poses: list[Any]) -> dict[str, Any]:
+    """The section of a replay whose actors have these poses."""
+    actors = [{"blueprint": "vehicle.a", "attributes": {}, "poses": of_one} for of_one in poses]
+    return {"kind": "replay", "episode_id": "0123456789abcdef", "actors": actors}
 
 
 @pytest.mark.parametrize("entry", old_plan(), ids=lambda entry: str(entry["episode_id"]))
@@ -54,6 +64,20 @@ def test_a_stationary_ego_is_read_by_both_names_and_keeps_its_id(word: str) -> N
         ({"max_distance_m": "far"}, r"spec\.max_distance_m: must be a number"),
         ({"traffic": {"distance_m": [5, 1]}}, r"spec\.traffic\.distance_m: 5 is above 1"),
         ({"ego": {"color": [1, 2, 300]}}, r"spec\.ego\.color: must be three numbers"),
+        ({"ego": {"color": [True, 2, 3]}}, r"spec\.ego\.color: must be three numbers"),
+        ({"map_layers": [7]}, r"spec\.map_layers\[0\]: must be a text"),
+        ({"max_distance_m": 0}, r"spec\.max_distance_m: must be above 0"),
+        ({"max_distance_m": math.inf}, r"spec\.max_distance_m: must be a number"),
+        ({"traffic": {"ignore_lights_percent": 101}}, r"ignore_lights_percent: 101 is out of ra"),
+        ({"traffic": {"distance_m": [0, "far"]}}, r"spec\.traffic\.distance_m\[1\]: must be a nu"),
+        ({"pedestrians": {"running_percent": -1}}, r"running_percent: -1 is out of range"),
+        ({"weather": {"changes": CHANGES}}, r"spec\.weather\.changes\[1\]\.at_s: must be above 2"),
+        ({"scenario": {"kind": "route", "through": []}}, r"spec\.scenario\.through: is empty"),
+        ({"scenario": {"kind": "route", "through": [-1]}}, r"through\[0\]: -1 is out of range"),
+        ({"scenario": replay()}, r"spec\.scenario\.actors: is empty"),
+        ({"scenario": replay([])}, r"actors\[0\]\.poses: 0 poses are not one for each of 1 steps"),
+        ({"scenario": replay([[1, 2, 3]])}, r"actors\[0\]\.poses\[0\]: must be null or six"),
+        ({"scenario": replay([[0, 0, 0, 0, 0, "a"]])}, r"poses\[0\]: must be null or six"),
     ],
 )
 def test_a_bad_field_is_named(change: dict[str, Any], complaint: str) -> None:
@@ -87,20 +111,40 @@ def test_saved_steps_are_counted_as_they_are_chosen(every: int) -> None:
         ]
 
 
+def test_a_replay_keeps_its_poses() -> None:
+    section = replay([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]], [None])
+    spec = EpisodeSpec.from_json(bare_spec([bare_sensor("IMU", "imu")], scenario=section))
+    assert isinstance(spec.scenario, ReplaySpec)
+    assert [actor.poses for actor in spec.scenario.actors] == [((1, 2, 3, 4, 5, 6),), (None,)]
+    assert spec.to_json()["scenario"] == section
+
+
+def sources() -> dict[str, str]:
+    """The text of each module that may use a specification, by its path."""
+    found = [*(ROOT / "src" / "carstage").rglob("*.py"), *(ROOT / "benchmarks").rglob("*.py")]
+    assert found
+    return {path.relative_to(ROOT).as_posix(): path.read_text("utf-8") for path in found}
+
+
 def test_no_code_indexes_a_raw_specification() -> None:
-    indexed = re.compile(r"""\bspec\[["']""")
-    sources = [*(ROOT / "src").rglob("*.py"), *(ROOT / "benchmarks").rglob("*.py")]
-    assert sources
-    found = [str(path) for path in sources if indexed.search(path.read_text("utf-8"))]
+    """Its JSON form goes into ``from_json`` and comes out of ``to_json``, and that is all."""
+    read = re.compile(r"""EpisodeSpec\.from_json\([\w.]+\[["']spec["']\]""")
+    raw = re.compile(r"""\bspec\[["']|\bspec\.get\(|\[["']spec["']\]|\.get\(["']spec["']|\.raw\[""")
+    found = [path for path, text in sources().items() if raw.search(read.sub("", text))]
     assert found == []
 
 
-def test_the_rule_for_saved_steps_and_the_default_distance_exist_once() -> None:
-    rounded_up = re.compile(r"-\(-.*(save_every|saved)")
-    distance = re.compile(r"distance_m.*= 80\.0|MAX_DISTANCE_M = 80\.0")
-    found: dict[str, list[str]] = {"rule": [], "distance": []}
-    for path in sorted((ROOT / "src" / "carstage").rglob("*.py")):
-        text = path.read_text("utf-8")
-        found["rule"] += [path.name] if rounded_up.search(text) else []
-        found["distance"] += [path.name] if distance.search(text) else []
-    assert found == {"rule": [], "distance": ["defaults.py"]}
+def test_the_rule_for_saved_steps_and_each_shared_default_exist_once() -> None:
+    # benchmarks/simulator knows no saved steps: it drives the simulator alone.
+    once = {
+        r"-\(-[^)\n]*(every|saved)|(//|%)[^#\n]*\bevery\b": ["timing.py"],
+        r"distance_m\b[^\n]*= 80|MAX_DISTANCE_M\b[^\n]*= 80": ["defaults.py"],
+        r"LIDAR_POINTS\b[^\n]*= 5|lidar_points\b[^\n]*= 5": ["defaults.py"],
+        r"QUEUE_(MB|BYTES)\b[^\n]*= *256": ["defaults.py"],
+    }
+    found = {
+        pattern: [path.rsplit("/", 1)[-1] for path, text in sources().items()
+                  if re.search(pattern, text) and "/simulator/" not in path]
+        for pattern in once
+    }  # fmt: skip
+    assert found == once

@@ -20,6 +20,7 @@ from carstage.bench.comparison.figures import (
 from carstage.bench.comparison.presets import EXPERIMENTS, QUICK, Experiment, Preset
 from carstage.bench.comparison.programs import CARSTAGE, DISCARD, FPNG, NATIVE, PROGRAMS
 from carstage.bench.verdict import Figure, Verdict
+from carstage.spec.defaults import RAW_QUEUE_MB
 
 RATIO_TARGETS: Final[Mapping[Experiment, tuple[tuple[str, str, float | None], ...]]] = {
     "frames": ((NATIVE, CARSTAGE, 15.0),),
@@ -42,9 +43,8 @@ TARGET_TOTAL, TARGET_TOTAL_OF_MANY_CORES = 1.15, 1.05
 _MANY_CORES = 16
 TARGET_R2 = 0.99
 TARGET_GROWTH = 1.1
-QUEUE_MB = 256.0
-"""Sensor data that may wait in memory, ``output.raw_queue_mb``; a tick's data come on top."""
 _TICK_SHARE = 1.1
+"""Memory for sensor data as a multiple of ``output.raw_queue_mb``: a tick's data come on top."""
 _BOX_TOLERANCE_PX = 0.05
 _QUANTITIES: Final[Mapping[Quantity, str]] = {"recorded_s": "", "cpu_s": ", CPU time"}
 _UNITS: Final[Mapping[Experiment, str]] = {
@@ -142,7 +142,7 @@ def _memory(experiment: Experiment, measured: Measured) -> list[Figure]:
                 f"{experiment}: most data that waited, MB",
                 max(queues),
                 "<=",
-                QUEUE_MB * _TICK_SHARE,
+                RAW_QUEUE_MB * _TICK_SHARE,
             )
         )
     values = values_in(runs)

@@ -12,12 +12,12 @@ from typing import Any, Optional, Tuple
 
 from carstage.collector.internals.errors import PlanError
 from carstage.rawlog.format import LEDGER, WORLD, check_stream_name
-from carstage.rawlog.writing import CHUNKLOG, RAW_STORES
+from carstage.rawlog.writing import RAW_STORES
 from carstage.sensor_kinds import import_plugins, registered_kinds
 from carstage.spec import EpisodeSpec, Fields, SpecError
+from carstage.spec.defaults import QUEUE_BYTES, RAW_STORE
 
 PLAN_VERSION = 1
-DEFAULT_QUEUE_BYTES = 256 * 1024 * 1024
 DEFAULT_TIMEOUT_S = 20.0
 DEFAULT_LOAD_TIMEOUT_S = 200.0
 
@@ -115,10 +115,8 @@ def _plan(plan: Fields) -> Plan:
             else DEFAULT_LOAD_TIMEOUT_S,
             traffic_manager_port=server.integer("traffic_manager_port", 1, 65535),
         ),
-        queue_bytes=plan.integer("queue_bytes", 1)
-        if "queue_bytes" in plan
-        else DEFAULT_QUEUE_BYTES,
-        raw_store=plan.text("raw_store", RAW_STORES) if "raw_store" in plan else CHUNKLOG,
+        queue_bytes=plan.integer("queue_bytes", 1) if "queue_bytes" in plan else QUEUE_BYTES,
+        raw_store=plan.text("raw_store", RAW_STORES) if "raw_store" in plan else RAW_STORE,
         durable=plan.flag("durable") if "durable" in plan else True,
         sensor_warmup_ticks=plan.integer("sensor_warmup_ticks", 0)
         if "sensor_warmup_ticks" in plan

@@ -1,4 +1,4 @@
-"""Scenarios in which the client's Traffic Manager drives: autopilot, route, hold."""
+"""Scenarios in which the client's Traffic Manager drives: autopilot, route, stationary."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Route(Autopilot):
 
 
 @scenario("stationary")
-class Hold(Autopilot):
+class Stationary(Autopilot):
     """The ego stands with its hand brake on; the others drive."""
 
     def start(self, population: Population) -> None:

@@ -63,7 +63,7 @@ def test_damage_is_found_by_its_sha256(old: Path) -> None:
 
 @pytest.mark.parametrize("name", ["kitti-object", "nuscenes", "coco"])
 def test_it_is_exported(old: Path, tmp_path: Path, name: str) -> None:
-    summary = export_dataset(old, tmp_path / name, name, ExportOptions(), workers=0)
+    summary = export_dataset(name, old, tmp_path / name, ExportOptions(), workers=0)
     assert summary.frames == 2 * _FRAMES
     assert any((tmp_path / name).rglob("*.*"))
 

@@ -71,7 +71,7 @@ def measure_memory(
         budget_bytes: of the collector's queue.
         disk_bytes_per_s: what the disk takes; less than the sensors bring.
         scratch: where the raw log goes, segment by segment.
-        progress: told of ticks recorded.
+        progress: called with the ticks recorded and their total number.
         running: the server; None starts one.
     """
     spec = planned_episode(_rig(frames))
@@ -130,7 +130,6 @@ def judge(samples: Sequence[Sample], frames: int, budget_bytes: int) -> Verdict:
             Figure("growth_from_second_to_last_tenth", late / early - 1.0, "<=", TOLERANCE),
         ),
         (f"{_CAMERAS} cameras of 320x180 and a LiDAR; {len(samples)} samples.",),
-        command="python -m benchmarks memory --json",
     )
 
 

@@ -84,7 +84,7 @@ def measure_overhead(
         size: of the pictures; targets hold for 1280x720 and less.
         raw_store: how payloads of cameras are stored.
         scratch: where the raw logs go for a moment, on the disk that shall be measured.
-        progress: told of blocks done.
+        progress: called with the blocks done and their total number.
         running: the server; None starts one.
     """
     spec = planned_episode(overhead_rig(ticks, size))
@@ -216,5 +216,4 @@ def judge(
             f"{len(captured)} blocks of each client.",
             "Logging counts the LiDAR, the world and the ledger too, shared out over the cameras.",
         ),
-        command=f"python -m benchmarks overhead --raw-store {raw_store} --json",
     )

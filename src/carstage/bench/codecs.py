@@ -53,7 +53,7 @@ def measure_codecs(
     Args:
         rounds: how often each encodes all records; medians count.
         size: of the pictures.
-        progress: told of encoders done.
+        progress: called with the encoders done and their total number.
     """
     with tempfile.TemporaryDirectory(prefix="carstage-bench-") as name:
         records = _record(Path(name), size)

@@ -1,4 +1,4 @@
-"""Episodes of measurements: planned like a user's, made by a client process that is listened to."""
+"""Episodes of measurements: planned like a user's, made by a client process."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from carstage.server import EmbeddedServer, Endpoint, allot_ports, free_port
 from carstage.spec import EpisodeSpec
 
 Progress = Callable[[int, int], None]
-"""Told how much is done, of how much."""
+"""Called with how much is done, of how much."""
 
 SILENCE_S = 600.0
-"""A client that says nothing for so long hangs; the first pictures of a machine compile kernels."""
+"""A client without an event for so long hangs; the first pictures of a machine compile kernels."""
 _QUEUE_BYTES = 256 * 1024 * 1024
 _SENSOR_WARMUP_TICKS = 3
 _TIMEOUT_S = 60.0
@@ -126,10 +126,10 @@ def record_episode(spec: EpisodeSpec, endpoint: Endpoint, folder: Path) -> None:
 
 
 def events_of(client: CollectorProcess) -> Iterator[dict[str, Any]]:
-    """What a client says until it ends.
+    """The events of a client until it ends.
 
     Raises:
-        CollectorError: it reports an error, ends badly, or says nothing for long.
+        CollectorError: it reports an error, ends badly, or is silent for long.
     """
     recorded = False
     with selectors.DefaultSelector() as selector:
@@ -137,7 +137,7 @@ def events_of(client: CollectorProcess) -> Iterator[dict[str, Any]]:
         while not client.ended:
             if not selector.select(SILENCE_S):
                 raise CollectorError(
-                    f"The client said nothing for {SILENCE_S:.0f} s.", client.log_tail()
+                    f"The client sent no event for {SILENCE_S:.0f} s.", client.log_tail()
                 )
             for event in client.read_events():
                 if event["event"] == "error":
@@ -149,7 +149,7 @@ def events_of(client: CollectorProcess) -> Iterator[dict[str, Any]]:
 
 
 def seals_segment(event: Mapping[str, Any]) -> int | None:
-    """The segment that is now sealed in every stream, if this event says so."""
+    """The segment that is now sealed in every stream, if this event is about that."""
     whole = event["event"] == "segment_sealed" and event["stream"] == "ledger"
     return int(event["segment"]) if whole else None
 

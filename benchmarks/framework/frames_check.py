@@ -18,16 +18,14 @@ from typing import Any
 from benchmarks.framework.faults.streams import DisturbedStreams
 from benchmarks.framework.journal import Sent, digest_of, read_journal
 from benchmarks.framework.late_stream import HeldPicture
+from benchmarks.framework.recordings import drop_segment, seals_segment, server_for
 from carstage.bench.episodes import (
     Progress,
     camera,
     client_plan,
-    drop_segment,
     events_of,
-    looping_server,
     planned_episode,
     roof_sensor,
-    seals_segment,
 )
 from carstage.bench.verdict import Figure, Verdict
 from carstage.execution import CollectorProcess
@@ -145,7 +143,7 @@ def check_frames(
     """
     with (
         tempfile.TemporaryDirectory(prefix="carstage-bench-", dir=scratch) as folder,
-        looping_server(_LOOP, running) as endpoint,
+        server_for(_LOOP, running) as endpoint,
     ):
         found = _compare(endpoint, Path(folder) / "compared", ticks, progress)
         late = _record_late(endpoint, Path(folder) / "late")
@@ -280,8 +278,10 @@ def lateness_in(ledger: list[dict[str, Any]], frame: int) -> Lateness:
 def _collector(
     spec: EpisodeSpec, endpoint: Endpoint, folder: Path, raw: Path, host: str
 ) -> CollectorProcess:
+    plan = client_plan(spec, endpoint, raw)
+    plan["server"]["host"] = host
     return CollectorProcess(
-        client_plan(spec, endpoint, raw, host=host),
+        plan,
         plan_path=folder / "plan.json",
         log_path=folder / "collector.log",
     )

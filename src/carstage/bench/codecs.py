@@ -132,7 +132,7 @@ def _record(folder: Path, size: tuple[int, int]) -> dict[str, list[Record]]:
         }
     )
     arguments = ("--loop-noise", str(_NOISE))
-    with looping_server(_FRAMES, arguments=arguments) as endpoint:
+    with looping_server(_FRAMES, arguments) as endpoint:
         record_episode(spec, endpoint, folder)
     log = EpisodeLog(folder / "raw")
     return {

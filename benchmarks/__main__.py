@@ -1,4 +1,4 @@
-"""``python -m benchmarks NAME [--json]``; ``--list`` says what there is."""
+"""``python -m benchmarks NAME [--json]``; ``--list`` shows what there is."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import typer
 import benchmarks.framework.commands
 import benchmarks.simulator.commands  # noqa: F401 - both register their commands
 from benchmarks.registry import BENCHMARKS, app
+from carstage.cli.output import enable_debug
 
 
 def _print_list(wanted: bool) -> None:
@@ -31,8 +32,11 @@ def _options(
             help="Say what each benchmark shows and how long it takes on two cores.",
         ),
     ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks.")] = False,
 ) -> None:
     del listed
+    if debug:
+        enable_debug()
 
 
 if __name__ == "__main__":

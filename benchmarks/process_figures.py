@@ -1,4 +1,4 @@
-"""What the kernel says of a process, besides ``carstage.bench.process_figures``."""
+"""What the kernel reports of a process, besides ``carstage.bench.process_figures``."""
 
 from __future__ import annotations
 

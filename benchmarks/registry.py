@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ParamSpec
+from typing import Any, ParamSpec
 
 import typer
 
+from carstage.cli.bench import Judged, report_verdict
 from carstage.cli.output import command
 
 app = typer.Typer(
@@ -52,3 +55,20 @@ def benchmark(
         return added
 
     return add
+
+
+def command_line() -> str:
+    """The command that was given, for records of results."""
+    return shlex.join(["python", "-m", "benchmarks", *sys.argv[1:]])
+
+
+def report(verdict: Judged, json: bool, text: str = "", **rows: Any) -> int:
+    """Print a verdict, with the command that was given, and return the exit code.
+
+    Args:
+        verdict: what was measured.
+        json: whether the last line is the JSON object.
+        text: follows the verdict's.
+        rows: what the JSON object holds besides the verdict.
+    """
+    return report_verdict(verdict, json, text, command=command_line(), **rows)

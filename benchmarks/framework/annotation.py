@@ -41,7 +41,7 @@ _NEAREST_M, _FARTHEST_M = 7.5, 75.0
 _CAMERA: Final = "CAM"
 
 # Blueprint, class attribute, tag, half extents (m); drawn in turn.
-_CAST: Final = (
+_ACTOR_TYPES: Final = (
     ("vehicle.tesla.model3", "car", 14, (2.40, 1.08, 0.74)),
     ("vehicle.carlamotors.carlacola", "truck", 15, (2.60, 1.31, 1.23)),
     ("walker.pedestrian.0001", "", 12, (0.19, 0.19, 0.93)),
@@ -59,7 +59,7 @@ def measure_annotation(
 
     Args:
         frames: how often, by each method.
-        progress: told of frames done.
+        progress: called with the frames done and their total number.
     """
     crowd = Crowd()
     images = {_CAMERA: crowd.pictures()}
@@ -98,7 +98,6 @@ def judge(cpu_ms: Mapping[str, float], objects: int, hull_px: int, slow: float) 
             "One camera of 1280x720; all tables of a frame, with boxes and masks; decoding of the "
             "instance picture included, reading and writing not.",
         ),
-        command="python -m benchmarks annotation --json",
     )
 
 
@@ -110,9 +109,9 @@ class Crowd:
         distance = _NEAREST_M * (_FARTHEST_M / _NEAREST_M) ** (np.arange(ACTORS) / (ACTORS - 1))
         bearing = np.radians(rng.permutation(np.linspace(-40.0, 40.0, ACTORS)))
         self._ids = np.arange(ACTORS, dtype=np.uint32) + 100
-        self._cast = [_CAST[number % len(_CAST)] for number in range(ACTORS)]
-        self._extent = np.array([extent for *_, extent in self._cast])
-        is_walker = np.array([name.startswith("walker") for name, *_ in self._cast])
+        self._types = [_ACTOR_TYPES[number % len(_ACTOR_TYPES)] for number in range(ACTORS)]
+        self._extent = np.array([extent for *_, extent in self._types])
+        is_walker = np.array([name.startswith("walker") for name, *_ in self._types])
         pivot_z = np.where(is_walker, self._extent[:, 2], 0.0) - _EYE_M
         location = np.stack(
             [distance * np.cos(bearing), distance * np.sin(bearing), pivot_z], axis=-1
@@ -127,9 +126,9 @@ class Crowd:
 
     def labeller(self, method: str) -> EpisodeLabeller:
         """A labeller of this scene by ``stage_vo`` or ``pixels``."""
-        actors = {_EGO_ID: _actor(_EGO_ID, _CAST[0], np.zeros(3))}
+        actors = {_EGO_ID: _actor(_EGO_ID, _ACTOR_TYPES[0], np.zeros(3))}
         for actor_id, one, location in zip(
-            self._ids.tolist(), self._cast, self._box_location, strict=True
+            self._ids.tolist(), self._types, self._box_location, strict=True
         ):
             actors[actor_id] = _actor(actor_id, one, location)
         return EpisodeLabeller(_header(method), actors)
@@ -147,7 +146,7 @@ class Crowd:
         bgra = np.zeros((height, width, 4), dtype=np.uint8)
         bgra[..., 2] = np.where(depth < 1000.0, _ROAD_TAG, 0)
         for actor_id, one, pose, extent in zip(
-            self._ids.tolist(), self._cast, self._world_from_box, self._extent, strict=True
+            self._ids.tolist(), self._types, self._world_from_box, self._extent, strict=True
         ):
             window = _window(k, pose, _SOLID * extent)
             enter = _entry(rays[window], pose, _SOLID * extent)

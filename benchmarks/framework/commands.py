@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from benchmarks.registry import benchmark
-from carstage.cli.bench import Json, report_verdict
+from benchmarks.registry import benchmark, command_line, report
+from carstage.cli.bench import Json
 from carstage.cli.output import note
 
 Scratch = Annotated[
@@ -50,7 +50,7 @@ def overhead(
             scratch=scratch,
             progress=progress,
         )
-    return report_verdict(verdict, json)
+    return report(verdict, json)
 
 
 @benchmark("conversion", takes="1 minute")
@@ -68,7 +68,7 @@ def conversion(
         verdict = measure_conversion(
             frames=frames, rounds=rounds, scratch=scratch, progress=progress
         )
-    return report_verdict(verdict, json)
+    return report(verdict, json)
 
 
 @benchmark("hashing", takes="1 minute")
@@ -79,7 +79,7 @@ def hashing(
     """What hashing costs by BLAKE3, against the SHA-256 that it replaced."""
     from benchmarks.framework.hashing import measure_hashing
 
-    return report_verdict(measure_hashing(rounds), json)
+    return report(measure_hashing(rounds), json)
 
 
 @benchmark("memory", takes="20 minutes")
@@ -94,7 +94,7 @@ def memory(
 
     with watch_steps("Ticks", "ticks") as progress:
         verdict = measure_memory(frames=frames, scratch=scratch, progress=progress)
-    return report_verdict(verdict, json)
+    return report(verdict, json)
 
 
 @benchmark("frames-check", takes="15 minutes")
@@ -109,7 +109,7 @@ def frames_check(
 
     with watch_steps("Ticks", "ticks") as progress:
         verdict = check_frames(ticks=ticks, scratch=scratch, progress=progress)
-    return report_verdict(verdict, json)
+    return report(verdict, json)
 
 
 @benchmark("labels", takes="30 minutes")
@@ -130,7 +130,7 @@ def labels(
         verdict, objects = measure_labels(
             towns=towns or TOWNS, scenes=scenes, maps=maps, scratch=scratch, progress=progress
         )
-    return report_verdict(verdict, json, objects=objects)
+    return report(verdict, json, objects=objects)
 
 
 @benchmark("annotation", takes="1 minute")
@@ -144,7 +144,7 @@ def annotation(
 
     with watch_steps("Frames", "frames") as progress:
         verdict = measure_annotation(frames=frames, progress=progress)
-    return report_verdict(verdict, json)
+    return report(verdict, json)
 
 
 @benchmark("faults", takes="90 minutes")
@@ -169,7 +169,7 @@ def faults(
         count=n, seed=seed, kinds=kind or (), scratch=scratch, minutes=minutes, notify=note
     )
     rows = {"kinds": table(trials), "trials": [asdict(trial) for trial in trials]}
-    return report_verdict(verdict, json, table_text(trials), **rows)
+    return report(verdict, json, table_text(trials), **rows)
 
 
 @benchmark("gui", takes="8 minutes")
@@ -192,8 +192,9 @@ def gui(
     with watch_steps("Watched", "s") as progress:
         verdict = measure_gui(minutes=minutes, scratch=scratch, progress=progress)
     if out is not None:
-        out.write_text(dumps(verdict.record(), indent=1) + "\n", "utf-8")
-    return report_verdict(verdict, json)
+        record = {**verdict.record(), "command": command_line()}
+        out.write_text(dumps(record, indent=1) + "\n", "utf-8")
+    return report(verdict, json)
 
 
 @benchmark("demo", takes="5 minutes")
@@ -201,7 +202,7 @@ def demo(json: Json = False) -> int:
     """How long the demo takes a new user, with empty and with warm caches, and its memory."""
     from benchmarks.framework.demo import measure_demo
 
-    return report_verdict(measure_demo(), json)
+    return report(measure_demo(), json)
 
 
 @benchmark("demo-against", takes="8 minutes")
@@ -219,4 +220,4 @@ def demo_against(
 
     with watch_steps("Demos", "demos") as progress:
         verdict = measure_demo_against(python, rounds, scratch, progress)
-    return report_verdict(verdict, json)
+    return report(verdict, json)

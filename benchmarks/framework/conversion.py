@@ -49,7 +49,7 @@ def measure_conversion(
         rounds: how often both are measured; medians count.
         size: of the pictures.
         scratch: where raw log and files go, on the disk that shall be measured.
-        progress: told of rounds done.
+        progress: called with the rounds done and their total number.
     """
     with tempfile.TemporaryDirectory(prefix="carstage-bench-", dir=scratch) as name:
         folder = Path(name)
@@ -65,7 +65,7 @@ def compare(raw: Path, camera_id: str, files: Path, rounds: int, progress: Progr
         camera_id: the camera.
         files: folder that the files are written to, and removed from, in each round.
         rounds: how often.
-        progress: told of rounds done.
+        progress: called with the rounds done and their total number.
     """
     name, codec = codec_for("rgb")
     sensor = RecordedSensor(camera_id, "rgb", name)
@@ -86,17 +86,17 @@ def compare(raw: Path, camera_id: str, files: Path, rounds: int, progress: Progr
         return [path.read_bytes() for path in sorted(files.rglob("*.png"))]
 
     encode()  # buffers are made once
-    alone, whole, hashes = [], [], []
+    encoding, whole, hashes = [], [], []
     written = 0
     for number in range(rounds):
-        alone.append(_cpu_ms(encode) / len(records))
+        encoding.append(_cpu_ms(encode) / len(records))
         whole.append(_cpu_ms(convert) / len(records))
         made = contents()
         written = sum(len(content) for content in made)
         hashes.append(_cpu_ms(_hash, made) / len(made))
         shutil.rmtree(files)
         progress(number + 1, rounds)
-    encoder_ms, conversion_ms = statistics.median(alone), statistics.median(whole)
+    encoder_ms, conversion_ms = statistics.median(encoding), statistics.median(whole)
     return Verdict(
         "conversion",
         (
@@ -109,7 +109,6 @@ def compare(raw: Path, camera_id: str, files: Path, rounds: int, progress: Progr
             Figure("conversion_of_encoder", conversion_ms / encoder_ms, "<=", TARGET_RATIO),
         ),
         (f"Codec {name}; conversion reads the log, encodes, writes the file and hashes it.",),
-        command="python -m benchmarks conversion --json",
     )
 
 

@@ -98,7 +98,6 @@ def measure_demo() -> Verdict:
             *_figures("warm", warm, TARGET_WARM_S * factor),
         ),
         ("targets in seconds are scaled by the machine's slowness",),
-        command="python -m benchmarks demo --json",
     )
 
 

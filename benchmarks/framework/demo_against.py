@@ -84,5 +84,4 @@ def measure_demo_against(
             Figure("cpu_s_other", statistics.median(seconds[1])),
         ),
         [*found.differences[:20], *(f"only one has {name}" for name in sorted(found.renamed))],
-        command=f"python -m benchmarks demo-against PYTHON --rounds {rounds}",
     )

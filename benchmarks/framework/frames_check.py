@@ -1,9 +1,9 @@
 """Does the log hold, under each frame, what the server sent for that frame?
 
-While the collector records eight sensors, a second client (the witness) subscribes to the same
-streams and notes frame, time and a digest of everything that comes. Each record of the raw log is
-compared with what the witness saw under that frame number. A second, short recording goes through a
-proxy that holds one picture back: the ledger must name that frame and that sensor.
+While the collector records eight sensors, a second client, the stream recorder, subscribes to the
+same streams. It notes frame, time and a digest of each message. Each record of the raw log is
+compared with the message of that frame number. A second, short recording goes through a proxy that
+holds one picture back: the ledger must name that frame and that sensor.
 """
 
 from __future__ import annotations
@@ -18,16 +18,14 @@ from typing import Any
 from benchmarks.framework.faults.streams import DisturbedStreams
 from benchmarks.framework.journal import Sent, digest_of, read_journal
 from benchmarks.framework.late_stream import HeldPicture
+from benchmarks.framework.recordings import drop_segment, seals_segment, server_for
 from carstage.bench.episodes import (
     Progress,
     camera,
     client_plan,
-    drop_segment,
     events_of,
-    looping_server,
     planned_episode,
     roof_sensor,
-    seals_segment,
 )
 from carstage.bench.verdict import Figure, Verdict
 from carstage.execution import CollectorProcess
@@ -50,10 +48,10 @@ _LATE_S = 1.5
 for another second."""
 
 _WARMUP_TICKS = 200
-"""Time for the witness to subscribe: it has to see the sensors first."""
+"""Time for the stream recorder to subscribe: it has to find the sensors first."""
 
 _LAST_TICKS = 5
-"""Recorded and not compared: what was sent last may be lost to the witness with the sensors."""
+"""Recorded and not compared: the stream recorder may miss what was sent last, with the sensors."""
 
 _SAME_TIME_S = 1e-6
 _BGRA = 4
@@ -68,7 +66,7 @@ class Comparison:
         records: records of sensors that were compared.
         wrong: by sensor and kind of fault, how many records or rows.
         changed: records whose data differ from those of the tick before; only there a record under
-            the wrong frame can be told.
+            the wrong frame can be noticed.
     """
 
     ticks: int = 0
@@ -91,7 +89,7 @@ class Comparison:
     ) -> None:
         """Note a sensor's record of that row, and what was sent for its frame."""
         if record is None or sent is None:
-            self.wrong[sensor, "no record" if record is None else "not witnessed"] += 1
+            self.wrong[sensor, "no record" if record is None else "no message"] += 1
             return
         self.records += 1
         self.changed += record.digest != self._last.get(sensor)
@@ -115,7 +113,7 @@ class Recorded:
 
 @dataclass(frozen=True, slots=True)
 class Lateness:
-    """What the ledger says of a recording in which one picture came late.
+    """What the ledger holds of a recording in which one picture came late.
 
     Attributes:
         frame: the frame of that picture.
@@ -135,17 +133,17 @@ def check_frames(
     progress: Progress = lambda done, total: None,
     running: Endpoint | None = None,
 ) -> Verdict:
-    """Record, witness and compare; then record with one late picture.
+    """Record, listen along and compare; then record with one late picture.
 
     Args:
         ticks: that are compared.
         scratch: where the raw log goes, segment by segment.
-        progress: told of ticks recorded.
+        progress: called with the ticks recorded and their total number.
         running: the server, its streaming port behind its RPC port; None starts one.
     """
     with (
         tempfile.TemporaryDirectory(prefix="carstage-bench-", dir=scratch) as folder,
-        looping_server(_LOOP, running) as endpoint,
+        server_for(_LOOP, running) as endpoint,
     ):
         found = _compare(endpoint, Path(folder) / "compared", ticks, progress)
         late = _record_late(endpoint, Path(folder) / "late")
@@ -165,7 +163,6 @@ def check_frames(
             *(f"{fault}: {count}" for fault, count in wrong.items()),
             f"Frame {late.frame} of {_LATE_SENSOR} was held back for {_LATE_S:g} s.",
         ),
-        command="python -m benchmarks frames-check --json",
     )
 
 
@@ -201,9 +198,9 @@ def _compare(endpoint: Endpoint, folder: Path, ticks: int, progress: Progress) -
     raw, journal = folder / "raw", folder / "journal"
     spec = _spec(ticks + _LAST_TICKS, _WARMUP_TICKS, "wait")
     records: dict[tuple[str, int], Recorded] = {}
-    with _witness(endpoint, spec, folder, journal) as witness:
-        told = events_of(witness)
-        _await(told, "witness_waits")
+    with _stream_recorder(endpoint, spec, folder, journal) as recorder:
+        reported = events_of(recorder)
+        _await(reported, "recorder_waits")
         with _collector(spec, endpoint, folder, raw, endpoint.host) as collector:
             for event in events_of(collector):
                 if event["event"] == "tick":
@@ -212,9 +209,9 @@ def _compare(endpoint: Endpoint, folder: Path, ticks: int, progress: Progress) -
                 if segment is not None:
                     records.update(_digests(raw, spec, segment))
                     drop_segment(raw, segment, (sensor.id for sensor in spec.sensors))
-        _await(told, "witness_listens")
-        witness.stop()
-        _await(told, "episode_recorded")
+        _await(reported, "recorder_listens")
+        recorder.stop()
+        _await(reported, "episode_recorded")
     return _compared(raw, spec, ticks, records, read_journal(journal))
 
 
@@ -265,7 +262,7 @@ def _record_late(endpoint: Endpoint, folder: Path) -> Lateness:
 
 
 def lateness_in(ledger: list[dict[str, Any]], frame: int) -> Lateness:
-    """What a ledger says of the frame that was held back, and of the others."""
+    """What a ledger holds of the frame that was held back, and of the others."""
     rows = {row["frame"]: row["sensors"] for row in ledger}
     blamed = [
         (number, sensor)
@@ -281,14 +278,16 @@ def lateness_in(ledger: list[dict[str, Any]], frame: int) -> Lateness:
 def _collector(
     spec: EpisodeSpec, endpoint: Endpoint, folder: Path, raw: Path, host: str
 ) -> CollectorProcess:
+    plan = client_plan(spec, endpoint, raw)
+    plan["server"]["host"] = host
     return CollectorProcess(
-        client_plan(spec, endpoint, raw, host=host),
+        plan,
         plan_path=folder / "plan.json",
         log_path=folder / "collector.log",
     )
 
 
-def _witness(
+def _stream_recorder(
     endpoint: Endpoint, spec: EpisodeSpec, folder: Path, journal: Path
 ) -> CollectorProcess:
     plan = {
@@ -301,8 +300,8 @@ def _witness(
     }
     return CollectorProcess(
         plan,
-        plan_path=folder / "witness.json",
-        log_path=folder / "witness.log",
+        plan_path=folder / "stream-recorder.json",
+        log_path=folder / "stream-recorder.log",
         module="benchmarks.framework.clients.stream_recorder",
     )
 

@@ -1,4 +1,4 @@
-"""What the witness writes: one entry per message of a sensor."""
+"""What the stream recorder writes: one entry per message of a sensor."""
 
 from __future__ import annotations
 

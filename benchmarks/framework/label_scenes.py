@@ -1,6 +1,6 @@
-"""Recorded scenes with the truth about each object's pixels, as the client ``alone`` writes them.
+"""Scenes that ``clients.isolated_objects`` recorded, with the truth about each object's pixels.
 
-A raw log with the streams that labels need and two more. ``ALONE``: for each object that was
+A raw log with the streams that labels need and two more. ``ISOLATED``: for each object that was
 placed, which pixels it covers when it is the only thing there is. ``TAKEN_AWAY``: for some of them
 and some of the level, which pixels show something else without it.
 """
@@ -22,7 +22,7 @@ from carstage.rawlog.reader import ActorInfo, EpisodeLog, Record, WorldFrame
 CAMERA: Final = "CAM"
 DEPTH: Final = "CAM.depth"
 INSTANCE: Final = "CAM.instance"
-ALONE: Final = "alone"
+ISOLATED: Final = "isolated"
 TAKEN_AWAY: Final = "taken_away"
 LEVEL_KINDS: Final = ("parked_vehicles", "traffic_lights", "traffic_signs")
 SCENES_FPS: Final = 20.0
@@ -40,7 +40,7 @@ def episode_header(
 
     Args:
         plan: the client's.
-        server_version: what the server says.
+        server_version: as the server reports it.
         ego_id: the vehicle that stands for the ego; no camera sees it.
         camera_id: the actor whose pose is the camera's.
         timestamp_s: of the first scene.
@@ -82,13 +82,13 @@ class IsolatedTruth:
 
     Attributes:
         actor: the object.
-        alone: ``(H, W)`` which pixels it covers without anything else.
+        isolated: ``(H, W)`` which pixels it covers without anything else.
         visible: ``(H, W)`` which pixels of the scene's picture are its own.
         missed: ``(H, W)`` which pixels' depth is another without it; None: it was not taken away.
     """
 
     actor: ActorInfo
-    alone: NDArray[np.bool_]
+    isolated: NDArray[np.bool_]
     visible: NDArray[np.bool_]
     missed: NDArray[np.bool_] | None = None
 
@@ -102,7 +102,7 @@ class LabelScene:
         world: its state.
         depth_m: ``(H, W)`` float32 z-depth.
         instance_bgra: ``(H, W, 4)`` uint8.
-        truths: the objects that cover a pixel when they are alone.
+        truths: the objects that cover a pixel when nothing else is there.
         missed: by id of a level object that was taken away, ``(H, W)`` where the depth is another.
     """
 
@@ -121,7 +121,7 @@ def read_scenes(log: EpisodeLog) -> Iterator[LabelScene]:
         name: {record.tick: record for record in log.read_segment(name, 0)}
         for name in (DEPTH, INSTANCE)
     }
-    alone, taken_away = _by_scene(log, ALONE), _by_scene(log, TAKEN_AWAY)
+    isolated, taken_away = _by_scene(log, ISOLATED), _by_scene(log, TAKEN_AWAY)
     for world in log.world_frames(0):
         instance_bgra = _bgra(pictures[INSTANCE][world.tick])
         ids, _ = decode_instance_bgra(instance_bgra)
@@ -136,7 +136,7 @@ def read_scenes(log: EpisodeLog) -> Iterator[LabelScene]:
                 ids == record.meta["actor"] & 0xFFFF,
                 missed.get((record.meta["actor"], None)),
             )
-            for record in alone.get(world.tick, ())
+            for record in isolated.get(world.tick, ())
             if record.meta["width"]
         )
         yield LabelScene(
@@ -164,7 +164,7 @@ def _bgra(record: Record) -> NDArray[np.uint8]:
 
 
 def _whole(record: Record, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """A lone object's pixels in the whole image."""
+    """An isolated object's pixels in the whole image."""
     mask = np.zeros(shape, dtype=np.bool_)
     meta = record.meta
     crop = np.frombuffer(record.payload, np.bool_).reshape(meta["height"], meta["width"])

@@ -57,7 +57,7 @@ class Finding:
         town: where.
         object_class: what.
         visible_px: its pixels, in truth.
-        alone_px: its pixels, were it the only thing there is.
+        isolated_px: its pixels, were it the only thing there is.
         outside_px: pixels of the lone object outside the silhouette of its inflated box.
         stray_px: visible pixels that the lone object does not have; the truth disagrees with
             itself by so much.
@@ -68,7 +68,7 @@ class Finding:
     town: str
     object_class: str
     visible_px: int
-    alone_px: int
+    isolated_px: int
     outside_px: int
     stray_px: int
     labels: Mapping[str, Estimate]
@@ -77,7 +77,7 @@ class Finding:
     @property
     def ratio(self) -> float:
         """The true occlusion."""
-        return max(0.0, 1.0 - self.visible_px / self.alone_px)
+        return max(0.0, 1.0 - self.visible_px / self.isolated_px)
 
     @property
     def visible(self) -> bool:

@@ -1,9 +1,9 @@
 """Are the labels true? Their figures against exact truth from the embedded simulator.
 
-A client stages scenes in several towns (``clients.alone``): it records what labels are made from,
-and each object alone, as no dataset can. The labeller, as it ships, labels the scenes; what it says
-of visible pixels, occlusion, 2D boxes and visibility is compared with what the pictures of the
-scene and of the lone object show.
+A client (``clients.isolated_objects``) sets up scenes in several towns. It records what labels are
+made from, and each object isolated, as no dataset can. The labeller, as it ships, labels the
+scenes. Its visible pixels, occlusion, 2D boxes and visibility are compared with what the pictures
+of the scene and of the isolated object show.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def measure_labels(
     maps: Path | None = None,
     taken_away: int = TAKEN_AWAY,
 ) -> tuple[Verdict, dict[str, dict[str, int]]]:
-    """Stage, label and compare.
+    """Set up scenes, label and compare.
 
     Args:
         towns: where.
@@ -84,7 +84,7 @@ def measure_labels(
         size: of the pictures (px).
         seed: what the scenes are drawn from.
         scratch: where the raw logs go.
-        progress: told of scenes done.
+        progress: called with the scenes done and their total number.
         running: the server; None starts one.
         maps: folder of OpenDRIVE files, for towns of which the simulator has none.
         taken_away: the most actors, and the most level objects, of a scene that are taken away.
@@ -134,7 +134,6 @@ def measure_labels(
                 f"{size[0]}x{size[1]}; objects within {MAX_DISTANCE_M:g} m of which the lone "
                 "picture shows a pixel.",
             ),
-            command=f"python -m benchmarks labels --scenes {scenes} --json",
         ),
         table(
             [
@@ -231,9 +230,9 @@ def _finding(
         town=town,
         object_class=object_class(truth.actor) or "",
         visible_px=visible_px,
-        alone_px=int(truth.alone.sum()),
-        outside_px=int((~inside_polygon(truth.alone, hull)).sum()),
-        stray_px=int((truth.visible & ~truth.alone).sum()),
+        isolated_px=int(truth.isolated.sum()),
+        outside_px=int((~inside_polygon(truth.isolated, hull)).sum()),
+        stray_px=int((truth.visible & ~truth.isolated).sum()),
         missed_px=None if truth.missed is None else int(truth.missed.sum()),
         labels=labels,
     )

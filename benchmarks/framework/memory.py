@@ -13,16 +13,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from benchmarks.framework.recordings import drop_segment, seals_segment, server_for
 from carstage.bench.episodes import (
     Progress,
     camera,
     client_plan,
-    drop_segment,
     events_of,
-    looping_server,
     planned_episode,
     roof_sensor,
-    seals_segment,
 )
 from carstage.bench.process_figures import resident_bytes
 from carstage.bench.verdict import Figure, Verdict
@@ -71,19 +69,19 @@ def measure_memory(
         budget_bytes: of the collector's queue.
         disk_bytes_per_s: what the disk takes; less than the sensors bring.
         scratch: where the raw log goes, segment by segment.
-        progress: told of ticks recorded.
+        progress: called with the ticks recorded and their total number.
         running: the server; None starts one.
     """
     spec = planned_episode(_rig(frames))
     samples: list[Sample] = []
     with (
         tempfile.TemporaryDirectory(prefix="carstage-bench-", dir=scratch) as name,
-        looping_server(_LOOP, running) as endpoint,
+        server_for(_LOOP, running) as endpoint,
     ):
         folder = Path(name)
-        plan = client_plan(spec, endpoint, folder / "raw", queue_bytes=budget_bytes)
+        plan = client_plan(spec, endpoint, folder / "raw")
         client = CollectorProcess(
-            {**plan, "disk_bytes_per_s": disk_bytes_per_s},
+            {**plan, "queue_bytes": budget_bytes, "disk_bytes_per_s": disk_bytes_per_s},
             plan_path=folder / "plan.json",
             log_path=folder / "collector.log",
             module=_CLIENT,
@@ -130,7 +128,6 @@ def judge(samples: Sequence[Sample], frames: int, budget_bytes: int) -> Verdict:
             Figure("growth_from_second_to_last_tenth", late / early - 1.0, "<=", TOLERANCE),
         ),
         (f"{_CAMERAS} cameras of 320x180 and a LiDAR; {len(samples)} samples.",),
-        command="python -m benchmarks memory --json",
     )
 
 

@@ -17,18 +17,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.framework.recordings import drop_segment, seals_segment, server_for
 from benchmarks.process_figures import main_thread_cpu_s
 from carstage.bench.calibration import slowness
 from carstage.bench.episodes import (
     Progress,
     camera,
     client_plan,
-    drop_segment,
     events_of,
-    looping_server,
     planned_episode,
     roof_sensor,
-    seals_segment,
 )
 from carstage.bench.process_figures import process_cpu_s
 from carstage.bench.verdict import Figure, Verdict
@@ -84,7 +82,7 @@ def measure_overhead(
         size: of the pictures; targets hold for 1280x720 and less.
         raw_store: how payloads of cameras are stored.
         scratch: where the raw logs go for a moment, on the disk that shall be measured.
-        progress: told of blocks done.
+        progress: called with the blocks done and their total number.
         running: the server; None starts one.
     """
     spec = planned_episode(overhead_rig(ticks, size))
@@ -93,7 +91,7 @@ def measure_overhead(
     slow: list[float] = []
     with (
         tempfile.TemporaryDirectory(prefix="carstage-bench-", dir=scratch) as folder,
-        looping_server(_LOOP, running) as endpoint,
+        server_for(_LOOP, running) as endpoint,
     ):
         for number in range(rounds):
             slow.append(slowness())
@@ -139,7 +137,7 @@ def _block(
     end: tuple[float, float, float] | None = None
     points = 0
     client = CollectorProcess(
-        client_plan(spec, endpoint, raw, raw_store=raw_store),
+        {**client_plan(spec, endpoint, raw), "raw_store": raw_store},
         plan_path=folder / "plan.json",
         log_path=folder / "client.log",
         module=module,
@@ -216,5 +214,4 @@ def judge(
             f"{len(captured)} blocks of each client.",
             "Logging counts the LiDAR, the world and the ledger too, shared out over the cameras.",
         ),
-        command=f"python -m benchmarks overhead --raw-store {raw_store} --json",
     )

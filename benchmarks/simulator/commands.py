@@ -10,15 +10,15 @@ from typing import Annotated
 import typer
 
 from benchmarks.campaign import Campaign
-from benchmarks.registry import benchmark
+from benchmarks.registry import benchmark, report
 from carstage.bench.verdict import Figure, Verdict
-from carstage.cli.bench import Json, report_verdict
+from carstage.cli.bench import Json
 
 Seed = Annotated[int, typer.Option(help="What is drawn, is drawn from it.")]
 Fps = Annotated[int, typer.Option(min=1, help="Ticks per simulated second.")]
 Map = Annotated[str, typer.Option(help="Map that the server starts with.")]
 Towns = Annotated[
-    list[str] | None, typer.Option("--town", help="This town and no other. Repeatable.")
+    list[str] | None, typer.Option("--towns", help="This town and no other. Repeatable.")
 ]
 Maps = Annotated[Path | None, typer.Option(help="Folder with OpenDRIVE files of CARLA's towns.")]
 Full = Annotated[bool, typer.Option("--full", help="In each of the stages and of CARLA's towns.")]
@@ -38,7 +38,7 @@ class BaseType(str, Enum):
 def _report(name: str, measure: Callable[[], Verdict | Campaign], json: bool) -> int:
     """Print what ``measure`` finds; a server or trial that fails is a bad verdict."""
     from benchmarks.simulator.client_process import TrialError
-    from benchmarks.simulator.server_process import ServerError
+    from carstage.errors import ServerError
     from carstage_sim.render.gpu.device import NoGpuError
 
     verdict: Verdict | Campaign
@@ -46,7 +46,7 @@ def _report(name: str, measure: Callable[[], Verdict | Campaign], json: bool) ->
         verdict = measure()
     except (ServerError, TrialError, NoGpuError) as error:
         verdict = Verdict(name, (), (str(error),), completed=False)
-    return report_verdict(verdict, json)
+    return report(verdict, json)
 
 
 def _towns(towns: Sequence[str] | None, full: bool, maps: Path | None) -> Sequence[str]:
@@ -148,7 +148,7 @@ def walkers(
         int | None, typer.Option("--walkers", help="In each town; default 20, with --full 50.")
     ] = None,
     seconds: Annotated[float, typer.Option(help="Simulated, in each town.")] = 60.0,
-    town: Towns = None,
+    towns: Towns = None,
     maps: Maps = None,
     fps: Fps = 20,
     seed: Seed = 7,
@@ -161,7 +161,7 @@ def walkers(
     def measure() -> Campaign:
         with carla_maps(maps) as folder:
             return check_walkers(
-                _towns(town, full, folder),
+                _towns(towns, full, folder),
                 walkers=(50 if full else 20) if count is None else count,
                 seconds=seconds,
                 fps=fps,
@@ -182,12 +182,12 @@ def traffic(
     seconds: Annotated[
         float | None, typer.Option(help="Simulated, in each town; default 120, with --full 600.")
     ] = None,
-    base_type: Annotated[list[BaseType] | None, typer.Option(help="Repeatable.")] = None,
+    base_types: Annotated[list[BaseType] | None, typer.Option(help="Repeatable.")] = None,
     save: Annotated[Path | None, typer.Option(help="Folder to keep recordings in.")] = None,
     judge: Annotated[
         Path | None, typer.Option(help="Judge a folder's recordings, drive nowhere.")
     ] = None,
-    town: Towns = None,
+    towns: Towns = None,
     maps: Maps = None,
     fps: Fps = 20,
     seed: Seed = 7,
@@ -204,13 +204,13 @@ def traffic(
             return judge_saved(judge)
         with carla_maps(maps) as folder:
             return check_traffic(
-                _towns(town, full, folder),
+                _towns(towns, full, folder),
                 vehicles=defaults[0] if vehicles is None else vehicles,
                 walkers=defaults[1] if count is None else count,
                 seconds=defaults[2] if seconds is None else seconds,
                 fps=fps,
                 seed=seed,
-                base_types=[kind.value for kind in base_type or (BaseType.CAR,)],
+                base_types=[kind.value for kind in base_types or (BaseType.CAR,)],
                 server_arguments=() if folder is None else ("--maps", str(folder)),
                 save_in=save,
             )
@@ -261,7 +261,7 @@ def gpu(
 @benchmark("conformance", takes="4 minutes")
 def conformance(
     software: Annotated[bool, typer.Option("--software", help="A driver on the CPU.")] = False,
-    town: Towns = None,
+    towns: Towns = None,
     cameras: Annotated[int, typer.Option(help="In each town.")] = 6,
     width: int = 1280,
     height: int = 720,
@@ -274,7 +274,7 @@ def conformance(
     return _report(
         "conformance",
         lambda: check_conformance(
-            ["Stage01"] if town is None else town,
+            ["Stage01"] if towns is None else towns,
             software=software,
             cameras=cameras,
             size=(width, height),

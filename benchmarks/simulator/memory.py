@@ -165,4 +165,4 @@ def check_memory(
             Figure(f"largest_deviation_in_{phase.name}", phase.spread, "<=", FLAT),
         ]
     figures += [Figure("open_files_at_the_end", files), Figure("threads_at_the_end", count)]
-    return Verdict("memory", tuple(figures))
+    return Verdict("server-memory", tuple(figures))

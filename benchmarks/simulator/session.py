@@ -11,7 +11,6 @@ one batch.
 from __future__ import annotations
 
 import random
-import socket
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -19,18 +18,11 @@ from dataclasses import dataclass
 import carla
 
 from benchmarks.simulator.ticking import WatchedClock
+from carstage.server import free_port
 
 _TIMEOUT_S = 60.0
 _STRETCH_M = 9.0
 _DROP_M = 0.5
-
-
-def free_port() -> int:
-    """A TCP port of the loopback interface that nothing listened on a moment ago."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-    return port
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,9 +16,10 @@ from shapely.geometry.base import BaseGeometry
 
 from benchmarks.campaign import Campaign
 from benchmarks.simulator.client_process import TrialError, run_trial
-from benchmarks.simulator.server_process import ServerError, running_server
+from benchmarks.simulator.server_process import running_server
 from benchmarks.simulator.session import spawn_walkers, synchronous_session
 from carstage.bench.verdict import Figure, Verdict
+from carstage.errors import ServerError
 
 TOLERANCE_M = 0.5
 TO_THE_KERB_M = 5.0

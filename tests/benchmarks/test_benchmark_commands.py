@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
+import typer.main
 from typer.testing import CliRunner
 
 import benchmarks.__main__  # noqa: F401 - registers the commands
 from benchmarks.registry import BENCHMARKS, app
 from carstage.bench.verdict import Figure, Verdict
+from carstage.errors import ServerError
+
+ROOT = Path(__file__).parents[2]
+LATER = ("carla", "numba", "numpy", "benchmarks.framework.overhead", "benchmarks.simulator.traffic")
+"""Modules that only some benchmarks need."""
 
 MEASURED = {
     "overhead": "benchmarks.framework.overhead.measure_overhead",
@@ -41,6 +52,7 @@ def test_a_measurement_ends_with_its_verdict_and_one_json_object(
         "target": 2,
         "ok": ok,
     }
+    assert printed["command"].startswith("python -m benchmarks ")
     assert "1 of 2" in ended.stderr
 
 
@@ -84,3 +96,68 @@ def test_the_list_says_what_each_shows_and_how_long_it_takes() -> None:
         assert entry.takes in line
         assert line.endswith(entry.shows)
         assert entry.shows.endswith(".")
+
+
+@pytest.mark.parametrize("ok", [True, False])
+@pytest.mark.parametrize(
+    ("name", "function"),
+    {
+        "budget": "benchmarks.simulator.budget.check_budget",
+        "server-memory": "benchmarks.simulator.memory.check_memory",
+        "conformance": "benchmarks.simulator.conformance.check_conformance",
+    }.items(),
+)
+def test_a_check_of_the_simulator_ends_alike(
+    monkeypatch: pytest.MonkeyPatch, name: str, function: str, ok: bool
+) -> None:
+    monkeypatch.setattr(function, lambda *_, **__: Verdict(name, (Figure("x", int(ok), "==", 1),)))
+    ended = CliRunner().invoke(app, [name, "--json"])
+    assert ended.exit_code == (0 if ok else 1)
+    printed = json.loads(ended.stdout.splitlines()[-1])
+    assert (printed["bench"], printed["ok"]) == (name, ok)
+
+
+def test_a_server_that_does_not_start_is_a_bad_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
+    def check(**_: Any) -> Verdict:
+        raise ServerError("The embedded simulator ended.")
+
+    monkeypatch.setattr("benchmarks.simulator.budget.check_budget", check)
+    ended = CliRunner().invoke(app, ["budget", "--json"])
+    assert ended.exit_code == 1
+    printed = json.loads(ended.stdout.splitlines()[-1])
+    assert (printed["ok"], printed["notes"]) == (False, ["The embedded simulator ended."])
+
+
+def test_the_list_needs_none_of_the_benchmarks() -> None:
+    program = f"import sys, benchmarks.__main__; print(*{{*sys.modules}} & {{*{LATER}}})"
+    command = [sys.executable, "-c", program]
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert ended.stdout.split() == []
+
+
+def written_commands() -> set[str]:
+    """Commands in documents and in recorded results; ``a|b`` stands for two."""
+    paths = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
+    paths += [*(ROOT / "docs").rglob("*.md"), *(ROOT / "benchmarks/results").glob("*.json")]
+    found = set()
+    for path in paths:
+        for names, options in re.findall(
+            r"python -m benchmarks ([a-z][a-z|-]*)([^`#\"(;\n]*)", path.read_text("utf-8")
+        ):
+            found |= {f"{name}{options}".strip() for name in names.split("|")}
+    return found
+
+
+@pytest.mark.parametrize("command", sorted(written_commands()))
+def test_a_written_command_can_be_given(command: str) -> None:
+    name, *words = shlex.split(command)
+    words = ["1" if re.fullmatch("[A-Z]|SEED", word) else word for word in words]
+    group = typer.main.get_command(app)
+    required = ["python"] if name == "demo-against" and not words else []
+    group.commands[name].make_context(name, [*words, *required])  # refuses what it does not know
+
+
+def test_every_result_is_of_a_command_that_there_is() -> None:
+    for path in (ROOT / "benchmarks" / "results").glob("*.json"):
+        command = json.loads(path.read_text("utf-8"))["command"]
+        assert command.startswith(("python -m benchmarks ", "carstage bench ")), path.name

@@ -75,6 +75,7 @@ def test_what_an_older_wheel_lacks_is_listed(version: str) -> None:
 
 @pytest.mark.end_to_end
 @pytest.mark.timeout(900)
-def test_every_trial_succeeds_against_a_server() -> None:
-    verdict = check_api(server_arguments=("--threads", "1"))
+def test_every_trial_succeeds_against_a_server(pytestconfig: pytest.Config) -> None:
+    only = pytestconfig.getoption("--only-names", default="")
+    verdict = check_api(server_arguments=("--threads", "1"), only=only)
     assert verdict.ok, verdict.text()

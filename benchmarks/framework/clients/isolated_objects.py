@@ -1,6 +1,6 @@
-"""Shows objects among others, and alone; a client that ``benchmarks.framework.labels`` starts.
+"""Shows objects among others, and isolated; a client that ``benchmarks.framework.labels`` starts.
 
-It stages scenes in a town and writes for each what labels are made from, as the collector does:
+It sets up scenes in a town and writes for each what labels are made from, as the collector does:
 the world's state, a depth and an instance picture. Then it lifts the camera and one object after
 the other high above the town, at the same place to each other, and writes which pixels the object
 covers there: the truth about its pixels, were nothing in front of it. Some objects it also takes
@@ -30,15 +30,15 @@ import numpy as np
 from benchmarks.framework.clients.scene_setup import (
     Placed,
     PlacedScene,
+    SceneActors,
     ScenePlaces,
-    Troupe,
     is_before,
     lifted,
 )
 from benchmarks.framework.label_scenes import (
-    ALONE,
     DEPTH,
     INSTANCE,
+    ISOLATED,
     LEVEL_KINDS,
     SCENES_FPS,
     TAKEN_AWAY,
@@ -118,19 +118,19 @@ class Cameras:
 
 
 class Recording:
-    """Writes scenes and lone objects as streams of a raw log; a context manager.
+    """Writes scenes and isolated objects as streams of a raw log; a context manager.
 
     Args:
         folder: the raw log's.
         scenes: how many there will be.
-        objects: upper bound of how many lone objects there will be.
+        objects: upper bound of how many isolated objects there will be.
         taken_away: upper bound of how many objects will be taken away.
     """
 
     def __init__(self, folder: Path, scenes: int, objects: int, taken_away: int) -> None:
         self._stack = ExitStack()
-        self._written = {ALONE: 0, TAKEN_AWAY: 0}
-        lengths = {WORLD: scenes, DEPTH: scenes, INSTANCE: scenes, ALONE: max(1, objects)}
+        self._written = {ISOLATED: 0, TAKEN_AWAY: 0}
+        lengths = {WORLD: scenes, DEPTH: scenes, INSTANCE: scenes, ISOLATED: max(1, objects)}
         lengths[TAKEN_AWAY] = max(1, taken_away)
         self._streams = {
             name: self._stack.enter_context(StreamWriter(str(folder), name, length))
@@ -150,11 +150,11 @@ class Recording:
             meta, payload = sensor_of(_KINDS[name]).encode(data)
             self._streams[name].append(KIND_DATA, *at, meta, payload)
 
-    def add_alone(self, scene: int, actor_id: int, picture: Any) -> None:
-        """Write which pixels an object covers when it is alone."""
+    def add_isolated(self, scene: int, actor_id: int, picture: Any) -> None:
+        """Write which pixels an object covers when nothing else is there."""
         bgra = np.frombuffer(picture.raw_data, np.uint8).reshape(picture.height, picture.width, 4)
         mask = (bgra[..., 1] == actor_id & 0xFF) & (bgra[..., 0] == actor_id >> 8 & 0xFF)
-        self._add_mask(ALONE, {"scene": scene, "actor": actor_id}, mask, picture)
+        self._add_mask(ISOLATED, {"scene": scene, "actor": actor_id}, mask, picture)
 
     def add_taken_away(self, scene: int, track: dict[str, int], before: Any, after: Any) -> None:
         """Write where a depth picture becomes another when an object is taken away.
@@ -203,7 +203,7 @@ class Recording:
 
 
 def record(client: Any, plan: Mapping[str, Any], events: EventStream, stop: StopRequest) -> None:
-    """Stage and record the scenes of a plan; events ``tick`` after each."""
+    """Set up and record the scenes of a plan; events ``tick`` after each."""
     folder, scenes = Path(plan["folder"]), int(plan["scenes"])
     rng = random.Random(plan["seed"])
     with _own_clock(client, plan["town"]) as world, ExitStack() as stack:
@@ -213,21 +213,21 @@ def record(client: Any, plan: Mapping[str, Any], events: EventStream, stop: Stop
             stop.check()
             return int(world.tick(float(plan["timeout_s"])))
 
-        troupe = Troupe(world, rng)
-        stack.callback(troupe.leave, client)
+        actors = SceneActors(world, rng)
+        stack.callback(actors.leave, client)
         tick()
-        places = ScenePlaces(world, troupe, rng)
+        places = ScenePlaces(world, actors, rng)
         cameras = Cameras(world, plan)
         stack.callback(cameras.stop)
         objects = scenes * (int(plan["vehicles"]) + int(plan["walkers"]))
         most = int(plan["taken_away"])
         recording = stack.enter_context(Recording(folder, scenes, objects, 2 * most * scenes))
         level = level_objects(world, LEVEL_KINDS)
-        observer = WorldObserver(world, troupe.ego, level)
+        observer = WorldObserver(world, actors.ego, level)
         chance = random.Random(plan["seed"])
         for number in range(scenes):
             placed = places.scene(int(plan["vehicles"]), int(plan["walkers"]))
-            _show(client, troupe, cameras, placed)
+            _show(client, actors, cameras, placed)
             frame = tick()
             snapshot = world.get_snapshot()
             if snapshot.frame != frame:
@@ -238,24 +238,24 @@ def record(client: Any, plan: Mapping[str, Any], events: EventStream, stop: Stop
                 header = episode_header(
                     plan,
                     server_version=client.get_server_version(),
-                    ego_id=troupe.ego.id,
+                    ego_id=actors.ego.id,
                     camera_id=cameras.actors[DEPTH].id,
                     timestamp_s=snapshot.timestamp.elapsed_seconds,
                 )
                 write_episode_file(str(folder), header)
             without = Without(world, cameras, recording, number, pictures[DEPTH], tick)
             for one in chance.sample(placed.placed, min(most, len(placed.placed))):
-                without.actor(client, troupe, one)
+                without.actor(client, actors, one)
             for row in _before_camera(placed.camera, level, most):
                 without.level_object(row)
-            _show_alone(client, troupe, cameras, placed, number, recording, tick)
+            _show_isolated(client, actors, cameras, placed, number, recording, tick)
             events.emit("tick", tick=number, frame=frame)
         recording.seal()
 
 
 @contextmanager
 def _own_clock(client: Any, town: str) -> Iterator[Any]:
-    """A freshly loaded town that only ticks when it is told to; gives the clock back."""
+    """A freshly loaded town that ticks on request only; gives the clock back."""
     world = client.get_world()
     original, settings = world.get_settings(), world.get_settings()
     settings.synchronous_mode = True
@@ -268,8 +268,8 @@ def _own_clock(client: Any, town: str) -> Iterator[Any]:
         world.apply_settings(original)
 
 
-def _show(client: Any, troupe: Troupe, cameras: Cameras, placed: PlacedScene) -> None:
-    troupe.put_away(client)
+def _show(client: Any, actors: SceneActors, cameras: Cameras, placed: PlacedScene) -> None:
+    actors.put_away(client)
     cameras.place(placed.camera)
     client.apply_batch_sync(
         [carla.command.ApplyTransform(one.actor.id, one.transform) for one in placed.placed],
@@ -299,9 +299,9 @@ class Without:
         self._depth = depth
         self._tick = tick
 
-    def actor(self, client: Any, troupe: Troupe, one: Placed) -> None:
-        """An actor of the troupe."""
-        troupe.put_away(client, [one.actor])
+    def actor(self, client: Any, actors: SceneActors, one: Placed) -> None:
+        """One of the scene's actors."""
+        actors.put_away(client, [one.actor])
         self._compare({"actor": one.actor.id})
         command = carla.command.ApplyTransform(one.actor.id, one.transform)
         client.apply_batch_sync([command], False)
@@ -333,22 +333,22 @@ def _before_camera(
     return [row for _, _, row in near[:most]]
 
 
-def _show_alone(
+def _show_isolated(
     client: Any,
-    troupe: Troupe,
+    actors: SceneActors,
     cameras: Cameras,
     placed: PlacedScene,
     scene: int,
     recording: Recording,
     tick: Any,
 ) -> None:
-    troupe.put_away(client)
+    actors.put_away(client)
     cameras.place(lifted(placed.camera))
     for one in placed.placed:
         one.actor.set_transform(lifted(one.transform))
         frame = tick()
-        recording.add_alone(scene, one.actor.id, cameras.pictures(frame)[INSTANCE])
-        troupe.put_away(client, [one.actor])
+        recording.add_isolated(scene, one.actor.id, cameras.pictures(frame)[INSTANCE])
+        actors.put_away(client, [one.actor])
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""A town's streets as a places: actors without physics that are put before a camera, or away.
+"""Scenes in a town's streets: actors without physics that are put before a camera, or away.
 
 Vehicles stand on lanes and walkers on sidewalks and beside vehicles, so that they hide each other
 and the town hides them, as it happens in traffic. Nothing moves: every picture of a scene shows
@@ -16,8 +16,8 @@ from typing import Any
 import carla
 
 LIFT_M = 1024.0
-"""How far above the town an actor is alone. Heights are multiples of :data:`STEP_M` and below 1 km,
-so that float32 holds a lifted height exactly: camera and actor keep their places to each other."""
+"""How far above the town an actor is isolated. Heights are multiples of :data:`STEP_M` and below
+1 km: float32 holds a lifted height exactly, and camera and actor keep their relative pose."""
 
 STEP_M = 2.0**-13
 NEAREST_M, FARTHEST_M = 4.0, 70.0
@@ -64,7 +64,7 @@ def lifted(transform: Any) -> Any:
     return carla.Transform(carla.Location(at.x, at.y, at.z + LIFT_M), transform.rotation)
 
 
-class Troupe:
+class SceneActors:
     """The actors of a town, spawned once and then only moved.
 
     Args:
@@ -126,12 +126,12 @@ class ScenePlaces:
 
     Args:
         world: ``carla.World``.
-        troupe: who stands there.
+        actors: which are placed.
         rng: draws scenes.
     """
 
-    def __init__(self, world: Any, troupe: Troupe, rng: random.Random) -> None:
-        self._troupe = troupe
+    def __init__(self, world: Any, actors: SceneActors, rng: random.Random) -> None:
+        self._actors = actors
         self._rng = rng
         self._lanes = [
             point.transform for point in world.get_map().generate_waypoints(_LANES_EVERY_M)
@@ -146,13 +146,13 @@ class ScenePlaces:
         taken: list[Disc] = []
         placed: list[Placed] = []
         lanes = [place for place in self._lanes if is_before(camera, place.location)]
-        for actor in rng.sample(self._troupe.vehicles, vehicles):
+        for actor in rng.sample(self._actors.vehicles, vehicles):
             found = self._free_place(camera, lanes, actor, taken)
             if found is not None:
                 placed.append(Placed(actor, found))
         beside = [self._beside(one) for one in placed for _ in range(2)]
         pavement = [p for p in (*self._pavement, *beside) if is_before(camera, p)]
-        for actor in rng.sample(self._troupe.walkers, walkers):
+        for actor in rng.sample(self._actors.walkers, walkers):
             found = self._free_spot(camera, pavement, actor, taken)
             if found is not None:
                 placed.append(Placed(actor, found))

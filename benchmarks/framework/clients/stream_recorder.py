@@ -1,4 +1,4 @@
-"""Sees what the sensors of others send: ``python -m benchmarks.framework.clients.stream_recorder``.
+"""``python -m benchmarks.framework.clients.stream_recorder PLAN.json``: notes sensor messages.
 
 It subscribes to every sensor that another client spawned and writes down, for each message, whose
 it was, the frame and the time that it carried, and a digest of its data: what the server sent,
@@ -30,7 +30,7 @@ from carstage.collector.sensors import Sensor, sensor_of
 _LOOK_EVERY_S = 0.02
 
 
-class Witness:
+class StreamRecorder:
     """Writes down what comes.
 
     Args:
@@ -80,17 +80,17 @@ def main(arguments: list[str] | None = None) -> int:
     client = carla.Client(plan["host"], plan["port"])
     client.set_timeout(plan["timeout_s"])
     with Path(plan["journal"]).open("wb") as journal:
-        witness = Witness(journal)
+        recorder = StreamRecorder(journal)
         try:
-            events.emit("witness_waits")
+            events.emit("recorder_waits")
             sensors = await_sensors(client, plan["sensors"], stop, plan["timeout_s"])
             for sensor in sensors:
                 kind = sensor_of(plan["kinds"][sensor.type_id])
-                sensor.listen(witness.callback(sensor.id, kind))
+                sensor.listen(recorder.callback(sensor.id, kind))
         except (CollectorError, RuntimeError) as error:
             events.emit("error", kind="client", message=str(error), hint="")
             return EXIT_FAILED
-        events.emit("witness_listens")
+        events.emit("recorder_listens")
         while not stop.wait(plan["timeout_s"]):
             pass
         for sensor in sensors:

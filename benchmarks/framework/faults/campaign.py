@@ -94,11 +94,10 @@ def run_campaign(
             each_s = (time.monotonic() - first_s) / number
             notify(f"{_line(trial, count)}; {_duration(each_s * (count - number))} left")
         wall_s = time.monotonic() - begun_s
-    command = f"python -m benchmarks faults --n {len(trials)} --seed {seed}"
-    return judge(trials, command, wall_s), trials
+    return judge(trials, wall_s), trials
 
 
-def judge(trials: Sequence[Trial], command: str, wall_s: float) -> Verdict:
+def judge(trials: Sequence[Trial], wall_s: float) -> Verdict:
     """Count what went wrong; every count has to be 0."""
     unresumed = [trial for trial in trials if not trial.complete and not trial.resumed]
     return Verdict(
@@ -119,7 +118,6 @@ def judge(trials: Sequence[Trial], command: str, wall_s: float) -> Verdict:
             Figure("processes and files left behind", _sum(trials, "left_behind"), "==", 0),
             Figure("wall time (s)", round(wall_s, 1)),
         ),
-        command=command,
     )
 
 

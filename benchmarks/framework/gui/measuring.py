@@ -38,7 +38,7 @@ def measure_gui(
     Args:
         minutes: how long the run is watched.
         scratch: where datasets go.
-        progress: told of seconds that the run has been watched.
+        progress: called with the seconds watched and their total number.
 
     Raises:
         BadInputError: Playwright or Chromium is missing.
@@ -68,8 +68,6 @@ def measure_gui(
             f"The simulator repeats {CAMERAS} cameras of 320x180 at {PACE_HZ:g} Hz, of which "
             f"{RATE_HZ:g} are shown; first and last are the first and last {part_s:g} s.",
         ),
-        command="python -m benchmarks gui --json"
-        + ("" if minutes == MINUTES else f" --minutes {minutes:g}"),
     )
 
 

@@ -97,7 +97,7 @@ def watch_run(
         browser: to watch with.
         served: the interface.
         seconds: how long to watch.
-        progress: told of seconds.
+        progress: called with the seconds watched and their total number.
 
     Raises:
         ServerError: the run does not get under way.

@@ -1,4 +1,4 @@
-"""Runs rude connections beside a healthy client and judges what became of it and the server."""
+"""Misbehaving connections next to a healthy client, and what became of it and of the server."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pathlib import Path
 from benchmarks.process_figures import open_files, rss_mb
 from benchmarks.simulator.client_process import TrialError, run_trial
 from benchmarks.simulator.fuzz.healthy import HealthyFigures, healthy_trial, newcomer_trial
-from benchmarks.simulator.fuzz.misbehaving_clients import ALL, Rude, UnansweredError
+from benchmarks.simulator.fuzz.misbehaving_clients import ALL, MisbehavingClient, UnansweredError
 from benchmarks.simulator.fuzz.requests import Requests
 from benchmarks.simulator.server_process import RunningServer, started_server
 from carstage.bench.verdict import Figure, Verdict
@@ -28,7 +28,7 @@ _CLOSED_WITHIN_S = 20.0
 
 
 class _Campaign:
-    """Rude connections one after another, several of them open at a time."""
+    """Misbehaving connections one after another, several of them open at a time."""
 
     def __init__(self, server: RunningServer, seed: int) -> None:
         rng = random.Random(seed)
@@ -43,7 +43,7 @@ class _Campaign:
         self._requests = Requests(rng, spawned)
 
     def run(self, calls: int | None, until_s: float | None) -> None:
-        """Be rude until so many calls were made, or until a time of the monotonic clock."""
+        """Misbehave until so many calls were made, or until a time of the monotonic clock."""
         names = sorted(ALL)
         open_ones: list[ExitStack] = []
         with ExitStack() as everything:
@@ -66,7 +66,7 @@ class _Campaign:
         return wanted and (until_s is None or time.monotonic() < until_s)
 
     def _one(self, name: str, stack: ExitStack) -> None:
-        rude = Rude(
+        client = MisbehavingClient(
             self._server.port,
             self._server.streaming_port,
             self._rng,
@@ -75,11 +75,11 @@ class _Campaign:
             stack,
         )
         try:
-            ALL[name](rude)
+            ALL[name](client)
         except (UnansweredError, ConnectionError, TimeoutError) as error:
-            last = "; ".join(rude.last)
+            last = "; ".join(client.last)
             self.unanswered.append(f"{name}: {error!r}; its last calls: {last}")
-        self.calls += rude.calls
+        self.calls += client.calls
         self.done[name] += 1
 
 
@@ -112,7 +112,7 @@ def check_fuzz(*, seconds: float | None = None, calls: int | None = 2000, seed: 
     """Is everybody well after all that?
 
     Args:
-        seconds: how long to be rude, None for no limit.
+        seconds: how long to misbehave, None for no limit.
         calls: how many whole calls to make, None for no limit.
         seed: of every choice.
     """
@@ -130,20 +130,21 @@ def check_fuzz(*, seconds: float | None = None, calls: int | None = 2000, seed: 
         files_left = _files_left(server, files_before) if alive else -1
         growth_mb = rss_mb(server.pid) - before_mb if alive else -1.0
         if not alive:
-            missing += [f"exit status {server.process.poll()}", *list(server.log)[-_LOG_TAIL:]]
-        tracebacks = [line for line in server.log if line.startswith("Traceback")]
-        lines = len(server.log)
+            missing += [f"exit status {server.exit_code}", *server.log[-_LOG_TAIL:]]
+        log = server.log
+    tracebacks = [number for number, line in enumerate(log) if line.startswith("Traceback")]
+    first_tracebacks = ["\n".join(log[max(at - 1, 0) : at + 30]) for at in tracebacks[:3]]
     return Verdict(
         "fuzz",
         (
             Figure("seed", seed),
-            Figure("kinds_of_rudeness", len(campaign.done), "==", len(ALL)),
-            Figure("rude_connections", sum(campaign.done.values())),
+            Figure("kinds_of_misbehaviour", len(campaign.done), "==", len(ALL)),
+            Figure("misbehaving_connections", sum(campaign.done.values())),
             Figure("calls", campaign.calls),
             Figure("calls_without_an_answer", len(campaign.unanswered), "==", 0),
             Figure("server_alive", str(alive), "==", "True"),
             Figure("unhandled_exceptions_in_the_log", len(tracebacks), "==", 0),
-            Figure("lines_in_the_log", lines),
+            Figure("lines_in_the_log", len(log)),
             Figure("ticks_of_the_healthy_client", healthy.ticks, ">=", 10),
             Figure("faults_it_saw", len(healthy.wrong), "==", 0),
             Figure("missed_by_a_newcomer", len(missing), "==", 0),
@@ -153,7 +154,7 @@ def check_fuzz(*, seconds: float | None = None, calls: int | None = 2000, seed: 
             Figure("memory_growth_mb", growth_mb, "<=", MOST_GROWTH_MB),
             Figure("connections_left_open", max(files_left, 0), "==", 0),
         ),
-        (*campaign.unanswered[:5], *missing, *healthy.wrong[:5], *_first_tracebacks(server)),
+        (*campaign.unanswered[:5], *missing, *healthy.wrong[:5], *first_tracebacks),
     )
 
 
@@ -163,9 +164,3 @@ def _files_left(server: RunningServer, before: int) -> int:
     while (left := open_files(server.pid) - before) > 0 and time.monotonic() < deadline:
         pause.wait(0.1)
     return left
-
-
-def _first_tracebacks(server: RunningServer) -> list[str]:
-    log = list(server.log)
-    starts = [index for index, line in enumerate(log) if line.startswith("Traceback")]
-    return ["\n".join(log[max(start - 1, 0) : start + 30]) for start in starts[:3]]

@@ -1,7 +1,7 @@
 """Connections that behave as no client should, one function each.
 
-Each takes a :class:`Rude` and does its worst for a moment; what it opened is closed by the caller
-at a time of its own choosing, so that rudeness overlaps.
+Each takes a :class:`MisbehavingClient` and does its worst for a moment. The caller closes what it
+opened later, so that the connections of several overlap.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ _REMEMBERED = 3
 _REMEMBERED_CHARACTERS = 500
 _LARGEST_ID = 1_000_000
 
-Rudeness = Callable[["Rude"], None]
-ALL: dict[str, Rudeness] = {}
+Misbehaviour = Callable[["MisbehavingClient"], None]
+ALL: dict[str, Misbehaviour] = {}
 
 
 class UnansweredError(RuntimeError):
@@ -38,15 +38,15 @@ class UnansweredError(RuntimeError):
 
 
 @dataclass
-class Rude:
-    """What a rude connection works with.
+class MisbehavingClient:
+    """What a misbehaving connection works with.
 
     Attributes:
         port, streaming_port: the server's.
         rng: source of all choices.
         requests: makes calls.
-        spawned: ids of actors that rude clients brought into the world.
-        opened: what stays open for a while.
+        spawned: ids of actors that misbehaving clients brought into the world.
+        sockets: what stays open for a while.
         calls: how many requests were sent one by one.
         last: the last of them, for who has to find out what they did.
     """
@@ -56,14 +56,14 @@ class Rude:
     rng: random.Random
     requests: Requests
     spawned: list[int]
-    opened: ExitStack = field(default_factory=ExitStack)
+    sockets: ExitStack = field(default_factory=ExitStack)
     calls: int = 0
     last: deque[str] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
 
     def connect(self, port: int | None = None) -> socket.socket:
         """A connection to the RPC port, or to another."""
         address = ("127.0.0.1", self.port if port is None else port)
-        return self.opened.enter_context(
+        return self.sockets.enter_context(
             socket.create_connection(address, timeout=_CONNECT_TIMEOUT_S)
         )
 
@@ -90,24 +90,24 @@ class Rude:
             unpacker.feed(data)
 
 
-def rudeness(function: Rudeness) -> Rudeness:
-    """Registers a way to be rude."""
+def misbehaviour(function: Misbehaviour) -> Misbehaviour:
+    """Registers a way to misbehave."""
     ALL[function.__name__] = function
     return function
 
 
-@rudeness
-def wrong_calls(rude: Rude) -> None:
+@misbehaviour
+def wrong_calls(client: MisbehavingClient) -> None:
     """Calls in which something is wrong; each must be answered."""
-    connection = rude.connect()
+    connection = client.connect()
     for _ in range(40):
-        make = rude.requests.mutated if rude.rng.random() < 0.8 else rude.requests.valid
+        make = client.requests.mutated if client.rng.random() < 0.8 else client.requests.valid
         name, arguments = make()
-        _, result = rude.ask(connection, name, arguments)
-        rude.spawned.extend(_spawned(name, result))
-    for actor_id in rude.spawned[:-_MOST_SPAWNED]:
-        rude.ask(connection, "destroy_actor", [actor_id])
-    del rude.spawned[:-_MOST_SPAWNED]
+        _, result = client.ask(connection, name, arguments)
+        client.spawned.extend(_spawned(name, result))
+    for actor_id in client.spawned[:-_MOST_SPAWNED]:
+        client.ask(connection, "destroy_actor", [actor_id])
+    del client.spawned[:-_MOST_SPAWNED]
 
 
 def _spawned(name: str, result: Any) -> list[int]:
@@ -124,79 +124,79 @@ def _spawned(name: str, result: Any) -> list[int]:
     return []
 
 
-@rudeness
-def world_wide_nonsense(rude: Rude) -> None:
+@misbehaviour
+def world_wide_nonsense(client: MisbehavingClient) -> None:
     """Settings and maps that cannot be."""
-    connection = rude.connect()
-    for name, arguments in rude.rng.sample(refused_requests(), 8):
-        rude.ask(connection, name, arguments)
+    connection = client.connect()
+    for name, arguments in client.rng.sample(refused_requests(), 8):
+        client.ask(connection, name, arguments)
 
 
-@rudeness
-def unknown_calls(rude: Rude) -> None:
+@misbehaviour
+def unknown_calls(client: MisbehavingClient) -> None:
     """Calls that do not exist, with names of all kinds."""
-    connection = rude.connect()
+    connection = client.connect()
     for name in ("make_coffee", "", "\udcff\udcfe", "x" * 10_000, "__class__"):
         packed = msgpack.packb([0, 1, name, [[False], 1]], unicode_errors="surrogateescape")
         connection.sendall(packed)
     connection.recv(1 << 16)
 
 
-@rudeness
-def garbage(rude: Rude) -> None:
+@misbehaviour
+def garbage(client: MisbehavingClient) -> None:
     """Random bytes to both ports."""
-    for port in (rude.port, rude.streaming_port):
-        connection = rude.connect(port)
-        _send(connection, rude.rng.randbytes(rude.rng.randrange(1, 5000)))
+    for port in (client.port, client.streaming_port):
+        connection = client.connect(port)
+        _send(connection, client.rng.randbytes(client.rng.randrange(1, 5000)))
 
 
-@rudeness
-def no_requests(rude: Rude) -> None:
+@misbehaviour
+def no_requests(client: MisbehavingClient) -> None:
     """Whole messages that are no requests."""
     messages: tuple[Any, ...] = (
         *({}, 7, [0, 1, 2, 3], [2, "note", []], [1, 1, None, 5], [0, -1, "version", 1]),
     )
     for message in messages:
-        _send(rude.connect(), msgpack.packb(message))
+        _send(client.connect(), msgpack.packb(message))
 
 
-@rudeness
-def half_messages(rude: Rude) -> None:
+@misbehaviour
+def half_messages(client: MisbehavingClient) -> None:
     """Requests that end in the middle, and stay so."""
     for _ in range(5):
-        packed = rude.requests.packed(*rude.requests.valid())
-        _send(rude.connect(), packed[: rude.rng.randrange(1, len(packed))])
-    _send(rude.connect(rude.streaming_port), b"\x01\x00")
+        packed = client.requests.packed(*client.requests.valid())
+        _send(client.connect(), packed[: client.rng.randrange(1, len(packed))])
+    _send(client.connect(client.streaming_port), b"\x01\x00")
 
 
-@rudeness
-def huge_lengths(rude: Rude) -> None:
+@misbehaviour
+def huge_lengths(client: MisbehavingClient) -> None:
     """Headers that promise gigabytes, deep nesting, many arrays in arrays."""
     for tag in (0xC6, 0xC9, 0xDB, 0xDD, 0xDF):
         for before in (b"", b"\x94\x00\x01", b"\x94\x00\x01\xa7version\x92\x91\xc2"):
-            _send(rude.connect(), before + struct.pack(">BI", tag, 0x7FFF_FFFF))
-    _send(rude.connect(), b"\x91" * 100_000)
-    _send(rude.connect(), struct.pack(">BI", 0xDD, 1 << 20) * 1000)
-    _send(rude.connect(rude.streaming_port), struct.pack("<I", 0x7FFF_FFFF))
+            _send(client.connect(), before + struct.pack(">BI", tag, 0x7FFF_FFFF))
+    _send(client.connect(), b"\x91" * 100_000)
+    _send(client.connect(), struct.pack(">BI", 0xDD, 1 << 20) * 1000)
+    _send(client.connect(client.streaming_port), struct.pack("<I", 0x7FFF_FFFF))
 
 
-@rudeness
-def flood_without_reading(rude: Rude) -> None:
+@misbehaviour
+def flood_without_reading(client: MisbehavingClient) -> None:
     """Many calls whose replies nobody reads."""
-    connection = rude.connect()
-    name = rude.rng.choice(("get_actor_definitions", "get_map_data", "version", "get_map_info"))
-    packed = rude.requests.packed(name, [])
+    connection = client.connect()
+    name = client.rng.choice(("get_actor_definitions", "get_map_data", "version", "get_map_info"))
+    packed = client.requests.packed(name, [])
     sent = 0
     while sent < _FLOOD_BYTES and select.select([], [connection], [], 0.05)[1]:
         sent += connection.send(packed * (8192 // len(packed)))
 
 
-@rudeness
-def flood_of_refusals(rude: Rude) -> None:
+@misbehaviour
+def flood_of_refusals(client: MisbehavingClient) -> None:
     """Many wrong calls at once, read to the end."""
-    connection = rude.connect()
+    connection = client.connect()
     count = 300
-    connection.sendall(b"".join(rude.requests.packed("destroy_actor", []) for _ in range(count)))
+    connection.sendall(b"".join(client.requests.packed("destroy_actor", []) for _ in range(count)))
     unpacker, answered = msgpack.Unpacker(), 0
     connection.settimeout(_REPLY_TIMEOUT_S)
     while answered < count:
@@ -207,46 +207,46 @@ def flood_of_refusals(rude: Rude) -> None:
         answered += sum(1 for _ in unpacker)
 
 
-@rudeness
-def silent_crowd(rude: Rude) -> None:
-    """Connections that never say anything."""
+@misbehaviour
+def silent_crowd(client: MisbehavingClient) -> None:
+    """Connections that never send anything."""
     for _ in range(50):
-        rude.connect()
-        rude.connect(rude.streaming_port)
+        client.connect()
+        client.connect(client.streaming_port)
 
 
-@rudeness
-def streams_that_do_not_exist(rude: Rude) -> None:
+@misbehaviour
+def streams_that_do_not_exist(client: MisbehavingClient) -> None:
     """Subscriptions to numbers that nobody gave out."""
-    for stream_id in (0, 2**32 - 1, rude.rng.randrange(2**32)):
-        rude.connect(rude.streaming_port).sendall(struct.pack("<I", stream_id))
+    for stream_id in (0, 2**32 - 1, client.rng.randrange(2**32)):
+        client.connect(client.streaming_port).sendall(struct.pack("<I", stream_id))
 
 
-@rudeness
-def slow_reader(rude: Rude) -> None:
+@misbehaviour
+def slow_reader(client: MisbehavingClient) -> None:
     """A subscriber of the world's snapshots that never reads."""
-    _, ((_, (_, (token,))),) = rude.ask(rude.connect(), "get_episode_info", [])
-    reader = rude.opened.enter_context(socket.socket())
+    _, ((_, (_, (token,))),) = client.ask(client.connect(), "get_episode_info", [])
+    reader = client.sockets.enter_context(socket.socket())
     reader.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _SMALL_BUFFER)
     reader.settimeout(_CONNECT_TIMEOUT_S)
-    reader.connect(("127.0.0.1", rude.streaming_port))
+    reader.connect(("127.0.0.1", client.streaming_port))
     reader.sendall(token[:4])
 
 
-@rudeness
-def talkative_subscriber(rude: Rude) -> None:
+@misbehaviour
+def talkative_subscriber(client: MisbehavingClient) -> None:
     """A subscriber that goes on sending."""
-    connection = rude.connect(rude.streaming_port)
+    connection = client.connect(client.streaming_port)
     _send(connection, struct.pack("<I", 1) + b"x" * 100_000)
 
 
-@rudeness
-def leaves_in_the_middle(rude: Rude) -> None:
+@misbehaviour
+def leaves_in_the_middle(client: MisbehavingClient) -> None:
     """Resets the connection while calls are under way, one of them a claim on the world."""
-    connection = rude.connect()
+    connection = client.connect()
     settings = [True, False, [True, 0.05], True, 0.01, 10, 0.0, True, 3000.0, 2000.0, True]
-    connection.sendall(rude.requests.packed("set_episode_settings", [settings]))
-    connection.sendall(rude.requests.packed("get_actor_definitions", []) * 20)
+    connection.sendall(client.requests.packed("set_episode_settings", [settings]))
+    connection.sendall(client.requests.packed("get_actor_definitions", []) * 20)
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     connection.close()
 

@@ -9,11 +9,12 @@ from pathlib import Path
 
 from benchmarks.campaign import Campaign
 from benchmarks.simulator.client_process import TrialError, run_trial
-from benchmarks.simulator.server_process import ServerError, running_server
+from benchmarks.simulator.server_process import running_server
 from benchmarks.simulator.traffic.judging import judge
 from benchmarks.simulator.traffic.recording import Recording
 from benchmarks.simulator.traffic.trial import lone_vehicles_trial, traffic_trial
 from carstage.bench.verdict import Verdict
+from carstage.errors import ServerError
 
 _START_TIMEOUT_S = 900.0
 _WALL_PER_SIMULATED_S = 12.0

@@ -53,7 +53,7 @@ def measure_codecs(
     Args:
         rounds: how often each encodes all records; medians count.
         size: of the pictures.
-        progress: told of encoders done.
+        progress: called with the encoders done and their total number.
     """
     with tempfile.TemporaryDirectory(prefix="carstage-bench-") as name:
         records = _record(Path(name), size)
@@ -132,7 +132,7 @@ def _record(folder: Path, size: tuple[int, int]) -> dict[str, list[Record]]:
         }
     )
     arguments = ("--loop-noise", str(_NOISE))
-    with looping_server(_FRAMES, arguments=arguments) as endpoint:
+    with looping_server(_FRAMES, arguments) as endpoint:
         record_episode(spec, endpoint, folder)
     log = EpisodeLog(folder / "raw")
     return {

@@ -1,9 +1,9 @@
-"""Episodes of measurements: planned like a user's, made by a client process that is listened to."""
+"""Episodes of measurements: planned like a user's, made by a client process."""
 
 from __future__ import annotations
 
 import selectors
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -12,17 +12,16 @@ from carstage.config import check_config
 from carstage.errors import CollectorError
 from carstage.execution import CollectorProcess
 from carstage.plan import plan_episodes
-from carstage.rawlog.format import PAYLOAD_SUFFIX, SEALED_SUFFIX
 from carstage.runs.servers import ServerSetup
 from carstage.server import EmbeddedServer, Endpoint, allot_ports, free_port
 from carstage.spec import EpisodeSpec
 from carstage.spec.defaults import QUEUE_BYTES
 
 Progress = Callable[[int, int], None]
-"""Told how much is done, of how much."""
+"""Called with how much is done, of how much."""
 
 SILENCE_S = 600.0
-"""A client that says nothing for so long hangs; the first pictures of a machine compile kernels."""
+"""A client without an event for so long hangs; the first pictures of a machine compile kernels."""
 _SENSOR_WARMUP_TICKS = 3
 _TIMEOUT_S = 60.0
 
@@ -39,21 +38,15 @@ def roof_sensor(name: str, kind: str, **attributes: Any) -> dict[str, Any]:
 
 
 @contextmanager
-def looping_server(
-    loop: int, running: Endpoint | None = None, *, arguments: Sequence[str] = ()
-) -> Iterator[Endpoint]:
+def looping_server(loop: int, arguments: Sequence[str] = ()) -> Iterator[Endpoint]:
     """A simulator whose sensors render ``loop`` frames and then repeat them.
 
     Its streaming port follows its RPC port.
 
     Args:
         loop: how many distinct frames there are.
-        running: one that runs already; None starts one.
         arguments: further ones of the simulator.
     """
-    if running is not None:
-        yield running
-        return
     with EmbeddedServer(
         port=allot_ports().rpc, arguments=("--loop", str(loop), *arguments)
     ) as server:
@@ -73,30 +66,23 @@ def client_plan(
     endpoint: Endpoint,
     folder: Path,
     *,
-    host: str | None = None,
-    queue_bytes: int = QUEUE_BYTES,
-    raw_store: str = "chunklog",
     sensor_warmup_ticks: int | None = _SENSOR_WARMUP_TICKS,
 ) -> dict[str, Any]:
     """The plan for one client: one episode, recorded into ``folder``.
 
     Args:
-        host: the server's address, where it is not the endpoint's own.
-        queue_bytes: sensor data that may wait for the disk.
-        raw_store: how payloads of cameras are stored.
         sensor_warmup_ticks: steps of the warm-up with sensors on; None: all.
     """
     warm = {} if sensor_warmup_ticks is None else {"sensor_warmup_ticks": sensor_warmup_ticks}
     return {
         "plan_version": 1,
         "server": {
-            "host": host or endpoint.host,
+            "host": endpoint.host,
             "port": endpoint.port,
             "timeout_s": _TIMEOUT_S,
             "traffic_manager_port": free_port(),
         },
-        "queue_bytes": queue_bytes,
-        "raw_store": raw_store,
+        "queue_bytes": QUEUE_BYTES,
         **warm,
         "episodes": [
             {
@@ -126,10 +112,10 @@ def record_episode(spec: EpisodeSpec, endpoint: Endpoint, folder: Path) -> None:
 
 
 def events_of(client: CollectorProcess) -> Iterator[dict[str, Any]]:
-    """What a client says until it ends.
+    """The events of a client until it ends.
 
     Raises:
-        CollectorError: it reports an error, ends badly, or says nothing for long.
+        CollectorError: it reports an error, ends badly, or is silent for long.
     """
     recorded = False
     with selectors.DefaultSelector() as selector:
@@ -137,7 +123,7 @@ def events_of(client: CollectorProcess) -> Iterator[dict[str, Any]]:
         while not client.ended:
             if not selector.select(SILENCE_S):
                 raise CollectorError(
-                    f"The client said nothing for {SILENCE_S:.0f} s.", client.log_tail()
+                    f"The client sent no event for {SILENCE_S:.0f} s.", client.log_tail()
                 )
             for event in client.read_events():
                 if event["event"] == "error":
@@ -146,16 +132,3 @@ def events_of(client: CollectorProcess) -> Iterator[dict[str, Any]]:
                 yield event
     if not recorded:
         raise CollectorError("The client ended before its episode.", client.log_tail())
-
-
-def seals_segment(event: Mapping[str, Any]) -> int | None:
-    """The segment that is now sealed in every stream, if this event says so."""
-    whole = event["event"] == "segment_sealed" and event["stream"] == "ledger"
-    return int(event["segment"]) if whole else None
-
-
-def drop_segment(raw: Path, index: int, streams: Iterable[str]) -> None:
-    """Remove one segment of some streams, so that a long recording fits on any disk."""
-    for stream in streams:
-        for suffix in (SEALED_SUFFIX, PAYLOAD_SUFFIX):
-            (raw / stream / f"{index:06d}{suffix}").unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""What the kernel says of a process: CPU time and memory."""
+"""What the kernel reports of a process: CPU time and memory."""
 
 from __future__ import annotations
 

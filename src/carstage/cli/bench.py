@@ -36,12 +36,12 @@ def report_verdict(verdict: Judged, json: bool, text: str = "", **rows: Any) -> 
         verdict: what was measured.
         json: whether the last line is the JSON object.
         text: follows the verdict's.
-        rows: what the JSON object holds beside the verdict.
+        rows: what the JSON object holds besides the verdict.
     """
-    told = "\n".join(filter(None, (verdict.text(), text)))
+    shown = "\n".join(filter(None, (verdict.text(), text)))
     if json:
-        note(told)
+        note(shown)
         result_json({**verdict.record(), **rows})
     else:
-        result(told)
+        result(shown)
     return 0 if verdict.ok else 1

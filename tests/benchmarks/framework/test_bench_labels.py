@@ -24,7 +24,7 @@ FINDING = Finding(
     town="Stage01",
     object_class="car",
     visible_px=600,
-    alone_px=1000,
+    isolated_px=1000,
     outside_px=0,
     stray_px=0,
     labels=dict.fromkeys((*label_scores.METHODS, label_scores.STAGE_VO), RIGHT),
@@ -151,17 +151,17 @@ def test_a_lifted_height_is_exact_in_the_clients_floats(height_m: float) -> None
 @pytest.mark.end_to_end
 @pytest.mark.xdist_group("bench")
 def test_labels_of_a_town_are_true(tmp_path: Path) -> None:
-    told: list[int] = []
+    reported: list[int] = []
     verdict, objects = measure_labels(
         towns=["Stage01"],
         scenes=3,
         size=(320, 180),
         taken_away=2,
         scratch=tmp_path,
-        progress=lambda done, total: told.append(done),
+        progress=lambda done, total: reported.append(done),
     )
     found = {figure.name: figure.value for figure in verdict.figures}
-    assert told == [1, 2, 3]
+    assert reported == [1, 2, 3]
     of_actors = [count["Stage01"] for name, count in objects.items() if "level" not in name]
     assert sum(of_actors) == found["objects"] >= 30
     assert {"car", "walker_adult", "traffic_light of the level"} <= set(objects)

@@ -31,16 +31,16 @@ def figures(verdict: Verdict) -> dict[str, Any]:
 def test_every_frame_of_eight_sensors_is_the_one_that_was_sent(
     server: Endpoint, tmp_path: Path
 ) -> None:
-    told: list[int] = []
+    reported: list[int] = []
     verdict = check_frames(
         ticks=500,
         scratch=tmp_path,
         running=server,
-        progress=lambda done, total: told.append(done),
+        progress=lambda done, total: reported.append(done),
     )
     assert verdict.ok, verdict.text()
     assert figures(verdict)["records_compared"] == 4000
-    assert told[-1] == 500
+    assert reported[-1] == 500
 
 
 def test_memory_stays_within_the_budget_on_a_slow_disk(server: Endpoint, tmp_path: Path) -> None:

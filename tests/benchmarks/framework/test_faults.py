@@ -57,8 +57,8 @@ def test_unknown_kind_is_refused_with_the_known_ones() -> None:
 )
 def test_anything_wrong_fails_the_campaign_and_is_told(wrong: Trial) -> None:
     fine = Trial(2, "slow_disk", struck=True, complete=True, attempts=1, wall_s=4.0)
-    assert judge([fine], "command", 1.0).ok
-    verdict = judge([fine, wrong], "command", 1.0)
+    assert judge([fine], 1.0).ok
+    verdict = judge([fine, wrong], 1.0)
     assert not verdict.ok
     assert sum(not figure.ok for figure in verdict.figures) == 1
     assert "trial 1, kill_server" in table_text([fine, wrong])
@@ -66,7 +66,7 @@ def test_anything_wrong_fails_the_campaign_and_is_told(wrong: Trial) -> None:
 
 
 def test_campaign_without_a_trial_proves_nothing() -> None:
-    assert not judge([], "command", 0.0).ok
+    assert not judge([], 0.0).ok
 
 
 def test_full_disk_takes_nothing_more_until_it_is_emptied(tmp_path: Path) -> None:

@@ -80,7 +80,7 @@ SENT = Sent(5.0, b"a")
     [
         (RIGHT, SENT, None),
         (None, SENT, "no record"),
-        (RIGHT, None, "not witnessed"),
+        (RIGHT, None, "no message"),
         (Recorded(101, 5.0, b"a"), SENT, "frame"),
         (Recorded(100, 5.1, b"a"), SENT, "time"),
         (Recorded(100, 5.0, b"b"), SENT, "data"),

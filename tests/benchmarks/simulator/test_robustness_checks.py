@@ -27,7 +27,7 @@ def looping_server() -> Iterator[RunningServer]:
 
 
 @pytest.mark.end_to_end
-def test_rude_clients_harm_neither_the_server_nor_a_healthy_client() -> None:
+def test_misbehaving_clients_harm_neither_the_server_nor_a_healthy_client() -> None:
     verdict = check_fuzz(calls=150, seed=11)
     assert verdict.ok, verdict.text()
 

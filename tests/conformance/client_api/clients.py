@@ -39,7 +39,9 @@ def _files(scene: TrialScene) -> None:
             scene.client.set_files_base_folder(str(Path.home() / "carlaCache"))
 
 
-@works("Client.load_world", "Client.reload_world", "Client.load_world_if_different", alone=True)
+@works(
+    "Client.load_world", "Client.reload_world", "Client.load_world_if_different", own_process=True
+)
 def _loading(scene: TrialScene) -> None:
     """A load begins a new episode without the old actors; an unknown map is refused."""
     client, name = scene.client, scene.map.name.rpartition("/")[2]
@@ -77,7 +79,7 @@ b="0" c="0" d="0"/></lane></left><center><lane id="0" type="none" level="false"/
 
 @limited("The town is built with sidewalks and scenery as any other; no parameter changes it.",
          "Client.generate_opendrive_world", "OpendriveGenerationParameters.*",
-         alone=True)  # fmt: skip
+         own_process=True)  # fmt: skip
 def _generating(scene: TrialScene) -> None:
     values = carla.OpendriveGenerationParameters()
     values.vertex_distance, values.max_road_length, values.wall_height = 2.0, 50.0, 0.0

@@ -31,14 +31,15 @@ class Entry:
         support: how far they are served.
         sentence: what the trial sees happen; for a limited name, what is different from CARLA.
         act: does it and raises ``AssertionError`` when the effect is not there.
-        alone: whether it replaces the episode or the Traffic Manager; it is played after others.
+        own_process: whether it replaces the episode or the Traffic Manager; it is played after the
+            others, in a process of its own.
     """
 
     names: tuple[str, ...]
     support: Support
     sentence: str
     act: Act
-    alone: bool = False
+    own_process: bool = False
 
     def covers(self, name: str) -> bool:
         """Whether a name of the client is among its own."""
@@ -50,24 +51,24 @@ _ENTRIES: list[Entry] = []
 
 
 def _register(
-    names: tuple[str, ...], support: Support, different: str, alone: bool
+    names: tuple[str, ...], support: Support, different: str, own_process: bool
 ) -> Callable[[Act], Act]:
     def add(act: Act) -> Act:
         seen = " ".join((act.__doc__ or "").split())
-        _ENTRIES.append(Entry(names, support, different or seen, act, alone))
+        _ENTRIES.append(Entry(names, support, different or seen, act, own_process))
         return act
 
     return add
 
 
-def works(*names: str, alone: bool = False) -> Callable[[Act], Act]:
+def works(*names: str, own_process: bool = False) -> Callable[[Act], Act]:
     """These names do what they do in CARLA; the trial's docstring says what it sees."""
-    return _register(names, Support.WORKS, "", alone)
+    return _register(names, Support.WORKS, "", own_process)
 
 
-def limited(different: str, *names: str, alone: bool = False) -> Callable[[Act], Act]:
+def limited(different: str, *names: str, own_process: bool = False) -> Callable[[Act], Act]:
     """These names are answered, with a difference from CARLA that the sentence states."""
-    return _register(names, Support.LIMITED, different, alone)
+    return _register(names, Support.LIMITED, different, own_process)
 
 
 def client_side(*names: str) -> Callable[[Act], Act]:

@@ -1,9 +1,8 @@
-"""Plays all trials against a server and says which names of the client nobody tried."""
+"""Plays all trials against a server; finds the names of the client that no trial covers."""
 
 from __future__ import annotations
 
 import logging
-import sys
 import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -64,7 +63,7 @@ def unknown() -> tuple[str, ...]:
     )
 
 
-def play(port: int, chosen: Sequence[int], *, verbose: bool = False) -> list[Outcome]:
+def play(port: int, chosen: Sequence[int]) -> list[Outcome]:
     """Play entries, by their numbers, in one client session; for a process of its own."""
     known = list(entries())
     outcomes = []
@@ -72,8 +71,6 @@ def play(port: int, chosen: Sequence[int], *, verbose: bool = False) -> list[Out
         scene = TrialScene(session)
         for number in chosen:
             entry = known[number]
-            if verbose:
-                print(f"api: {entry.names[0]}", file=sys.stderr, flush=True)  # noqa: T201
             outcomes.append(Outcome(entry.names, _tried(entry, scene)))
     return outcomes
 
@@ -91,15 +88,12 @@ def _tried(entry: Entry, scene: TrialScene) -> str:
     return ""
 
 
-def check_api(
-    *, server_arguments: Sequence[str] = (), only: str = "", verbose: bool = False
-) -> Verdict:
+def check_api(*, server_arguments: Sequence[str] = (), only: str = "") -> Verdict:
     """Try every name of the client.
 
     Args:
         server_arguments: further arguments of the server.
         only: part of the names whose trials are played; all without it.
-        verbose: say which trial is on.
 
     Raises:
         ServerError: the server did not start.
@@ -109,13 +103,13 @@ def check_api(
     chosen = [k for k, e in enumerate(known) if not only or any(only in name for name in e.names)]
     # What replaces the episode or the Traffic Manager runs last, each in a process of its own: what
     # others hold would not outlive it.
-    together = [k for k in chosen if not known[k].alone]
-    groups = [together, *([k] for k in chosen if known[k].alone)]
+    together = [k for k in chosen if not known[k].own_process]
+    groups = [together, *([k] for k in chosen if known[k].own_process)]
     outcomes: list[Outcome] = []
     with running_server(server_arguments) as port:
         for group in groups:
             if group:
-                outcomes += run_trial(play, port, group, verbose=verbose, timeout_s=_TIMEOUT_S)
+                outcomes += run_trial(play, port, group, timeout_s=_TIMEOUT_S)
     return _verdict(outcomes)
 
 

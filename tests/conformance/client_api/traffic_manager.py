@@ -227,7 +227,7 @@ def _dormant(scene: TrialScene) -> None:
     scene.ticks(2)
 
 
-@works("TrafficManager.shut_down", alone=True)
+@works("TrafficManager.shut_down", own_process=True)
 def _shut_down(scene: TrialScene) -> None:
     """A manager that is shut down gives its port back: the next one gets it."""
     port = scene.traffic_manager.get_port()

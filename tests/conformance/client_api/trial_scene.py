@@ -1,4 +1,4 @@
-"""Where trials play: one synchronous world, cameras that look once, and a broom for afterwards."""
+"""Where trials play: one synchronous world, cameras that look once, and cleaning up."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class TrialScene:
         parent: Any = None,
         **attributes: str,
     ) -> Any:
-        """An actor that the broom takes away after the trial; it is in the world's newest frame."""
+        """An actor that :meth:`sweep` destroys after the trial; it is in the newest frame."""
         blueprint = self.library.find(type_id)
         for name, value in attributes.items():
             blueprint.set_attribute(name, value)
@@ -103,7 +103,7 @@ class TrialScene:
         return car
 
     def keep(self, actor: Any) -> None:
-        """Let the broom take an actor away after the trial."""
+        """Let :meth:`sweep` destroy an actor after the trial."""
         self._spawned.append(actor)
 
     def sweep(self) -> None:

@@ -40,11 +40,11 @@ def _ticking(scene: TrialScene) -> None:
     last = scene.ticks(2)
     scene.until(lambda: last in frames, "on_tick is called")
     scene.world.remove_on_tick(number)
-    heard = len(frames)
+    received = len(frames)
     after = scene.ticks(3)
     expect(after == last + 3, f"three ticks led from frame {last} to {after}")
-    expect(first in frames, "the first frame was heard")
-    expect(len(frames) <= heard + 1, "a removed callback is not called")
+    expect(first in frames, "the first frame was received")
+    expect(len(frames) <= received + 1, "a removed callback is not called")
 
 
 @works("World.get_snapshot", "WorldSnapshot.*", "ActorSnapshot.*", "Timestamp.*", "World.id")

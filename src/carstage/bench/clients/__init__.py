@@ -1,4 +1,4 @@
 """Clients that are measured, each a process of its own: the only modules here that use ``carla``.
 
-They take the collector's plan and print events as it does, so that one listener hears both.
+They take the collector's plan and print events as it does, so that one reader follows both.
 """

@@ -26,17 +26,17 @@ class Boxes:
     """The rows of an episode.
 
     Args:
-        opened: the scene; each camera with a depth twin is labelled.
+        session: the scene; each camera with a depth twin is labelled.
     """
 
-    def __init__(self, opened: SceneSession) -> None:
-        self._world = opened.world
-        self._ego_id = opened.scene.ego.id
-        self._most_m = opened.spec.max_distance_m
+    def __init__(self, session: SceneSession) -> None:
+        self._world = session.world
+        self._ego_id = session.scene.ego.id
+        self._most_m = session.spec.max_distance_m
         self._cameras: list[tuple[str, str, Any]] = []
-        for sensor in opened.spec.sensors:
+        for sensor in session.spec.sensors:
             if sensor.labelled and sensor.depth is not None:
-                actor = opened.scene.rig.actors[sensor.id]
+                actor = session.scene.rig.actors[sensor.id]
                 self._cameras.append((sensor.id, sensor.depth, _intrinsics(actor)))
         self._actors: list[Any] = []
         self._rows: list[tuple[Any, ...]] = []

@@ -14,23 +14,23 @@ from typing import Any
 from carstage.bench.clients.scene_session import Arrivals, SceneSession, run_program
 
 
-def record(opened: SceneSession, options: argparse.Namespace) -> None:
+def record(session: SceneSession, options: argparse.Namespace) -> None:
     """Make the ticks of the episode, as the collector makes them.
 
     Events: ``tick`` at the first tick, and at the last one once all its data have come.
     """
-    arrivals = Arrivals(opened)
+    arrivals = Arrivals(session)
 
     def callback(name: str) -> Callable[[Any], None]:
         return lambda data: arrivals.done(name, data.frame)
 
-    callbacks = {name: callback(name) for name in opened.scene.rig.actors}
-    opened.warm_up(lambda: opened.scene.rig.listen(callbacks), arrivals.wait_for)
+    callbacks = {name: callback(name) for name in session.scene.rig.actors}
+    session.warm_up(lambda: session.scene.rig.listen(callbacks), arrivals.wait_for)
     frame = 0
-    for tick in range(opened.spec.steps):
-        frame = opened.step(tick).frame
+    for tick in range(session.spec.steps):
+        frame = session.step(tick).frame
     arrivals.wait_for(frame)
-    opened.told(opened.spec.steps - 1, frame)
+    session.on_tick(session.spec.steps - 1, frame)
 
 
 def main() -> int:

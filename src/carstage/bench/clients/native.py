@@ -17,32 +17,32 @@ from carstage.bench.clients.scene_session import FrameQueues, SceneSession, run_
 POINT_CLOUDS = ("lidar", "semantic_lidar")
 
 
-def record(opened: SceneSession, options: argparse.Namespace) -> None:
+def record(session: SceneSession, options: argparse.Namespace) -> None:
     """Save every tick before the next is made."""
-    boxes = _boxes(opened) if options.boxes else None
-    queues = FrameQueues(opened)
-    opened.warm_up(queues.listen, queues.take)
-    with RowFiles(opened.folder) as rows:
-        for tick in range(opened.spec.steps):
-            step = opened.step(tick)
+    boxes = _boxes(session) if options.boxes else None
+    queues = FrameQueues(session)
+    session.warm_up(queues.listen, queues.take)
+    with RowFiles(session.folder) as rows:
+        for tick in range(session.spec.steps):
+            step = session.step(tick)
             data = queues.take(step.frame)
-            for name, sensor in opened.sensors.items():
-                save(opened, name, sensor.kind, tick, data[name], options.format, rows)
+            for name, sensor in session.sensors.items():
+                save(session, name, sensor.kind, tick, data[name], options.format, rows)
             if boxes is not None:
                 boxes.add(tick, step.snapshot, data)
     if boxes is not None:
-        boxes.write(opened.folder)
+        boxes.write(session.folder)
 
 
 def save(
-    opened: SceneSession, name: str, kind: str, tick: int, data: Any, suffix: str, rows: RowFiles
+    session: SceneSession, name: str, kind: str, tick: int, data: Any, suffix: str, rows: RowFiles
 ) -> None:
     """One sensor's data of one tick: a picture, a PLY file, or a line of a table."""
     row = row_of(kind, data)
     if row is not None:
         rows.add(name, tick, row)
         return
-    data.save_to_disk(opened.path(name, tick, ".ply" if kind in POINT_CLOUDS else "." + suffix))
+    data.save_to_disk(session.path(name, tick, ".ply" if kind in POINT_CLOUDS else "." + suffix))
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -51,11 +51,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--boxes", action="store_true", help="label every frame")
 
 
-def _boxes(opened: SceneSession) -> Any:
+def _boxes(session: SceneSession) -> Any:
     # Needs numpy, which a Python with nothing but the client's wheel need not have.
     from carstage.bench.clients.boxes import Boxes
 
-    return Boxes(opened)
+    return Boxes(session)
 
 
 def main() -> int:

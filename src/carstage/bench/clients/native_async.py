@@ -20,28 +20,31 @@ from carstage.bench.clients.scene_session import SceneSession, run_program
 class Saved:
     """The frames that each sensor's callback saved, from ``first`` on."""
 
-    def __init__(self, opened: SceneSession, suffix: str, rows: RowFiles) -> None:
-        self._opened = opened
+    def __init__(self, session: SceneSession, suffix: str, rows: RowFiles) -> None:
+        self._session = session
         self._suffix = suffix
         self._rows = rows
         self._lock = threading.Lock()
         self._busy = 0
         self._idle = threading.Condition(self._lock)
         self.first: int | None = None
-        self.frames: dict[str, set[int]] = {name: set() for name in opened.scene.rig.actors}
+        self.frames: dict[str, set[int]] = {name: set() for name in session.scene.rig.actors}
 
     def callback(self, name: str) -> Callable[[Any], None]:
         """The function to give to ``listen``."""
-        kind = self._opened.sensors[name].kind
+        kind = self._session.sensors[name].kind
 
         def keep(data: Any) -> None:
             with self._lock:
-                if self.first is None or not 0 <= data.frame - self.first < self._opened.spec.steps:
+                if (
+                    self.first is None
+                    or not 0 <= data.frame - self.first < self._session.spec.steps
+                ):
                     return
                 tick = data.frame - self.first
                 self._busy += 1
             try:
-                save(self._opened, name, kind, tick, data, self._suffix, self._rows)
+                save(self._session, name, kind, tick, data, self._suffix, self._rows)
                 self.frames[name].add(tick)
             finally:
                 with self._idle:
@@ -57,19 +60,19 @@ class Saved:
             self._idle.wait_for(lambda: self._busy == 0)
 
 
-def record(opened: SceneSession, options: argparse.Namespace) -> Mapping[str, Any]:
+def record(session: SceneSession, options: argparse.Namespace) -> Mapping[str, Any]:
     """Save what comes; returns ``lost`` (pictures) and ``torn`` (frames that are not whole)."""
-    with RowFiles(opened.folder) as rows:
-        saved = Saved(opened, options.format, rows)
-        callbacks = {name: saved.callback(name) for name in opened.scene.rig.actors}
-        opened.warm_up(lambda: opened.scene.rig.listen(callbacks), lambda frame: None)
-        first = saved.first = opened.step(0).frame + 1
+    with RowFiles(session.folder) as rows:
+        saved = Saved(session, options.format, rows)
+        callbacks = {name: saved.callback(name) for name in session.scene.rig.actors}
+        session.warm_up(lambda: session.scene.rig.listen(callbacks), lambda frame: None)
+        first = saved.first = session.step(0).frame + 1
         frame = first
-        while frame < first + opened.spec.steps:
-            frame = opened.scene.step(0).frame
+        while frame < first + session.spec.steps:
+            frame = session.scene.step(0).frame
         saved.end()
-        opened.scene.rig.stop()
-    ticks = range(opened.spec.steps)
+        session.scene.rig.stop()
+    ticks = range(session.spec.steps)
     have = {tick: sum(tick in frames for frames in saved.frames.values()) for tick in ticks}
     every = len(saved.frames)
     return {

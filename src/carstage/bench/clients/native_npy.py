@@ -17,9 +17,9 @@ from carstage.bench.clients.scene_session import Arrivals, SceneSession, run_pro
 _FLOATS_PER_POINT = 4
 
 
-def record(opened: SceneSession, options: argparse.Namespace) -> None:
+def record(session: SceneSession, options: argparse.Namespace) -> None:
     """Each callback saves; the next tick is made when all have."""
-    arrivals = Arrivals(opened)
+    arrivals = Arrivals(session)
     first = [sys.maxsize]
 
     def callback(name: str) -> Callable[[Any], None]:
@@ -27,16 +27,16 @@ def record(opened: SceneSession, options: argparse.Namespace) -> None:
             tick = data.frame - first[0]
             if tick >= 0:
                 points = np.frombuffer(data.raw_data, np.float32).reshape(-1, _FLOATS_PER_POINT)
-                np.save(opened.path(name, tick, ".npy"), points)
+                np.save(session.path(name, tick, ".npy"), points)
             arrivals.done(name, data.frame)
 
         return save
 
-    callbacks = {name: callback(name) for name in opened.scene.rig.actors}
-    last = opened.warm_up(lambda: opened.scene.rig.listen(callbacks), arrivals.wait_for)
+    callbacks = {name: callback(name) for name in session.scene.rig.actors}
+    last = session.warm_up(lambda: session.scene.rig.listen(callbacks), arrivals.wait_for)
     first[0] = last + 1
-    for tick in range(opened.spec.steps):
-        arrivals.wait_for(opened.step(tick).frame)
+    for tick in range(session.spec.steps):
+        arrivals.wait_for(session.step(tick).frame)
 
 
 def main() -> int:

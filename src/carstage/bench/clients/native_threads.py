@@ -19,20 +19,20 @@ from carstage.bench.clients.scene_session import FrameQueues, SceneSession, run_
 _WAITING_PER_THREAD = 8
 
 
-def record(opened: SceneSession, options: argparse.Namespace) -> None:
+def record(session: SceneSession, options: argparse.Namespace) -> None:
     """Save every tick in the pool; done when all is saved."""
-    queues = FrameQueues(opened)
-    opened.warm_up(queues.listen, queues.take)
+    queues = FrameQueues(session)
+    session.warm_up(queues.listen, queues.take)
     threads = len(os.sched_getaffinity(0))
     room = threading.BoundedSemaphore(threads * _WAITING_PER_THREAD)
     jobs: list[Future[None]] = []
-    with RowFiles(opened.folder) as rows, ThreadPoolExecutor(threads) as pool:
-        for tick in range(opened.spec.steps):
-            data = queues.take(opened.step(tick).frame)
-            for name, sensor in opened.sensors.items():
+    with RowFiles(session.folder) as rows, ThreadPoolExecutor(threads) as pool:
+        for tick in range(session.spec.steps):
+            data = queues.take(session.step(tick).frame)
+            for name, sensor in session.sensors.items():
                 room.acquire()
                 job = pool.submit(
-                    save, opened, name, sensor.kind, tick, data[name], options.format, rows
+                    save, session, name, sensor.kind, tick, data[name], options.format, rows
                 )
                 job.add_done_callback(lambda _: room.release())
                 jobs.append(job)

@@ -69,23 +69,23 @@ class MappedSeconds:
         return self._folder / f"second{second:06d}.raw"
 
 
-def record(opened: SceneSession, options: argparse.Namespace) -> None:
+def record(session: SceneSession, options: argparse.Namespace) -> None:
     """Capture; convert when the scene is gone."""
-    per_second = max(1, round(1.0 / opened.spec.step_s))
-    seconds = {name: MappedSeconds(opened.folder / name, per_second) for name in opened.sensors}
-    shapes = _capture(opened, seconds)
+    per_second = max(1, round(1.0 / session.spec.step_s))
+    seconds = {name: MappedSeconds(session.folder / name, per_second) for name in session.sensors}
+    shapes = _capture(session, seconds)
     jobs = [
         RawSecond(
             seconds[name].path(second),
             shape,
             second * per_second,
-            min(per_second, opened.spec.steps - second * per_second),
+            min(per_second, session.spec.steps - second * per_second),
         )
         for name, shape in sorted(shapes.items())
-        for second in range(-(-opened.spec.steps // per_second))
+        for second in range(-(-session.spec.steps // per_second))
     ]
     # A process that forks while the client has threads may abort when it ends.
-    opened.afterwards.append(lambda: _convert_all(jobs, options.encoder))
+    session.afterwards.append(lambda: _convert_all(jobs, options.encoder))
 
 
 def _convert_all(jobs: list[RawSecond], encoder: str) -> None:
@@ -94,10 +94,12 @@ def _convert_all(jobs: list[RawSecond], encoder: str) -> None:
             pass
 
 
-def _capture(opened: SceneSession, seconds: dict[str, MappedSeconds]) -> dict[str, tuple[int, int]]:
+def _capture(
+    session: SceneSession, seconds: dict[str, MappedSeconds]
+) -> dict[str, tuple[int, int]]:
     threads = len(os.sched_getaffinity(0))
     room = threading.BoundedSemaphore(threads * _WAITING_PER_THREAD)
-    arrivals = Arrivals(opened)
+    arrivals = Arrivals(session)
     jobs: list[Future[None]] = []
     shapes: dict[str, tuple[int, int]] = {}
     first = [sys.maxsize]
@@ -116,11 +118,11 @@ def _capture(opened: SceneSession, seconds: dict[str, MappedSeconds]) -> dict[st
 
             return keep
 
-        callbacks = {name: callback(name) for name in opened.scene.rig.actors}
-        last = opened.warm_up(lambda: opened.scene.rig.listen(callbacks), arrivals.wait_for)
+        callbacks = {name: callback(name) for name in session.scene.rig.actors}
+        last = session.warm_up(lambda: session.scene.rig.listen(callbacks), arrivals.wait_for)
         first[0] = last + 1
-        for tick in range(opened.spec.steps):
-            arrivals.wait_for(opened.step(tick).frame)
+        for tick in range(session.spec.steps):
+            arrivals.wait_for(session.step(tick).frame)
     for job in jobs:
         job.result()
     return shapes

@@ -15,17 +15,17 @@ from PIL import Image
 from carstage.bench.clients.scene_session import FrameQueues, SceneSession, run_program
 
 
-def record(opened: SceneSession, options: argparse.Namespace) -> None:
+def record(session: SceneSession, options: argparse.Namespace) -> None:
     """Save every tick before the next is made."""
-    queues = FrameQueues(opened)
-    opened.warm_up(queues.listen, queues.take)
-    for tick in range(opened.spec.steps):
-        data = queues.take(opened.step(tick).frame)
-        for name in opened.sensors:
+    queues = FrameQueues(session)
+    session.warm_up(queues.listen, queues.take)
+    for tick in range(session.spec.steps):
+        data = queues.take(session.step(tick).frame)
+        for name in session.sensors:
             image = data[name]
             array = np.frombuffer(image.raw_data, dtype=np.uint8)
             array = array.reshape((image.height, image.width, 4))[:, :, :3][:, :, ::-1]
-            Image.fromarray(array).save(opened.path(name, tick, ".png"))
+            Image.fromarray(array).save(session.path(name, tick, ".png"))
 
 
 def main() -> int:

@@ -36,7 +36,7 @@ class SceneSession(NamedTuple):
         folder: where files go: one folder for each sensor.
         timeout_s: how long data of a tick may take.
         listen_from: step of the warm-up from which sensors are listened to.
-        told: hears of the first tick and of the last one: number and frame.
+        on_tick: called with number and frame of the first tick and of the last one.
         afterwards: what is left to do when the scene is gone, in this order.
     """
 
@@ -47,7 +47,7 @@ class SceneSession(NamedTuple):
     folder: Path
     timeout_s: float
     listen_from: int
-    told: Callable[[int, int], None]
+    on_tick: Callable[[int, int], None]
     afterwards: list[Callable[[], object]]
 
     def warm_up(self, listen: Callable[[], object], settle: Callable[[int], object]) -> int:
@@ -67,10 +67,10 @@ class SceneSession(NamedTuple):
         return frame
 
     def step(self, tick: int) -> Tick:
-        """Make the next tick that counts; the first is told of."""
+        """Make the next tick that counts; the first is reported."""
         made = self.scene.step(tick)
         if tick == 0:
-            self.told(tick, made.frame)
+            self.on_tick(tick, made.frame)
         return made
 
     def path(self, sensor: str, tick: int, suffix: str) -> str:
@@ -84,9 +84,9 @@ class FrameQueues:
     They have no bound, and need none: the next tick is made when this one's data were taken.
     """
 
-    def __init__(self, opened: SceneSession) -> None:
-        self._timeout_s = opened.timeout_s
-        self._rig = opened.scene.rig
+    def __init__(self, session: SceneSession) -> None:
+        self._timeout_s = session.timeout_s
+        self._rig = session.scene.rig
         self._queues: dict[str, Any] = {name: queue.Queue() for name in self._rig.actors}
 
     def listen(self) -> None:
@@ -115,12 +115,12 @@ class Arrivals:
     """The newest frame that each sensor's callback has finished with.
 
     Args:
-        opened: the scene.
+        session: the scene.
     """
 
-    def __init__(self, opened: SceneSession) -> None:
-        self._timeout_s = opened.timeout_s
-        self._frames = dict.fromkeys(opened.scene.rig.actors, -1)
+    def __init__(self, session: SceneSession) -> None:
+        self._timeout_s = session.timeout_s
+        self._frames = dict.fromkeys(session.scene.rig.actors, -1)
         self._changed = threading.Condition()
 
     def done(self, sensor: str, frame: int) -> None:
@@ -148,7 +148,7 @@ def _late(frame: int, sensors: list[str]) -> CollectorError:
 
 
 @contextmanager
-def _opened_scene(plan: Plan, events: EventStream, stop: StopRequest) -> Iterator[SceneSession]:
+def _scene_session(plan: Plan, events: EventStream, stop: StopRequest) -> Iterator[SceneSession]:
     """The scene of a plan's only episode, before its warm-up.
 
     Raises:
@@ -157,21 +157,23 @@ def _opened_scene(plan: Plan, events: EventStream, stop: StopRequest) -> Iterato
     (episode,) = plan.episodes
     spec = episode.spec
     client = connect(plan.server, stop)
-    with WorldSession(client, spec, plan.server.timeout_s) as session:
-        scene = build_scene(client, session, spec=spec, server=plan.server, check=stop.check)
-        session.on_exit("streams", scene.rig.stop)
+    with WorldSession(client, spec, plan.server.timeout_s) as world_session:
+        scene = build_scene(client, world_session, spec=spec, server=plan.server, check=stop.check)
+        world_session.on_exit("streams", scene.rig.stop)
         sensors = {sensor.id: sensor for sensor in spec.written_sensors}
         for name in sensors:
             Path(episode.folder, name).mkdir(parents=True, exist_ok=True)
         yield SceneSession(
-            world=session.world,
+            world=world_session.world,
             scene=scene,
             spec=spec,
             sensors=sensors,
             folder=Path(episode.folder),
             timeout_s=plan.server.timeout_s,
             listen_from=max(0, spec.warmup_ticks - (plan.sensor_warmup_ticks or spec.warmup_ticks)),
-            told=lambda tick, frame: events.tick(episode.episode_id, True, tick=tick, frame=frame),
+            on_tick=lambda tick, frame: events.tick(
+                episode.episode_id, True, tick=tick, frame=frame
+            ),
             afterwards=[],
         )
 
@@ -194,10 +196,10 @@ def run_program(
     if options.exit_with_input:
         stop.on_closed_input(sys.stdin.fileno())
     try:
-        with _opened_scene(read_plan(options.plan), events, stop) as opened:
-            spawned = opened.scene.spawned
-            found = record(opened, options) or {}
-            afterwards = opened.afterwards
+        with _scene_session(read_plan(options.plan), events, stop) as session:
+            spawned = session.scene.spawned
+            found = record(session, options) or {}
+            afterwards = session.afterwards
         for work in afterwards:
             work()
     except (CollectorError, RuntimeError) as error:

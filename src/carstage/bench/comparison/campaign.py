@@ -98,7 +98,7 @@ class Campaign:
         """Make what is left.
 
         Args:
-            progress: told of runs done.
+            progress: called with the runs done and their total number.
             minutes: begin no further run after that time; None: make all.
 
         Raises:

@@ -36,7 +36,7 @@ from carstage.server import Endpoint
 _SAMPLE_EVERY_S = 0.25
 _LONGEST_S = 6 * 3600.0
 _TAIL_BYTES = 2000
-_SAID = "said.txt"
+_EVENTS = "events.txt"
 # Of Linux: ioctl_iflags(2).
 _GET_FLAGS, _SET_FLAGS, _TOP_OF_HIERARCHY = 0x80086601, 0x40086602, 0x20000
 
@@ -91,18 +91,18 @@ class Workplace:
         cpu_s = _cpu_of_children() - cpu_before
         server_cpu_s = process_cpu_s(server) - server_before if server else float("nan")
         kept = _dataset_files(folder) if PROGRAMS[trial.program].keeps else []
-        told = _told(folder)
+        reported = _reported(folder)
         document = trial.document(self.preset)
         return TrialResult(
             wall_s=wall_s,
-            recorded_s=ended_at_s - told.first_tick_at_s,
+            recorded_s=ended_at_s - reported.first_tick_at_s,
             cpu_s=cpu_s,
             server_cpu_s=server_cpu_s,
             peak_mb=peak_bytes / 1e6,
             files=len(kept),
             mb=sum(path.stat().st_size for path in kept) / 1e6,
-            spawned=told.spawned,
-            found=told.found,
+            spawned=reported.spawned,
+            found=reported.found,
             contents=contents_of(folder, document) if look else {},
         )
 
@@ -151,7 +151,7 @@ def _spread(folder: Path) -> None:
 def _run(command: Sequence[str], folder: Path) -> int:
     """Run a command to its end; the most resident bytes of it and all that it started."""
     with (
-        (folder / _SAID).open("wb") as events,
+        (folder / _EVENTS).open("wb") as events,
         (folder / "program.log").open("wb") as log,
         subprocess.Popen(
             command,
@@ -179,7 +179,7 @@ def _run(command: Sequence[str], folder: Path) -> int:
     if code != 0:
         raise CollectorError(
             f"{' '.join(command[:4])} … ended with {code}.",
-            _tail(folder / _SAID) + _tail(folder / "program.log"),
+            _tail(folder / _EVENTS) + _tail(folder / "program.log"),
         )
     return peak
 
@@ -210,7 +210,7 @@ def _dataset_files(folder: Path) -> list[Path]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Told:
+class _Reported:
     """What a program counted, how many actors found a place, and when its first tick was made."""
 
     found: Mapping[str, float]
@@ -218,11 +218,11 @@ class _Told:
     first_tick_at_s: float
 
 
-def _told(folder: Path) -> _Told:
+def _reported(folder: Path) -> _Reported:
     found: dict[str, float] = {}
     spawned, first_tick_at_s = 0, float("nan")
     own = [*folder.glob("dataset/**/events.jsonl")]
-    for path in own or [folder / _SAID]:
+    for path in own or [folder / _EVENTS]:
         for event in _events(path):
             spawned = max(spawned, _actors(event))
             if event.get("event") == "tick" and event["tick"] == 0:
@@ -232,7 +232,7 @@ def _told(folder: Path) -> _Told:
                     found[name] = float(event[name])
             if "queued_bytes" in event:
                 found["queue_mb"] = max(found.get("queue_mb", 0.0), event["queued_bytes"] / 1e6)
-    return _Told(found, spawned, first_tick_at_s)
+    return _Reported(found, spawned, first_tick_at_s)
 
 
 def _events(path: Path) -> list[Mapping[str, Any]]:

@@ -10,7 +10,7 @@ _NS_PER_S = 1e9
 
 
 def main_thread_cpu_s(pid: int) -> float:
-    """CPU seconds of the main thread so far, to the nanosecond where the kernel tells.
+    """CPU seconds of the main thread so far, to the nanosecond where the kernel has it.
 
     Source: the first number of ``/proc/<pid>/task/<tid>/schedstat`` is the time that the thread
     was on a core (Linux, Documentation/scheduler/sched-stats.rst).

@@ -44,8 +44,8 @@ _PROXY_HOST = "127.0.0.2"
 _LATE_TICKS = 120
 _LATE_MESSAGE = 40
 _LATE_S = 1.5
-"""The collector waits 1 s for a frame when incomplete ones are skipped, and tells late from missing
-for another second."""
+"""The collector waits 1 s for a frame when incomplete ones are skipped. For another second it
+separates late from missing."""
 
 _WARMUP_TICKS = 200
 """Time for the stream recorder to subscribe: it has to find the sensors first."""

@@ -1,4 +1,4 @@
-"""How labels compare with the truth: one row per object, and what the rows say together."""
+"""How labels compare with the truth: one row per object, and the figures of all rows."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ METHODS: Final = ("instance", "depth and tags", "depth")
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """What labels say of an object by one method.
+    """The labels of an object by one method.
 
     Attributes:
         visible_px: pixels; None where the method counts none.
@@ -46,7 +46,7 @@ class Estimate:
 
 
 UNSEEN: Final = Estimate(0, 1.0, 2, visible=False, box_iou=0.0)
-"""What a missing row says."""
+"""Stands for a missing row."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class Finding:
 
 
 def estimate(row: Mapping[str, Any] | None, true_box: Rectangle | None) -> Estimate:
-    """What a row of ``camera_objects`` says by the pixels.
+    """The estimate of a row of ``camera_objects`` by the pixels.
 
     Args:
         row: None where labels have none.
@@ -108,7 +108,7 @@ def estimate(row: Mapping[str, Any] | None, true_box: Rectangle | None) -> Estim
 
 
 def estimate_by_vertices(row: Mapping[str, Any] | None) -> Estimate:
-    """What a row of ``camera_objects`` says by STAGE-VO."""
+    """The estimate of a row of ``camera_objects`` by STAGE-VO."""
     if row is None:
         return Estimate(None, None, 2, visible=False)
     return Estimate(None, None, row["occluded"], row["visible_stage_vo"])

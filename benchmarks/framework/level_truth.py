@@ -122,7 +122,7 @@ def _true_pixels(
     optical: FloatArray,
     k: FloatArray,
 ) -> NDArray[np.bool_] | None:
-    """``(H, W)`` which pixels are the object's; None where nothing tells."""
+    """``(H, W)`` which pixels are the object's; None where that is unknown."""
     ids, tags = decode_instance_bgra(scene.instance_bgra)
     if found.id in scene.missed:
         own = {found.label}
@@ -145,7 +145,7 @@ def _true_pixels(
 
 
 def level_figures(findings: Sequence[LevelFinding]) -> list[Figure]:
-    """What the comparison says, with its targets."""
+    """The figures of the comparison, with their targets."""
     seen = [f for f in findings if f.visible_px or f.labelled_px]
     wrong = sum(abs(f.labelled_px - f.visible_px) for f in seen)
     whole = sum(f.visible_px for f in seen)

@@ -2,7 +2,7 @@
 
 The collector records thousands of frames onto a disk that takes less than the sensors bring: its
 queue fills, ticks have to wait, and memory must not grow beyond the budget. The queue is what the
-collector itself counts; resident memory is what the kernel says, above that at the first tick.
+collector itself counts; resident memory is what the kernel reports, above that at the first tick.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 The collector as it ships and a client that ticks the same scene and drops all data take turns on
 one server that repeats rendered frames, so that what they have in common (the client library, its
-sockets, the Traffic Manager) cancels out. CPU time of the main thread tells what capture adds to
-the tick; CPU time of the whole process tells what writing the raw log costs. Both are scaled by a
+sockets, the Traffic Manager) cancels out. CPU time of the main thread shows what capture adds to
+the tick; CPU time of the whole process shows what writing the raw log costs. Both are scaled by a
 calibration kernel that is timed between the blocks.
 """
 

@@ -21,7 +21,7 @@ Towns = Annotated[
     list[str] | None, typer.Option("--towns", help="This town and no other. Repeatable.")
 ]
 Maps = Annotated[Path | None, typer.Option(help="Folder with OpenDRIVE files of CARLA's towns.")]
-Full = Annotated[bool, typer.Option("--full", help="In each of the stages and of CARLA's towns.")]
+Full = Annotated[bool, typer.Option("--full", help="In each of the built-in towns and of CARLA's.")]
 
 
 class BaseType(str, Enum):

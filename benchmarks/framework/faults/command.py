@@ -19,7 +19,7 @@ import psutil
 
 _POLL_S = 0.02
 _COMMAND_PARTS = 5
-"""So many words of a command tell what it is: options of Python, then a module or program text."""
+"""So many words of a command show what it is: options of Python, then a module or program text."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -64,7 +64,7 @@ class Fault(ABC):
         episodes: how many the run records.
         settings: further ``key=value`` of the run.
         environment: added to the run's.
-        host: address of the campaign's server, as the run is told it.
+        host: address of the campaign's server that the run is given.
         moment: when it strikes.
         detail: what was drawn, in words.
     """

@@ -142,7 +142,7 @@ def run_trial(
 
 
 def hashes_of(out: Path) -> Hashes:
-    """The hashes that the commit markers of a dataset tell."""
+    """The hashes in the commit markers of a dataset."""
     found = {}
     for path in sorted((out / "commits").glob("*.json")):
         marker = json.loads(path.read_bytes())
@@ -151,7 +151,7 @@ def hashes_of(out: Path) -> Hashes:
 
 
 def _judge_end(trial: Trial, fault: Fault, run: RunCommand) -> None:
-    """The first run is complete, or says clearly why not."""
+    """The first run is complete, or its message gives the reason."""
     code, output = trial.exit_code, run.output
     trial.complete = code == 0
     if code is None:
@@ -167,7 +167,7 @@ def _judge_end(trial: Trial, fault: Fault, run: RunCommand) -> None:
 
 
 def _judge_processes(trial: Trial, out: Path) -> None:
-    """Nothing that a run has started is left; it may take a moment to see that it is alone."""
+    """Nothing that a run has started is left; its processes may need a moment to end."""
     for run in sorted((out / "runs").glob("*")):
         left = orphans(run.name, 0.0)
         _, alive = psutil.wait_procs(left, timeout=_LAST_PROCESS_S)

@@ -78,7 +78,7 @@ def preset_figures(scene: ReferenceScene) -> list[Figure]:
 
 
 def shadow_error_deg() -> float:
-    """Largest angle between the sun and where a pole's shadow on a plain says that it is."""
+    """Largest angle between the sun and where a pole's shadow on a plain puts it."""
     side = 384
     places = (np.arange(side) + 0.5) / side * 2.0 - 1.0
     worst = 0.0

@@ -38,7 +38,7 @@ def collision_pairs(recording: Recording, kind: Partner) -> list[tuple[int, int,
 def walkers_hit(recording: Recording) -> list[tuple[int, int, int]]:
     """Walkers that a moving vehicle's box reached: first tick of each five seconds, and both rows.
 
-    The walkers' controllers switch their collisions off, so no sensor tells of them. Heights are
+    The walkers' controllers switch their collisions off, so no sensor reports them. Heights are
     compared too: a walker may cross below a bridge.
     """
     window = round(WINDOW_S / recording.delta_s)

@@ -117,7 +117,7 @@ class Recorder:
         return abs(offset), waypoint.lane_width / 2.0, waypoint.is_junction
 
     def recording(self, *, ticks_per_s: float, wake_ups: int) -> Recording:
-        """Everything that was sampled so far, with what the map says."""
+        """Everything that was sampled so far, with what the map holds."""
         boxes = [vehicle.bounding_box for vehicle in self._vehicles]
         lanes = np.array(self._lanes).reshape(-1, len(self._vehicles), 3)
         buildings = self._world.get_level_bbs(carla.CityObjectLabel.Buildings)

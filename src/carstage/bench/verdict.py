@@ -1,4 +1,4 @@
-"""Figures beside their targets, as text for people and as JSON for programs."""
+"""Figures with their targets, as text for people and as JSON for programs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``carstage bench frames|cameras|lidars|objects|totals|all|codecs``: beside other programs."""
+"""``carstage bench frames|cameras|lidars|objects|totals|all|codecs``: next to other programs."""
 
 from __future__ import annotations
 

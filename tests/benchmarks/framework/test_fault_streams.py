@@ -1,4 +1,4 @@
-"""The proxy passes on what it should and disturbs what it is told to, nothing else."""
+"""The proxy passes on what it should and disturbs what it should, nothing else."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Streams(socketserver.BaseRequestHandler):
 
 
 class Calls(socketserver.BaseRequestHandler):
-    """A server's RPC port: says again what it is told."""
+    """A server's RPC port: sends back what it receives."""
 
     def handle(self) -> None:
         while data := self.request.recv(1024):

@@ -1,4 +1,4 @@
-"""Trials in their own process: results come back, failures are told apart."""
+"""Trials in their own process: results come back, failures are distinguished."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figures of the check ``render`` say what they claim."""
+"""The figures of the check ``render`` mean what they claim."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def _switching(scene: TrialScene) -> None:
     scene.ticks(2)
     lit = scene.picture(view).astype(float)
     expect(lit.mean() > dark.mean() + 8.0, f"the lamp lights nothing: {dark.mean()}, {lit.mean()}")
-    expect(lamp.is_on and manager.is_active([lamp]) == [True], "it says that it is on")
+    expect(lamp.is_on and manager.is_active([lamp]) == [True], "the lamp is not on")
     lamp.set_color(carla.Color(255, 0, 0))
     scene.ticks(2)
     red = scene.picture(view).astype(float)

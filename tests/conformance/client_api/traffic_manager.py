@@ -52,7 +52,7 @@ def _speeds(scene: TrialScene) -> None:
 
 @works("TrafficManager.vehicle_lane_offset", "TrafficManager.global_lane_offset")
 def _offsets(scene: TrialScene) -> None:
-    """A car keeps as far from its lane's middle as it is told."""
+    """A car keeps the given offset from its lane's middle."""
     manager = scene.traffic_manager
     car = _driven(scene)
 
@@ -83,7 +83,7 @@ def _lights(scene: TrialScene) -> None:
 @works("TrafficManager.set_path", "TrafficManager.set_route", "TrafficManager.get_next_action",
        "TrafficManager.get_all_actions")  # fmt: skip
 def _routes(scene: TrialScene) -> None:
-    """A car follows the places that it is given, and says what it will do."""
+    """A car follows the places that it is given, and announces its next actions."""
     manager = scene.traffic_manager
     car = _driven(scene)
     here = scene.map.get_waypoint(car.get_location())
@@ -102,7 +102,7 @@ def _routes(scene: TrialScene) -> None:
        "TrafficManager.ignore_vehicles_percentage",
        "TrafficManager.ignore_walkers_percentage")  # fmt: skip
 def _following(scene: TrialScene) -> None:
-    """A car stops behind a parked one, farther off when told so, and not if it ignores it."""
+    """A car stops behind a parked one, farther off if set so, and not if it ignores it."""
     manager = scene.traffic_manager
     car = _driven(scene)
     manager.set_global_distance_to_leading_vehicle(2.0)
@@ -126,7 +126,7 @@ def _following(scene: TrialScene) -> None:
        "TrafficManager.random_left_lanechange_percentage",
        "TrafficManager.random_right_lanechange_percentage")  # fmt: skip
 def _lane_changes(scene: TrialScene) -> None:
-    """A car that is told to changes lane, where there is one beside it."""
+    """A car changes lane on request, where there is a lane next to it."""
     manager = scene.traffic_manager
     place = next(
         (p for p in scene.map.get_spawn_points()

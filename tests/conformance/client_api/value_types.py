@@ -31,7 +31,7 @@ def _enumerations(_stage: TrialScene) -> None:
         kind = getattr(carla, name)
         expect(len(kind.names) > 0, f"{name} has no values")
         for label, value in kind.names.items():
-            expect(getattr(kind, label) == value, f"{name}.{label} is not what names says")
+            expect(getattr(kind, label) == value, f"{name}.{label} is not what names holds")
             expect(kind.values[int(value)] == value, f"{name}.{label} is lost by its number")
 
 

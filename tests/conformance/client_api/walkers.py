@@ -10,7 +10,7 @@ from client_api.trial_scene import TrialScene, changed, expect, look_at
 
 @works("Walker.apply_control", "Walker.get_control", "WalkerControl.*")
 def _walking(scene: TrialScene) -> None:
-    """It walks where it is told at the speed that it is told."""
+    """It walks in the direction and at the speed of its control."""
     walker = scene.spawn("walker.pedestrian.0002")
     start = walker.get_location()
     walker.apply_control(carla.WalkerControl(carla.Vector3D(1.0, 0.0, 0.0), 1.5, False))
@@ -56,7 +56,7 @@ def _posing(scene: TrialScene) -> None:
 
 @works("WalkerAIController.*")
 def _navigating(scene: TrialScene) -> None:
-    """It walks towards its goal on the navigation mesh, faster when told so, and stops."""
+    """It walks towards its goal on the navigation mesh, faster with a higher limit, and stops."""
     start = scene.world.get_random_location_from_navigation()
     walker = scene.spawn(
         "walker.pedestrian.0004", carla.Transform(start + carla.Location(z=1.0)),

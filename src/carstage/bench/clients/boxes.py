@@ -2,7 +2,7 @@
 
 One actor after the other: the eight corners of its bounding box by ``get_world_vertices``, into the
 camera by its inverse matrix, onto the picture by the matrix of the intrinsics, each compared with
-the depth picture there. What Car-STAGE's own labels say of the same frames must be the same.
+the depth picture there. Car-STAGE's own labels of the same frames must be equal.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Car-STAGE beside other ways to record: the experiments of the paper, by one command.
+"""Car-STAGE compared with other ways to record: the experiments of the paper, by one command.
 
-A ``Preset`` says how much is measured; ``plan_trials`` lists every run of every program, programs
+A ``Preset`` sets how much is measured; ``plan_trials`` lists every run of every program, programs
 taking turns; ``Campaign`` makes them on one server and keeps each result at once, so that it goes
-on where it ended; ``judge`` and ``write_report`` say what came of it.
+on where it ended; ``judge`` and ``write_report`` show the outcome.
 """
 
 from carstage.bench.comparison.campaign import Campaign

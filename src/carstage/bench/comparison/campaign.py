@@ -195,7 +195,7 @@ def _warm_up(todo: list[Trial]) -> list[Trial]:
 def _second_chance(workplace: Workplace, trial: Trial) -> TrialResult:
     """A run, made once more if it failed: clients sometimes abort while they end.
 
-    The result of a second run says so: ``failed_before`` in what was found.
+    The result of a second run is marked: ``failed_before`` in what was found.
 
     Raises:
         CollectorError: it failed twice; the cause is how it failed first.

@@ -39,7 +39,7 @@ class Line:
         per_unit_s: seconds per frame (``frames``), or added by a sensor (or an actor) to a frame.
         begin_s: seconds at value 0.
         r2: coefficient of determination; 1 is a line.
-        values: how many values there are; with two, ``r2`` says nothing.
+        values: how many values there are; with two, ``r2`` means nothing.
     """
 
     per_unit_s: float

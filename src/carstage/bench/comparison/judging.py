@@ -1,4 +1,4 @@
-"""What a comparison shows: ratios beside their targets."""
+"""What a comparison shows: ratios with their targets."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _UNITS: Final[Mapping[Experiment, str]] = {
 
 
 def judge(preset: Preset, measured: Measured, command: str, machine: Mapping[str, Any]) -> Verdict:
-    """All figures of a comparison; targets hold for presets that have enough runs to tell.
+    """All figures of a comparison; targets hold for presets that have enough runs to judge by.
 
     Args:
         preset: how much was measured.

@@ -184,7 +184,7 @@ def _page(
         "<!doctype html><html lang=en><meta charset=utf-8>",
         "<meta name=viewport content='width=device-width'>",
         f"<title>Car-STAGE: comparison</title><style>{_STYLE}</style>",
-        "<h1>Car-STAGE beside other ways to record</h1>",
+        "<h1>Car-STAGE compared with other ways to record</h1>",
         f"<p>{html.escape(_machine_text(machine))}</p>",
         f"<p>Preset <code>{preset.name}</code>, <code>{html.escape(verdict.command)}</code></p>",
         _html_table(_figure_rows(verdict)),

@@ -38,7 +38,7 @@ class Trial:
 
     @property
     def key(self) -> Key:
-        """What tells it from all others of a campaign."""
+        """Unique in a campaign."""
         return self.experiment, self.program, self.value, self.repeat
 
     @property

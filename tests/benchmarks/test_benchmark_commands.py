@@ -42,6 +42,7 @@ def test_a_measurement_ends_with_its_verdict_and_one_json_object(
         return Verdict(name, (Figure("x", 1 if ok else 3, "<=", 2),))
 
     monkeypatch.setattr(function, measure)
+    monkeypatch.setattr("sys.argv", ["benchmarks", name, "--json"])
     ended = CliRunner().invoke(app, [name, "--json"])
     assert ended.exit_code == (0 if ok else 1)
     printed = json.loads(ended.stdout.splitlines()[-1])
@@ -52,7 +53,7 @@ def test_a_measurement_ends_with_its_verdict_and_one_json_object(
         "target": 2,
         "ok": ok,
     }
-    assert printed["command"].startswith("python -m benchmarks ")
+    assert printed["command"] == f"python -m benchmarks {name} --json"
     assert "1 of 2" in ended.stderr
 
 

@@ -131,7 +131,7 @@ def measure_labels(
             ),
             (
                 f"{scenes} scenes in each of {', '.join(towns)}, pictures of "
-                f"{size[0]}x{size[1]}; objects within {MAX_DISTANCE_M:g} m of which the lone "
+                f"{size[0]}x{size[1]}; objects within {MAX_DISTANCE_M:g} m of which the isolated "
                 "picture shows a pixel.",
             ),
         ),

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 _SENSOR = "CAM_LEFT"
-_STAGE = ".places-host[data-ready=true] canvas"
+_SCENE = ".scene-host[data-ready=true] canvas"
 
 _WHEN_USABLE = """
 const look = () => {
@@ -151,7 +151,7 @@ def median(values: list[Any]) -> float:
 def _choose(page: Page) -> None:
     sensors = page.get_by_role("list", name="Sensors")
     sensors.get_by_role("button", name=_SENSOR).click()
-    page.locator(_STAGE).wait_for()
+    page.locator(_SCENE).wait_for()
     page.locator(".view-top .car-body").first.wait_for()
     wait_for(page, "window.carstage3d && carstage3d.drawn() > 0")
 

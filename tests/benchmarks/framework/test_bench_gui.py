@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
+from pathlib import Path
 
 import pytest
 
 from benchmarks.framework.gui.chromium import chromium
 from benchmarks.framework.gui.thumbnails import CAMERAS, Drawn, Watched
 from carstage.errors import BadInputError
+
+ROOT = Path(__file__).parents[3]
 
 
 def watched(ages_s: list[float]) -> Watched:
@@ -48,3 +52,24 @@ def test_without_a_browser_it_says_how_to_get_one(monkeypatch: pytest.MonkeyPatc
     with pytest.raises(BadInputError) as refused, chromium():
         pass
     assert "pip install playwright" in refused.value.hint
+
+
+def test_what_is_looked_for_in_the_page_is_in_its_sources() -> None:
+    page = "".join(path.read_text("utf-8") for path in (ROOT / "ui" / "src").rglob("*.tsx"))
+    selectors = [
+        selector
+        for path in (ROOT / "benchmarks" / "framework" / "gui").glob("*.py")
+        for selector in re.findall(
+            r"""(?:locator\(f?|querySelector\(|closest\(|^_[A-Z]+ = )(["'])(.+?)\1""",
+            path.read_text("utf-8"),
+            re.MULTILINE,
+        )
+    ]
+    names = {name for _, text in selectors for name in re.findall(r"\.([a-z]+(?:-[a-z]+)*)", text)}
+    assert {"scene-host", "sensor-preview", "thumbs"} <= names
+    missing = {
+        name
+        for name in names
+        if not re.search(rf"\b{name}\b", page) and f"{name.split('-')[0]}-${{" not in page
+    }
+    assert missing == set()

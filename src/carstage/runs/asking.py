@@ -55,7 +55,7 @@ def ask_server(host: str, port: int, version: str, timeout_s: float = 20.0) -> S
             }
     except (OSError, ValueError, TypeError, IndexError, msgpack.UnpackException) as error:
         raise ServerError(
-            f"The server at {host}:{port} did not notify what it offers: {error}.",
+            f"The server at {host}:{port} did not answer what it offers: {error}.",
             "Is it CARLA 0.9.13 or later, and has it finished starting?",
         ) from error
     return ServerFacts(
@@ -81,7 +81,7 @@ def ask_spawn_points(host: str, port: int, timeout_s: float = 20.0) -> tuple[str
             points = np.array([[*at, *turned] for at, turned in places], dtype=np.float64)
     except (OSError, ValueError, TypeError, IndexError, msgpack.UnpackException) as error:
         raise ServerError(
-            f"The server at {host}:{port} did not notify what its map is: {error}.",
+            f"The server at {host}:{port} did not answer what its map is: {error}.",
             "Is it CARLA 0.9.13 or later, and has it finished starting?",
         ) from error
     return _short(str(name)), points.reshape(-1, 6)

@@ -78,7 +78,7 @@ class WorkerHost(Protocol):
         """An attempt failed; ``final``: another one would, too."""
 
 
-#: Errors that notify nothing against the server.
+#: Errors that are not the server's fault.
 _LEAVE_THE_SERVER = (FinalCollectorError, InterpreterError, ConversionError, StorageError)
 #: Errors that another attempt would meet again.
 _FINAL = (FinalCollectorError, InterpreterError)

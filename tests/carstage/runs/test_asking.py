@@ -72,5 +72,5 @@ def test_own_towns_have_as_many_spawn_points_at_an_address_as_when_started() -> 
 def test_server_that_hangs_up_is_told() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-    with pytest.raises(ServerError, match="did not notify what it offers"):
+    with pytest.raises(ServerError, match="did not answer what it offers"):
         ask_server("127.0.0.1", port, "0.9.16")

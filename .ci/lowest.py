@@ -10,6 +10,7 @@ validates, reports and exports it, and starts the graphical interface. The pins 
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -19,6 +20,19 @@ ROOT = Path(__file__).resolve().parent.parent
 LOWEST_PYTHON = "3.10"
 SECONDS = 0.5
 """Of the demonstration: five frames of eight sensors."""
+
+
+def interpreter(version: str) -> str:
+    """A Python of that version on PATH or among pyenv's; else the one that runs this."""
+    versions = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
+    named = [shutil.which(f"python{version}"), *sorted(versions.glob(f"{version}.*/bin/python"))]
+    for candidate in filter(None, named):
+        # A shim of pyenv is on PATH even where its version is not selected: only running it tells.
+        probe = subprocess.run([candidate, "-V"], capture_output=True, text=True, check=False)
+        if probe.returncode == 0 and probe.stdout.startswith(f"Python {version}."):
+            return str(candidate)
+    print(f"no Python {version} here: tried with {sys.version.split()[0]}", flush=True)
+    return sys.executable
 
 
 def main(python: str) -> None:
@@ -40,7 +54,7 @@ def main(python: str) -> None:
         if block is None:
             raise SystemExit("pyproject.toml has no list of dependencies")
         bounds.write_text("\n".join(re.findall(r'"(.+?)"', block.group(1))))
-        call("uv", "venv", "--quiet", "--python", python, scratch / "venv")
+        call("uv", "venv", "--quiet", "--python", interpreter(python), scratch / "venv")
         install = ("uv", "pip", "install", "--quiet", "--python", scratch / "venv/bin/python")
         call(*install, "--resolution", "lowest-direct", "--only-binary", ":all:", "-r", bounds)
         call("uv", "build", "--quiet", "--wheel", "--out-dir", scratch / "dist", ROOT)

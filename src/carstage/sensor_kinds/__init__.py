@@ -1,7 +1,7 @@
 """The one table of sensor kinds: what every part of Car-STAGE knows of a kind stands in its row.
 
 ``model`` says what a row holds, ``attributes`` and ``built_in`` are the rows, ``table`` lists them.
-A package adds a kind with :func:`register`; see ``docs/how-to/add-a-sensor-kind.md``.
+A package adds a kind with :func:`register`.
 Standard library only, Python 3.8: the collector reads the table too.
 """
 

@@ -46,8 +46,9 @@ class Codec(ABC):
         """Content of the frame's files.
 
         Args:
-            meta, payload: a data record of the raw log, see ``docs/formats/raw-log.md``. What is
-                written as it came need not be copied: the payload stays as long as it is held.
+            meta: what a data record of the raw log says, see ``docs/formats/raw-log.md``.
+            payload: the record's bytes. What is written as it came need not be copied: the
+                payload stays as long as it is held.
 
         Raises:
             ValueError: the payload does not have the size that the meta says.

@@ -12,9 +12,8 @@ import carstage
 
 FOLDER = Path(__file__).parents[2] / "docs" / "reference"
 DIRECTIVE = re.compile(r"^::: (carstage[\w.]*)$", re.MULTILINE)
-DIRECTIVES = [
-    name for page in sorted(FOLDER.glob("*.md")) for name in DIRECTIVE.findall(page.read_text("utf-8"))
-]  # fmt: skip
+PAGES = [page.read_text("utf-8") for page in sorted(FOLDER.glob("*.md"))]
+DIRECTIVES = [name for page in PAGES for name in DIRECTIVE.findall(page)]
 
 
 def found(name: str) -> object:

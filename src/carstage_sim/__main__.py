@@ -20,6 +20,7 @@ from carstage_sim.kernels import do_without_scipy
 from carstage_sim.maps import MapCatalogue, MapFileError, MapSamplingError, UnknownTownError
 from carstage_sim.prebake import prebake
 from carstage_sim.render.gpu.device import NoGpuError
+from carstage_sim.sensors.plugins import PluginError, import_plugins
 from carstage_sim.server import Server
 from carstage_sim.simulation import Simulation
 from carstage_sim.wire.dialect import dialect
@@ -42,6 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         # A bake takes a while; whoever waits wants to know for what.
         logging.getLogger("carstage_sim.maps.baking").setLevel(logging.INFO)
     try:
+        import_plugins(options.plugins)
         maps = MapCatalogue(options.maps, options.aliases)
         if options.describe:
             print(json.dumps(describe(options.protocol, maps)), flush=True)
@@ -55,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _serve(options, maps)
     except (
         BadAddressError, PortInUseError, UnknownTownError, MapFileError, MapSamplingError,
-        NoGpuError, UnknownVehicleError,
+        NoGpuError, PluginError, UnknownVehicleError,
     ) as error:  # fmt: skip
         print(f"carstage_sim: {error}", file=sys.stderr)
         return _BAD_INPUT

@@ -42,6 +42,7 @@ class Options:
         streaming_port: 0 for a free one.
         maps: OpenDRIVE files, and folders of them, to offer.
         aliases: names that stand for maps.
+        plugins: modules to import, which register sensors.
         threads: threads of the numeric kernels, None for all cores.
         loop: how each sensor repeats its first frames, None for no repetition.
         pace_hz: most ticks per second in synchronous mode, None for as many as can be.
@@ -61,6 +62,7 @@ class Options:
     map_name: str
     maps: tuple[Path, ...]
     aliases: dict[str, str]
+    plugins: tuple[str, ...]
     threads: int | None
     loop: Looping | None
     pace_hz: float | None
@@ -113,6 +115,14 @@ def _parser() -> _Parser:
     )
     parser.add_argument("--map", dest="map_name", default="Stage01", help="map to begin with")
     _add_map_sources(parser)
+    parser.add_argument(
+        "--plugin",
+        dest="plugins",
+        action="append",
+        default=[],
+        metavar="MODULE",
+        help="a Python module to import, which registers sensors of its own; may be repeated",
+    )
     parser.add_argument(
         "--seed",
         type=int,
@@ -273,6 +283,7 @@ def parse_options(argv: Sequence[str] | None) -> Options:
         map_name=namespace.map_name.rsplit("/", 1)[-1],
         maps=tuple(namespace.maps),
         aliases=dict(namespace.aliases),
+        plugins=tuple(namespace.plugins),
         threads=namespace.threads,
         loop=Looping(namespace.loop, namespace.loop_noise) if namespace.loop else None,
         pace_hz=namespace.pace,

@@ -31,6 +31,7 @@ from carstage_sim.wire.streaming import StreamingServer
 from carstage_sim.wire.synchronous_owners import SynchronousOwners
 from carstage_sim.wire.traffic_managers import TrafficManagers
 from carstage_sim.wire.values import encode_actor, encode_scenery
+from carstage_sim.world.blueprints import sent_as
 from carstage_sim.world.snapshot import Snapshot
 
 logger = logging.getLogger(__name__)
@@ -233,13 +234,14 @@ class Server:
             snapshot, lambda stream_id: self._streams.listeners(stream_id) > 0
         )
         for item in captured:
+            type_id = sent_as(item.sensor.type_id)
             header = sensor_header(
-                self._dialect.sensors.index(item.sensor.type_id),
+                self._dialect.sensors.index(type_id),
                 state.frame,
                 state.timestamp_s,
                 item.pose,
             )
-            frame = self._relabelled(item.sensor.type_id, item.frame)
+            frame = self._relabelled(type_id, item.frame)
             self._streams.publish(
                 item.sensor.stream_id,
                 [header, *encode_frame(frame, self._described)],

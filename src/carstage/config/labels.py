@@ -60,7 +60,7 @@ class Labels(Section):
     cameras: Literal["all"] | Names = setting(
         "all",
         title="Labelled cameras",
-        description="`all`: every rgb camera; or a list of sensor ids; `[]` labels none.",
+        description="`all`: every camera of colours; or a list of sensor ids; `[]` labels none.",
         group="labels",
     )
     level_objects: Annotated[tuple[LevelObjectKind, ...], Strict(strict=False)] = setting(

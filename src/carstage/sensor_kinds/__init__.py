@@ -16,6 +16,7 @@ from carstage.sensor_kinds.table import (
     register,
     registered_kinds,
     sensor_kind,
+    simulator_plugins,
 )
 
 __all__ = [
@@ -33,4 +34,5 @@ __all__ = [
     "register",
     "registered_kinds",
     "sensor_kind",
+    "simulator_plugins",
 ]

@@ -86,6 +86,11 @@ def plugins_of(names: Iterable[str]) -> List[str]:
     return sorted({sensor_kind(name).plugin for name in names} - {""})
 
 
+def simulator_plugins() -> List[str]:
+    """Modules that the embedded simulator imports so that it has the sensors of all kinds."""
+    return sorted({kind.simulator for kind in kinds()} - {""})
+
+
 def import_plugins(modules: Iterable[str]) -> None:
     """Import modules that register kinds.
 

@@ -19,7 +19,8 @@ from carstage import __version__
 from carstage.cache import cache_folder
 from carstage.errors import ServerError
 from carstage.releases import NEWEST
-from carstage.server.embedded import MODULE
+from carstage.sensor_kinds import simulator_plugins
+from carstage.server.embedded import MODULE, plugin_options
 
 DESCRIBE_S = 120.0
 
@@ -114,7 +115,7 @@ def ask_embedded(option: str, name: str, folder: Path | None = None) -> dict[str
 
 
 def _ask(*question: str) -> str:
-    command = [sys.executable, "-m", MODULE, *(question or ("--describe",))]
+    command = [sys.executable, "-m", MODULE, *plugin_options(), *(question or ("--describe",))]
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=DESCRIBE_S, check=False
@@ -158,11 +159,14 @@ def _parse(document: Mapping[str, Any], carla_version: str) -> SimulatorDescript
 
 
 def _fingerprint() -> str:
-    """Changes with every edit of the simulator's code, without importing it."""
+    """Changes with every edit of the simulator's code or a plug-in's, without importing it."""
     digest = hashlib.sha256(f"{__version__} {sys.version}".encode())
-    spec = find_spec(MODULE)
-    for location in (spec.submodule_search_locations or ()) if spec is not None else ():
-        for file in sorted(Path(location).rglob("*.py")):
+    for name in (MODULE, *simulator_plugins()):
+        spec = find_spec(name)
+        files = [] if spec is None or spec.origin is None else [Path(spec.origin)]
+        for location in (spec.submodule_search_locations or ()) if spec is not None else ():
+            files += sorted(Path(location).rglob("*.py"))
+        for file in files:
             status = file.stat()
             digest.update(f"{file} {status.st_size} {status.st_mtime_ns}\n".encode())
     return digest.hexdigest()[:16]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from carstage.errors import ServerEndedError, ServerError
+from carstage.sensor_kinds import simulator_plugins
 from carstage.server.base import TAIL_LINES, Endpoint
 from carstage.server.owned import OwnedServer
 from carstage.server.ports import check_ports_free, free_port
@@ -27,6 +28,11 @@ many on a machine that others use. One that ends meanwhile is noticed at once.""
 _READY = re.compile(
     rf"{MODULE} ready rpc=(?P<host>\S+):(?P<port>\d+) .*\bprotocol=(?P<version>\S+)"
 )
+
+
+def plugin_options() -> list[str]:
+    """Options that make the simulator import the sensors of the packages installed here."""
+    return [word for module in simulator_plugins() for word in ("--plugin", module)]
 
 
 class EmbeddedServer(OwnedServer):
@@ -108,7 +114,7 @@ class EmbeddedServer(OwnedServer):
             command += ["--map", self._map_name]
         if self._threads is not None:
             command += ["--threads", str(self._threads)]
-        return [*command, *self._arguments]
+        return [*command, *plugin_options(), *self._arguments]
 
     def _not_ready(self, process: ServerProcess, after_s: float) -> ServerError:
         where = f"{self._host}:{self._port or 'auto'}"

@@ -25,6 +25,7 @@ from carstage_sim.wire.dialect_tables import (
     WORLD_OBSERVER,
 )
 from carstage_sim.wire.errors import UnknownProtocolError
+from carstage_sim.world.blueprints import sent_as
 
 _FIRST_STREAM = 1
 
@@ -68,7 +69,7 @@ class Dialect:
 
     def offers(self, type_id: str) -> bool:
         """Whether the version knows a blueprint: its sensors must be in the registry."""
-        return not type_id.startswith("sensor.") or type_id in self.sensors
+        return not type_id.startswith("sensor.") or sent_as(type_id) in self.sensors
 
     def episode_stream(self, stream_id: int) -> int:
         """The stream of an episode's snapshots, of which the world numbers one per episode."""

@@ -5,5 +5,6 @@
 
 from carstage_sim.world.blueprints.catalogue import catalogue
 from carstage_sim.world.blueprints.model import Attribute, AttributeType, Blueprint
+from carstage_sim.world.blueprints.sensors import add_sensor, sent_as
 
-__all__ = ["Attribute", "AttributeType", "Blueprint", "catalogue"]
+__all__ = ["Attribute", "AttributeType", "Blueprint", "add_sensor", "catalogue", "sent_as"]

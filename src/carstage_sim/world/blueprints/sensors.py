@@ -6,6 +6,8 @@ model are accepted all the same, so that existing scripts run unchanged.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from carstage_sim.world.blueprints.model import Attribute, AttributeType, Blueprint
 from carstage_sim.world.state import ActorKind
 
@@ -157,6 +159,35 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
     "sensor.other.imu": _IMU,
     "sensor.other.gnss": _GNSS,
 }
+
+_SENT_AS: dict[str, str] = {}
+"""Sensors of plug-ins: whose messages theirs are to a client."""
+
+
+def add_sensor(
+    type_id: str, like: str, attributes: Sequence[tuple[str, AttributeType, str]]
+) -> None:
+    """Add a sensor of a plug-in to the library.
+
+    Args:
+        type_id: its blueprint id.
+        like: the sensor of CARLA whose attributes it has and whose messages it sends.
+        attributes: further ones: name, type, default.
+
+    Raises:
+        ValueError: the id is taken or no sensor's, or there is no sensor ``like``.
+    """
+    if type_id in _SENSORS or not type_id.startswith("sensor."):
+        raise ValueError(f"{type_id!r} is taken, or does not begin with 'sensor.'")
+    if like not in _SENSORS or like in _SENT_AS:
+        raise ValueError(f"{type_id!r} is to be like {like!r}, which is no sensor of CARLA")
+    _SENSORS[type_id] = (*_SENSORS[like], *attributes)
+    _SENT_AS[type_id] = like
+
+
+def sent_as(type_id: str) -> str:
+    """The sensor of CARLA as which clients read a sensor's messages: mostly itself."""
+    return _SENT_AS.get(type_id, type_id)
 
 
 def _attributes(sensor_id: str, rows: tuple[_Row, ...]) -> tuple[Attribute, ...]:

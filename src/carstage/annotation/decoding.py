@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.errors import AnnotationError
+from carstage.sensor_kinds.columns import Bgra
 
 DEPTH_STEP_M = 1000.0 / (2**24 - 1)
 """Metres per step of the 24-bit depth code (CARLA docs, ``sensor.camera.depth``)."""
@@ -52,4 +53,4 @@ def decode_instance_bgra(
         semantic tag (``R``).
     """
     pixels = _bgra(image_bgra)
-    return pixels.view(">u2")[..., 0].astype(np.uint16), pixels[..., 2].copy()
+    return pixels.view(">u2")[..., 0].astype(np.uint16), pixels[..., Bgra.RED].copy()

@@ -13,6 +13,7 @@ from PIL import Image
 from carstage.codecs.codec import Codec, image_bgra
 from carstage.codecs.extras import need
 from carstage.codecs.png import PngPacker, ZlibOfRuns, pixel_words, unpack_png
+from carstage.sensor_kinds.columns import Bgra
 
 
 class RgbBuffer:
@@ -118,7 +119,7 @@ class SemanticPng(Codec):
 
     def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[bytes, ...]:
         """See ``Codec.encode``."""
-        return (self._packer.pack(image_bgra(meta, payload)[..., 2]),)
+        return (self._packer.pack(image_bgra(meta, payload)[..., Bgra.RED]),)
 
     def decode(self, contents: Sequence[bytes]) -> NDArray[Any]:
         """See ``Codec.decode``."""
@@ -126,7 +127,7 @@ class SemanticPng(Codec):
 
     def raw_array(self, meta: Mapping[str, Any], payload: memoryview) -> NDArray[Any]:
         """See ``Codec.raw_array``."""
-        return image_bgra(meta, payload)[..., 2]
+        return image_bgra(meta, payload)[..., Bgra.RED]
 
 
 class InstancePng(Codec):
@@ -144,7 +145,7 @@ class InstancePng(Codec):
     def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[bytes, ...]:
         """See ``Codec.encode``."""
         bgra = image_bgra(meta, payload)
-        return self._id_packer.pack(_instance_id(bgra)), self._tag_packer.pack(bgra[..., 2])
+        return self._id_packer.pack(_instance_id(bgra)), self._tag_packer.pack(bgra[..., Bgra.RED])
 
     def decode(self, contents: Sequence[bytes]) -> NDArray[Any]:
         """See ``Codec.decode``."""
@@ -156,7 +157,7 @@ class InstancePng(Codec):
     def raw_array(self, meta: Mapping[str, Any], payload: memoryview) -> NDArray[Any]:
         """See ``Codec.raw_array``."""
         bgra = image_bgra(meta, payload)
-        return np.stack([_instance_id(bgra), bgra[..., 2].astype(np.uint16)], axis=-1)
+        return np.stack([_instance_id(bgra), bgra[..., Bgra.RED].astype(np.uint16)], axis=-1)
 
 
 def _instance_id(bgra: NDArray[np.uint8]) -> NDArray[np.uint16]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from carstage.codecs.codec import Codec, Content
 from carstage.codecs.extras import need
 from carstage.codecs.npz import pack_npz, unpack_npz
+from carstage.sensor_kinds.columns import Point
 
 _POINT_BYTES = 16
 _FIELDS = ("x", "y", "z", "intensity")
@@ -135,7 +136,7 @@ class LidarLaz(LidarBin):
         header.scales = np.full(3, _LAZ_STEP_M)
         cloud = self._laspy.LasData(header)
         cloud.xyz = points[:, :3].astype(np.float64)
-        cloud.intensity = np.rint(np.clip(points[:, 3], 0.0, 1.0) * _LAZ_INTENSITY)
+        cloud.intensity = np.rint(np.clip(points[:, Point.INTENSITY], 0.0, 1.0) * _LAZ_INTENSITY)
         stream = io.BytesIO()
         cloud.write(stream, do_compress=True)
         return (stream.getvalue(),)

@@ -21,6 +21,7 @@ from carstage.geometry import (
     project,
     transform_points,
 )
+from carstage.sensor_kinds.columns import Instance
 from carstage.sensor_kinds.model import DEPTH, FLOW, INSTANCES, TAGS
 from carstage.validation.checks.labels import LabelledBox
 
@@ -198,7 +199,7 @@ def semantic_view(tags: NDArray[np.uint8], palette: Mapping[int, RgbColour]) -> 
 
 def instance_view(instance: NDArray[np.uint16]) -> Image.Image:
     """A separate colour for each id of a thing that moves; everything else in greys by tag."""
-    ids, tags = instance[..., 0].astype(np.int64), instance[..., 1]
+    ids, tags = instance[..., Instance.ID].astype(np.int64), instance[..., Instance.TAG]
     moves = (tags >= 12) & (tags <= 19)
     hue = (ids * _GOLDEN_RATIO) % 1.0  # neighbouring ids get hues that lie far apart
     hsv = np.stack([hue * 255, np.full_like(hue, 170), np.full_like(hue, 240)], axis=-1)

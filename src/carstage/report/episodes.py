@@ -28,6 +28,7 @@ from carstage.report.drawing import (
     draw_boxes_3d,
 )
 from carstage.report.film import MOST_FRAMES, film
+from carstage.sensor_kinds.columns import Detection
 from carstage.sensor_kinds.model import CAMERAS, CLOUDS, COLOUR, DETECTIONS, ROWS
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelledBox, LabelTables, labelled_boxes
@@ -222,7 +223,7 @@ class _Pictures:
             radar = [
                 (
                     transform_points(s.calibration_at(k).ego_from_sensor, radar_points(found)),
-                    found[:, 0],
+                    found[:, Detection.RANGE_RATE],
                 )
                 for s in self._episode.sensors
                 if s.content == DETECTIONS and (found := self._read(s, k)) is not None

@@ -15,6 +15,7 @@ from carstage.selftest.depth_view import CLEARLY, EXPLAINS, LAGS, DepthView, pai
 from carstage.selftest.evidence import Body, Evidence
 from carstage.selftest.verdict import Check
 from carstage.selftest.warping import inside_box
+from carstage.sensor_kinds.columns import Bgra
 
 _OWN = "those of their own tick"
 _LIKE = 30
@@ -88,7 +89,7 @@ def _colours_alike(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> NDArr
 
 
 def _tags_alike(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    return np.asarray(first[..., 2] == second[..., 2], dtype=np.bool_)
+    return np.asarray(first[..., Bgra.RED] == second[..., Bgra.RED], dtype=np.bool_)
 
 
 def _ids_alike(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> NDArray[np.bool_]:

@@ -12,6 +12,7 @@ from carstage.selftest.depth_view import DepthView
 from carstage.selftest.evidence import Body
 from carstage.selftest.verdict import Check
 from carstage.selftest.warping import inside_box
+from carstage.sensor_kinds.columns import Bgra
 from carstage.tags import TAGS_0_9_13, TAGS_0_9_14, Tag, tag_table, vehicle_tags, walker_tags
 
 LOW_FIRST = "actor ids, G + 256 B"
@@ -71,7 +72,7 @@ def _tags_seen(view: DepthView) -> Mapping[str, NDArray[np.uint8]]:
     seen: dict[str, list[NDArray[np.uint8]]] = {}
     evidence = view.evidence
     for tick, picture in enumerate(evidence.pictures["semantic"]):
-        tags = view.at(picture)[:, 2]
+        tags = view.at(picture)[:, Bgra.RED]
         shown = {
             "vehicle": _on(view, evidence.vehicle, tick),
             "road": _road_ahead(view, tick),

@@ -35,6 +35,7 @@ from carstage_sim.recording.layout import (
 )
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints.model import AttributeType
+from carstage_sim.world.columns import Control, Rotation
 from carstage_sim.world.snapshot import Snapshot
 from carstage_sim.world.state import ActorKind, Collision
 from carstage_sim.world.world import World
@@ -212,7 +213,7 @@ class Recorder:
             Packet.POSITION,
             id=state.actor_id[rows],
             location=state.location[rows] * CM_PER_M,
-            rotation=state.rotation_deg[rows][:, [2, 0, 1]],
+            rotation=state.rotation_deg[rows][:, [Rotation.ROLL, Rotation.PITCH, Rotation.YAW]],
         )
 
     @staticmethod
@@ -234,9 +235,9 @@ class Recorder:
             rows_packet(
                 Packet.ANIM_VEHICLE,
                 id=ids,
-                steer=vehicles.control[:, 1],
-                throttle=vehicles.control[:, 0],
-                brake=vehicles.control[:, 2],
+                steer=vehicles.control[:, Control.STEER],
+                throttle=vehicles.control[:, Control.THROTTLE],
+                brake=vehicles.control[:, Control.BRAKE],
                 hand_brake=vehicles.hand_brake,
                 gear=vehicles.gear,
             ),
@@ -250,7 +251,7 @@ class Recorder:
 
     def _wheels(self, snapshot: Snapshot, row: int, actor_id: int) -> list[WheelPose]:
         state, wheels = snapshot.state, self._world.parameters(self._world.live(actor_id)).wheels
-        yaw_rad = np.radians(state.rotation_deg[row, 1])
+        yaw_rad = np.radians(state.rotation_deg[row, Rotation.YAW])
         speed = float(state.velocity[row, :2] @ (np.cos(yaw_rad), np.sin(yaw_rad)))
         turned = np.degrees(speed * state.delta_s / np.array([w.radius_m for w in wheels]))
         rolled = (self._rolled_deg.get(actor_id, 0.0) + turned) % 360.0

@@ -19,6 +19,7 @@ from carstage_sim.recording.events import bones, pose_of_ue, wheels
 from carstage_sim.recording.layout import Packet, records
 from carstage_sim.recording.log import RecordingLog
 from carstage_sim.recording.replay_actors import ReplayCast, ReplayOptions
+from carstage_sim.world.columns import Rotation
 from carstage_sim.world.controls import VehicleControl, WalkerControl
 from carstage_sim.world.pose import Pose, compose
 from carstage_sim.world.state import ActorKind
@@ -150,7 +151,7 @@ class Replayer:
         actor = self._cast.actor(int(row["id"]))
         if actor is None:
             return
-        yaw_rad = np.radians(self._world.actors.pose(actor.actor_id).rotation_deg[1])
+        yaw_rad = np.radians(self._world.actors.pose(actor.actor_id).rotation_deg[Rotation.YAW])
         direction = (float(np.cos(yaw_rad)), float(np.sin(yaw_rad)), 0.0)
         control = WalkerControl(direction, float(row["speed"]))
         self._world.control_walker(actor.actor_id, control)

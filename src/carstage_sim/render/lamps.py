@@ -23,6 +23,8 @@ _RED_STATE, _YELLOW_STATE, _GREEN_STATE = 0, 1, 2
 CELL_M = 24.0
 """Side of the cells in which street lamps are looked up."""
 _PER_CELL = 4
+_DX, _DY, _DZ = 3, 4, 5
+"""Columns of a beam's direction; its place comes before."""
 _REACH_M: Any = np.float32(26.0)
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
@@ -79,8 +81,8 @@ def headlight_beams(
     beams = np.empty((len(rows), 6), np.float32)
     for k, row in enumerate(rows):
         front = np.array([bounds[row, 1, 0], 0.0, 0.65], np.float32)
-        beams[k, :3] = rotation[row] @ front + position[row]
-        beams[k, 3:] = rotation[row] @ np.array([0.997, 0.0, -0.07], np.float32)
+        beams[k, :_DX] = rotation[row] @ front + position[row]
+        beams[k, _DX:] = rotation[row] @ np.array([0.997, 0.0, -0.07], np.float32)
     return beams
 
 
@@ -139,7 +141,8 @@ def lamp_light(lamps, night, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-de
         if square > np.float32(1600.0) or square < np.float32(0.04):
             continue
         away = math.sqrt(square)
-        ahead = (ax * lamps.beams[k, 3] + ay * lamps.beams[k, 4] + az * lamps.beams[k, 5]) / away
+        dx, dy, dz = lamps.beams[k, _DX], lamps.beams[k, _DY], lamps.beams[k, _DZ]
+        ahead = (ax * dx + ay * dy + az * dz) / away
         if ahead < np.float32(0.85):
             continue
         towards = -(ax * nx + ay * ny + az * nz) / away

@@ -22,6 +22,7 @@ from carstage_sim.mesh import TriangleMesh, merge_meshes
 from carstage_sim.render.scene import PASSING, Placement
 from carstage_sim.sensors.mesh_store import MeshStore
 from carstage_sim.world.blueprints import Blueprint, catalogue
+from carstage_sim.world.columns import Rotation
 from carstage_sim.world.state import ActorKind, WorldState
 from carstage_sim.world.walkers.gait import walk_phase
 
@@ -158,7 +159,7 @@ class ActorModels:
         return walk_phase(
             int(state.actor_id[row]),
             state.location[row],
-            float(state.rotation_deg[row, 1]),
+            float(state.rotation_deg[row, Rotation.YAW]),
             state.velocity[row],
         )
 

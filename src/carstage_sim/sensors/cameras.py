@@ -15,7 +15,7 @@ from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import Product
 from carstage_sim.sensors.attributes import number, require, whole, within
 from carstage_sim.sensors.lens import Lens
-from carstage_sim.sensors.measurements import ImageFrame, SensorRequest
+from carstage_sim.sensors.measurements import Bgra, ImageFrame, SensorRequest
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import FAR_M, Camera, View
 from carstage_sim.world.state import WorldState
@@ -38,23 +38,23 @@ def encode_depth(depth_m: NDArray[np.floating]) -> NDArray[np.uint8]:
     steps *= _DEPTH_STEPS / FAR_M
     code = np.rint(steps, out=steps).astype("<u4")
     pixels = code.view(np.uint8).reshape(*code.shape, 4)[..., [2, 1, 0, 3]]
-    pixels[..., 3] = 255
+    pixels[..., Bgra.ALPHA] = 255
     return pixels
 
 
 def encode_tags(tags: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """``(..., 4)`` BGRA bytes of a semantic picture: the tag in R."""
     pixels = np.zeros((*tags.shape, 4), np.uint8)
-    pixels[..., 2] = tags
-    pixels[..., 3] = 255
+    pixels[..., Bgra.RED] = tags
+    pixels[..., Bgra.ALPHA] = 255
     return pixels
 
 
 def encode_instances(tags: NDArray[np.uint8], ids: NDArray[np.uint16]) -> NDArray[np.uint8]:
     """``(..., 4)`` BGRA bytes of an instance picture: tag in R, id low byte in G, high in B."""
     pixels = encode_tags(tags)
-    pixels[..., 1] = ids & 0xFF
-    pixels[..., 0] = ids >> 8
+    pixels[..., Bgra.GREEN] = ids & 0xFF
+    pixels[..., Bgra.BLUE] = ids >> 8
     return pixels
 
 

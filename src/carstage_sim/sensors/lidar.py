@@ -16,6 +16,7 @@ from carstage_sim.sensors.attributes import number, require, whole, within
 from carstage_sim.sensors.measurements import (
     SEMANTIC_POINT,
     LidarFrame,
+    PointColumn,
     SemanticLidarFrame,
     SensorRequest,
 )
@@ -207,7 +208,7 @@ class RayCastLidar(RotatingLidar):
         kept = self._kept(intensity, random)
         points = np.empty((int(kept.sum()), 4), np.float32)
         points[:, :3] = (local * distance[:, None])[kept]
-        points[:, 3] = intensity[kept]
+        points[:, PointColumn.INTENSITY] = intensity[kept]
         return LidarFrame(math.radians(sweep.end_angle_deg), self.counts(channel[kept]), points)
 
     def _kept(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,30 @@ class FlowFrame:
 
     fov_deg: float
     flow: NDArray[np.float32]
+
+
+class Bgra(IntEnum):
+    """Channels of a picture's pixels, as CARLA sends them."""
+
+    BLUE = 0
+    GREEN = 1
+    RED = 2
+    ALPHA = 3
+
+
+class PointColumn(IntEnum):
+    """Columns of a LiDAR's points after x, y, z."""
+
+    INTENSITY = 3
+
+
+class Detection(IntEnum):
+    """Columns of a radar's detections."""
+
+    VELOCITY = 0
+    AZIMUTH = 1
+    ALTITUDE = 2
+    DEPTH = 3
 
 
 DVS_EVENT = np.dtype([("x", "<u2"), ("y", "<u2"), ("t", "<i8"), ("pol", "u1")])

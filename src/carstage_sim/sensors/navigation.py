@@ -15,6 +15,7 @@ from carstage_sim.sensors.noise import noise_stream
 from carstage_sim.sensors.projection import geodetic
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import View
+from carstage_sim.world.columns import Rotation
 from carstage_sim.world.state import WorldState
 
 GRAVITY_M_S2 = 9.81
@@ -81,7 +82,7 @@ class Imu(MeasuringSensor):
         gyroscope = turn + self.gyro_bias + random.normal(0.0, 1.0, 3) * self.gyro_stddev
         ax, ay, az = accelerometer.tolist()
         gx, gy, gz = gyroscope.tolist()
-        return ImuFrame((ax, ay, az), (gx, gy, gz), compass_rad(request.rotation_deg[1]))
+        return ImuFrame((ax, ay, az), (gx, gy, gz), compass_rad(request.rotation_deg[Rotation.YAW]))
 
 
 @SensorRegistry.register("sensor.other.gnss")

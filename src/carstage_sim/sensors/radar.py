@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from carstage_sim.maps.town import Town
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.sensors.attributes import number, require, whole, within
-from carstage_sim.sensors.measurements import RadarFrame, SensorRequest
+from carstage_sim.sensors.measurements import Detection, RadarFrame, SensorRequest
 from carstage_sim.sensors.noise import noise_stream
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import View, turned
@@ -80,10 +80,10 @@ class Radar(MeasuringSensor):
         unit = directions[met].astype(np.float64) / length[:, None]
         approach = _velocities(state, view.actor_ids(hits)[met]) - own_velocity
         detections = np.empty((len(local), 4), np.float32)
-        detections[:, 0] = (approach * unit).sum(axis=1)
-        detections[:, 1] = np.arctan2(local[:, 1], local[:, 0])
-        detections[:, 2] = np.arcsin(local[:, 2] / length)
-        detections[:, 3] = hits.t[met] * length
+        detections[:, Detection.VELOCITY] = (approach * unit).sum(axis=1)
+        detections[:, Detection.AZIMUTH] = np.arctan2(local[:, 1], local[:, 0])
+        detections[:, Detection.ALTITUDE] = np.arcsin(local[:, 2] / length)
+        detections[:, Detection.DEPTH] = hits.t[met] * length
         return RadarFrame(detections)
 
     def _velocity(self, state: WorldState, request: SensorRequest) -> Vector:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from carstage_sim.kernels import device, kernel
 from carstage_sim.maps.cell_index import cell_grid
 from carstage_sim.maps.town import LaneSamples
+from carstage_sim.world.columns import Rotation
 from carstage_sim.world.contacts.cell_walk import cell_along, cells_along
 
 _CELL_M = 1.0
@@ -58,7 +59,7 @@ class LaneIndex:
         A vehicle that is parked at the kerb is not, one that changes lanes is.
         """
         offset = location - self._lanes.location[samples]
-        yaw_rad = np.radians(self._lanes.rotation_deg[samples, 1])
+        yaw_rad = np.radians(self._lanes.rotation_deg[samples, Rotation.YAW])
         aside_m = np.abs(offset[:, 1] * np.cos(yaw_rad) - offset[:, 0] * np.sin(yaw_rad))
         limit_m = self._lanes.width_m[samples] / 2.0 + _BESIDE_LANE_M
         return np.asarray(aside_m <= limit_m)

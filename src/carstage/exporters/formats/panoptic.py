@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage.sensor_kinds.columns import Instance
 from carstage.tags import TAGS_0_9_14
 
 _THINGS = frozenset(
@@ -44,7 +45,7 @@ def panoptic_segments(
         ``(H, W)`` segment ids, the tag times 65536 plus the actor's id (0 for stuff), and 0 where
         nothing is known; and the rows of ``segments_info``.
     """
-    ids, tags = instance[..., 0].astype(np.uint32), instance[..., 1].astype(np.uint32)
+    ids, tags = (instance[..., part].astype(np.uint32) for part in (Instance.ID, Instance.TAG))
     things = np.isin(tags, _THING_VALUES).astype(np.uint32)
     segments = np.asarray(tags << 16 | ids * things, np.uint32)
     segments[tags == _VOID] = _VOID

@@ -15,6 +15,7 @@ from carstage.dataset.ledger import recorded_frames, saved_times_s
 from carstage.dataset.reading import Episode, Sensor
 from carstage.dataset.tracks import may_come_back
 from carstage.geometry import invert_pose
+from carstage.sensor_kinds.columns import Instance
 from carstage.sensor_kinds.model import CLOUDS, COLOUR, DEPTH, FLOW, INSTANCES, POINTS, ROWS, TAGS
 from carstage.validation.checks.completeness import check_gaps, check_missing_rows
 from carstage.validation.checks.edges import (
@@ -357,7 +358,9 @@ class EpisodeChecks:
         camera = sensor.calibration
         if camera.instance is not None and camera.instance in data:
             instance = data[camera.instance].astype(np.uint32)
-            labels: NDArray[np.generic] = instance[..., 0] << 8 | instance[..., 1]
+            labels: NDArray[np.generic] = (
+                instance[..., Instance.ID] << 8 | instance[..., Instance.TAG]
+            )
             return labels
         return visible_objects(camera, rows.get((k, camera.id), []))
 

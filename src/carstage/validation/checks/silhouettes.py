@@ -25,6 +25,7 @@ from carstage.geometry import (
     project,
     transform_points,
 )
+from carstage.sensor_kinds.columns import Instance
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelledBox
 
@@ -161,7 +162,7 @@ def visible_objects(
 
 
 def _own_pixels(instance: NDArray[np.uint16], box: LabelledBox) -> NDArray[np.bool_]:
-    own: NDArray[np.bool_] = instance[..., 0] == (box.track_id & 0xFFFF)
+    own: NDArray[np.bool_] = instance[..., Instance.ID] == (box.track_id & 0xFFFF)
     rows, columns = np.nonzero(own)
     own[rows, columns] = np.isin(instance[rows, columns, 1], list(box.tags))
     return own

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage.sensor_kinds.columns import Instance
 from carstage.validation.checks.findings import Findings
 
 MIN_SHARE = 0.98
@@ -29,7 +30,7 @@ def check_tags(
         instance_id: the instance camera.
         findings: where problems go.
     """
-    share = float((semantic == instance[..., 1]).mean())
+    share = float((semantic == instance[..., Instance.TAG]).mean())
     if share < MIN_SHARE:
         findings.add(
             "tags",

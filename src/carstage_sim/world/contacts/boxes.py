@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
+from carstage_sim.world.columns import Touch
 from carstage_sim.world.contacts.separating_axes import least_way_out
 
 FloatArray = NDArray[np.float64]
@@ -69,7 +70,13 @@ def find_contacts(center: FloatArray, half_size: FloatArray, yaw_rad: FloatArray
     pairs, shapes = pairs[:count], shapes[:count]
     ascending = np.lexsort((pairs[:, 1], pairs[:, 0])).tolist()
     return [
-        Contact(int(pairs[k, 0]), int(pairs[k, 1]), shape[0:2], float(shape[2]), shape[3:5])
+        Contact(
+            int(pairs[k, 0]),
+            int(pairs[k, 1]),
+            shape[: Touch.DEPTH],
+            float(shape[Touch.DEPTH]),
+            shape[Touch.POINT_X :],
+        )
         for k, shape in zip(ascending, shapes[ascending], strict=True)
     ]
 
@@ -111,8 +118,10 @@ def _touching(  # type: ignore[no-untyped-def]
                 continue
             if count < pairs.shape[0]:
                 pairs[count, 0], pairs[count, 1] = first, second
-                shapes[count, 0], shapes[count, 1], shapes[count, 2] = normal_x, normal_y, depth
-                shapes[count, 3], shapes[count, 4] = _touching_point(
+                shapes[count, Touch.NORMAL_X] = normal_x
+                shapes[count, Touch.NORMAL_Y] = normal_y
+                shapes[count, Touch.DEPTH] = depth
+                shapes[count, Touch.POINT_X], shapes[count, Touch.POINT_Y] = _touching_point(
                     center, half_size, cosine, sine, first, second
                 )
             count += 1

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.world.columns import Rotation
 from carstage_sim.world.contacts.boxes import Contact, axes_of, find_contacts
 from carstage_sim.world.contacts.impulses import Bodies, resolve
 from carstage_sim.world.contacts.obstacles import Obstacles
@@ -151,7 +152,7 @@ class Crashes:
 
 def centers(rows: VehicleRows) -> tuple[FloatArray, FloatArray]:
     """Middles of the vehicles' boxes ``(N, 3)`` and their yaws (rad)."""
-    yaw_rad = np.radians(rows.rotation_deg[:, 1])
+    yaw_rad = np.radians(rows.rotation_deg[:, Rotation.YAW])
     center = rows.location.copy()
     center[:, 0] += rows.box_center_x * np.cos(yaw_rad)
     center[:, 1] += rows.box_center_x * np.sin(yaw_rad)

@@ -16,6 +16,7 @@ from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.cell_index import cell_grid
 from carstage_sim.maps.ground import Ground
 from carstage_sim.mesh import Material, TriangleMesh
+from carstage_sim.world.columns import Touch
 from carstage_sim.world.contacts.boxes import TOWN, Contact
 from carstage_sim.world.contacts.cell_walk import cells_along
 
@@ -94,7 +95,7 @@ class Obstacles:
                 break
             capacity = count
         deepest: dict[tuple[int, int, int], int] = {}
-        for k in np.argsort(-shapes[:count, 2], kind="stable").tolist():
+        for k in np.argsort(-shapes[:count, Touch.DEPTH], kind="stable").tolist():
             box, segment = pairs[k].tolist()
             object_id = int(self.object_id[segment])
             deepest.setdefault((box, object_id, 0 if object_id else segment), k)
@@ -102,9 +103,9 @@ class Obstacles:
             Contact(
                 int(rows[box]),
                 TOWN,
-                shapes[k, 0:2],
-                float(shapes[k, 2]),
-                shapes[k, 3:5],
+                shapes[k, : Touch.DEPTH],
+                float(shapes[k, Touch.DEPTH]),
+                shapes[k, Touch.POINT_X :],
                 object_id,
                 int(self.label[pairs[k, 1]]),
             )
@@ -153,11 +154,11 @@ def _touching(  # type: ignore[no-untyped-def]
                         continue
                     if count < pairs.shape[0]:
                         pairs[count, 0], pairs[count, 1] = box, piece
-                        shapes[count, 0] = normal_x * c - normal_y * s
-                        shapes[count, 1] = normal_x * s + normal_y * c
-                        shapes[count, 2] = depth
-                        shapes[count, 3] = x + point_x * c - point_y * s
-                        shapes[count, 4] = y + point_x * s + point_y * c
+                        shapes[count, Touch.NORMAL_X] = normal_x * c - normal_y * s
+                        shapes[count, Touch.NORMAL_Y] = normal_x * s + normal_y * c
+                        shapes[count, Touch.DEPTH] = depth
+                        shapes[count, Touch.POINT_X] = x + point_x * c - point_y * s
+                        shapes[count, Touch.POINT_Y] = y + point_x * s + point_y * c
                     count += 1
     return count
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from carstage_sim.geometry import FloatArray, rotation_matrix
 from carstage_sim.world.actors import ActorTable
 from carstage_sim.world.blueprints import Blueprint
+from carstage_sim.world.columns import Rotation
 from carstage_sim.world.pose import Pose
 
 
@@ -79,9 +80,9 @@ def is_blocked(table: ActorTable, blueprint: Blueprint, pose: Pose) -> bool:
     hit = overlaps(
         np.asarray(pose.location) + offset,
         np.asarray(blueprint.box_extent),
-        pose.rotation_deg[1],
+        pose.rotation_deg[Rotation.YAW],
         centers,
         np.array([actor.box_extent for actor in others]),
-        rotations[:, 1],
+        rotations[:, Rotation.YAW],
     )
     return bool(hit.any())

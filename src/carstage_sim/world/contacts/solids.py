@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.world.actors import Actor, ActorTable
+from carstage_sim.world.columns import Rotation
 from carstage_sim.world.contacts.crashes import Others
 from carstage_sim.world.state import ActorKind
 
@@ -55,7 +56,7 @@ class Solids:
         self.others = Others(
             center=center,
             half_size=np.array(half_size, np.float64).reshape(-1, 2),
-            yaw_rad=np.radians(table.rotation_deg[rows, 1]),
+            yaw_rad=np.radians(table.rotation_deg[rows, Rotation.YAW]),
             velocity=velocity,
             inverse_mass=mass,
         )

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.maps.town import LaneSamples
+from carstage_sim.world.columns import Rotation
 
 _SAME_PLACE_M = 2.0
 _SAME_WAY_DEG = 30.0
@@ -59,7 +60,7 @@ class LaneGraph:
         """Runs of which the given end lies at a sample, in the same direction; nearest first."""
         lanes = self._lanes
         apart_m = np.linalg.norm(lanes.location[ends] - lanes.location[sample], axis=1)
-        turn = lanes.rotation_deg[ends, 1] - lanes.rotation_deg[sample, 1]
+        turn = lanes.rotation_deg[ends, Rotation.YAW] - lanes.rotation_deg[sample, Rotation.YAW]
         same_way = np.abs((turn + 180.0) % 360.0 - 180.0) < _SAME_WAY_DEG
         joined = np.flatnonzero((apart_m < _SAME_PLACE_M) & same_way)
         found: list[int] = joined[np.argsort(apart_m[joined], kind="stable")].tolist()

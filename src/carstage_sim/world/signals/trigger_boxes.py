@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.kernels import kernel
 from carstage_sim.maps.town import OrientedBox
+from carstage_sim.world.columns import Rotation
 from carstage_sim.world.contacts.separating_axes import least_way_out
 
 FloatArray = NDArray[np.float64]
@@ -28,7 +29,9 @@ class TriggerBoxes:
         self._owner = np.array([owner for owner, _ in pairs], np.int32)
         self._center = np.array([box.center for _, box in pairs], np.float64).reshape(-1, 3)
         self._extent = np.array([box.extent for _, box in pairs], np.float64).reshape(-1, 3)
-        yaw_rad = np.radians(np.array([box.rotation_deg[1] for _, box in pairs], np.float64))
+        yaw_rad = np.radians(
+            np.array([box.rotation_deg[Rotation.YAW] for _, box in pairs], np.float64)
+        )
         self._cosine, self._sine = np.cos(yaw_rad), np.sin(yaw_rad)
 
     def owners_at(

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carstage_sim.geometry import rotation_matrix
+from carstage_sim.world.columns import Control
 from carstage_sim.world.contacts.crashes import LONGEST_WAY_M, NOTHING, Crashes, Others, centers
 from carstage_sim.world.contacts.obstacles import Obstacles
 from carstage_sim.world.controls import VehicleControl
@@ -429,9 +430,13 @@ class VehicleFleet:
         rows = self._rows
         at = np.array([self._row_of[actor_id] for actor_id in self._commanded])
         controls = np.array(list(self._commanded.values()), np.float64)
-        rows.control[at] = np.clip(np.nan_to_num(controls[:, :3]), (0.0, -1.0, 0.0), 1.0)
-        rows.hand_brake[at], rows.reverse[at], rows.manual[at] = controls[:, 3:6].T != 0.0
-        chosen = np.clip(controls[:, 6], _LEAST_GEAR, -_LEAST_GEAR).astype(np.int64)
+        rows.control[at] = np.clip(
+            np.nan_to_num(controls[:, : Control.HAND_BRAKE]), (0.0, -1.0, 0.0), 1.0
+        )
+        rows.hand_brake[at], rows.reverse[at], rows.manual[at] = (
+            controls[:, Control.HAND_BRAKE : Control.GEAR].T != 0.0
+        )
+        chosen = np.clip(controls[:, Control.GEAR], _LEAST_GEAR, -_LEAST_GEAR).astype(np.int64)
         rows.manual_gear[at] = chosen
         before = rows.gear[at]
         chosen = np.clip(chosen, -1, rows.gear_count[at])

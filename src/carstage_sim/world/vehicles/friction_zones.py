@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.world.actors import Actor, ActorTable
+from carstage_sim.world.columns import Rotation
 from carstage_sim.world.contacts.overlap import overlaps
 from carstage_sim.world.pose import Vector3
 
@@ -45,7 +46,7 @@ def zone_friction(
         inside = overlaps(
             np.asarray(pose.location),
             np.asarray(zone_extent_m(trigger)),
-            pose.rotation_deg[1],
+            pose.rotation_deg[Rotation.YAW],
             center,
             extents,
             np.degrees(yaw_rad),

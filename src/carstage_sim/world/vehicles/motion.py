@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
+from carstage_sim.world.columns import Rotation
 from carstage_sim.world.vehicles import dynamics as dynamics
 from carstage_sim.world.vehicles import powertrain
 from carstage_sim.world.vehicles.rows import VehicleRows
@@ -163,7 +164,7 @@ def _move_one(rows, tick, i, rolling, dt_s):  # type: ignore[no-untyped-def]
         limit = tick.lateral_limit[i]
         rate = dynamics.yaw_rate(speed, angle_deg, wheelbase, limit, rows.understeer[i])
 
-    yaw = math.radians(rows.rotation_deg[i, 1])
+    yaw = math.radians(rows.rotation_deg[i, Rotation.YAW])
     turn = rate + spin
     cosine, sine = math.cos(yaw), math.sin(yaw)
     rolled = 0.5 * (before + speed) * tick.along_ground[i]
@@ -180,7 +181,7 @@ def _move_one(rows, tick, i, rolling, dt_s):  # type: ignore[no-untyped-def]
     rows.location[i, 0] += x
     rows.location[i, 1] += y
     if turn != 0.0:
-        rows.rotation_deg[i, 1] = (math.degrees(yaw) + 180.0) % 360.0 - 180.0
+        rows.rotation_deg[i, Rotation.YAW] = (math.degrees(yaw) + 180.0) % 360.0 - 180.0
     rows.speed[i], rows.slide[i], rows.spin[i] = speed, slide, spin
     rows.turn_rate[i] = rate
     rows.wheel_angle_deg[i] = angle_deg

@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.world.columns import Rotation
 from carstage_sim.world.vehicles.dynamics import GRAVITY
 from carstage_sim.world.vehicles.rows import VehicleRows
 
@@ -90,7 +91,7 @@ def time_to_land(rows: VehicleRows, ground: GroundHeight) -> FloatArray:
     waits = np.where(rows.airborne, np.inf, 0.0)
     if not rows.airborne.any():
         return waits
-    yaw = np.radians(rows.rotation_deg[:, 1])
+    yaw = np.radians(rows.rotation_deg[:, Rotation.YAW])
     forward = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
     right = np.stack([-forward[:, 1], forward[:, 0]], axis=-1)
     height = rows.location[:, 2]
@@ -118,7 +119,8 @@ def _road_plane(
     count = len(rows.ids)
     x = np.stack([rows.front_axle_x, rows.front_axle_x, rows.rear_axle_x, rows.rear_axle_x])
     y = np.stack([-rows.half_track, rows.half_track, -rows.half_track, rows.half_track])
-    pitch, roll = np.radians(rows.rotation_deg[:, 0]), np.radians(rows.rotation_deg[:, 2])
+    pitch = np.radians(rows.rotation_deg[:, Rotation.PITCH])
+    roll = np.radians(rows.rotation_deg[:, Rotation.ROLL])
     wheels = np.empty((4, count, 3))
     wheels[..., :2] = rows.location[:, :2] + x[..., None] * forward + y[..., None] * right
     tilt = x * np.tan(pitch) - y * np.tan(roll)

@@ -19,6 +19,7 @@ from carstage_sim.content.skeleton import (
 )
 from carstage_sim.geometry import FloatArray, pose_matrix, rotation_deg
 from carstage_sim.world.actors import Actor, ActorTable
+from carstage_sim.world.columns import Rotation
 from carstage_sim.world.pose import Pose
 from carstage_sim.world.walkers.bone_pose import BonePose
 from carstage_sim.world.walkers.gait import walk_phase
@@ -108,7 +109,7 @@ def _animated(table: ActorTable, walker: Actor) -> Transforms:
     phase = walk_phase(
         walker.actor_id,
         table.location[row],
-        float(table.rotation_deg[row, 1]),
+        float(table.rotation_deg[row, Rotation.YAW]),
         table.velocity[row],
     )
     joints = walking_joints(walker.box_extent, phase)

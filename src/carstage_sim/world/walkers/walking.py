@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.maps.ground import Ground
 from carstage_sim.world.actors import Actor, ActorTable
+from carstage_sim.world.columns import Rotation
 from carstage_sim.world.contacts.obstacles import Obstacles
 from carstage_sim.world.vehicles.dynamics import GRAVITY
 
@@ -114,7 +115,9 @@ class WalkerMotion:
 
         flat = moving & (np.hypot(unit[:, 0], unit[:, 1]) > _STILL)
         yaw = np.degrees(np.arctan2(unit[:, 1], unit[:, 0]))
-        table.rotation_deg[at, 1] = np.where(flat, yaw, table.rotation_deg[at, 1])
+        table.rotation_deg[at, Rotation.YAW] = np.where(
+            flat, yaw, table.rotation_deg[at, Rotation.YAW]
+        )
         falls = np.array([walkers[k].gravity for k in own], np.bool_)
         # Who is weightless goes up and down as its direction says.
         rises = np.where(falls | ~moving, 0.0, speed * unit[:, 2] * delta_s)
@@ -138,7 +141,7 @@ class WalkerMotion:
         for _ in range(steps):
             table.location[at, :2] += way / steps
             feet = table.location[at] - [0.0, 0.0, 1.0] * extent
-            yaw = np.radians(table.rotation_deg[at, 1])
+            yaw = np.radians(table.rotation_deg[at, Rotation.YAW])
             for contact in self._obstacles.contacts(bumps, feet, extent[:, :2], yaw):
                 table.location[at[contact.first], :2] -= contact.normal * contact.depth_m
 

@@ -1,0 +1,39 @@
+"""Names for the columns of sensor data whose meaning no axis says.
+
+Coordinates need none: x, y, z are columns 0, 1, 2 everywhere, and so are red, green, blue.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class Bgra(IntEnum):
+    """Channels of a raw picture's pixels, as the client hands them out."""
+
+    BLUE = 0
+    GREEN = 1
+    RED = 2
+    ALPHA = 3
+
+
+class Instance(IntEnum):
+    """Channels of a decoded instance picture."""
+
+    ID = 0
+    TAG = 1
+
+
+class Point(IntEnum):
+    """Columns of a LiDAR's points after x, y, z."""
+
+    INTENSITY = 3
+
+
+class Detection(IntEnum):
+    """Columns of a radar's raw detections."""
+
+    RANGE_RATE = 0
+    AZIMUTH = 1
+    ALTITUDE = 2
+    DEPTH = 3

@@ -142,11 +142,6 @@ class SensorKind:
         return self.content in CAMERAS
 
     @property
-    def is_cloud(self) -> bool:
-        """Whether a frame is a point cloud."""
-        return self.content in CLOUDS
-
-    @property
     def has_rows(self) -> bool:
         """Whether frames become rows of one table per episode."""
         return self.content in ROWS

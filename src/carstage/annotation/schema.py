@@ -39,8 +39,8 @@ _K = Column("k", "i32", "", "index of the saved frame, from 0")
 _TIMESTAMP = Column("timestamp_s", "f64", "s",
     "simulated time since the first frame; tick / fps in synchronous mode")
 _TRACK_ID = Column("track_id", "i64", "",
-    "actor id, unique within an episode; 2³² + the two-wheeler's for its rider, from 2⁵² on level "
-    "objects, the same in all episodes of a map")
+    "actor id, unique within an episode; a rider's: 2³² + the two-wheeler's; level objects': from "
+    "2⁵² on")
 _EGO_TRACK_ID = Column("track_id", "i64", "", "actor id; unique within an episode")
 
 _NO_3D = "null: no valid box, or no `3d` in `labels.boxes`"
@@ -78,8 +78,7 @@ OBJECT_COLUMNS: tuple[Column, ...] = (
         nullable=True),
     Column("box_extent", "f64[3]", "m", f"half length, width, height; {_NO_3D}", nullable=True),
     Column("box_source", "str", "actor, capsule, mesh, measured, level, invalid, none",
-        "where the box comes from; `invalid`: the server's box is unusable, no 3D label; `none`: a "
-        "rider, whom the two-wheeler's box holds"),
+        "source of the box; `invalid`: the server's is of no use, no 3D label; `none`: a rider"),
     Column("box_center_ego", "f64[3]", "m", f"box centre in the ego actor's frame; {_NO_3D}", True),
     Column("box_yaw_ego", "f64", "rad", f"box yaw in the ego actor's frame; {_NO_3D}", True),
     Column("box_rotation_ego_deg", "f64[3]", "deg",
@@ -124,14 +123,14 @@ CAMERA_OBJECT_COLUMNS: tuple[Column, ...] = (
     Column("sensor_id", "str", "", "the labelled camera"),
     Column("center_cam", "f64[3]", "m", f"box centre, optical frame; {_NO_3D}", nullable=True),
     Column("location", "f64[3]", "m",
-        f"centre of the bottom face as KITTI defines it: centre + (0, h/2, 0), optical; {_NO_3D}",
+        f"centre of the bottom face, optical: centre + (0, h/2, 0), as in KITTI; {_NO_3D}",
         nullable=True),
     Column("dimensions", "f64[3]", "m", f"height, width, length; {_NO_3D}", nullable=True),
     Column("rotation_y", "f64", "rad",
         f"heading about the optical y axis, [-pi, pi), 0 = along +x; {_NO_3D}", nullable=True),
     Column("alpha", "f64", "rad", f"observation angle: rotation_y - atan2(X, Z); {_NO_3D}", True),
     Column("rotation_cam", "f64[4]", "",
-        f"quaternion w, x, y, z: box (x forward, y left, z up) to optical; {_NO_3D}",
+        f"w, x, y, z of box (forward, left, up) to optical; {_NO_3D}",
         nullable=True),
     Column("distance", "f64", "m", "camera to box centre; a rider: of the two-wheeler"),
     Column("depth_center", "f64", "m", "optical z of the box centre; a rider: likewise"),
@@ -159,8 +158,8 @@ CAMERA_OBJECT_COLUMNS: tuple[Column, ...] = (
     Column("n_behind", "u8", "vertices", f"STAGE-VO: nearer than z_near or behind; {_NO_BOX}",
         True),
     Column("occluded", "u8", "0, 1, 2, 3",
-        "STAGE-VO level: 0 for 6 visible vertices or more, 1 for 4 or 5, 2 for fewer; "
-        "3 unknown: no vertex in the image, or a rider"),
+        "STAGE-VO level by visible vertices: 6 or more, 4 or 5, fewer; 3: none in the image, or a "
+        "rider"),
     Column("truncation_paper", "f64", "ratio",
         f"(8 - n_visible) / 8, as the paper defines it; {_NO_BOX}", nullable=True),
     Column("truncated", "f64", "ratio",
@@ -183,8 +182,8 @@ CAMERA_OBJECT_COLUMNS: tuple[Column, ...] = (
     Column("visible_pixel", "bool", "",
         f"visible_px reaches labels.min_visible_px (10); {_NO_PIXELS}", nullable=True),
     Column("visible", "bool", "",
-        "the verdict of labels.method (`both`: pixels), and enough points of the LiDARs that the "
-        "camera's carrier has, if any; lights, signs and the like need no points"),
+        "the verdict of labels.method (`both`: pixels), and, if there are LiDARs, enough points; "
+        "lights and signs need none"),
     Column("crosses_near", "bool", "", "reaches behind the near plane; `truncated` is saturated"),
     Column("pinhole", "bool", "", "the camera has no lens distortion, so that projection holds"),
 )

@@ -66,10 +66,8 @@ class Labels(Section):
     level_objects: Annotated[tuple[LevelObjectKind, ...], Strict(strict=False)] = setting(
         DEFAULT_LEVEL_OBJECTS,
         title="Level objects",
-        description="What else is labelled of the town, by its boxes in the level. Parked "
-        "vehicles, lights and signs are what a detector meets in traffic; they cost no sensor and "
-        "little time. The rest is there on request: a town has thousands. `[]` labels actors "
-        "alone.",
+        description="What else of the town is labelled, by its boxes in the level; a town has "
+        "many buildings. `[]`: actors.",
         group="labels",
     )
     min_visible_px: int = setting(

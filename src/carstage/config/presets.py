@@ -185,8 +185,8 @@ RIG_PRESETS: Mapping[str, PresetRig] = {
     "demo": PresetRig("the demonstration's rig", "Car-STAGE", _demo),
     "kitti": PresetRig(
         "KITTI's colour stereo pair, HDL-64E and OXTS",
-        "Geiger et al., Vision meets Robotics (IJRR 2013), figure 3; rectified image size and "
-        "focal length of the calibration files; the rack stands at the vehicle's centre",
+        "Geiger et al., Vision meets Robotics (IJRR 2013), figure 3; image size and focal length "
+        "of the calibration files",
         _kitti,
     ),
     "nuscenes": PresetRig(
@@ -197,14 +197,13 @@ RIG_PRESETS: Mapping[str, PresetRig] = {
     ),
     "waymo": PresetRig(
         "like Waymo's: five cameras, roof LiDAR, four short-range LiDARs",
-        "Sun et al., Waymo Open Dataset (CVPR 2020), tables 2 and 3, for fields of view, ranges "
-        "and image sizes; positions and channels of the short-range LiDARs are approximate",
+        "Sun et al., Waymo Open Dataset (CVPR 2020), tables 2 and 3; short-range LiDARs are "
+        "approximate",
         _waymo,
     ),
     "paper": PresetRig(
         "the benchmark rig of the Car-STAGE paper",
-        "the paper's first experiment names its sensors (4 RGB, depth, semantic, instance, LiDAR, "
-        "semantic LiDAR, IMU, GNSS) and 1280x720; positions are ours",
+        "sensors and image size of the paper's first experiment; positions are ours",
         _paper,
     ),
 }

@@ -156,8 +156,8 @@ class RouteScenario(Section):
     through: Annotated[tuple[Annotated[int, Field(ge=0)] | Place, ...], Strict(strict=False)] = (
         setting(
             title="Through",
-            description="In this order: indices of the map's spawn points, or places `{x, y}`. "
-            "After the last one the ego drives on as it likes.",
+            description="In this order: indices of spawn points, or places `{x, y}`. After the "
+            "last one the ego drives on.",
             group="ego",
             min_length=1,
         )

@@ -49,7 +49,7 @@ class Pose(Section):
     """Where a sensor sits on what carries it; with `attach_to: world`, where on the map.
 
     CARLA's left-handed axes from a vehicle's origin (on the ground, at its centre): x forward,
-    y right, z up; yaw turns right, pitch up, roll to the right side down, applied in CARLA's order.
+    y right, z up. Yaw turns right, pitch up, roll to the right side down, in CARLA's order.
     """
 
     x: float = _metres("x", "Forward.")
@@ -76,7 +76,7 @@ class Sensor(Section):
         SensorSpec.attach_to,
         title="Carried by",
         description="`ego`; `world`: fixed on the map; or a pattern of actor types, such as "
-        "`vehicle.audi.*` or `traffic.traffic_light`: the one nearest to the ego at the start.",
+        "`vehicle.audi.*`: the nearest to the ego at the start.",
         group="rig",
         min_length=1,
     )
@@ -91,8 +91,8 @@ class Sensor(Section):
     attachment: Literal["rigid", "follow", "spring_arm", "spring_arm_ghost"] = setting(
         SensorSpec.attachment,
         title="Attachment",
-        description="`rigid`; `follow`: hovers over its carrier like a drone, a step behind, and "
-        "keeps its own heading; spring arms swing and serve for unlabelled views only.",
+        description="`rigid`; `follow`: like a drone, a step behind, with its own heading; spring "
+        "arms swing, for unlabelled views only.",
         group="rig",
     )
     rate_hz: float | None = setting(

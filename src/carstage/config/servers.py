@@ -23,9 +23,8 @@ def _self_test() -> Any:
     return setting(
         "auto",
         title="Self-test",
-        description="Check before the run that the server's pictures, poses, codes and tags are "
-        "what the labels take them for: `on`, `off`, or `require`, which refuses a server that "
-        "fails; `auto`: `off` for the embedded simulator, `on` for others.",
+        description="Check the server before the run. `require` refuses one that fails; `auto`: "
+        "`off` for the embedded simulator, `on` for others.",
         group="server",
     )
 

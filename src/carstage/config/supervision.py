@@ -21,8 +21,8 @@ class Supervision(Section):
     hang_s: float = setting(
         20.0,
         title="Patience",
-        description="A server that neither answers nor computes for that long has hung. One call "
-        "to it may take that long, and more for large frames; loading a map, ten times as long.",
+        description="A server that neither answers nor computes for so long has hung; a map may "
+        "take ten times as long.",
         unit="s",
         group="server",
         ge=2,
@@ -30,7 +30,7 @@ class Supervision(Section):
     )
     server_memory: Memory = _memory(
         "Memory of the server",
-        "Resident memory at which a server that the run started is ended and started anew; "
+        "Resident memory at which a server that the run started is replaced; "
         "`auto`: three quarters of the machine's.",
     )
     collector_memory: Memory = _memory(

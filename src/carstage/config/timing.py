@@ -54,9 +54,8 @@ class Timing(Section):
     sensor_sync: bool = setting(
         True,
         title="Sensors in step",
-        description="Every sensor measures every step, and a frame waits for all of them; the "
-        "world steps on meanwhile, as far as output.raw_queue_mb lets it. `false`: sensors may "
-        "have a rate_hz of their own.",
+        description="Every sensor measures every step, and a frame waits for all. `false`: "
+        "sensors may have a rate_hz of their own.",
         group="timing",
     )
     substepping: Literal["auto"] | ExplicitSubstepping = setting(

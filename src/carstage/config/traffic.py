@@ -39,8 +39,8 @@ def _radius_m(who: str) -> Any:
     return setting(
         80.0,
         title=f"{who} within",
-        description="They begin within this distance of the ego first and further away when the "
-        "places there run out; null: anywhere on the map.",
+        description="They begin this near to the ego, further away when places run out; null: "
+        "anywhere on the map.",
         group="traffic",
         unit="m",
         gt=0,
@@ -53,7 +53,7 @@ def _shortfall(more: str) -> Any:
         VehiclesSpec.shortfall,
         title="Shortfall",
         description="When places run out: `warn` and record with fewer, `fail`, or `fill`: "
-        f"look for {more}, then fail.",
+        f"look for {more}.",
         group="traffic",
     )
 

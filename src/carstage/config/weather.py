@@ -151,14 +151,14 @@ class WeatherConfig(Section):
         title="Lamps",
         basic=True,
         description="Street lamps and vehicles' lights: `auto` turns them on when the sun is low, "
-        "and those of moving vehicles in rain and fog, too.",
+        "vehicles' in rain and fog, too.",
         group="scene",
     )
     changes: Annotated[tuple[WeatherChange, ...], Strict(strict=False)] = setting(
         (),
         title="Changes",
-        description="What the weather becomes at which second; it moves there in a straight line "
-        "from what it was before, and then stays.",
+        description="What the weather becomes at which second; it moves there in a straight line, "
+        "then stays.",
         group="scene",
     )
 

@@ -162,8 +162,8 @@ def _painted(scene: TrialScene) -> None:
         raise AssertionError("an object that does not exist was painted")
 
 
-@limited("Lines, arrows, boxes and points are seen by RGB cameras, hidden behind what is nearer; "
-         "depth, semantic and other sensors do not see them.",
+@limited("RGB cameras see lines, arrows, boxes and points, behind what is nearer; other sensors "
+         "do not.",
          "World.debug", "DebugHelper.draw_point", "DebugHelper.draw_line", "DebugHelper.draw_arrow",
          "DebugHelper.draw_box", "DebugHelper.clear_debug_shape")  # fmt: skip
 def _debug_shapes(scene: TrialScene) -> None:

@@ -52,8 +52,8 @@ def _ackermann(scene: TrialScene) -> None:
     scene.until(lambda: abs(car.get_velocity().length() - 5.0) < 0.6, "5 m/s")
 
 
-@limited("Mass, wheels, gears, torque and drag act; the moments, damping rates, clutch and the "
-         "sweep of wheels are kept and change nothing.",
+@limited("Mass, wheels, gears, torque and drag act; moments, damping, clutch and wheel sweep "
+         "do not.",
          "Vehicle.get_physics_control", "Vehicle.apply_physics_control",
          "VehiclePhysicsControl.*")  # fmt: skip
 def _physics_control(scene: TrialScene) -> None:

@@ -150,8 +150,8 @@ def _weather(scene: TrialScene) -> None:
     expect(foggy.std() < 0.8 * noon.std(), "fog takes no contrast")
 
 
-@limited("All are kept; wind moves nothing, rain falls unseen (it wets roads and dims the view), "
-         "and the three scattering values change no picture.",
+@limited("All are kept; wind moves nothing, rain wets roads but falls unseen, scattering changes "
+         "no picture.",
          *(f"WeatherParameters.{name}" for name in _WEATHER))  # fmt: skip
 def _weather_values(scene: TrialScene) -> None:
     weather = carla.WeatherParameters()

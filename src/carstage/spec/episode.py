@@ -6,7 +6,6 @@ changes neither truth nor labels (paths, codecs, machine, time) may enter.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 from dataclasses import dataclass, fields
@@ -158,6 +157,8 @@ class EpisodeSpec:
     @property
     def episode_id(self) -> str:
         """First 16 hex digits of the SHA-256 of the canonical JSON."""
+        import hashlib  # takes a twentieth of a collector's start, which needs no id
+
         return hashlib.sha256(self.canonical_json()).hexdigest()[:_ID_DIGITS]
 
     @property

@@ -14,7 +14,6 @@ Pose = Tuple[float, ...]
 _POSE_NUMBERS = 6
 
 
-@dataclass(frozen=True)
 class ScenarioSpec:
     """What the ego does.
 

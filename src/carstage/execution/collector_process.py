@@ -1,4 +1,4 @@
-"""The collector as a child process: started on a plan, heard through a pipe, ended by its id."""
+"""The collector as a child process: started on a plan, read through a pipe, ended by its id."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from carstage.geometry import FloatArray
 from carstage.plan import ServerFacts
 from carstage.releases import release_of
 
-#: The server tells the spawn points of its current map only. On every map the first ones are drawn
+#: The server gives the spawn points of its current map only. On every map the first ones are drawn
 #: from, which every town of CARLA has: the plan must not depend on what happens to be loaded.
 SURELY_THERE = 50
 #: How many the embedded simulator's own towns have: a plan is the same for one that is started and

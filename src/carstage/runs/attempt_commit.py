@@ -51,7 +51,7 @@ class AttemptCommit:
         job: the episode.
         attempt: name of the attempt; its folder exists.
         raw_folder: folder of its raw recording.
-        store: where it lands.
+        store: where the episode is committed.
         pool: processes that convert.
         codecs: codec by sensor id, where it is not the kind's own.
         self_test: verdict on the server; None where it was not tested.

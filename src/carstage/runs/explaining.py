@@ -23,7 +23,7 @@ class LostServerError(ServerError):
     """The server runs, but is of no use any more: it hangs, or holds too much memory."""
 
 
-#: The collector's errors that are more than a broken attempt, by the kind that it tells.
+#: The collector's errors that are more than a broken attempt, by the kind in its event.
 _KINDS: dict[str, type[CarStageError]] = {
     "plan": FinalCollectorError,
     "scene": FinalCollectorError,
@@ -92,7 +92,7 @@ def _where(attempt_commit: AttemptCommit) -> str:
 
 
 def _manner(exit_code: int | None) -> str:
-    """How a process ended, where that tells something."""
+    """How a process ended, where that is known."""
     if exit_code is None:
         return ""
     if exit_code == -signal.SIGKILL:

@@ -79,7 +79,7 @@ def examine_server(config: Config, notify: Callable[[str], None]) -> Verdict:
 
     Args:
         config: only its ``server`` section matters.
-        notify: told what takes long.
+        notify: called with a sentence on what takes long.
 
     Raises:
         BadInputError: the server is too old, cannot be, or there is no client for it.

@@ -62,7 +62,7 @@ class Server(ABC):
 
     @abstractmethod
     def alive(self) -> bool:
-        """Whether it still runs, as far as can be told from here."""
+        """Whether it still runs, as far as this process can see."""
 
     @abstractmethod
     def log_tail(self, lines: int = TAIL_LINES) -> str:

@@ -101,7 +101,7 @@ class EmbeddedServer(OwnedServer):
         return self._endpoint
 
     def _command(self) -> list[str]:
-        parent = str(os.getpid())  # told, as we may be gone before it can look
+        parent = str(os.getpid())  # given, as we may be gone before it can look
         command = [
             *(sys.executable, "-m", MODULE, "--exit-with-parent", parent),
             *("--host", self._host),

@@ -36,7 +36,7 @@ def probe_version(host: str, port: int, timeout_s: float = ONE_TRY_S) -> str:
 def probe_world(host: str, port: int, timeout_s: float = ONE_TRY_S) -> None:
     """Ask for something that only the simulation's own thread answers: there is a world.
 
-    CARLA tells its version from another thread, while the first map is still being loaded.
+    CARLA gives its version from another thread, while the first map is still being loaded.
 
     Raises:
         ServerError: it does not answer, or has no world yet.

@@ -51,7 +51,7 @@ class ServerProcess:
             self._log_start = log.tell()
             self._process = subprocess.Popen(
                 list(command),
-                stdin=subprocess.PIPE,  # its end tells a leash that this process is gone
+                stdin=subprocess.PIPE,  # its end shows the watch that this process is gone
                 stdout=subprocess.PIPE,
                 stderr=log,
                 env={**os.environ, **(environment or {})},

@@ -166,10 +166,12 @@ def compare_town(gpu: Gpu, tally: Tally, name: str, *, cameras: int, size: tuple
             of_cpu, of_gpu = (
                 {
                     kind: frame.pixels
-                    for kind, (_, frame) in zip(_KINDS, suite.capture(state, requests), strict=True)
+                    for kind, (_, frame) in zip(
+                        _KINDS, sensors.capture(state, requests), strict=True
+                    )
                     if isinstance(frame, ImageFrame)
                 }
-                for suite in (cpu, card)
+                for sensors in (cpu, card)
             )
             cpu.reset()
             card.reset()

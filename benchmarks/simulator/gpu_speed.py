@@ -111,9 +111,9 @@ def measure_gpu(town_name: str, wire: Sequence[str]) -> Verdict:
     """
     gpu = open_gpu(software=False)
     town = town_of(town_name)
-    with WorldSensors(town) as suite:
-        scene = populate(town, suite, vehicles=70, walkers=30, seed=7)
-        frame = suite.frame_of(scene.state())
+    with WorldSensors(town) as sensors:
+        scene = populate(town, sensors, vehicles=70, walkers=30, seed=7)
+        frame = sensors.frame_of(scene.state())
         measured = _measure(gpu, scene, frame)
     what = (
         Figure("card", gpu.name),

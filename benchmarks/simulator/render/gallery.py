@@ -25,9 +25,9 @@ def paint_gallery(folder: Path, *, town: str, seed: int) -> list[str]:
     """Write all pictures into a folder; their names."""
     folder.mkdir(parents=True, exist_ok=True)
     map_ = town_of(town)
-    with WorldSensors(map_) as suite, WorldSensors(map_, quality=Quality.EPIC) as epic:
-        scene = populate(map_, suite, vehicles=70, walkers=30, seed=seed)
-        better = replace(scene, suite=epic)
+    with WorldSensors(map_) as sensors, WorldSensors(map_, quality=Quality.EPIC) as epic:
+        scene = populate(map_, sensors, vehicles=70, walkers=30, seed=seed)
+        better = replace(scene, sensors=epic)
         presets = named_presets()
         sheets = {
             "presets": _sheet(
@@ -81,9 +81,9 @@ def _sensors(scene: ReferenceScene) -> dict[str, Pixels]:
     pictures = {}
     for name, (kind, show) in cameras.items():
         requests = [scene.request(kind, **size)]
-        scene.suite.reset()
-        scene.suite.capture(scene.state(), requests)
-        ((_, frame),) = scene.suite.capture(scene.state(), requests)
+        scene.sensors.reset()
+        scene.sensors.capture(scene.state(), requests)
+        ((_, frame),) = scene.sensors.capture(scene.state(), requests)
         pictures[name] = show(frame)
     bent = {"lens_circle_multiplier": 3.0, "lens_circle_falloff": 3.0}
     pictures["rgb with lens distortion"] = rgb(

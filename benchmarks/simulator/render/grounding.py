@@ -32,7 +32,7 @@ def ground_figures(scene: ReferenceScene) -> list[Figure]:
     mesh = scene.world.town.static_mesh
     gap_below = GroundProbe(mesh)
     state = scene.state()
-    frame = scene.suite.frame_of(state)
+    frame = scene.sensors.frame_of(state)
     moving = state.actor_id[np.isin(state.kind, (ActorKind.VEHICLE, ActorKind.WALKER))]
     actors = [
         _actor_gap(frame, row, gap_below)

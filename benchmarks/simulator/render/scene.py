@@ -69,13 +69,13 @@ class ReferenceScene:
     Attributes:
         world: with its actors.
         location, rotation_deg: of the camera.
-        suite: the sensors.
+        sensors: the sensors.
     """
 
     world: World
     location: tuple[float, float, float]
     rotation_deg: tuple[float, float, float]
-    suite: WorldSensors
+    sensors: WorldSensors
 
     def state(self, weather: Weather | None = None) -> WorldState:
         """The next tick's state."""
@@ -92,8 +92,8 @@ class ReferenceScene:
 
     def frame(self, state: WorldState, kind: str, **attributes: object) -> SensorFrame:
         """What a new sensor sees."""
-        self.suite.reset()
-        ((_, frame),) = self.suite.capture(state, [self.request(kind, 0, **attributes)])
+        self.sensors.reset()
+        ((_, frame),) = self.sensors.capture(state, [self.request(kind, 0, **attributes)])
         return frame
 
     def picture(self, weather: Weather, width: int, height: int) -> NDArray[np.uint8]:
@@ -111,7 +111,7 @@ def rgb(frame: SensorFrame) -> NDArray[np.uint8]:
 
 
 def populate(
-    town: Town, suite: WorldSensors, *, vehicles: int, walkers: int, seed: int
+    town: Town, sensors: WorldSensors, *, vehicles: int, walkers: int, seed: int
 ) -> ReferenceScene:
     """Actors at spawn points, walkers beside the lanes, all on the move.
 
@@ -154,7 +154,7 @@ def populate(
         walking += 1
     if (spawned, walking) != (vehicles, walkers):
         raise RuntimeError(f"{town.name} has room for {spawned} vehicles and {walking} walkers")
-    return ReferenceScene(world, (x, y, z + _CAMERA_M), (-4.0, yaw, 0.0), suite)
+    return ReferenceScene(world, (x, y, z + _CAMERA_M), (-4.0, yaw, 0.0), sensors)
 
 
 def _overlook(places: NDArray[np.float64], vehicles: int) -> int:

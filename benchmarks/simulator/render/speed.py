@@ -38,7 +38,7 @@ def speed_figures(scene: ReferenceScene, *, tries: int) -> list[Figure]:
     lidar = [scene.request("lidar.ray_cast_semantic", 50, **_LIDAR)]
     lidar_ms = _scaled_ms(scene, lidar, tries)
     figures.append(Figure("scaled_cpu_ms_lidar_of_100k_rays", lidar_ms, "<=", _LIDAR_MS))
-    frame = scene.suite.frame_of(scene.state())
+    frame = scene.sensors.frame_of(scene.state())
     drawn, bounds = frame.scene, frame.bounds
     slow = slowness()
     top_ms = _cpu_ms(lambda: top_tree(drawn.rotation, drawn.position, bounds), 9) / slow
@@ -61,7 +61,7 @@ def _of_cameras(
     size = {"image_size_x": width, "image_size_y": height}
     requests = [scene.request(kind, n, **size) for n, kind in enumerate(ALL_CAMERAS)]
     colour_ms = _scaled_ms(scene, requests[:1], tries)
-    rays = scene.suite.last_ray_count / (width * height)
+    rays = scene.sensors.last_ray_count / (width * height)
     whole_ms = _scaled_ms(scene, requests, tries)
     return [
         Figure(f"scaled_cpu_ms_rgb_{name}", colour_ms),
@@ -99,9 +99,9 @@ def _scaled_ms(scene: ReferenceScene, requests: Sequence[SensorRequest], tries: 
 
 def _capture_ms(scene: ReferenceScene, requests: Sequence[SensorRequest], tries: int) -> float:
     # Once before: a first flow is that of nothing.
-    scene.suite.capture(scene.state(), requests)
+    scene.sensors.capture(scene.state(), requests)
     states = [scene.state() for _ in range(tries)]
-    return _cpu_ms(lambda: scene.suite.capture(states.pop(0), requests), tries)
+    return _cpu_ms(lambda: scene.sensors.capture(states.pop(0), requests), tries)
 
 
 def _cpu_ms(work: Callable[[], object], tries: int) -> float:

@@ -30,11 +30,11 @@ def check_render(*, town: str, tries: int, seed: int, compiling: bool) -> Verdic
     map_ = town_of(town)
     figures.append(Figure("triangles_of_the_town", len(map_.static_mesh.triangles)))
     with (
-        WorldSensors(map_, threads=1) as suite,
+        WorldSensors(map_, threads=1) as sensors,
         WorldSensors(map_, threads=1, quality=Quality.EPIC) as epic,
     ):
-        suite.warm_up()
-        scene = populate(map_, suite, vehicles=_VEHICLES, walkers=_WALKERS, seed=seed)
+        sensors.warm_up()
+        scene = populate(map_, sensors, vehicles=_VEHICLES, walkers=_WALKERS, seed=seed)
         figures += speed_figures(scene, tries=tries)
         better = ReferenceScene(scene.world, scene.location, scene.rotation_deg, epic)
         ratio = min(picture_ms(better) / picture_ms(scene) for _ in range(tries))

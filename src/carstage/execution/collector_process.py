@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Any
 
 from carstage.errors import CollectorError
-from carstage.execution import foreign_python as borrowed
+from carstage.execution import foreign_python
 
 _READ_BYTES = 1 << 16
 _LONGEST_LINE_BYTES = 1 << 20
@@ -30,7 +30,7 @@ def interpreter_command(python: str, module: str) -> list[str]:
     """The command that runs a module of ``carstage`` with an interpreter, up to its arguments."""
     if python == sys.executable:
         return [python, "-m", module]
-    return [python, borrowed.__file__, module]
+    return [python, foreign_python.__file__, module]
 
 
 class CollectorProcess:

@@ -212,7 +212,7 @@ def _base(release: Release) -> str:
     """What uv makes an environment from: a Python that runs here, else a version to fetch."""
     versions = CLIENT_PYTHONS[release]
     for python in _interpreters(versions):
-        # A shim of pyenv is on PATH even where its version is not chosen: only running it shows that.
+        # A shim of pyenv is on PATH even where its version is not chosen; only a run shows that.
         if _output(python, _PYTHON) in versions:
             return str(python)
     return versions[0]

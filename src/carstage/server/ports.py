@@ -104,10 +104,10 @@ def is_free(port: int, host: str = "127.0.0.1") -> bool:
 
 
 def _taken(ports: Iterable[int], host: str) -> int | None:
-    """The first port that cannot be listened on; all are held together while looking."""
-    with ExitStack() as held:
+    """The first port that cannot be listened on; all are bound at once while looking."""
+    with ExitStack() as bound:
         for port in ports:
-            listener = held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
+            listener = bound.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
             # A port whose last connections are still closing is free for a server.
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:

@@ -12,7 +12,7 @@ from carstage.cli import comparison  # noqa: F401 - adds its commands to bench_a
 from carstage.cli.bench import bench_app
 from carstage.cli.export import export
 from carstage.cli.gui import gui
-from carstage.cli.output import command, enable_debug, note, result, result_json
+from carstage.cli.output import command, enable_debug, folder, note, result, result_json
 
 if TYPE_CHECKING:
     from carstage.config import Config
@@ -33,7 +33,10 @@ app.command()(gui)
 
 DEMO_FOLDER = Path("datasets/demo")
 
-Out = Annotated[Path, typer.Option("--out", help="Folder of the dataset; created if missing.")]
+Out = Annotated[
+    Path,
+    typer.Option("--out", help="Folder of the dataset; created if missing.", callback=folder),
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option(
@@ -135,7 +138,10 @@ def _record(
     for episode_id, reason in ended.failures.items():
         note(f"Episode {episode_id} failed: {reason}")
     if not json:
-        result(f"Dataset: {ended.dataset}")
+        if ended.committed + ended.skipped:
+            result(f"Dataset: {ended.dataset}")
+        else:
+            note("Nothing was recorded.")
         if report_path is not None:
             result(f"Report:  {report_path}")
     else:
@@ -218,7 +224,9 @@ def config_schema_(debug: Debug = False) -> None:
     result(json.dumps(config_schema(), indent=1, ensure_ascii=False))
 
 
-Dataset = Annotated[Path, typer.Argument(help="Folder of the dataset.", metavar="DIR")]
+Dataset = Annotated[
+    Path, typer.Argument(help="Folder of the dataset.", metavar="DIR", callback=folder)
+]
 
 
 @app.command()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 
 import typer
 
-from carstage.cli.output import command, enable_debug, note, result, result_json
+from carstage.cli.output import command, enable_debug, folder, note, result, result_json
 from carstage.exporters.options import ExportOptions, flag_of
 
 if TYPE_CHECKING:
@@ -78,8 +78,10 @@ def export(
     format_name: Annotated[
         str, typer.Argument(metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.")
     ],
-    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of the dataset.")],
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder to make.")],
+    dataset: Annotated[
+        Path, typer.Argument(metavar="DATASET", help="Folder of the dataset.", callback=folder)
+    ],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder to make.", callback=folder)],
     options: ExportOptions,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace an export that stands at OUT.")

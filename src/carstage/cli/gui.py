@@ -38,6 +38,7 @@ def gui(
 ) -> None:
     """Configure, place sensors, record, watch and browse in a browser."""
     del debug
+    from carstage.storage import local_folder
     from carstage.web.serving import serve
 
     def ready(url: str) -> None:
@@ -48,4 +49,4 @@ def gui(
 
             webbrowser.open(url)
 
-    serve(tuple(datasets or [Path("datasets")]), host, port, ready)
+    serve(tuple(map(local_folder, datasets or [Path("datasets")])), host, port, ready)

@@ -7,11 +7,12 @@ import json
 import os
 import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, ParamSpec
 
 import typer
 
-from carstage.errors import CarStageError
+from carstage.errors import BadInputError, CarStageError
 
 INTERRUPTED = 130
 _DEBUG = "CARSTAGE_DEBUG"
@@ -37,6 +38,17 @@ def result_json(document: Mapping[str, Any]) -> None:
 def note(text: str) -> None:
     """Something for the user, on stderr."""
     typer.echo(text, err=True)
+
+
+def folder(address: Path) -> Path:
+    """Callback of a parameter: the folder that was named, also as ``file://``."""
+    from carstage.storage import local_folder
+
+    try:
+        return local_folder(address)
+    except BadInputError as error:
+        note(f"Error: {error.message}\n{error.hint}")
+        raise typer.Exit(error.exit_code) from error
 
 
 def command(function: Callable[Parameters, int | None]) -> Callable[Parameters, None]:

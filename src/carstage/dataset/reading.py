@@ -21,6 +21,7 @@ from carstage.errors import BadInputError, DatasetError
 from carstage.geometry import is_pinhole, pose_matrix
 from carstage.sensor_kinds import content_of
 from carstage.spec import EpisodeSpec, SpecError
+from carstage.storage.address import local_folder
 from carstage.storage.description import read_description
 from carstage.storage.local import LocalStore
 from carstage.storage.marker import CommitMarker
@@ -375,7 +376,7 @@ class Dataset:
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.path = Path(path).expanduser()
+        self.path = local_folder(path)
         self.description = read_description(self.path / "dataset.json")
 
     @property

@@ -21,6 +21,7 @@ from carstage.exporters.completeness import Completeness, Progress, examine
 from carstage.exporters.exporter import Exporter, FrameWriter, exporter_for
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.target import check_target, export_folder, write_document
+from carstage.storage import local_folder
 from carstage.storage.marker import CommitMarker
 from carstage.validation import Problem
 
@@ -100,7 +101,7 @@ def export_dataset(
         >>> carstage.export("coco", "datasets/demo", "exports/coco", options).frames
         50
     """
-    source, target = Dataset(dataset), Path(out).expanduser()
+    source, target = Dataset(dataset), local_folder(out)
     exporter = exporter_for(format_name, options or ExportOptions())
     check_target(target, source.path, overwrite=overwrite)
     found = examine(source, _of_phase("Checking", progress))

@@ -28,7 +28,7 @@ from carstage.runs.server_lock import server_lock
 from carstage.runs.servers import ServerSetup
 from carstage.runs.session import Session
 from carstage.runs.wakeup_pipe import WakeupPipe
-from carstage.storage import open_store
+from carstage.storage import local_folder, open_store
 
 DEFAULT_RETRIES = 2
 
@@ -82,7 +82,7 @@ def run(
         ('done', 20)
     """
     config = _checked(config)
-    out = Path(out).expanduser().absolute()
+    out = local_folder(out).absolute()
 
     def notice(sentence: str) -> None:
         if on_event is not None:

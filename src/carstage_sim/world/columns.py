@@ -1,6 +1,7 @@
 """Names for the columns of arrays whose meaning no axis says.
 
 Coordinates need none: x, y, z are columns 0, 1, 2 everywhere, and so are red, green, blue.
+Compiled loops take the numbers (``_YAW = int(Rotation.YAW)``): older numba knows no enums there.
 """
 
 from __future__ import annotations

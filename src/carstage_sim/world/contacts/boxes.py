@@ -16,6 +16,7 @@ FloatArray = NDArray[np.float64]
 TOWN = -1
 """Stands for the second body of a contact with the town."""
 
+_NORMAL_X, _NORMAL_Y, _DEPTH, _POINT_X, _POINT_Y = map(int, Touch)
 _SAME_LEVEL_M = 2.0
 _ROUNDING_M = 1e-9
 
@@ -118,10 +119,10 @@ def _touching(  # type: ignore[no-untyped-def]
                 continue
             if count < pairs.shape[0]:
                 pairs[count, 0], pairs[count, 1] = first, second
-                shapes[count, Touch.NORMAL_X] = normal_x
-                shapes[count, Touch.NORMAL_Y] = normal_y
-                shapes[count, Touch.DEPTH] = depth
-                shapes[count, Touch.POINT_X], shapes[count, Touch.POINT_Y] = _touching_point(
+                shapes[count, _NORMAL_X] = normal_x
+                shapes[count, _NORMAL_Y] = normal_y
+                shapes[count, _DEPTH] = depth
+                shapes[count, _POINT_X], shapes[count, _POINT_Y] = _touching_point(
                     center, half_size, cosine, sine, first, second
                 )
             count += 1

@@ -24,6 +24,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
+_NORMAL_X, _NORMAL_Y, _DEPTH, _POINT_X, _POINT_Y = map(int, Touch)
 _CUTS_M = (0.3, 0.7, 1.2)
 _SOFT_LABELS = (
     CityObjectLabel.NONE,
@@ -154,11 +155,11 @@ def _touching(  # type: ignore[no-untyped-def]
                         continue
                     if count < pairs.shape[0]:
                         pairs[count, 0], pairs[count, 1] = box, piece
-                        shapes[count, Touch.NORMAL_X] = normal_x * c - normal_y * s
-                        shapes[count, Touch.NORMAL_Y] = normal_x * s + normal_y * c
-                        shapes[count, Touch.DEPTH] = depth
-                        shapes[count, Touch.POINT_X] = x + point_x * c - point_y * s
-                        shapes[count, Touch.POINT_Y] = y + point_x * s + point_y * c
+                        shapes[count, _NORMAL_X] = normal_x * c - normal_y * s
+                        shapes[count, _NORMAL_Y] = normal_x * s + normal_y * c
+                        shapes[count, _DEPTH] = depth
+                        shapes[count, _POINT_X] = x + point_x * c - point_y * s
+                        shapes[count, _POINT_Y] = y + point_x * s + point_y * c
                     count += 1
     return count
 

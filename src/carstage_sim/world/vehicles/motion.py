@@ -17,6 +17,7 @@ from carstage_sim.world.vehicles.rows import VehicleRows
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+_YAW = int(Rotation.YAW)
 _INSTANT_S = 1e-9
 
 
@@ -164,7 +165,7 @@ def _move_one(rows, tick, i, rolling, dt_s):  # type: ignore[no-untyped-def]
         limit = tick.lateral_limit[i]
         rate = dynamics.yaw_rate(speed, angle_deg, wheelbase, limit, rows.understeer[i])
 
-    yaw = math.radians(rows.rotation_deg[i, Rotation.YAW])
+    yaw = math.radians(rows.rotation_deg[i, _YAW])
     turn = rate + spin
     cosine, sine = math.cos(yaw), math.sin(yaw)
     rolled = 0.5 * (before + speed) * tick.along_ground[i]
@@ -181,7 +182,7 @@ def _move_one(rows, tick, i, rolling, dt_s):  # type: ignore[no-untyped-def]
     rows.location[i, 0] += x
     rows.location[i, 1] += y
     if turn != 0.0:
-        rows.rotation_deg[i, Rotation.YAW] = (math.degrees(yaw) + 180.0) % 360.0 - 180.0
+        rows.rotation_deg[i, _YAW] = (math.degrees(yaw) + 180.0) % 360.0 - 180.0
     rows.speed[i], rows.slide[i], rows.spin[i] = speed, slide, spin
     rows.turn_rate[i] = rate
     rows.wheel_angle_deg[i] = angle_deg

@@ -221,3 +221,23 @@ def demo_against(
     with watch_steps("Demos", "demos") as progress:
         verdict = measure_demo_against(python, rounds, scratch, progress)
     return report(verdict, json)
+
+
+@benchmark("same-bytes", takes="5 minutes")
+def same_bytes(
+    pythons: Annotated[
+        list[str], typer.Argument(help="Pythons in whose environments Car-STAGE is installed.")
+    ],
+    town: Annotated[
+        list[str] | None,
+        typer.Option("--town", help="A built-in town or an OpenDRIVE file; default: all built-in."),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Whether towns and frames have the same bytes under other Pythons and dependencies."""
+    from benchmarks.framework.same_bytes import TOWNS, measure_same_bytes
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Same bytes", "steps") as progress:
+        verdict = measure_same_bytes(pythons, town or TOWNS, progress)
+    return report(verdict, json)

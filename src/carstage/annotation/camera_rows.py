@@ -40,11 +40,14 @@ from carstage.annotation.stage_vo import (
 from carstage.geometry import (
     FloatArray,
     box_corners,
+    length,
+    multiply,
     observation_angle,
     optical_from_world,
     project,
     proper_box_rotation,
     quaternion_from_matrix,
+    rotate,
     rotation_y,
     transform_points,
 )
@@ -171,7 +174,7 @@ def _columns(
 ) -> dict[str, Sequence[Any]]:
     """The columns that are computed for all objects at once, as lists."""
     center = transform_points(optical, scene.world_from_box[chosen, :3, 3])
-    optical_from_box = optical[:3, :3] @ scene.world_from_box[chosen, :3, :3]
+    optical_from_box = multiply(optical[:3, :3], scene.world_from_box[chosen, :3, :3])
     extent = scene.extent[chosen]
     heading = rotation_y(optical_from_box)
     uv = project(corners, camera.k)
@@ -197,7 +200,7 @@ def _columns(
         three_d = {name: [None] * len(chosen) for name in three_d}
     return {
         **three_d,
-        "distance": np.linalg.norm(center, axis=-1).tolist(),
+        "distance": length(center).tolist(),
         "depth_center": center[:, 2].tolist(),
         "n_visible": counts.visible.tolist(),
         "n_occluded": counts.occluded.tolist(),
@@ -231,8 +234,8 @@ def _count_pixels(
     regions = pixel_regions(inflated, camera.k, camera.width, camera.height)
     box_from_world = np.swapaxes(poses[:, :3, :3], -1, -2)
     to_camera = world_from_sensor[:3, 3] - poses[:, :3, 3]
-    origins = (box_from_world @ to_camera[..., None])[..., 0]
-    box_from_optical = box_from_world @ optical[:3, :3].T
+    origins = rotate(box_from_world, to_camera)
+    box_from_optical = multiply(box_from_world, optical[:3, :3].T)
     for i, actor in enumerate(chosen.tolist()):
         fact = scene.facts[actor]
         view = BoxView(

@@ -13,7 +13,9 @@ from carstage.geometry import (
     GeoPoint,
     flu_rotation,
     geo_point,
+    length,
     quaternion_from_matrix,
+    rotate,
     rotation_matrix,
 )
 from carstage.rawlog.reader import WorldFrame
@@ -69,6 +71,7 @@ def ego_row(
     rotation = rotation_matrix(world.rotation_deg[row])
     velocity, acceleration = world.velocity[row], world.acceleration[row]
     angular_velocity = np.radians(world.angular_velocity_deg[row])
+    acceleration_ego = rotate(rotation.T, acceleration)
     control: Mapping[str, Any] = world.meta.get("ego", {})
     light = control.get("traffic_light_state")
     place = geo_point(facts.reference, world.location[row])
@@ -81,12 +84,12 @@ def ego_row(
         "rotation_deg": world.rotation_deg[row].tolist(),
         "quaternion": quaternion_from_matrix(flu_rotation(rotation)).tolist(),
         "velocity": velocity.tolist(),
-        "velocity_ego": (rotation.T @ velocity).tolist(),
+        "velocity_ego": rotate(rotation.T, velocity).tolist(),
         "acceleration": acceleration.tolist() if acceleration_valid else None,
-        "acceleration_ego": (rotation.T @ acceleration).tolist() if acceleration_valid else None,
+        "acceleration_ego": acceleration_ego.tolist() if acceleration_valid else None,
         "angular_velocity": angular_velocity.tolist(),
-        "angular_velocity_ego": (rotation.T @ angular_velocity).tolist(),
-        "speed": float(np.linalg.norm(velocity)),
+        "angular_velocity_ego": rotate(rotation.T, angular_velocity).tolist(),
+        "speed": float(length(velocity)),
         "yaw_rate": float(angular_velocity[2]),
         "yaw_rate_flu": -float(angular_velocity[2]),
         "throttle": control.get("throttle"),

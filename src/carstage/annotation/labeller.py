@@ -22,7 +22,7 @@ from carstage.annotation.pose_rows import pose_rows
 from carstage.annotation.rig import LabelledCamera, Mount
 from carstage.annotation.scene import ActorFacts, Scene, build_scene
 from carstage.errors import AnnotationError
-from carstage.geometry import FloatArray, invert_pose
+from carstage.geometry import FloatArray, invert_pose, multiply
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.reader import ActorInfo, LevelObject, WorldFrame
 from carstage.sensor_kinds.model import DETECTIONS, POINTS
@@ -333,7 +333,7 @@ def _count_points(
         if sensor_id not in clouds:
             continue
         pose = mount.world_from_sensor(scene.world, scene.world_from_ego)
-        sensor_from_boxes = invert_pose(pose) @ scene.world_from_box[chosen]
+        sensor_from_boxes = multiply(invert_pose(pose), scene.world_from_box[chosen])
         found = count_points(clouds[sensor_id], sensor_from_boxes, scene.extent[chosen])
         for pairs, count in zip(counts.values(), found.tolist(), strict=True):
             pairs.append((sensor_id, count))

@@ -13,7 +13,7 @@ from carstage.annotation.boxes import LabelBox, are_plausible_in_level
 from carstage.annotation.classes import LEVEL_CLASSES, VEHICLE_CLASSES
 from carstage.annotation.scene import ActorFacts, Scene
 from carstage.annotation.tracks import level_tracks
-from carstage.geometry import FloatArray, box_corners, pose_matrix
+from carstage.geometry import FloatArray, box_corners, length, pose_matrix
 from carstage.rawlog.reader import ActorInfo, LevelObject
 from carstage.spec import GroundTruthSpec
 from carstage.tags import dataset_tags, vehicle_tags
@@ -70,7 +70,7 @@ class Level:
     def near(self, origins: FloatArray, max_distance_m: float) -> NDArray[np.int64]:
         """Which objects have their middle within a distance of one of ``(M, 3)`` places."""
         offset = self.world_from_box[:, None, :3, 3] - origins
-        return np.flatnonzero((np.linalg.norm(offset, axis=-1) <= max_distance_m).any(axis=1))
+        return np.flatnonzero((length(offset) <= max_distance_m).any(axis=1))
 
     def facts(self, chosen: NDArray[np.int64]) -> list[ActorFacts]:
         """Static facts of some objects."""

@@ -14,7 +14,10 @@ from carstage.annotation.riders import rider_object_row
 from carstage.annotation.scene import Scene
 from carstage.geometry import (
     flu_rotation,
+    length,
+    multiply,
     quaternion_from_matrix,
+    rotate,
     rotation_deg,
     transform_points,
     wrap_angle,
@@ -54,8 +57,8 @@ def object_rows(
     box_rotation = scene.world_from_box[:, :3, :3]
     box_center = scene.world_from_box[:, :3, 3]
     center_ego = transform_points(scene.ego_from_world, box_center)
-    rotation_ego = rotation_deg(to_ego @ box_rotation)
-    distance = np.linalg.norm(box_center - scene.world_from_ego[:3, 3], axis=-1)
+    rotation_ego = rotation_deg(multiply(to_ego, box_rotation))
+    distance = length(box_center - scene.world_from_ego[:3, 3])
     columns = {
         "box_center": box_center,
         "box_rotation_deg": rotation_deg(box_rotation),
@@ -70,9 +73,9 @@ def object_rows(
     location = scene.location.tolist()
     rotation = scene.rotation_deg.tolist()
     velocity = scene.velocity.tolist()
-    velocity_ego = (scene.velocity @ to_ego.T).tolist()
+    velocity_ego = rotate(to_ego, scene.velocity).tolist()
     acceleration = scene.acceleration.tolist()
-    acceleration_ego = (scene.acceleration @ to_ego.T).tolist()
+    acceleration_ego = rotate(to_ego, scene.acceleration).tolist()
     angular_velocity = np.radians(scene.angular_velocity_deg).tolist()
     lights: Mapping[str, int] = scene.world.meta.get("vehicle_lights", {})
     signals: Mapping[str, str] = scene.world.meta.get("traffic_lights", {})

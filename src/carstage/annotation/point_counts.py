@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.geometry import FloatArray, invert_pose
+from carstage.geometry import FloatArray, invert_pose, rotate, transform_points
 
 _CELLS: Final = 128
 _TOLERANCE_M: Final = 1e-6
@@ -49,7 +49,7 @@ class PointGrid:
             extent_m: ``(3,)`` half sizes.
         """
         # Wider than the box by more than float32 can be wrong about a point's cell.
-        reach = np.abs(sensor_from_box[:2, :3]) @ extent_m + 1e-3
+        reach = rotate(np.abs(sensor_from_box[:2, :3]), extent_m) + 1e-3
         center = sensor_from_box[:2, 3]
         x0, y0 = map(self._cell, (center - reach).tolist(), self._low)
         x1, y1 = map(self._cell, (center + reach).tolist(), self._low)
@@ -59,7 +59,7 @@ class PointGrid:
         ]
         near = np.concatenate(rows)[:, :3].astype(np.float64)
         box_from_sensor = invert_pose(sensor_from_box)
-        local = near @ box_from_sensor[:3, :3].T + box_from_sensor[:3, 3]
+        local = transform_points(box_from_sensor, near)
         return int((np.abs(local) <= extent_m + _TOLERANCE_M).all(axis=1).sum())
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from carstage.annotation.rig import Mount
 from carstage.annotation.scene import Scene
-from carstage.geometry import rotation_deg
+from carstage.geometry import multiply, rotation_deg
 
 
 def pose_rows(
@@ -35,7 +35,7 @@ def pose_rows(
                 "carrier_track_id": carriers.get(mount.sensor_id) or None,
                 "location": pose[:3, 3].tolist(),
                 "rotation_deg": rotation_deg(pose[:3, :3]).tolist(),
-                "ego_from_sensor": (scene.ego_from_world @ pose).ravel().tolist(),
+                "ego_from_sensor": multiply(scene.ego_from_world, pose).ravel().tolist(),
             }
         )
     return rows

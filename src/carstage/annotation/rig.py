@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from carstage.errors import AnnotationError
-from carstage.geometry import FloatArray, intrinsics, is_pinhole, pose_matrix
+from carstage.geometry import FloatArray, intrinsics, is_pinhole, multiply, pose_matrix
 from carstage.rawlog.reader import WorldFrame
 from carstage.spec import EGO, RIGID, SensorSpec
 
@@ -85,7 +83,7 @@ class Mount:
                 "place does not follow from the ego's.",
                 "Record the episode again.",
             )
-        return np.asarray(world_from_ego @ self.carrier_from_sensor, dtype=np.float64)
+        return multiply(world_from_ego, self.carrier_from_sensor)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from carstage.annotation.boxes import LabelBox
 from carstage.annotation.classes import VEHICLE_CLASSES
-from carstage.geometry import FloatArray, box_corners, invert_pose, pose_matrix
+from carstage.geometry import FloatArray, box_corners, invert_pose, multiply, pose_matrix
 from carstage.rawlog.reader import ActorInfo, WorldFrame
 
 _MAX_SINK_M: Final = 0.2
@@ -110,7 +110,7 @@ def build_scene(
     sinks = on_road & (pivot > bottom) & (pivot - bottom <= _MAX_SINK_M)
     ground = np.where(sinks, pivot, bottom)
     actor = pose_matrix(world.location[index], world.rotation_deg[index])
-    world_from_box = np.asarray(actor @ pose_matrix(location, rotation), dtype=np.float64)
+    world_from_box = multiply(actor, pose_matrix(location, rotation))
     world_from_ego = pose_matrix(world.location[ego_row], world.rotation_deg[ego_row])
     return Scene(
         world=world,

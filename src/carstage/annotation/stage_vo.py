@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carstage.geometry import Z_NEAR_M, FloatArray
+from carstage.geometry import Z_NEAR_M, FloatArray, length
 
 VERTICES: Final = 8
 LEVEL_UNKNOWN: Final = 3
@@ -35,7 +35,7 @@ def within_distance(
     centers: FloatArray, origin: FloatArray, max_distance_m: float
 ) -> NDArray[np.bool_]:
     """Which ``(N, 3)`` box centres are at most ``max_distance_m`` from ``(3,)`` (equality kept)."""
-    return np.asarray(np.linalg.norm(centers - origin, axis=-1) <= max_distance_m)
+    return np.asarray(length(centers - origin) <= max_distance_m)
 
 
 def count_vertices(

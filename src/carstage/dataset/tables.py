@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import re
+import struct
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -13,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from carstage.errors import DatasetError
+from carstage.errors import DatasetError, StorageError
 from carstage.files.whole import whole_file
 from carstage.sensor_kinds import known_kind
 from carstage.sensor_kinds.model import DETECTIONS
@@ -21,6 +24,9 @@ from carstage.sensor_kinds.model import DETECTIONS
 _COMPRESSION: Literal["zstd"] = "zstd"
 _COMPRESSION_LEVEL = 3
 _ROW_GROUP_ROWS = 65_536
+_TRAILER = struct.Struct("<I4s")
+_ARROWS_NAME = re.compile(rb"parquet-cpp-arrow version [0-9A-Za-z.+-]+")
+_WRITER = b"carstage version 1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +172,29 @@ def write_table(table: pa.Table, path: Path) -> None:
             version="2.6",
             data_page_version="1.0",
         )
+        _name_the_writer(temporary)
+
+
+def _name_the_writer(path: Path) -> None:
+    """Put our name where Arrow put its own with its version, so that bytes do not follow from it.
+
+    A Parquet file ends in its footer, the footer's length and ``PAR1``. In the footer a text is its
+    length in one byte and its bytes (Thrift's compact protocol).
+    """
+    with path.open("r+b") as file:
+        file.seek(-_TRAILER.size, os.SEEK_END)
+        end = file.tell()
+        size, magic = _TRAILER.unpack(file.read())
+        file.seek(end - size)
+        footer = file.read(size)
+        found = _ARROWS_NAME.search(footer)
+        if found is None or footer[found.start() - 1] != len(found[0]):
+            raise StorageError(f"{path.name}: Arrow wrote a footer that is not understood.")
+        head, tail = footer[: found.start() - 1], footer[found.end() :]
+        footer = head + bytes([len(_WRITER)]) + _WRITER + tail
+        file.seek(end - size)
+        file.truncate()
+        file.write(footer + _TRAILER.pack(len(footer), magic))
 
 
 def read_table(path: Path) -> pa.Table:

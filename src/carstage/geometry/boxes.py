@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from carstage.geometry.coordinates import FloatArray, pose_matrix
+from carstage.geometry.coordinates import FloatArray, multiply, pose_matrix, rotate
 
 CORNER_SIGNS: Final = np.array(
     [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
@@ -31,7 +31,7 @@ def world_from_box(
     The box's own location counts once: the actor's location is its pivot, not the box's centre.
     """
     actor = pose_matrix(actor_location_m, actor_rotation_deg)
-    return np.asarray(actor @ pose_matrix(box_location_m, box_rotation_deg), dtype=np.float64)
+    return multiply(actor, pose_matrix(box_location_m, box_rotation_deg))
 
 
 def box_corners(parent_from_box: ArrayLike, extent_m: ArrayLike) -> FloatArray:
@@ -43,5 +43,4 @@ def box_corners(parent_from_box: ArrayLike, extent_m: ArrayLike) -> FloatArray:
     """
     pose = np.asarray(parent_from_box, dtype=np.float64)
     local = CORNER_SIGNS * np.asarray(extent_m, dtype=np.float64)[..., None, :]
-    rotated = local @ np.swapaxes(pose[..., :3, :3], -1, -2)
-    return np.asarray(rotated + pose[..., None, :3, 3], dtype=np.float64)
+    return rotate(pose[..., None, :3, :3], local) + pose[..., None, :3, 3]

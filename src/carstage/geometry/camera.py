@@ -18,6 +18,7 @@ from carstage.geometry.coordinates import (
     OPTICAL_FROM_SENSOR,
     FloatArray,
     invert_pose,
+    multiply,
     wrap_angle,
 )
 
@@ -73,7 +74,7 @@ def optical_from_world(world_from_sensor: ArrayLike) -> FloatArray:
     """``(4, 4)`` matrix from world to optical axes of a sensor; its determinant is -1."""
     sensor_from_world = invert_pose(world_from_sensor)
     matrix = np.eye(4)
-    matrix[:3] = OPTICAL_FROM_SENSOR @ sensor_from_world[:3]
+    matrix[:3] = multiply(OPTICAL_FROM_SENSOR, sensor_from_world[:3])
     return matrix
 
 
@@ -149,5 +150,5 @@ def proper_box_rotation(optical_from_box: ArrayLike) -> FloatArray:
 def velodyne_to_camera(world_from_camera: ArrayLike, world_from_lidar: ArrayLike) -> FloatArray:
     """KITTI's ``Tr_velo_to_cam`` as ``(4, 4)``: forward-left-up LiDAR axes to optical axes."""
     lidar_from_flu = np.diag([1.0, -1.0, 1.0, 1.0])
-    world = np.asarray(world_from_lidar, dtype=np.float64)
-    return np.asarray(optical_from_world(world_from_camera) @ world @ lidar_from_flu)
+    camera_from_lidar = multiply(optical_from_world(world_from_camera), world_from_lidar)
+    return multiply(camera_from_lidar, lidar_from_flu)

@@ -90,13 +90,42 @@ def pose_matrix(location_m: ArrayLike, rotation_deg: ArrayLike) -> FloatArray:
     return matrix
 
 
+def multiply(a: ArrayLike, b: ArrayLike) -> FloatArray:
+    """``(..., n, m)`` products of ``(..., n, k)`` and ``(..., k, m)`` matrices.
+
+    The sums are taken term by term in double precision. ``@`` leaves their order and roundings to
+    the BLAS that NumPy brings, so its last bits change with NumPy's version.
+    """
+    left, right = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    total: FloatArray = left[..., :, 0, None] * right[..., None, 0, :]
+    for k in range(1, left.shape[-1]):
+        total = total + left[..., :, k, None] * right[..., None, k, :]
+    return total
+
+
+def rotate(matrix: ArrayLike, vectors: ArrayLike) -> FloatArray:
+    """``(..., n)`` products of ``(..., n, k)`` matrices and ``(..., k)`` vectors, as `multiply`."""
+    m, v = np.asarray(matrix, dtype=np.float64), np.asarray(vectors, dtype=np.float64)
+    total: FloatArray = m[..., :, 0] * v[..., 0, None]
+    for k in range(1, m.shape[-1]):
+        total = total + m[..., :, k] * v[..., k, None]
+    return total
+
+
+def length(vectors: ArrayLike) -> FloatArray:
+    """``(...)`` lengths of ``(..., 3)`` vectors, see `multiply`."""
+    v = np.asarray(vectors, dtype=np.float64)
+    x, y, z = v[..., 0], v[..., 1], v[..., 2]
+    return np.asarray(np.sqrt(x * x + y * y + z * z), dtype=np.float64)
+
+
 def invert_pose(parent_from_local: ArrayLike) -> FloatArray:
     """``local_from_parent`` of ``(..., 4, 4)`` rigid poses."""
     pose = np.asarray(parent_from_local, dtype=np.float64)
     inverse = np.zeros_like(pose)
     transposed = np.swapaxes(pose[..., :3, :3], -1, -2)
     inverse[..., :3, :3] = transposed
-    inverse[..., :3, 3] = -(transposed @ pose[..., :3, 3, None])[..., 0]
+    inverse[..., :3, 3] = -rotate(transposed, pose[..., :3, 3])
     inverse[..., 3, 3] = 1.0
     return inverse
 
@@ -104,8 +133,7 @@ def invert_pose(parent_from_local: ArrayLike) -> FloatArray:
 def transform_points(target_from_source: ArrayLike, points: ArrayLike) -> FloatArray:
     """``(N, 3)`` points of the source frame in the target frame of one ``(4, 4)`` matrix."""
     matrix = np.asarray(target_from_source, dtype=np.float64)
-    source = np.asarray(points, dtype=np.float64)
-    return np.asarray(source @ matrix[:3, :3].T + matrix[:3, 3], dtype=np.float64)
+    return rotate(matrix[:3, :3], points) + matrix[:3, 3]
 
 
 def quaternion_from_matrix(matrix: ArrayLike) -> FloatArray:
@@ -154,7 +182,7 @@ def matrix_from_quaternion(quaternion: ArrayLike) -> FloatArray:
 def flu_rotation(rotation: ArrayLike) -> FloatArray:
     """``(..., 3, 3)`` CARLA rotations in forward-left-up (or east-north-up) axes: ``S R S``."""
     matrix = np.asarray(rotation, dtype=np.float64)
-    return np.asarray(FLU_FROM_CARLA @ matrix @ FLU_FROM_CARLA, dtype=np.float64)
+    return multiply(multiply(FLU_FROM_CARLA, matrix), FLU_FROM_CARLA)
 
 
 def flu_vector(vector: ArrayLike) -> FloatArray:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from carstage.geometry.coordinates import FloatArray, rotation_matrix
+from carstage.geometry.coordinates import FloatArray, rotate, rotation_matrix
 
 EARTH_RADIUS_M = 6378137.0
 GRAVITY_M_S2 = 9.81
@@ -63,4 +63,4 @@ def specific_force(
         gravity_m_s2: the server's gravity.
     """
     total = np.asarray(acceleration, dtype=np.float64) + np.array([0.0, 0.0, gravity_m_s2])
-    return np.asarray(rotation_matrix(rotation_deg).T @ total, dtype=np.float64)
+    return rotate(rotation_matrix(rotation_deg).T, total)

@@ -17,7 +17,9 @@ from carstage.geometry.coordinates import (
     flu_rotation,
     flu_vector,
     matrix_from_quaternion,
+    multiply,
     quaternion_from_matrix,
+    rotate,
     rotation_deg,
     transform_points,
 )
@@ -55,7 +57,7 @@ def kitti_box(
     ex, ey, ez = (float(value) for value in np.asarray(extent_m, dtype=np.float64))
     optical = optical_from_world(world_from_camera)
     center = transform_points(optical, box[None, :3, 3])[0]
-    heading = float(rotation_y(optical[:3, :3] @ box[:3, :3]))
+    heading = float(rotation_y(multiply(optical[:3, :3], box[:3, :3])))
     return KittiBox(
         location=center + np.array([0.0, ez, 0.0]),
         dimensions=np.array([2.0 * ez, 2.0 * ey, 2.0 * ex]),
@@ -72,7 +74,7 @@ def carla_box_from_kitti(
     center = np.asarray(box.location, dtype=np.float64) - np.array([0.0, height / 2.0, 0.0])
     optical = optical_from_world(world_from_camera)
     # Orthogonal, not proper: the inverse is the transpose all the same.
-    center_world = optical[:3, :3].T @ (center - optical[:3, 3])
+    center_world = rotate(optical[:3, :3].T, center - optical[:3, 3])
     yaw_deg = float(np.degrees(box.rotation_y)) + camera_yaw_deg + 90.0
     return center_world, yaw_deg, np.array([length / 2.0, width / 2.0, height / 2.0])
 

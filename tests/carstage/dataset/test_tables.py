@@ -1,0 +1,44 @@
+"""Parquet files name no version of a library: their bytes follow from their rows."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import duckdb
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from carstage.dataset import tables
+from carstage.dataset.tables import read_table, write_table
+from carstage.errors import StorageError
+
+TABLE = pa.table({"k": pa.array(range(100_000), pa.int32()), "text": ["a", "b"] * 50_000})
+
+
+def test_a_file_names_us_and_no_version_of_arrow(tmp_path: Path) -> None:
+    path = tmp_path / "table.parquet"
+    write_table(TABLE, path)
+    assert pa.__version__.encode() not in path.read_bytes()
+    metadata = pq.ParquetFile(path).metadata
+    assert metadata.created_by == "carstage version 1"
+    assert (metadata.num_row_groups, metadata.num_rows) == (2, 100_000)
+    assert metadata.row_group(1).column(0).statistics.max == 99_999
+
+
+def test_readers_read_it(tmp_path: Path) -> None:
+    path = tmp_path / "table.parquet"
+    write_table(TABLE, path)
+    assert read_table(path).equals(TABLE)
+    found = duckdb.sql(f"select count(*), max(k), min(text) from '{path}' where k >= 70000")
+    assert found.fetchall() == [(30_000, 99_999, "a")]
+
+
+def test_a_footer_that_is_not_understood_leaves_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tables, "_ARROWS_NAME", re.compile(b"another writer"))
+    with pytest.raises(StorageError, match="not understood"):
+        write_table(TABLE, tmp_path / "table.parquet")
+    assert not list(tmp_path.iterdir())

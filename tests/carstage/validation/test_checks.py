@@ -18,12 +18,15 @@ from carstage.dataset.tables import RowSensor, arrow_type, read_table, row_senso
 from carstage.errors import DatasetError
 from carstage.geometry import convex_hull
 from carstage.validation.checks.edges import boundaries, compare_edges, steepness
+from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.ranging import RangingFigures, check_share
 from carstage.validation.checks.silhouettes import distance_outside
 
 coordinates = st.floats(-50.0, 50.0, width=32)
 points = st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=12)
 
 
+@settings(deadline=None)  # on a busy machine a call takes what it takes
 @given(corners=points, tested=points)
 def test_distance_to_a_hull_is_shapelys(
     corners: list[tuple[float, float]], tested: list[tuple[float, float]]
@@ -131,3 +134,24 @@ def test_a_radar_frame_is_a_row_of_lists_and_comes_back_as_it_was() -> None:
         radar.row(0, 0.0, memoryview(bytes(20)))
     with pytest.raises(ValueError, match="not finite"):
         radar.row(0, 0.0, memoryview(np.full(4, np.nan, "<f4").tobytes()))
+
+
+@pytest.mark.parametrize(
+    ("comparable", "agreeing", "frame", "right"),
+    [
+        (1000, 990, None, True),
+        (1000, 989, None, False),
+        (527, 521, None, True),
+        (527, 500, None, False),
+        (200, 190, 3, True),
+        (200, 189, 3, False),
+        (199, 0, 3, True),
+    ],
+)
+def test_few_points_may_agree_less(
+    comparable: int, agreeing: int, frame: int | None, right: bool
+) -> None:
+    findings = Findings("e")
+    figures = RangingFigures(comparable, comparable, agreeing)
+    check_share(figures, "LIDAR", "DEPTH", findings, frame=frame)
+    assert (not findings.problems()) is right

@@ -27,6 +27,8 @@ EDGE_BEND = 0.05
 MIN_SHARE = 0.99
 MIN_FRAME_SHARE = 0.95
 MIN_FRAME_POINTS = 200
+MIN_EPISODE_POINTS = 1000
+"""Of fewer points, two leaves at the edge of a coarse picture are more than a hundredth."""
 BOX_SKIN_M = 0.01
 
 _NEIGHBOURS = [(dv, du) for dv in (-1, 0, 1) for du in (-1, 0, 1)]
@@ -172,10 +174,12 @@ def check_share(
 ) -> None:
     """Report a pair whose share of agreeing points is too low (check ``lidar_depth``).
 
-    Over an episode 99 % must agree; in a single frame 95 %, if at least 200 points compare.
+    Over an episode 99 % must agree, of fewer than 1,000 points 95 %; in a single frame 95 %, if at
+    least 200 points compare.
     """
     share = figures.share
-    limit = MIN_SHARE if frame is None else MIN_FRAME_SHARE
+    many = frame is None and figures.comparable >= MIN_EPISODE_POINTS
+    limit = MIN_SHARE if many else MIN_FRAME_SHARE
     few = frame is not None and figures.comparable < MIN_FRAME_POINTS
     if share is None or share >= limit or few:
         return

@@ -8,30 +8,13 @@ from __future__ import annotations
 
 import math
 
-import shapely
 from lxml import etree
 
 MOST_ROADS = 20_000
-GEOS = (3, 13, 1)
-"""The library under shapely 2.1 that draws towns; another one draws other triangles."""
 
 
 class MapSamplingError(RuntimeError):
     """Nothing can be made of an OpenDRIVE text; the message says why and what to do."""
-
-
-def check_geometry_library() -> None:
-    """Refuse to draw a town that would differ from those of its name elsewhere.
-
-    Raises:
-        MapSamplingError: the GEOS under shapely is another one.
-    """
-    if shapely.geos_version != GEOS:
-        needed, found = (".".join(map(str, version)) for version in (GEOS, shapely.geos_version))
-        raise MapSamplingError(
-            f"towns are drawn with GEOS {needed}, and shapely {shapely.__version__} has {found}, "
-            "which draws other triangles: pip install 'shapely>=2.1,<2.2'"
-        )
 
 
 def check_opendrive(name: str, opendrive: str) -> None:

@@ -5,11 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 
+import hypothesis
 import pytest
 
 from carstage_sim.cache import CACHE_VARIABLE, cache_folder
 from carstage_sim.maps import Town, load_town
 from running_simulator import RunningSimulator, start_simulator, stop_simulator
+
+# How long an example takes says nothing on a busy machine; CI tries the same examples each time.
+hypothesis.settings.register_profile("repeatable", deadline=None, derandomize=True)
+hypothesis.settings.load_profile("repeatable")
 
 # Many tests move HOME; compiled kernels and baked towns are shared all the same.
 os.environ.setdefault(CACHE_VARIABLE, str(cache_folder()))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from types import TracebackType
 from typing import Any
 
@@ -14,14 +15,16 @@ class WatchedClock:
     Args:
         world: ``carla.World`` in synchronous mode.
         port: of the Traffic Manager in this process.
+        manager: its threads, from ``started_threads``.
     """
 
-    def __init__(self, world: Any, port: int) -> None:
+    def __init__(self, world: Any, port: int, manager: Collection[int]) -> None:
         self._world = world
         self._port = port
+        self._manager = manager
 
     def __enter__(self) -> WatchedClock:
-        self._watch = TickWatch(self._world, self._port)
+        self._watch = TickWatch(self._world, self._port, self._manager)
         return self
 
     def __exit__(
@@ -38,6 +41,10 @@ class WatchedClock:
         return self._watch.wake_ups
 
     def tick(self) -> int:
-        """One tick of the world; its frame number."""
+        """One tick of the world; its frame number.
+
+        Raises:
+            RecordingError: it had to be freed in a way that may have changed what follows.
+        """
         with self._watch.over_a_tick():
             return int(self._world.tick())

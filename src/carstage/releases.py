@@ -37,6 +37,21 @@ CLIENT_PYTHONS: Dict[Release, List[str]] = {
 """Pythons that run the collector and that a release's client wheel exists for, preferred first."""
 
 
+class GnssConvention(NamedTuple):
+    """What a server's GNSS sensors read: formula, and which way latitudes grow."""
+
+    projection: str
+    north: str
+
+
+def gnss_convention(server: str) -> GnssConvention:
+    """The convention of a release, as ``GeoLocation.cpp`` of its sources has it."""
+    release = release_of(server)
+    if release is not None and release < Release(0, 9, 16):
+        return GnssConvention("spherical_mercator", "-y")
+    return GnssConvention("transverse_mercator", "+y")
+
+
 def release_of(version: str) -> Optional[Release]:
     """The release in a version text: ``0.9.15-dirty`` is 0.9.15; None for other texts."""
     match = _NUMBERS.search(version)

@@ -217,9 +217,9 @@ EGO_COLUMNS: tuple[Column, ...] = (
     Column("weather_preset", "str", "", "preset of the episode, or null", nullable=True),
     Column("weather", "json", "", "weather parameters of this frame"),
     Column("map", "str", "", "the map's name as the server gives it"),
-    Column("latitude_deg", "f64", "deg", "of the pivot, from the map's geo reference"),
-    Column("longitude_deg", "f64", "deg", "of the pivot, from the map's geo reference"),
-    Column("altitude_m", "f64", "m", "of the pivot, from the map's geo reference"),
+    Column("latitude_deg", "f64", "deg", "of the pivot, by `geo_reference`; north is -y"),
+    Column("longitude_deg", "f64", "deg", "of the pivot, by `geo_reference`; north is -y"),
+    Column("altitude_m", "f64", "m", "of the pivot, by `geo_reference`; north is -y"),
 )
 
 SENSOR_POSE_COLUMNS: tuple[Column, ...] = (

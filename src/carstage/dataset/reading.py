@@ -18,7 +18,7 @@ from carstage.dataset.querying import query_episodes
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.dataset.tables import read_table, require_columns, row_sensor
 from carstage.errors import BadInputError, DatasetError
-from carstage.geometry import is_pinhole, pose_matrix
+from carstage.geometry import GeoFrame, is_pinhole, pose_matrix
 from carstage.sensor_kinds import content_of
 from carstage.spec import EpisodeSpec, SpecError
 from carstage.storage.address import local_folder
@@ -260,6 +260,18 @@ class Episode:
         try:
             return EpisodeSpec.from_json(self.document["spec"])
         except (KeyError, SpecError) as error:
+            raise DatasetError(f"{self.folder / 'episode.json'} is damaged: {error}.") from error
+
+    @cached_property
+    def geo_frame(self) -> GeoFrame:
+        """How the map lies on the globe, and how the server's GNSS sensors count.
+
+        Raises:
+            DatasetError: ``episode.json`` is missing or damaged.
+        """
+        try:
+            return GeoFrame.from_json(self.document["geo_reference"])
+        except (KeyError, TypeError, ValueError) as error:
             raise DatasetError(f"{self.folder / 'episode.json'} is damaged: {error}.") from error
 
     @cached_property

@@ -45,7 +45,7 @@ from carstage.exporters.axes import (
 )
 from carstage.exporters.labels import CameraLabel, camera_labels
 from carstage.exporters.options import ExportOptions
-from carstage.geometry import FloatArray, pose_matrix
+from carstage.geometry import FloatArray, GeoPoint, pose_matrix
 from carstage.report.drawing import class_colour
 from carstage.sensor_kinds.model import COLOUR, POINTS
 
@@ -88,12 +88,14 @@ def frame_messages(frame: Frame, options: ExportOptions) -> Iterator[Stamped]:
         elif sensor.content == POINTS:
             yield _stamped(f"/{sensor.id}/points", _cloud(frame, sensor.id, time))
         elif sensor.kind == "gnss":
-            latitude, longitude, altitude = (float(value) for value in frame.read(sensor.id))
+            reading = GeoPoint(*(float(value) for value in frame.read(sensor.id)))
+            globe = frame.episode.geo_frame
+            place = globe.place(globe.gnss_location(reading))
             yield _stamped(
                 f"/{sensor.id}/fix",
                 LocationFix(
-                    timestamp=time, frame_id=sensor.id, latitude=latitude, longitude=longitude,
-                    altitude=altitude,
+                    timestamp=time, frame_id=sensor.id, latitude=place.latitude_deg,
+                    longitude=place.longitude_deg, altitude=place.altitude_m,
                 ),
             )  # fmt: skip
 

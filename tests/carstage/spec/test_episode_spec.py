@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from benchmarks.framework.bare_specs import bare_sensor, bare_spec
-from carstage.spec import EpisodeSpec, ReplaySpec, SavedSteps, SpecError, StationarySpec
+from carstage.spec import Control, EpisodeSpec, ReplaySpec, SavedSteps, SpecError, StationarySpec
 from carstage.spec.timing import SavedFrames
 
 ROOT = Path(__file__).parents[3]
@@ -76,8 +76,8 @@ def test_a_stationary_ego_is_read_by_both_names_and_keeps_its_id(word: str) -> N
         ({"scenario": {"kind": "route", "through": [-1]}}, r"through\[0\]: -1 is out of range"),
         ({"scenario": replay()}, r"spec\.scenario\.actors: is empty"),
         ({"scenario": replay([])}, r"actors\[0\]\.poses: 0 poses are not one for each of 1 steps"),
-        ({"scenario": replay([[1, 2, 3]])}, r"actors\[0\]\.poses\[0\]: must be null or six"),
-        ({"scenario": replay([[0, 0, 0, 0, 0, "a"]])}, r"poses\[0\]: must be null or six"),
+        ({"scenario": replay([[1, 2, 3]])}, r"actors\[0\]\.poses\[0\]: must be 6 numbers"),
+        ({"scenario": replay([[0, 0, 0, 0, 0, "a"]])}, r"poses\[0\]: must be 6 numbers"),
     ],
 )
 def test_a_bad_field_is_named(change: dict[str, Any], complaint: str) -> None:
@@ -117,6 +117,20 @@ def test_a_replay_keeps_its_poses() -> None:
     assert isinstance(spec.scenario, ReplaySpec)
     assert [actor.poses for actor in spec.scenario.actors] == [((1, 2, 3, 4, 5, 6),), (None,)]
     assert spec.to_json()["scenario"] == section
+
+
+def test_a_replay_keeps_its_run_up_and_its_driver() -> None:
+    section = replay([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]])
+    driven = {"run_up": [[0.5, 2.0, 3.0, 4.0, 5.0, 6.0]], "controls": [[0.4, -0.1, 0, 0, 0, 3]]}
+    section["actors"][0].update(driven)
+    spec = EpisodeSpec.from_json(bare_spec([bare_sensor("IMU", "imu")], scenario=section))
+    assert isinstance(spec.scenario, ReplaySpec)
+    (actor,) = spec.scenario.actors
+    assert actor.controls == (Control(0.4, -0.1, 0, 0, 0, 3),)
+    assert EpisodeSpec.from_json(spec.to_json()) == spec
+    section["actors"][0]["controls"].append([0] * 6)
+    with pytest.raises(SpecError, match="2 controls are not one for each of 1 steps"):
+        EpisodeSpec.from_json(bare_spec([bare_sensor("IMU", "imu")], scenario=section))
 
 
 def sources() -> dict[str, str]:

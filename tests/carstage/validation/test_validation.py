@@ -155,7 +155,7 @@ def test_boxes_mirrored_in_the_world_are_found(dataset: Path) -> None:
 
 def test_boxes_mirrored_in_the_ego_frame_are_found(dataset: Path) -> None:
     edit_rows(dataset, "objects.parquet", mirrored("box_center_ego"))
-    assert failed_checks(dataset) == {"label_poses"}
+    assert failed_checks(dataset) == {"label_poses", "object_columns"}
 
 
 def test_mirrored_lidar_points_are_found(dataset: Path) -> None:

@@ -17,6 +17,11 @@ from carstage.dataset.tracks import may_come_back
 from carstage.geometry import invert_pose
 from carstage.sensor_kinds.columns import Instance
 from carstage.sensor_kinds.model import CLOUDS, COLOUR, DEPTH, FLOW, INSTANCES, POINTS, ROWS, TAGS
+from carstage.validation.checks.columns import (
+    check_camera_columns,
+    check_ego_columns,
+    check_object_columns,
+)
 from carstage.validation.checks.completeness import check_gaps, check_missing_rows
 from carstage.validation.checks.edges import (
     EdgeFigures,
@@ -52,6 +57,7 @@ from carstage.validation.checks.ranging import (
     check_share,
     compare_with_depth,
 )
+from carstage.validation.checks.readings import check_readings, check_sensor_poses
 from carstage.validation.checks.server import check_self_test
 from carstage.validation.checks.silhouettes import (
     SilhouetteFigures,
@@ -59,6 +65,7 @@ from carstage.validation.checks.silhouettes import (
     visible_objects,
 )
 from carstage.validation.checks.tag_images import check_tags
+from carstage.validation.checks.tracks import check_tracks
 
 Rows = Mapping[tuple[int, str], list[dict[str, Any]]]
 Data = Mapping[str, NDArray[Any]]
@@ -142,6 +149,7 @@ class EpisodeChecks:
             DatasetError: a document or table is missing or damaged, so that nothing can be said.
         """
         episode, findings = self._episode, self._findings
+        self._files.find_all()
         for name in (*DOCUMENTS, *TABLES):
             self._files.read(episode.folder / name)
         ledger = episode.ledger()
@@ -155,6 +163,12 @@ class EpisodeChecks:
         check_self_test(episode, findings)
         tables = LabelTables.load(episode)
         check_labels(episode, tables, saved_times_s(ledger), findings)
+        check_ego_columns(episode, tables, findings)
+        check_object_columns(episode, tables, findings)
+        check_camera_columns(episode, tables, findings)
+        check_tracks(episode, tables, findings)
+        check_sensor_poses(episode, tables, findings)
+        check_readings(episode, tables, findings)
         self._poses = episode.world_from_sensor()
         self._carriers = episode.carriers()
         self._check_tables(tables)

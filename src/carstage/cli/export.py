@@ -129,6 +129,8 @@ def export(
 
 
 def _note_what_is_missing(summary: ExportSummary) -> None:
+    for warning in summary.warnings:
+        note(f"warning: {warning}")
     for problem in summary.problems[:_MOST_NOTED]:
         place = f"episode {problem.episode}" if problem.episode else "dataset"
         note(f"{problem.severity}: {place}: {problem.message}")

@@ -20,6 +20,7 @@ from carstage.errors import BadInputError, ExportError
 from carstage.exporters.completeness import Completeness, Progress, examine
 from carstage.exporters.exporter import Exporter, FrameWriter, exporter_for
 from carstage.exporters.options import ExportOptions
+from carstage.exporters.splits import ExportSplits, Split, splits_of_export
 from carstage.exporters.target import check_target, export_folder, write_document
 from carstage.storage import local_folder
 from carstage.storage.marker import CommitMarker
@@ -41,6 +42,8 @@ class ExportSummary:
         frames_left_out: frames whose data the format cannot do without were missing.
         episodes_left_out: ids of the episodes whose tables were missing or damaged.
         unknown_classes: rows by class of the labels that were left out as no format knows them.
+        splits: number of episodes by split, of formats that have splits.
+        warnings: what the user has to know, a sentence or two each.
         problems: what is missing or damaged in the dataset.
     """
 
@@ -51,6 +54,8 @@ class ExportSummary:
     frames_left_out: int
     episodes_left_out: tuple[str, ...]
     unknown_classes: dict[str, int]
+    splits: dict[Split, int]
+    warnings: tuple[str, ...]
     problems: tuple[Problem, ...]
 
     def to_json(self) -> dict[str, Any]:
@@ -112,6 +117,8 @@ def export_dataset(
         raise BadInputError(
             f"The dataset {source.path} has no whole episode.", "Record one: carstage run."
         )
+    splits = _splits(source, episodes, exporter)
+    exporter.splits = splits.episodes
     with export_folder(target) as folder:
         frames = _write(
             exporter, episodes, folder, found, workers, _of_phase("Exporting", progress)
@@ -124,6 +131,8 @@ def export_dataset(
             frames_left_out=sum(episode.frames for episode in episodes) - frames,
             episodes_left_out=tuple(e.id for e in source.episodes if e.id not in found.whole),
             unknown_classes=dict(found.unknown_classes),
+            splits=splits.counts,
+            warnings=splits.warnings,
             problems=found.problems,
         )
         write_document(
@@ -137,6 +146,13 @@ def export_dataset(
             },
         )
     return summary
+
+
+def _splits(dataset: Dataset, episodes: Sequence[Episode], exporter: Exporter) -> ExportSplits:
+    """The splits, of formats that have some."""
+    if "val_share" not in exporter.uses:
+        return ExportSplits({}, ())
+    return splits_of_export(dataset, episodes, exporter.options)
 
 
 def _of_phase(

@@ -36,7 +36,9 @@ class ExportOptions:
         min_lidar_points: objects with fewer points, over all LiDARs, are left out.
         max_distance_m: objects farther from the camera (nuScenes: from the ego) are left out.
         include_invisible: whether objects that nothing is seen of are exported too.
-        validation_share: share of the episodes that goes to the validation split.
+        val_share: share of the episodes for validation in this export; like ``test_share`` it
+            replaces the splits of the dataset.
+        test_share: share for test.
         codec: of videos: lossless or small.
         classes: names of the classes to export.
     """
@@ -66,8 +68,12 @@ class ExportOptions:
     include_invisible: bool = field(
         default=False, metadata=_shown("Export objects that nothing is seen of.")
     )
-    validation_share: float = field(
-        default=0.0, metadata=_shown("Share of the episodes for validation.")
+    val_share: float | None = field(
+        default=None,
+        metadata=_shown("Share of the episodes for validation, instead of the stored splits."),
+    )
+    test_share: float | None = field(
+        default=None, metadata=_shown("Share of the episodes for test, likewise.")
     )
     codec: CodecChoice | None = field(
         default=None, metadata=_shown("Of videos: without loss (default), or small.", "ffv1|h264")
@@ -94,10 +100,16 @@ class ExportOptions:
                 raise BadInputError(
                     f"class: {name!r} is no class.", f"{hint}Known: {', '.join(CLASSES)}."
                 )
-        if not 0.0 <= self.validation_share < 1.0:
+        for name, share in (("val-share", self.val_share), ("test-share", self.test_share)):
+            if share is not None and not 0.0 <= share < 1.0:
+                raise BadInputError(
+                    f"{name}: {share} is no share.", "Give a number from 0 to below 1."
+                )
+        if (self.val_share or 0.0) + (self.test_share or 0.0) >= 1.0:
             raise BadInputError(
-                f"validation-share: {self.validation_share} is no share.",
-                "Give a number from 0 to below 1.",
+                f"val-share and test-share: {self.val_share} and {self.test_share} leave nothing "
+                "for training.",
+                "Give shares whose sum is below 1.",
             )
         if self.min_lidar_points is not None and self.min_lidar_points < 0:
             raise BadInputError("min-lidar-points: less than 0 points.", "Give 0 or more.")

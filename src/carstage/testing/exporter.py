@@ -22,7 +22,8 @@ _NOT_DEFAULT: dict[str, Any] = {
     "min_lidar_points": 1,
     "max_distance_m": 1.0,
     "include_invisible": True,
-    "validation_share": 0.5,
+    "val_share": 0.5,
+    "test_share": 0.2,
     "classes": ("car",),
 }
 

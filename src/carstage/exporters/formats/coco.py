@@ -21,7 +21,7 @@ from carstage.exporters.json_rows import JsonRows
 from carstage.exporters.labels import CameraLabel, camera_labels, require_labels
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import colour_cameras
-from carstage.exporters.splits import SPLITS, Split, split_episodes
+from carstage.exporters.splits import Split
 from carstage.geometry import coco_rectangle
 
 CATEGORIES = {name: number for number, name in enumerate(CLASSES, 1)}
@@ -104,7 +104,7 @@ class Coco(Exporter):
         {
             "cameras", "boxes", "classes", "min_lidar_points", "max_distance_m",
             "include_invisible",
-            "validation_share",
+            "val_share", "test_share",
         }
     )  # fmt: skip
 
@@ -113,13 +113,13 @@ class Coco(Exporter):
         self._rows: dict[tuple[Split, str], JsonRows] = {}
 
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
-        """Check the rigs and open the tables of both splits."""
+        """Check the rigs and open the tables of each split."""
         for episode in episodes:
             require_labels(episode, self.options, "2d")
             colour_cameras(episode, self.options)
         self._folder = folder / "annotations"
-        self._splits = split_episodes(episodes, self.options.validation_share)
-        for split in SPLITS:
+        self._splits = self.used_splits(episodes)
+        for split in self._splits:
             (folder / split).mkdir()
             (self._folder / f"panoptic_{split}").mkdir(parents=True)
             for table in ("images", "annotations", "panoptic_images", "panoptic"):
@@ -131,7 +131,7 @@ class Coco(Exporter):
     def begin_episode(self, episode: Episode) -> CocoWriter:
         """All frames of an episode go to one split."""
         cameras = tuple(camera.id for camera in colour_cameras(episode, self.options))
-        self._split = self._splits[episode.id]
+        self._split = self.split_of(episode)
         return CocoWriter(self.options, cameras, self._split)
 
     def add(self, part: tuple[CocoPart, ...]) -> None:
@@ -165,7 +165,7 @@ class Coco(Exporter):
             for name, number in CATEGORIES.items()
             if name in self.options.chosen_classes
         ]
-        for split in SPLITS:
+        for split in self._splits:
             self._join("instances", split, "images", "annotations", categories)
             self._join("panoptic", split, "panoptic_images", "panoptic", panoptic_categories())
             for folder in (self._folder / f"panoptic_{split}", self._folder.parent / split):

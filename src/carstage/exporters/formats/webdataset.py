@@ -16,7 +16,7 @@ from carstage.dataset import Episode
 from carstage.dataset.saved_frames import Frame
 from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.options import ExportOptions
-from carstage.exporters.splits import Split, split_episodes
+from carstage.exporters.splits import Split
 from carstage.sensor_kinds.model import FLOW
 
 SHARD_BYTES = 1 << 29
@@ -85,7 +85,7 @@ class WebDataset(Exporter):
 
     name: ClassVar = "webdataset"
     summary: ClassVar = "WebDataset: tar shards with a sample per frame, all sensors and labels."
-    uses: ClassVar = frozenset({"validation_share"})
+    uses: ClassVar = frozenset({"val_share", "test_share"})
 
     def __init__(self, options: ExportOptions) -> None:
         super().__init__(options)
@@ -93,13 +93,13 @@ class WebDataset(Exporter):
         self._samples: dict[Split, list[int]] = {}
 
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
-        """Draw the splits; every rig will do."""
+        """Every rig will do."""
+        del episodes
         self._folder = folder
-        self._splits = split_episodes(episodes, self.options.validation_share)
 
     def begin_episode(self, episode: Episode) -> SampleWriter:
         """All frames of an episode go to one split."""
-        self._split = self._splits[episode.id]
+        self._split = self.split_of(episode)
         return SampleWriter(self.options)
 
     def add(self, part: Sample) -> None:

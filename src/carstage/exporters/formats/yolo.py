@@ -14,7 +14,7 @@ from carstage.exporters.formats.pictures import copy_picture
 from carstage.exporters.labels import camera_labels, require_labels
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import colour_cameras
-from carstage.exporters.splits import SPLITS, Split, split_episodes
+from carstage.exporters.splits import Split
 from carstage.geometry import yolo_rectangle
 
 
@@ -62,7 +62,7 @@ class Yolo(Exporter):
         {
             "cameras", "boxes", "classes", "min_lidar_points", "max_distance_m",
             "include_invisible",
-            "validation_share",
+            "val_share", "test_share",
         }
     )  # fmt: skip
 
@@ -71,20 +71,20 @@ class Yolo(Exporter):
         for episode in episodes:
             require_labels(episode, self.options, "2d")
             colour_cameras(episode, self.options)
+        self._splits = self.used_splits(episodes)
         for kind in ("images", "labels"):
-            for split in SPLITS:
+            for split in self._splits:
                 (folder / kind / split).mkdir(parents=True)
         self._folder = folder
-        self._splits = split_episodes(episodes, self.options.validation_share)
         self._lists: dict[Split, IO[str]] = {
             split: self.files.enter_context((folder / f"{split}.txt").open("w", encoding="utf-8"))
-            for split in SPLITS
+            for split in self._splits
         }
 
     def begin_episode(self, episode: Episode) -> YoloWriter:
         """All frames of an episode go to one split."""
         cameras = tuple(camera.id for camera in colour_cameras(episode, self.options))
-        self._split = self._splits[episode.id]
+        self._split = self.split_of(episode)
         return YoloWriter(self.options, cameras, self._split)
 
     def add(self, part: tuple[str, ...]) -> None:
@@ -99,13 +99,14 @@ class Yolo(Exporter):
         self.close()
         numbers = class_numbers(self.options)
         (self._folder / "obj.names").write_text("".join(f"{name}\n" for name in numbers))
+        lists = {"train": "train", "val": "valid"}
         (self._folder / "obj.data").write_text(
-            f"classes = {len(numbers)}\ntrain = train.txt\nvalid = val.txt\n"
-            "names = obj.names\nbackup = backup\n"
+            f"classes = {len(numbers)}\n"
+            + "".join(f"{lists[s]} = {s}.txt\n" for s in self._splits if s in lists)
+            + "names = obj.names\nbackup = backup\n"
         )
         names = "".join(f"  {number}: {name}\n" for name, number in numbers.items())
-        # Ultralytics wants a folder for val; without validation episodes it is the training one.
-        val = "val" if "val" in self._splits.values() else "train"
-        (self._folder / "data.yaml").write_text(
-            f"train: images/train\nval: images/{val}\nnames:\n{names}"
-        )
+        folders = {split: f"{split}: images/{split}\n" for split in self._splits}
+        # Ultralytics refuses a file without `val`.
+        folders.setdefault("val", "# No episode is for validation.\nval: images/train\n")
+        (self._folder / "data.yaml").write_text("".join(folders.values()) + f"names:\n{names}")

@@ -89,12 +89,16 @@ def require_labels(episode: Episode, options: ExportOptions, *boxes: str) -> Non
                 f"Episode {episode.id} has no {kind} boxes.",
                 f"Record with `labels: {{boxes: [{kind}]}}`, or choose another format.",
             )
-    needs_pixels = options.boxes == "modal" or options.occlusion == "pixel"
-    if needs_pixels and not labels.pixels:
+    without = []
+    if options.boxes == "modal":
+        without.append("--boxes amodal")
+    if options.occlusion == "pixel":
+        without.append("--occlusion stage_vo")
+    if without and not labels.pixels:
         raise BadInputError(
             f"The pixels of the objects of episode {episode.id} were not counted, so there are "
             "no modal boxes, masks and occlusion ratios.",
-            "Record with `labels: {method: both}`, or choose --boxes amodal.",
+            f"Record with `labels: {{method: both}}`, or choose {' '.join(without)}.",
         )
 
 

@@ -31,8 +31,9 @@ class ExportOptions:
     Attributes:
         cameras: ids of the cameras to export.
         lidar: id of the LiDAR to export.
-        boxes: which 2D boxes: around the silhouette or around the visible pixels.
-        occlusion: which occlusion levels.
+        boxes: which 2D boxes: around the silhouette or around the visible pixels, which is the
+            default where pictures are what is labelled.
+        occlusion: which occlusion levels; the default is by counted pixels.
         min_lidar_points: objects with fewer points, over all LiDARs, are left out.
         max_distance_m: objects farther from the camera (nuScenes: from the ego) are left out.
         include_invisible: whether objects that nothing is seen of are exported too.

@@ -70,7 +70,7 @@ def test_coco_evaluation_gives_full_marks(export, kind: str) -> None:
 
 
 def test_kitti_labels_project_back_within_a_pixel(export, recorded: Path) -> None:
-    training = export("kitti-object") / "training"
+    training = export("kitti-object", boxes="amodal") / "training"
     rows = [
         {**row, "n": n * FRAMES + row["k"]}
         for n, episode in enumerate(Dataset(recorded).episodes)

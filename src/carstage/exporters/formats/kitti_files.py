@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,18 +25,24 @@ _GNSS_FIX, _SATELLITES, _POSITION_MODE = 4, 12, 6
 _ACCURACY_M = 0.0
 
 
+def kitti_defaults(options: ExportOptions) -> ExportOptions:
+    """Boxes around what is visible, as KITTI's annotators drew them, and occlusion by pixels."""
+    return replace(options, boxes=options.boxes or "modal", occlusion=options.occlusion or "pixel")
+
+
 def label_row(label: CameraLabel, camera: SensorCalibration, options: ExportOptions) -> str | None:
     """The 15 values of an object; ``None``: it is not exported to KITTI.
 
     ``type truncated occluded alpha left top right bottom h w l x y z rotation_y``. Positions have
-    more digits than KITTI's own: two would be off by pixels at a few metres.
+    more digits than KITTI's own: two would be off by pixels at a few metres. An object without a
+    valid 3D box becomes ``DontCare``.
     """
     name = CLASSES[label.name].kitti
     if name is None:
         return None
     rectangle = kitti_rectangle(label.box, camera.width, camera.height)
     box = " ".join(f"{value:.2f}" for value in rectangle)
-    if name == DONT_CARE:
+    if name == DONT_CARE or label.seen["location"] is None:
         return f"{DONT_CARE} -1 -1 -10 {box} -1 -1 -1 -1000 -1000 -1000 -10"
     seen = label.seen
     place = " ".join(f"{value:.6f}" for value in (*seen["dimensions"], *seen["location"]))

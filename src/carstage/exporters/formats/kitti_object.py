@@ -11,7 +11,12 @@ from carstage.dataset import Episode
 from carstage.dataset.saved_frames import Frame
 from carstage.exporters.axes import flu_points
 from carstage.exporters.exporter import Exporter, register
-from carstage.exporters.formats.kitti_files import calibration_matrices, label_row, numbers
+from carstage.exporters.formats.kitti_files import (
+    calibration_matrices,
+    kitti_defaults,
+    label_row,
+    numbers,
+)
 from carstage.exporters.formats.pictures import copy_as_png
 from carstage.exporters.labels import camera_labels, require_labels
 from carstage.exporters.options import ExportOptions
@@ -70,6 +75,9 @@ class KittiObject(Exporter):
             "include_invisible", "val_share", "test_share",
         }
     )  # fmt: skip
+
+    def __init__(self, options: ExportOptions) -> None:
+        super().__init__(kitti_defaults(options))
 
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
         """Check the rigs and make KITTI's folders."""

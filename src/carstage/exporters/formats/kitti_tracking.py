@@ -16,6 +16,7 @@ from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.formats.kitti_files import (
     calibration_matrices,
     inertial_row,
+    kitti_defaults,
     label_row,
     numbers,
 )
@@ -95,6 +96,9 @@ class KittiTracking(Exporter):
     name: ClassVar = "kitti-tracking"
     summary: ClassVar = "KITTI tracking: sequences with image_02, velodyne, calib, label_02, oxts."
     uses: ClassVar = KittiObject.uses
+
+    def __init__(self, options: ExportOptions) -> None:
+        super().__init__(kitti_defaults(options))
 
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
         """Check the rigs and make KITTI's folders."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, ClassVar
 
@@ -65,6 +65,9 @@ class Yolo(Exporter):
             "val_share", "test_share",
         }
     )  # fmt: skip
+
+    def __init__(self, options: ExportOptions) -> None:
+        super().__init__(replace(options, boxes=options.boxes or "modal"))
 
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
         """Check the rigs and make the folders."""

@@ -17,6 +17,8 @@ from carstage.conversion import conversion_pool
 from carstage.dataset import Dataset, Episode
 from carstage.dataset.saved_frames import Damage, EpisodeFrames
 from carstage.errors import BadInputError, ExportError
+from carstage.exporters.class_map import ClassMap
+from carstage.exporters.classes import CLASSES
 from carstage.exporters.completeness import Completeness, Progress, examine
 from carstage.exporters.exporter import Exporter, FrameWriter, exporter_for
 from carstage.exporters.options import ExportOptions
@@ -42,6 +44,8 @@ class ExportSummary:
         frames_left_out: frames whose data the format cannot do without were missing.
         episodes_left_out: ids of the episodes whose tables were missing or damaged.
         unknown_classes: rows by class of the labels that were left out as no format knows them.
+        classes_left_out: rows by class of the labels that the class map, or COCO's categories,
+            have no target for.
         splits: number of episodes by split, of formats that have splits.
         warnings: what the user has to know, a sentence or two each.
         problems: what is missing or damaged in the dataset.
@@ -54,6 +58,7 @@ class ExportSummary:
     frames_left_out: int
     episodes_left_out: tuple[str, ...]
     unknown_classes: dict[str, int]
+    classes_left_out: dict[str, int]
     splits: dict[Split, int]
     warnings: tuple[str, ...]
     problems: tuple[Problem, ...]
@@ -130,7 +135,8 @@ def export_dataset(
             frames=frames,
             frames_left_out=sum(episode.frames for episode in episodes) - frames,
             episodes_left_out=tuple(e.id for e in source.episodes if e.id not in found.whole),
-            unknown_classes=dict(found.unknown_classes),
+            unknown_classes=found.unknown_classes,
+            classes_left_out=_without_target(found, exporter.options.class_map),
             splits=splits.counts,
             warnings=splits.warnings,
             problems=found.problems,
@@ -153,6 +159,14 @@ def _splits(dataset: Dataset, episodes: Sequence[Episode], exporter: Exporter) -
     if "val_share" not in exporter.uses:
         return ExportSplits({}, ())
     return splits_of_export(dataset, episodes, exporter.options)
+
+
+def _without_target(found: Completeness, class_map: ClassMap | None) -> dict[str, int]:
+    if class_map is None:
+        return {}
+    return found.rows_by_class(
+        lambda name, blueprint: name in CLASSES and class_map.target(name, blueprint) is None
+    )
 
 
 def _of_phase(

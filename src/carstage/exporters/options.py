@@ -7,11 +7,13 @@ from difflib import get_close_matches
 from typing import Any, Literal, get_args
 
 from carstage.errors import BadInputError
+from carstage.exporters.class_map import ClassMap
 from carstage.exporters.classes import CLASSES, DEFAULT_CLASSES
 
 BoxChoice = Literal["amodal", "modal"]
 OcclusionChoice = Literal["stage_vo", "pixel"]
 CodecChoice = Literal["ffv1", "h264"]
+CategoryChoice = Literal["own", "coco80"]
 
 
 def _shown(text: str, metavar: str | None = None, flag: str | None = None) -> dict[str, Any]:
@@ -42,6 +44,8 @@ class ExportOptions:
         test_share: share for test.
         codec: of videos: lossless or small.
         classes: names of the classes to export.
+        categories: Car-STAGE's classes, or COCO's 80.
+        class_map: targets of the classes, see ``read_class_map``.
     """
 
     cameras: tuple[str, ...] = field(
@@ -86,11 +90,21 @@ class ExportOptions:
         ),
     )
 
+    categories: CategoryChoice | None = field(
+        default=None,
+        metadata=_shown("Car-STAGE's classes (default) or COCO's own 80.", "own|coco80"),
+    )
+    class_map: ClassMap | None = field(
+        default=None,
+        metadata=_shown("YAML: what each class is called, others are left out.", "FILE"),
+    )
+
     def __post_init__(self) -> None:
         for name, given, known in (
             ("boxes", self.boxes, get_args(BoxChoice)),
             ("occlusion", self.occlusion, get_args(OcclusionChoice)),
             ("codec", self.codec, get_args(CodecChoice)),
+            ("categories", self.categories, get_args(CategoryChoice)),
         ):
             if given is not None and given not in known:
                 raise BadInputError(f"{name}: {given!r}.", f"Give {' or '.join(known)}.")
@@ -100,6 +114,11 @@ class ExportOptions:
                 hint = f"Did you mean {near[0]!r}? " if near else ""
                 raise BadInputError(
                     f"class: {name!r} is no class.", f"{hint}Known: {', '.join(CLASSES)}."
+                )
+            if self.class_map is not None and name not in self.class_map.classes:
+                raise BadInputError(
+                    f"class: {name!r} has no target.",
+                    f"These have one: {', '.join(sorted(self.class_map.classes))}.",
                 )
         for name, share in (("val-share", self.val_share), ("test-share", self.test_share)):
             if share is not None and not 0.0 <= share < 1.0:
@@ -122,7 +141,8 @@ class ExportOptions:
     @property
     def chosen_classes(self) -> tuple[str, ...]:
         """The classes to export, in the order of ``CLASSES``."""
-        wanted = self.classes or DEFAULT_CLASSES
+        mapped = DEFAULT_CLASSES if self.class_map is None else self.class_map.classes
+        wanted = self.classes or mapped
         return tuple(name for name in CLASSES if name in wanted)
 
     def given(self) -> tuple[str, ...]:

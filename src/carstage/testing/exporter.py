@@ -12,7 +12,14 @@ import pytest
 
 from carstage.dataset import Dataset
 from carstage.errors import BadInputError
-from carstage.exporters import ExportOptions, Frame, export_dataset, exporter_for, exporters
+from carstage.exporters import (
+    ClassMap,
+    ExportOptions,
+    Frame,
+    export_dataset,
+    exporter_for,
+    exporters,
+)
 
 _NOT_DEFAULT: dict[str, Any] = {
     "cameras": ("CAM",),
@@ -25,6 +32,8 @@ _NOT_DEFAULT: dict[str, Any] = {
     "val_share": 0.5,
     "test_share": 0.2,
     "classes": ("car",),
+    "categories": "coco80",
+    "class_map": ClassMap.of({"car": "Car"}),
 }
 
 

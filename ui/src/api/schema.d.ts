@@ -1329,6 +1329,8 @@ export interface components {
             codec?: ("ffv1" | "h264") | null;
             /** Classes */
             classes?: string[];
+            /** Categories */
+            categories?: ("own" | "coco80") | null;
         };
         /**
          * FieldProblem

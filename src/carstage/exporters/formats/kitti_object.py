@@ -72,7 +72,7 @@ class KittiObject(Exporter):
     uses: ClassVar = frozenset(
         {
             "cameras", "lidar", "boxes", "occlusion", "min_lidar_points", "max_distance_m",
-            "include_invisible", "val_share", "test_share",
+            "include_invisible", "class_map", "val_share", "test_share",
         }
     )  # fmt: skip
 

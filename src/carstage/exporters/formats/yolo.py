@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,6 +10,8 @@ from typing import IO, ClassVar
 
 from carstage.dataset import Episode
 from carstage.dataset.saved_frames import Frame
+from carstage.errors import BadInputError
+from carstage.exporters.coco_categories import COCO80, COCO_CATEGORIES, with_categories
 from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.formats.pictures import copy_picture
 from carstage.exporters.labels import camera_labels, require_labels
@@ -19,8 +22,34 @@ from carstage.geometry import yolo_rectangle
 
 
 def class_numbers(options: ExportOptions) -> dict[str, int]:
-    """The number of each class that is exported, from 0 without a gap."""
+    """The number of each of Car-STAGE's classes that are exported; YOLO counts from 0."""
+    if options.categories == "coco80":
+        places = {number: place for place, number in enumerate(COCO_CATEGORIES)}
+        return {name: places[n] for name, n in COCO80.numbers_of_classes(0).items()}
+    if options.class_map is not None:
+        return options.class_map.numbers_of_classes(0)
     return {name: number for number, name in enumerate(options.chosen_classes)}
+
+
+def class_names(options: ExportOptions) -> list[str]:
+    """The names of all numbers from 0 on.
+
+    Raises:
+        BadInputError: the class map's numbers have a gap.
+    """
+    if options.categories == "coco80":
+        return [name for name, _ in COCO_CATEGORIES.values()]
+    if options.class_map is None:
+        return list(options.chosen_classes)
+    names = {number: name for name, number in options.class_map.numbers(0).items()}
+    for number in range(len(names)):
+        if number not in names:
+            raise BadInputError(
+                f"class-map: YOLO counts classes from 0 without a gap, and none has the id "
+                f"{number}.",
+                f"Give the ids 0 to {len(names) - 1}, or no ids.",
+            )
+    return [names[number] for number in range(len(names))]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,13 +90,15 @@ class Yolo(Exporter):
     uses: ClassVar = frozenset(
         {
             "cameras", "boxes", "classes", "min_lidar_points", "max_distance_m",
-            "include_invisible",
+            "include_invisible", "categories", "class_map",
             "val_share", "test_share",
         }
     )  # fmt: skip
 
     def __init__(self, options: ExportOptions) -> None:
-        super().__init__(replace(options, boxes=options.boxes or "modal"))
+        mapped = with_categories(options)
+        super().__init__(replace(mapped, boxes=mapped.boxes or "modal"))
+        self._names = class_names(mapped)
 
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
         """Check the rigs and make the folders."""
@@ -100,16 +131,21 @@ class Yolo(Exporter):
     def finish(self) -> None:
         """Write the names of the classes."""
         self.close()
-        numbers = class_numbers(self.options)
-        (self._folder / "obj.names").write_text("".join(f"{name}\n" for name in numbers))
+        lines = "".join(f"{name}\n" for name in self._names)
+        (self._folder / "obj.names").write_text(lines, "utf-8")
         lists = {"train": "train", "val": "valid"}
         (self._folder / "obj.data").write_text(
-            f"classes = {len(numbers)}\n"
+            f"classes = {len(self._names)}\n"
             + "".join(f"{lists[s]} = {s}.txt\n" for s in self._splits if s in lists)
             + "names = obj.names\nbackup = backup\n"
         )
-        names = "".join(f"  {number}: {name}\n" for name, number in numbers.items())
+        # A JSON text is YAML too, whatever the name is.
+        names = "".join(
+            f"  {number}: {json.dumps(name, ensure_ascii=False)}\n"
+            for number, name in enumerate(self._names)
+        )
         folders = {split: f"{split}: images/{split}\n" for split in self._splits}
         # Ultralytics refuses a file without `val`.
         folders.setdefault("val", "# No episode is for validation.\nval: images/train\n")
-        (self._folder / "data.yaml").write_text("".join(folders.values()) + f"names:\n{names}")
+        text = "".join(folders.values()) + f"names:\n{names}"
+        (self._folder / "data.yaml").write_text(text, "utf-8")

@@ -52,6 +52,7 @@ class ExportRequest(Message):
     test_share: Annotated[float, Field(ge=0, lt=1)] | None = None
     codec: Literal["ffv1", "h264"] | None = None
     classes: list[Name] = Field(default_factory=list)
+    categories: Literal["own", "coco80"] | None = None
 
 
 class Job(Message):

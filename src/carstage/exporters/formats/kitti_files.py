@@ -30,7 +30,7 @@ _TYPE = re.compile(r"[!-~]+")
 
 
 def kitti_defaults(options: ExportOptions) -> ExportOptions:
-    """Boxes around what is visible, as KITTI's annotators drew them, and occlusion by pixels.
+    """Boxes around what is visible, and occlusion by counted pixels.
 
     Raises:
         BadInputError: the class map has what KITTI cannot hold.

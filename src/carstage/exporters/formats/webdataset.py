@@ -17,10 +17,14 @@ from carstage.dataset.saved_frames import Frame
 from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.splits import Split
-from carstage.sensor_kinds.model import FLOW
+from carstage.sensor_kinds.model import COLOUR, NORMALS, TAGS
 
 SHARD_BYTES = 1 << 29
 """A new tar file is begun when one is at least that large: some hundred frames each."""
+
+_PICTURES = (COLOUR, NORMALS, TAGS)
+"""Contents whose files are pictures of eight bits. webdataset's decoders know no others: of 16 bits
+they keep eight, and a depth in three channels becomes a shade."""
 
 Sample = tuple[tuple[str, bytes], ...]
 
@@ -32,7 +36,7 @@ class SampleWriter:
     options: ExportOptions
 
     def __call__(self, frame: Frame, folder: Path) -> Sample:
-        """The sample: files of sensors as they are, arrays as ``.npy``, labels as ``.json``.
+        """The sample: pictures of eight bits as they are, the rest ``.npy``, labels ``.json``.
 
         Names have one key, up to the first dot: the episode's id and the frame.
         """
@@ -43,7 +47,7 @@ class SampleWriter:
             if not frame.has(sensor.id):
                 continue
             name = f"{key}.{sensor.id.lower()}"
-            if sensor.calibration.is_camera and sensor.content != FLOW:
+            if sensor.content in _PICTURES:
                 files += [
                     (name + "".join(path.name.partition(".")[1:]), path.read_bytes())
                     for path in sensor.paths(frame.k)

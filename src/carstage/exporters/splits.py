@@ -54,18 +54,18 @@ def splits_of_export(
         return ExportSplits(rule.draw(dict.fromkeys(ids, "")), ())
     stored = dataset.stored_splits
     if stored is None:
-        return ExportSplits(dict.fromkeys(ids, "train"), (_without_splits(dataset, len(ids)),))
+        return ExportSplits(dict.fromkeys(ids, "train"), (_without_splits(len(ids)),))
     found = {episode_id: stored.of(episode_id) for episode_id in ids}
     present = {episode.id for episode in dataset.episodes}
     return ExportSplits(found, tuple(_of_stored(stored, found.values(), present)))
 
 
-def _without_splits(dataset: Dataset, episodes: int) -> str:
+def _without_splits(episodes: int) -> str:
     only = "The only episode is" if episodes == 1 else f"All {episodes} episodes are"
     more = "record more episodes, then " if episodes == 1 else ""
     return (
         f"{only} in train; val and test are empty. To have them: {more}"
-        f"carstage split {dataset.path} --val 0.2 --test 0.1, or --val-share for this export."
+        f"carstage split DATASET --val 0.2 --test 0.1, or --val-share for this export."
     )
 
 

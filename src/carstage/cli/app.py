@@ -13,6 +13,7 @@ from carstage.cli.bench import bench_app
 from carstage.cli.export import export
 from carstage.cli.gui import gui
 from carstage.cli.output import command, enable_debug, folder, note, result, result_json
+from carstage.cli.split import split
 
 if TYPE_CHECKING:
     from carstage.config import Config
@@ -30,6 +31,7 @@ app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
 app.command()(export)
 app.command()(gui)
+app.command()(split)
 
 DEMO_FOLDER = Path("datasets/demo")
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from carstage.codecs import codec_for
 from carstage.dataset.querying import query_episodes
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
+from carstage.dataset.splits import Split, StoredSplits, read_splits
 from carstage.dataset.tables import read_table, require_columns, row_sensor
 from carstage.errors import BadInputError, DatasetError
 from carstage.geometry import GeoFrame, is_pinhole, pose_matrix
@@ -422,6 +423,43 @@ class Dataset:
             f"{self.path} has no episode {episode_id}.",
             f"Episodes: {', '.join(episode.id for episode in self.episodes)}.",
         )
+
+    @cached_property
+    def stored_splits(self) -> StoredSplits | None:
+        """What ``carstage split`` has stored; ``None``: nothing.
+
+        Raises:
+            DatasetError: ``splits.json`` is damaged.
+        """
+        return read_splits(self.path)
+
+    def splits(self) -> dict[str, Split]:
+        """The split of each committed episode by its id; without stored splits all ``train``.
+
+        Raises:
+            DatasetError: ``splits.json`` or a commit marker is damaged.
+        """
+        stored = self.stored_splits
+        return {e.id: "train" if stored is None else stored.of(e.id) for e in self.episodes}
+
+    def split(self, name: Split) -> tuple[Episode, ...]:
+        """The episodes of one split, sorted by id.
+
+        Args:
+            name: ``train``, ``val`` or ``test``.
+
+        Raises:
+            BadInputError: no episode is in it.
+            DatasetError: ``splits.json`` or a commit marker is damaged.
+        """
+        splits = self.splits()
+        chosen = tuple(episode for episode in self.episodes if splits[episode.id] == name)
+        if not chosen:
+            raise BadInputError(
+                f"{self.path} has no episode in split {name!r}.",
+                f"Make splits: carstage split {self.path} --val 0.2 --test 0.1.",
+            )
+        return chosen
 
     def iter_frames(self) -> Iterator[Frame]:
         """The frames of all episodes; sensors are read when they are asked for.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import fields
 from functools import cache
@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Protocol, TypeVar
 
 from carstage.dataset import Episode
 from carstage.dataset.saved_frames import Frame
+from carstage.dataset.splits import SPLITS, Split
 from carstage.errors import BadInputError
 from carstage.exporters.options import ExportOptions, flag_of
 
@@ -53,6 +54,7 @@ class Exporter(ABC):
         summary: one line about it.
         uses: the names of the options that it knows; others are refused.
         files: holds what the exporter has open.
+        splits: the split of each episode by its id, set before ``begin``; see ``split_of``.
     """
 
     name: ClassVar[str]
@@ -62,6 +64,16 @@ class Exporter(ABC):
     def __init__(self, options: ExportOptions) -> None:
         self.options = options
         self.files = ExitStack()
+        self.splits: Mapping[str, Split] = {}
+
+    def split_of(self, episode: Episode) -> Split:
+        """The split of an episode: ``train`` unless the dataset or the user says otherwise."""
+        return self.splits.get(episode.id, "train")
+
+    def used_splits(self, episodes: Iterable[Episode]) -> tuple[Split, ...]:
+        """The splits that have an episode; formats make nothing for the others."""
+        used = {self.split_of(episode) for episode in episodes}
+        return tuple(split for split in SPLITS if split in used)
 
     @abstractmethod
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:

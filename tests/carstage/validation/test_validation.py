@@ -193,7 +193,7 @@ def test_colour_images_of_swapped_cameras_are_found(dataset: Path) -> None:
     (sensors / "CAM_LEFT").rename(sensors / "CAM_FRONT")
     (sensors / "CAM").rename(sensors / "CAM_LEFT")
     recommit(dataset)
-    assert failed_checks(dataset) == {"rgb_edges"}
+    assert "rgb_edges" in failed_checks(dataset)
 
 
 def test_labels_of_swapped_cameras_are_found(dataset: Path) -> None:

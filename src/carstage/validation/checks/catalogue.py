@@ -16,6 +16,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "splits": "the splits can be read, each has an episode, and every episode is there",
         "decode": "every file decodes",
         "image_size": "every image has the size of the calibration",
+        "tag_table": "dataset.json numbers the semantic tags as Car-STAGE does",
         "schema": "the tables of IMU, GNSS and radar have their columns",
     },
     "Server, ledger and time": {
@@ -54,6 +55,9 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "tags": "semantic and instance images of one pose show the same tags",
         "flow": "optical flow is what depth and the camera's motion make it",
         "rgb_edges": "colour images are steep where labels change",
+        "mirrored": "no colour image fits its labels better as its mirror image",
+        "colour_order": "red and blue are where the sky by day and vehicles' paint say",
+        "lidar_intensity": "intensities lie between 0 and 1, and not all are 0",
         "rgb_frame": "colour images fit the labels of their own frame best",
     },
     "Suspicious contents": {

@@ -22,7 +22,7 @@ from carstage.validation.checks.labels import LabelTables
 from carstage.validation.checks.recomputing import Recomputed, entries, numbers, rows_at
 
 _POSE_M, _POSE_RAD = 0.02, 0.002
-_FORCE_M_S2, _GYRO_RAD_S, _COMPASS_RAD, _PLACE_M = 0.05, 0.01, 0.002, 0.05
+_FORCE_M_S2, _GYRO_RAD_S, _COMPASS_RAD, _PLACE_M = 0.05, 5e-4, 0.002, 0.05
 _SIGMAS = 6.0
 _COLUMNS = {
     "gnss": ("latitude_deg", "longitude_deg", "altitude_m"),

@@ -276,3 +276,17 @@ def globe(
     with watch_steps("Globe", "recordings") as progress:
         verdict = measure_globe(town or TOWNS, version or VERSIONS, progress)
     return report(verdict, json)
+
+
+@benchmark("undamaged", takes="5 minutes")
+def undamaged(
+    datasets: Annotated[int, typer.Option(min=1, help="To record and validate.")] = 20,
+    json: Json = False,
+) -> int:
+    """Whether validation finds no error in datasets that nobody damaged."""
+    from benchmarks.framework.undamaged import measure_undamaged
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Datasets", "datasets") as progress:
+        verdict = measure_undamaged(datasets, progress)
+    return report(verdict, json)

@@ -18,7 +18,7 @@ from carstage.geometry import (
     rotation_matrix,
 )
 from carstage.rawlog.reader import WorldFrame
-from carstage.spec import EpisodeSpec
+from carstage.spec import EpisodeSpec, WeatherSpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +27,12 @@ class EpisodeFacts:
 
     Attributes:
         map_name: as the server gives it.
-        weather_preset: of the spec, or None.
+        weather: as planned.
         geo_frame: how the map lies on the globe.
     """
 
     map_name: str
-    weather_preset: str | None
+    weather: WeatherSpec
     geo_frame: GeoFrame
 
     @classmethod
@@ -40,7 +40,7 @@ class EpisodeFacts:
         """Read them from the raw log's ``episode.json``."""
         return cls(
             map_name=header["map"],
-            weather_preset=spec.weather.preset,
+            weather=spec.weather,
             geo_frame=GeoFrame.from_json(header["geo_reference"]),
         )
 
@@ -94,7 +94,7 @@ def ego_row(
         "gear": control.get("gear"),
         "speed_limit_kmh": control.get("speed_limit_kmh"),
         "traffic_light_state": None if light is None else str(light),
-        "weather_preset": facts.weather_preset,
+        "weather_preset": facts.weather.preset_at(keys["timestamp_s"]),
         "weather": json.dumps(world.meta.get("weather", {}), sort_keys=True, separators=(",", ":")),
         "map": facts.map_name,
         "latitude_deg": place.latitude_deg,

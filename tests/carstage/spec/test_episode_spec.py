@@ -12,7 +12,16 @@ from typing import Any
 import pytest
 
 from benchmarks.framework.bare_specs import bare_sensor, bare_spec
-from carstage.spec import Control, EpisodeSpec, ReplaySpec, SavedSteps, SpecError, StationarySpec
+from carstage.spec import (
+    Control,
+    EpisodeSpec,
+    ReplaySpec,
+    SavedSteps,
+    SpecError,
+    StationarySpec,
+    WeatherChange,
+    WeatherSpec,
+)
 from carstage.spec.timing import SavedFrames
 
 ROOT = Path(__file__).parents[3]
@@ -162,3 +171,18 @@ def test_the_rule_for_saved_steps_and_each_shared_default_exist_once() -> None:
         for pattern in once
     }  # fmt: skip
     assert found == once
+
+
+def test_the_preset_of_a_weather_that_changes_is_that_of_the_moment() -> None:
+    weather = WeatherSpec(
+        "ClearNoon",
+        {},
+        "auto",
+        (
+            WeatherChange(2.0, "ClearNoon", {}),
+            WeatherChange(4.0, "HardRainNoon", {}),
+        ),
+    )
+    times = (0.0, 1.0, 2.0, 3.0, 4.0, 9.0)
+    expected = ("ClearNoon", "ClearNoon", "ClearNoon", None, "HardRainNoon", "HardRainNoon")
+    assert tuple(weather.preset_at(time_s) for time_s in times) == expected

@@ -25,6 +25,7 @@ FORMATS = (
     "kitti-tracking",
     "mcap",
     "nuscenes",
+    "semantickitti",
     "video",
     "webdataset",
     "yolo",

@@ -19,6 +19,7 @@ from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.dataset.splits import Split, StoredSplits, read_splits
 from carstage.dataset.tables import read_table, require_columns, row_sensor
 from carstage.errors import BadInputError, DatasetError
+from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
 from carstage.geometry import GeoFrame, is_pinhole, pose_matrix
 from carstage.sensor_kinds import content_of
 from carstage.spec import EpisodeSpec, SpecError
@@ -191,10 +192,10 @@ class Sensor:
         if self._codec is None:
             return self._row(k)
         try:
-            return self.decode([path.read_bytes() for path in self.paths(k)])
+            return self.decode([read_bounded(path) for path in self.paths(k)])
         except FileNotFoundError as error:
             raise DatasetError(f"Sensor {self.id} has no frame {k}: {error.filename}.") from error
-        except ValueError as error:
+        except (OSError, ValueError) as error:
             raise DatasetError(f"Sensor {self.id}, frame {k} is damaged: {error}.") from error
 
     def decode(self, contents: list[bytes]) -> NDArray[Any]:
@@ -485,7 +486,7 @@ class Dataset:
 
 def _read_document(path: Path, version: int) -> dict[str, Any]:
     try:
-        document = json.loads(path.read_bytes())
+        document = json.loads(read_bounded(path, LARGEST_DOCUMENT_BYTES))
         found = document["format_version"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise DatasetError(f"{path} cannot be read: {error!r}.") from error

@@ -16,6 +16,7 @@ from carstage.dataset.ledger import recorded_frames
 from carstage.dataset.saved_frames import Damage
 from carstage.errors import CarStageError
 from carstage.exporters.classes import CLASSES
+from carstage.files.bounded import open_regular
 from carstage.files.hashing import hash_of_file
 from carstage.storage.marker import FileEntry
 from carstage.validation import Problem
@@ -119,7 +120,10 @@ def _changed_files(
 
 def _difference(folder: Path, entry: FileEntry) -> tuple[str, str] | None:
     try:
-        with (folder / entry.path).open("rb", buffering=0) as file:
+        with os.fdopen(open_regular(folder / entry.path), "rb", buffering=0) as file:
+            size = os.fstat(file.fileno()).st_size
+            if size != entry.bytes:
+                return "file_size", f"{entry.path} has {size} bytes, committed were {entry.bytes}"
             found, size = hash_of_file(file, entry.hash)
     except FileNotFoundError:
         return "file_missing", f"{entry.path} is missing"

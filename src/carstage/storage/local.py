@@ -16,6 +16,7 @@ from typing import Any
 
 from carstage import __version__
 from carstage.errors import DatasetError, EpisodeExistsError, StorageError
+from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
 from carstage.files.hashing import hash_of_file
 from carstage.storage.description import describe_dataset, read_description
 from carstage.storage.disk import disk_error
@@ -61,7 +62,7 @@ class LocalStore(Store):
             return {}
         markers = {}
         for path in sorted(self._commits.glob("*.json")):
-            marker = CommitMarker.from_bytes(path.read_bytes(), path.name)
+            marker = CommitMarker.from_bytes(_content(path), path.name)
             if marker.episode_id != path.stem:
                 raise DatasetError(
                     f"The commit marker {path.name} speaks of episode {marker.episode_id!r}.",
@@ -260,3 +261,15 @@ def _flush_folder(folder: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return read_bounded(path, LARGEST_DOCUMENT_BYTES)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise DatasetError(
+            f"The commit marker {path.name} cannot be read: {error.strerror}.",
+            "Remove it to record that episode again.",
+        ) from error

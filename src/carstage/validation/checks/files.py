@@ -8,6 +8,7 @@ from typing import TypedDict
 
 from carstage.dataset.reading import Episode
 from carstage.dataset.tables import row_sensor
+from carstage.files.bounded import read_bounded
 from carstage.files.hashing import hash_of
 from carstage.validation.checks.findings import Findings
 
@@ -59,15 +60,14 @@ class VerifiedFiles:
         content: bytes | None = None
         if name in self._missing:
             return None
-        entry = self._entries.get(name)
-        if entry is not None and path.stat().st_size != entry.bytes:
-            # Not read: a wrong size says enough, and may be huge.
-            found = path.stat().st_size
-            problem = "file_size", f"{name} has {found} bytes, committed were {entry.bytes}"
-            self._findings.add(*problem, frame=frame, sensor=sensor)
-            return None
         try:
-            content = path.read_bytes()
+            found, entry = path.stat().st_size, self._entries.get(name)
+            if entry is not None and found != entry.bytes:
+                # Not read: a wrong size says enough, and may be huge.
+                problem = "file_size", f"{name} has {found} bytes, committed were {entry.bytes}"
+                self._findings.add(*problem, frame=frame, sensor=sensor)
+                return None
+            content = read_bounded(path)
         except FileNotFoundError:
             problem = "file_missing", f"{name} is missing"
         except OSError as error:

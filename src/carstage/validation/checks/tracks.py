@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from carstage.dataset.reading import Episode
 from carstage.dataset.tracks import may_come_back
-from carstage.tags import TAGS_0_9_14
+from carstage.tags import TAGS_0_9_14, server_release
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelTables
 from carstage.validation.checks.recomputing import Recomputed, entries, numbers, rows_at
@@ -31,6 +31,11 @@ _CLASS_TAGS = {
     "walker_wheelchair": {"Pedestrian"}, "traffic_light": {"TrafficLight"},
     "traffic_sign": {"TrafficSign"},
 }  # fmt: skip
+
+
+_TAGS_SINCE = (0, 9, 14)
+_OLD_TAGS = {"Car", "Pedestrian"}
+"""Of all vehicles, and of riders too, on servers before that release."""
 
 
 def check_tracks(episode: Episode, tables: LabelTables, findings: Findings) -> None:
@@ -77,6 +82,7 @@ def _compare_with_first(
 
 def _check_classes(episode: Episode, objects: pa.Table, findings: Findings) -> None:
     """Class and blueprint are those of the actor, and the tags are those of the class."""
+    old = server_release(episode.document["server_version"]) < _TAGS_SINCE
     names = {number: tag.name for number, tag in TAGS_0_9_14.items()}
     actors = episode.document["actors"]
     rows = objects.select(["track_id", "class", "blueprint", "semantic_tags"]).to_pylist()
@@ -85,6 +91,8 @@ def _check_classes(episode: Episode, objects: pa.Table, findings: Findings) -> N
     for row in rows:
         tags = {names.get(tag, "") for tag in row["semantic_tags"]}
         allowed = _CLASS_TAGS.get(row["class"])
+        if allowed is not None and old:
+            allowed = allowed | _OLD_TAGS
         wrong.append(allowed is not None and bool(tags) and not tags <= allowed)
         wanted.append(f"a class of {sorted(tags)}")
     same = Recomputed("tracks", "objects.parquet", objects, findings)

@@ -41,10 +41,6 @@ class WatchedClock:
         return self._watch.wake_ups
 
     def tick(self) -> int:
-        """One tick of the world; its frame number.
-
-        Raises:
-            RecordingError: it had to be freed in a way that may have changed what follows.
-        """
+        """One tick of the world; its frame number."""
         with self._watch.over_a_tick():
             return int(self._world.tick())

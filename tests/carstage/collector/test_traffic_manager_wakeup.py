@@ -13,6 +13,7 @@ import pytest
 
 from carstage.collector.internals import traffic_manager_wakeup as waking
 from carstage.collector.internals.errors import RecordingError
+from carstage.collector.timing import SynchronousClock
 
 STEP_CPU_S = 0.02
 """CPU time of a step of the Traffic Manager here."""
@@ -152,8 +153,7 @@ def test_a_step_that_never_began_is_woken_and_nothing_changes(
 def test_a_step_whose_end_was_missed_is_woken_and_given_up(
     world: World, manager: TrafficManager, watch: waking.TickWatch
 ) -> None:
-    with pytest.raises(RecordingError, match="missed its cue after frame 10"):
-        tick_until_woken(watch, world, manager, lambda: manager.do(lambda: burn(STEP_CPU_S)))
+    tick_until_woken(watch, world, manager, lambda: manager.do(lambda: burn(STEP_CPU_S)))
     assert manager.calls == WAKE_UP
     assert watch.changed
 
@@ -162,8 +162,8 @@ def test_a_step_whose_end_was_missed_is_woken_and_given_up(
 def test_a_step_that_may_have_ended_outside_synchronous_mode_is_given_up(
     world: World, manager: TrafficManager, watch: waking.TickWatch
 ) -> None:
-    with pytest.raises(RecordingError, match="had to be woken"):
-        tick_until_woken(watch, world, manager)
+    tick_until_woken(watch, world, manager)
+    assert watch.changed
 
 
 def test_a_traffic_manager_that_works_is_left_alone(
@@ -195,8 +195,21 @@ def test_a_frame_that_has_not_come_is_the_servers_business(
 
 def test_without_known_threads_every_wake_up_counts(world: World, manager: TrafficManager) -> None:
     watch = waking.TickWatch(world, manager.port, (), 0.1, 0.02)
-    with pytest.raises(RecordingError):
-        tick_until_woken(watch, world, manager)
+    tick_until_woken(watch, world, manager)
+    assert watch.changed
+    watch.stop()
+
+
+def test_a_recording_ends_after_a_doubtful_wake_up(world: World, manager: TrafficManager) -> None:
+    def tick(_timeout_s: float) -> int:
+        world.frame += 1
+        assert manager.woken.wait(GIVE_UP_S)
+        return world.frame
+
+    world.tick = tick  # type: ignore[attr-defined]
+    watch = waking.TickWatch(world, manager.port, (), 0.1, 0.02)
+    with pytest.raises(RecordingError, match="missed its cue before frame 8"):
+        SynchronousClock(world, 1.0, watch).step()
     watch.stop()
 
 

@@ -22,8 +22,6 @@ import time
 from contextlib import contextmanager
 from typing import Any, Collection, Iterator, NamedTuple, Optional, Set
 
-from carstage.collector.internals.errors import RecordingError
-
 PATIENCE_S = 5.0
 LOOK_EVERY_S = 0.5
 ANSWER_TIMEOUT_S = 5.0
@@ -135,11 +133,7 @@ class TickWatch:
 
     @contextmanager
     def over_a_tick(self) -> Iterator[None]:
-        """Watch while the block runs, which ticks the world once.
-
-        Raises:
-            RecordingError: the Traffic Manager was woken, and may have made one step more.
-        """
+        """Watch while the block runs, which ticks the world once; ``changed`` is known after it."""
         frame = self._world.get_snapshot().frame
         tick = _TickUnderWay(frame, threading.get_native_id(), self._manager_cpu_s())
         if self._last is not None and tick.manager_cpu_s > self._last.manager_cpu_s:
@@ -151,13 +145,7 @@ class TickWatch:
         finally:
             self._tick, self._last = None, tick
         with self._waking:  # the verdict on a wake-up may still be coming
-            changed = self.changed
-        if changed:
-            raise RecordingError(
-                "The Traffic Manager missed its cue after frame %d and had to be woken, which may "
-                "have made it drive one step more." % frame,
-                "Nothing is wrong with the configuration; a less busy machine has this less often.",
-            )
+            pass
 
     def _manager_cpu_s(self) -> float:
         """CPU time of the thread that steps: the busiest of the Traffic Manager's."""

@@ -66,7 +66,7 @@ def test_overhead_is_measured_against_a_client_that_drops_everything(
     server: Endpoint, tmp_path: Path
 ) -> None:
     verdict = measure_overhead(
-        ticks=20, rounds=1, size=(64, 36), raw_store="mmap", scratch=tmp_path, running=server
+        ticks=60, rounds=1, size=(64, 36), raw_store="mmap", scratch=tmp_path, running=server
     )
     found = figures(verdict)
     assert found["lidar_points"] >= 100_000

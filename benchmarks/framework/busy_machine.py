@@ -9,14 +9,12 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from carstage import Dataset
+from benchmarks.framework.recorded import hashes, record_demo
 from carstage.bench.verdict import Figure, Verdict
 
 DEMOS = 20
@@ -44,19 +42,13 @@ def busy_processes(count: int) -> Iterator[None]:
             process.join()
 
 
-def _record(out: Path, seconds: float) -> tuple[dict[str, str], list[str]]:
-    """Hash of each committed file of a demo, and the reasons of attempts that were repeated."""
-    command = [sys.executable, "-m", "carstage.cli", "demo", "--out", str(out)]
-    command += ["--set", f"duration_s={seconds}"]
-    quiet = subprocess.DEVNULL
-    subprocess.run(command, check=True, stdout=quiet, stderr=quiet)
-    (episode,) = Dataset(out).episodes
-    files = {entry.path: entry.hash for entry in episode.marker.files}
+def _repeats(out: Path) -> list[str]:
+    """Why attempts of a run were repeated."""
     reasons = []
     for path in sorted(out.glob("runs/*/events.jsonl")):
         events = map(json.loads, path.read_text().splitlines())
         reasons += [e["reason"] for e in events if e["event"] == "episode_retried"]
-    return files, reasons
+    return reasons
 
 
 def measure_busy_machine(
@@ -77,11 +69,12 @@ def measure_busy_machine(
     notes: list[str] = []
     differing = compared = repeated = 0
     with tempfile.TemporaryDirectory(prefix="carstage-busy-") as scratch:
-        calm, _ = _record(Path(scratch) / "calm", seconds)
+        calm = hashes(record_demo(Path(scratch) / "calm", seconds))
         progress(1, demos + 1)
         with busy_processes(count):
             for number in range(demos):
-                files, reasons = _record(Path(scratch) / str(number), seconds)
+                out = Path(scratch) / str(number)
+                files, reasons = hashes(record_demo(out, seconds)), _repeats(out)
                 others = sorted(n for n in {*calm, *files} if calm.get(n) != files.get(n))
                 compared += len(calm)
                 differing += len(others)

@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from benchmarks.registry import benchmark, command_line, report
-from carstage.cli.bench import Json
-from carstage.cli.output import note
+from carstage.cli.output import Json, note
 
 Scratch = Annotated[
     Path | None,

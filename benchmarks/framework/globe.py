@@ -8,8 +8,6 @@ which stands here a second time, from its formula in docs/conventions.md.
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -17,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
-import yaml
 
+from benchmarks.framework.recorded import record
 from carstage import Dataset, export
 from carstage.bench.verdict import Figure, Verdict
 from carstage.releases import KNOWN
@@ -112,19 +110,6 @@ def _fixes(folder: Path) -> Iterator[Place]:
             yield fix.latitude, fix.longitude, fix.altitude
 
 
-def _record(town: str, version: str, folder: Path) -> None:
-    config = folder / "globe.yaml"
-    server = {"kind": "embedded", "carla_version": version}
-    config.write_text(yaml.safe_dump({**_CONFIG, "map": town, "server": server}))
-    command = [sys.executable, "-m", "carstage.cli", "run", str(config)]
-    command += ["--out", str(folder / "dataset")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise RuntimeError(f"{town} of {version}: {done.stderr[-2000:]}")
-    for name in ("kitti-tracking", "mcap"):
-        export(name, folder / "dataset", folder / "exports" / name)
-
-
 def measure_globe(
     towns: Sequence[str] = TOWNS,
     versions: Sequence[str] = VERSIONS,
@@ -144,8 +129,11 @@ def measure_globe(
         for number, (town, version) in enumerate(pairs, start=1):
             folder = Path(scratch) / f"{town}-{version}"
             (folder / "exports").mkdir(parents=True)
-            _record(town, version, folder)
-            for source, off_m in _differences_m(folder / "dataset", folder / "exports"):
+            server = {"kind": "embedded", "carla_version": version}
+            dataset = record({**_CONFIG, "map": town, "server": server}, folder)
+            for name in ("kitti-tracking", "mcap"):
+                export(name, dataset, folder / "exports" / name)
+            for source, off_m in _differences_m(dataset, folder / "exports"):
                 worst[source] = max(worst.get(source, 0.0), off_m)
                 compared += 1
             progress(number, len(pairs))

@@ -6,16 +6,13 @@ on the map. Each is recorded anew and validated; every problem, a warning too, c
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from itertools import cycle, islice, product
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from benchmarks.framework.recorded import record
 from carstage.bench.verdict import Figure, Verdict
 from carstage.validation import validate_dataset
 
@@ -86,13 +83,7 @@ def measure_undamaged(
         for number, config in enumerate(_configs(datasets), start=1):
             folder = Path(scratch) / str(number)
             folder.mkdir()
-            (folder / "config.yaml").write_text(yaml.safe_dump(config))
-            command = [sys.executable, "-m", "carstage.cli", "run", str(folder / "config.yaml")]
-            command += ["--out", str(folder / "data")]
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
-            if done.returncode:
-                raise RuntimeError(f"{config['name']}: {done.stderr[-2000:]}")
-            report = validate_dataset(folder / "data")
+            report = validate_dataset(record(config, folder))
             errors += sum(count["error"] for count in report.counts.values())
             warnings += sum(count["warning"] for count in report.counts.values())
             undecidable += len(report.figures["not_decidable"])

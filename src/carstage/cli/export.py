@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 
 import typer
 
-from carstage.cli.output import command, enable_debug, folder, note, result, result_json
+from carstage.cli.output import Debug, Json, command, folder, note, result, result_json
 from carstage.exporters.class_map import ClassMap, read_class_map
 from carstage.exporters.options import ExportOptions, flag_of
 
@@ -100,13 +100,8 @@ def export(
         int | None,
         typer.Option("--workers", min=0, help="Processes; 0: this one only. Default: CPU cores."),
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object as the last line.")
-    ] = False,
-    debug: Annotated[
-        bool,
-        typer.Option("--debug", help="Show tracebacks.", callback=lambda on: on and enable_debug()),
-    ] = False,
+    json: Json = False,
+    debug: Debug = False,
 ) -> None:
     """Write a dataset in another format; OUT appears when all of it is written."""
     del debug

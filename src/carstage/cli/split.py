@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from carstage.cli.output import command, enable_debug, folder, note, result, result_json
+from carstage.cli.output import Debug, Json, command, folder, note, result, result_json
 
 if TYPE_CHECKING:
     from carstage.dataset import StoredSplits
@@ -33,13 +33,8 @@ def split(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Draw anew where splits are stored already.")
     ] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object as the last line.")
-    ] = False,
-    debug: Annotated[
-        bool,
-        typer.Option("--debug", help="Show tracebacks.", callback=lambda on: on and enable_debug()),
-    ] = False,
+    json: Json = False,
+    debug: Debug = False,
 ) -> None:
     """Divide the episodes into train, val and test; exports and readers use what is stored."""
     del debug

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
 from carstage.errors import BadInputError, DatasetError
+from carstage.files.bounded import read_bounded
 
 Split = Literal["train", "val", "test"]
 Criterion = Literal["map", "weather"]
@@ -171,10 +172,12 @@ def read_splits(folder: Path) -> StoredSplits | None:
         return None
     hint = "Make it again: carstage split DATASET --overwrite."
     try:
-        if not path.is_file() or path.stat().st_size > _MOST_BYTES:
-            raise ValueError("it is no file of a fitting size")
-        return _parse(json.loads(path.read_bytes(), object_pairs_hook=_object))
-    except (OSError, ValueError, RecursionError) as error:
+        content = read_bounded(path, _MOST_BYTES)
+        return _parse(json.loads(content, object_pairs_hook=_object))
+    except OSError as error:
+        reason = f"it is no file of a fitting size: {error.strerror}"
+        raise DatasetError(f"{path} cannot be read: {reason}.", hint) from error
+    except (ValueError, RecursionError) as error:
         raise DatasetError(f"{path} cannot be read: {error}.", hint) from error
 
 

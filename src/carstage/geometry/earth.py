@@ -8,22 +8,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Literal, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from carstage.geometry.coordinates import FloatArray, rotate, rotation_matrix
+from carstage.releases import NORTHS, PROJECTIONS, North, Projection
 
 EARTH_RADIUS_M = 6378137.0
 GRAVITY_M_S2 = 9.81
 _TRANSVERSE_SCALE = 0.9996
 """Along the central meridian, fixed in CARLA 0.9.16."""
-
-Projection = Literal["spherical_mercator", "transverse_mercator"]
-North = Literal["-y", "+y"]
-PROJECTIONS: Final[tuple[Projection, ...]] = get_args(Projection)
-NORTHS: Final[tuple[North, ...]] = get_args(North)
 
 
 @dataclass(frozen=True, slots=True)

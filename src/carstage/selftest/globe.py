@@ -7,8 +7,7 @@ from itertools import product
 import numpy as np
 
 from carstage.geometry import GeoFrame, GeoPoint
-from carstage.geometry.earth import NORTHS, PROJECTIONS
-from carstage.releases import GnssConvention, gnss_convention
+from carstage.releases import NORTHS, PROJECTIONS, GnssConvention, gnss_convention
 from carstage.selftest.evidence import GNSS, Evidence
 from carstage.selftest.verdict import Check
 

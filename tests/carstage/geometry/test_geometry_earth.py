@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from carstage.geometry import GeoFrame, GeoPoint, compass_rad, specific_force
-from carstage.geometry.earth import NORTHS, PROJECTIONS, North, Projection
+from carstage.releases import NORTHS, PROJECTIONS, North, Projection
 
 
 def test_a_location_near_the_equator_has_the_golden_position() -> None:

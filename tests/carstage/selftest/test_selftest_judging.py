@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from carstage.geometry import FloatArray, GeoFrame, range_per_depth
-from carstage.geometry.earth import NORTHS, PROJECTIONS, North, Projection
+from carstage.releases import NORTHS, PROJECTIONS, North, Projection
 from carstage.selftest import judge_log
 from carstage.selftest.alignment import check_actors, check_pictures, check_poses
 from carstage.selftest.codes import check_instance_ids, check_tags

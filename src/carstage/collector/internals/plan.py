@@ -13,7 +13,7 @@ from typing import Any, Optional, Tuple
 from carstage.collector.internals.errors import PlanError
 from carstage.rawlog.format import LEDGER, WORLD, check_stream_name
 from carstage.rawlog.writing import RAW_STORES
-from carstage.releases import GnssConvention
+from carstage.releases import NORTHS, PROJECTIONS, GnssConvention
 from carstage.sensor_kinds import import_plugins, registered_kinds
 from carstage.spec import EpisodeSpec, Fields, SpecError
 from carstage.spec.defaults import QUEUE_BYTES, RAW_STORE
@@ -98,8 +98,8 @@ def parse_plan(value: Any) -> Plan:
 
 def _gnss(found: Fields) -> GnssConvention:
     return GnssConvention(
-        found.text("projection", ("spherical_mercator", "transverse_mercator")),
-        found.text("north", ("-y", "+y")),
+        found.text("projection", PROJECTIONS),
+        found.text("north", NORTHS),
     )
 
 

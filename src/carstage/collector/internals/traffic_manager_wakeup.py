@@ -169,7 +169,8 @@ class TickWatch:
             elif time.monotonic() - since_s > self._patience_s:
                 if self._server_answers() and self._stillness(tick) == seen:
                     with self._waking:
-                        self._wake(tick, seen)
+                        if self._tick is tick:
+                            self._wake(tick, seen)
                 before = None
 
     def _stillness(self, tick: _TickUnderWay) -> Optional[float]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from carstage.dataset import Episode
 from carstage.dataset.saved_frames import Frame
-from carstage.exporters.axes import flu_points, flu_pose
+from carstage.exporters.axes import OPTICAL_FROM_FLU, flu_points, flu_pose
 from carstage.exporters.clouds import (
     LabelledCloud,
     LabelledLidar,
@@ -48,11 +48,10 @@ NAMES: Final[dict[int, str]] = {
 _MOVING: Final = {10: 252, 31: 253, 30: 254, 32: 255, 16: 256, 13: 257, 18: 258}
 _BICYCLIST, _MOTORCYCLIST = 31, 32
 _THINGS: Final = (10, 11, 13, 15, 16, 18, 30, 31, 32)
+_TR: Final = np.eye(4)
+"""SemanticKITTI's poses are those of a camera; ours stands in the LiDAR."""
+_TR[:3, :3] = OPTICAL_FROM_FLU
 _SPLITS: Final = {"train": "train", "val": "valid", "test": "test"}
-_OPTICAL_FROM_FLU: Final = np.array(
-    [[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
-)
-"""``Tr``: SemanticKITTI's poses are those of a camera; ours stands in the LiDAR."""
 
 
 def point_labels(cloud: LabelledCloud, frame: Frame) -> NDArray[np.uint32]:
@@ -131,8 +130,7 @@ class SemanticKitti(Exporter):
         """Append pose and time; poses count from the first sweep."""
         if self._first is None:
             self._first = invert_pose(part.world_from_lidar)
-        moved = self._first @ part.world_from_lidar
-        pose = _OPTICAL_FROM_FLU @ moved @ _OPTICAL_FROM_FLU.T
+        pose = _TR @ self._first @ part.world_from_lidar @ _TR.T
         self._poses.write(numbers(pose[:3]) + "\n")
         self._times.write(f"{part.time_s:.6e}\n")
 
@@ -141,7 +139,7 @@ class SemanticKitti(Exporter):
         self.close()
         nowhere = np.eye(4)[:3]
         lines = [f"P{index}: {numbers(nowhere)}\n" for index in range(4)]
-        lines.append(f"Tr: {numbers(_OPTICAL_FROM_FLU[:3])}\n")
+        lines.append(f"Tr: {numbers(_TR[:3])}\n")
         (self._place / "calib.txt").write_text("".join(lines), "ascii")
 
     def finish(self) -> None:

@@ -106,7 +106,7 @@ def check_object_columns(episode: Episode, tables: LabelTables, findings: Findin
 
 
 def _check_moving_with_the_ego(tables: LabelTables, findings: Findings) -> None:
-    world_from_ego = _world_from_ego(tables.ego)
+    world_from_ego = tables.world_from_ego
     objects = tables.objects
     known = [i for i, k in enumerate(entries(objects, "k")) if k in world_from_ego]
     objects = rows_at(objects, known)
@@ -244,8 +244,3 @@ def _check_occlusion(episode: Episode, table: pa.Table, findings: Findings) -> N
     least = episode.spec.labels.min_visible_px
     same = Recomputed("camera_columns", "camera_objects.parquet", pixels, findings)
     same.column("visible_pixel", numbers(pixels, "visible_px") >= least, 0.0)
-
-
-def _world_from_ego(ego: pa.Table) -> dict[int, FloatArray]:
-    poses = pose_matrix(numbers(ego, "location", 3), numbers(ego, "rotation_deg", 3))
-    return dict(zip(entries(ego, "k"), poses, strict=True))

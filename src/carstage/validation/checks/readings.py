@@ -34,14 +34,7 @@ def check_sensor_poses(episode: Episode, tables: LabelTables, findings: Findings
     """Compare poses of sensors with ego, calibration and spec (check ``sensor_poses``)."""
     _check_calibration(episode, findings)
     poses = episode.sensor_poses()
-    ego = tables.ego
-    world_from_ego = dict(
-        zip(
-            entries(ego, "k"),
-            pose_matrix(numbers(ego, "location", 3), numbers(ego, "rotation_deg", 3)),
-            strict=True,
-        )
-    )
+    world_from_ego = tables.world_from_ego
     of_sensor = episode.calibration.sensors
     wanted, turns, kept = [], [], []
     for i, (k, name) in enumerate(

@@ -38,6 +38,7 @@ class ExportOptions:
         include_invisible: whether objects that nothing is seen of are exported too.
         validation_share: share of the episodes that goes to the validation split.
         codec: of videos: lossless or small.
+        keyframes_hz: how many frames a second nuScenes has labels of.
         classes: names of the classes to export.
     """
 
@@ -72,6 +73,10 @@ class ExportOptions:
     codec: CodecChoice | None = field(
         default=None, metadata=_shown("Of videos: without loss (default), or small.", "ffv1|h264")
     )
+    keyframes_hz: float | None = field(
+        default=None,
+        metadata=_shown("nuScenes's key frames per second; default 2 where that divides.", "HZ"),
+    )
     classes: tuple[str, ...] = field(
         default=(),
         metadata=_shown(
@@ -104,6 +109,10 @@ class ExportOptions:
         if self.max_distance_m is not None and not self.max_distance_m > 0.0:
             raise BadInputError(
                 f"max-distance-m: {self.max_distance_m} is no distance.", "Give more than 0."
+            )
+        if self.keyframes_hz is not None and not self.keyframes_hz > 0.0:
+            raise BadInputError(
+                f"keyframes-hz: {self.keyframes_hz} is no rate.", "Give more than 0."
             )
 
     @property

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage.codecs import SEMANTIC_POINT
 from carstage.rawlog import format as raw
 from carstage.rawlog import writing
 from carstage.sensor_kinds import sensor_kind
@@ -91,6 +92,7 @@ SOLIDS = (
 LEVEL_IDS = {"Parked_1": 3, "Light_1": 2**63 + 9}
 """Solids of the map that a server tells of as level objects; CARLA's ids have 64 bits."""
 LIGHT_ACTOR = 30
+_LIDARS = {"lidar": "sensor.lidar.ray_cast", "semantic_lidar": "sensor.lidar.ray_cast_semantic"}
 _POSE = {"x_m": 1.5, "y_m": 0.0, "z_m": 1.6, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0}
 _LEFT = {"x_m": 0.5, "y_m": -0.8, "z_m": 1.7, "roll_deg": 0.0, "pitch_deg": -5.0, "yaw_deg": -55.0}
 _TOP = {"x_m": 0.0, "y_m": 0.0, "z_m": 2.0, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0}
@@ -124,11 +126,16 @@ def spec(
     save_every: int = 1,
     size: tuple[int, int] = (96, 64),
     mode: str = "sync",
+    segmentation: bool = False,
 ) -> dict[str, Any]:
-    """The spec of the episode: two labelled cameras, one with hidden twins, and the other kinds."""
+    """The spec of the episode: two labelled cameras, one with hidden twins, and the other kinds.
 
-    def other(name: str, kind: str, pose: dict[str, float]) -> dict[str, Any]:
-        blueprint = {"lidar": "sensor.lidar.ray_cast"}.get(kind, f"sensor.other.{kind}")
+    With ``segmentation`` the LiDAR has a semantic twin, and another car a camera and a semantic
+    LiDAR.
+    """
+
+    def other(name: str, kind: str, pose: dict[str, float], **more: Any) -> dict[str, Any]:
+        blueprint = _LIDARS.get(kind, f"sensor.other.{kind}")
         return {
             "id": name,
             "kind": kind,
@@ -139,10 +146,19 @@ def spec(
             "attributes": {},
             "depth": None,
             "instance": None,
+            **more,
         }
 
     twins = {"labelled": True, "depth": "DEPTH_FRONT", "instance": "INST_FRONT"}
     hidden = {"labelled": True, "depth": "CAM_LEFT.depth", "instance": "CAM_LEFT.instance"}
+    audi = {"attach_to": SOLIDS[0].type_id}
+    names = {"depth": "CAM_AUDI.depth", "instance": "CAM_AUDI.instance"}
+    more = [
+        other("SEMANTIC_TOP", "semantic_lidar", _TOP),
+        other("SEMANTIC_AUDI", "semantic_lidar", _TOP, **audi),
+        _camera("CAM_AUDI", "rgb", _POSE, size, labelled=True, **names, **audi),
+        *(_camera(id_, kind, _POSE, size, hidden=True, **audi) for kind, id_ in names.items()),
+    ]
     return {
         "spec_version": 1, "dialect": "0.9.16", "index": 0, "map": "Analytic01",
         "weather": {"preset": "ClearNoon", "parameters": {}, "lights": "auto"},
@@ -165,6 +181,7 @@ def spec(
             other("LIDAR_TOP", "lidar", _TOP),
             other("IMU", "imu", _TOP),
             other("GNSS", "gnss", _TOP),
+            *(more if segmentation else ()),
         ],
         "labels": {"method": "both", "boxes": ["2d", "3d"]},
         "ground_truth": {"vehicles": True, "pedestrians": True, "ego_motion": True},
@@ -184,6 +201,7 @@ def header(episode_spec: dict[str, Any], *, attempt: str, ticks_per_segment: int
         "geo_reference": {"latitude_deg": 0.0, "longitude_deg": 0.0},
         "ego_id": EGO.actor_id,
         "sensor_actor_ids": {s["id"]: 100 + i for i, s in enumerate(episode_spec["sensors"])},
+        "sensor_carrier_ids": {s["id"]: carrier_of(s).actor_id for s in episode_spec["sensors"]},
         "first_frame": 12, "first_timestamp_s": 1.1,
         "requested": {"vehicles": 2, "pedestrians": 1},
         "spawned": {"vehicles": 2, "pedestrians": 1},
@@ -208,15 +226,21 @@ def cast(
     return nearest, hit
 
 
+def carrier_of(sensor: dict[str, Any]) -> Solid:
+    """The vehicle that a sensor of the spec sits on."""
+    name = sensor.get("attach_to", "ego")
+    return EGO if name == "ego" else next(s for s in SOLIDS if s.type_id == name)
+
+
 def world_from_sensor(
-    pose: dict[str, float], time_s: float
+    pose: dict[str, float], time_s: float, carrier: Solid = EGO
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rotation and origin of a sensor on the ego (pitch and yaw only)."""
+    """Rotation and origin of a sensor on a vehicle (pitch and yaw only)."""
     pitch, yaw = np.radians(pose["pitch_deg"]), np.radians(pose["yaw_deg"])
     cp, sp, cy, sy = np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
     local = np.array([[cp * cy, -sy, -cy * sp], [cp * sy, cy, -sy * sp], [sp, 0.0, cp]])
-    rotation, center = EGO.pose(time_s)
-    pivot = center - np.array([0.0, 0.0, EGO.extent[2]])
+    rotation, center = carrier.pose(time_s)
+    pivot = center - np.array([0.0, 0.0, carrier.extent[2]])
     return rotation @ local, pivot + rotation @ [pose["x_m"], pose["y_m"], pose["z_m"]]
 
 
@@ -228,7 +252,7 @@ def image(kind: str, sensor: dict[str, Any], time_s: float) -> NDArray[np.uint8]
     u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     right, down = (u - width / 2) / focal, (v - height / 2) / focal
     rays = np.stack([np.ones_like(u), right, -down], axis=-1)  # x = 1: the parameter is depth
-    rotation, origin = world_from_sensor(sensor["pose"], time_s)
+    rotation, origin = world_from_sensor(sensor["pose"], time_s, carrier_of(sensor))
     depth, hit = cast(origin, rays @ rotation.T, time_s)
     tags = np.array([*(s.tag for s in SOLIDS), ROAD])[hit]
     tags[np.isinf(depth)] = SKY
@@ -252,11 +276,36 @@ def image(kind: str, sensor: dict[str, Any], time_s: float) -> NDArray[np.uint8]
     return pixels
 
 
-def sweep(pose: dict[str, float], time_s: float) -> tuple[NDArray[np.float32], list[int]]:
+def sweep(
+    pose: dict[str, float], time_s: float, carrier: Solid = EGO
+) -> tuple[NDArray[np.float32], list[int]]:
     """One LiDAR turn: points and counts per channel."""
+    points, _, counts = _turn(pose, time_s, carrier)
+    intensity = np.exp(-0.004 * np.linalg.norm(points, axis=1))
+    return np.column_stack([points, intensity]).astype("<f4"), counts
+
+
+def semantic_sweep(
+    pose: dict[str, float], time_s: float, carrier: Solid = EGO
+) -> tuple[NDArray[Any], list[int]]:
+    """One turn of a semantic LiDAR, along the rays of ``sweep``."""
+    points, hit, counts = _turn(pose, time_s, carrier)
+    rows = np.zeros(len(points), SEMANTIC_POINT)
+    for axis, name in enumerate("xyz"):
+        rows[name] = points[:, axis]
+    rows["cos_incidence"] = 1.0
+    rows["object_tag"] = np.array([*(s.tag for s in SOLIDS), ROAD])[hit]
+    rows["object_idx"] = np.array([*(s.actor_id for s in SOLIDS), 0])[hit]
+    return rows, counts
+
+
+def _turn(
+    pose: dict[str, float], time_s: float, carrier: Solid
+) -> tuple[NDArray[np.float64], NDArray[np.int64], list[int]]:
+    """Points, indices into SOLIDS (-1: the road), and points per channel."""
     azimuth = np.radians(np.arange(-180.0, 180.0, 2.0))
-    rotation, origin = world_from_sensor(pose, time_s)
-    channels = []
+    rotation, origin = world_from_sensor(pose, time_s, carrier)
+    channels, hits = [], []
     for elevation in np.radians(np.linspace(8.0, -24.0, 16)):
         level = np.cos(elevation)
         rays = np.stack(
@@ -267,11 +316,11 @@ def sweep(pose: dict[str, float], time_s: float) -> tuple[NDArray[np.float32], l
             ],
             axis=-1,
         )
-        distance, _ = cast(origin, rays @ rotation.T, time_s)
+        distance, hit = cast(origin, rays @ rotation.T, time_s)
         kept = distance < 60.0
-        points = rays[kept] * distance[kept, None]
-        channels.append(np.column_stack([points, np.exp(-0.004 * distance[kept])]))
-    return np.concatenate(channels).astype("<f4"), [len(channel) for channel in channels]
+        channels.append(rays[kept] * distance[kept, None])
+        hits.append(hit[kept])
+    return np.concatenate(channels), np.concatenate(hits), [len(channel) for channel in channels]
 
 
 def _actor_row(solid: Solid) -> dict[str, Any]:
@@ -309,6 +358,23 @@ def _actor_bytes(solid: Solid, time_s: float) -> bytes:
     )
 
 
+def _sensor_row(sensor: dict[str, Any], ids: dict[str, int]) -> dict[str, Any]:
+    return {
+        "id": ids[sensor["id"]], "type_id": sensor["blueprint"],
+        "parent": carrier_of(sensor).actor_id, "attributes": {}, "semantic_tags": [],
+        "box": {"location": [0.0] * 3, "extent": [0.0] * 3, "rotation_deg": [0.0] * 3},
+    }  # fmt: skip
+
+
+def _sensor_bytes(sensor: dict[str, Any], ids: dict[str, int], time_s: float) -> bytes:
+    """Where a sensor on another car is, turned about the vertical alone."""
+    carrier = carrier_of(sensor)
+    _, origin = world_from_sensor(sensor["pose"], time_s, carrier)
+    yaw_deg = carrier.yaw_deg + sensor["pose"]["yaw_deg"]
+    place = (*origin, 0.0, yaw_deg, 0.0)
+    return raw.ACTOR_RECORD.pack(ids[sensor["id"]], 0, *place, *[0.0] * 9)
+
+
 def write_raw_log(
     folder: Path,
     *,
@@ -320,6 +386,7 @@ def write_raw_log(
     segments: int | None = None,
     mode: str = "sync",
     period_s: float = 0.1,
+    segmentation: bool = False,
 ) -> dict[str, Any]:
     """Write a raw log as the collector would.
 
@@ -328,12 +395,13 @@ def write_raw_log(
         segments: stop after so many segments, as if the recording had been killed.
         mode: ``sync`` or ``async``.
         period_s: time between ticks; the spec says 0.1 s.
+        segmentation: with semantic LiDARs and sensors on another car.
 
     Returns:
         The header.
     """
     document = header(
-        spec(steps=steps, save_every=save_every, size=size, mode=mode),
+        spec(steps=steps, save_every=save_every, size=size, mode=mode, segmentation=segmentation),
         attempt=attempt,
         ticks_per_segment=ticks_per_segment,
     )
@@ -343,6 +411,8 @@ def write_raw_log(
     names = [*(sensor["id"] for sensor in sensors), raw.WORLD, raw.LEDGER]
     streams = {name: writing.StreamWriter(str(folder), name, ticks_per_segment) for name in names}
     cast_solids = sorted([EGO, *(s for s in SOLIDS if s.actor_id)], key=lambda s: s.actor_id)
+    ids = document["sensor_actor_ids"]
+    afield = [sensor for sensor in sensors if carrier_of(sensor) is not EGO]
     for tick in range(steps):
         if segments is not None and tick >= segments * ticks_per_segment:
             break
@@ -350,11 +420,17 @@ def write_raw_log(
         stamp = (tick, frame, 1.1 + time_s)
         if tick == 0:
             rows = [_actor_row(solid) for solid in cast_solids]
+            rows += [_sensor_row(sensor, ids) for sensor in afield]
             table = {"actors": rows, "level_objects": _level_rows()}
             streams[raw.WORLD].append(raw.KIND_TABLE, *stamp, table)
         streams[raw.WORLD].append(
             raw.KIND_DATA, *stamp, _world_meta(),
-            b"".join(_actor_bytes(solid, time_s) for solid in cast_solids),
+            b"".join(
+                [
+                    *(_actor_bytes(solid, time_s) for solid in cast_solids),
+                    *(_sensor_bytes(sensor, ids, time_s) for sensor in afield),
+                ]
+            ),
         )  # fmt: skip
         for sensor in sensors:
             meta, payload = _sensor_data(sensor, time_s)
@@ -388,8 +464,9 @@ def _sensor_data(sensor: dict[str, Any], time_s: float) -> tuple[dict[str, Any],
         pixels = image(sensor["kind"], sensor, time_s)
         height, width = pixels.shape[:2]
         return {"width": width, "height": height, "fov_deg": 90.0}, pixels.tobytes()
-    if sensor["kind"] == "lidar":
-        points, counts = sweep(sensor["pose"], time_s)
+    if sensor["kind"] in _LIDARS:
+        turn = sweep if sensor["kind"] == "lidar" else semantic_sweep
+        points, counts = turn(sensor["pose"], time_s, carrier_of(sensor))
         return {"horizontal_angle_rad": 0.0, "counts": counts}, points.tobytes()
     if sensor["kind"] == "imu":
         compass = np.radians((EGO.yaw_deg + 90.0) % 360.0)

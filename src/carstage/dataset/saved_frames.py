@@ -38,6 +38,7 @@ class Frame:
         ego: the row of ``ego.parquet``; ``None`` when ego motion was not asked for.
         sensor_poses: rows of ``sensor_poses.parquet`` by sensor.
         available: ids of the sensors that have whole data of this frame.
+        ego_object: the ego's row of ``objects.parquet``; ``None`` without vehicles' labels.
     """
 
     episode: Episode
@@ -48,6 +49,7 @@ class Frame:
     ego: Row | None
     sensor_poses: Mapping[str, Row]
     available: frozenset[str]
+    ego_object: Row | None = None
 
     def has(self, sensor_id: str) -> bool:
         """Whether the sensor has whole data of this frame."""
@@ -130,15 +132,17 @@ class EpisodeFrames:
         by_camera: dict[str, list[Row]] = defaultdict(list)
         for row in self._camera_objects.rows(k):
             by_camera[row["sensor_id"]].append(row)
+        objects = self._objects.rows(k)
         return Frame(
             episode=self._episode,
             k=k,
             timestamp_s=self._times_s[k],
-            objects={r["track_id"]: r for r in self._objects.rows(k) if not r["is_ego"]},
+            objects={row["track_id"]: row for row in objects if not row["is_ego"]},
             camera_objects=dict(by_camera),
             ego=next(iter(self._ego.rows(k)), None),
             sensor_poses={row["sensor_id"]: row for row in self._poses.rows(k)},
             available=frozenset(self._recorded[k]),
+            ego_object=next((row for row in objects if row["is_ego"]), None),
         )
 
 

@@ -54,15 +54,6 @@ VEHICLES: Final = tuple(CLASSES)[:6]
 DEFAULT_CLASSES: Final = tuple(CLASSES)[:11]
 """Road users, lights and signs: what formats hold that do not ask for more."""
 
-NUSCENES_CATEGORIES: Final = tuple(
-    sorted(
-        {
-            "vehicle.emergency.ambulance",
-            "vehicle.emergency.police",
-            *(names.nuscenes for names in CLASSES.values() if names.nuscenes),
-        }
-    )
-)
 _EMERGENCY = ("ambulance", "police")
 
 

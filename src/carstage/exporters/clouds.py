@@ -6,6 +6,7 @@ the label of the nearest ray of a semantic LiDAR that stands at the same place a
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -20,11 +21,11 @@ from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import main_lidar
 from carstage.sensor_kinds.model import POINTS, TAGGED_POINTS
 
-SCAN_ATTRIBUTES: Final = (
-    "channels", "points_per_second", "rotation_frequency", "range", "upper_fov", "lower_fov",
-    "horizontal_fov", "sensor_tick",
-)  # fmt: skip
-"""What both LiDARs must have alike for their rays to be the same."""
+_SCAN: Final = {
+    "channels": 32.0, "range": 10.0, "points_per_second": 56_000.0, "rotation_frequency": 10.0,
+    "upper_fov": 10.0, "lower_fov": -30.0, "horizontal_fov": 360.0, "sensor_tick": 0.0,
+}  # fmt: skip
+"""What both LiDARs must have alike for their rays to be the same, with CARLA's defaults."""
 _BIN_RAD: Final = np.radians(0.25)
 _NEAREST_RAD: Final = np.radians(0.2)
 _SAME_M, _SAME_SHARE = 0.3, 0.02
@@ -32,15 +33,20 @@ _SAME_M, _SAME_SHARE = 0.3, 0.02
 
 @dataclass(frozen=True, slots=True)
 class LabelledLidar:
-    """Whose points are exported, and whose labels they take; the same id for a semantic LiDAR."""
+    """Whose points are exported, and whose labels they take.
+
+    Attributes:
+        points: the LiDAR's id.
+        labels: the semantic LiDAR's, which may be the same; None: no labels.
+    """
 
     points: str
-    labels: str
+    labels: str | None
 
     @property
-    def sensors(self) -> frozenset[str]:
-        """Both ids."""
-        return frozenset((self.points, self.labels))
+    def is_semantic(self) -> bool:
+        """Whether its points are labelled by itself."""
+        return self.points == self.labels
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,16 +66,18 @@ class LabelledCloud:
 
 
 def labelled_lidar(episode: Episode, options: ExportOptions) -> LabelledLidar:
-    """The LiDAR that the options name, else the first that has labels, else a semantic one.
+    """The ego's LiDAR that the options name, else the first that has labels.
+
+    An ordinary one goes before a semantic one.
 
     Raises:
-        BadInputError: no LiDAR on the ego has labels, or the one that is named.
+        BadInputError: no LiDAR on the ego has labels, or the one that is named has none.
     """
-    semantic = {
-        sensor.id: sensor.calibration
+    semantic = [
+        sensor.id
         for sensor in episode.sensors
         if sensor.content == TAGGED_POINTS and sensor.calibration.on_ego
-    }
+    ]
     if options.lidar in semantic:
         return LabelledLidar(options.lidar, options.lidar)
     named = main_lidar(episode, options)
@@ -78,12 +86,11 @@ def labelled_lidar(episode: Episode, options: ExportOptions) -> LabelledLidar:
         if sensor.content == POINTS and sensor.calibration.on_ego
     ]  # fmt: skip
     for lidar in plain:
-        for twin in semantic.values():
-            if _scan_alike(lidar, twin):
-                return LabelledLidar(lidar.id, twin.id)
+        source = label_source(episode, lidar)
+        if source is not None:
+            return LabelledLidar(lidar.id, source)
     if options.lidar is None and semantic:
-        first = next(iter(semantic))
-        return LabelledLidar(first, first)
+        return LabelledLidar(semantic[0], semantic[0])
     raise BadInputError(
         f"No LiDAR of episode {episode.id} has labels.",
         "Record a sensor of kind semantic_lidar; with the pose and the scan attributes of a lidar, "
@@ -91,27 +98,51 @@ def labelled_lidar(episode: Episode, options: ExportOptions) -> LabelledLidar:
     )
 
 
+def label_source(episode: Episode, lidar: SensorCalibration) -> str | None:
+    """Id of the semantic LiDAR that labels a LiDAR's points; None: there is none.
+
+    That is the LiDAR itself, or the first one at the same place of the same carrier that scans
+    alike.
+    """
+    if lidar.content == TAGGED_POINTS:
+        return lidar.id
+    twins = (
+        sensor.id
+        for sensor in episode.sensors
+        if sensor.content == TAGGED_POINTS and _scan_alike(lidar, sensor.calibration)
+    )
+    return next(twins, None)
+
+
 def _scan_alike(lidar: SensorCalibration, twin: SensorCalibration) -> bool:
-    same = all(lidar.attributes.get(n) == twin.attributes.get(n) for n in SCAN_ATTRIBUTES)
-    return same and np.allclose(lidar.carrier_from_sensor, twin.carrier_from_sensor, atol=1e-9)
+    """Whether both measure along the same rays in every frame."""
+    return (
+        (lidar.attach_to, lidar.attachment) == (twin.attach_to, twin.attachment)
+        and np.allclose(lidar.carrier_from_sensor, twin.carrier_from_sensor, atol=1e-9)
+        and _scan(lidar.attributes) == _scan(twin.attributes)
+    )
+
+
+def _scan(attributes: Mapping[str, str]) -> dict[str, float]:
+    return {name: float(attributes.get(name, usual)) for name, usual in _SCAN.items()}
 
 
 def read_labelled(frame: Frame, lidar: LabelledLidar) -> LabelledCloud:
-    """The sweep of a frame with its labels."""
-    tagged = frame.read(lidar.labels)
-    tags = tagged["object_tag"].astype(np.uint8)
-    if lidar.points == lidar.labels:
+    """The sweep of a frame; without labels where the source has no data of it."""
+    if lidar.is_semantic:
+        tagged = frame.read(lidar.points)
         points = np.zeros((len(tagged), 4), np.float32)
         points[:, :3] = points_xyz(tagged)
-        return LabelledCloud(points, tags, tagged["object_idx"])
+        return LabelledCloud(points, tagged["object_tag"].astype(np.uint8), tagged["object_idx"])
     points = frame.read(lidar.points)
-    nearest = nearest_rays(points_xyz(points), points_xyz(tagged))
-    found = nearest >= 0
-    return LabelledCloud(
-        points,
-        np.where(found, tags[nearest], 0).astype(np.uint8),
-        np.where(found, tagged["object_idx"][nearest], 0).astype(np.uint32),
-    )
+    tags, objects = np.zeros(len(points), np.uint8), np.zeros(len(points), np.uint32)
+    if lidar.labels is not None and frame.has(lidar.labels):
+        tagged = frame.read(lidar.labels)
+        nearest = nearest_rays(points_xyz(points), points_xyz(tagged))
+        found = nearest >= 0
+        tags[found] = tagged["object_tag"][nearest[found]]
+        objects[found] = tagged["object_idx"][nearest[found]]
+    return LabelledCloud(points, tags, objects)
 
 
 def nearest_rays(points: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -170,7 +201,7 @@ def _neighbours() -> list[tuple[int, int]]:
 
 def is_labelled(frame: Frame, lidar: LabelledLidar) -> bool:
     """Whether a frame has the data of both."""
-    return all(frame.has(name) for name in lidar.sensors)
+    return frame.has(lidar.points) and lidar.labels is not None and frame.has(lidar.labels)
 
 
 def moving_actors(frame: Frame, faster_than_m_s: float) -> list[int]:

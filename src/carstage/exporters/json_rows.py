@@ -24,7 +24,11 @@ class JsonRows:
 
     def add(self, row: Mapping[str, Any]) -> None:
         """Append a row."""
-        self._file.write((",\n" if self.count else "\n") + json.dumps(row))
+        self.add_value(row)
+
+    def add_value(self, value: object) -> None:
+        """Append what JSON can hold."""
+        self._file.write((",\n" if self.count else "\n") + json.dumps(value))
         self.count += 1
 
     def close(self) -> None:

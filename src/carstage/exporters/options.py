@@ -43,6 +43,7 @@ class ExportOptions:
             replaces the splits of the dataset.
         test_share: share for test.
         codec: of videos: lossless or small.
+        keyframes_hz: how many frames a second nuScenes has labels of.
         classes: names of the classes to export.
         categories: Car-STAGE's classes, or COCO's 80.
         class_map: targets of the classes, see ``read_class_map``.
@@ -82,6 +83,10 @@ class ExportOptions:
     )
     codec: CodecChoice | None = field(
         default=None, metadata=_shown("Of videos: without loss (default), or small.", "ffv1|h264")
+    )
+    keyframes_hz: float | None = field(
+        default=None,
+        metadata=_shown("nuScenes's key frames per second; default 2 where that divides.", "HZ"),
     )
     classes: tuple[str, ...] = field(
         default=(),
@@ -136,6 +141,10 @@ class ExportOptions:
         if self.max_distance_m is not None and not self.max_distance_m > 0.0:
             raise BadInputError(
                 f"max-distance-m: {self.max_distance_m} is no distance.", "Give more than 0."
+            )
+        if self.keyframes_hz is not None and not self.keyframes_hz > 0.0:
+            raise BadInputError(
+                f"keyframes-hz: {self.keyframes_hz} is no rate.", "Give more than 0."
             )
 
     @property

@@ -34,6 +34,7 @@ _NOT_DEFAULT: dict[str, Any] = {
     "classes": ("car",),
     "categories": "coco80",
     "class_map": ClassMap.of({"car": "Car"}),
+    "keyframes_hz": 1.0,
 }
 
 

@@ -24,6 +24,18 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def segmented(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """13 frames with a semantic LiDAR beside the LiDAR, and sensors on another car."""
+    return make_dataset(
+        tmp_path_factory.mktemp("segmented") / "out",
+        tmp_path_factory.mktemp("raw"),
+        size=SIZE,
+        steps=13,
+        segmentation=True,
+    )
+
+
+@pytest.fixture(scope="session")
 def devkit() -> SimpleNamespace:
     """nuscenes-devkit."""
     return nuscenes_devkit()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -60,7 +61,8 @@ def test_coco_ids_are_unique_over_both_splits(two_episodes: Path, tmp_path: Path
 
 def test_nuscenes_scenes_do_not_overlap_in_time(two_episodes: Path, tmp_path: Path) -> None:
     nuscenes = pytest.importorskip("nuscenes.nuscenes", reason="nuscenes-devkit is not installed")
-    export_dataset("nuscenes", two_episodes, tmp_path / "out", HALF, workers=0)
+    every_frame = replace(HALF, keyframes_hz=10.0)
+    export_dataset("nuscenes", two_episodes, tmp_path / "out", every_frame, workers=0)
     nusc = nuscenes.NuScenes("v1.0-carstage", str(tmp_path / "out"), verbose=False)
     assert [scene["nbr_samples"] for scene in nusc.scene] == [2, 3]
     times = [sample["timestamp"] for sample in nusc.sample]

@@ -39,7 +39,9 @@ def export(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable
 
 @pytest.fixture(scope="module")
 def nusc(export: Callable[..., Path], devkit: SimpleNamespace) -> Any:
-    return devkit.NuScenes(NUSCENES_VERSION, str(export("nuscenes")), verbose=False)
+    return devkit.NuScenes(
+        NUSCENES_VERSION, str(export("nuscenes", keyframes_hz=10.0)), verbose=False
+    )
 
 
 def test_nuscenes_evaluation_finds_no_error(devkit, nusc, tmp_path: Path) -> None:

@@ -95,8 +95,13 @@ def test_nuscenes_names_the_scenes_of_each_split(
 ) -> None:
     folder, of_split = divided
     export_dataset("nuscenes", folder, tmp_path / "out", workers=0)
-    splits = json.loads((tmp_path / "out" / NUSCENES_VERSION / "splits.json").read_text())
-    assert splits == {f"carstage_{split}": [f"scene-{name}"] for split, name in of_split.items()}
+    tables = tmp_path / "out" / NUSCENES_VERSION
+    splits = json.loads((tables / "splits.json").read_text())
+    logs = {row["token"]: row["logfile"] for row in json.loads((tables / "log.json").read_text())}
+    scenes = json.loads((tables / "scene.json").read_text())
+    episodes = {row["name"]: logs[row["log_token"]] for row in scenes}
+    found = {split: [episodes[name] for name in names] for split, names in splits.items()}
+    assert found == {f"carstage_{split}": [name] for split, name in of_split.items()}
 
 
 def test_shares_of_an_export_replace_the_stored_splits(

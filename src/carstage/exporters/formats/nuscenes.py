@@ -1,35 +1,36 @@
-"""nuScenes: an episode is a scene, a frame a sample; the devkit loads, draws and evaluates it."""
+"""nuScenes: a car's part of an episode is a scene; the devkit loads, draws and evaluates it."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from datetime import datetime, timezone
+from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import ClassVar
 
 import numpy as np
 
 from carstage.dataset import Episode
 from carstage.errors import BadInputError
 from carstage.exporters.exporter import Exporter, register
-from carstage.exporters.formats.nuscenes_files import write_blank_mask
-from carstage.exporters.formats.nuscenes_frame import (
-    SamplePart,
-    SampleWriter,
-    calibrated_sensor,
-    channels,
-)
-from carstage.exporters.formats.nuscenes_tables import Chain, Tables, token
+from carstage.exporters.formats.nuscenes_can_bus import CanBus
+from carstage.exporters.formats.nuscenes_files import METRES_PER_PX, write_mask
+from carstage.exporters.formats.nuscenes_frame import VERSION, FramePart, SceneWriter
+from carstage.exporters.formats.nuscenes_rows import SceneTables
+from carstage.exporters.formats.nuscenes_scenes import CarScene, key_frame_step, scenes_of
+from carstage.exporters.formats.nuscenes_segmentation import instance_numbers
+from carstage.exporters.formats.nuscenes_tables import LABELS, Tables, token
 from carstage.exporters.labels import require_labels
+from carstage.exporters.road_cells import SurfaceMap, surface_sensors
 
-VERSION: Final = "v1.0-carstage"
 _EPOCH_S = 1_500_000_000
 _EPISODE_APART_S = 100_000
-_MARGIN_M, _STEP_M, _METRES_PER_PX = 150.0, 100.0, 0.1
+_MARGIN_M, _STEP_M = 150.0, 100.0
 _MOST_MASK_M = 4000.0
+# The devkit's CAN-bus reader wants four digits, and knows of gaps in scenes below 1200.
+_FIRST_SCENE = 2001
+_MOST_SCENES = 10_000 - _FIRST_SCENE
 
 
 @register
@@ -37,21 +38,31 @@ class NuScenes(Exporter):
     """See docs/formats/exports.md."""
 
     name: ClassVar = "nuscenes"
-    summary: ClassVar = "nuScenes: scenes for nuscenes-devkit, every frame a key frame."
+    summary: ClassVar = "nuScenes: key frames and sweeps, lidarseg, panoptic and CAN-bus messages."
     uses: ClassVar = frozenset(
-        {"cameras", "lidar", "min_lidar_points", "max_distance_m", "val_share", "test_share"}
-    )
+        {
+            "cameras", "lidar", "min_lidar_points", "max_distance_m", "val_share", "test_share",
+            "keyframes_hz",
+        }
+    )  # fmt: skip
 
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
         """Check the rigs, make the folders, find each map's extent."""
-        names = set()
+        self._scenes = {}
         for episode in episodes:
             require_labels(episode, self.options, "3d")
-            names |= set(channels(episode, self.options).values())
-        for name in sorted(names):
-            (folder / "samples" / name).mkdir(parents=True)
-        (folder / VERSION).mkdir()
-        (folder / "maps").mkdir()
+            self._scenes[episode.id] = scenes_of(episode, self.options)
+        every = [scene for scenes in self._scenes.values() for scene in scenes]
+        if len(every) > _MOST_SCENES:
+            raise BadInputError(
+                f"The dataset would be {len(every)} scenes; the devkit's scenes have four digits, "
+                f"which is room for {_MOST_SCENES} beside nuScenes's own.",
+                "Export fewer episodes at once.",
+            )
+        self._names = {scene.key: f"scene-{_FIRST_SCENE + n}" for n, scene in enumerate(every)}
+        self._steps = {e.id: key_frame_step(e, self.options) for e in episodes}
+        self._labelled = any(scene.tag_source is not None for scene in every)
+        self._make_folders(every, folder)
         self._folder = folder
         self._episodes = tuple(episodes)
         self._grounds = {
@@ -59,113 +70,64 @@ class NuScenes(Exporter):
             for name in sorted({episode.document["map"] for episode in episodes})
         }
         self._number = 0
-        self._tables = Tables(folder / VERSION)
+        self._tables = Tables(folder / VERSION, labelled=self._labelled)
         self.files.callback(self._tables.close)
 
-    def begin_episode(self, episode: Episode) -> SampleWriter:
-        """Open a scene."""
-        self._episode = episode
-        self._channels = channels(episode, self.options)
-        self._samples = Chain(self._tables, "sample")
-        self._data = {name: Chain(self._tables, "sample_data") for name in self._channels}
-        self._annotations: dict[int, Chain] = {}
-        self._categories: dict[int, str] = {}
-        ranged = any(name[:3] != "CAM" for name in self._channels.values())
-        least = self.options.min_lidar_points
-        return SampleWriter(
-            replace(
-                self.options,
-                max_distance_m=self.options.max_distance_m or episode.spec.max_distance_m,
-            ),
-            self._channels,
-            least if least is not None else int(ranged),
-            self._grounds[episode.document["map"]].shift_m,
+    def _make_folders(self, scenes: Sequence[CarScene], folder: Path) -> None:
+        kinds = ("samples", "sweeps") if max(self._steps.values()) > 1 else ("samples",)
+        for name in sorted({name for scene in scenes for name in scene.channels.values()}):
+            for kind in kinds:
+                (folder / kind / name).mkdir(parents=True)
+        for name in (VERSION, "maps", "can_bus"):
+            (folder / name).mkdir()
+        for table in LABELS if self._labelled else ():
+            (folder / table / VERSION).mkdir(parents=True)
+
+    def begin_episode(self, episode: Episode) -> SceneWriter:
+        """Open the scenes of an episode."""
+        scenes = self._scenes[episode.id]
+        self._ground = self._grounds[episode.document["map"]]
+        step = self._steps[episode.id]
+        start_s = _EPOCH_S + self._number * _EPISODE_APART_S
+        can_bus = self._folder / "can_bus"
+        self._open = tuple(
+            SceneTables(
+                self._tables, episode, scene, CanBus(can_bus, self._names[scene.key]), start_s, step
+            )
+            for scene in scenes
+        )
+        for scene in self._open:
+            self.files.callback(scene.can_bus.close)
+        return SceneWriter(
+            scenes=scenes,
+            step=step,
+            min_points=self.options.min_lidar_points,
+            max_distance_m=self.options.max_distance_m or episode.spec.max_distance_m,
+            shift_m=self._ground.shift_m,
+            numbers=instance_numbers(episode) if self._labelled else {},
+            labelled=self._labelled,
+            surfaces=surface_sensors(episode),
         )
 
-    def add(self, part: SamplePart) -> None:
-        """Write the sample, linked to the one before."""
-        tables, episode = self._tables, self._episode
-        time_us = self._time_us(part.timestamp_s)
-        sample = token(episode.id, "sample", part.k)
-        scene = token(episode.id, "scene")
-        self._samples.add({"token": sample, "timestamp": time_us, "scene_token": scene})
-        pose = token(episode.id, "ego_pose", part.k)
-        tables.add("ego_pose", {"token": pose, "timestamp": time_us, **part.ego_pose})
-        for sensor_id, row in part.data.items():
-            self._data[sensor_id].add(
-                {
-                    "token": token(episode.id, "sample_data", sensor_id, part.k),
-                    "sample_token": sample,
-                    "ego_pose_token": pose,
-                    "calibrated_sensor_token": self._calibrated(sensor_id),
-                    "timestamp": time_us,
-                    "is_key_frame": True,
-                    **row,
-                }
-            )
-        for track_id, annotation in part.annotations.items():
-            if track_id not in self._annotations:
-                self._annotations[track_id] = Chain(tables, "sample_annotation")
-                self._categories[track_id] = part.categories[track_id]
-            row = dict(annotation)
-            attribute = token("attribute", row.pop("attribute"))
-            self._annotations[track_id].add(
-                {
-                    "token": token(episode.id, "annotation", track_id, part.k),
-                    "sample_token": sample,
-                    "instance_token": token(episode.id, "instance", track_id),
-                    "attribute_tokens": [attribute],
-                    **row,
-                }
-            )
+    def add(self, part: FramePart) -> None:
+        """Write the frame's rows, linked to those before."""
+        self._ground.surfaces.add(part.surfaces)
+        for scene, of_scene in zip(self._open, part.scenes, strict=True):
+            scene.add(part.k, part.timestamp_s, of_scene)
 
     def end_episode(self) -> None:
-        """Write the scene, its log and its instances."""
-        tables, episode = self._tables, self._episode
-        for chain in (self._samples, *self._data.values(), *self._annotations.values()):
-            chain.end()
-        for track_id, chain in self._annotations.items():
-            tables.add(
-                "instance",
-                {
-                    "token": token(episode.id, "instance", track_id),
-                    "category_token": token("category", self._categories[track_id]),
-                    "nbr_annotations": chain.count,
-                    "first_annotation_token": chain.first,
-                    "last_annotation_token": chain.last,
-                },
-            )
-        captured = datetime.fromtimestamp(self._time_us(0.0) // 1_000_000, timezone.utc)
-        log = tables.add(
-            "log",
-            {
-                "token": token(episode.id, "log"),
-                "logfile": episode.id,
-                "vehicle": episode.spec.ego.blueprint,
-                "date_captured": captured.date().isoformat(),
-                "location": Path(episode.document["map"]).name,
-            },
-        )
-        tables.add(
-            "scene",
-            {
-                "token": token(episode.id, "scene"),
-                "log_token": log,
-                "nbr_samples": self._samples.count,
-                "first_sample_token": self._samples.first,
-                "last_sample_token": self._samples.last,
-                "name": scene_name(episode),
-                "description": episode.spec.weather.preset or "",
-            },
-        )
+        """Write the scenes, their logs and their instances."""
+        for scene in self._open:
+            scene.end(self._names[scene.scene.key])
         self._number += 1
 
     def finish(self) -> None:
         """Write maps and splits."""
         for name, ground in self._grounds.items():
             mask = f"maps/{token('map', name)}.png"
-            write_blank_mask(self._folder / mask, *ground.size_px)
-            logs = [token(e.id, "log") for e in self._episodes if e.document["map"] == name]
+            write_mask(self._folder / mask, *ground.size_px, ground.surfaces.closed())
+            on_map = [e for e in self._episodes if e.document["map"] == name]
+            logs = [token(scene.key, "log") for e in on_map for scene in self._scenes[e.id]]
             self._tables.add(
                 "map",
                 {
@@ -177,49 +139,27 @@ class NuScenes(Exporter):
                     "global_from_enu_m": list(ground.shift_m),
                 },
             )
-        self._tables.close()
+        self.close()
         splits = {
             f"carstage_{split}": [
-                scene_name(e) for e in self._episodes if self.split_of(e) == split
+                self._names[scene.key]
+                for e in self._episodes
+                if self.split_of(e) == split
+                for scene in self._scenes[e.id]
             ]
             for split in self.used_splits(self._episodes)
         }
         path = self._folder / VERSION / "splits.json"
         path.write_text(json.dumps(splits, indent=1) + "\n")
 
-    def _time_us(self, time_s: float) -> int:
-        """An invented epoch: episodes lie a day apart, so that none overlap."""
-        start_s = _EPOCH_S + self._number * _EPISODE_APART_S
-        return start_s * 1_000_000 + round(1e6 * time_s)
-
-    def _calibrated(self, sensor_id: str) -> str:
-        channel = self._channels[sensor_id]
-        modality = {"CAM": "camera", "LID": "lidar", "RAD": "radar"}[channel[:3]]
-        sensor = self._tables.add_once(
-            "sensor",
-            {"token": token("sensor", channel), "channel": channel, "modality": modality},
-        )
-        return self._tables.add_once(
-            "calibrated_sensor",
-            {
-                "token": token(self._episode.id, "calibrated_sensor", sensor_id),
-                "sensor_token": sensor,
-                **calibrated_sensor(self._episode.calibration.sensors[sensor_id]),
-            },
-        )
-
-
-def scene_name(episode: Episode) -> str:
-    """``scene-`` and the episode's id."""
-    return f"scene-{episode.id}"
-
 
 @dataclass(frozen=True, slots=True)
 class _Ground:
-    """Where a map's frame begins, and how large its mask is."""
+    """Where a map's frame begins, how large its mask is, and where roads were seen."""
 
     shift_m: tuple[float, float]
     size_px: tuple[int, int]
+    surfaces: SurfaceMap
 
 
 def _ground(episodes: Sequence[Episode]) -> _Ground:
@@ -243,5 +183,5 @@ def _ground(episodes: Sequence[Episode]) -> _Ground:
             f"devkit draws maps of at most {_MOST_MASK_M:.0f} m.",
             "Export fewer episodes of that map at once.",
         )
-    width, height = (math.ceil(size / _METRES_PER_PX) for size in sizes)
-    return _Ground((shift[0], shift[1]), (width, height))
+    width, height = (math.ceil(size / METRES_PER_PX) for size in sizes)
+    return _Ground((shift[0], shift[1]), (width, height), SurfaceMap(*sizes))

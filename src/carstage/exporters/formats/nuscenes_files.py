@@ -6,11 +6,16 @@ import struct
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage.exporters.axes import nuscenes_lidar_points, radar_points
+from carstage.exporters.road_cells import CELL_M
+
+METRES_PER_PX: Final = 0.1
+FOREGROUND: Final = 255
 
 _RADAR = np.dtype(
     [
@@ -81,13 +86,29 @@ def radar_file(detections: NDArray[np.float32], velocity_mps: NDArray[np.float64
     return ("\n".join(header) + "\n").encode() + rows.tobytes() + b"\0"
 
 
-def write_blank_mask(path: Path, width: int, height: int) -> None:
-    """A grey PNG of zeros, 0.1 m per pixel: the dataset does not hold where the roads are."""
+def write_mask(path: Path, width: int, height: int, surfaces: NDArray[np.bool_]) -> None:
+    """A grey PNG, 0.1 m per pixel: 255 where roads and sidewalks are known, else 0.
+
+    Args:
+        path: the file.
+        width: of the picture (px).
+        height: likewise.
+        surfaces: ``(north, east)`` cells of ``CELL_M``, from the lower left corner on.
+    """
     packer = zlib.compressobj(1)
-    row = bytes(1 + width)
-    packed = b"".join([*(packer.compress(row) for _ in range(height)), packer.flush()])
+    per_cell = round(CELL_M / METRES_PER_PX)
+    last_north, last_east = (length - 1 for length in surfaces.shape)
+    columns = np.minimum(np.arange(width) // per_cell, last_east)
+    packed = [
+        packer.compress(
+            b"\0" + (surfaces[min((height - row) // per_cell, last_north), columns] * FOREGROUND)
+            .astype(np.uint8).tobytes()
+        )
+        for row in range(height)
+    ]  # fmt: skip
+    packed.append(packer.flush())
     header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    chunks = (_chunk(b"IHDR", header), _chunk(b"IDAT", packed), _chunk(b"IEND", b""))
+    chunks = (_chunk(b"IHDR", header), _chunk(b"IDAT", b"".join(packed)), _chunk(b"IEND", b""))
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
 
 

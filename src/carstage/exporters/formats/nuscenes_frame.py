@@ -1,15 +1,17 @@
-"""What a frame becomes in nuScenes: files of its sensors, a sample, annotations."""
+"""What a frame becomes in nuScenes: files of its sensors, and on key frames labels."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from carstage.dataset import Episode, SensorCalibration
+from carstage.dataset import SensorCalibration
 from carstage.dataset.saved_frames import Frame, Row
 from carstage.exporters.axes import (
     enu_pose,
@@ -21,94 +23,136 @@ from carstage.exporters.axes import (
     quaternion_from_matrix,
 )
 from carstage.exporters.classes import nuscenes_category
+from carstage.exporters.cloud_objects import point_objects
+from carstage.exporters.clouds import LabelledCloud, LabelledLidar, read_labelled
+from carstage.exporters.formats.nuscenes_can_bus import Messages, can_messages
 from carstage.exporters.formats.nuscenes_files import lidar_file, radar_file
+from carstage.exporters.formats.nuscenes_scenes import CarScene
+from carstage.exporters.formats.nuscenes_segmentation import panoptic_file, point_categories
+from carstage.exporters.formats.nuscenes_tables import token
 from carstage.exporters.formats.pictures import copy_picture
-from carstage.exporters.labels import lidar_points, radar_points
-from carstage.exporters.options import ExportOptions
-from carstage.exporters.rigs import colour_cameras, main_lidar
+from carstage.exporters.road_cells import SurfaceSensors, surface_cells
 from carstage.geometry import FloatArray, pose_matrix
-from carstage.sensor_kinds.model import DETECTIONS, POINTS
+from carstage.sensor_kinds.model import CLOUDS
 
+VERSION: Final = "v1.0-carstage"
 _MOVING_MPS, _WALKING_MPS = 0.2, 0.1
 
 
-def channels(episode: Episode, options: ExportOptions) -> dict[str, str]:
-    """nuScenes's channel of each sensor that is exported, by sensor id.
-
-    The LiDAR is ``LIDAR_TOP``, whatever its id: the devkit finds the ego by that name.
-    """
-    lidar = main_lidar(episode, options)
-    found = {} if lidar is None else {lidar.id: "LIDAR_TOP"}
-    cameras = (camera for camera in colour_cameras(episode, options) if camera.on_ego)
-    radars = (
-        sensor.calibration
-        for sensor in episode.sensors
-        if sensor.content == DETECTIONS and sensor.calibration.on_ego
-    )
-    for prefix, sensors in (("CAM_", cameras), ("RADAR_", radars)):
-        for sensor in sensors:
-            name = sensor.id.upper()
-            found[sensor.id] = name if name.startswith(prefix) else prefix + name
-    return found
-
-
 @dataclass(frozen=True, slots=True)
-class SamplePart:
-    """A frame: pose of the ego, rows of sensors by id, rows of annotations by track id."""
+class ScenePart:
+    """A frame of one scene: pose of the car, rows of sensors by id, annotations by track id.
 
-    k: int
-    timestamp_s: float
-    ego_pose: Mapping[str, Any]
+    ``labels`` are the files of the points' labels by table. What only key frames have is empty on
+    others.
+    """
+
+    pose: Mapping[str, Any]
     data: Mapping[str, Mapping[str, Any]]
     annotations: Mapping[int, Mapping[str, Any]]
     categories: Mapping[int, str]
+    labels: Mapping[str, str]
+    can_messages: Messages
 
 
 @dataclass(frozen=True, slots=True)
-class SampleWriter:
-    """Writes the sensors' files of a frame.
+class FramePart:
+    """A frame: a part for each scene of the episode, and the ground that it shows."""
+
+    k: int
+    timestamp_s: float
+    scenes: tuple[ScenePart, ...]
+    surfaces: NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True)
+class SceneWriter:
+    """Writes the sensors' files of a frame, for each car.
 
     Attributes:
-        options: the choices, with the most distance set.
-        channels: of the sensors, by id.
-        min_points: fewer LiDAR and radar points, and an object is left out.
+        scenes: of the episode.
+        step: every how many frames one is a key frame.
+        min_points: fewer LiDAR and radar points, and an object is left out; ``None``: one, where
+            the car has either.
+        max_distance_m: from the car; objects farther away are left out.
         shift_m: what is added to east and north, so that all are positive as nuScenes's maps are.
+        numbers: of the instances in panoptic labels, by track id.
+        labelled: whether points get labels.
+        surfaces: sensors that tell where roads are.
     """
 
-    options: ExportOptions
-    channels: Mapping[str, str]
-    min_points: int
+    scenes: tuple[CarScene, ...]
+    step: int
+    min_points: int | None
+    max_distance_m: float
     shift_m: tuple[float, float]
+    numbers: Mapping[int, int]
+    labelled: bool
+    surfaces: SurfaceSensors
 
-    def __call__(self, frame: Frame, folder: Path) -> SamplePart:
+    def __call__(self, frame: Frame, folder: Path) -> FramePart:
         """Write the frame; sensors without data are left out of it."""
-        data = {
-            sensor_id: self._write(frame, sensor_id, channel, folder)
-            for sensor_id, channel in self.channels.items()
-            if frame.has(sensor_id)
-        }
-        pose = enu_pose(frame.world_from_ego)
-        annotations, categories = {}, {}
-        for track_id, row in sorted(frame.objects.items()):
-            category = nuscenes_category(row)
-            if category is not None and self._wanted(row):
-                annotations[track_id] = self._annotation(row)
-                categories[track_id] = category
-        return SamplePart(
-            frame.k, frame.timestamp_s, _pose_row(pose, self.shift_m), data, annotations, categories
+        return FramePart(
+            frame.k,
+            frame.timestamp_s,
+            tuple(self._scene(scene, frame, folder) for scene in self.scenes),
+            surface_cells(frame, self.surfaces, self.shift_m),
         )
 
-    def _write(self, frame: Frame, sensor_id: str, channel: str, folder: Path) -> dict[str, Any]:
+    def _scene(self, scene: CarScene, frame: Frame, folder: Path) -> ScenePart:
+        pose = enu_pose(scene.car.world_from_car(frame))
+        pose[:2, 3] += self.shift_m
+        cloud = None
+        if scene.lidar is not None and frame.has(scene.lidar):
+            cloud = read_labelled(frame, LabelledLidar(scene.lidar, scene.tag_source))
+        data = {
+            sensor_id: self._write(scene, frame, sensor_id, cloud, folder)
+            for sensor_id in scene.channels
+            if frame.has(sensor_id)
+        }
+        messages: Messages = {}
+        if scene.car.is_ego and frame.ego is not None:
+            messages = can_messages(frame.ego, frame.ego_object, pose)
+        if frame.k % self.step:
+            return ScenePart(_pose_row(pose), data, {}, {}, {}, messages)
+        seen = scene.car.frame(frame)
+        tracks = None
+        if cloud is not None and scene.lidar is not None:
+            tracks = point_objects(seen, cloud, frame.world_from_sensor(scene.lidar), scene.own_id)
+        labels = {}
+        if self.labelled and cloud is not None and tracks is not None:
+            labels = self._write_labels(scene, seen, cloud, tracks, folder)
+        counts = _points_in_boxes(scene, seen, tracks)
+        place = scene.car.world_from_car(frame)[:3, 3]
+        annotations, categories = {}, {}
+        for track_id, row in sorted(seen.objects.items()):
+            category = nuscenes_category(row)
+            if category is not None and self._wanted(scene, row, counts[track_id], place):
+                annotations[track_id] = self._annotation(row, counts[track_id])
+                categories[track_id] = category
+        return ScenePart(_pose_row(pose), data, annotations, categories, labels, messages)
+
+    def _write(
+        self,
+        scene: CarScene,
+        frame: Frame,
+        sensor_id: str,
+        cloud: LabelledCloud | None,
+        folder: Path,
+    ) -> dict[str, Any]:
         sensor = frame.episode.sensor(sensor_id).calibration
-        stem = folder / "samples" / channel / f"{frame.episode.id}__{channel}__{frame.k:06d}"
+        channel = scene.channels[sensor_id]
+        kind = "sweeps" if frame.k % self.step else "samples"
+        stem = folder / kind / channel / f"{scene.key}__{channel}__{frame.k:06d}"
         if sensor.is_camera:
             path = copy_picture(frame, sensor_id, stem)
-        elif sensor.content == POINTS:
+        elif cloud is not None and sensor_id == scene.lidar:
             path = stem.with_name(stem.name + ".pcd.bin")
-            path.write_bytes(lidar_file(frame.read(sensor_id), sensor.attributes))
+            path.write_bytes(lidar_file(cloud.points, sensor.attributes))
         else:
             path = stem.with_name(stem.name + ".pcd")
-            path.write_bytes(radar_file(frame.read(sensor_id), _radar_velocity(frame, sensor)))
+            velocity = _radar_velocity(scene, frame, sensor)
+            path.write_bytes(radar_file(frame.read(sensor_id), velocity))
         return {
             "filename": path.relative_to(folder).as_posix(),
             "fileformat": "pcd" if ".pcd" in path.name else path.suffix[1:],
@@ -116,28 +160,76 @@ class SampleWriter:
             "height": sensor.height,
         }
 
-    def _wanted(self, row: Row) -> bool:
-        return (
-            row["box_center"] is not None
-            and row["distance_ego"] <= (self.options.max_distance_m or np.inf)
-            and lidar_points(row) + radar_points(row) >= self.min_points
-        )
+    def _write_labels(
+        self,
+        scene: CarScene,
+        frame: Frame,
+        cloud: LabelledCloud,
+        tracks: NDArray[np.int64],
+        folder: Path,
+    ) -> dict[str, str]:
+        """Write the labels of a sweep's points; the files by table."""
+        categories = point_categories(cloud, tracks, frame.objects, scene.own_id)
+        name = data_token(scene, scene.lidar or "", frame.k)
+        paths = {
+            "lidarseg": f"lidarseg/{VERSION}/{name}_lidarseg.bin",
+            "panoptic": f"panoptic/{VERSION}/{name}_panoptic.npz",
+        }
+        (folder / paths["lidarseg"]).write_bytes(categories.tobytes())
+        (folder / paths["panoptic"]).write_bytes(panoptic_file(categories, tracks, self.numbers))
+        return paths
 
-    def _annotation(self, row: Row) -> dict[str, Any]:
+    def _wanted(
+        self, scene: CarScene, row: Row, points: tuple[int, int], place: FloatArray
+    ) -> bool:
+        least = int(scene.ranged) if self.min_points is None else self.min_points
+        if row["box_center"] is None or sum(points) < least:
+            return False
+        distance = row["distance_ego"]
+        if not scene.car.is_ego:
+            distance = float(np.linalg.norm(np.array(row["box_center"]) - place))
+        return bool(distance <= self.max_distance_m)
+
+    def _annotation(self, row: Row, points: tuple[int, int]) -> dict[str, Any]:
         box = nuscenes_box(
             pose_matrix(row["box_center"], row["box_rotation_deg"]), row["box_extent"]
         )
         east, north, up = box.translation.tolist()
-        token = row["visibility_token"]
+        visibility = row["visibility_token"]
         return {
             "attribute": attribute(row),
-            "visibility_token": "" if token is None else str(token),
+            "visibility_token": "" if visibility is None else str(visibility),
             "translation": [east + self.shift_m[0], north + self.shift_m[1], up],
             "size": box.size.tolist(),
             "rotation": box.rotation.tolist(),
-            "num_lidar_pts": lidar_points(row),
-            "num_radar_pts": radar_points(row),
+            "num_lidar_pts": points[0],
+            "num_radar_pts": points[1],
         }
+
+
+def data_token(scene: CarScene, sensor_id: str, k: int) -> str:
+    """The token of a sensor's frame in ``sample_data``."""
+    return token(scene.key, "sample_data", sensor_id, k)
+
+
+def _points_in_boxes(
+    scene: CarScene, frame: Frame, tracks: NDArray[np.int64] | None
+) -> dict[int, tuple[int, int]]:
+    """Points of the scene's LiDAR and detections of its radars on each object.
+
+    The recording counts points in boxes of ordinary LiDARs alone; a semantic LiDAR tells itself
+    what it hit.
+    """
+    hits = Counter[int]()
+    if tracks is not None and scene.lidar == scene.tag_source:
+        hits.update(tracks.tolist())
+    found = {}
+    for track_id, row in frame.objects.items():
+        by_lidar = dict(row["num_lidar_points"] or ())
+        by_radar = dict(row.get("num_radar_points") or ())
+        points = by_lidar.get(scene.lidar, 0) or hits[track_id]
+        found[track_id] = (points, sum(by_radar.get(radar, 0) for radar in scene.radars))
+    return found
 
 
 def attribute(row: Row) -> str:
@@ -153,29 +245,33 @@ def attribute(row: Row) -> str:
 
 
 def calibrated_sensor(sensor: SensorCalibration) -> dict[str, Any]:
-    """Pose of a sensor on the ego in nuScenes's axes, and a camera's intrinsics."""
+    """Pose of a sensor on its car in nuScenes's axes, and a camera's intrinsics."""
     if sensor.is_camera:
-        pose = flu_from_optical(sensor.ego_from_sensor)
-    elif sensor.content == POINTS:
-        pose = flu_from_nuscenes_lidar(sensor.ego_from_sensor)
+        pose = flu_from_optical(sensor.carrier_from_sensor)
+    elif sensor.content in CLOUDS:
+        pose = flu_from_nuscenes_lidar(sensor.carrier_from_sensor)
     else:
-        pose = flu_pose(sensor.ego_from_sensor)
+        pose = flu_pose(sensor.carrier_from_sensor)
     return {
-        **_pose_row(pose, (0.0, 0.0)),
+        **_pose_row(pose),
         "camera_intrinsic": sensor.k.tolist() if sensor.is_camera else [],
     }
 
 
-def _pose_row(pose: FloatArray, shift_m: tuple[float, float]) -> dict[str, Any]:
-    x, y, z = pose[:3, 3].tolist()
+def _pose_row(pose: FloatArray) -> dict[str, Any]:
     return {
-        "translation": [x + shift_m[0], y + shift_m[1], z],
+        "translation": pose[:3, 3].tolist(),
         "rotation": quaternion_from_matrix(pose[:3, :3]).tolist(),
     }
 
 
-def _radar_velocity(frame: Frame, radar: SensorCalibration) -> FloatArray:
-    """The radar's own velocity along its axes, from the ego's; its turning is left out."""
-    if frame.ego is None:
+def _radar_velocity(scene: CarScene, frame: Frame, radar: SensorCalibration) -> FloatArray:
+    """The radar's own velocity along its axes, from the car's; its turning is left out."""
+    carrier = None if scene.car.track_id is None else frame.objects.get(scene.car.track_id)
+    if carrier is not None:
+        world_from_radar = frame.world_from_sensor(radar.id)
+        return flu_vector(world_from_radar[:3, :3].T @ np.array(carrier["velocity"]))
+    if not scene.car.is_ego or frame.ego is None:
         return np.zeros(3)
-    return flu_vector(radar.ego_from_sensor[:3, :3].T @ np.array(frame.ego["velocity_ego"]))
+    velocity = np.array(frame.ego["velocity_ego"])
+    return flu_vector(radar.carrier_from_sensor[:3, :3].T @ velocity)

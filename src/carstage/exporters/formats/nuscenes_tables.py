@@ -7,13 +7,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from carstage.exporters.classes import NUSCENES_CATEGORIES
+from carstage.exporters.formats.nuscenes_segmentation import CATEGORIES
 from carstage.exporters.json_rows import JsonRows
 
 TABLES: Final = (
     "category", "attribute", "visibility", "instance", "sensor", "calibrated_sensor", "ego_pose",
     "log", "scene", "sample", "sample_data", "sample_annotation", "map",
 )  # fmt: skip
+LABELS: Final = ("lidarseg", "panoptic")
 ATTRIBUTES: Final = {
     "vehicle.moving": "Vehicle is moving.",
     "vehicle.stopped": "Vehicle, with a driver, stands still.",
@@ -33,16 +34,18 @@ def token(*parts: object) -> str:
 
 
 class Tables:
-    """The thirteen files.
+    """The thirteen files, and two more where points are labelled.
 
     Args:
         folder: where they go.
+        labelled: whether there are labels of points.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._rows = {name: JsonRows(folder / f"{name}.json") for name in TABLES}
+    def __init__(self, folder: Path, *, labelled: bool = False) -> None:
+        names = (*TABLES, *(LABELS if labelled else ()))
+        self._rows = {name: JsonRows(folder / f"{name}.json") for name in names}
         self._written: set[str] = set()
-        for index, name in enumerate(NUSCENES_CATEGORIES):
+        for index, name in enumerate(CATEGORIES):
             row = {"token": token("category", name), "name": name, "description": ""}
             self.add("category", {**row, "index": index})
         for name, description in ATTRIBUTES.items():

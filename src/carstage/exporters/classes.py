@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 DONT_CARE: Final = "DontCare"
 RIDER: Final = "rider"
@@ -53,20 +53,3 @@ CLASSES: Final[Mapping[str, ForeignNames]] = MappingProxyType(
 VEHICLES: Final = tuple(CLASSES)[:6]
 DEFAULT_CLASSES: Final = tuple(CLASSES)[:11]
 """Road users, lights and signs: what formats hold that do not ask for more."""
-
-_EMERGENCY = ("ambulance", "police")
-
-
-def nuscenes_category(row: Mapping[str, Any]) -> str | None:
-    """The category of a row of ``objects.parquet``; ``None``: nuScenes has none.
-
-    Ambulances and police cars have their own; a fire engine is a truck.
-    """
-    names = CLASSES.get(row["class"])
-    if names is None or names.nuscenes is None:
-        return None
-    if row["special_type"] == "emergency":
-        for kind in _EMERGENCY:
-            if kind in row["blueprint"]:
-                return f"vehicle.emergency.{kind}"
-    return names.nuscenes

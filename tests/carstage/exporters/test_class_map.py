@@ -139,6 +139,13 @@ def test_the_command_refuses_a_bad_file_before_it_looks_at_the_dataset(tmp_path:
         ("kitti-object", {"class_map": NUMBERED}, "KITTI's types have none"),
         ("kitti-object", {"class_map": ClassMap.of({"car": "my car"})}, "no type for KITTI"),
         ("kitti-tracking", {"class_map": ClassMap.of({"rider": "Person"})}, "no 3D box"),
+        ("nuscenes", {"class_map": NAMED}, "no category of nuScenes"),
+        ("nuscenes", {"class_map": ClassMap.of({"rider": "animal"})}, "no 3D box"),
+        (
+            "nuscenes",
+            {"class_map": ClassMap.of({"car": {"name": "vehicle.car", "id": 3}})},
+            "numbers its own",
+        ),
         ("mcap", {"class_map": NAMED}, "does not use --class-map"),
     ],
 )

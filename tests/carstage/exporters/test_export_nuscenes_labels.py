@@ -236,6 +236,29 @@ def test_naming_sensors_chooses_their_cars(segmented, tmp_path: Path) -> None:
     assert [log["vehicle"] for log in logs] == ["vehicle.audi.a2"]
 
 
+def test_a_class_map_gives_boxes_and_points_other_categories(
+    devkit, segmented, tmp_path: Path
+) -> None:
+    from carstage.exporters import ClassMap, ExportOptions
+
+    types = ClassMap.of({"car": "vehicle.trailer", "walker_adult": "movable_object.debris"})
+    chosen = ExportOptions(class_map=types)
+    export_dataset("nuscenes", segmented, tmp_path / "out", chosen, workers=0)
+    nusc = devkit.NuScenes(NUSCENES_VERSION, str(tmp_path / "out"), verbose=False)
+    attributes = {row["token"]: row["name"] for row in nusc.attribute}
+    seen = {
+        (row["category_name"], tuple(attributes[token] for token in row["attribute_tokens"]))
+        for row in nusc.sample_annotation
+    }
+    assert {category for category, _ in seen} == set(types.names)
+    assert ("movable_object.debris", ()) in seen
+    for sample in nusc.sample:
+        labels = labels_of(nusc, "panoptic", sample)
+        instances = {nusc.lidarseg_idx2name_mapping[x // 1000] for x in labels if x % 1000}
+        assert instances <= set(types.names)
+        assert instances
+
+
 def test_processes_write_what_one_process_writes(segmented, out: Path, tmp_path: Path) -> None:
     export_dataset("nuscenes", segmented, tmp_path / "two", workers=2)
     files = [p.relative_to(out) for p in sorted(out.rglob("*")) if p.is_file()]

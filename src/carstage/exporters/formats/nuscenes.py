@@ -15,6 +15,7 @@ from carstage.dataset import Episode
 from carstage.errors import BadInputError
 from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.formats.nuscenes_can_bus import CanBus
+from carstage.exporters.formats.nuscenes_categories import check_categories
 from carstage.exporters.formats.nuscenes_files import METRES_PER_PX, write_mask
 from carstage.exporters.formats.nuscenes_frame import VERSION, FramePart, SceneWriter
 from carstage.exporters.formats.nuscenes_rows import SceneTables
@@ -42,12 +43,13 @@ class NuScenes(Exporter):
     uses: ClassVar = frozenset(
         {
             "cameras", "lidar", "min_lidar_points", "max_distance_m", "val_share", "test_share",
-            "keyframes_hz",
+            "keyframes_hz", "class_map",
         }
     )  # fmt: skip
 
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
         """Check the rigs, make the folders, find each map's extent."""
+        check_categories(self.options.class_map)
         self._scenes = {}
         for episode in episodes:
             require_labels(episode, self.options, "3d")
@@ -104,9 +106,10 @@ class NuScenes(Exporter):
             min_points=self.options.min_lidar_points,
             max_distance_m=self.options.max_distance_m or episode.spec.max_distance_m,
             shift_m=self._ground.shift_m,
-            numbers=instance_numbers(episode) if self._labelled else {},
+            numbers=instance_numbers(episode, self.options.class_map) if self._labelled else {},
             labelled=self._labelled,
             surfaces=surface_sensors(episode),
+            class_map=self.options.class_map,
         )
 
     def add(self, part: FramePart) -> None:

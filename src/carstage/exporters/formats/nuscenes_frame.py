@@ -22,10 +22,11 @@ from carstage.exporters.axes import (
     nuscenes_box,
     quaternion_from_matrix,
 )
-from carstage.exporters.classes import nuscenes_category
+from carstage.exporters.class_map import ClassMap
 from carstage.exporters.cloud_objects import point_objects
 from carstage.exporters.clouds import LabelledCloud, LabelledLidar, read_labelled
 from carstage.exporters.formats.nuscenes_can_bus import Messages, can_messages
+from carstage.exporters.formats.nuscenes_categories import attribute_of, category_of
 from carstage.exporters.formats.nuscenes_files import lidar_file, radar_file
 from carstage.exporters.formats.nuscenes_scenes import CarScene
 from carstage.exporters.formats.nuscenes_segmentation import panoptic_file, point_categories
@@ -36,7 +37,6 @@ from carstage.geometry import FloatArray, pose_matrix
 from carstage.sensor_kinds.model import CLOUDS
 
 VERSION: Final = "v1.0-carstage"
-_MOVING_MPS, _WALKING_MPS = 0.2, 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +79,7 @@ class SceneWriter:
         numbers: of the instances in panoptic labels, by track id.
         labelled: whether points get labels.
         surfaces: sensors that tell where roads are.
+        class_map: the options'.
     """
 
     scenes: tuple[CarScene, ...]
@@ -89,6 +90,7 @@ class SceneWriter:
     numbers: Mapping[int, int]
     labelled: bool
     surfaces: SurfaceSensors
+    class_map: ClassMap | None
 
     def __call__(self, frame: Frame, folder: Path) -> FramePart:
         """Write the frame; sensors without data are left out of it."""
@@ -126,9 +128,9 @@ class SceneWriter:
         place = scene.car.world_from_car(frame)[:3, 3]
         annotations, categories = {}, {}
         for track_id, row in sorted(seen.objects.items()):
-            category = nuscenes_category(row)
+            category = category_of(row, self.class_map)
             if category is not None and self._wanted(scene, row, counts[track_id], place):
-                annotations[track_id] = self._annotation(row, counts[track_id])
+                annotations[track_id] = self._annotation(row, category, counts[track_id])
                 categories[track_id] = category
         return ScenePart(_pose_row(pose), data, annotations, categories, labels, messages)
 
@@ -169,7 +171,7 @@ class SceneWriter:
         folder: Path,
     ) -> dict[str, str]:
         """Write the labels of a sweep's points; the files by table."""
-        categories = point_categories(cloud, tracks, frame.objects, scene.own_id)
+        categories = point_categories(cloud, tracks, frame.objects, scene.own_id, self.class_map)
         name = data_token(scene, scene.lidar or "", frame.k)
         paths = {
             "lidarseg": f"lidarseg/{VERSION}/{name}_lidarseg.bin",
@@ -190,14 +192,15 @@ class SceneWriter:
             distance = float(np.linalg.norm(np.array(row["box_center"]) - place))
         return bool(distance <= self.max_distance_m)
 
-    def _annotation(self, row: Row, points: tuple[int, int]) -> dict[str, Any]:
+    def _annotation(self, row: Row, category: str, points: tuple[int, int]) -> dict[str, Any]:
         box = nuscenes_box(
             pose_matrix(row["box_center"], row["box_rotation_deg"]), row["box_extent"]
         )
         east, north, up = box.translation.tolist()
         visibility = row["visibility_token"]
+        speed_mps = float(np.linalg.norm(row["velocity"]))
         return {
-            "attribute": attribute(row),
+            "attribute": attribute_of(category, row["is_static"], speed_mps),
             "visibility_token": "" if visibility is None else str(visibility),
             "translation": [east + self.shift_m[0], north + self.shift_m[1], up],
             "size": box.size.tolist(),
@@ -230,18 +233,6 @@ def _points_in_boxes(
         points = by_lidar.get(scene.lidar, 0) or hits[track_id]
         found[track_id] = (points, sum(by_radar.get(radar, 0) for radar in scene.radars))
     return found
-
-
-def attribute(row: Row) -> str:
-    """nuScenes's attribute of an object: what it is doing."""
-    speed = float(np.linalg.norm(row["velocity"]))
-    if row["class"] in ("motorcycle", "bicycle"):
-        return "cycle.without_rider" if row["is_static"] else "cycle.with_rider"
-    if row["class"].startswith("walker"):
-        return "pedestrian.moving" if speed > _WALKING_MPS else "pedestrian.standing"
-    if row["is_static"]:
-        return "vehicle.parked"
-    return "vehicle.moving" if speed > _MOVING_MPS else "vehicle.stopped"
 
 
 def calibrated_sensor(sensor: SensorCalibration) -> dict[str, Any]:

@@ -134,13 +134,13 @@ class SceneTables:
             self._annotations[track_id] = Chain(self._tables, "sample_annotation")
             self._categories[track_id] = category
         row = dict(annotation)
-        attribute = token("attribute", row.pop("attribute"))
+        attribute = row.pop("attribute")
         self._annotations[track_id].add(
             {
                 "token": token(key, "annotation", track_id, k),
                 "sample_token": self._sample(k),
                 "instance_token": token(key, "instance", track_id),
-                "attribute_tokens": [attribute],
+                "attribute_tokens": [] if attribute is None else [token("attribute", attribute)],
                 **row,
             }
         )

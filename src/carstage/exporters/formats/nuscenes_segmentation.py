@@ -12,45 +12,10 @@ from numpy.typing import NDArray
 from carstage.codecs.npz import pack_npz
 from carstage.dataset import Episode
 from carstage.dataset.saved_frames import Row
-from carstage.exporters.classes import nuscenes_category
+from carstage.exporters.class_map import ClassMap
 from carstage.exporters.clouds import LabelledCloud
+from carstage.exporters.formats.nuscenes_categories import CATEGORIES, category_of
 from carstage.tags import TAGS_0_9_14
-
-CATEGORIES: Final = (
-    "noise",
-    "animal",
-    "human.pedestrian.adult",
-    "human.pedestrian.child",
-    "human.pedestrian.construction_worker",
-    "human.pedestrian.personal_mobility",
-    "human.pedestrian.police_officer",
-    "human.pedestrian.stroller",
-    "human.pedestrian.wheelchair",
-    "movable_object.barrier",
-    "movable_object.debris",
-    "movable_object.pushable_pullable",
-    "movable_object.trafficcone",
-    "static_object.bicycle_rack",
-    "vehicle.bicycle",
-    "vehicle.bus.bendy",
-    "vehicle.bus.rigid",
-    "vehicle.car",
-    "vehicle.construction",
-    "vehicle.emergency.ambulance",
-    "vehicle.emergency.police",
-    "vehicle.motorcycle",
-    "vehicle.trailer",
-    "vehicle.truck",
-    "flat.driveable_surface",
-    "flat.other",
-    "flat.sidewalk",
-    "flat.terrain",
-    "static.manmade",
-    "static.other",
-    "static.vegetation",
-    "vehicle.ego",
-)
-"""nuScenes-lidarseg's categories; a point's label is the place in this list."""
 
 _CATEGORY_OF_TAG: Final = {
     "Unlabeled": "noise",
@@ -88,12 +53,17 @@ _OF_TAG: Final = np.zeros(256, np.uint8)
 for _value, _tag in TAGS_0_9_14.items():
     _OF_TAG[_value] = _INDEX[_CATEGORY_OF_TAG[_tag.name]]
 _EGO: Final = _INDEX["vehicle.ego"]
+_FIRST_STUFF: Final = _INDEX["flat.driveable_surface"]
 _MOST_INSTANCES: Final = 999
 _PER_CATEGORY: Final = 1000
 
 
 def point_categories(
-    cloud: LabelledCloud, tracks: NDArray[np.int64], objects: Mapping[int, Row], own_id: int
+    cloud: LabelledCloud,
+    tracks: NDArray[np.int64],
+    objects: Mapping[int, Row],
+    own_id: int,
+    class_map: ClassMap | None,
 ) -> NDArray[np.uint8]:
     """nuScenes-lidarseg's label ``(N,)`` of each point: its object's category, else its tag's.
 
@@ -102,13 +72,14 @@ def point_categories(
         tracks: ``(N,)`` see ``point_objects``.
         objects: rows of ``objects.parquet`` by track id.
         own_id: of the vehicle under the LiDAR: ``vehicle.ego``.
+        class_map: the options'.
     """
     labels = _OF_TAG[cloud.tags]
     for track in np.unique(tracks).tolist():
         if track == own_id:
             labels[tracks == track] = _EGO
         elif track in objects:
-            category = nuscenes_category(objects[track])
+            category = category_of(objects[track], class_map)
             if category is not None:
                 labels[tracks == track] = _INDEX[category]
     return labels
@@ -127,10 +98,11 @@ def panoptic_file(
     instances = np.zeros(len(tracks), np.uint16)
     for track in np.unique(tracks).tolist():
         instances[tracks == track] = numbers.get(track, 0)
+    instances[categories >= _FIRST_STUFF] = 0  # `vehicle.ego` is no thing either
     return pack_npz({"data": (categories.astype(np.uint16) * _PER_CATEGORY + instances)})
 
 
-def instance_numbers(episode: Episode) -> dict[int, int]:
+def instance_numbers(episode: Episode, class_map: ClassMap | None) -> dict[int, int]:
     """Number of each road user among those of its category, from 1 on, in the order of track ids.
 
     nuScenes has room for 999; those after them have none.
@@ -141,7 +113,7 @@ def instance_numbers(episode: Episode) -> dict[int, int]:
     counts: Counter[str] = Counter()
     numbers: dict[int, int] = {}
     for row in rows:
-        category = nuscenes_category(row)
+        category = category_of(row, class_map)
         if category is not None and counts[category] < _MOST_INSTANCES:
             counts[category] += 1
             numbers[int(row["track_id"])] = counts[category]

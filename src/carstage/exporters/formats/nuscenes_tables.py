@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from carstage.exporters.formats.nuscenes_segmentation import CATEGORIES
+from carstage.exporters.formats.nuscenes_categories import CATEGORIES
 from carstage.exporters.json_rows import JsonRows
 
 TABLES: Final = (

@@ -140,3 +140,5 @@ def _note_what_is_missing(summary: ExportSummary) -> None:
         note(f"Left out: {summary.frames_left_out} frames.")
     for name, rows in summary.unknown_classes.items():
         note(f"Left out: {rows} labels of class {name!r}, which no format knows.")
+    for sensor, frames in summary.sensors_left_out.items():
+        note(f"Left out: sensor {sensor}, {frames} frames, which {summary.format} cannot hold.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import fields
@@ -53,6 +54,8 @@ class Exporter(ABC):
         summary: one line about it.
         uses: the names of the options that it knows; others are refused.
         files: holds what the exporter has open.
+        sensors_left_out: by id of a sensor, the frames whose data the format has no place for; for
+            formats that say they hold every sensor.
     """
 
     name: ClassVar[str]
@@ -62,6 +65,7 @@ class Exporter(ABC):
     def __init__(self, options: ExportOptions) -> None:
         self.options = options
         self.files = ExitStack()
+        self.sensors_left_out: Counter[str] = Counter()
 
     @abstractmethod
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:

@@ -41,6 +41,7 @@ class ExportSummary:
         frames_left_out: frames whose data the format cannot do without were missing.
         episodes_left_out: ids of the episodes whose tables were missing or damaged.
         unknown_classes: rows by class of the labels that were left out as no format knows them.
+        sensors_left_out: frames by sensor whose data the format has no place for, where it says so.
         problems: what is missing or damaged in the dataset.
     """
 
@@ -51,6 +52,7 @@ class ExportSummary:
     frames_left_out: int
     episodes_left_out: tuple[str, ...]
     unknown_classes: dict[str, int]
+    sensors_left_out: dict[str, int]
     problems: tuple[Problem, ...]
 
     def to_json(self) -> dict[str, Any]:
@@ -124,6 +126,7 @@ def export_dataset(
             frames_left_out=sum(episode.frames for episode in episodes) - frames,
             episodes_left_out=tuple(e.id for e in source.episodes if e.id not in found.whole),
             unknown_classes=dict(found.unknown_classes),
+            sensors_left_out=dict(sorted(exporter.sensors_left_out.items())),
             problems=found.problems,
         )
         write_document(

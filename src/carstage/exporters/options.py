@@ -12,6 +12,7 @@ from carstage.exporters.classes import CLASSES, DEFAULT_CLASSES
 BoxChoice = Literal["amodal", "modal"]
 OcclusionChoice = Literal["stage_vo", "pixel"]
 CodecChoice = Literal["ffv1", "h264"]
+MessagesChoice = Literal["foxglove", "ros2"]
 
 
 def _shown(text: str, metavar: str | None = None, flag: str | None = None) -> dict[str, Any]:
@@ -39,6 +40,7 @@ class ExportOptions:
         validation_share: share of the episodes that goes to the validation split.
         codec: of videos: lossless or small.
         classes: names of the classes to export.
+        messages: of MCAP: which messages.
     """
 
     cameras: tuple[str, ...] = field(
@@ -78,12 +80,17 @@ class ExportOptions:
             "A class to export, also rider, pole and the like. Repeatable.", "NAME", "--class"
         ),
     )
+    messages: MessagesChoice | None = field(
+        default=None,
+        metadata=_shown("Of MCAP: Foxglove's messages (default), or ROS 2's.", "foxglove|ros2"),
+    )
 
     def __post_init__(self) -> None:
         for name, given, known in (
             ("boxes", self.boxes, get_args(BoxChoice)),
             ("occlusion", self.occlusion, get_args(OcclusionChoice)),
             ("codec", self.codec, get_args(CodecChoice)),
+            ("messages", self.messages, get_args(MessagesChoice)),
         ):
             if given is not None and given not in known:
                 raise BadInputError(f"{name}: {given!r}.", f"Give {' or '.join(known)}.")

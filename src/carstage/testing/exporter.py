@@ -24,6 +24,7 @@ _NOT_DEFAULT: dict[str, Any] = {
     "include_invisible": True,
     "validation_share": 0.5,
     "classes": ("car",),
+    "messages": "ros2",
 }
 
 

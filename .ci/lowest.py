@@ -4,8 +4,9 @@
 
 Makes an environment (default: Python 3.10, the lowest that is supported) with the lowest version
 of each direct dependency that the bounds allow. It records the beginning of the demonstration
-there, validates, reports and exports it, and starts the graphical interface. The pins
-of `constraint-dependencies` do not count in it.
+there, validates, reports and exports it, and starts the graphical interface. Then a town and ten
+frames are compared with those of the environment that runs this. The pins of
+`constraint-dependencies` do not count in the new environment.
 """
 
 import os
@@ -67,7 +68,9 @@ def main(python: str) -> None:
         environment = {**os.environ, "PATH": f"{carstage.parent}:{os.environ['PATH']}"}
         gui = [sys.executable, str(ROOT / ".ci" / "gui.py")]
         subprocess.run(gui, check=True, cwd=scratch, env=environment)
-    print(f"Python {python}: the lowest versions record, validate and export")
+        same = ["benchmarks", "same-bytes", str(scratch / "venv/bin/python"), "--town", "Stage01"]
+        subprocess.run([sys.executable, "-m", *same], check=True, cwd=ROOT)
+    print(f"Python {python}: the lowest versions record, validate, export and give the same bytes")
 
 
 if __name__ == "__main__":

@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from benchmarks.registry import benchmark, command_line, report
-from carstage.cli.bench import Json
-from carstage.cli.output import note
+from carstage.cli.output import Json, note
 
 Scratch = Annotated[
     Path | None,
@@ -240,4 +239,53 @@ def same_bytes(
 
     with watch_steps("Same bytes", "steps") as progress:
         verdict = measure_same_bytes(pythons, town or TOWNS, progress)
+    return report(verdict, json)
+
+
+@benchmark("busy-machine", takes="40 minutes")
+def busy_machine(
+    demos: Annotated[int, typer.Option(min=1, help="Recorded under load.")] = 20,
+    per_core: Annotated[int, typer.Option(min=1, help="Busy processes for each core.")] = 3,
+    seconds: Annotated[float, typer.Option(min=0.1, help="Simulated, of each demo.")] = 5.0,
+    json: Json = False,
+) -> int:
+    """Whether demos on a busy machine have the files of one on a calm machine."""
+    from benchmarks.framework.busy_machine import measure_busy_machine
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Demos", "demos") as progress:
+        verdict = measure_busy_machine(demos, per_core, seconds, progress)
+    return report(verdict, json)
+
+
+@benchmark("globe", takes="3 minutes")
+def globe(
+    town: Annotated[
+        list[str] | None, typer.Option("--town", help="A built-in town; default: all.")
+    ] = None,
+    version: Annotated[
+        list[str] | None, typer.Option("--version", help="Of CARLA; default: all known.")
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Whether positions in degrees, from all that has them, lead back to the same metres."""
+    from benchmarks.framework.globe import TOWNS, VERSIONS, measure_globe
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Globe", "recordings") as progress:
+        verdict = measure_globe(town or TOWNS, version or VERSIONS, progress)
+    return report(verdict, json)
+
+
+@benchmark("undamaged", takes="5 minutes")
+def undamaged(
+    datasets: Annotated[int, typer.Option(min=1, help="To record and validate.")] = 20,
+    json: Json = False,
+) -> int:
+    """Whether validation finds no error in datasets that nobody damaged."""
+    from benchmarks.framework.undamaged import measure_undamaged
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Datasets", "datasets") as progress:
+        verdict = measure_undamaged(datasets, progress)
     return report(verdict, json)

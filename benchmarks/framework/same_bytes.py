@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 
+from benchmarks.framework.recorded import hashes, record_demo
 from carstage import Dataset
 from carstage.bench.verdict import Figure, Verdict
 
@@ -42,18 +43,6 @@ def _digests(python: str, towns: Sequence[str]) -> dict[str, str]:
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     found: dict[str, str] = json.loads(done.stdout)
     return found
-
-
-def _record(python: str, out: Path) -> dict[str, str]:
-    """Hash of each committed file of ten frames of the demo."""
-    subprocess.run(
-        [python, "-m", "carstage.cli", "demo", "--out", str(out), "--set", f"duration_s={SECONDS}"],
-        check=True,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    (episode,) = Dataset(out).episodes
-    return {entry.path: entry.hash for entry in episode.marker.files}
 
 
 def _differing_values(one: Path, other: Path, names: Sequence[str]) -> list[str]:
@@ -94,7 +83,7 @@ def measure_same_bytes(
         for number, python in enumerate(pythons):
             baked.append(_digests(python, towns))
             progress(2 * number + 1, total)
-            recorded.append(_record(python, folders[number]))
+            recorded.append(hashes(record_demo(folders[number], SECONDS, python)))
             progress(2 * number + 2, total)
         tables = [name for name in recorded[0] if name.endswith(".parquet")]
         for folder in folders[1:]:

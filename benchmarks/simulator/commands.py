@@ -12,7 +12,7 @@ import typer
 from benchmarks.campaign import Campaign
 from benchmarks.registry import benchmark, report
 from carstage.bench.verdict import Figure, Verdict
-from carstage.cli.bench import Json
+from carstage.cli.output import Json
 
 Seed = Annotated[int, typer.Option(help="What is drawn, is drawn from it.")]
 Fps = Annotated[int, typer.Option(min=1, help="Ticks per simulated second.")]

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import carla
 
 from benchmarks.simulator.ticking import WatchedClock
+from carstage.collector.internals.traffic_manager_wakeup import started_threads
 from carstage.server import free_port
 
 _TIMEOUT_S = 60.0
@@ -58,12 +59,13 @@ def synchronous_session(port: int, *, delta_s: float, seed: int) -> Iterator[Ses
         world.apply_settings(settings)
         world = client.reload_world(False)
         traffic_manager_port = free_port()
-        traffic_manager = client.get_trafficmanager(traffic_manager_port)
+        with started_threads() as threads:
+            traffic_manager = client.get_trafficmanager(traffic_manager_port)
         restored.callback(traffic_manager.set_synchronous_mode, False)
         traffic_manager.set_synchronous_mode(True)
         traffic_manager.set_random_device_seed(seed)
         world.set_pedestrians_seed(seed)
-        with WatchedClock(world, traffic_manager_port) as clock:
+        with WatchedClock(world, traffic_manager_port, threads) as clock:
             clock.tick()
             yield Session(client, world, traffic_manager, clock, random.Random(seed))
 

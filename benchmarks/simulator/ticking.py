@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from types import TracebackType
 from typing import Any
 
@@ -14,14 +15,16 @@ class WatchedClock:
     Args:
         world: ``carla.World`` in synchronous mode.
         port: of the Traffic Manager in this process.
+        manager: its threads, from ``started_threads``.
     """
 
-    def __init__(self, world: Any, port: int) -> None:
+    def __init__(self, world: Any, port: int, manager: Collection[int]) -> None:
         self._world = world
         self._port = port
+        self._manager = manager
 
     def __enter__(self) -> WatchedClock:
-        self._watch = TickWatch(self._world, self._port)
+        self._watch = TickWatch(self._world, self._port, self._manager)
         return self
 
     def __exit__(

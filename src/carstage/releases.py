@@ -6,7 +6,7 @@ Standard library only, for the collector runs it under an older Python.
 from __future__ import annotations
 
 import re
-from typing import Dict, List, Mapping, NamedTuple, Optional
+from typing import Dict, List, Literal, Mapping, NamedTuple, Optional, Tuple, get_args
 
 _NUMBERS = re.compile(r"(\d+)\.(\d+)\.(\d+)")
 
@@ -35,6 +35,27 @@ CLIENT_PYTHONS: Dict[Release, List[str]] = {
     Release(0, 9, 16): ["3.11", "3.12", "3.10"],
 }
 """Pythons that run the collector and that a release's client wheel exists for, preferred first."""
+
+
+Projection = Literal["spherical_mercator", "transverse_mercator"]
+North = Literal["-y", "+y"]
+PROJECTIONS: Tuple[Projection, ...] = get_args(Projection)
+NORTHS: Tuple[North, ...] = get_args(North)
+
+
+class GnssConvention(NamedTuple):
+    """What a server's GNSS sensors read: by which projection, and which way latitudes grow."""
+
+    projection: str
+    north: str
+
+
+def gnss_convention(server: str) -> GnssConvention:
+    """The convention of a release, as ``GeoLocation.cpp`` of its sources has it."""
+    release = release_of(server)
+    if release is not None and release < Release(0, 9, 16):
+        return GnssConvention("spherical_mercator", "-y")
+    return GnssConvention("transverse_mercator", "+y")
 
 
 def release_of(version: str) -> Optional[Release]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+import pytest
 
 import analytic_scene
 from carstage.conversion import EpisodeConversion
@@ -36,6 +37,34 @@ def make_dataset(folder: Path, work: Path, **options: Any) -> Path:
     convert(work / "raw", store.attempt_folder(header["episode_id"], "a1"))
     frames = -(-header["ticks"] // header["spec"]["save_every"])
     store.commit(header["episode_id"], "a1", frames=frames, versions=VERSIONS)
+    return folder
+
+
+def add_episode(folder: Path, work: Path, episode_id: str, steps: int) -> None:
+    """Record the scene once more, under another id."""
+    header = analytic_scene.header
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            analytic_scene, "header", lambda *a, **k: {**header(*a, **k), "episode_id": episode_id}
+        )
+        analytic_scene.write_raw_log(work / episode_id, size=SIZE, steps=steps)
+    store = LocalStore(folder)
+    convert(work / episode_id, store.attempt_folder(episode_id, "a1"))
+    store.commit(episode_id, "a1", frames=steps, versions=VERSIONS)
+
+
+def bare_dataset(folder: Path, weathers: Mapping[str, str], *, maps: Mapping[str, str]) -> Path:
+    """A dataset of episodes without any data, by id their weather preset and map."""
+    store = LocalStore(folder)
+    store.initialise("bare")
+    for episode_id, preset in weathers.items():
+        spec = analytic_scene.spec(steps=1)
+        spec |= {"map": maps[episode_id], "weather": {**spec["weather"], "preset": preset}}
+        header = analytic_scene.header(spec, attempt="a1", ticks_per_segment=1)
+        document = {**header, "episode_id": episode_id}
+        path = store.attempt_folder(episode_id, "a1") / "episode.json"
+        path.write_text(json.dumps(document))
+        store.commit(episode_id, "a1", frames=1, versions=VERSIONS)
     return folder
 
 

@@ -392,5 +392,13 @@ def _sensor_data(sensor: dict[str, Any], time_s: float) -> tuple[dict[str, Any],
         points, counts = sweep(sensor["pose"], time_s)
         return {"horizontal_angle_rad": 0.0, "counts": counts}, points.tobytes()
     if sensor["kind"] == "imu":
-        return {}, sensor_kind("imu").layout.pack(0.0, 0.0, 9.81, 0.0, 0.0, 0.0, 1.7)
-    return {}, sensor_kind("gnss").layout.pack(1e-5 * time_s, 2e-5, 0.5)
+        compass = np.radians((EGO.yaw_deg + 90.0) % 360.0)
+        return {}, sensor_kind("imu").layout.pack(0.0, 0.0, 9.81, 0.0, 0.0, 0.0, compass)
+    return {}, sensor_kind("gnss").layout.pack(*gnss_reading(sensor["pose"], time_s))
+
+
+def gnss_reading(pose: dict[str, float], time_s: float) -> tuple[float, float, float]:
+    """Degrees and metres about 0 N 0 E, where a degree is the same in all directions."""
+    x, y, z = world_from_sensor(pose, time_s)[1].tolist()
+    metre_deg = np.degrees(1.0 / 6_378_137.0)
+    return -y * metre_deg, x * metre_deg, z

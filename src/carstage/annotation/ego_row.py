@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 
 from carstage.geometry import (
-    GeoPoint,
+    GeoFrame,
     flu_rotation,
-    geo_point,
     length,
     quaternion_from_matrix,
     rotate,
     rotation_matrix,
 )
 from carstage.rawlog.reader import WorldFrame
-from carstage.spec import EpisodeSpec
+from carstage.spec import EpisodeSpec, WeatherSpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,26 +27,21 @@ class EpisodeFacts:
 
     Attributes:
         map_name: as the server gives it.
-        weather_preset: of the spec, or None.
-        reference: geographic position of the map's origin.
+        weather: as planned.
+        geo_frame: how the map lies on the globe.
     """
 
     map_name: str
-    weather_preset: str | None
-    reference: GeoPoint
+    weather: WeatherSpec
+    geo_frame: GeoFrame
 
     @classmethod
     def from_header(cls, header: Mapping[str, Any], spec: EpisodeSpec) -> EpisodeFacts:
         """Read them from the raw log's ``episode.json``."""
-        reference: Mapping[str, float] = header["geo_reference"]
         return cls(
             map_name=header["map"],
-            weather_preset=spec.weather.preset,
-            reference=GeoPoint(
-                latitude_deg=float(reference["latitude_deg"]),
-                longitude_deg=float(reference["longitude_deg"]),
-                altitude_m=float(reference.get("altitude_m", 0.0)),
-            ),
+            weather=spec.weather,
+            geo_frame=GeoFrame.from_json(header["geo_reference"]),
         )
 
 
@@ -74,7 +68,7 @@ def ego_row(
     acceleration_ego = rotate(rotation.T, acceleration)
     control: Mapping[str, Any] = world.meta.get("ego", {})
     light = control.get("traffic_light_state")
-    place = geo_point(facts.reference, world.location[row])
+    place = facts.geo_frame.place(world.location[row])
     return {
         "k": keys["k"],
         "timestamp_s": keys["timestamp_s"],
@@ -100,7 +94,7 @@ def ego_row(
         "gear": control.get("gear"),
         "speed_limit_kmh": control.get("speed_limit_kmh"),
         "traffic_light_state": None if light is None else str(light),
-        "weather_preset": facts.weather_preset,
+        "weather_preset": facts.weather.preset_at(keys["timestamp_s"]),
         "weather": json.dumps(world.meta.get("weather", {}), sort_keys=True, separators=(",", ":")),
         "map": facts.map_name,
         "latitude_deg": place.latitude_deg,

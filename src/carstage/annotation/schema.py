@@ -96,7 +96,8 @@ OBJECT_COLUMNS: tuple[Column, ...] = (
         "world, left-handed components; null for walkers, whose servers report none to rely on",
         nullable=True),
     Column("num_lidar_points", "map[str,u32]", "points",
-        "points of this tick's sweep inside the box, per LiDAR; empty without a valid box"),
+        "points of this tick's sweep inside the box, per `lidar`, not per `semantic_lidar`; "
+        "empty without a valid box"),
     Column("num_radar_points", "map[str,u32]", "points",
         "detections of this tick inside the box, per radar; empty without a valid box"),
     Column("visibility", "f64", "ratio",
@@ -214,12 +215,13 @@ EGO_COLUMNS: tuple[Column, ...] = (
     Column("gear", "i32", "", "applied control", nullable=True),
     Column("speed_limit_kmh", "f64", "km/h", "limit where the ego drives", nullable=True),
     Column("traffic_light_state", "str", "", "of the light that affects the ego", nullable=True),
-    Column("weather_preset", "str", "", "preset of the episode, or null", nullable=True),
+    Column("weather_preset", "str", "",
+           "preset of this frame's weather; null: none, or changing", nullable=True),
     Column("weather", "json", "", "weather parameters of this frame"),
     Column("map", "str", "", "the map's name as the server gives it"),
-    Column("latitude_deg", "f64", "deg", "of the pivot, from the map's geo reference"),
-    Column("longitude_deg", "f64", "deg", "of the pivot, from the map's geo reference"),
-    Column("altitude_m", "f64", "m", "of the pivot, from the map's geo reference"),
+    Column("latitude_deg", "f64", "deg", "of the pivot, by `geo_reference`; north is -y"),
+    Column("longitude_deg", "f64", "deg", "of the pivot, by `geo_reference`; north is -y"),
+    Column("altitude_m", "f64", "m", "of the pivot, by `geo_reference`; north is -y"),
 )
 
 SENSOR_POSE_COLUMNS: tuple[Column, ...] = (

@@ -12,7 +12,8 @@ from carstage.cli import comparison  # noqa: F401 - adds its commands to bench_a
 from carstage.cli.bench import bench_app
 from carstage.cli.export import export
 from carstage.cli.gui import gui
-from carstage.cli.output import command, enable_debug, folder, note, result, result_json
+from carstage.cli.output import Debug, Json, command, folder, note, result, result_json
+from carstage.cli.split import split
 
 if TYPE_CHECKING:
     from carstage.config import Config
@@ -30,6 +31,7 @@ app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
 app.command()(export)
 app.command()(gui)
+app.command()(split)
 
 DEMO_FOLDER = Path("datasets/demo")
 
@@ -43,13 +45,8 @@ Settings = Annotated[
         "--set", metavar="KEY=VALUE", help="Override one value, e.g. --set fps=20. Repeatable."
     ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object as the last line.")]
 Retries = Annotated[
     int, typer.Option("--retries", min=0, max=100, help="Further attempts of a failed episode.")
-]
-Debug = Annotated[
-    bool,
-    typer.Option("--debug", help="Show tracebacks.", callback=lambda on: on and enable_debug()),
 ]
 
 

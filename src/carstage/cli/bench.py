@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Protocol
+from typing import Any, Protocol
 
 import typer
 
@@ -11,8 +11,6 @@ from carstage.cli.output import note, result, result_json
 bench_app = typer.Typer(
     help="Measure what recording costs, next to other programs.", no_args_is_help=True
 )
-
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object as the last line.")]
 
 
 class Judged(Protocol):

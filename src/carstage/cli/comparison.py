@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import typer
 
-from carstage.cli.bench import Json, bench_app, report_verdict
-from carstage.cli.output import command, note
+from carstage.cli.bench import bench_app, report_verdict
+from carstage.cli.output import Json, command, note
 from carstage.errors import BadInputError
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 
 import typer
 
-from carstage.cli.output import command, enable_debug, folder, note, result, result_json
+from carstage.cli.output import Debug, Json, command, folder, note, result, result_json
+from carstage.exporters.class_map import ClassMap, read_class_map
 from carstage.exporters.options import ExportOptions, flag_of
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ FORMATS = (
     "kitti-tracking",
     "mcap",
     "nuscenes",
+    "semantickitti",
     "video",
     "webdataset",
     "yolo",
@@ -39,7 +41,9 @@ def _with_options(function: Callable[..., int | None]) -> Callable[..., int | No
     def wrapped(**given: Any) -> int | None:
         choices = {option.name: given.pop(option.name) for option in fields(ExportOptions)}
         lists = {name: tuple(choices[name] or ()) for name in ("cameras", "classes")}
-        return function(options=ExportOptions(**{**choices, **lists}), **given)
+        file = choices["class_map"]
+        mapped = {"class_map": None if file is None else read_class_map(file)}
+        return function(options=ExportOptions(**{**choices, **lists, **mapped}), **given)
 
     parameters = []
     for parameter in inspect.signature(function, eval_str=True).parameters.values():
@@ -67,6 +71,8 @@ def _plain(kind: Any) -> Any:
     """The type as the command line parses it; which words may be is for ``ExportOptions``."""
     if get_origin(kind) is tuple:
         return list[str] | None
+    if ClassMap in get_args(kind):
+        return Path | None
     if any(get_origin(part) is Literal for part in get_args(kind)):
         return str | None
     return kind
@@ -94,13 +100,8 @@ def export(
         int | None,
         typer.Option("--workers", min=0, help="Processes; 0: this one only. Default: CPU cores."),
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object as the last line.")
-    ] = False,
-    debug: Annotated[
-        bool,
-        typer.Option("--debug", help="Show tracebacks.", callback=lambda on: on and enable_debug()),
-    ] = False,
+    json: Json = False,
+    debug: Debug = False,
 ) -> None:
     """Write a dataset in another format; OUT appears when all of it is written."""
     del debug
@@ -129,6 +130,8 @@ def export(
 
 
 def _note_what_is_missing(summary: ExportSummary) -> None:
+    for warning in summary.warnings:
+        note(f"warning: {warning}")
     for problem in summary.problems[:_MOST_NOTED]:
         place = f"episode {problem.episode}" if problem.episode else "dataset"
         note(f"{problem.severity}: {place}: {problem.message}")
@@ -138,6 +141,8 @@ def _note_what_is_missing(summary: ExportSummary) -> None:
         note(f"Left out: episode {episode}.")
     if summary.frames_left_out:
         note(f"Left out: {summary.frames_left_out} frames.")
+    for name, rows in summary.classes_left_out.items():
+        note(f"Left out: {rows} labels of class {name!r}, which has no target.")
     for name, rows in summary.unknown_classes.items():
         note(f"Left out: {rows} labels of class {name!r}, which no format knows.")
     for sensor, frames in summary.sensors_left_out.items():

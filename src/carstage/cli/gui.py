@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from carstage.cli.output import command, enable_debug, note, result
+from carstage.cli.output import Debug, command, note, result
 
 
 @command
@@ -31,10 +31,7 @@ def gui(
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
     ] = True,
-    debug: Annotated[
-        bool,
-        typer.Option("--debug", help="Show tracebacks.", callback=lambda on: on and enable_debug()),
-    ] = False,
+    debug: Debug = False,
 ) -> None:
     """Configure, place sensors, record, watch and browse in a browser."""
     del debug

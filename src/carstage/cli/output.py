@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, ParamSpec
+from typing import Annotated, Any, ParamSpec
 
 import typer
 
@@ -23,6 +23,13 @@ Parameters = ParamSpec("Parameters")
 def enable_debug() -> None:
     """Show tracebacks, here and in processes that are started from here."""
     os.environ[_DEBUG] = "1"
+
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object as the last line.")]
+Debug = Annotated[
+    bool,
+    typer.Option("--debug", help="Show tracebacks.", callback=lambda on: on and enable_debug()),
+]
 
 
 def result(text: str) -> None:

@@ -8,6 +8,7 @@ from typing import Any, Dict, List, Optional, Sequence
 import carla
 
 from carstage.collector.internals.errors import SceneError
+from carstage.releases import GnssConvention
 
 
 def find_map(client: Any, name: str) -> str:
@@ -53,11 +54,18 @@ def spawn_points(world_map: Any) -> List[Any]:
     return list(world_map.get_spawn_points())
 
 
-def geo_reference(world_map: Any) -> Dict[str, float]:
-    """Latitude and longitude (deg), altitude (m) of the map's origin."""
+def geo_reference(world_map: Any, convention: GnssConvention) -> Dict[str, Any]:
+    """Latitude and longitude (deg), altitude (m) of the map's origin, and how GNSS sensors count.
+
+    Args:
+        world_map: ``carla.Map``.
+        convention: the server's.
+    """
     origin = world_map.transform_to_geolocation(carla.Location(0.0, 0.0, 0.0))
     return {
         "latitude_deg": origin.latitude,
         "longitude_deg": origin.longitude,
         "altitude_m": origin.altitude,
+        "projection": convention.projection,
+        "gnss_north": convention.north,
     }

@@ -89,7 +89,8 @@ class Clock(ABC):
         """Make or await the next tick.
 
         Raises:
-            RecordingError: the server's state is not the one of that tick.
+            RecordingError: the server's state is not the one of that tick, or the Traffic Manager
+                may have driven one step more.
             RuntimeError: the server did not answer in time.
         """
 
@@ -105,6 +106,12 @@ class SynchronousClock(Clock):
                 watched.enter_context(self._watch.over_a_tick())
             frame = self._world.tick(self._timeout_s)
         tick_s = time.perf_counter() - begin_s
+        if self._watch is not None and self._watch.changed:
+            raise RecordingError(
+                "The Traffic Manager missed its cue before frame %d and had to be woken, which may "
+                "have made it drive one step more." % frame,
+                "Nothing is wrong with the configuration; a less busy machine has this less often.",
+            )
         snapshot = self._world.get_snapshot()
         if snapshot.frame != frame:
             raise RecordingError(

@@ -23,8 +23,8 @@ def _self_test() -> Any:
     return setting(
         "auto",
         title="Self-test",
-        description="Check the server before the run. `require` refuses one that fails; `auto`: "
-        "`off` for the embedded simulator, `on` for others.",
+        description="Check the server before the run, which takes some seconds. `require` refuses "
+        "one that fails; `auto` is `on`.",
         group="server",
     )
 

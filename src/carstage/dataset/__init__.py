@@ -10,6 +10,8 @@ from carstage.dataset.reading import (
 )
 from carstage.dataset.samples import FrameSamples
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
+from carstage.dataset.splits import SplitRule, StoredSplits
+from carstage.dataset.splitting import split_dataset
 
 __all__ = [
     "Calibration",
@@ -20,5 +22,8 @@ __all__ = [
     "FrameSamples",
     "Sensor",
     "SensorCalibration",
+    "SplitRule",
+    "StoredSplits",
     "decode_mask",
+    "split_dataset",
 ]

@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 from carstage.codecs import codec_for
 from carstage.dataset.querying import query_episodes
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
+from carstage.dataset.splits import Split, StoredSplits, read_splits
 from carstage.dataset.tables import read_table, require_columns, row_sensor
 from carstage.errors import BadInputError, DatasetError
-from carstage.geometry import is_pinhole, pose_matrix
+from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
+from carstage.geometry import GeoFrame, is_pinhole, pose_matrix
 from carstage.sensor_kinds import content_of
 from carstage.spec import EpisodeSpec, SpecError
 from carstage.storage.address import local_folder
@@ -190,10 +192,10 @@ class Sensor:
         if self._codec is None:
             return self._row(k)
         try:
-            return self.decode([path.read_bytes() for path in self.paths(k)])
+            return self.decode([read_bounded(path) for path in self.paths(k)])
         except FileNotFoundError as error:
             raise DatasetError(f"Sensor {self.id} has no frame {k}: {error.filename}.") from error
-        except ValueError as error:
+        except (OSError, ValueError) as error:
             raise DatasetError(f"Sensor {self.id}, frame {k} is damaged: {error}.") from error
 
     def decode(self, contents: list[bytes]) -> NDArray[Any]:
@@ -260,6 +262,18 @@ class Episode:
         try:
             return EpisodeSpec.from_json(self.document["spec"])
         except (KeyError, SpecError) as error:
+            raise DatasetError(f"{self.folder / 'episode.json'} is damaged: {error}.") from error
+
+    @cached_property
+    def geo_frame(self) -> GeoFrame:
+        """How the map lies on the globe, and how the server's GNSS sensors count.
+
+        Raises:
+            DatasetError: ``episode.json`` is missing or damaged.
+        """
+        try:
+            return GeoFrame.from_json(self.document["geo_reference"])
+        except (KeyError, TypeError, ValueError) as error:
             raise DatasetError(f"{self.folder / 'episode.json'} is damaged: {error}.") from error
 
     @cached_property
@@ -411,6 +425,43 @@ class Dataset:
             f"Episodes: {', '.join(episode.id for episode in self.episodes)}.",
         )
 
+    @cached_property
+    def stored_splits(self) -> StoredSplits | None:
+        """What ``carstage split`` has stored; ``None``: nothing.
+
+        Raises:
+            DatasetError: ``splits.json`` is damaged.
+        """
+        return read_splits(self.path)
+
+    def splits(self) -> dict[str, Split]:
+        """The split of each committed episode by its id; without stored splits all ``train``.
+
+        Raises:
+            DatasetError: ``splits.json`` or a commit marker is damaged.
+        """
+        stored = self.stored_splits
+        return {e.id: "train" if stored is None else stored.of(e.id) for e in self.episodes}
+
+    def split(self, name: Split) -> tuple[Episode, ...]:
+        """The episodes of one split, sorted by id.
+
+        Args:
+            name: ``train``, ``val`` or ``test``.
+
+        Raises:
+            BadInputError: no episode is in it.
+            DatasetError: ``splits.json`` or a commit marker is damaged.
+        """
+        splits = self.splits()
+        chosen = tuple(episode for episode in self.episodes if splits[episode.id] == name)
+        if not chosen:
+            raise BadInputError(
+                f"{self.path} has no episode in split {name!r}.",
+                f"Make splits: carstage split {self.path} --val 0.2 --test 0.1.",
+            )
+        return chosen
+
     def iter_frames(self) -> Iterator[Frame]:
         """The frames of all episodes; sensors are read when they are asked for.
 
@@ -435,7 +486,7 @@ class Dataset:
 
 def _read_document(path: Path, version: int) -> dict[str, Any]:
     try:
-        document = json.loads(path.read_bytes())
+        document = json.loads(read_bounded(path, LARGEST_DOCUMENT_BYTES))
         found = document["format_version"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise DatasetError(f"{path} cannot be read: {error!r}.") from error

@@ -10,6 +10,7 @@ from typing import Any, Generic, TypeVar
 from carstage.dataset.ledger import recorded_frames
 from carstage.dataset.reading import Dataset
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
+from carstage.dataset.splits import Split
 from carstage.errors import BadInputError
 
 Sample = TypeVar("Sample")
@@ -31,10 +32,12 @@ class FrameSamples(Generic[Sample]):
             if the samples go to other processes.
         sensors: only frames that all of these have data of.
         episodes: ids of the episodes to take, in this order; default: all, sorted by id.
+        split: take the episodes of this split of the dataset instead.
 
     Raises:
         DatasetError: the folder is no dataset, or a ledger cannot be read.
-        BadInputError: an episode or sensor is unknown.
+        BadInputError: an episode or sensor is unknown, no episode is in the split, or both
+            ``episodes`` and ``split`` are given.
     """
 
     def __init__(
@@ -44,10 +47,15 @@ class FrameSamples(Generic[Sample]):
         *,
         sensors: Sequence[str] = (),
         episodes: Sequence[str] | None = None,
+        split: Split | None = None,
     ) -> None:
         self._path = Path(path)
         self._read = read
         dataset = Dataset(path)
+        if split is not None:
+            if episodes is not None:
+                raise BadInputError("Both episodes and a split are given.", "Give one of them.")
+            episodes = [episode.id for episode in dataset.split(split)]
         known = {episode.id: episode for episode in dataset.episodes}
         self._index: list[tuple[str, int]] = []
         for episode_id in known if episodes is None else episodes:

@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from carstage.errors import DatasetError, StorageError
+from carstage.files.bounded import open_regular
 from carstage.files.whole import whole_file
 from carstage.sensor_kinds import known_kind
 from carstage.sensor_kinds.model import DETECTIONS
@@ -204,7 +205,7 @@ def read_table(path: Path) -> pa.Table:
         DatasetError: missing or damaged.
     """
     try:
-        with path.open("rb") as file:
+        with os.fdopen(open_regular(path), "rb") as file:
             return pq.ParquetFile(file).read(use_threads=False)
     except FileNotFoundError as error:
         raise DatasetError(f"{path.name} is missing in {path.parent}.") from error

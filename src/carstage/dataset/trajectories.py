@@ -10,9 +10,14 @@ import numpy as np
 from carstage.dataset.reading import Dataset, Episode
 from carstage.dataset.tracks import may_come_back
 from carstage.errors import ConfigError, DatasetError
-from carstage.plan import Recording, Track
+from carstage.geometry import FloatArray
+from carstage.plan import Recording, Start, Track
+from carstage.spec import Control
 
-_COLUMNS = ["k", "timestamp_s", "track_id", "blueprint", "actor_location", "actor_rotation_deg"]
+_COLUMNS = [
+    *("k", "timestamp_s", "track_id", "blueprint", "actor_location", "actor_rotation_deg"),
+    *("velocity", "acceleration", "angular_velocity"),
+]
 _LOOKS = ("color", "driver_id", "role_name")
 
 
@@ -89,6 +94,8 @@ def _recording(episode: Episode) -> Recording:
                 is_ego=track_id == ego_id,
                 times_s=np.array([row["timestamp_s"] for row in track]),
                 poses=np.array([[*r["actor_location"], *r["actor_rotation_deg"]] for r in track]),
+                start=_start(track[0]),
+                controls=_controls(episode, track) if track_id == ego_id else None,
             )
         )
     return Recording(
@@ -97,3 +104,22 @@ def _recording(episode: Episode) -> Recording:
         duration_s=max(float(track.times_s[-1]) for track in tracks),
         tracks=tuple(tracks),
     )
+
+
+def _start(row: dict[str, Any]) -> Start:
+    """Motion in the first frame; an acceleration that is not known counts as none."""
+    turning = row["angular_velocity"]
+    return Start(
+        velocity=np.array(row["velocity"]),
+        acceleration=np.array(row["acceleration"] or (0.0, 0.0, 0.0)),
+        yaw_rate=0.0 if turning is None else float(np.degrees(turning[2])),
+    )
+
+
+def _controls(episode: Episode, track: list[dict[str, Any]]) -> FloatArray | None:
+    """``(T, 6)`` what the ego's driver did; None where a frame lacks it."""
+    driven = {row["k"]: row for row in episode.ego().to_pylist()}
+    rows = [[driven[row["k"]][name] for name in Control._fields] for row in track]
+    if any(value is None for row in rows for value in row):
+        return None
+    return np.array(rows, dtype=np.float64)

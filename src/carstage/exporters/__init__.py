@@ -13,6 +13,7 @@ from carstage.lazy import lazy_names
 
 if TYPE_CHECKING:
     from carstage.dataset import EpisodeFrames, Frame
+    from carstage.exporters.class_map import ClassMap, read_class_map
     from carstage.exporters.completeness import Completeness, examine
     from carstage.exporters.exporter import (
         Exporter,
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from carstage.exporters.options import ExportOptions
 
 __all__ = [
+    "ClassMap",
     "Completeness",
     "EpisodeFrames",
     "ExportOptions",
@@ -36,12 +38,14 @@ __all__ = [
     "export_dataset",
     "exporter_for",
     "exporters",
+    "read_class_map",
     "register",
 ]
 
 __getattr__ = lazy_names(
     __name__,
     {
+        "class_map": "ClassMap read_class_map",
         "completeness": "Completeness examine",
         "exporter": "Exporter Frame FrameWriter exporter_for exporters register",
         "exporting": "EpisodeFrames ExportSummary export_dataset",

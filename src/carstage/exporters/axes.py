@@ -27,7 +27,11 @@ from carstage.geometry import (
     velodyne_to_camera,
 )
 
+OPTICAL_FROM_FLU: FloatArray = OPTICAL_FROM_SENSOR @ FLU_FROM_CARLA + 0.0
+"""``(3, 3)``: a camera's optical axes from forward-left-up ones at the same place."""
+
 __all__ = [
+    "OPTICAL_FROM_FLU",
     "NuscenesBox",
     "enu_pose",
     "flu_angular_velocity",

@@ -16,6 +16,7 @@ from carstage.dataset.ledger import recorded_frames
 from carstage.dataset.saved_frames import Damage
 from carstage.errors import CarStageError
 from carstage.exporters.classes import CLASSES
+from carstage.files.bounded import open_regular
 from carstage.files.hashing import hash_of_file
 from carstage.storage.marker import FileEntry
 from carstage.validation import Problem
@@ -34,13 +35,26 @@ class Completeness:
         problems: what is missing or damaged.
         whole: ids of the episodes whose documents and tables are whole; others cannot be exported.
         damage: by episode, the sensors and frames whose files are missing or changed.
-        unknown_classes: classes of labels that no format knows, with their number of rows.
+        labels: number of label rows by class and blueprint, the ego's left out.
     """
 
     problems: tuple[Problem, ...]
     whole: frozenset[str]
     damage: Mapping[str, Damage]
-    unknown_classes: Mapping[str, int]
+    labels: Mapping[tuple[str, str], int]
+
+    @property
+    def unknown_classes(self) -> dict[str, int]:
+        """Classes of labels that no format knows, with their number of rows."""
+        return self.rows_by_class(lambda name, _: name not in CLASSES)
+
+    def rows_by_class(self, chosen: Callable[[str, str], bool]) -> dict[str, int]:
+        """Number of rows by class, of those whose class and blueprint are chosen."""
+        rows = Counter[str]()
+        for (name, blueprint), number in self.labels.items():
+            if chosen(name, blueprint):
+                rows[name] += number
+        return dict(sorted(rows.items()))
 
     @property
     def complete(self) -> bool:
@@ -59,7 +73,7 @@ def examine(dataset: Dataset, progress: Progress | None = None) -> Completeness:
     """
     problems: list[Problem] = []
     damage: dict[str, Damage] = {}
-    unknown: Counter[str] = Counter()
+    labels: Counter[tuple[str, str]] = Counter()
     whole = set()
     total, done = sum(episode.frames for episode in dataset.episodes), 0
     if not dataset.episodes:
@@ -76,7 +90,7 @@ def examine(dataset: Dataset, progress: Progress | None = None) -> Completeness:
                 recorded = recorded_frames(episode.calibration.sensors, ledger)
                 check_file_list(episode, recorded, findings)
                 check_ledger(episode, ledger, findings)
-                unknown += _unknown_classes(episode)
+                labels += _labels(episode)
                 if not changed & {*DOCUMENTS, *TABLES}:
                     check_row_sensors(episode, ledger, recorded, findings)
                     whole.add(episode.id)
@@ -86,7 +100,7 @@ def examine(dataset: Dataset, progress: Progress | None = None) -> Completeness:
             done += episode.frames
             if progress is not None:
                 progress(done, total)
-    return Completeness(tuple(problems), frozenset(whole), damage, dict(sorted(unknown.items())))
+    return Completeness(tuple(problems), frozenset(whole), damage, labels)
 
 
 def _changed_files(
@@ -106,7 +120,10 @@ def _changed_files(
 
 def _difference(folder: Path, entry: FileEntry) -> tuple[str, str] | None:
     try:
-        with (folder / entry.path).open("rb", buffering=0) as file:
+        with os.fdopen(open_regular(folder / entry.path), "rb", buffering=0) as file:
+            size = os.fstat(file.fileno()).st_size
+            if size != entry.bytes:
+                return "file_size", f"{entry.path} has {size} bytes, committed were {entry.bytes}"
             found, size = hash_of_file(file, entry.hash)
     except FileNotFoundError:
         return "file_missing", f"{entry.path} is missing"
@@ -131,14 +148,9 @@ def _damage(episode: Episode, changed: frozenset[str]) -> Damage:
     return frozenset(damage)
 
 
-def _unknown_classes(episode: Episode) -> Counter[str]:
+def _labels(episode: Episode) -> Counter[tuple[str, str]]:
     objects = episode.objects()
-    counts = pc.value_counts(objects.filter(pc.invert(objects["is_ego"]))["class"])
-    names, numbers = counts.field("values").to_pylist(), counts.field("counts").to_numpy()
-    return Counter(
-        {
-            str(name): int(number)
-            for name, number in zip(names, numbers.tolist(), strict=True)
-            if name not in CLASSES
-        }
-    )
+    others = objects.filter(pc.invert(objects["is_ego"])).select(["class", "blueprint"])
+    counted = others.group_by(["class", "blueprint"]).aggregate([([], "count_all")])
+    columns = (counted[name].to_pylist() for name in ("class", "blueprint", "count_all"))
+    return Counter({(str(name), str(kind)): int(n) for name, kind, n in zip(*columns, strict=True)})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import fields
 from functools import cache
@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Protocol, TypeVar
 
 from carstage.dataset import Episode
 from carstage.dataset.saved_frames import Frame
+from carstage.dataset.splits import SPLITS, Split
 from carstage.errors import BadInputError
 from carstage.exporters.options import ExportOptions, flag_of
 
@@ -56,6 +57,7 @@ class Exporter(ABC):
         files: holds what the exporter has open.
         sensors_left_out: by id of a sensor, the frames whose data the format has no place for; for
             formats that say they hold every sensor.
+        splits: the split of each episode by its id, set before ``begin``; see ``split_of``.
     """
 
     name: ClassVar[str]
@@ -66,6 +68,16 @@ class Exporter(ABC):
         self.options = options
         self.files = ExitStack()
         self.sensors_left_out: Counter[str] = Counter()
+        self.splits: Mapping[str, Split] = {}
+
+    def split_of(self, episode: Episode) -> Split:
+        """The split of an episode: ``train`` unless the dataset or the user says otherwise."""
+        return self.splits.get(episode.id, "train")
+
+    def used_splits(self, episodes: Iterable[Episode]) -> tuple[Split, ...]:
+        """The splits that have an episode; formats make nothing for the others."""
+        used = {self.split_of(episode) for episode in episodes}
+        return tuple(split for split in SPLITS if split in used)
 
     @abstractmethod
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:

@@ -17,9 +17,12 @@ from carstage.conversion import conversion_pool
 from carstage.dataset import Dataset, Episode
 from carstage.dataset.saved_frames import Damage, EpisodeFrames
 from carstage.errors import BadInputError, ExportError
+from carstage.exporters.class_map import ClassMap
+from carstage.exporters.classes import CLASSES
 from carstage.exporters.completeness import Completeness, Progress, examine
 from carstage.exporters.exporter import Exporter, FrameWriter, exporter_for
 from carstage.exporters.options import ExportOptions
+from carstage.exporters.splits import ExportSplits, Split, splits_of_export
 from carstage.exporters.target import check_target, export_folder, write_document
 from carstage.storage import local_folder
 from carstage.storage.marker import CommitMarker
@@ -41,6 +44,10 @@ class ExportSummary:
         frames_left_out: frames whose data the format cannot do without were missing.
         episodes_left_out: ids of the episodes whose tables were missing or damaged.
         unknown_classes: rows by class of the labels that were left out as no format knows them.
+        classes_left_out: rows by class of the labels that the class map, or COCO's categories,
+            have no target for.
+        splits: number of episodes by split, of formats that have splits.
+        warnings: what the user has to know, a sentence or two each.
         sensors_left_out: frames by sensor whose data the format has no place for, where it says so.
         problems: what is missing or damaged in the dataset.
     """
@@ -52,6 +59,9 @@ class ExportSummary:
     frames_left_out: int
     episodes_left_out: tuple[str, ...]
     unknown_classes: dict[str, int]
+    classes_left_out: dict[str, int]
+    splits: dict[Split, int]
+    warnings: tuple[str, ...]
     sensors_left_out: dict[str, int]
     problems: tuple[Problem, ...]
 
@@ -114,6 +124,8 @@ def export_dataset(
         raise BadInputError(
             f"The dataset {source.path} has no whole episode.", "Record one: carstage run."
         )
+    splits = _splits(source, episodes, exporter)
+    exporter.splits = splits.episodes
     with export_folder(target) as folder:
         frames = _write(
             exporter, episodes, folder, found, workers, _of_phase("Exporting", progress)
@@ -125,7 +137,10 @@ def export_dataset(
             frames=frames,
             frames_left_out=sum(episode.frames for episode in episodes) - frames,
             episodes_left_out=tuple(e.id for e in source.episodes if e.id not in found.whole),
-            unknown_classes=dict(found.unknown_classes),
+            unknown_classes=found.unknown_classes,
+            classes_left_out=_without_target(found, exporter.options.class_map),
+            splits=splits.counts,
+            warnings=splits.warnings,
             sensors_left_out=dict(sorted(exporter.sensors_left_out.items())),
             problems=found.problems,
         )
@@ -140,6 +155,21 @@ def export_dataset(
             },
         )
     return summary
+
+
+def _splits(dataset: Dataset, episodes: Sequence[Episode], exporter: Exporter) -> ExportSplits:
+    """The splits, of formats that have some."""
+    if "val_share" not in exporter.uses:
+        return ExportSplits({}, ())
+    return splits_of_export(dataset, episodes, exporter.options)
+
+
+def _without_target(found: Completeness, class_map: ClassMap | None) -> dict[str, int]:
+    if class_map is None:
+        return {}
+    return found.rows_by_class(
+        lambda name, blueprint: name in CLASSES and class_map.target(name, blueprint) is None
+    )
 
 
 def _of_phase(

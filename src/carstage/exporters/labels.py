@@ -11,6 +11,7 @@ from carstage.dataset.saved_frames import Frame, Row
 from carstage.errors import BadInputError
 from carstage.exporters.classes import RIDER
 from carstage.exporters.options import ExportOptions
+from carstage.exporters.riders import riders_by_vehicle, without_rider
 from carstage.geometry import Rectangle
 
 
@@ -45,13 +46,19 @@ def camera_labels(frame: Frame, camera_id: str, options: ExportOptions) -> Itera
     """The objects of a picture that the options keep, by track id.
 
     An object without the wanted box (a modal one of which no pixel is seen) is left out. Riders
-    have modal boxes alone.
+    have modal boxes alone. Where riders are exported, modal boxes and masks of two-wheelers are of
+    the vehicle alone; otherwise they hold the rider too.
     """
     wanted = options.chosen_classes
+    alone = RIDER in wanted and options.boxes == "modal"
+    riders = riders_by_vehicle(frame, camera_id) if alone else {}
     for seen in sorted(frame.camera_objects.get(camera_id, ()), key=_track_id):
         row = frame.objects.get(seen["track_id"])
-        if row is None or row["class"] not in wanted:
+        if row is None or row["class"] not in wanted or not _has_target(row, options):
             continue
+        if seen["track_id"] in riders:
+            size = frame.episode.sensor(camera_id).calibration
+            seen = without_rider(seen, riders[seen["track_id"]], size.width, size.height)
         modal = options.boxes == "modal" or row["class"] == RIDER
         box = seen["bbox_modal" if modal else "bbox_amodal"]
         if (
@@ -89,13 +96,22 @@ def require_labels(episode: Episode, options: ExportOptions, *boxes: str) -> Non
                 f"Episode {episode.id} has no {kind} boxes.",
                 f"Record with `labels: {{boxes: [{kind}]}}`, or choose another format.",
             )
-    needs_pixels = options.boxes == "modal" or options.occlusion == "pixel"
-    if needs_pixels and not labels.pixels:
+    without = []
+    if options.boxes == "modal":
+        without.append("--boxes amodal")
+    if options.occlusion == "pixel":
+        without.append("--occlusion stage_vo")
+    if without and not labels.pixels:
         raise BadInputError(
             f"The pixels of the objects of episode {episode.id} were not counted, so there are "
             "no modal boxes, masks and occlusion ratios.",
-            "Record with `labels: {method: both}`, or choose --boxes amodal.",
+            f"Record with `labels: {{method: both}}`, or choose {' '.join(without)}.",
         )
+
+
+def _has_target(row: Row, options: ExportOptions) -> bool:
+    class_map = options.class_map
+    return class_map is None or class_map.target(row["class"], row["blueprint"]) is not None
 
 
 def _track_id(row: Row) -> Any:

@@ -7,12 +7,14 @@ from difflib import get_close_matches
 from typing import Any, Literal, get_args
 
 from carstage.errors import BadInputError
+from carstage.exporters.class_map import ClassMap
 from carstage.exporters.classes import CLASSES, DEFAULT_CLASSES
 
 BoxChoice = Literal["amodal", "modal"]
 OcclusionChoice = Literal["stage_vo", "pixel"]
 CodecChoice = Literal["ffv1", "h264"]
 MessagesChoice = Literal["foxglove", "ros2"]
+CategoryChoice = Literal["own", "coco80"]
 
 
 def _shown(text: str, metavar: str | None = None, flag: str | None = None) -> dict[str, Any]:
@@ -32,15 +34,20 @@ class ExportOptions:
     Attributes:
         cameras: ids of the cameras to export.
         lidar: id of the LiDAR to export.
-        boxes: which 2D boxes: around the silhouette or around the visible pixels.
-        occlusion: which occlusion levels.
+        boxes: which 2D boxes: around the silhouette or around the visible pixels, which is the
+            default where pictures are what is labelled.
+        occlusion: which occlusion levels; the default is by counted pixels.
         min_lidar_points: objects with fewer points, over all LiDARs, are left out.
         max_distance_m: objects farther from the camera (nuScenes: from the ego) are left out.
         include_invisible: whether objects that nothing is seen of are exported too.
-        validation_share: share of the episodes that goes to the validation split.
+        val_share: share of the episodes for validation in this export; like ``test_share`` it
+            replaces the splits of the dataset.
+        test_share: share for test.
         codec: of videos: lossless or small.
         classes: names of the classes to export.
         messages: of MCAP: which messages.
+        categories: Car-STAGE's classes, or COCO's 80.
+        class_map: targets of the classes, see ``read_class_map``.
     """
 
     cameras: tuple[str, ...] = field(
@@ -68,8 +75,12 @@ class ExportOptions:
     include_invisible: bool = field(
         default=False, metadata=_shown("Export objects that nothing is seen of.")
     )
-    validation_share: float = field(
-        default=0.0, metadata=_shown("Share of the episodes for validation.")
+    val_share: float | None = field(
+        default=None,
+        metadata=_shown("Share of the episodes for validation, instead of the stored splits."),
+    )
+    test_share: float | None = field(
+        default=None, metadata=_shown("Share of the episodes for test, likewise.")
     )
     codec: CodecChoice | None = field(
         default=None, metadata=_shown("Of videos: without loss (default), or small.", "ffv1|h264")
@@ -84,6 +95,14 @@ class ExportOptions:
         default=None,
         metadata=_shown("Of MCAP: Foxglove's messages (default), or ROS 2's.", "foxglove|ros2"),
     )
+    categories: CategoryChoice | None = field(
+        default=None,
+        metadata=_shown("Car-STAGE's classes (default) or COCO's own 80.", "own|coco80"),
+    )
+    class_map: ClassMap | None = field(
+        default=None,
+        metadata=_shown("YAML: what each class is called, others are left out.", "FILE"),
+    )
 
     def __post_init__(self) -> None:
         for name, given, known in (
@@ -91,6 +110,7 @@ class ExportOptions:
             ("occlusion", self.occlusion, get_args(OcclusionChoice)),
             ("codec", self.codec, get_args(CodecChoice)),
             ("messages", self.messages, get_args(MessagesChoice)),
+            ("categories", self.categories, get_args(CategoryChoice)),
         ):
             if given is not None and given not in known:
                 raise BadInputError(f"{name}: {given!r}.", f"Give {' or '.join(known)}.")
@@ -101,10 +121,21 @@ class ExportOptions:
                 raise BadInputError(
                     f"class: {name!r} is no class.", f"{hint}Known: {', '.join(CLASSES)}."
                 )
-        if not 0.0 <= self.validation_share < 1.0:
+            if self.class_map is not None and name not in self.class_map.classes:
+                raise BadInputError(
+                    f"class: {name!r} has no target.",
+                    f"These have one: {', '.join(sorted(self.class_map.classes))}.",
+                )
+        for name, share in (("val-share", self.val_share), ("test-share", self.test_share)):
+            if share is not None and not 0.0 <= share < 1.0:
+                raise BadInputError(
+                    f"{name}: {share} is no share.", "Give a number from 0 to below 1."
+                )
+        if (self.val_share or 0.0) + (self.test_share or 0.0) >= 1.0:
             raise BadInputError(
-                f"validation-share: {self.validation_share} is no share.",
-                "Give a number from 0 to below 1.",
+                f"val-share and test-share: {self.val_share} and {self.test_share} leave nothing "
+                "for training.",
+                "Give shares whose sum is below 1.",
             )
         if self.min_lidar_points is not None and self.min_lidar_points < 0:
             raise BadInputError("min-lidar-points: less than 0 points.", "Give 0 or more.")
@@ -116,7 +147,8 @@ class ExportOptions:
     @property
     def chosen_classes(self) -> tuple[str, ...]:
         """The classes to export, in the order of ``CLASSES``."""
-        wanted = self.classes or DEFAULT_CLASSES
+        mapped = DEFAULT_CLASSES if self.class_map is None else self.class_map.classes
+        wanted = self.classes or mapped
         return tuple(name for name in CLASSES if name in wanted)
 
     def given(self) -> tuple[str, ...]:

@@ -39,7 +39,7 @@ from carstage.geometry.coordinates import (
     transform_points,
     wrap_angle,
 )
-from carstage.geometry.earth import GeoPoint, compass_rad, geo_point, specific_force
+from carstage.geometry.earth import GeoFrame, GeoPoint, compass_rad, specific_force
 from carstage.geometry.polygons import (
     Point,
     Rectangle,
@@ -69,6 +69,7 @@ __all__ = [
     "OPTICAL_FROM_SENSOR",
     "Z_NEAR_M",
     "FloatArray",
+    "GeoFrame",
     "GeoPoint",
     "KittiBox",
     "NuscenesBox",
@@ -88,7 +89,6 @@ __all__ = [
     "flu_rotation",
     "flu_vector",
     "focal_length_px",
-    "geo_point",
     "intrinsics",
     "invert_pose",
     "is_pinhole",

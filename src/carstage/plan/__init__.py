@@ -5,12 +5,13 @@
 
 from carstage.plan.estimate import RunEstimate, estimate_run, estimate_tick_s
 from carstage.plan.planning import ServerFacts, plan_episodes
-from carstage.plan.scenario import Recording, Track
+from carstage.plan.scenario import Recording, Start, Track
 
 __all__ = [
     "Recording",
     "RunEstimate",
     "ServerFacts",
+    "Start",
     "Track",
     "estimate_run",
     "estimate_tick_s",

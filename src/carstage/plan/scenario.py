@@ -14,6 +14,7 @@ from carstage.errors import ConfigError
 from carstage.geometry import FloatArray
 from carstage.spec import (
     AutopilotSpec,
+    Control,
     Place,
     ReplayedActor,
     ReplaySpec,
@@ -28,6 +29,21 @@ _SLACK_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
+class Start:
+    """Motion in a first frame, in the world.
+
+    Attributes:
+        velocity: ``(3,)`` m/s.
+        acceleration: ``(3,)`` m/s².
+        yaw_rate: deg/s.
+    """
+
+    velocity: FloatArray
+    acceleration: FloatArray
+    yaw_rate: float
+
+
+@dataclass(frozen=True, slots=True)
 class Track:
     """How one road user moved.
 
@@ -37,6 +53,8 @@ class Track:
         is_ego: the vehicle that carried the sensors.
         times_s: ``(T,)`` seconds since the first frame, ascending.
         poses: ``(T, 6)`` x, y, z (m), pitch, yaw, roll (deg) of the actor in the world.
+        start: how it moved in its first frame.
+        controls: ``(T, 6)`` in the order of ``Control``; None where they were not recorded.
     """
 
     blueprint: str
@@ -44,6 +62,8 @@ class Track:
     is_ego: bool
     times_s: FloatArray
     poses: FloatArray
+    start: Start | None = None
+    controls: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,23 +133,80 @@ def _replay(config: Config, recording: Recording) -> ReplaySpec:
     return ReplaySpec(
         recording.episode_id,
         tuple(
-            ReplayedActor(track.blueprint, dict(track.attributes), _resampled(track, steps_s))
+            ReplayedActor(
+                track.blueprint,
+                dict(track.attributes),
+                _resampled(track, steps_s),
+                _run_up(track, 1.0 / config.fps),
+                _controls(track, steps_s),
+            )
             for track in recording.tracks
         ),
     )
 
 
+def _run_up(track: Track, step_s: float) -> tuple[tuple[float, ...], ...] | None:
+    """Poses of three steps before the first, from which speeds at it are as they were.
+
+    A simulator that moves nobody takes differences of places for velocities, and differences of
+    those for accelerations; an accelerometer looks three steps back.
+    """
+    if track.start is None:
+        return None
+    velocity, pose = track.start.velocity, track.poses[0]
+    poses = []
+    for change in (track.start.acceleration, 0.0, 0.0):
+        turned = [0.0, track.start.yaw_rate, 0.0]
+        pose = pose - np.concatenate([velocity, turned]) * step_s
+        poses.append(_rounded(pose[None, :])[0])
+        velocity = velocity - np.asarray(change) * step_s
+    return tuple(tuple(row) for row in reversed(poses))
+
+
+def _controls(track: Track, steps_s: FloatArray) -> tuple[Control, ...] | None:
+    """What the driver did in the frame at or before each step."""
+    if track.controls is None:
+        return None
+    frame = np.searchsorted(track.times_s, steps_s + _SLACK_S, side="right") - 1
+    return tuple(Control(*row) for row in track.controls[np.maximum(frame, 0)].tolist())
+
+
 def _resampled(track: Track, steps_s: FloatArray) -> tuple[tuple[float, ...] | None, ...]:
-    """A pose for each step, linear between frames, angles the short way; None where it was gone."""
-    unwrapped = np.column_stack(
+    """A pose for each step; None where it was gone.
+
+    Between frames by a cubic through them whose slope at each is that between its neighbours
+    (Catmull and Rom 1974), so that speeds do not jump; angles go the short way.
+    """
+    knots = np.column_stack(
         [track.poses[:, :3], np.unwrap(track.poses[:, 3:], period=360.0, axis=0)]
     )
-    values = np.stack(
-        [np.interp(steps_s, track.times_s, column) for column in unwrapped.T], axis=-1
-    )
-    values[:, 3:] = (values[:, 3:] + 180.0) % 360.0 - 180.0
     alive = (steps_s >= track.times_s[0] - _SLACK_S) & (steps_s <= track.times_s[-1] + _SLACK_S)
-    rows: list[list[float]] = (np.round(values, _DECIMALS) + 0.0).tolist()
+    rows = _rounded(_between(track.times_s, knots, steps_s))
     return tuple(
         tuple(row) if here else None for row, here in zip(rows, alive.tolist(), strict=True)
     )
+
+
+def _between(times_s: FloatArray, knots: FloatArray, steps_s: FloatArray) -> FloatArray:
+    """``(S, 6)`` of ``(T, 6)`` knots; the first and the last one stay beyond the ends."""
+    if len(times_s) == 1:
+        return np.repeat(knots, len(steps_s), axis=0)
+    slopes = np.gradient(knots, times_s, axis=0)
+    before = np.clip(np.searchsorted(times_s, steps_s, side="right") - 1, 0, len(times_s) - 2)
+    span_s = times_s[before + 1] - times_s[before]
+    t = np.clip((steps_s - times_s[before]) / span_s, 0.0, 1.0)[:, None]
+    h = span_s[:, None]
+    values: FloatArray = (
+        (1.0 + 2.0 * t) * (1.0 - t) ** 2 * knots[before]
+        + t * (1.0 - t) ** 2 * h * slopes[before]
+        + t**2 * (3.0 - 2.0 * t) * knots[before + 1]
+        + t**2 * (t - 1.0) * h * slopes[before + 1]
+    )
+    return values
+
+
+def _rounded(poses: FloatArray) -> list[list[float]]:
+    turned = poses.copy()
+    turned[:, 3:] = (turned[:, 3:] + 180.0) % 360.0 - 180.0
+    rows: list[list[float]] = (np.round(turned, _DECIMALS) + 0.0).tolist()
+    return rows

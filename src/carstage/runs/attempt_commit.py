@@ -87,6 +87,11 @@ class AttemptCommit:
         )
 
     @property
+    def gnss(self) -> Mapping[str, str] | None:
+        """``projection`` and ``north`` of the server's GNSS sensors, where a test found them."""
+        return None if self._self_test is None else self._self_test["gnss"]
+
+    @property
     def _what(self) -> str:
         return f"episode {self.job.episode_id}, attempt {self.attempt},"
 

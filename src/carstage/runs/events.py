@@ -149,6 +149,7 @@ class ServerTested(RunEvent):
         client: version of the client.
         map: the map that was loaded.
         checks: the checks with ``name`` and ``ok``.
+        gnss: ``projection`` and ``north`` of the server's GNSS sensors, where they are known.
     """
 
     ok: bool
@@ -156,6 +157,7 @@ class ServerTested(RunEvent):
     client: str
     map: str
     checks: list[dict[str, Any]]
+    gnss: dict[str, str] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -260,6 +260,7 @@ class ServerWorker:
     def _plan(self, attempt_commit: AttemptCommit, endpoint: Endpoint) -> dict[str, Any]:
         spec = attempt_commit.job.spec
         call_s, load_s = self._timeouts_s(spec)
+        gnss = attempt_commit.gnss
         return {
             "plan_version": 1,
             "plugins": plugins_of(sensor.kind for sensor in spec.sensors),
@@ -269,6 +270,7 @@ class ServerWorker:
                 "timeout_s": call_s,
                 "load_timeout_s": load_s,
                 "traffic_manager_port": endpoint.traffic_manager_port,
+                **({} if gnss is None else {"gnss": dict(gnss)}),
             },
             "queue_bytes": self._setup.output.raw_queue_mb * _BYTES_PER_MB,
             "raw_store": self._setup.output.raw_store,

@@ -120,9 +120,7 @@ class ServerSetup:
     @property
     def tested(self) -> bool:
         """Whether the server is tested before the run."""
-        wanted = self._config.server.self_test
-        embedded = isinstance(self._config.server, EmbeddedServerConfig)
-        return wanted in ("on", "require") or (wanted == "auto" and not embedded)
+        return self._config.server.self_test != "off"
 
     @property
     def must_pass(self) -> bool:

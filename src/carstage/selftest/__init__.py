@@ -1,8 +1,8 @@
 """Does a server do what the labels take for granted? A short recording, and who judges it.
 
 ``staging`` plans an episode in which the rig is moved by hand between ticks, ``evidence`` reads its
-raw log; ``frames``, ``view``, ``alignment``, ``codes``, ``lidar_axes`` and
-``optical_flow`` ask one question each, ``judging`` asks all.
+raw log; ``frame_consistency``, ``depth_view``, ``alignment``, ``codes``, ``lidar_axes``,
+``optical_flow`` and ``globe`` ask one question each, ``judging`` asks all.
 """
 
 from carstage.selftest.judging import judge_log

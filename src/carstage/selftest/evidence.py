@@ -18,6 +18,7 @@ from carstage.rawlog.reader import ActorInfo, EpisodeLog, Record, WorldFrame
 
 CAMERAS = ("rgb", "depth", "semantic", "instance", "flow")
 LIDAR = "lidar"
+GNSS = "gnss"
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +53,7 @@ class Evidence:
         k: ``(3, 3)`` intrinsics of the cameras.
         world_from_camera: ``(T, 4, 4)`` as the snapshots have the depth camera's actor.
         world_from_lidar: ``(T, 4, 4)`` likewise.
+        world_from_gnss: ``(T, 4, 4)`` likewise.
         world_from_ego: ``(T, 4, 4)``.
         vehicle: the vehicle ahead.
         walker: the walker; None where there is none.
@@ -66,6 +68,7 @@ class Evidence:
     k: FloatArray
     world_from_camera: FloatArray
     world_from_lidar: FloatArray | None
+    world_from_gnss: FloatArray | None
     world_from_ego: FloatArray
     vehicle: Body
     walker: Body | None
@@ -128,6 +131,7 @@ def read_evidence(folder: Path) -> Evidence:
         k=intrinsics(int(meta["width"]), int(meta["height"]), float(meta["fov_deg"])),
         world_from_camera=_poses(worlds, ids["depth"]),
         world_from_lidar=_poses(worlds, ids[LIDAR]) if LIDAR in ids else None,
+        world_from_gnss=_poses(worlds, ids[GNSS]) if GNSS in ids else None,
         world_from_ego=_poses(worlds, int(header["ego_id"])),
         vehicle=_body(vehicles[0], worlds),
         walker=_body(walkers[0], worlds) if walkers else None,

@@ -9,6 +9,7 @@ from carstage.selftest.codes import check_instance_ids, check_tags
 from carstage.selftest.depth_view import check_depth
 from carstage.selftest.evidence import read_evidence
 from carstage.selftest.frame_consistency import check_frames, check_mounts
+from carstage.selftest.globe import check_gnss
 from carstage.selftest.lidar_axes import check_lidar_axes
 from carstage.selftest.optical_flow import check_optical_flow
 from carstage.selftest.verdict import Verdict
@@ -42,9 +43,14 @@ def judge_log(folder: Path) -> Verdict:
         checks.append(check_optical_flow(view))
     if evidence.world_from_lidar is not None:
         checks.append(check_lidar_axes(view))
+    gnss = None
+    if evidence.world_from_gnss is not None:
+        check, gnss = check_gnss(evidence)
+        checks.append(check)
     return Verdict(
         server=server,
         client=str(evidence.header["client_version"]),
         map=str(evidence.header["map"]).rsplit("/", 1)[-1],
         checks=tuple(checks),
+        gnss=None if gnss is None else gnss._asdict(),
     )

@@ -68,6 +68,7 @@ _LIDAR = {
 }
 _CAMERA_POSE = PoseSpec(2.4, 0.2, 1.5, 0.0, -3.0, 4.0)
 _LIDAR_POSE = PoseSpec(0.6, -0.3, 2.2, 0.0, 0.0, 30.0)
+_GNSS_POSE = PoseSpec(0.0, 0.0, 1.8, 0.0, 0.0, 0.0)
 
 _NEAREST_M, _BEST_M, _FARTHEST_M = 10.0, 14.0, 30.0
 _WIDEST_M = 4.0
@@ -193,8 +194,10 @@ def _vehicle(blueprints: Collection[str]) -> str:
 
 
 def _sensors(blueprints: Collection[str]) -> tuple[SensorSpec, ...]:
-    wanted = [(kind, _CAMERA_POSE, _CAMERA) for kind in CAMERA_KINDS]
-    wanted.append(("lidar", _LIDAR_POSE, _LIDAR))
+    wanted: list[tuple[str, PoseSpec, dict[str, str]]] = [
+        (kind, _CAMERA_POSE, _CAMERA) for kind in CAMERA_KINDS
+    ]
+    wanted += [("lidar", _LIDAR_POSE, _LIDAR), ("gnss", _GNSS_POSE, {})]
     return tuple(
         SensorSpec(
             id=kind,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -17,7 +18,8 @@ class Check:
         expected: what is taken for granted, in the same words.
         figure: how well what was found explains the recording, in ``unit``; None where nothing
             could be measured.
-        unit: of ``figure``: ``share`` (of pixels or points that agree, 0 to 1) or ``px``.
+        unit: of ``figure``: ``share`` (of pixels or points that agree, 0 to 1), ``px`` or
+            ``m``.
     """
 
     name: str
@@ -43,12 +45,15 @@ class Verdict:
         client: version of the client wheel that recorded.
         map: where it was recorded.
         checks: in the order that they were made in.
+        gnss: ``projection`` and ``north`` of its GNSS sensors; None where they are of no known
+            kind or it has none.
     """
 
     server: str
     client: str
     map: str
     checks: tuple[Check, ...]
+    gnss: Mapping[str, str] | None = None
 
     @property
     def ok(self) -> bool:
@@ -72,6 +77,7 @@ class Verdict:
                 | {"figure": None if check.figure is None else round(float(check.figure), 4)}
                 for check in self.checks
             ],
+            "gnss": None if self.gnss is None else dict(self.gnss),
         }
 
 

@@ -10,6 +10,7 @@ from carstage.spec.labels import GroundTruthSpec, LabelsSpec
 from carstage.spec.road_users import GroupSpec, PedestriansSpec, TrafficSpec, VehiclesSpec
 from carstage.spec.scenario import (
     AutopilotSpec,
+    Control,
     ReplayedActor,
     ReplaySpec,
     RouteSpec,
@@ -36,6 +37,7 @@ __all__ = [
     "RIGID",
     "SPEC_VERSION",
     "AutopilotSpec",
+    "Control",
     "EgoSpec",
     "EpisodeSpec",
     "Fields",

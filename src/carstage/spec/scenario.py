@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, ClassVar, Dict, List, Mapping, Optional, Tuple, Type, Union
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Dict, List, Mapping, NamedTuple, Optional, Tuple, Type, Union
 
 from carstage.spec.fields import Fields, SpecError, is_number, shown
-from carstage.spec.plain import plain
+from carstage.spec.plain import LEFT_OUT, plain
 from carstage.spec.scene import Place
 
 Pose = Tuple[float, ...]
 """x, y, z (m), pitch, yaw, roll (deg) in CARLA's world axes."""
 _POSE_NUMBERS = 6
+
+
+class Control(NamedTuple):
+    """What the driver of a vehicle does, as in ``ego.parquet``; flags are 0 or 1."""
+
+    throttle: float
+    steer: float
+    brake: float
+    hand_brake: float
+    reverse: float
+    gear: float
 
 
 class ScenarioSpec:
@@ -82,11 +93,16 @@ class ReplayedActor:
 
     Attributes:
         poses: one for each step; None where it was not there.
+        run_up: poses of the steps before the first one, the oldest first, which give it the speed
+            and the acceleration that it had; None: it stood.
+        controls: one for each step; None where nobody drove it, or nothing is known.
     """
 
     blueprint: str
     attributes: Mapping[str, str]
     poses: Tuple[Optional[Pose], ...]
+    run_up: Optional[Tuple[Pose, ...]] = field(default=None, metadata=LEFT_OUT)
+    controls: Optional[Tuple[Control, ...]] = field(default=None, metadata=LEFT_OUT)
 
 
 @dataclass(frozen=True)
@@ -105,6 +121,8 @@ class ReplaySpec(ScenarioSpec):
                 blueprint=actor.text("blueprint"),
                 attributes=actor.object("attributes").texts(),
                 poses=_read_poses(actor, steps),
+                run_up=_read_run_up(actor) if "run_up" in actor else None,
+                controls=_read_controls(actor, steps) if "controls" in actor else None,
             )
             for actor in fields.objects("actors")
         )
@@ -120,15 +138,37 @@ def _read_poses(actor: Fields, steps: int) -> Tuple[Optional[Pose], ...]:
             "%s: %d poses are not one for each of %d steps."
             % (actor.path("poses"), len(poses), steps)
         )
-    for index, pose in enumerate(poses):
-        if pose is not None and not (
-            isinstance(pose, list) and len(pose) == _POSE_NUMBERS and all(map(is_number, pose))
-        ):
-            raise SpecError(
-                "%s[%d]: must be null or six numbers, not %s."
-                % (actor.path("poses"), index, shown(pose))
-            )
-    return tuple(None if pose is None else tuple(pose) for pose in poses)
+    return tuple(
+        None if pose is None else _numbers(pose, _POSE_NUMBERS, actor.path("poses"), index)
+        for index, pose in enumerate(poses)
+    )
+
+
+def _read_run_up(actor: Fields) -> Tuple[Pose, ...]:
+    return tuple(
+        _numbers(pose, _POSE_NUMBERS, actor.path("run_up"), index)
+        for index, pose in enumerate(actor.list("run_up"))
+    )
+
+
+def _read_controls(actor: Fields, steps: int) -> Tuple[Control, ...]:
+    controls = actor.list("controls")
+    if len(controls) != steps:
+        raise SpecError(
+            "%s: %d controls are not one for each of %d steps."
+            % (actor.path("controls"), len(controls), steps)
+        )
+    path = actor.path("controls")
+    return tuple(
+        Control(*_numbers(control, len(Control._fields), path, index))
+        for index, control in enumerate(controls)
+    )
+
+
+def _numbers(value: Any, count: int, path: str, index: int) -> Tuple[float, ...]:
+    if isinstance(value, list) and len(value) == count and all(map(is_number, value)):
+        return tuple(value)
+    raise SpecError("%s[%d]: must be %d numbers, not %s." % (path, index, count, shown(value)))
 
 
 _KINDS: Tuple[Type[ScenarioSpec], ...] = (AutopilotSpec, StationarySpec, RouteSpec, ReplaySpec)

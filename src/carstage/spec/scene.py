@@ -8,6 +8,7 @@ from typing import List, Mapping, Optional, Tuple
 from carstage.spec.fields import Fields, SpecError
 
 _COLOUR_MAX = 255
+_SLACK_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,17 @@ class WeatherSpec:
             lights=fields.text("lights", ("auto", "on", "off")),
             changes=tuple(changes),
         )
+
+    def preset_at(self, time_s: float) -> Optional[str]:
+        """The preset of the weather at a time; None while it moves from one weather to another."""
+        moments = (self.begin, *self.changes)
+        before = max(i for i, moment in enumerate(moments) if moment.at_s <= time_s + _SLACK_S)
+        now = moments[before]
+        if before + 1 == len(moments) or abs(time_s - now.at_s) <= _SLACK_S:
+            return now.preset
+        after = moments[before + 1]
+        still = (now.preset, now.parameters) == (after.preset, after.parameters)
+        return now.preset if still else None
 
     @property
     def begin(self) -> WeatherChange:

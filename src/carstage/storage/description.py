@@ -8,6 +8,7 @@ from typing import Any
 
 from carstage import __version__
 from carstage.errors import DatasetError
+from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
 from carstage.tags import TAGS_0_9_14
 
 FORMAT_VERSION = 1
@@ -34,7 +35,7 @@ def read_description(path: Path) -> dict[str, Any]:
         DatasetError: there is none, it is damaged, or its format version is not ours.
     """
     try:
-        document = json.loads(path.read_bytes())
+        document = json.loads(read_bounded(path, LARGEST_DOCUMENT_BYTES))
         version = document["format_version"]
     except FileNotFoundError as error:
         raise DatasetError(

@@ -16,6 +16,7 @@ from typing import Any
 
 from carstage import __version__
 from carstage.errors import DatasetError, EpisodeExistsError, StorageError
+from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
 from carstage.files.hashing import hash_of_file
 from carstage.storage.description import describe_dataset, read_description
 from carstage.storage.disk import disk_error
@@ -61,7 +62,7 @@ class LocalStore(Store):
             return {}
         markers = {}
         for path in sorted(self._commits.glob("*.json")):
-            marker = CommitMarker.from_bytes(path.read_bytes(), path.name)
+            marker = _read_marker(path)
             if marker.episode_id != path.stem:
                 raise DatasetError(
                     f"The commit marker {path.name} speaks of episode {marker.episode_id!r}.",
@@ -138,7 +139,7 @@ class LocalStore(Store):
         """Delete the attempt's folder; see ``Store.discard_attempt``."""
         marker_path = self._commits / f"{episode_id}.json"
         if marker_path.exists():
-            marker = CommitMarker.from_bytes(marker_path.read_bytes(), marker_path.name)
+            marker = _read_marker(marker_path)
             if marker.attempt == attempt:
                 raise StorageError(
                     f"Attempt {attempt} of episode {episode_id} is committed and stays.",
@@ -161,7 +162,7 @@ class LocalStore(Store):
 
     def _yield_to_winner(self, episode_id: str, attempt: str, marker_path: Path) -> None:
         """Give way to the attempt that was committed first."""
-        winner = CommitMarker.from_bytes(marker_path.read_bytes(), marker_path.name)
+        winner = _read_marker(marker_path)
         if winner.attempt != attempt:
             self._remove_attempt(episode_id, attempt)
         raise EpisodeExistsError(
@@ -260,3 +261,22 @@ def _flush_folder(folder: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def _read_marker(path: Path) -> CommitMarker:
+    """Read a commit marker.
+
+    Raises:
+        FileNotFoundError: there is none.
+        DatasetError: it cannot be read, or is damaged.
+    """
+    try:
+        content = read_bounded(path, LARGEST_DOCUMENT_BYTES)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise DatasetError(
+            f"The commit marker {path.name} cannot be read: {error.strerror}.",
+            "Remove it to record that episode again.",
+        ) from error
+    return CommitMarker.from_bytes(content, path.name)

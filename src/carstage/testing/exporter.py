@@ -12,7 +12,14 @@ import pytest
 
 from carstage.dataset import Dataset
 from carstage.errors import BadInputError
-from carstage.exporters import ExportOptions, Frame, export_dataset, exporter_for, exporters
+from carstage.exporters import (
+    ClassMap,
+    ExportOptions,
+    Frame,
+    export_dataset,
+    exporter_for,
+    exporters,
+)
 
 _NOT_DEFAULT: dict[str, Any] = {
     "cameras": ("CAM",),
@@ -22,9 +29,12 @@ _NOT_DEFAULT: dict[str, Any] = {
     "min_lidar_points": 1,
     "max_distance_m": 1.0,
     "include_invisible": True,
-    "validation_share": 0.5,
+    "val_share": 0.5,
+    "test_share": 0.2,
     "classes": ("car",),
     "messages": "ros2",
+    "categories": "coco80",
+    "class_map": ClassMap.of({"car": "Car"}),
 }
 
 

@@ -15,6 +15,8 @@ from carstage.validation.checks.episode import EpisodeChecks, Figures
 from carstage.validation.checks.findings import Findings, Problem, Severity
 from carstage.validation.checks.pictures import check_repeated_episodes
 from carstage.validation.checks.population import check_population
+from carstage.validation.checks.splits import check_splits
+from carstage.validation.checks.tag_images import check_tag_table
 
 REPORT_FORMAT = 1
 
@@ -95,6 +97,8 @@ def validate_dataset(
     everything.append(findings)
     if not dataset.episodes:
         findings.add("empty", "the dataset has no committed episode")
+    check_splits(dataset, findings)
+    check_tag_table(dataset.description, findings)
     check_repeated_episodes(dataset.episodes, findings)
     check_population(figures.population, findings)
     counts: dict[str, dict[Severity, int]] = {name: {"error": 0, "warning": 0} for name in RULES}

@@ -8,13 +8,31 @@ from __future__ import annotations
 
 import math
 
+import shapely
 from lxml import etree
 
 MOST_ROADS = 20_000
+GEOS = ((3, 13, 1), (3, 14, 1))
+"""The libraries under shapely 2.1 and 2.2: those that were shown to draw the same towns."""
 
 
 class MapSamplingError(RuntimeError):
     """Nothing can be made of an OpenDRIVE text; the message says why and what to do."""
+
+
+def check_geometry_library() -> None:
+    """Refuse to draw a town that may differ from those of its name elsewhere.
+
+    Raises:
+        MapSamplingError: nobody compared the towns of the GEOS under shapely.
+    """
+    if shapely.geos_version not in GEOS:
+        found = ".".join(map(str, shapely.geos_version))
+        known = " and ".join(".".join(map(str, version)) for version in GEOS)
+        raise MapSamplingError(
+            f"towns are drawn with GEOS {known}, which were shown to give the same triangles; "
+            f"shapely {shapely.__version__} has {found}: pip install 'shapely>=2.1,<2.3'"
+        )
 
 
 def check_opendrive(name: str, opendrive: str) -> None:

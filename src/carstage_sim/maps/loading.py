@@ -13,7 +13,7 @@ import numpy as np
 import carstage_sim.cache
 from carstage_sim.maps.baking import EVERYTHING, BakeOptions, bake, sample_in_child
 from carstage_sim.maps.cache import cached_count, cached_town, town_path
-from carstage_sim.maps.checking import MapSamplingError
+from carstage_sim.maps.checking import MapSamplingError, check_geometry_library
 from carstage_sim.maps.levels import station_levels
 from carstage_sim.maps.spawning import spawn_points
 from carstage_sim.maps.strips import strips
@@ -139,6 +139,7 @@ def town_of(source: TownSource, *, cache_folder: Path | None = None) -> Town:
         MapSamplingError: if nothing can be made of the text.
     """
     name, text, options = source.name, source.opendrive, source.options
+    check_geometry_library()
     try:
         return cached_town(
             name, _key(source), lambda: bake(name, text, options), _folder(cache_folder)

@@ -10,6 +10,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from carstage_sim.maps.delaunay import delaunay
+
 GRID_M = 0.001
 """All vertices lie on a grid of this width, so that equal places have equal coordinates."""
 
@@ -48,14 +50,19 @@ def partition(
         shapely.constrained_delaunay_triangles(faces), return_index=True
     )
     corners = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    turn = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    corners[turn < 0] = corners[turn < 0, ::-1]
-    keep = np.abs(turn) > 1e-9
-    keys = np.rint(corners[keep] / GRID_M).astype(np.int64)
+    keys = np.rint(corners / GRID_M).astype(np.int64)
     points, index = np.unique(keys.reshape(-1, 2), axis=0, return_inverse=True)
-    places = (points * GRID_M).astype(np.float64)
-    return Partition(places, index.reshape(-1, 3), owner[face[keep]])
+    drawn = _counter_clockwise(points, index.reshape(-1, 3))
+    triangles, face = delaunay(points, drawn, face.astype(np.int64))
+    return Partition((points * GRID_M).astype(np.float64), triangles, owner[face])
+
+
+def _counter_clockwise(
+    points: NDArray[np.int64], triangles: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    turn = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    return np.where((turn < 0)[:, None], triangles[:, ::-1], triangles)
 
 
 def _faces(

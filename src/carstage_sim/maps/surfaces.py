@@ -16,6 +16,7 @@ from shapely.geometry.base import BaseGeometry
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.markings import lane_lines, stop_lines, turn_arrows, zebra
+from carstage_sim.maps.shrinking import shrunk
 from carstage_sim.maps.signals import GovernedLane, SignalPlan
 from carstage_sim.maps.strips import MEDIAN_KINDS, WALKED_KINDS, Strip
 from carstage_sim.mesh import Material
@@ -134,7 +135,7 @@ def surfaces(
             road, gutter, sidewalk, median, none, tuple(crosswalks), (), (), (), (), none
         )
     grown = shapely.union_all([road, sidewalk, median]).buffer(_SEAM_M, join_style="mitre")
-    both = _on_grid(grown.buffer(-_SEAM_M, join_style="mitre"))
+    both = _on_grid(shrunk(grown, _SEAM_M))
     holes = [shapely.Polygon(hole) for part in shapely.get_parts(both) for hole in part.interiors]
     beside_walks = sidewalk.buffer(_SEAM_M)
     shapely.prepare(beside_walks)
@@ -250,7 +251,7 @@ def _paths(park: shapely.Polygon) -> BaseGeometry:
 
 def _fused(lanes: list[Strip]) -> BaseGeometry:
     grown = [lane.polygon.buffer(_SEAM_M, join_style="mitre") for lane in lanes]
-    return shapely.union_all(grown).buffer(-_SEAM_M, join_style="mitre")
+    return shrunk(shapely.union_all(grown), _SEAM_M)
 
 
 def _without_gaps(road: BaseGeometry) -> BaseGeometry:

@@ -8,12 +8,15 @@ from typing import Any
 
 import pytest
 
+from benchmarks.framework.busy_machine import measure_busy_machine
 from benchmarks.framework.frames_check import check_frames
+from benchmarks.framework.globe import measure_globe
 from benchmarks.framework.memory import measure_memory
 from benchmarks.framework.overhead import measure_overhead
 from carstage.bench.episodes import looping_server
 from carstage.bench.verdict import Verdict
 from carstage.server import Endpoint
+from client_wheels import wheel_python
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("bench")]
 
@@ -63,9 +66,23 @@ def test_overhead_is_measured_against_a_client_that_drops_everything(
     server: Endpoint, tmp_path: Path
 ) -> None:
     verdict = measure_overhead(
-        ticks=20, rounds=1, size=(64, 36), raw_store="mmap", scratch=tmp_path, running=server
+        ticks=60, rounds=1, size=(64, 36), raw_store="mmap", scratch=tmp_path, running=server
     )
     found = figures(verdict)
     assert found["lidar_points"] >= 100_000
     assert found["client_cpu_ms_per_tick_discarding"] > 0
     assert found["client_cpu_ms_per_tick_capturing"] > 0
+
+
+def test_a_demo_on_a_busy_machine_has_the_files_of_a_calm_one() -> None:
+    verdict = measure_busy_machine(demos=1, per_core=1, seconds=0.3)
+    assert verdict.ok, verdict.text()
+    assert figures(verdict)["files_compared"] > 20
+
+
+@pytest.mark.py38
+def test_positions_in_degrees_lead_back_to_the_same_metres() -> None:
+    wheel_python("0.9.13")
+    verdict = measure_globe(["Stage02"], ["0.9.13", "0.9.16"])
+    assert verdict.ok, verdict.text()
+    assert figures(verdict)["positions_compared"] == 24

@@ -212,6 +212,8 @@ def test_a_killed_collector_leaves_whole_records_and_the_retry_is_the_same(
     assert not log.is_complete()
     for stream in log.streams:
         for path in sorted((killed / stream).glob("*.open")):
+            if not path.stat().st_size:
+                continue  # killed between making the file and writing its header
             found = read_torn(path)
             assert [r.sequence for r in found.records] == list(range(len(found.records)))
             if stream != raw.LEDGER and found.index < 2:

@@ -48,8 +48,10 @@ def test_images_and_points_come_back_exactly(folder: Path) -> None:
         np.testing.assert_array_equal(episode.sensor("SEM_FRONT").read(k), tags)
         points, _ = analytic_scene.sweep(sensor_spec("LIDAR_TOP")["pose"], k / 10)
         np.testing.assert_array_equal(episode.sensor("LIDAR_TOP").read(k), points)
-    np.testing.assert_allclose(episode.sensor("IMU").read(3), [0, 0, 9.81, 0, 0, 0, 1.7])
-    np.testing.assert_allclose(episode.sensor("GNSS").read(3), [3e-6, 2e-5, 0.5])
+    compass = np.radians((analytic_scene.EGO.yaw_deg + 90.0) % 360.0)
+    np.testing.assert_allclose(episode.sensor("IMU").read(3), [0, 0, 9.81, 0, 0, 0, compass])
+    place = analytic_scene.gnss_reading(sensor_spec("GNSS")["pose"], 0.3)
+    np.testing.assert_allclose(episode.sensor("GNSS").read(3), place)
 
 
 def test_tables_have_a_row_per_frame_and_object(folder: Path) -> None:

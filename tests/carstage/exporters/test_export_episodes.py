@@ -7,14 +7,12 @@ from pathlib import Path
 
 import pytest
 
-import analytic_scene
-from analytic_dataset import SIZE, VERSIONS, convert, make_dataset
+from analytic_dataset import SIZE, add_episode, make_dataset
 from carstage.exporters import ExportOptions, export_dataset
-from carstage.storage import LocalStore
 
 pytestmark = pytest.mark.xdist_group("export")
 SECOND = "fedcba9876543210"
-HALF = ExportOptions(validation_share=0.5)
+HALF = ExportOptions(val_share=0.5)
 
 
 @pytest.fixture(scope="module")
@@ -22,15 +20,7 @@ def two_episodes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Episodes of two and of three frames."""
     work = tmp_path_factory.mktemp("raw")
     folder = make_dataset(tmp_path_factory.mktemp("two") / "out", work, size=SIZE, steps=2)
-    header = analytic_scene.header
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            analytic_scene, "header", lambda *a, **k: {**header(*a, **k), "episode_id": SECOND}
-        )
-        analytic_scene.write_raw_log(work / "second", size=SIZE, steps=3)
-    store = LocalStore(folder)
-    convert(work / "second", store.attempt_folder(SECOND, "a1"))
-    store.commit(SECOND, "a1", frames=3, versions=VERSIONS)
+    add_episode(folder, work, SECOND, 3)
     return folder
 
 

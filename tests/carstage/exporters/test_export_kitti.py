@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 from PIL import Image
 
-from analytic_dataset import SIZE
+from analytic_dataset import SIZE, attempt_of, edit_rows, recommit
 from carstage.dataset import Dataset
+from carstage.errors import BadInputError
+from carstage.exporters import ExportOptions, export_dataset
 from kitti_geometry import calibration, corners, pixels
 
 WIDTH, HEIGHT = SIZE
@@ -16,7 +23,7 @@ pytestmark = pytest.mark.xdist_group("export")
 
 
 def test_labels_parse_and_project_back_within_a_pixel(exported, dataset) -> None:
-    training = exported("kitti-object") / "training"
+    training = exported("kitti-object", boxes="amodal") / "training"
     rows = Dataset(dataset).episodes[0].camera_objects().to_pylist()
     compared = dont_care = 0
     for k in range(6):
@@ -84,9 +91,13 @@ def test_the_index_leads_back_to_the_dataset(exported) -> None:
     assert len(lines) == 7
 
 
-def test_pixel_levels_and_modal_boxes_are_written_on_demand(exported, dataset) -> None:
+@pytest.mark.parametrize(
+    ("choices", "column"),
+    [({}, "occluded_px"), ({"occlusion": "stage_vo"}, "occluded")],
+)
+def test_boxes_are_tight_around_what_is_seen(exported, dataset, choices, column: str) -> None:
     rows = Dataset(dataset).episodes[0].camera_objects().to_pylist()
-    out = exported("kitti-object", occlusion="pixel", boxes="modal")
+    out = exported("kitti-object", **choices)
     labels = (out / "training/label_2/000000.txt").read_text().splitlines()
     seen = sorted(
         (r for r in rows if r["k"] == 0 and r["sensor_id"] == "CAM_FRONT" and r["visible"]),
@@ -95,9 +106,55 @@ def test_pixel_levels_and_modal_boxes_are_written_on_demand(exported, dataset) -
     assert len(labels) == len(seen)
     for line, row in zip(labels, seen, strict=True):
         values = line.split()
-        assert int(values[2]) == (-1 if values[0] == "DontCare" else row["occluded_px"])
+        assert int(values[2]) == (-1 if values[0] == "DontCare" else row[column])
         x0, y0, x1, y1 = row["bbox_modal"]
         assert [float(v) for v in values[4:8]] == [x0, y0, x1 - 1, y1 - 1]
+
+
+def test_what_has_no_3d_box_is_no_reason_to_punish_a_detector(dataset, tmp_path: Path) -> None:
+    copy = Path(shutil.copytree(dataset, tmp_path / "dataset"))
+
+    def without_3d(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        lost = dict.fromkeys(("location", "dimensions", "rotation_y", "alpha"))
+        return [{**row, **(lost if row["track_id"] == 50 else {})} for row in rows]
+
+    edit_rows(copy, "camera_objects.parquet", without_3d)
+    export_dataset("kitti-object", copy, tmp_path / "out", workers=0)
+    (seen,) = [
+        row
+        for row in Dataset(copy).episodes[0].camera_objects().to_pylist()
+        if (row["track_id"], row["k"], row["sensor_id"]) == (50, 0, "CAM_FRONT")
+    ]
+    x0, y0, x1, y1 = seen["bbox_modal"]
+    lines = (tmp_path / "out/training/label_2/000000.txt").read_text().splitlines()
+    box = f"{x0:.2f} {y0:.2f} {x1 - 1:.2f} {y1 - 1:.2f}"
+    assert f"DontCare -1 -1 -10 {box} -1 -1 -1 -1000 -1000 -1000 -10" in lines
+
+
+@pytest.mark.parametrize(
+    ("name", "way_out"),
+    [
+        ("kitti-object", "--boxes amodal --occlusion stage_vo"),
+        ("kitti-tracking", "--boxes amodal --occlusion stage_vo"),
+        ("yolo", "--boxes amodal"),
+        ("coco", "--boxes amodal"),
+    ],
+)
+def test_a_recording_without_counted_pixels_is_refused_with_the_way_out(
+    dataset, tmp_path: Path, name: str, way_out: str
+) -> None:
+    copy = Path(shutil.copytree(dataset, tmp_path / "dataset"))
+    path = attempt_of(copy) / "episode.json"
+    document = json.loads(path.read_text())
+    document["spec"]["labels"]["method"] = "stage_vo"
+    path.write_text(json.dumps(document))
+    recommit(copy)
+    with pytest.raises(BadInputError, match="were not counted") as refused:
+        export_dataset(name, copy, tmp_path / "out", workers=0)
+    assert refused.value.hint.endswith(f"or choose {way_out}.")
+    choices = dict(zip(("boxes", "occlusion"), way_out.split()[1::2], strict=False))
+    options = ExportOptions(**choices)  # type: ignore[arg-type]
+    assert export_dataset(name, copy, tmp_path / "out", options, workers=0).frames == 6
 
 
 def test_filters_leave_objects_out(exported) -> None:

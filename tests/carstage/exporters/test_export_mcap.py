@@ -48,11 +48,14 @@ def messages(exported) -> Messages:
 
 
 def test_every_frame_is_there_at_its_time(messages: Messages) -> None:
-    cameras = [f"/CAM_{side}/{what}" for side in ("FRONT", "LEFT")
-               for what in ("image", "calibration", "annotations")]  # fmt: skip
-    assert sorted(messages) == sorted(
-        ["/tf", "/objects", "/LIDAR_TOP/points", "/GNSS/fix", *cameras]
-    )
+    labelled, truth = ("image", "calibration", "annotations"), ("image", "calibration")
+    topics = {
+        "": ("tf", "objects", "ego"),
+        "/CAM_FRONT": labelled, "/CAM_LEFT": labelled, "/DEPTH_FRONT": truth,
+        "/SEM_FRONT": (*truth, "colors"), "/INST_FRONT": (*truth, "tags", "colors"),
+        "/LIDAR_TOP": ("points",), "/IMU": ("imu",), "/GNSS": ("fix",),
+    }  # fmt: skip
+    assert set(messages) == {f"{first}/{what}" for first, all_ in topics.items() for what in all_}
     for entries in messages.values():
         assert [time for time, _ in entries] == [k * 100_000_000 for k in range(6)]
 

@@ -126,7 +126,7 @@ def test_the_devkit_draws_a_sample(nusc, tmp_path: Path) -> None:
 
 def test_splits_name_the_scenes(exported) -> None:
     splits = json.loads((exported("nuscenes") / NUSCENES_VERSION / "splits.json").read_text())
-    assert splits == {"carstage_train": ["scene-0123456789abcdef"], "carstage_val": []}
+    assert splits == {"carstage_train": ["scene-0123456789abcdef"]}
 
 
 def test_rings_follow_from_elevation() -> None:

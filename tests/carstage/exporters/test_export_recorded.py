@@ -59,10 +59,13 @@ def test_nuscenes_boxes_hold_the_points_that_were_counted(devkit, nusc) -> None:
     assert exact > 0.8 * compared
 
 
+@pytest.mark.parametrize("categories", ["own", "coco80"])
 @pytest.mark.parametrize("kind", ["bbox", "segm"])
-def test_coco_evaluation_gives_full_marks(export, kind: str) -> None:
+def test_coco_evaluation_gives_full_marks(export, kind: str, categories: str) -> None:
     pycocotools = pytest.importorskip("pycocotools.coco", reason="pycocotools is not installed")
-    coco = pycocotools.COCO(str(export("coco") / "annotations/instances_train.json"))
+    coco = pycocotools.COCO(
+        str(export("coco", categories=categories) / "annotations/instances_train.json")
+    )
     assert len(coco.dataset["images"]) == 2 * 2 * FRAMES
     precision, found = coco_marks(coco, kind)
     assert precision == pytest.approx(1.0)
@@ -70,7 +73,7 @@ def test_coco_evaluation_gives_full_marks(export, kind: str) -> None:
 
 
 def test_kitti_labels_project_back_within_a_pixel(export, recorded: Path) -> None:
-    training = export("kitti-object") / "training"
+    training = export("kitti-object", boxes="amodal") / "training"
     rows = [
         {**row, "n": n * FRAMES + row["k"]}
         for n, episode in enumerate(Dataset(recorded).episodes)

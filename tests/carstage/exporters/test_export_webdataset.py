@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import gc
 import json
+import shutil
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from analytic_dataset import attempt_of, recommit
 from carstage.dataset import Dataset
+from carstage.exporters import export_dataset
 from carstage.exporters.formats import webdataset as exporter
 
 pytestmark = [
@@ -25,6 +30,20 @@ def wds() -> Iterator[Any]:
     """The package; its warnings come up in the tests that they are of."""
     yield pytest.importorskip("webdataset", reason="webdataset is not installed")
     gc.collect()
+
+
+@pytest.fixture(scope="module")
+def large_ids(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """The dataset with ids of actors above 255, and its first shard."""
+    folder = Path(shutil.copytree(dataset, tmp_path_factory.mktemp("large") / "dataset"))
+    for path in sorted(attempt_of(folder).glob("sensors/INST_FRONT/??????.png")):
+        with Image.open(path) as picture:
+            ids = np.asarray(picture).astype(np.uint16)
+        Image.fromarray(ids + np.uint16(1000) * (ids > 0)).save(path)
+    recommit(folder)
+    out = tmp_path_factory.mktemp("export") / "out"
+    export_dataset("webdataset", folder, out, workers=0)
+    return folder, out / "train-000000.tar"
 
 
 def test_samples_hold_pictures_points_and_labels(exported, dataset, wds) -> None:
@@ -48,11 +67,35 @@ def test_samples_hold_pictures_points_and_labels(exported, dataset, wds) -> None
         )
 
 
+@pytest.mark.parametrize("pictures", ["rgb8", "l8", "pil", "rgb", None])
+def test_ids_and_depths_are_whole_after_any_decoder(large_ids, wds, pictures: str | None) -> None:
+    folder, shard = large_ids
+    episode = Dataset(folder).episodes[0]
+    samples = wds.WebDataset(str(shard), shardshuffle=False)
+    decoded = list(samples.decode(pictures) if pictures else samples.decode())
+    assert len(decoded) == 6
+    for k, sample in enumerate(decoded):
+        ids = sample["inst_front.npy"]
+        np.testing.assert_array_equal(ids, episode.sensor("INST_FRONT").read(k))
+        assert ids.dtype == np.uint16
+        assert ids[..., 0].max() > 255
+        np.testing.assert_array_equal(
+            sample["depth_front.npy"], episode.sensor("DEPTH_FRONT").read(k)
+        )
+        assert not {name for name in sample if name.startswith(("inst_front.", "depth_front."))
+                    and not name.endswith(".npy")}  # fmt: skip
+
+
+def test_tags_are_whole_as_pictures_of_eight_bits(exported, dataset, wds) -> None:
+    episode = Dataset(dataset).episodes[0]
+    shard = exported("webdataset") / "train-000000.tar"
+    for k, sample in enumerate(wds.WebDataset(str(shard), shardshuffle=False).decode("l8")):
+        np.testing.assert_array_equal(sample["sem_front.png"], episode.sensor("SEM_FRONT").read(k))
+
+
 def test_a_full_shard_is_followed_by_the_next(
     dataset, tmp_path, wds, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from carstage.exporters import export_dataset
-
     monkeypatch.setattr(exporter, "SHARD_BYTES", 100_000)
     out = tmp_path / "out"
     export_dataset("webdataset", dataset, out, workers=0)

@@ -12,8 +12,13 @@ from carstage.dataset import Dataset
 pytestmark = pytest.mark.xdist_group("export")
 
 
-def test_boxes_come_back_from_shares_of_the_picture(exported, dataset) -> None:
-    out = exported("yolo")
+@pytest.mark.parametrize(
+    ("choices", "column"), [({}, "bbox_modal"), ({"boxes": "amodal"}, "bbox_amodal")]
+)
+def test_boxes_come_back_from_shares_of_the_picture(
+    exported, dataset, choices: dict[str, str], column: str
+) -> None:
+    out = exported("yolo", **choices)
     names = (out / "obj.names").read_text().split()
     width, height = SIZE
     rows = Dataset(dataset).episodes[0].camera_objects().to_pylist()
@@ -33,7 +38,7 @@ def test_boxes_come_back_from_shares_of_the_picture(exported, dataset) -> None:
             assert names[int(number)] in ("car", "truck", "walker_adult", "traffic_light")
             box = [(x - w / 2) * width, (y - h / 2) * height,
                    (x + w / 2) * width, (y + h / 2) * height]  # fmt: skip
-            assert min(np.abs(np.subtract(box, r["bbox_amodal"])).max() for r in seen) < 1e-3
+            assert min(np.abs(np.subtract(box, r[column])).max() for r in seen) < 1e-3
             compared += 1
     assert compared >= 12
 

@@ -6,7 +6,6 @@ import json
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,7 +16,6 @@ from carstage.cli.app import app
 from carstage.dataset import Dataset
 from carstage.errors import BadInputError
 from carstage.exporters import ExportOptions, examine, export_dataset
-from carstage.exporters.splits import split_episodes
 
 pytestmark = pytest.mark.xdist_group("export")
 
@@ -182,7 +180,9 @@ def test_unknown_classes_are_listed_and_left_out(copy: Path, tmp_path: Path) -> 
     [
         ({"boxes": "round"}, "boxes: 'round'"),
         ({"occlusion": "none"}, "occlusion: 'none'"),
-        ({"validation_share": 1.0}, "validation-share"),
+        ({"val_share": 1.0}, "val-share: 1.0 is no share"),
+        ({"test_share": -0.1}, "test-share: -0.1 is no share"),
+        ({"val_share": 0.5, "test_share": 0.5}, "nothing for training"),
         ({"min_lidar_points": -1}, "min-lidar-points"),
         ({"max_distance_m": 0.0}, "max-distance-m"),
     ],
@@ -213,13 +213,3 @@ def test_unknown_formats_are_refused_with_the_list(dataset: Path, tmp_path: Path
     ended = carstage_export(["voc", dataset, tmp_path / "out"])
     assert ended.exit_code == 2
     assert "kitti-object" in ended.stderr
-
-
-def test_splits_draw_whole_episodes_always_alike() -> None:
-    episodes: Any = [SimpleNamespace(id=f"{number:016x}") for number in range(10)]
-    drawn = split_episodes(episodes, 0.3)
-    assert sorted(drawn.values()) == ["train"] * 7 + ["val"] * 3
-    assert split_episodes(episodes[::-1], 0.3) == drawn
-    assert set(split_episodes(episodes, 0.0).values()) == {"train"}
-    assert sorted(split_episodes(episodes[:2], 0.01).values()) == ["train", "val"]
-    assert list(split_episodes(episodes[:1], 0.9).values()) == ["train"]

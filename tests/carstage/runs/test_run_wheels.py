@@ -98,4 +98,5 @@ def test_run_finds_the_python_with_wheel_0_9_15(tmp_path: Path, home: Path) -> N
     started = [e for e in events(tmp_path / "dataset") if e["event"] == "collector_started"]
     assert started[-1]["python"].startswith(("3.8.", "3.10."))
     check("0.9.15", started[-1]["python"].rpartition(".")[0], marker, tmp_path / "dataset")
-    assert marker["self_test"] is None
+    assert marker["self_test"]["ok"]
+    assert marker["self_test"]["gnss"] == {"projection": "spherical_mercator", "north": "-y"}

@@ -73,6 +73,7 @@ class RecordedLanding:
         self.attempt = "a1"
         self.raw_folder = folder
         self.given_up = False
+        self.gnss = {"projection": "transverse_mercator", "north": "+y"}
 
     def segment_sealed(self, stream: str, segment: int) -> None:
         del stream, segment

@@ -93,14 +93,14 @@ def test_newer_server_is_recorded_from_with_the_newest_client(simulator: Running
 @pytest.mark.parametrize(
     ("settings", "tested", "must_pass"),
     [
-        (["server={kind: embedded}"], False, False),
-        (["server={kind: embedded, self_test: on}"], True, False),
+        (["server={kind: embedded}"], True, False),
+        (["server={kind: embedded, self_test: off}"], False, False),
         (["server={kind: remote}"], True, False),
         (["server={kind: remote, self_test: off}"], False, False),
         (["server={kind: carla, path: somewhere, self_test: require}"], True, True),
     ],
 )
-def test_real_servers_are_tested_unless_asked_otherwise(
+def test_servers_are_tested_unless_asked_otherwise(
     settings: list[str], tested: bool, must_pass: bool
 ) -> None:
     setup = ServerSetup(config(*settings))

@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carstage.geometry import FloatArray, range_per_depth
+from carstage.geometry import FloatArray, GeoFrame, range_per_depth
+from carstage.releases import NORTHS, PROJECTIONS, North, Projection
 from carstage.selftest import judge_log
 from carstage.selftest.alignment import check_actors, check_pictures, check_poses
 from carstage.selftest.codes import check_instance_ids, check_tags
 from carstage.selftest.depth_view import DepthView, check_depth
 from carstage.selftest.evidence import Evidence
 from carstage.selftest.frame_consistency import check_frames, check_mounts
+from carstage.selftest.globe import check_gnss
 from carstage.selftest.lidar_axes import check_lidar_axes
 from carstage.selftest.optical_flow import check_optical_flow
 from carstage.selftest.scene_setup import FPS
@@ -61,7 +63,9 @@ def test_embedded_simulator_passes_every_check(recorded: Path) -> None:
         "semantic tags",
         "optical flow",
         "LiDAR axes",
+        "GNSS",
     ]
+    assert verdict.gnss == {"projection": "transverse_mercator", "north": "+y"}
     assert verdict.to_json()["ok"] is True
     assert verdict.to_json()["server"] == "0.9.16"
 
@@ -226,3 +230,34 @@ def test_failed_checks_are_named_and_said_with_what_was_expected(evidence: Evide
     assert verdict.failed == ("mounts",)
     assert found.line().startswith("FAIL mounts")
     assert "expected: sensors stand where they were attached" in found.line()
+
+
+def with_gnss(evidence: Evidence, frame: GeoFrame, off_m: float = 0.0) -> Evidence:
+    """Readings as a server of another convention would give them."""
+    assert evidence.world_from_gnss is not None
+    places = [frame.gnss_place(pose[:3, 3] + [off_m, 0, 0]) for pose in evidence.world_from_gnss]
+    readings = [(p.latitude_deg, p.longitude_deg, p.altitude_m) for p in places]
+    records = [
+        replace(record, payload=np.array(reading, "<f8").tobytes())
+        for record, reading in zip(evidence.records["gnss"], readings, strict=True)
+    ]
+    return replace(evidence, records={**evidence.records, "gnss": records})
+
+
+@pytest.mark.parametrize("projection", PROJECTIONS)
+@pytest.mark.parametrize("north", NORTHS)
+def test_the_projection_of_a_server_is_found(
+    evidence: Evidence, projection: Projection, north: North
+) -> None:
+    reference = GeoFrame.from_json(evidence.header["geo_reference"]).reference
+    frame = GeoFrame(reference, projection, north)
+    check, found = check_gnss(with_gnss(evidence, frame))
+    assert check.ok, check.line()
+    assert found == (projection, north)
+
+
+def test_readings_of_no_known_projection_are_named(evidence: Evidence) -> None:
+    frame = GeoFrame.from_json(evidence.header["geo_reference"])
+    check, found = check_gnss(with_gnss(evidence, frame, off_m=1.0))
+    assert (check.ok, check.found, found) == (False, "no known projection", None)
+    assert check.figure == pytest.approx(1.0, abs=0.01)

@@ -12,7 +12,16 @@ from typing import Any
 import pytest
 
 from benchmarks.framework.bare_specs import bare_sensor, bare_spec
-from carstage.spec import EpisodeSpec, ReplaySpec, SavedSteps, SpecError, StationarySpec
+from carstage.spec import (
+    Control,
+    EpisodeSpec,
+    ReplaySpec,
+    SavedSteps,
+    SpecError,
+    StationarySpec,
+    WeatherChange,
+    WeatherSpec,
+)
 from carstage.spec.timing import SavedFrames
 
 ROOT = Path(__file__).parents[3]
@@ -76,8 +85,8 @@ def test_a_stationary_ego_is_read_by_both_names_and_keeps_its_id(word: str) -> N
         ({"scenario": {"kind": "route", "through": [-1]}}, r"through\[0\]: -1 is out of range"),
         ({"scenario": replay()}, r"spec\.scenario\.actors: is empty"),
         ({"scenario": replay([])}, r"actors\[0\]\.poses: 0 poses are not one for each of 1 steps"),
-        ({"scenario": replay([[1, 2, 3]])}, r"actors\[0\]\.poses\[0\]: must be null or six"),
-        ({"scenario": replay([[0, 0, 0, 0, 0, "a"]])}, r"poses\[0\]: must be null or six"),
+        ({"scenario": replay([[1, 2, 3]])}, r"actors\[0\]\.poses\[0\]: must be 6 numbers"),
+        ({"scenario": replay([[0, 0, 0, 0, 0, "a"]])}, r"poses\[0\]: must be 6 numbers"),
     ],
 )
 def test_a_bad_field_is_named(change: dict[str, Any], complaint: str) -> None:
@@ -119,6 +128,20 @@ def test_a_replay_keeps_its_poses() -> None:
     assert spec.to_json()["scenario"] == section
 
 
+def test_a_replay_keeps_its_run_up_and_its_driver() -> None:
+    section = replay([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]])
+    driven = {"run_up": [[0.5, 2.0, 3.0, 4.0, 5.0, 6.0]], "controls": [[0.4, -0.1, 0, 0, 0, 3]]}
+    section["actors"][0].update(driven)
+    spec = EpisodeSpec.from_json(bare_spec([bare_sensor("IMU", "imu")], scenario=section))
+    assert isinstance(spec.scenario, ReplaySpec)
+    (actor,) = spec.scenario.actors
+    assert actor.controls == (Control(0.4, -0.1, 0, 0, 0, 3),)
+    assert EpisodeSpec.from_json(spec.to_json()) == spec
+    section["actors"][0]["controls"].append([0] * 6)
+    with pytest.raises(SpecError, match="2 controls are not one for each of 1 steps"):
+        EpisodeSpec.from_json(bare_spec([bare_sensor("IMU", "imu")], scenario=section))
+
+
 def sources() -> dict[str, str]:
     """The text of each module that may use a specification, by its path."""
     found = [*(ROOT / "src" / "carstage").rglob("*.py"), *(ROOT / "benchmarks").rglob("*.py")]
@@ -148,3 +171,18 @@ def test_the_rule_for_saved_steps_and_each_shared_default_exist_once() -> None:
         for pattern in once
     }  # fmt: skip
     assert found == once
+
+
+def test_the_preset_of_a_weather_that_changes_is_that_of_the_moment() -> None:
+    weather = WeatherSpec(
+        "ClearNoon",
+        {},
+        "auto",
+        (
+            WeatherChange(2.0, "ClearNoon", {}),
+            WeatherChange(4.0, "HardRainNoon", {}),
+        ),
+    )
+    times = (0.0, 1.0, 2.0, 3.0, 4.0, 9.0)
+    expected = ("ClearNoon", "ClearNoon", "ClearNoon", None, "HardRainNoon", "HardRainNoon")
+    assert tuple(weather.preset_at(time_s) for time_s in times) == expected

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +10,14 @@ import numpy as np
 import pytest
 
 from analytic_dataset import attempt_of, edit_rows, recommit
-from carstage.codecs.npz import pack_npz, unpack_npz
-from carstage.codecs.png import PngPacker, unpack_png
 from carstage.dataset.tables import read_table
 from carstage.validation import ValidationReport, validate_dataset
+from damage import Damage, document, flow_fields, pictures, sweeps
 from recorded_dataset import FRAMES, linked_copy, replace_file
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("recorded")]
 
 Rows = list[dict[str, Any]]
-Damage = Callable[[Path], None]
 
 
 @pytest.fixture
@@ -126,20 +123,8 @@ def mirror_boxes(drive: Path) -> None:
     recommit(drive)
 
 
-def _edit_sweeps(drive: Path, edit: Callable[[Any], None]) -> None:
-    for path in files(drive, "LIDAR_TOP"):
-        points = np.fromfile(path, "<f4").reshape(-1, 4)
-        edit(points)
-        replace_file(path, points.tobytes())
-    recommit(drive)
-
-
-def mirror_sweeps(drive: Path) -> None:
-    _edit_sweeps(drive, lambda points: np.negative(points[:, 1], out=points[:, 1]))
-
-
-def scale_sweeps(drive: Path) -> None:
-    _edit_sweeps(drive, lambda points: np.multiply(points[:, :3], 1.03, out=points[:, :3]))
+mirror_sweeps = sweeps(lambda points: np.negative(points[:, 1], out=points[:, 1]))
+scale_sweeps = sweeps(lambda points: np.multiply(points[:, :3], 1.03, out=points[:, :3]))
 
 
 def drop_rows_of_an_object(drive: Path) -> None:
@@ -176,27 +161,19 @@ def shift_timestamps(drive: Path) -> None:
         )
 
 
-def _edit_calibration(drive: Path, edit: Callable[[dict[str, Any]], None]) -> None:
-    path = attempt_of(drive) / "calibration.json"
-    document = json.loads(path.read_text())
-    edit(document["sensors"])
-    path.write_text(json.dumps(document))
-    recommit(drive)
-
-
 def widen_a_camera(drive: Path) -> None:
     def edit(sensors: dict[str, Any]) -> None:
         sensors["CAM_FRONT"]["K"][0][0] *= 1.05
         sensors["CAM_FRONT"]["K"][1][1] *= 1.05
 
-    _edit_calibration(drive, edit)
+    document("calibration.json", lambda content: edit(content["sensors"]))(drive)
 
 
 def move_the_lidar(drive: Path) -> None:
     def edit(sensors: dict[str, Any]) -> None:
         sensors["LIDAR_TOP"]["ego_from_sensor"][1][3] += 0.5
 
-    _edit_calibration(drive, edit)
+    document("calibration.json", lambda content: edit(content["sensors"]))(drive)
 
 
 def turn_a_depth_camera(drive: Path) -> None:
@@ -205,26 +182,12 @@ def turn_a_depth_camera(drive: Path) -> None:
         turned = np.array([[c, -s, 0, 1.5], [s, c, 0, 0], [0, 0, 1, 1.6], [0, 0, 0, 1.0]])
         sensors["DEPTH_FRONT"]["ego_from_sensor"] = turned.tolist()
 
-    _edit_calibration(drive, edit)
+    document("calibration.json", lambda content: edit(content["sensors"]))(drive)
 
 
-def negate_flow(drive: Path) -> None:
-    for path in files(drive, "FLOW_FRONT"):
-        replace_file(path, pack_npz({"flow": -unpack_npz(path.read_bytes(), "flow")}))
-    recommit(drive)
-
-
-def forget_flow(drive: Path) -> None:
-    for path in files(drive, "FLOW_FRONT"):
-        flow = unpack_npz(path.read_bytes(), "flow")
-        replace_file(path, pack_npz({"flow": np.zeros_like(flow)}))
-    recommit(drive)
-
-
-def mirror_tags(drive: Path) -> None:
-    for path in files(drive, "SEMANTIC_FRONT"):
-        replace_file(path, PngPacker().pack(unpack_png(path.read_bytes())[:, ::-1]))
-    recommit(drive)
+negate_flow = flow_fields(np.negative)
+forget_flow = flow_fields(np.zeros_like)
+mirror_tags = pictures("SEMANTIC_FRONT", lambda tags: np.ascontiguousarray(tags[:, ::-1]))
 
 
 def freeze_the_picture(drive: Path) -> None:
@@ -270,12 +233,7 @@ def test_damage_is_named(drive: Path, damage: Damage, expected: set[str]) -> Non
 
 
 def fill_pictures(value: int) -> Damage:
-    def fill(drive: Path) -> None:
-        for path in files(drive, "CAM_LEFT"):
-            replace_file(path, PngPacker().pack(np.full((90, 160, 3), value, np.uint8)))
-        recommit(drive)
-
-    return fill
+    return pictures("CAM_LEFT", lambda _: np.full((90, 160, 3), value, np.uint8))
 
 
 def hold_everybody(drive: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from benchmarks.simulator.client_process import run_trial
 from benchmarks.simulator.ticking import WatchedClock
+from carstage.collector.internals.traffic_manager_wakeup import started_threads
 
 if TYPE_CHECKING:
     from running_simulator import RunningSimulator
@@ -61,7 +62,8 @@ def trial_of_a_recording(port: int, tm_port: int) -> dict[str, Any]:
     client, world = connect(port)
     library = world.get_blueprint_library()
     points = world.get_map().get_spawn_points()
-    manager = client.get_trafficmanager(tm_port)
+    with started_threads() as threads:
+        manager = client.get_trafficmanager(tm_port)
     manager.set_synchronous_mode(True)
     manager.set_random_device_seed(3)
     world.tick()
@@ -89,7 +91,7 @@ def trial_of_a_recording(port: int, tm_port: int) -> dict[str, Any]:
     path = str(Path(tempfile.mkdtemp()) / "traffic.log")
     answered = client.start_recorder(path, True)
     recorded = []
-    with WatchedClock(world, tm_port) as clock:
+    with WatchedClock(world, tm_port, threads) as clock:
         for _ in range(TICKS):
             clock.tick()
             recorded.append(places(world))

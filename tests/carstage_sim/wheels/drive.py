@@ -44,7 +44,7 @@ class WatchedWorld:
 
     def __init__(self, world: Any, tm_port: int) -> None:
         self._world = world
-        self._watch = TickWatch(world, tm_port)
+        self._watch = TickWatch(world, tm_port, ())
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._world, name)

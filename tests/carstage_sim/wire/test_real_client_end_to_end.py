@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.simulator.client_process import run_trial
 from benchmarks.simulator.ticking import WatchedClock
+from carstage.collector.internals.traffic_manager_wakeup import started_threads
 
 if TYPE_CHECKING:
     from running_simulator import RunningSimulator
@@ -365,7 +366,8 @@ def trial_of_traffic(port: int) -> list[tuple[Any, ...]]:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         tm_port = probe.getsockname()[1]
-    manager = client.get_trafficmanager(tm_port)
+    with started_threads() as threads:
+        manager = client.get_trafficmanager(tm_port)
     manager.set_synchronous_mode(True)
     manager.set_random_device_seed(5)
     library = world.get_blueprint_library()
@@ -376,7 +378,7 @@ def trial_of_traffic(port: int) -> list[tuple[Any, ...]]:
     ]
     for vehicle in vehicles:
         vehicle.set_autopilot(True, tm_port)
-    with WatchedClock(world, tm_port) as clock:
+    with WatchedClock(world, tm_port, threads) as clock:
         frames = [clock.tick() for _ in range(100)]
     snapshot = world.get_snapshot()
     moved = [

@@ -1321,15 +1321,16 @@ export interface components {
              * @default false
              */
             include_invisible: boolean;
-            /**
-             * Validation Share
-             * @default 0
-             */
-            validation_share: number;
+            /** Val Share */
+            val_share?: number | null;
+            /** Test Share */
+            test_share?: number | null;
             /** Codec */
             codec?: ("ffv1" | "h264") | null;
             /** Classes */
             classes?: string[];
+            /** Categories */
+            categories?: ("own" | "coco80") | null;
         };
         /**
          * FieldProblem

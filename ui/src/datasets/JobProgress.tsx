@@ -6,7 +6,7 @@ import { count, percent } from "../ui/format";
 export function JobProgress({ job }: { job: Job }) {
   const { done = 0, total = 0 } = job;
   const share = total > 0 ? done / total : 0;
-  const result = job.result as { bytes?: number; path?: string; out?: string; files?: number } | null | undefined;
+  const result = job.result as { path?: string; out?: string; warnings?: string[] } | null | undefined;
   return (
     <div className="job" data-state={job.state}>
       <b>{job.title}</b>
@@ -33,6 +33,11 @@ export function JobProgress({ job }: { job: Job }) {
           {result?.path || result?.out ? `: ${String(result.path ?? result.out)}` : ""}
         </span>
       )}
+      {result?.warnings?.map((warning) => (
+        <span key={warning} className="warn">
+          {warning}
+        </span>
+      ))}
     </div>
   );
 }

@@ -34,6 +34,7 @@ from carstage.collector.timing import (
 from carstage.collector.world import WorldSession
 from carstage.rawlog.format import ACTOR_RECORD, FORMAT_VERSION, WORLD, SealedSegment
 from carstage.rawlog.writing import BLOCKS, CHUNKLOG, write_episode_file
+from carstage.releases import gnss_convention
 from carstage.spec import EpisodeSpec
 from carstage.spec.timing import SavedFrames
 
@@ -249,7 +250,10 @@ class EpisodeRecorder:
             "client_version": self._versions.client,
             "server_version": self._versions.server,
             "map": session.map.name,
-            "geo_reference": geo_reference(session.map),
+            "geo_reference": geo_reference(
+                session.map,
+                self._plan.server.gnss or gnss_convention(self._versions.server),
+            ),
             "ego_id": scene.ego.id,
             "sensor_actor_ids": {name: actor.id for name, actor in scene.rig.actors.items()},
             "sensor_carrier_ids": scene.rig.carrier_ids,

@@ -13,6 +13,7 @@ from typing import Any, Optional, Tuple
 from carstage.collector.internals.errors import PlanError
 from carstage.rawlog.format import LEDGER, WORLD, check_stream_name
 from carstage.rawlog.writing import RAW_STORES
+from carstage.releases import NORTHS, PROJECTIONS, GnssConvention
 from carstage.sensor_kinds import import_plugins, registered_kinds
 from carstage.spec import EpisodeSpec, Fields, SpecError
 from carstage.spec.defaults import QUEUE_BYTES, RAW_STORE
@@ -24,13 +25,17 @@ DEFAULT_LOAD_TIMEOUT_S = 200.0
 
 @dataclass(frozen=True)
 class ServerPlan:
-    """Where the server is, and how long one call to it, or loading a map, may take."""
+    """Where the server is, and how long one call to it, or loading a map, may take.
+
+    ``gnss``: what a self-test found; None takes what its release does.
+    """
 
     host: str
     port: int
     timeout_s: float
     load_timeout_s: float
     traffic_manager_port: int
+    gnss: Optional[GnssConvention] = None
 
 
 @dataclass(frozen=True)
@@ -91,6 +96,13 @@ def parse_plan(value: Any) -> Plan:
         raise PlanError(error.message, error.hint) from error
 
 
+def _gnss(found: Fields) -> GnssConvention:
+    return GnssConvention(
+        found.text("projection", PROJECTIONS),
+        found.text("north", NORTHS),
+    )
+
+
 def _plan(plan: Fields) -> Plan:
     version = plan.integer("plan_version", 0)
     if version != PLAN_VERSION:
@@ -114,6 +126,7 @@ def _plan(plan: Fields) -> Plan:
             if "load_timeout_s" in server
             else DEFAULT_LOAD_TIMEOUT_S,
             traffic_manager_port=server.integer("traffic_manager_port", 1, 65535),
+            gnss=_gnss(server.object("gnss")) if "gnss" in server else None,
         ),
         queue_bytes=plan.integer("queue_bytes", 1) if "queue_bytes" in plan else QUEUE_BYTES,
         raw_store=plan.text("raw_store", RAW_STORES) if "raw_store" in plan else RAW_STORE,

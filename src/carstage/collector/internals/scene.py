@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Callable, Dict, Optional
 
 from carstage.collector.internals.plan import ServerPlan
-from carstage.collector.internals.traffic_manager_wakeup import TickWatch
+from carstage.collector.internals.traffic_manager_wakeup import TickWatch, started_threads
 from carstage.collector.scenario import Population, Scenario, make_scenario
 from carstage.collector.sensors.rig import Rig
 from carstage.collector.timing import CLOCKS, Clock, Tick
@@ -79,10 +79,11 @@ def build_scene(
     scenario = make_scenario(client, session, spec, server.traffic_manager_port)
     population = scenario.populate(check)
     check()
-    watch = TickWatch(session.world, server.traffic_manager_port)
+    with started_threads() as manager:
+        scenario.prepare()
+    watch = TickWatch(session.world, server.traffic_manager_port, manager)
     session.on_exit("tick watch", watch.stop)
     clock = CLOCKS[spec.timing.synchronous](session.world, server.timeout_s, watch)
-    scenario.prepare()
     clock.step()  # so that the client knows what was spawned
     scenario.start(population)
     rig = Rig(session, spec, population.ego)

@@ -26,7 +26,8 @@ class Replay(Scenario):
     """Vehicles and walkers are put where they were, step by step; nobody drives them.
 
     They have no physics meanwhile. Their velocity is set explicitly, so snapshots and sensors
-    hold it.
+    hold it. In the last steps of the warm-up they run up to their first place, so that they move
+    in the first recorded step as they did.
     """
 
     def __init__(
@@ -37,6 +38,7 @@ class Replay(Scenario):
         self._roles = spec.scenario.actors
         self._alive: Dict[int, Any] = {}
         self._ego: Any = None
+        self._run_up_left = spec.warmup_ticks
 
     def populate(self, check: Callable[[], None]) -> Population:
         """Spawn everybody who is there at the first step; the ego is the first role.
@@ -68,35 +70,50 @@ class Replay(Scenario):
         )
 
     def before_step(self, tick: Optional[int]) -> None:
-        """Put everybody where they were at this step; through the warm-up, at the first one."""
-        step = tick or 0
+        """Put everybody where they were at this step; through the warm-up, where they came from."""
         commands: List[Any] = []
-        for index, role in enumerate(self._roles):
-            if tick is not None and step > 0 and role.poses[step - 1] is None:
-                self._appear(index, step)
-            if index not in self._alive:
-                continue
-            pose = role.poses[step]
-            if pose is None:
-                self._client.apply_batch_sync(
-                    [carla.command.DestroyActor(self._alive.pop(index).id)], False
-                )
-                continue
-            commands += self._motion(index, step, pose, moving=tick is not None)
+        for index in range(len(self._roles)):
+            commands += self._step(index, tick)
+        if tick is None:
+            self._run_up_left -= 1
         self._client.apply_batch(commands)
         vehicles = [self._alive[i] for i in sorted(self._alive) if self._is_vehicle(i)]
         self._lamps.light(vehicles, self._session.weather.values)
 
-    def _motion(self, index: int, step: int, pose: PoseRow, *, moving: bool) -> List[Any]:
-        actor = self._alive[index]
-        transform = _transform(pose)
-        before = self._roles[index].poses[step - 1] if step > 0 else None
-        after = self._next_pose(index, step)
+    def _step(self, index: int, tick: Optional[int]) -> List[Any]:
+        """The commands that move one road user; it appears and disappears here."""
+        poses = self._roles[index].poses
+        if tick is not None and tick > 0 and poses[tick - 1] is None:
+            self._appear(index, tick)
+        if index not in self._alive:
+            return []
+        number = -self._run_up_left if tick is None else tick
+        pose = self._pose(index, number)
+        if pose is None:
+            gone = self._alive.pop(index)
+            self._client.apply_batch_sync([carla.command.DestroyActor(gone.id)], False)
+            return []
         velocity, turn = carla.Vector3D(), carla.Vector3D()
-        if moving and before is not None:
+        before = self._pose(index, number - 1)
+        after = self._pose(index, number + 1)
+        if number == 0 and self._roles[index].run_up is None:
+            before = None
+        if before is not None:
             velocity, turn = _rates(before, pose, self._spec.step_s)
-        elif moving and after is not None:
+        elif after is not None:
             velocity, turn = _rates(pose, after, self._spec.step_s)
+        return self._motion(index, _transform(pose), velocity, turn) + self._driving(index, tick)
+
+    def _pose(self, index: int, step: int) -> Optional[PoseRow]:
+        """Where a road user is at a step; those before the first, counted down from -1, run up."""
+        role = self._roles[index]
+        run_up = role.run_up or ()
+        if step >= 0 or role.poses[0] is None:
+            return role.poses[step] if 0 <= step < len(role.poses) else None
+        return run_up[max(step, -len(run_up))] if run_up else role.poses[0]
+
+    def _motion(self, index: int, transform: Any, velocity: Any, turn: Any) -> List[Any]:
+        actor = self._alive[index]
         if not self._is_vehicle(index):
             # Not ApplyWalkerState, which takes the place of the feet as navigation gives it. The
             # control is for the gait: a CARLA server also lets it carry the walker a step on.
@@ -115,9 +132,22 @@ class Replay(Scenario):
             carla.command.ApplyTargetAngularVelocity(actor.id, turn),
         ]
 
-    def _next_pose(self, index: int, step: int) -> Optional[PoseRow]:
-        poses = self._roles[index].poses
-        return poses[step + 1] if step + 1 < len(poses) else None
+    def _driving(self, index: int, tick: Optional[int]) -> List[Any]:
+        """What the recorded driver did; without physics it moves nothing, but can be read back."""
+        controls = self._roles[index].controls
+        if controls is None:
+            return []
+        now = controls[tick or 0]
+        control = carla.VehicleControl(
+            throttle=now.throttle,
+            steer=now.steer,
+            brake=now.brake,
+            hand_brake=bool(now.hand_brake),
+            reverse=bool(now.reverse),
+            manual_gear_shift=True,
+            gear=int(now.gear),
+        )
+        return [carla.command.ApplyVehicleControl(self._alive[index].id, control)]
 
     def _appear(self, index: int, step: int) -> None:
         """Spawn a road user at its pose of a step, if it is there and finds room."""

@@ -14,6 +14,7 @@ from PIL import Image
 from carstage.dataset import Episode, SensorCalibration
 from carstage.dataset.saved_frames import Frame
 from carstage.exporters.classes import CLASSES, RIDER, VEHICLES
+from carstage.exporters.coco_categories import COCO_CATEGORIES, with_categories
 from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.formats.panoptic import panoptic_categories, panoptic_segments
 from carstage.exporters.formats.pictures import copy_picture
@@ -21,7 +22,7 @@ from carstage.exporters.json_rows import JsonRows
 from carstage.exporters.labels import CameraLabel, camera_labels, require_labels
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import colour_cameras
-from carstage.exporters.splits import SPLITS, Split, split_episodes
+from carstage.exporters.splits import Split
 from carstage.geometry import coco_rectangle
 
 CATEGORIES = {name: number for number, name in enumerate(CLASSES, 1)}
@@ -63,8 +64,10 @@ class CocoWriter:
             "episode_id": frame.episode.id, "k": frame.k, "timestamp_s": frame.timestamp_s,
             "camera": camera_id, "K": camera.k.tolist(),
         }  # fmt: skip
+        numbers = category_numbers(self.options)
         annotations = tuple(
-            _annotation(label, camera) for label in camera_labels(frame, camera_id, self.options)
+            _annotation(label, camera, numbers[label.name])
+            for label in camera_labels(frame, camera_id, self.options)
         )
         segments = None
         if camera.instance is not None and frame.has(camera.instance):
@@ -75,11 +78,37 @@ class CocoWriter:
         return CocoPart(image, annotations, segments)
 
 
-def _annotation(label: CameraLabel, camera: SensorCalibration) -> Row:
+def category_numbers(options: ExportOptions) -> Mapping[str, int]:
+    """The number of each of Car-STAGE's classes."""
+    class_map = options.class_map
+    return CATEGORIES if class_map is None else class_map.numbers_of_classes(1)
+
+
+def categories(options: ExportOptions) -> list[Row]:
+    """The rows of ``categories``; of COCO's own all 80, as programs count them by their places."""
+    if options.categories == "coco80":
+        return [
+            {"id": number, "name": name, "supercategory": group}
+            for number, (name, group) in COCO_CATEGORIES.items()
+        ]
+    numbers, class_map = category_numbers(options), options.class_map
+    named = {} if class_map is None else {name: t.name for name, t in class_map.targets}
+    rows = {
+        numbers[name]: {
+            "id": numbers[name],
+            "name": named.get(name, name),
+            "supercategory": _supercategory(name),
+        }
+        for name in reversed(options.chosen_classes)
+    }
+    return [rows[number] for number in sorted(rows)]
+
+
+def _annotation(label: CameraLabel, camera: SensorCalibration, number: int) -> Row:
     seen = label.seen
     x, y, width, height = coco_rectangle(label.box)
     row: dict[str, Any] = {
-        "category_id": CATEGORIES[label.name],
+        "category_id": number,
         "bbox": [x, y, width, height],
         "area": float(width * height),
         "iscrowd": 0,
@@ -103,23 +132,24 @@ class Coco(Exporter):
     uses: ClassVar = frozenset(
         {
             "cameras", "boxes", "classes", "min_lidar_points", "max_distance_m",
-            "include_invisible",
-            "validation_share",
+            "include_invisible", "categories", "class_map",
+            "val_share", "test_share",
         }
     )  # fmt: skip
 
     def __init__(self, options: ExportOptions) -> None:
-        super().__init__(replace(options, boxes=options.boxes or "modal"))
+        mapped = with_categories(options)
+        super().__init__(replace(mapped, boxes=mapped.boxes or "modal"))
         self._rows: dict[tuple[Split, str], JsonRows] = {}
 
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
-        """Check the rigs and open the tables of both splits."""
+        """Check the rigs and open the tables of each split."""
         for episode in episodes:
             require_labels(episode, self.options, "2d")
             colour_cameras(episode, self.options)
         self._folder = folder / "annotations"
-        self._splits = split_episodes(episodes, self.options.validation_share)
-        for split in SPLITS:
+        self._splits = self.used_splits(episodes)
+        for split in self._splits:
             (folder / split).mkdir()
             (self._folder / f"panoptic_{split}").mkdir(parents=True)
             for table in ("images", "annotations", "panoptic_images", "panoptic"):
@@ -131,7 +161,7 @@ class Coco(Exporter):
     def begin_episode(self, episode: Episode) -> CocoWriter:
         """All frames of an episode go to one split."""
         cameras = tuple(camera.id for camera in colour_cameras(episode, self.options))
-        self._split = self._splits[episode.id]
+        self._split = self.split_of(episode)
         return CocoWriter(self.options, cameras, self._split)
 
     def add(self, part: tuple[CocoPart, ...]) -> None:
@@ -160,13 +190,9 @@ class Coco(Exporter):
 
     def finish(self) -> None:
         """Join the tables of each split into COCO's documents; without rows there is none."""
-        categories = [
-            {"id": number, "name": name, "supercategory": _supercategory(name)}
-            for name, number in CATEGORIES.items()
-            if name in self.options.chosen_classes
-        ]
-        for split in SPLITS:
-            self._join("instances", split, "images", "annotations", categories)
+        rows = categories(self.options)
+        for split in self._splits:
+            self._join("instances", split, "images", "annotations", rows)
             self._join("panoptic", split, "panoptic_images", "panoptic", panoptic_categories())
             for folder in (self._folder / f"panoptic_{split}", self._folder.parent / split):
                 if not any(folder.iterdir()):

@@ -5,7 +5,7 @@ Topics are ``/tf``, ``/objects``, ``/ego`` and ``/SENSOR/WHAT``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -198,7 +198,7 @@ def _annotate(annotations: ImageAnnotations, label: CameraLabel, time: Timestamp
 
 def _cloud(record: records.Cloud, time: Timestamp) -> _Made:
     kind = record.points.dtype
-    fields = kind.fields or {}
+    fields: Mapping[str, Any] = kind.fields or {}
     yield (
         f"/{record.sensor}/points",
         PointCloud(

@@ -72,7 +72,7 @@ def message_class(name: str) -> Any:
 @cache
 def _pool() -> Any:
     """The default pool, with our file in it."""
-    pool = descriptor_pool.Default()  # type: ignore[no-untyped-call]
+    pool = descriptor_pool.Default()
     pool.AddSerializedFile(file_descriptor().SerializeToString())
     return pool
 

@@ -3,39 +3,76 @@
 from __future__ import annotations
 
 import math
+import re
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carstage.dataset import SensorCalibration
 from carstage.dataset.saved_frames import Frame, Row
+from carstage.errors import BadInputError
 from carstage.exporters.axes import (
     flu_angular_velocity,
     flu_vector,
     imu_to_velodyne,
     velodyne_to_camera,
 )
-from carstage.exporters.classes import CLASSES, DONT_CARE
+from carstage.exporters.class_map import ClassMap
+from carstage.exporters.classes import CLASSES, DONT_CARE, RIDER
 from carstage.exporters.labels import CameraLabel, occlusion_level
 from carstage.exporters.options import ExportOptions
 from carstage.geometry import kitti_rectangle, specific_force
 
 _GNSS_FIX, _SATELLITES, _POSITION_MODE = 4, 12, 6
 _ACCURACY_M = 0.0
+_TYPE = re.compile(r"[!-~]+")
+
+
+def kitti_defaults(options: ExportOptions) -> ExportOptions:
+    """Boxes around what is visible, and occlusion by counted pixels.
+
+    Raises:
+        BadInputError: the class map has what KITTI cannot hold.
+    """
+    if options.class_map is not None:
+        _check_types(options.class_map)
+    return replace(options, boxes=options.boxes or "modal", occlusion=options.occlusion or "pixel")
+
+
+def _check_types(class_map: ClassMap) -> None:
+    for name, target in class_map.targets:
+        if not _TYPE.fullmatch(target.name):
+            raise BadInputError(
+                f"class-map: {target.name!r} is no type for KITTI.",
+                "Give ASCII letters, digits and signs, without spaces.",
+            )
+        if target.id is not None:
+            raise BadInputError(
+                f"class-map: {name} has an id, and KITTI's types have none.", "Leave out the ids."
+            )
+        if name == RIDER:
+            raise BadInputError(
+                "class-map: a rider has no 3D box.",
+                "Leave out rider: KITTI's Cyclist is a bicycle with its rider.",
+            )
 
 
 def label_row(label: CameraLabel, camera: SensorCalibration, options: ExportOptions) -> str | None:
     """The 15 values of an object; ``None``: it is not exported to KITTI.
 
     ``type truncated occluded alpha left top right bottom h w l x y z rotation_y``. Positions have
-    more digits than KITTI's own: two would be off by pixels at a few metres.
+    more digits than KITTI's own: two would be off by pixels at a few metres. An object without a
+    valid 3D box becomes ``DontCare``.
     """
-    name = CLASSES[label.name].kitti
+    class_map = options.class_map
+    target = None if class_map is None else dict(class_map.targets)[label.name].name
+    name = target or CLASSES[label.name].kitti
     if name is None:
         return None
     rectangle = kitti_rectangle(label.box, camera.width, camera.height)
     box = " ".join(f"{value:.2f}" for value in rectangle)
-    if name == DONT_CARE:
+    if name == DONT_CARE or label.seen["location"] is None:
         return f"{DONT_CARE} -1 -1 -10 {box} -1 -1 -1 -1000 -1000 -1000 -10"
     seen = label.seen
     place = " ".join(f"{value:.6f}" for value in (*seen["dimensions"], *seen["location"]))

@@ -16,15 +16,15 @@ from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.formats.kitti_files import (
     calibration_matrices,
     inertial_row,
+    kitti_defaults,
     label_row,
     numbers,
 )
-from carstage.exporters.formats.kitti_object import KittiObject
+from carstage.exporters.formats.kitti_object import KittiObject, part_of
 from carstage.exporters.formats.pictures import copy_as_png
 from carstage.exporters.labels import camera_labels, require_labels
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import main_lidar, one_camera
-from carstage.exporters.splits import SPLITS, split_episodes
 
 # The tracking devkit names these without a colon.
 _TRACKING_NAMES = {
@@ -53,16 +53,17 @@ class SequenceWriter:
     camera: str
     lidar: str | None
     sequence: str
+    part: str
 
     def __call__(self, frame: Frame, folder: Path) -> SequencePart | None:
         """Write the frame; ``None`` without a picture."""
         if not frame.has(self.camera):
             return None
-        name, training = f"{frame.k:06d}", folder / "training"
-        copy_as_png(frame, self.camera, training / "image_02" / self.sequence / f"{name}.png")
+        name, part = f"{frame.k:06d}", folder / self.part
+        copy_as_png(frame, self.camera, part / "image_02" / self.sequence / f"{name}.png")
         if self.lidar is not None and frame.has(self.lidar):
             points = flu_points(frame.read(self.lidar))
-            path = training / "velodyne" / self.sequence / f"{name}.bin"
+            path = part / "velodyne" / self.sequence / f"{name}.bin"
             path.write_bytes(points.tobytes())
         camera = frame.episode.sensor(self.camera).calibration
         labels = []
@@ -96,6 +97,9 @@ class KittiTracking(Exporter):
     summary: ClassVar = "KITTI tracking: sequences with image_02, velodyne, calib, label_02, oxts."
     uses: ClassVar = KittiObject.uses
 
+    def __init__(self, options: ExportOptions) -> None:
+        super().__init__(kitti_defaults(options))
+
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
         """Check the rigs and make KITTI's folders."""
         for episode in episodes:
@@ -108,11 +112,11 @@ class KittiTracking(Exporter):
                     "calibration.",
                     "Choose a camera on the ego, or the format kitti-object.",
                 )
-        self._training = folder / "training"
-        for name in ("image_02", "velodyne", "calib", "label_02", "oxts"):
-            (self._training / name).mkdir(parents=True)
         self._folder = folder
-        self._splits = split_episodes(episodes, self.options.validation_share)
+        self._splits = self.used_splits(episodes)
+        for part in {part_of(split): None for split in self._splits}:
+            for name in ("image_02", "velodyne", "calib", "label_02", "oxts"):
+                (folder / part / name).mkdir(parents=True)
         self._sequences: list[tuple[str, Episode]] = []
 
     def begin_episode(self, episode: Episode) -> SequenceWriter:
@@ -120,13 +124,14 @@ class KittiTracking(Exporter):
         lidar = main_lidar(episode, self.options)
         sequence = f"{len(self._sequences):04d}"
         self._sequences.append((sequence, episode))
+        self._part = self._folder / part_of(self.split_of(episode))
         for name in ("image_02", "velodyne"):
-            (self._training / name / sequence).mkdir()
+            (self._part / name / sequence).mkdir()
         self._labels = self.files.enter_context(
-            (self._training / "label_02" / f"{sequence}.txt").open("w", encoding="ascii")
+            (self._part / "label_02" / f"{sequence}.txt").open("w", encoding="ascii")
         )
         self._inertial = self.files.enter_context(
-            (self._training / "oxts" / f"{sequence}.txt").open("w", encoding="ascii")
+            (self._part / "oxts" / f"{sequence}.txt").open("w", encoding="ascii")
         )
         self._calibration: str | None = None
         self._tracks: dict[int, int] = {}
@@ -136,6 +141,7 @@ class KittiTracking(Exporter):
             one_camera(episode, self.options).id,
             lidar.id if lidar else None,
             sequence,
+            self._part.name,
         )
 
     def add(self, part: SequencePart) -> None:
@@ -156,13 +162,13 @@ class KittiTracking(Exporter):
         """Close the files of the sequence."""
         self.close()
         sequence = self._sequences[-1][0]
-        path = self._training / "calib" / f"{sequence}.txt"
+        path = self._part / "calib" / f"{sequence}.txt"
         path.write_text(self._calibration or "", "ascii")
 
     def finish(self) -> None:
         """Write the devkit's lists of sequences, ``evaluate_tracking.seqmap.*``."""
-        for split in SPLITS:
-            chosen = [(s, e) for s, e in self._sequences if self._splits[e.id] == split]
+        for split in self._splits:
+            chosen = [(s, e) for s, e in self._sequences if self.split_of(e) == split]
             lines = [f"{sequence} empty 000000 {e.frames:06d}\n" for sequence, e in chosen]
             path = self._folder / f"evaluate_tracking.seqmap.{split}"
             path.write_text("".join(lines), "ascii")

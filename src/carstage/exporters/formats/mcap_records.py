@@ -28,7 +28,7 @@ from carstage.exporters.axes import (
 )
 from carstage.exporters.labels import CameraLabel, camera_labels
 from carstage.exporters.options import ExportOptions
-from carstage.geometry import FloatArray, pose_matrix
+from carstage.geometry import FloatArray, GeoPoint, pose_matrix
 from carstage.report.drawing import camera_view
 from carstage.sensor_kinds import sensor_kind
 from carstage.sensor_kinds.columns import Detection, Instance
@@ -303,7 +303,7 @@ def _reading(frame: Frame, sensor: str) -> Iterator[Record]:
         acceleration, turn = flu_vector(values[:3]), flu_angular_velocity(values[3:6])
         yield Inertial(sensor, acceleration, turn, float(values[6]))
     elif kind.name == "gnss":
-        yield Position(sensor, *(float(value) for value in values))
+        yield _position(frame, sensor, values)
     else:
         names = (
             column.name if column.count == 1 else f"{column.name}[{index}]"
@@ -311,6 +311,13 @@ def _reading(frame: Frame, sensor: str) -> Iterator[Record]:
             for index in range(column.count)
         )
         yield Values(sensor, tuple(names), tuple(float(value) for value in values))
+
+
+def _position(frame: Frame, sensor: str, values: FloatArray) -> Position:
+    """The reading on WGS 84, as ``ego.parquet`` has it: servers have formulas of their own."""
+    globe = frame.episode.geo_frame
+    place = globe.place(globe.gnss_location(GeoPoint(*(float(value) for value in values))))
+    return Position(sensor, place.latitude_deg, place.longitude_deg, place.altitude_m)
 
 
 def _left_out(frame: Frame, sensor: str) -> Iterator[Record]:

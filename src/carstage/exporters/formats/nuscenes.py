@@ -24,7 +24,6 @@ from carstage.exporters.formats.nuscenes_frame import (
 )
 from carstage.exporters.formats.nuscenes_tables import Chain, Tables, token
 from carstage.exporters.labels import require_labels
-from carstage.exporters.splits import SPLITS, split_episodes
 
 VERSION: Final = "v1.0-carstage"
 _EPOCH_S = 1_500_000_000
@@ -40,7 +39,7 @@ class NuScenes(Exporter):
     name: ClassVar = "nuscenes"
     summary: ClassVar = "nuScenes: scenes for nuscenes-devkit, every frame a key frame."
     uses: ClassVar = frozenset(
-        {"cameras", "lidar", "min_lidar_points", "max_distance_m", "validation_share"}
+        {"cameras", "lidar", "min_lidar_points", "max_distance_m", "val_share", "test_share"}
     )
 
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
@@ -179,10 +178,11 @@ class NuScenes(Exporter):
                 },
             )
         self._tables.close()
-        drawn = split_episodes(self._episodes, self.options.validation_share)
         splits = {
-            f"carstage_{split}": [scene_name(e) for e in self._episodes if drawn[e.id] == split]
-            for split in SPLITS
+            f"carstage_{split}": [
+                scene_name(e) for e in self._episodes if self.split_of(e) == split
+            ]
+            for split in self.used_splits(self._episodes)
         }
         path = self._folder / VERSION / "splits.json"
         path.write_text(json.dumps(splits, indent=1) + "\n")

@@ -16,11 +16,15 @@ from carstage.dataset import Episode
 from carstage.dataset.saved_frames import Frame
 from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.options import ExportOptions
-from carstage.exporters.splits import Split, split_episodes
-from carstage.sensor_kinds.model import FLOW
+from carstage.exporters.splits import Split
+from carstage.sensor_kinds.model import COLOUR, NORMALS, TAGS
 
 SHARD_BYTES = 1 << 29
 """A new tar file is begun when one is at least that large: some hundred frames each."""
+
+_PICTURES = (COLOUR, NORMALS, TAGS)
+"""Contents whose files are pictures of eight bits. webdataset's decoders know no others: of 16 bits
+they keep eight, and a depth in three channels becomes a shade."""
 
 Sample = tuple[tuple[str, bytes], ...]
 
@@ -32,7 +36,7 @@ class SampleWriter:
     options: ExportOptions
 
     def __call__(self, frame: Frame, folder: Path) -> Sample:
-        """The sample: files of sensors as they are, arrays as ``.npy``, labels as ``.json``.
+        """The sample: pictures of eight bits as they are, the rest ``.npy``, labels ``.json``.
 
         Names have one key, up to the first dot: the episode's id and the frame.
         """
@@ -43,7 +47,7 @@ class SampleWriter:
             if not frame.has(sensor.id):
                 continue
             name = f"{key}.{sensor.id.lower()}"
-            if sensor.calibration.is_camera and sensor.content != FLOW:
+            if sensor.content in _PICTURES:
                 files += [
                     (name + "".join(path.name.partition(".")[1:]), path.read_bytes())
                     for path in sensor.paths(frame.k)
@@ -85,7 +89,7 @@ class WebDataset(Exporter):
 
     name: ClassVar = "webdataset"
     summary: ClassVar = "WebDataset: tar shards with a sample per frame, all sensors and labels."
-    uses: ClassVar = frozenset({"validation_share"})
+    uses: ClassVar = frozenset({"val_share", "test_share"})
 
     def __init__(self, options: ExportOptions) -> None:
         super().__init__(options)
@@ -93,13 +97,13 @@ class WebDataset(Exporter):
         self._samples: dict[Split, list[int]] = {}
 
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
-        """Draw the splits; every rig will do."""
+        """Every rig will do."""
+        del episodes
         self._folder = folder
-        self._splits = split_episodes(episodes, self.options.validation_share)
 
     def begin_episode(self, episode: Episode) -> SampleWriter:
         """All frames of an episode go to one split."""
-        self._split = self._splits[episode.id]
+        self._split = self.split_of(episode)
         return SampleWriter(self.options)
 
     def add(self, part: Sample) -> None:

@@ -2,25 +2,54 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, ClassVar
 
 from carstage.dataset import Episode
 from carstage.dataset.saved_frames import Frame
+from carstage.errors import BadInputError
+from carstage.exporters.coco_categories import COCO80, COCO_CATEGORIES, with_categories
 from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.formats.pictures import copy_picture
 from carstage.exporters.labels import camera_labels, require_labels
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import colour_cameras
-from carstage.exporters.splits import SPLITS, Split, split_episodes
+from carstage.exporters.splits import Split
 from carstage.geometry import yolo_rectangle
 
 
 def class_numbers(options: ExportOptions) -> dict[str, int]:
-    """The number of each class that is exported, from 0 without a gap."""
+    """The number of each of Car-STAGE's classes that are exported; YOLO counts from 0."""
+    if options.categories == "coco80":
+        places = {number: place for place, number in enumerate(COCO_CATEGORIES)}
+        return {name: places[n] for name, n in COCO80.numbers_of_classes(0).items()}
+    if options.class_map is not None:
+        return options.class_map.numbers_of_classes(0)
     return {name: number for number, name in enumerate(options.chosen_classes)}
+
+
+def class_names(options: ExportOptions) -> list[str]:
+    """The names of all numbers from 0 on.
+
+    Raises:
+        BadInputError: the class map's numbers have a gap.
+    """
+    if options.categories == "coco80":
+        return [name for name, _ in COCO_CATEGORIES.values()]
+    if options.class_map is None:
+        return list(options.chosen_classes)
+    names = {number: name for name, number in options.class_map.numbers(0).items()}
+    for number in range(len(names)):
+        if number not in names:
+            raise BadInputError(
+                f"class-map: YOLO counts classes from 0 without a gap, and none has the id "
+                f"{number}.",
+                f"Give the ids 0 to {len(names) - 1}, or no ids.",
+            )
+    return [names[number] for number in range(len(names))]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,30 +90,35 @@ class Yolo(Exporter):
     uses: ClassVar = frozenset(
         {
             "cameras", "boxes", "classes", "min_lidar_points", "max_distance_m",
-            "include_invisible",
-            "validation_share",
+            "include_invisible", "categories", "class_map",
+            "val_share", "test_share",
         }
     )  # fmt: skip
+
+    def __init__(self, options: ExportOptions) -> None:
+        mapped = with_categories(options)
+        super().__init__(replace(mapped, boxes=mapped.boxes or "modal"))
+        self._names = class_names(mapped)
 
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
         """Check the rigs and make the folders."""
         for episode in episodes:
             require_labels(episode, self.options, "2d")
             colour_cameras(episode, self.options)
+        self._splits = self.used_splits(episodes)
         for kind in ("images", "labels"):
-            for split in SPLITS:
+            for split in self._splits:
                 (folder / kind / split).mkdir(parents=True)
         self._folder = folder
-        self._splits = split_episodes(episodes, self.options.validation_share)
         self._lists: dict[Split, IO[str]] = {
             split: self.files.enter_context((folder / f"{split}.txt").open("w", encoding="utf-8"))
-            for split in SPLITS
+            for split in self._splits
         }
 
     def begin_episode(self, episode: Episode) -> YoloWriter:
         """All frames of an episode go to one split."""
         cameras = tuple(camera.id for camera in colour_cameras(episode, self.options))
-        self._split = self._splits[episode.id]
+        self._split = self.split_of(episode)
         return YoloWriter(self.options, cameras, self._split)
 
     def add(self, part: tuple[str, ...]) -> None:
@@ -97,15 +131,21 @@ class Yolo(Exporter):
     def finish(self) -> None:
         """Write the names of the classes."""
         self.close()
-        numbers = class_numbers(self.options)
-        (self._folder / "obj.names").write_text("".join(f"{name}\n" for name in numbers))
+        lines = "".join(f"{name}\n" for name in self._names)
+        (self._folder / "obj.names").write_text(lines, "utf-8")
+        lists = {"train": "train", "val": "valid"}
         (self._folder / "obj.data").write_text(
-            f"classes = {len(numbers)}\ntrain = train.txt\nvalid = val.txt\n"
-            "names = obj.names\nbackup = backup\n"
+            f"classes = {len(self._names)}\n"
+            + "".join(f"{lists[s]} = {s}.txt\n" for s in self._splits if s in lists)
+            + "names = obj.names\nbackup = backup\n"
         )
-        names = "".join(f"  {number}: {name}\n" for name, number in numbers.items())
-        # Ultralytics wants a folder for val; without validation episodes it is the training one.
-        val = "val" if "val" in self._splits.values() else "train"
-        (self._folder / "data.yaml").write_text(
-            f"train: images/train\nval: images/{val}\nnames:\n{names}"
+        # A JSON text is YAML too, whatever the name is.
+        names = "".join(
+            f"  {number}: {json.dumps(name, ensure_ascii=False)}\n"
+            for number, name in enumerate(self._names)
         )
+        folders = {split: f"{split}: images/{split}\n" for split in self._splits}
+        # Ultralytics refuses a file without `val`.
+        folders.setdefault("val", "# No episode is for validation.\nval: images/train\n")
+        text = "".join(folders.values()) + f"names:\n{names}"
+        (self._folder / "data.yaml").write_text(text, "utf-8")

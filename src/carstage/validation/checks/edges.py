@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,11 @@ MIN_RATIO = 1.1
 MIN_BOUNDARY_PIXELS = 500
 MIN_CONTRAST = 5.0
 MIN_FIT = 0.9
+MIN_MIRROR_PIXELS = 200
+MORE_IN_THE_MIRROR = 1.25
+WINDOW = 5
+"""So many frames in a row that fit their neighbours' labels better are reported."""
+MIN_WINDOW_PIXELS = 200
 _SHIFT_SHARE = 8
 
 
@@ -111,6 +116,36 @@ def _grown(boundary: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return grown
 
 
+def check_mirrored(
+    camera_id: str,
+    k: int,
+    steep: NDArray[np.float32],
+    boundary: NDArray[np.bool_],
+    findings: Findings,
+) -> None:
+    """Report a picture that fits its labels better as its own mirror image (check ``mirrored``).
+
+    Args:
+        camera_id: the camera.
+        k: the frame.
+        steep: ``steepness`` of its picture.
+        boundary: ``boundaries`` of the labels of the same frame.
+        findings: where problems go.
+    """
+    if int(boundary.sum()) < MIN_MIRROR_PIXELS:
+        return
+    own = float(steep[boundary].mean())
+    mirrored = float(steep[:, ::-1][boundary].mean())
+    if mirrored > MORE_IN_THE_MIRROR * max(own, 1e-3) and mirrored > MIN_CONTRAST:
+        findings.add(
+            "mirrored",
+            "the picture is mirrored: where labels change, its mirror image is "
+            f"{mirrored / max(own, 1e-3):.2f} times as steep",
+            frame=k,
+            sensor=camera_id,
+        )
+
+
 @dataclass(slots=True)
 class FrameFit:
     """How images fit the labels of a neighbouring frame instead of their own.
@@ -147,7 +182,11 @@ class FrameFit:
     @property
     def ratio(self) -> float | None:
         """Own over the neighbour's; ``None`` where the two frames hardly differ."""
-        if min(self.own_pixels, self.other_pixels) < MIN_BOUNDARY_PIXELS:
+        return self.ratio_from(MIN_BOUNDARY_PIXELS)
+
+    def ratio_from(self, pixels: int) -> float | None:
+        """The ratio; ``None`` with fewer pixels than that."""
+        if min(self.own_pixels, self.other_pixels) < pixels:
             return None
         return (self.own / self.own_pixels) / max(self.other / self.other_pixels, 1e-3)
 
@@ -182,6 +221,30 @@ def check_frame_fit(camera_id: str, fits: Mapping[int, FrameFit], findings: Find
                 "those of their own frame do",
                 sensor=camera_id,
             )
+
+
+def check_windows(camera_id: str, fits: Sequence[tuple[int, FrameFit]], findings: Findings) -> None:
+    """Report frames in a row that show the frame before (check ``rgb_frame``).
+
+    Args:
+        camera_id: the camera.
+        fits: frame, and how it fits the labels of the frame before, in order.
+        findings: where problems go.
+    """
+    for begin in range(len(fits) - WINDOW + 1):
+        window = fits[begin : begin + WINDOW]
+        total = FrameFit()
+        for _, fit in window:
+            total.add(fit)
+        ratio = total.ratio_from(MIN_WINDOW_PIXELS)
+        if ratio is not None and ratio < MIN_FIT:
+            findings.add(
+                "rgb_frame",
+                f"the images of frames {window[0][0]} to {window[-1][0]} show the frame before",
+                frame=window[0][0],
+                sensor=camera_id,
+            )
+            return
 
 
 def check_edges(camera_id: str, figures: EdgeFigures, findings: Findings) -> None:

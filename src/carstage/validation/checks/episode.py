@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -17,6 +18,19 @@ from carstage.dataset.tracks import may_come_back
 from carstage.geometry import invert_pose
 from carstage.sensor_kinds.columns import Instance
 from carstage.sensor_kinds.model import CLOUDS, COLOUR, DEPTH, FLOW, INSTANCES, POINTS, ROWS, TAGS
+from carstage.tags import TAGS_0_9_14
+from carstage.validation.checks.colours import (
+    ColourFigures,
+    Paint,
+    check_colours,
+    is_clear_day,
+    paints_of,
+)
+from carstage.validation.checks.columns import (
+    check_camera_columns,
+    check_ego_columns,
+    check_object_columns,
+)
 from carstage.validation.checks.completeness import check_gaps, check_missing_rows
 from carstage.validation.checks.edges import (
     EdgeFigures,
@@ -24,6 +38,8 @@ from carstage.validation.checks.edges import (
     boundaries,
     check_edges,
     check_frame_fit,
+    check_mirrored,
+    check_windows,
     compare_edges,
     new_fits,
     steepness,
@@ -48,10 +64,13 @@ from carstage.validation.checks.pictures import PictureFigures, check_exposure, 
 from carstage.validation.checks.population import Population, check_episode_population
 from carstage.validation.checks.ranging import (
     RangingFigures,
+    check_intensity,
     check_point_counts,
     check_share,
     compare_with_depth,
 )
+from carstage.validation.checks.readings import check_readings, check_sensor_poses
+from carstage.validation.checks.recomputing import entries
 from carstage.validation.checks.server import check_self_test
 from carstage.validation.checks.silhouettes import (
     SilhouetteFigures,
@@ -59,6 +78,9 @@ from carstage.validation.checks.silhouettes import (
     visible_objects,
 )
 from carstage.validation.checks.tag_images import check_tags
+from carstage.validation.checks.tracks import check_tracks
+
+SKY = next(number for number, tag in TAGS_0_9_14.items() if tag.name == "Sky")
 
 Rows = Mapping[tuple[int, str], list[dict[str, Any]]]
 Data = Mapping[str, NDArray[Any]]
@@ -82,6 +104,7 @@ class Figures:
     motion: MotionFigures = field(default_factory=MotionFigures)
     pictures: dict[str, PictureFigures] = field(default_factory=lambda: defaultdict(PictureFigures))
     population: Population = field(default_factory=Population.empty)
+    not_decidable: list[str] = field(default_factory=list)
 
     def to_dict(self, episodes: int) -> dict[str, Any]:
         """For the report."""
@@ -108,6 +131,7 @@ class Figures:
             "motion": self.motion.to_dict(),
             "pictures": {camera: p.to_dict() for camera, p in sorted(self.pictures.items())},
             "labels": self.population.to_dict(),
+            "not_decidable": self.not_decidable,
         }
 
 
@@ -129,6 +153,10 @@ class EpisodeChecks:
         self._edges: dict[str, EdgeFigures] = defaultdict(EdgeFigures)
         self._fits: dict[str, dict[int, FrameFit]] = {}
         self._edges_before: dict[str, tuple[NDArray[np.float32], NDArray[np.bool_]]] = {}
+        self._late: dict[str, list[tuple[int, FrameFit]]] = defaultdict(list)
+        self._colours: dict[str, ColourFigures] = defaultdict(ColourFigures)
+        self._paints: Mapping[int, Paint] = {}
+        self._clear: frozenset[int] = frozenset()
         self._flow: dict[str, FlowFigures] = defaultdict(FlowFigures)
         self._flow_frames: dict[str, int] = {}
         self._pictures: dict[str, PictureFigures] = defaultdict(PictureFigures)
@@ -142,6 +170,7 @@ class EpisodeChecks:
             DatasetError: a document or table is missing or damaged, so that nothing can be said.
         """
         episode, findings = self._episode, self._findings
+        self._files.find_all()
         for name in (*DOCUMENTS, *TABLES):
             self._files.read(episode.folder / name)
         ledger = episode.ledger()
@@ -154,7 +183,16 @@ class EpisodeChecks:
         check_row_sensors(episode, ledger, recorded, findings)
         check_self_test(episode, findings)
         tables = LabelTables.load(episode)
+        self._paints = paints_of(episode.document["actors"])
+        weathers = zip(entries(tables.ego, "k"), entries(tables.ego, "weather"), strict=True)
+        self._clear = frozenset(k for k, text in weathers if is_clear_day(json.loads(text)))
         check_labels(episode, tables, saved_times_s(ledger), findings)
+        check_ego_columns(episode, tables, findings)
+        check_object_columns(episode, tables, findings)
+        check_camera_columns(episode, tables, findings)
+        check_tracks(episode, tables, findings)
+        check_sensor_poses(episode, tables, findings)
+        check_readings(episode, tables, findings)
         self._poses = episode.world_from_sensor()
         self._carriers = episode.carriers()
         self._check_tables(tables)
@@ -210,6 +248,9 @@ class EpisodeChecks:
         for camera, edges in self._edges.items():
             check_edges(camera, edges, findings)
             check_frame_fit(camera, self._fits[camera], findings)
+            check_windows(camera, self._late[camera], findings)
+            if not check_colours(camera, self._colours[camera], findings):
+                figures.not_decidable.append(f"colour_order of {camera} ({self._episode.id})")
             totals = figures.fits.setdefault(camera, new_fits())
             for step, fit in self._fits[camera].items():
                 totals[step].add(fit)
@@ -285,6 +326,7 @@ class EpisodeChecks:
         for lidar in (sensor for sensor in sensors if sensor.content in CLOUDS):
             points = points_xyz(data[lidar.id])
             if lidar.content == POINTS:
+                check_intensity(data[lidar.id], lidar.id, k, self._findings)
                 self._figures.points_in_boxes += check_point_counts(
                     points, lidar.calibration_at(k), k, boxes, self._findings
                 )
@@ -351,7 +393,9 @@ class EpisodeChecks:
                 continue
             self._pictures[sensor.id].add_picture(k, data[sensor.id])
             if sensor.calibration.labelled:
-                self._compare_edges(sensor, data[sensor.id], self._labels(sensor, k, rows, data))
+                labels = self._labels(sensor, k, rows, data)
+                self._compare_edges(sensor, k, data[sensor.id], labels)
+                self._look_at_colours(sensor, k, rows, data)
 
     def _labels(self, sensor: Sensor, k: int, rows: Rows, data: Data) -> NDArray[np.generic]:
         """``(H, W)`` numbers that differ between things, by ids and tags or by masks."""
@@ -364,16 +408,26 @@ class EpisodeChecks:
             return labels
         return visible_objects(camera, rows.get((k, camera.id), []))
 
+    def _look_at_colours(self, sensor: Sensor, k: int, rows: Rows, data: Data) -> None:
+        camera, figures = sensor.calibration, self._colours[sensor.id]
+        figures.add_paint(data[sensor.id], rows.get((k, camera.id), []), self._paints)
+        if k in self._clear and camera.instance is not None and camera.instance in data:
+            figures.add_sky(data[sensor.id], data[camera.instance][..., Instance.TAG] == SKY)
+
     def _compare_edges(
-        self, sensor: Sensor, rgb: NDArray[np.uint8], labels: NDArray[np.generic]
+        self, sensor: Sensor, k: int, rgb: NDArray[np.uint8], labels: NDArray[np.generic]
     ) -> None:
         steep, boundary = steepness(rgb), boundaries(labels)
+        check_mirrored(sensor.id, k, steep, boundary, self._findings)
         found = compare_edges(rgb, steep, boundary)
         self._edges[sensor.id].add(found)
         self._figures.edges[sensor.id].add(found)
         fits = self._fits.setdefault(sensor.id, new_fits())
         if sensor.id in self._edges_before:
             steep_before, boundary_before = self._edges_before[sensor.id]
-            fits[-1].add_image(steep, boundary, boundary_before)
+            before = FrameFit()
+            before.add_image(steep, boundary, boundary_before)
+            fits[-1].add(before)
+            self._late[sensor.id].append((k, before))
             fits[1].add_image(steep_before, boundary_before, boundary)
         self._edges_before[sensor.id] = steep, boundary

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import TypedDict
 
 from carstage.dataset.reading import Episode
 from carstage.dataset.tables import row_sensor
+from carstage.files.bounded import read_bounded
 from carstage.files.hashing import hash_of
 from carstage.validation.checks.findings import Findings
 
@@ -18,6 +20,11 @@ TABLES = (
     "ego.parquet",
     "sensor_poses.parquet",
 )
+
+
+class _Place(TypedDict, total=False):
+    sensor: str
+    frame: int
 
 
 class VerifiedFiles:
@@ -32,8 +39,17 @@ class VerifiedFiles:
         self._folder = episode.folder
         self._findings = findings
         self._entries = {entry.path: entry for entry in episode.marker.files}
+        self._missing: set[str] = set()
         self.files = 0
         self.bytes = 0
+
+    def find_all(self) -> None:
+        """Name the files of the marker that are not there, whatever else goes wrong later."""
+        for name in self._entries:
+            if not (self._folder / name).is_file():
+                self._missing.add(name)
+                message = f"{name} is missing, or no regular file"
+                self._findings.add("file_missing", message, **_place_of(name))
 
     def read(
         self, path: Path, *, frame: int | None = None, sensor: str | None = None
@@ -42,8 +58,16 @@ class VerifiedFiles:
         name = path.relative_to(self._folder).as_posix()
         problem: tuple[str, str] | None = None
         content: bytes | None = None
+        if name in self._missing:
+            return None
         try:
-            content = path.read_bytes()
+            found, entry = path.stat().st_size, self._entries.get(name)
+            if entry is not None and found != entry.bytes:
+                # Not read: a wrong size says enough, and may be huge.
+                problem = "file_size", f"{name} has {found} bytes, committed were {entry.bytes}"
+                self._findings.add(*problem, frame=frame, sensor=sensor)
+                return None
+            content = read_bounded(path)
         except FileNotFoundError:
             problem = "file_missing", f"{name} is missing"
         except OSError as error:
@@ -60,11 +84,20 @@ class VerifiedFiles:
         entry = self._entries.get(name)
         if entry is None:
             return None  # check_file_list reports it
-        if len(content) != entry.bytes:
-            return "file_size", f"{name} has {len(content)} bytes, committed were {entry.bytes}"
         if hash_of(content, entry.hash) != entry.hash:
             return "file_hash", f"{name} is not the file that was committed: its hash differs"
         return None
+
+
+def _place_of(name: str) -> _Place:
+    """Sensor and frame that a file below ``sensors`` is of."""
+    parts = PurePosixPath(name).parts
+    if parts[0] != "sensors" or len(parts) < 2:
+        return {}
+    frame = parts[-1].split(".", 1)[0]
+    if len(parts) == 2:
+        return {"sensor": frame}
+    return {"sensor": parts[1], "frame": int(frame)} if frame.isdecimal() else {"sensor": parts[1]}
 
 
 def check_file_list(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -70,7 +71,7 @@ _COLUMNS: dict[str, tuple[str, ...]] = {
 _POSE_TOLERANCE_M = 0.01
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LabelTables:
     """The three label tables of an episode."""
 
@@ -90,6 +91,14 @@ class LabelTables:
             columns = ("timestamp_s", *_KEYS[name], *_RANGES[name], *_COLUMNS[name])
             require_columns(table, columns, f"{name}.parquet")
         return tables
+
+    @cached_property
+    def world_from_ego(self) -> dict[int, NDArray[np.float64]]:
+        """``(4, 4)`` pose of the ego's pivot by frame."""
+        return {
+            row["k"]: pose_matrix(row["location"], row["rotation_deg"])
+            for row in self.ego.select(_EGO_COLUMNS).to_pylist()
+        }
 
     def named(self) -> dict[str, pa.Table]:
         """The tables by name, without the file's ending."""
@@ -190,10 +199,7 @@ def labelled_boxes(tables: LabelTables, findings: Findings) -> dict[int, list[La
     from the columns in the ego's frame. If there are both they must agree within 1 cm (check
     ``label_poses``).
     """
-    world_from_ego = {
-        row["k"]: pose_matrix(row["location"], row["rotation_deg"])
-        for row in tables.ego.select(_EGO_COLUMNS).to_pylist()
-    }
+    world_from_ego = tables.world_from_ego
     boxes: dict[int, list[LabelledBox]] = defaultdict(list)
     for row in tables.objects.select(_BOX_COLUMNS).to_pylist():
         if row["box_center"] is None:

@@ -235,3 +235,26 @@ def check_point_counts(
                 sensor=lidar.id,
             )
     return total
+
+
+def check_intensity(
+    points: NDArray[np.floating[Any]], lidar_id: str, k: int, findings: Findings
+) -> None:
+    """Report intensities that no LiDAR gives (check ``lidar_intensity``): they lie in [0, 1].
+
+    Args:
+        points: ``(N, 4)`` x, y, z (m), intensity.
+        lidar_id: the LiDAR.
+        k: the frame.
+        findings: where problems go.
+    """
+    if not len(points):
+        return
+    low, high = float(points[:, 3].min()), float(points[:, 3].max())
+    if not (low >= 0.0 and high <= 1.0) or high == 0.0:
+        findings.add(
+            "lidar_intensity",
+            f"intensities lie in {low:.4g} to {high:.4g}, not within 0 to 1 and above 0",
+            frame=k,
+            sensor=lidar_id,
+        )

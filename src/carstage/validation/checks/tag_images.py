@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage.sensor_kinds.columns import Instance
+from carstage.tags import TAGS_0_9_14
 from carstage.validation.checks.findings import Findings
 
 MIN_SHARE = 0.98
@@ -39,3 +43,14 @@ def check_tags(
             frame=frame,
             sensor=semantic_id,
         )
+
+
+def check_tag_table(description: Mapping[str, Any], findings: Findings) -> None:
+    """Compare the table of ``dataset.json`` with ours (check ``tag_table``)."""
+    listed = {entry.get("value"): entry.get("name") for entry in description.get("tags", ())}
+    for value, tag in TAGS_0_9_14.items():
+        if listed.get(value) != tag.name:
+            findings.add(
+                "tag_table",
+                f"dataset.json: tag {value} is called {listed.get(value)!r}, it is {tag.name!r}",
+            )

@@ -8,6 +8,7 @@ from importlib.util import find_spec
 FORMATS: Mapping[str, tuple[str, str | None]] = {
     "kitti-object": ("KITTI object detection", None),
     "kitti-tracking": ("KITTI tracking", None),
+    "semantickitti": ("SemanticKITTI", None),
     "nuscenes": ("nuScenes", None),
     "coco": ("COCO", None),
     "yolo": ("YOLO", None),

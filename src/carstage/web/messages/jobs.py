@@ -48,9 +48,11 @@ class ExportRequest(Message):
     min_lidar_points: Annotated[int, Field(ge=0, le=1_000_000)] | None = None
     max_distance_m: Annotated[float, Field(gt=0, le=100_000)] | None = None
     include_invisible: bool = False
-    validation_share: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    val_share: Annotated[float, Field(ge=0, lt=1)] | None = None
+    test_share: Annotated[float, Field(ge=0, lt=1)] | None = None
     codec: Literal["ffv1", "h264"] | None = None
     classes: list[Name] = Field(default_factory=list)
+    categories: Literal["own", "coco80"] | None = None
 
 
 class Job(Message):

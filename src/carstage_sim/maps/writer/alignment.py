@@ -50,15 +50,20 @@ class Piece:
     curvature_per_m: float
 
     def at(self, s_m: float) -> Pose2:
-        """The pose at a distance from the start."""
+        """The pose at a distance from the start.
+
+        By the chord, which keeps all digits where an arc is almost a line; differences of sines
+        over the curvature lose them.
+        """
         h, k = self.start.heading_rad, self.curvature_per_m
-        if k == 0.0:
+        half = k * s_m / 2.0
+        if half == 0.0:
             return self.start.moved(s_m, 0.0)
-        h1 = h + k * s_m
+        chord_m = s_m * math.sin(half) / half
         return Pose2(
-            self.start.x + (math.sin(h1) - math.sin(h)) / k,
-            self.start.y - (math.cos(h1) - math.cos(h)) / k,
-            h1,
+            self.start.x + chord_m * math.cos(h + half),
+            self.start.y + chord_m * math.sin(h + half),
+            h + 2.0 * half,
         )
 
     @property

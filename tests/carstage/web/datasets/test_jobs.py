@@ -32,6 +32,9 @@ def test_a_dataset_is_exported_and_validated(site: Site) -> None:
     done = ended(site.client, export.json()["job_id"])
     assert (done["state"], done["error"]) == ("done", None)
     assert done["result"]["path"] == "exports/town-yolo"
+    (warning,) = done["result"]["warnings"]
+    assert "val and test are empty" in warning
+    assert str(site.root) not in warning
     assert (site.root / "exports" / "town-yolo").is_dir()
     assert done["done"] == done["total"] == done["result"]["frames"]
     report = ended(site.client, check.json()["job_id"])["result"]

@@ -69,6 +69,14 @@ def test_two_arcs_join_any_pose_ahead(forward, left, angle, heading):
     assert length_m(path) < 3 * math.hypot(forward, left)
 
 
+@pytest.mark.parametrize("curvature", [2e-10, -3e-12, 1e-300])
+def test_an_arc_that_is_almost_a_line_keeps_its_digits(curvature):
+    end = Piece(Pose2(0.0, 0.0, 0.0), 90.0, curvature).end
+    assert end.x == pytest.approx(90.0, abs=1e-12)
+    # The sagitta of a flat arc.
+    assert end.y == pytest.approx(curvature * 90.0**2 / 2.0, rel=1e-9)
+
+
 @given(st.floats(20.0, 120.0), st.floats(-60.0, 60.0), st.floats(-1.2, 1.2))
 def test_a_connection_joins_any_pose_ahead(forward, left, angle):
     start = Pose2(0.0, 0.0, 0.3)

@@ -1,0 +1,53 @@
+"""Datasets that the command line records, in a process of its own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from carstage.dataset import Dataset, Episode
+
+
+def record_demo(out: Path, seconds: float, python: str = sys.executable) -> Episode:
+    """The episode of the demonstration.
+
+    Args:
+        out: the dataset's folder.
+        seconds: simulated ones.
+        python: in whose environment Car-STAGE is installed.
+
+    Raises:
+        RuntimeError: the command failed; with the end of what it said.
+    """
+    _carstage(python, "demo", "--out", str(out), "--set", f"duration_s={seconds}")
+    (episode,) = Dataset(out).episodes
+    return episode
+
+
+def record(config: Mapping[str, Any], folder: Path) -> Path:
+    """Record a configuration below an existing folder; the dataset's folder.
+
+    Raises:
+        RuntimeError: the command failed; with the end of what it said.
+    """
+    path, out = folder / "config.yaml", folder / "dataset"
+    path.write_text(yaml.safe_dump(dict(config)))
+    _carstage(sys.executable, "run", str(path), "--out", str(out))
+    return out
+
+
+def hashes(episode: Episode) -> dict[str, str]:
+    """Hash of each committed file by its path."""
+    return {entry.path: entry.hash for entry in episode.marker.files}
+
+
+def _carstage(python: str, *arguments: str) -> None:
+    command = [python, "-m", "carstage.cli", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"carstage {' '.join(arguments)}: {done.stderr[-2000:]}")

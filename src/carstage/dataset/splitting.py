@@ -1,0 +1,51 @@
+"""Making ``splits.json``: the splits that belong to a dataset."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from carstage.dataset.reading import Dataset, Episode
+from carstage.dataset.splits import SPLITS_FILE, Criterion, SplitRule, StoredSplits
+from carstage.errors import BadInputError
+from carstage.files.whole import write_whole
+
+_OWN_WEATHER = "own"
+"""Stratum of all weathers without a preset."""
+
+
+def split_dataset(path: str | Path, rule: SplitRule, *, overwrite: bool = False) -> StoredSplits:
+    """Draw the split of every committed episode and store it in the dataset.
+
+    Args:
+        path: folder of the dataset.
+        rule: shares, seed, strata.
+        overwrite: replace splits that the dataset has.
+
+    Returns:
+        What was stored in ``splits.json``.
+
+    Raises:
+        BadInputError: the dataset has splits, or fewer episodes than splits are asked for.
+        DatasetError: the folder is no dataset, or an episode cannot be read.
+    """
+    dataset = Dataset(path)
+    target = dataset.path / SPLITS_FILE
+    if target.exists() and not overwrite:
+        raise BadInputError(
+            f"{target} exists already.",
+            "Episodes that were recorded later have their split by its rule. --overwrite draws "
+            "all of them anew.",
+        )
+    strata = {episode.id: stratum(episode, rule.stratify) for episode in dataset.episodes}
+    stored = StoredSplits(rule, rule.draw(strata))
+    write_whole(target, stored.to_bytes())
+    return stored
+
+
+def stratum(episode: Episode, criteria: Sequence[Criterion]) -> str:
+    """What an episode has in common with others, as text."""
+    spec = episode.spec
+    values = {"map": spec.map, "weather": spec.weather.preset or _OWN_WEATHER}
+    return json.dumps([values[name] for name in criteria])

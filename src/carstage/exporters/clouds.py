@@ -1,0 +1,186 @@
+"""LiDAR points with semantic labels.
+
+A semantic LiDAR labels its own points, but measures no intensity. Points of an ordinary LiDAR take
+the label of the nearest ray of a semantic LiDAR that stands at the same place and scans alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.codecs.semantic_points import points_xyz
+from carstage.dataset import Episode, SensorCalibration
+from carstage.dataset.saved_frames import Frame
+from carstage.errors import BadInputError
+from carstage.exporters.options import ExportOptions
+from carstage.exporters.rigs import main_lidar
+from carstage.sensor_kinds.model import POINTS, TAGGED_POINTS
+
+SCAN_ATTRIBUTES: Final = (
+    "channels", "points_per_second", "rotation_frequency", "range", "upper_fov", "lower_fov",
+    "horizontal_fov", "sensor_tick",
+)  # fmt: skip
+"""What both LiDARs must have alike for their rays to be the same."""
+_BIN_RAD: Final = np.radians(0.25)
+_NEAREST_RAD: Final = np.radians(0.2)
+_SAME_M, _SAME_SHARE = 0.3, 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledLidar:
+    """Whose points are exported, and whose labels they take; the same id for a semantic LiDAR."""
+
+    points: str
+    labels: str
+
+    @property
+    def sensors(self) -> frozenset[str]:
+        """Both ids."""
+        return frozenset((self.points, self.labels))
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledCloud:
+    """One sweep.
+
+    Attributes:
+        points: ``(N, 4)`` float32 x, y, z (m), intensity, CARLA's sensor axes; intensity is 0 of a
+            semantic LiDAR.
+        tags: ``(N,)`` uint8 semantic tags as in ``dataset.json``; 0: no label.
+        objects: ``(N,)`` uint32 actor ids; 0: none.
+    """
+
+    points: NDArray[np.float32]
+    tags: NDArray[np.uint8]
+    objects: NDArray[np.uint32]
+
+
+def labelled_lidar(episode: Episode, options: ExportOptions) -> LabelledLidar:
+    """The LiDAR that the options name, else the first that has labels, else a semantic one.
+
+    Raises:
+        BadInputError: no LiDAR on the ego has labels, or the one that is named.
+    """
+    semantic = {
+        sensor.id: sensor.calibration
+        for sensor in episode.sensors
+        if sensor.content == TAGGED_POINTS and sensor.calibration.on_ego
+    }
+    if options.lidar in semantic:
+        return LabelledLidar(options.lidar, options.lidar)
+    named = main_lidar(episode, options)
+    plain = [named] if options.lidar is not None and named is not None else [
+        sensor.calibration for sensor in episode.sensors
+        if sensor.content == POINTS and sensor.calibration.on_ego
+    ]  # fmt: skip
+    for lidar in plain:
+        for twin in semantic.values():
+            if _scan_alike(lidar, twin):
+                return LabelledLidar(lidar.id, twin.id)
+    if options.lidar is None and semantic:
+        first = next(iter(semantic))
+        return LabelledLidar(first, first)
+    raise BadInputError(
+        f"No LiDAR of episode {episode.id} has labels.",
+        "Record a sensor of kind semantic_lidar; with the pose and the scan attributes of a lidar, "
+        "that lidar's points take its labels.",
+    )
+
+
+def _scan_alike(lidar: SensorCalibration, twin: SensorCalibration) -> bool:
+    same = all(lidar.attributes.get(n) == twin.attributes.get(n) for n in SCAN_ATTRIBUTES)
+    return same and np.allclose(lidar.carrier_from_sensor, twin.carrier_from_sensor, atol=1e-9)
+
+
+def read_labelled(frame: Frame, lidar: LabelledLidar) -> LabelledCloud:
+    """The sweep of a frame with its labels."""
+    tagged = frame.read(lidar.labels)
+    tags = tagged["object_tag"].astype(np.uint8)
+    if lidar.points == lidar.labels:
+        points = np.zeros((len(tagged), 4), np.float32)
+        points[:, :3] = points_xyz(tagged)
+        return LabelledCloud(points, tags, tagged["object_idx"])
+    points = frame.read(lidar.points)
+    nearest = nearest_rays(points_xyz(points), points_xyz(tagged))
+    found = nearest >= 0
+    return LabelledCloud(
+        points,
+        np.where(found, tags[nearest], 0).astype(np.uint8),
+        np.where(found, tagged["object_idx"][nearest], 0).astype(np.uint32),
+    )
+
+
+def nearest_rays(points: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.int64]:
+    """For each point the ray in the nearest direction that ends at the same surface.
+
+    Args:
+        points: ``(N, 3)`` m, in the sensor's axes.
+        rays: ``(M, 3)`` ends of the rays, likewise.
+
+    Returns:
+        ``(N,)`` indices into ``rays``; -1 where no ray within 0.2 degrees ends within 0.3 m + 2 %
+        of the point's distance.
+    """
+    if not len(rays) or not len(points):
+        return np.full(len(points), -1, dtype=np.int64)
+    direction, distance = _directions(points)
+    ray_direction, ray_distance = _directions(rays)
+    keys = _cells(ray_direction)
+    order = np.argsort(keys, kind="stable")
+    keys = keys[order]
+    best: NDArray[np.int64] = np.full(len(points), -1, dtype=np.int64)
+    closest = np.full(len(points), np.cos(_NEAREST_RAD))
+    for offset in _neighbours():
+        cell = _cells(direction, offset)
+        begin, end = np.searchsorted(keys, cell), np.searchsorted(keys, cell, side="right")
+        for step in range(int((end - begin).max(initial=0))):
+            some = np.flatnonzero(begin + step < end)
+            candidate = order[begin[some] + step]
+            cosine = np.einsum("ij,ij->i", direction[some], ray_direction[candidate])
+            off = np.abs(distance[some] - ray_distance[candidate])
+            better = (cosine > closest[some]) & (off <= _SAME_M + _SAME_SHARE * distance[some])
+            best[some[better]] = candidate[better]
+            closest[some[better]] = cosine[better]
+    return best
+
+
+def _directions(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    distance = np.linalg.norm(points, axis=1)
+    return points / np.maximum(distance, 1e-9)[:, None], distance
+
+
+def _cells(direction: NDArray[np.float64], offset: tuple[int, int] = (0, 0)) -> NDArray[np.int64]:
+    """Numbers of cells of azimuth and elevation; the azimuth goes round."""
+    columns = round(2.0 * np.pi / _BIN_RAD)
+    azimuth = np.floor(np.arctan2(direction[:, 1], direction[:, 0]) / _BIN_RAD).astype(np.int64)
+    elevation = np.floor(np.arcsin(np.clip(direction[:, 2], -1.0, 1.0)) / _BIN_RAD)
+    cells: NDArray[np.int64] = (elevation.astype(np.int64) + offset[1] + columns) * columns + (
+        azimuth + offset[0]
+    ) % columns
+    return cells
+
+
+def _neighbours() -> list[tuple[int, int]]:
+    return [(column, row) for row in (-1, 0, 1) for column in (-1, 0, 1)]
+
+
+def is_labelled(frame: Frame, lidar: LabelledLidar) -> bool:
+    """Whether a frame has the data of both."""
+    return all(frame.has(name) for name in lidar.sensors)
+
+
+def moving_actors(frame: Frame, faster_than_m_s: float) -> list[int]:
+    """Ids of actors that move, as LiDARs give them; the ego's too."""
+    found = [
+        track
+        for track, row in frame.objects.items()
+        if float(np.linalg.norm(row["velocity"])) > faster_than_m_s
+    ]
+    ego = frame.ego
+    if ego is not None and ego["speed"] > faster_than_m_s:
+        found.append(ego["track_id"])
+    return found

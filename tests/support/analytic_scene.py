@@ -91,6 +91,11 @@ SOLIDS = (
 LEVEL_IDS = {"Parked_1": 3, "Light_1": 2**63 + 9}
 """Solids of the map that a server tells of as level objects; CARLA's ids have 64 bits."""
 LIGHT_ACTOR = 30
+DETECTIONS = np.array([[-5.0, 0.1, 0.05, 30.0], [2.0, -0.2, -0.1, 12.0]], "<f4")
+"""What a radar finds: range rate (m/s), azimuth to the right, altitude (rad), depth (m)."""
+SEMANTIC_POINT = np.dtype(
+    [(column.name, column.dtype) for column in sensor_kind("semantic_lidar").columns]
+)
 _POSE = {"x_m": 1.5, "y_m": 0.0, "z_m": 1.6, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0}
 _LEFT = {"x_m": 0.5, "y_m": -0.8, "z_m": 1.7, "roll_deg": 0.0, "pitch_deg": -5.0, "yaw_deg": -55.0}
 _TOP = {"x_m": 0.0, "y_m": 0.0, "z_m": 2.0, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0}
@@ -99,7 +104,11 @@ _TOP = {"x_m": 0.0, "y_m": 0.0, "z_m": 2.0, "roll_deg": 0.0, "pitch_deg": 0.0, "
 def _camera(
     name: str, kind: str, pose: dict[str, float], size: tuple[int, int], **more: Any
 ) -> dict[str, Any]:
-    blueprints = {"semantic": "semantic_segmentation", "instance": "instance_segmentation"}
+    blueprints = {
+        "semantic": "semantic_segmentation",
+        "instance": "instance_segmentation",
+        "flow": "optical_flow",
+    }
     return {
         "id": name,
         "kind": kind,
@@ -124,11 +133,15 @@ def spec(
     save_every: int = 1,
     size: tuple[int, int] = (96, 64),
     mode: str = "sync",
+    every_kind: bool = False,
 ) -> dict[str, Any]:
-    """The spec of the episode: two labelled cameras, one with hidden twins, and the other kinds."""
+    """The spec of the episode: two labelled cameras, one with hidden twins, and other kinds.
+
+    With ``every_kind``: all kinds that Car-STAGE brings.
+    """
 
     def other(name: str, kind: str, pose: dict[str, float]) -> dict[str, Any]:
-        blueprint = {"lidar": "sensor.lidar.ray_cast"}.get(kind, f"sensor.other.{kind}")
+        blueprint = sensor_kind(kind).blueprint
         return {
             "id": name,
             "kind": kind,
@@ -142,6 +155,12 @@ def spec(
         }
 
     twins = {"labelled": True, "depth": "DEPTH_FRONT", "instance": "INST_FRONT"}
+    rest = (
+        _camera("FLOW_FRONT", "flow", _POSE, size),
+        _camera("NORMALS_LEFT", "normals", _LEFT, size),
+        other("SEMLIDAR_TOP", "semantic_lidar", _TOP),
+        other("RADAR_LEFT", "radar", _LEFT),
+    )
     hidden = {"labelled": True, "depth": "CAM_LEFT.depth", "instance": "CAM_LEFT.instance"}
     return {
         "spec_version": 1, "dialect": "0.9.16", "index": 0, "map": "Analytic01",
@@ -165,6 +184,7 @@ def spec(
             other("LIDAR_TOP", "lidar", _TOP),
             other("IMU", "imu", _TOP),
             other("GNSS", "gnss", _TOP),
+            *(rest if every_kind else ()),
         ],
         "labels": {"method": "both", "boxes": ["2d", "3d"]},
         "ground_truth": {"vehicles": True, "pedestrians": True, "ego_motion": True},
@@ -274,6 +294,12 @@ def sweep(pose: dict[str, float], time_s: float) -> tuple[NDArray[np.float32], l
     return np.concatenate(channels).astype("<f4"), [len(channel) for channel in channels]
 
 
+def flow(width: int, height: int) -> NDArray[np.float32]:
+    """``(H, W, 2)`` shares of half the image, x right and y up, different in every pixel."""
+    steps = np.arange(width * height * 2, dtype="<f4").reshape(height, width, 2)
+    return (steps / steps.size - 0.5).astype("<f4")
+
+
 def _actor_row(solid: Solid) -> dict[str, Any]:
     walker = solid.type_id.startswith("walker")
     return {
@@ -320,6 +346,7 @@ def write_raw_log(
     segments: int | None = None,
     mode: str = "sync",
     period_s: float = 0.1,
+    every_kind: bool = False,
 ) -> dict[str, Any]:
     """Write a raw log as the collector would.
 
@@ -328,12 +355,13 @@ def write_raw_log(
         segments: stop after so many segments, as if the recording had been killed.
         mode: ``sync`` or ``async``.
         period_s: time between ticks; the spec says 0.1 s.
+        every_kind: whether the rig has all kinds of sensors.
 
     Returns:
         The header.
     """
     document = header(
-        spec(steps=steps, save_every=save_every, size=size, mode=mode),
+        spec(steps=steps, save_every=save_every, size=size, mode=mode, every_kind=every_kind),
         attempt=attempt,
         ticks_per_segment=ticks_per_segment,
     )
@@ -384,6 +412,9 @@ def _world_meta() -> dict[str, Any]:
 
 
 def _sensor_data(sensor: dict[str, Any], time_s: float) -> tuple[dict[str, Any], bytes]:
+    if sensor["kind"] == "flow":
+        width, height = (int(sensor["attributes"][f"image_size_{axis}"]) for axis in "xy")
+        return {"width": width, "height": height, "fov_deg": 90.0}, flow(width, height).tobytes()
     if sensor["blueprint"].startswith("sensor.camera."):
         pixels = image(sensor["kind"], sensor, time_s)
         height, width = pixels.shape[:2]
@@ -391,6 +422,15 @@ def _sensor_data(sensor: dict[str, Any], time_s: float) -> tuple[dict[str, Any],
     if sensor["kind"] == "lidar":
         points, counts = sweep(sensor["pose"], time_s)
         return {"horizontal_angle_rad": 0.0, "counts": counts}, points.tobytes()
+    if sensor["kind"] == "semantic_lidar":
+        points, counts = sweep(sensor["pose"], time_s)
+        rows = np.zeros(len(points), SEMANTIC_POINT)
+        for index, name in enumerate(("x", "y", "z", "cos_incidence")):
+            rows[name] = points[:, index]
+        rows["object_idx"], rows["object_tag"] = np.arange(len(rows)) + 2**31, CAR
+        return {"horizontal_angle_rad": 0.0, "counts": counts}, rows.tobytes()
+    if sensor["kind"] == "radar":
+        return {}, DETECTIONS.tobytes()
     if sensor["kind"] == "imu":
         compass = np.radians((EGO.yaw_deg + 90.0) % 360.0)
         return {}, sensor_kind("imu").layout.pack(0.0, 0.0, 9.81, 0.0, 0.0, 0.0, compass)

@@ -37,7 +37,12 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from carstage.exporters.axes import quaternion_from_matrix
 from carstage.exporters.formats import mcap_records as records
 from carstage.exporters.formats.foxglove_types import TYPES, message_class
-from carstage.exporters.formats.mcap_messages import Stamped, nanoseconds
+from carstage.exporters.formats.mcap_messages import (
+    EGO_SIGNALS,
+    OBJECT_FACTS,
+    Stamped,
+    nanoseconds,
+)
 from carstage.exporters.labels import CameraLabel
 from carstage.geometry import FloatArray
 from carstage.report.drawing import class_colour
@@ -51,12 +56,6 @@ _SCHEMAS: dict[str, type[Message]] = {
     )
 }  # fmt: skip
 _NUMBERS = {"<f4": PackedElementField.FLOAT32, "<u4": PackedElementField.UINT32}
-_EGO_COLUMNS = (
-    "throttle", "steer", "brake", "hand_brake", "reverse", "gear", "speed_limit_kmh",
-    "traffic_light_state", "weather_preset", "weather", "latitude_deg", "longitude_deg",
-    "altitude_m",
-)  # fmt: skip
-_FACTS = ("class", "blueprint", "role_name")
 
 
 def messages(record: records.Record, time_s: float) -> Iterator[Stamped]:
@@ -115,9 +114,7 @@ def _entity(found: records.ObjectBox, time: Timestamp) -> SceneEntity:
         size=Vector3(x=length, y=width, z=height),
         color=_colour(row["class"], 0.5),
     )
-    facts = {key: row[key] for key in _FACTS}
-    if row.get("traffic_light_state"):
-        facts["traffic_light_state"] = row["traffic_light_state"]
+    facts = {"name": found.name} | {key: row[key] for key in OBJECT_FACTS if row.get(key)}
     return SceneEntity(
         timestamp=time,
         frame_id=records.MAP,
@@ -135,7 +132,7 @@ def _ego(record: records.EgoState, time: Timestamp) -> _Made:
     )  # fmt: skip
     if record.acceleration is not None:
         state.acceleration.CopyFrom(_vector(record.acceleration))
-    for name in _EGO_COLUMNS:
+    for name in EGO_SIGNALS:
         if record.row[name] is not None:
             setattr(state, name, record.row[name])
     yield "/ego", state
@@ -171,12 +168,14 @@ def _camera(record: records.CameraModel, time: Timestamp) -> _Made:
 
 def _labels(record: records.Labels, time: Timestamp) -> _Made:
     annotations = ImageAnnotations()
-    for label in record.labels:
-        _annotate(annotations, label, time)
+    for name, label in record.labels:
+        _annotate(annotations, name, label, time)
     yield f"/{record.sensor}/annotations", annotations
 
 
-def _annotate(annotations: ImageAnnotations, label: CameraLabel, time: Timestamp) -> None:
+def _annotate(
+    annotations: ImageAnnotations, name: str, label: CameraLabel, time: Timestamp
+) -> None:
     x0, y0, x1, y1 = label.box
     colour = _colour(label.name, 1.0)
     annotations.points.append(
@@ -191,7 +190,7 @@ def _annotate(annotations: ImageAnnotations, label: CameraLabel, time: Timestamp
     annotations.texts.append(
         TextAnnotation(
             timestamp=time, position=Point2(x=x0, y=y0), font_size=12.0, text_color=colour,
-            text=f"{label.name} {label.seen['track_id']}",
+            text=f"{name} {label.seen['track_id']}",
         )
     )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +17,7 @@ from carstage.dataset.saved_frames import Frame
 from carstage.errors import BadInputError
 from carstage.exporters.classes import CLASSES
 from carstage.exporters.exporter import Exporter, register
+from carstage.exporters.formats.foxglove_layout import layout
 from carstage.exporters.formats.mcap_messages import Stamped, nanoseconds
 from carstage.exporters.options import ExportOptions
 
@@ -26,6 +28,7 @@ _MODULES = {
     "foxglove": ("mcap", "foxglove_schemas_protobuf"),
     "ros2": ("mcap", "rosbags"),
 }
+_EXTRAS = {"foxglove": "mcap", "ros2": "ros2"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +54,8 @@ class MessageWriter:
 
     def __call__(self, frame: Frame, folder: Path) -> FramePart:
         """All messages of the frame."""
-        from carstage.exporters.formats.mcap_records import LeftOut, frame_records
+        from carstage.exporters.formats.mcap_contents import frame_records
+        from carstage.exporters.formats.mcap_records import LeftOut
 
         del folder
         made = _message_module(self.options)
@@ -72,11 +76,13 @@ class McapFiles(Exporter):
     name: ClassVar = "mcap"
     summary: ClassVar = "MCAP with Foxglove or ROS 2 messages, a file per episode (extra `mcap`)."
     uses: ClassVar = frozenset(
-        {"boxes", "classes", "min_lidar_points", "max_distance_m", "include_invisible", "messages"}
+        {"boxes", "classes", "class_map", "include_invisible", "max_distance_m", "messages"}
+        | {"min_lidar_points"}
     )
 
     def __init__(self, options: ExportOptions) -> None:
-        classes = options.classes or tuple(CLASSES)
+        everything = () if options.class_map else tuple(CLASSES)
+        classes = options.classes or everything
         messages = options.messages or "foxglove"
         super().__init__(replace(options, classes=classes, messages=messages))
 
@@ -89,9 +95,10 @@ class McapFiles(Exporter):
         if any(find_spec(name) is None for name in _MODULES[_messages(self.options)]):
             raise BadInputError(
                 "The format mcap needs packages that are not installed.",
-                "Install them: pip install 'carstage[mcap]'.",
+                f"Install them: pip install 'carstage[{_EXTRAS[_messages(self.options)]}]'.",
             )
         self._folder = folder
+        self._topics: dict[str, str] = {}
         self._module = _message_module(self.options)
 
     def begin_episode(self, episode: Episode) -> MessageWriter:
@@ -129,10 +136,13 @@ class McapFiles(Exporter):
         self.close()
 
     def finish(self) -> None:
-        """Every file is whole already."""
+        """Write a layout for the topics of all files."""
+        document = json.dumps(layout(self._topics), indent=1)
+        (self._folder / "layout.json").write_text(document + "\n")
 
     def _channel(self, message: Stamped) -> int:
         if message.topic not in self._channels:
+            self._topics[message.topic] = message.schema
             schema, coding = self._schema(message.schema)
             self._channels[message.topic] = self._writer.register_channel(
                 message.topic, coding, schema

@@ -3,6 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
+
+EGO_SIGNALS: Final = (
+    "throttle", "steer", "brake", "hand_brake", "reverse", "gear", "speed_limit_kmh",
+    "traffic_light_state", "weather_preset", "weather", "latitude_deg", "longitude_deg",
+    "altitude_m",
+)  # fmt: skip
+"""Columns of ``ego.parquet`` that go over as they are; a null is left out."""
+OBJECT_FACTS: Final = ("class", "blueprint", "role_name", "traffic_light_state")
+"""Columns of ``objects.parquet`` that a 3D box is described by; what is empty is left out."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,6 +88,11 @@ SOLIDS = (
     Solid(0, "Parked_1", CAR, (18.0, -7.0, 0.8), 5.0, (2.1, 0.9, 0.8)),
     Solid(0, "Light_1", LIGHT, (20.0, 5.0, 4.2), 8.0, (0.3, 0.4, 0.8)),
 )
+OPENDRIVE = """<?xml version="1.0" standalone="yes"?>
+<OpenDRIVE>
+  <header revMajor="1" revMinor="4" name="Analytic01"/>
+</OpenDRIVE>
+"""
 LEVEL_IDS = {"Parked_1": 3, "Light_1": 2**63 + 9}
 """Solids of the map that a server tells of as level objects; CARLA's ids have 64 bits."""
 LIGHT_ACTOR = 30
@@ -367,6 +372,7 @@ def write_raw_log(
     )
     sensors = document["spec"]["sensors"]
     folder.mkdir(parents=True)
+    writing.write_map_file(str(folder), OPENDRIVE)
     writing.write_episode_file(str(folder), document)
     names = [*(sensor["id"] for sensor in sensors), raw.WORLD, raw.LEDGER]
     streams = {name: writing.StreamWriter(str(folder), name, ticks_per_segment) for name in names}

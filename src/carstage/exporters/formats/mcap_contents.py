@@ -18,6 +18,7 @@ from carstage.exporters.axes import (
     nuscenes_box,
     radar_points,
 )
+from carstage.exporters.fixes import satellite_fix
 from carstage.exporters.formats.mcap_records import (
     EGO,
     MAP,
@@ -37,9 +38,9 @@ from carstage.exporters.formats.mcap_records import (
     Transforms,
     Values,
 )
-from carstage.exporters.labels import camera_labels, lidar_points
+from carstage.exporters.labels import boxed_objects, camera_labels
 from carstage.exporters.options import ExportOptions
-from carstage.geometry import FloatArray, GeoPoint, pose_matrix
+from carstage.geometry import pose_matrix
 from carstage.report.drawing import camera_view
 from carstage.sensor_kinds import sensor_kind
 from carstage.sensor_kinds.columns import Detection, Instance
@@ -95,19 +96,11 @@ def _transforms(frame: Frame) -> Transforms:
 
 
 def _boxes(frame: Frame, options: ExportOptions) -> Iterator[ObjectBox]:
-    for _, row in sorted(frame.objects.items()):
+    for row in boxed_objects(frame, options):
         name = _name(row, options)
-        if row["box_center"] is None or name is None or not _wanted(row, options):
-            continue
-        pose = pose_matrix(row["box_center"], row["box_rotation_deg"])
-        yield ObjectBox(name, row, nuscenes_box(pose, row["box_extent"]))
-
-
-def _wanted(row: Row, options: ExportOptions) -> bool:
-    """By class, points and distance; whether a camera sees it is another question."""
-    far = options.max_distance_m is not None and row["distance_ego"] > options.max_distance_m
-    few = lidar_points(row) < (options.min_lidar_points or 0)
-    return row["class"] in options.chosen_classes and not far and not few
+        if name is not None:
+            pose = pose_matrix(row["box_center"], row["box_rotation_deg"])
+            yield ObjectBox(name, row, nuscenes_box(pose, row["box_extent"]))
 
 
 def _name(row: Row, options: ExportOptions) -> str | None:
@@ -208,7 +201,8 @@ def _reading(frame: Frame, sensor: str) -> Iterator[Record]:
         acceleration, turn = flu_vector(values[:3]), flu_angular_velocity(values[3:6])
         yield Inertial(sensor, acceleration, turn, float(values[6]))
     elif kind.name == "gnss":
-        yield _position(frame, sensor, values)
+        place = satellite_fix(frame, sensor)
+        yield Position(sensor, place.latitude_deg, place.longitude_deg, place.altitude_m)
     else:
         names = (
             column.name if column.count == 1 else f"{column.name}[{index}]"
@@ -216,13 +210,6 @@ def _reading(frame: Frame, sensor: str) -> Iterator[Record]:
             for index in range(column.count)
         )
         yield Values(sensor, tuple(names), tuple(float(value) for value in values))
-
-
-def _position(frame: Frame, sensor: str, values: FloatArray) -> Position:
-    """The reading on WGS 84, as ``ego.parquet`` has it: servers have formulas of their own."""
-    globe = frame.episode.geo_frame
-    place = globe.place(globe.gnss_location(GeoPoint(*(float(value) for value in values))))
-    return Position(sensor, place.latitude_deg, place.longitude_deg, place.altitude_m)
 
 
 def _left_out(frame: Frame, sensor: str) -> Iterator[Record]:

@@ -139,7 +139,7 @@ def test_the_command_refuses_a_bad_file_before_it_looks_at_the_dataset(tmp_path:
         ("kitti-object", {"class_map": NUMBERED}, "KITTI's types have none"),
         ("kitti-object", {"class_map": ClassMap.of({"car": "my car"})}, "no type for KITTI"),
         ("kitti-tracking", {"class_map": ClassMap.of({"rider": "Person"})}, "no 3D box"),
-        ("mcap", {"class_map": NAMED}, "does not use --class-map"),
+        ("123d", {"class_map": NAMED}, "does not use --class-map"),
     ],
 )
 def test_what_a_format_cannot_do_is_refused(

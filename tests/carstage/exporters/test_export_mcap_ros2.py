@@ -45,6 +45,16 @@ def episode(every_kind: Path) -> Episode:
     return Dataset(every_kind).episodes[0]
 
 
+def test_equal_datasets_give_equal_bytes(dataset: Path, tmp_path: Path) -> None:
+    contents = []
+    for name in ("a", "b"):
+        options = ExportOptions(messages="ros2")
+        export_dataset("mcap", dataset, tmp_path / name, options, workers=0)
+        (path,) = (tmp_path / name).glob("*.mcap")
+        contents.append(path.read_bytes())
+    assert contents[0] == contents[1]
+
+
 def test_stamps_are_the_times_of_the_frames(messages: Messages) -> None:
     stamped = 0
     for entries in messages.values():

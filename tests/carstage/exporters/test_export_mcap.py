@@ -6,6 +6,7 @@ import io
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,10 @@ from analytic_dataset import attempt_of, edit_rows, recommit
 from carstage.dataset import Dataset, Episode
 from carstage.exporters import ClassMap, ExportOptions, export_dataset
 from carstage.geometry import GeoFrame, pose_matrix
+from carstage.sensor_kinds import sensor_kind, table
 from carstage.sensor_kinds.built_in import BUILT_IN
 from carstage.tags import tag_table
-from mcap_reading import Messages, foxglove_messages, pixels, pose, vector
+from mcap_reading import Messages, foxglove_messages, pixels, pose, ros2_messages, vector
 
 pytest.importorskip("mcap", reason="the extra mcap is not installed")
 
@@ -127,6 +129,32 @@ def test_the_imu_turns_its_axes(every_kind: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(vector(read.linear_acceleration), [1.0, -2.0, 9.0])
     np.testing.assert_array_equal(vector(read.angular_velocity), [-0.1, 0.2, -0.3])
     assert (read.compass_rad, read.frame_id) == (1.25, "IMU")
+
+
+def test_readings_of_other_packages_are_numbers_with_names(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A kind that only its row in the table tells of, in place of the IMU."""
+    drift = replace(sensor_kind("imu"), name="drift", blueprint="sensor.other.drift")
+    monkeypatch.setattr(table, "_kinds", {**table._kinds, "drift": drift})
+    copy = Path(shutil.copytree(dataset, tmp_path / "dataset"))
+    path = attempt_of(copy) / "calibration.json"
+    path.write_text(path.read_text().replace('"kind": "imu"', '"kind": "drift"'))
+    recommit(copy)
+    read = exported_messages(copy, tmp_path / "out")
+    assert "/IMU/imu" not in read
+    readings = read["/IMU/readings"][K][1]
+    own = Dataset(dataset).episodes[0].sensor("IMU").read(K)
+    assert list(readings.names) == [
+        *(f"accelerometer[{axis}]" for axis in range(3)),
+        *(f"gyroscope[{axis}]" for axis in range(3)),
+        "compass_rad",
+    ]
+    assert list(readings.values) == own.tolist()
+    export_dataset("mcap", copy, tmp_path / "ros", ExportOptions(messages="ros2"), workers=0)
+    (path,) = (tmp_path / "ros").glob("*.mcap")
+    pairs = ros2_messages(path)["/IMU/readings"][K][1].status[0].values
+    assert [float(pair.value) for pair in pairs] == own.tolist()
 
 
 def test_the_ego_s_signals_are_those_of_its_table(

@@ -135,7 +135,8 @@ def _colours(frame: Frame, camera: str) -> Iterator[Record]:
     if path.suffix in _CODED:
         yield CodedPicture(camera, path.read_bytes(), _CODED[path.suffix])
     else:
-        yield Pixels(camera, "image", "rgb8", frame.read(camera))
+        pixels = frame.read(camera)
+        yield Pixels(camera, "image", "mono8" if pixels.ndim == 2 else "rgb8", pixels)
 
 
 def _depth(frame: Frame, camera: str) -> Iterator[Record]:

@@ -18,9 +18,11 @@ import analytic_scene
 from analytic_dataset import attempt_of, edit_rows, recommit
 from carstage.dataset import Dataset, Episode
 from carstage.exporters import ClassMap, ExportOptions, export_dataset
+from carstage.exporters.formats.mcap_contents import CONTENTS
 from carstage.geometry import GeoFrame, pose_matrix
 from carstage.sensor_kinds import sensor_kind, table
 from carstage.sensor_kinds.built_in import BUILT_IN
+from carstage.sensor_kinds.model import CAMERAS, CLOUDS, ROWS
 from carstage.tags import tag_table
 from mcap_reading import Messages, foxglove_messages, pixels, pose, ros2_messages, vector
 
@@ -51,6 +53,10 @@ def of_every_kind(every_kind: Path, tmp_path_factory: pytest.TempPathFactory) ->
 @pytest.fixture(scope="module")
 def episode(every_kind: Path) -> Episode:
     return Dataset(every_kind).episodes[0]
+
+
+def test_every_content_that_a_kind_may_have_has_a_message() -> None:
+    assert set(CONTENTS) == {*CAMERAS, *CLOUDS, *ROWS}
 
 
 def test_every_kind_of_sensor_has_a_channel(of_every_kind: Messages, episode: Episode) -> None:

@@ -29,7 +29,6 @@ from carstage.exporters.formats.mcap_records import (
     EgoState,
     Inertial,
     Labels,
-    LeftOut,
     ObjectBox,
     Objects,
     Pixels,
@@ -79,7 +78,7 @@ def frame_records(frame: Frame, options: ExportOptions) -> Iterator[Record]:
     for sensor in frame.episode.sensors:
         if not frame.has(sensor.id):
             continue
-        yield from _CONTENTS.get(sensor.content, _left_out)(frame, sensor.id)
+        yield from CONTENTS[sensor.content](frame, sensor.id)
         if sensor.calibration.is_camera:
             yield CameraModel(sensor.calibration)
             if sensor.calibration.labelled:
@@ -213,11 +212,6 @@ def _reading(frame: Frame, sensor: str) -> Iterator[Record]:
         yield Values(sensor, tuple(names), tuple(float(value) for value in values))
 
 
-def _left_out(frame: Frame, sensor: str) -> Iterator[Record]:
-    del frame
-    yield LeftOut(sensor)
-
-
 def _names(frame: Frame, sensor: str, count: int) -> tuple[str, ...]:
     """Names of the columns of a sensor's array."""
     columns = sensor_kind(frame.episode.sensor(sensor).kind).columns
@@ -231,7 +225,7 @@ def _structured(rows: NDArray[Any], names: tuple[str, ...]) -> NDArray[Any]:
     return packed.view(np.dtype([(name, "<f4") for name in names])).reshape(len(rows))
 
 
-_CONTENTS: Final[Mapping[str, Callable[[Frame, str], Iterator[Record]]]] = {
+CONTENTS: Final[Mapping[str, Callable[[Frame, str], Iterator[Record]]]] = {
     COLOUR: _colours,
     DEPTH: _depth,
     TAGS: _tags,

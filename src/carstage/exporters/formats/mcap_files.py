@@ -38,12 +38,10 @@ class FramePart:
     Attributes:
         time_ns: time since the first frame.
         messages: in the order of the file.
-        left_out: ids of the sensors whose data have no message.
     """
 
     time_ns: int
     messages: tuple[Stamped, ...]
-    left_out: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,18 +53,15 @@ class MessageWriter:
     def __call__(self, frame: Frame, folder: Path) -> FramePart:
         """All messages of the frame."""
         from carstage.exporters.formats.mcap_contents import frame_records
-        from carstage.exporters.formats.mcap_records import LeftOut
 
         del folder
         made = _message_module(self.options)
-        stamped: list[Stamped] = []
-        left_out: list[str] = []
-        for record in frame_records(frame, self.options):
-            if isinstance(record, LeftOut):
-                left_out.append(record.sensor)
-            else:
-                stamped += made.messages(record, frame.timestamp_s)
-        return FramePart(nanoseconds(frame.timestamp_s), tuple(stamped), tuple(left_out))
+        stamped = tuple(
+            message
+            for record in frame_records(frame, self.options)
+            for message in made.messages(record, frame.timestamp_s)
+        )
+        return FramePart(nanoseconds(frame.timestamp_s), stamped)
 
 
 @register
@@ -74,10 +69,19 @@ class McapFiles(Exporter):
     """See docs/formats/exports.md."""
 
     name: ClassVar = "mcap"
-    summary: ClassVar = "MCAP with Foxglove or ROS 2 messages, a file per episode (extra `mcap`)."
+    summary: ClassVar = (
+        "MCAP with Foxglove or ROS 2 messages, a file per episode (extras `mcap`, `ros2`)."
+    )
     uses: ClassVar = frozenset(
-        {"boxes", "classes", "class_map", "include_invisible", "max_distance_m", "messages"}
-        | {"min_lidar_points"}
+        {
+            "boxes",
+            "classes",
+            "class_map",
+            "include_invisible",
+            "max_distance_m",
+            "messages",
+            "min_lidar_points",
+        }
     )
 
     def __init__(self, options: ExportOptions) -> None:
@@ -118,7 +122,6 @@ class McapFiles(Exporter):
 
     def add(self, part: FramePart) -> None:
         """Append the frame's messages."""
-        self.sensors_left_out.update(part.left_out)
         for message in part.messages:
             channel = self._channel(message)
             self._writer.add_message(

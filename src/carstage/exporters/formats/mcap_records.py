@@ -157,14 +157,7 @@ class Values:
     values: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class LeftOut:
-    """A sensor whose data have no message."""
-
-    sensor: str
-
-
 Record = (
     Transforms | Objects | EgoState | CodedPicture | Pixels | CameraModel | Labels | Cloud
-    | Inertial | Position | Values | LeftOut
+    | Inertial | Position | Values
 )  # fmt: skip

@@ -277,6 +277,23 @@ def globe(
     return report(verdict, json)
 
 
+@benchmark("warping", takes="4 minutes")
+def warping(
+    town: Annotated[
+        list[str] | None, typer.Option("--town", help="A built-in town; default: all.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(min=0.2, help="Simulated, in each town.")] = 3.0,
+    json: Json = False,
+) -> int:
+    """Whether pictures warped by their flow look like the next ones, on pedestrians too."""
+    from benchmarks.framework.warping import TOWNS, measure_warping
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Warping", "recordings") as progress:
+        verdict = measure_warping(town or TOWNS, seconds, progress)
+    return report(verdict, json)
+
+
 @benchmark("undamaged", takes="5 minutes")
 def undamaged(
     datasets: Annotated[int, typer.Option(min=1, help="To record and validate.")] = 20,

@@ -58,7 +58,8 @@ class Finding:
         object_class: what.
         visible_px: its pixels, in truth.
         isolated_px: its pixels, were it the only thing there is.
-        outside_px: pixels of the lone object outside the silhouette of its inflated box.
+        outside_px: pixels of the lone object outside the silhouette of its inflated box, or of the
+            space that a walker's arms and legs reach.
         stray_px: visible pixels that the lone object does not have; the truth disagrees with
             itself by so much.
         labels: by method.

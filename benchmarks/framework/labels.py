@@ -29,9 +29,9 @@ from benchmarks.framework.label_scores import (
 from benchmarks.framework.level_truth import LevelFinding, compare_level, level_figures
 from benchmarks.framework.masks import inside_polygon, tight_box
 from carstage.annotation import CameraImages, EpisodeLabeller
-from carstage.annotation.classes import object_class
+from carstage.annotation.classes import WALKER_CLASSES, object_class
 from carstage.annotation.decoding import decode_instance_bgra
-from carstage.annotation.pixels import BOX_MARGIN_M
+from carstage.annotation.pixels import BODY_REACH_M, BOX_MARGIN_M
 from carstage.bench.episodes import Progress, events_of
 from carstage.bench.verdict import Verdict
 from carstage.execution import CollectorProcess
@@ -221,14 +221,15 @@ def _finding(
     labels = {method: estimate(row, true_box) for method, row in of_actor.items()}
     labels[STAGE_VO] = estimate_by_vertices(of_actor["instance"])
     height, width = scene.depth_m.shape
-    inflated = box_corners(box, truth.actor.box_extent + BOX_MARGIN_M)
-    corners = transform_points(optical, inflated)
+    kind = object_class(truth.actor) or ""
+    reach_m = BODY_REACH_M if kind in WALKER_CLASSES else BOX_MARGIN_M
+    corners = transform_points(optical, box_corners(box, truth.actor.box_extent + reach_m))
     hull = convex_hull(
         project(clip_to_near_plane(corners, Z_NEAR_M), intrinsics(width, height, _FOV_DEG))
     )
     return Finding(
         town=town,
-        object_class=object_class(truth.actor) or "",
+        object_class=kind,
         visible_px=visible_px,
         isolated_px=int(truth.isolated.sum()),
         outside_px=int((~inside_polygon(truth.isolated, hull)).sum()),

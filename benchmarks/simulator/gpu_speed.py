@@ -16,6 +16,7 @@ from carstage_sim.geometry import rotation_matrix
 from carstage_sim.render.gpu.camera import GpuCameras, Product, Shot
 from carstage_sim.render.gpu.caster import GpuCaster
 from carstage_sim.render.gpu.device import Gpu, open_gpu
+from carstage_sim.render.motion import no_motion
 from carstage_sim.render.scene import Frame
 from carstage_sim.render.sky import SkyModel
 from carstage_sim.sensors import WorldSensors
@@ -72,12 +73,12 @@ def _measure(gpu: Gpu, scene: ReferenceScene, frame: Frame) -> tuple[Figure, ...
     cameras = GpuCameras(caster)
     light = SkyModel().lighting(Weather(sun_altitude_angle=45.0), 0.0)
     shots = _shots(scene)
-    turns = np.zeros((1 + len(frame.actor_id), 3, 4))
+    still = no_motion(len(frame.actor_id))
 
     def pictures(products: Collection[Product], count: int = 1) -> Callable[[], object]:
         def take() -> object:
             under_way = [
-                cameras.take(frame, shot, products, light, turns=turns) for shot in shots[:count]
+                cameras.take(frame, shot, products, light, motions=still) for shot in shots[:count]
             ]
             return [pending.pictures() for pending in under_way]
 

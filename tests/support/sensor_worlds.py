@@ -12,6 +12,9 @@ from carstage_sim.mesh import Material, TriangleMesh, build_mesh, merge_meshes
 from carstage_sim.sensors.measurements import SensorRequest
 from carstage_sim.world.state import ActorKind, Weather, WorldState
 
+Placed = tuple[int, tuple[float, float, float], float]
+"""Actor id, location in metres, yaw in degrees."""
+
 _QUADS = np.array(
     [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
 )
@@ -45,14 +48,17 @@ WALL = box((10, -100, 0), (11, 100, 60), Material.BRICK, CityObjectLabel.BUILDIN
 def state(
     frame: int = 1,
     *,
-    vehicles: list[tuple[int, tuple[float, float, float], float]] | None = None,
+    vehicles: list[Placed] | None = None,
+    walkers: list[Placed] | None = None,
     delta_s: float = 0.1,
     angular_velocity_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
     weather: Weather | None = None,
 ) -> WorldState:
-    """A frame with vehicles ``(actor id, location, yaw in degrees)`` of equal velocities."""
-    rows = vehicles or []
+    """A frame with vehicles and walkers of equal velocities."""
+    cars = [(*row, ActorKind.VEHICLE, "vehicle.tesla.model3") for row in vehicles or []]
+    people = [(*row, ActorKind.WALKER, "walker.pedestrian.0001") for row in walkers or []]
+    rows = sorted(cars + people)
     count = len(rows)
     zeros = np.zeros((count, 3))
     return WorldState(
@@ -61,8 +67,8 @@ def state(
         delta_s=delta_s,
         weather=weather or Weather(),
         actor_id=np.array([r[0] for r in rows], np.uint32),
-        kind=np.full(count, ActorKind.VEHICLE, np.uint8),
-        type_id=("vehicle.tesla.model3",) * count,
+        kind=np.array([r[3] for r in rows], np.uint8),
+        type_id=tuple(r[4] for r in rows),
         location=np.array([r[1] for r in rows], float).reshape(count, 3),
         rotation_deg=np.array([(0.0, r[2], 0.0) for r in rows], float).reshape(count, 3),
         velocity=np.tile(np.array(velocity, float), (count, 1)),

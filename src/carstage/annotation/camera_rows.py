@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from carstage.annotation.classes import TWO_WHEELERS
 from carstage.annotation.pixels import (
+    BODY_REACH_M,
     BOX_MARGIN_M,
     BoxView,
     ImageEvidence,
     ModalMask,
     PixelVisibility,
+    Reach,
     measure,
     occlusion_bin,
     shared_low_ids,
@@ -26,6 +28,7 @@ from carstage.annotation.rig import LabelledCamera
 from carstage.annotation.scene import ActorFacts, Scene
 from carstage.annotation.silhouette import (
     Silhouette,
+    corner_regions,
     may_be_in_image,
     pixel_regions,
     silhouettes,
@@ -230,6 +233,7 @@ def _count_pixels(
 ) -> Iterator[PixelVisibility]:
     """The pixels of each object."""
     poses, extents = scene.world_from_box[chosen], scene.extent[chosen]
+    reaches = _reaches(scene, chosen, optical, camera)
     inflated = _to_optical(optical, box_corners(poses, extents + BOX_MARGIN_M))
     regions = pixel_regions(inflated, camera.k, camera.width, camera.height)
     box_from_world = np.swapaxes(poses[:, :3, :3], -1, -2)
@@ -244,9 +248,21 @@ def _count_pixels(
             extent_m=extents[i],
             ground_m=float(scene.ground[actor]),
             region=regions[i],
+            reach=reaches.get(actor),
         )
         actor_id = None if fact.is_static else fact.info.id
         yield measure(view, camera.k, evidence, actor_id, fact.tags)
+
+
+def _reaches(
+    scene: Scene, chosen: NDArray[np.int64], optical: FloatArray, camera: LabelledCamera
+) -> dict[int, Reach]:
+    """Of walkers whose box is a capsule's: where their arms and legs may be."""
+    walkers = [i for i in chosen.tolist() if scene.facts[i].box.source == "capsule"]
+    half_m = scene.extent[walkers] + BODY_REACH_M
+    corners = _to_optical(optical, box_corners(scene.world_from_box[walkers], half_m))
+    regions = corner_regions(corners, camera.k, camera.width, camera.height)
+    return {actor: Reach(*of) for actor, *of in zip(walkers, half_m, regions, strict=True)}
 
 
 def _rectangles(
@@ -268,6 +284,7 @@ def _pixel_columns(pixels: PixelVisibility | None, labels: LabelsSpec) -> dict[s
     if pixels is None:
         return {
             "visible_px": None,
+            "outside_px": None,
             "front_px": None,
             "hull_px": None,
             "amodal_px": None,
@@ -281,6 +298,7 @@ def _pixel_columns(pixels: PixelVisibility | None, labels: LabelsSpec) -> dict[s
     known = pixels.hull_px > 0
     return {
         "visible_px": pixels.visible_px,
+        "outside_px": pixels.outside_px,
         "front_px": pixels.front_px,
         "hull_px": pixels.hull_px,
         "amodal_px": pixels.amodal_px,

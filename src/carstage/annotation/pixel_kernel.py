@@ -25,6 +25,8 @@ def classify(
     eye_box: NDArray[np.float64],
     box_from_optical: NDArray[np.float64],
     half_m: NDArray[np.float64],
+    reach: tuple[int, int, int, int],
+    reach_m: NDArray[np.float64],
     strip_top_m: float,
     z_near_m: float,
     gate_m: float,
@@ -44,6 +46,9 @@ def classify(
         eye_box: ``(3,)`` camera position in box axes.
         box_from_optical: ``(3, 3)``.
         half_m: ``(3,)`` half sizes of the inflated box.
+        reach: x0, y0, x1, y1 whole pixels about the region, where pixels outside the silhouette
+            may be the object's.
+        reach_m: ``(3,)`` half sizes of the space in which points with its id are its own.
         strip_top_m: height in box axes up to which a point is taken for the road.
         z_near_m: the near plane.
         gate_m: slack of the depth gate around the way through the box.
@@ -53,17 +58,18 @@ def classify(
         tag: ``(H, W)``; empty: no tags.
         allowed: ``(256,)`` tags that the object's pixels may carry.
         drop_road: whether points at the road are not the object's.
-        own: ``(h, w)`` of the region, all false; set where pixels are the object's.
+        own: ``(h, w)`` of ``reach``, all false; set where pixels are the object's.
 
     Returns:
-        Own, front and silhouette pixels, and the bounds x0, y0, x1, y1 of the own ones within the
-        region, half open.
+        Own pixels within the silhouette and outside it, front and silhouette pixels, and the bounds
+        x0, y0, x1, y1 of the own ones within ``reach``, half open.
     """
     x0, y0, x1, y1 = region
+    from_x, from_y = x0 - reach[0], y0 - reach[1]
     fx, fy, cx, cy = lens
     by_id, by_tag = instance_id.size > 0, tag.size > 0
-    visible, front, hull = 0, 0, 0
-    left, top, right, bottom = x1 - x0, y1 - y0, 0, 0
+    visible, outside, front, hull = 0, 0, 0, 0
+    left, top, right, bottom = own.shape[1], own.shape[0], 0, 0
     low = -half_m - eye_box
     high = half_m - eye_box
     width = x1 - x0
@@ -98,19 +104,58 @@ def classify(
             depth = float(depth_m[j, x0 + i])
             slope = slopes[i]
             at_road = slope < 0.0 and eye_box[2] + depth * slope < strip_top_m
-            mine = enter - gate_m <= depth <= leave + gate_m
-            if by_tag:
-                mine = mine and allowed[tag[j, x0 + i]]
-            if by_id:
-                mine = mine and instance_id[j, x0 + i] == wanted_id
+            mine = not by_tag or allowed[tag[j, x0 + i]]
+            mine = mine and (not by_id or instance_id[j, x0 + i] == wanted_id)
+            if mine and not enter - gate_m <= depth <= leave + gate_m:
+                mine = by_id and _reached(
+                    x0 + i, j, depth, lens, eye_box, box_from_optical, reach_m
+                )
             if mine and not (drop_road and at_road):
-                own[j - y0, i] = True
+                u, v = i + from_x, j - y0 + from_y
+                own[v, u] = True
                 visible += 1
-                left, right = min(left, i), max(right, i + 1)
-                top, bottom = min(top, j - y0), max(bottom, j - y0 + 1)
+                left, right = min(left, u), max(right, u + 1)
+                top, bottom = min(top, v), max(bottom, v + 1)
             elif depth < enter and not at_road:
                 front += 1
-    return visible, front, hull, left, top, right, bottom
+    if by_id and reach_m[0] > half_m[0]:
+        for v in range(own.shape[0]):
+            j = reach[1] + v
+            for u in range(own.shape[1]):
+                i = reach[0] + u
+                if instance_id[j, i] != wanted_id or own[v, u]:
+                    continue
+                if by_tag and not allowed[tag[j, i]]:
+                    continue
+                depth = float(depth_m[j, i])
+                if _reached(i, j, depth, lens, eye_box, box_from_optical, reach_m):
+                    own[v, u] = True
+                    outside += 1
+                    left, right = min(left, u), max(right, u + 1)
+                    top, bottom = min(top, v), max(bottom, v + 1)
+    return visible, outside, front, hull, left, top, right, bottom
+
+
+@compiled
+def _reached(
+    i: int,
+    j: int,
+    depth: float,
+    lens: tuple[float, float, float, float],
+    eye_box: NDArray[np.float64],
+    box_from_optical: NDArray[np.float64],
+    reach_m: NDArray[np.float64],
+) -> bool:
+    """Whether what a pixel shows lies within an object's reach."""
+    x, y = (i + 0.5 - lens[2]) / lens[0], (j + 0.5 - lens[3]) / lens[1]
+    for axis in range(3):
+        along = (
+            box_from_optical[axis, 0] * x + box_from_optical[axis, 1] * y
+            + box_from_optical[axis, 2]
+        )  # fmt: skip
+        if abs(eye_box[axis] + depth * along) > reach_m[axis]:
+            return False
+    return True
 
 
 @compiled

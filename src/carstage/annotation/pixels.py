@@ -1,9 +1,12 @@
-"""Visibility by pixels: who owns each pixel of a box's silhouette.
+"""Visibility by pixels: who owns each pixel of a box's silhouette, and of a body's beyond it.
 
 Each pixel of the silhouette of the slightly inflated box is the object's own, in front of it (an
 occluder) or behind it (background seen past the object). A car fills only part of its silhouette;
 so the share of own among own and background pixels (the fill) estimates how many of the pixels in
 front would be its own: a lone car has occlusion 0, a hidden one 1.
+
+CARLA's box of a walker is its collision capsule's, which arms and legs leave. Where an instance
+picture says whose they are, such pixels are the walker's too.
 """
 
 from __future__ import annotations
@@ -19,6 +22,9 @@ from carstage.geometry import Z_NEAR_M, FloatArray, Rectangle
 
 BOX_MARGIN_M: Final = 0.05
 """How much a box is inflated, and the slack of the depth gate."""
+
+BODY_REACH_M: Final = (0.5, 0.5, 0.2)
+"""How far a walker's body may leave its capsule's box: along, across, up and down."""
 
 FILL_PRIOR: Final = 0.8
 """Share of its silhouette that an object fills when none of it is visible."""
@@ -54,6 +60,7 @@ class PixelVisibility:
 
     Attributes:
         visible_px: own pixels.
+        outside_px: those of them whose centre lies outside the inflated box's silhouette.
         front_px: pixels of occluders.
         hull_px: all pixels whose centre lies in the inflated box's silhouette.
         method: how own pixels were found, ``instance`` or ``depth``.
@@ -61,6 +68,7 @@ class PixelVisibility:
     """
 
     visible_px: int
+    outside_px: int
     front_px: int
     hull_px: int
     method: str
@@ -68,11 +76,14 @@ class PixelVisibility:
 
     @property
     def amodal_px(self) -> float:
-        """Estimated pixels of the object's part in the image, were nothing in front of it."""
-        if self.visible_px == 0:
-            return FILL_PRIOR * self.hull_px
-        fill = self.visible_px / (self.hull_px - self.front_px)
-        return self.visible_px + fill * self.front_px
+        """Estimated pixels of the object's part in the image, were nothing in front of it.
+
+        What is hidden outside the silhouette is not estimated.
+        """
+        within = self.visible_px - self.outside_px
+        fill = within / (self.hull_px - self.front_px) if within else FILL_PRIOR
+        hidden = self.front_px if self.visible_px else self.hull_px
+        return self.visible_px + fill * hidden
 
     @property
     def amodal_method(self) -> str:
@@ -81,7 +92,7 @@ class PixelVisibility:
 
     @property
     def occlusion_ratio(self) -> float:
-        """Share of the amodal pixels that are hidden; equals front over hull if any is visible."""
+        """Share of the amodal pixels that are hidden: front over hull, if none is outside."""
         return 1.0 - self.visible_px / self.amodal_px if self.visible_px else 1.0
 
 
@@ -103,6 +114,19 @@ class ImageEvidence:
 
 
 @dataclass(frozen=True, slots=True)
+class Reach:
+    """The space about a box that belongs to its object alone.
+
+    Attributes:
+        half_m: ``(3,)`` its half sizes (m).
+        region: x0, y0, x1, y1 whole pixels around it in the image.
+    """
+
+    half_m: FloatArray
+    region: tuple[int, int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
 class BoxView:
     """A box as rays of a camera meet it.
 
@@ -112,6 +136,7 @@ class BoxView:
         extent_m: ``(3,)`` half sizes, not inflated.
         ground_m: height of the road in box axes; the bottom of the box or above it.
         region: x0, y0, x1, y1 whole pixels around the inflated box's silhouette in the image.
+        reach: where the object may be outside its box; None: it is not.
     """
 
     origin_box: FloatArray
@@ -119,6 +144,7 @@ class BoxView:
     extent_m: FloatArray
     ground_m: float
     region: tuple[int, int, int, int]
+    reach: Reach | None = None
 
 
 def measure(
@@ -136,6 +162,7 @@ def measure(
 
     - Own by ``instance``: the id is the object's, the tag one of its class, the depth within the
       box or 5 cm off it (untagged geometry is transparent to the instance camera and ids collide).
+      Where the object may leave its box: also if what the pixel shows is within its reach.
     - Own by ``depth``: the depth is within the box, and the tag one of the object's; without tags,
       what is at the road is not its own.
     - Front: the depth is before the box. A descending ray that meets the road there could have met
@@ -152,16 +179,19 @@ def measure(
     # Half a second to import, which only processes that count pixels shall need.
     from carstage.annotation.pixel_kernel import classify
 
-    x0, y0, x1, y1 = view.region
-    own = np.zeros((max(0, y1 - y0), max(0, x1 - x0)), dtype=np.bool_)
     ids = evidence.instance_id if actor_id is not None else None
     by_id = ids is not None
-    visible_px, front_px, hull_px, left, top, right, bottom = classify(
+    reach = view.reach if by_id and view.reach is not None else Reach(view.extent_m, view.region)
+    x0, y0, x1, y1 = reach.region
+    own = np.zeros((max(0, y1 - y0), max(0, x1 - x0)), dtype=np.bool_)
+    within_px, outside_px, front_px, hull_px, left, top, right, bottom = classify(
         view.region,
         (float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2])),
         view.origin_box,
         view.box_from_optical,
         view.extent_m + BOX_MARGIN_M,
+        reach.region,
+        reach.half_m,
         view.ground_m + GROUND_STRIP_M,
         Z_NEAR_M,
         BOX_MARGIN_M if by_id else 0.0,
@@ -173,8 +203,10 @@ def measure(
         not by_id and evidence.tag is None,
         own,
     )
+    visible_px = within_px + outside_px
     mask = ModalMask(own[top:bottom, left:right], x0 + left, y0 + top) if visible_px else None
-    return PixelVisibility(visible_px, front_px, hull_px, "instance" if by_id else "depth", mask)
+    method = "instance" if by_id else "depth"
+    return PixelVisibility(visible_px, outside_px, front_px, hull_px, method, mask)
 
 
 def occlusion_bin(ratio: float) -> int:

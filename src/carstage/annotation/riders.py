@@ -34,6 +34,7 @@ _UNKNOWN_IN_CAMERA: Final = (
     "n_behind",
     "truncation_paper",
     "truncated",
+    "outside_px",
     "front_px",
     "hull_px",
     "amodal_px",

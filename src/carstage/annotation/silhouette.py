@@ -109,6 +109,26 @@ def pixel_regions(
     return regions
 
 
+def corner_regions(
+    corners_optical: FloatArray, k: FloatArray, width: int, height: int
+) -> list[tuple[int, int, int, int]]:
+    """Whole pixels around the corners of ``(N, 8, 3)`` boxes, as far as they are in the image.
+
+    Wider than :func:`pixel_regions` where a box leaves the image, and quicker; the whole image
+    where one reaches behind the camera.
+    """
+    lows, highs, _ = _corner_bounds(corners_optical, k, width, height)
+    regions = []
+    for low, high in zip(lows, highs, strict=True):
+        if any(math.isnan(value) for value in (*low, *high)):
+            regions.append((0, 0, width, height))
+            continue
+        x0, y0 = (max(0, math.floor(value)) for value in low)
+        x1, y1 = min(width, math.ceil(high[0])), min(height, math.ceil(high[1]))
+        regions.append((x0, y0, x1, y1))
+    return regions
+
+
 def _corner_bounds(
     corners_optical: FloatArray, k: FloatArray, width: int, height: int
 ) -> tuple[list[list[float]], list[list[float]], list[bool]]:

@@ -182,9 +182,7 @@ class ServerWorker:
             self._interruption.check()
             tries_left -= 1
             try:
-                with self._host.waiting(
-                    "The server is starting; its first start compiles a while."
-                ):
+                with self._host.waiting(self._setup.start_notice):
                     return self._setup.start(self._folder.logs / "server.log")
             except ServerEndedError as error:
                 if not tries_left:

@@ -84,6 +84,7 @@ class ServerSetup:
         self._config = config
         self._make = make
         self._warm: Server | None = None
+        self._remote: RemoteServer | None = None
         self._client: ClientPython | None = None
 
     @property
@@ -116,6 +117,13 @@ class ServerSetup:
         """For the collector's plan: steps before the first saved one with sensors on; None: all."""
         embedded = isinstance(self._config.server, EmbeddedServerConfig)
         return _EMBEDDED_SENSOR_WARMUP_TICKS if embedded else None
+
+    @property
+    def start_notice(self) -> str:
+        """What to tell somebody who waits for the server."""
+        if isinstance(self._config.server, RemoteServerConfig):
+            return "Waiting for the server to answer."
+        return "The server is starting; its first start compiles a while."
 
     @property
     def tested(self) -> bool:
@@ -175,7 +183,7 @@ class ServerSetup:
             ServerError: it ended or did not answer in time.
         """
         if self._warm is None:
-            self._warm = self._make(self._config, log_path)
+            self._warm = self._new(log_path)
             self._warm.start()
         return self._warm.endpoint
 
@@ -191,9 +199,18 @@ class ServerSetup:
             return server, server.endpoint
         if server is not None:
             server.stop()
-        server = self._make(self._config, log_path)
+        server = self._new(log_path)
         try:
             return server, server.start()
         except BaseException:
             server.stop()
             raise
+
+    def _new(self, log_path: Path | None) -> Server:
+        """A server that is not started; a remote one is the same again."""
+        if self._remote is not None:
+            return self._remote
+        server = self._make(self._config, log_path)
+        if isinstance(server, RemoteServer):
+            self._remote = server
+        return server

@@ -16,6 +16,7 @@ from carstage.errors import (
     ConverterDiedError,
     DiskFullError,
     EpisodeExistsError,
+    ServerError,
     StorageError,
 )
 from carstage.execution import Executor
@@ -91,6 +92,7 @@ class Session:
         self._attempt_commits: list[AttemptCommit] = []
         self._failures: dict[str, str] = {}
         self._frames = 0
+        self._attempted = False
 
     def run(
         self, episodes: tuple[EpisodeSpec, ...], todo: list[EpisodeSpec], executor: Executor
@@ -120,6 +122,8 @@ class Session:
             self._status.message = "Interrupted; the same command again continues."
         except CarStageError as error:
             self._status.message = str(error)
+            if isinstance(error, ServerError) and self._attempted:
+                self._tell_how_to_go_on()
             raise
         except OSError as error:
             failure = disk_error(error, f"in {self._folder.path}")
@@ -140,6 +144,13 @@ class Session:
             skipped=self._status.episodes.skipped,
             frames=self._frames,
             failures=self._failures,
+        )
+
+    def _tell_how_to_go_on(self) -> None:
+        counts = self._status.episodes
+        self._record.notice(
+            f"{counts.committed + counts.skipped} of {counts.total} episodes are in the dataset. "
+            "The same command again continues with the rest."
         )
 
     def _finish(self, state: State) -> None:
@@ -173,6 +184,7 @@ class Session:
             progress=self._wakeup.notify,
         )
         self._recording = attempt_commit
+        self._attempted = True
         self._status.current = CurrentEpisode(
             episode_id=job.episode_id,
             index=job.spec.index,

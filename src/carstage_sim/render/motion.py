@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,28 +11,68 @@ from carstage_sim.kernels import kernel
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.render.caster import Hits
 
+RIGID = -1
+"""In place of a number: the surface moved as its part did."""
 _BEHIND = 1e-9
 """Stands for the depth of what was behind the camera: its motion ends at the largest value."""
 
 
+class Motions(NamedTuple):
+    """How everything moved since a camera's last picture.
+
+    A point ``p`` of part ``k``, in today's camera axes (forward, right, up), was at
+    ``turn[k] @ p + shift[k]`` in those of before. Part 0 is the town.
+
+    Attributes:
+        turn: ``(K, 3, 3)`` float64.
+        shift: ``(K, 3)`` float64 metres.
+        part: ``(I,)`` int32 the part that each instance row belongs to.
+        first: ``(I,)`` int32 number of each row's first triangle.
+        bent: ``(I,)`` int32 the row's first place in ``bend``, or :data:`RIGID`.
+        bend: ``(D, 3, 3)`` float32 for each corner of each triangle of a figure that changed its
+            pose: what is added to where it was, in the camera axes of before (m).
+    """
+
+    turn: NDArray[np.float64]
+    shift: NDArray[np.float64]
+    part: NDArray[np.int32]
+    first: NDArray[np.int32]
+    bent: NDArray[np.int32]
+    bend: NDArray[np.float32]
+
+
+def no_motion(instances: int) -> Motions:
+    """That nothing has moved, neither the camera."""
+    none = np.zeros(instances, np.int32)
+    bend = np.empty((0, 3, 3), np.float32)
+    return Motions(np.eye(3)[None], np.zeros((1, 3)), none, none, none + np.int32(RIGID), bend)
+
+
 @kernel
-def _earlier(turn, shift, part, row, depth, x, y, half_width, half_height, out):  # type: ignore[no-untyped-def]
+def _earlier(moved, row, triangle, weights, depth, x, y, half_width, half_height, out):  # type: ignore[no-untyped-def]
+    turn, shift = moved.turn, moved.shift
     for i in range(row.shape[0]):
-        k = part[row[i]] if row[i] >= 0 else 0
+        k = moved.part[row[i]] if row[i] >= 0 else 0
         near = 0.0 if row[i] == NOTHING else 1.0 / depth[i]
         a, b = x[i] * half_width, y[i] * -half_height
         ahead = turn[k, 0, 0] + turn[k, 0, 1] * a + turn[k, 0, 2] * b + shift[k, 0] * near
-        scale = 1.0 / max(ahead, _BEHIND)
         right = turn[k, 1, 0] + turn[k, 1, 1] * a + turn[k, 1, 2] * b + shift[k, 1] * near
         up = turn[k, 2, 0] + turn[k, 2, 1] * a + turn[k, 2, 2] * b + shift[k, 2] * near
+        bent = moved.bent[row[i]] if row[i] >= 0 else RIGID
+        if bent != RIGID:
+            corners = moved.bend[bent + triangle[i] - moved.first[row[i]]]
+            u, v = weights[i, 0], weights[i, 1]
+            w = 1.0 - u - v
+            ahead += (corners[0, 0] * u + corners[1, 0] * v + corners[2, 0] * w) * near
+            right += (corners[0, 1] * u + corners[1, 1] * v + corners[2, 1] * w) * near
+            up += (corners[0, 2] * u + corners[1, 2] * v + corners[2, 2] * w) * near
+        scale = 1.0 / max(ahead, _BEHIND)
         out[0, i] = right * scale / half_width
         out[1, i] = up * scale / -half_height
 
 
 def earlier_places(
-    turn: NDArray[np.float64],
-    shift: NDArray[np.float64],
-    part: NDArray[np.int32],
+    motions: Motions,
     hits: Hits,
     places: tuple[NDArray[np.float64], NDArray[np.float64]],
     half_size: tuple[float, float],
@@ -40,14 +82,11 @@ def earlier_places(
     Places are x to the right and y down from the picture's middle, in half widths and heights.
 
     Args:
-        turn, shift: ``(K, 3, 3)`` and ``(K, 3)``: a point ``p`` of part ``k`` in today's camera
-            axes (forward, right, up) was at ``turn[k] @ p + shift[k]`` in those of before. Part 0
-            is the town.
-        part: ``(I,)`` the part that each instance row belongs to.
+        motions: since then.
         hits: of the camera's pixels; their parameter is the depth.
         places: ``(N,)`` x and y of the pixels' rays.
         half_size: half width and half height of the picture one metre ahead.
     """
     out = np.empty((2, len(hits.row)))
-    _earlier(turn, shift, part, hits.row, hits.t, *places, *half_size, out)
+    _earlier(motions, hits.row, hits.triangle, hits.weights, hits.t, *places, *half_size, out)
     return out

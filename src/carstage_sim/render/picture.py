@@ -13,7 +13,7 @@ from carstage_sim.render.caster import Hits, RayCaster
 from carstage_sim.render.edges import rough_pixels
 from carstage_sim.render.film import Film
 from carstage_sim.render.materials import material_table
-from carstage_sim.render.motion import earlier_places
+from carstage_sim.render.motion import earlier_places, no_motion
 from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.overlay import draw_shapes
 from carstage_sim.render.quality import SAMPLING, Quality
@@ -74,8 +74,8 @@ class PictureMaker:
         hits = self._caster.cast(frame.scene, np.zeros(3), rays, low=0.1, high=1000.0)
         self._shade(frame, hits, -1, 1e-3, self.sky.lighting(Weather(), 0.0))
         smooth_normals(self._caster, frame, hits)
-        still, nowhere = (np.eye(3)[None], np.zeros((1, 3))), (np.zeros(2), np.zeros(2))
-        earlier_places(*still, np.empty(0, np.int32), hits, nowhere, (1.0, 1.0))
+        nowhere = (np.zeros(2), np.zeros(2))
+        earlier_places(no_motion(0), hits, nowhere, (1.0, 1.0))
         rough_pixels(frame, hits, np.zeros((1, 2, 3), np.uint8), strong=1, weak=1)
         line = np.array([[[2.0, 0.0, 0.0], [2.0, 1.0, 0.0]]])
         draw_shapes(

@@ -78,6 +78,20 @@ class Placement:
     light_state: int = 0
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """A model's triangles, as hits of a frame number them.
+
+    Attributes:
+        first: number of its first triangle in the actors' geometry.
+        corners: ``(T, 3, 3)`` float32 corners of its triangles, actor's frame; the same array
+            again for the same model.
+    """
+
+    first: int
+    corners: NDArray[np.float32]
+
+
 @dataclass(frozen=True, slots=True)
 class Frame:
     """The scene of one tick, with the look-up tables that belong to its hits.
@@ -90,6 +104,7 @@ class Frame:
         colour: ``(I, PAINTS, 3)`` float32 linear colours per instance row.
         light_state: ``(I,)`` uint32 per instance row.
         bounds: ``(I, 2, 3)`` float32 box of each row's mesh in the actor's frame.
+        shapes: of each instance row.
         lamps: lamps that light their surroundings.
     """
 
@@ -101,6 +116,7 @@ class Frame:
     colour: NDArray[np.float32]
     light_state: NDArray[np.uint32]
     bounds: NDArray[np.float32]
+    shapes: Sequence[Shape]
     lamps: Lamps
 
     def row_around(self, actor_id: int, point: NDArray[np.float64]) -> int:
@@ -140,6 +156,7 @@ class _Model:
     geometry: Geometry
     surfaces: Surfaces
     bounds: NDArray[np.float32]
+    corners: NDArray[np.float32]
 
 
 def _corners(mesh: TriangleMesh) -> NDArray[np.float32]:
@@ -195,6 +212,7 @@ def _model(mesh: TriangleMesh, tree: WideTree | None = None) -> _Model:
         Geometry(tree.planes, tree.children, blocks, numbers),
         _surfaces(mesh),
         mesh.bounds,
+        corners,
     )
 
 
@@ -227,13 +245,15 @@ def cached_tree(mesh: TriangleMesh, folder: Path) -> WideTree:
     return tree
 
 
-def _joined(models: Sequence[_Model]) -> tuple[Geometry, Surfaces, list[int]]:
-    """Models one behind the other in shared arrays, and the root node of each."""
+def _joined(models: Sequence[_Model]) -> tuple[Geometry, Surfaces, list[int], list[Shape]]:
+    """Models one behind the other in shared arrays; the root node and triangles of each."""
     planes, children, corners, numbers, roots = [], [], [], [], []
+    shapes: list[Shape] = []
     nodes = blocks = triangles = 0
     for model in models:
         g = model.geometry
         roots.append(nodes)
+        shapes.append(Shape(triangles, model.corners))
         planes.append(g.planes)
         inner = g.children >= 0
         children.append(np.where(inner, g.children + nodes, g.children - blocks).astype(np.int32))
@@ -249,7 +269,7 @@ def _joined(models: Sequence[_Model]) -> tuple[Geometry, Surfaces, list[int]]:
         np.concatenate(numbers),
     )
     fields = zip(*(model.surfaces for model in models), strict=True)
-    return geometry, Surfaces(*(np.concatenate(parts) for parts in fields)), roots
+    return geometry, Surfaces(*(np.concatenate(parts) for parts in fields)), roots, shapes
 
 
 def _empty_surfaces() -> Surfaces:
@@ -285,6 +305,7 @@ class SceneStore:
         self._models: list[_Model] = []
         self._index: dict[str, int] = {}
         self._roots: list[int] = []
+        self._shapes: list[Shape] = []
         self._street_lamps = street_lamps(static)
         self._lamps = lamps_of(self._street_lamps)
         self._actors: tuple[Geometry, Surfaces] = (empty_geometry(), _empty_surfaces())
@@ -335,7 +356,7 @@ class SceneStore:
 
     def _join(self) -> None:
         if self._stale and self._models:
-            geometry, surfaces, self._roots = _joined(self._models)
+            geometry, surfaces, self._roots, self._shapes = _joined(self._models)
             self._actors = (geometry, surfaces)
         self._stale = False
 
@@ -383,6 +404,7 @@ class SceneStore:
             colour=linear_colour(colours),
             light_state=light_state,
             bounds=bounds,
+            shapes=[self._shapes[i] for i in index],
             lamps=self._lamps._replace(beams=beams),
         )
 

@@ -11,7 +11,12 @@ import numpy as np
 
 from carstage_sim.content.doors import open_doors_mesh
 from carstage_sim.content.figures import Pose as Joints
-from carstage_sim.content.pedestrians import PHASES, dress_of, pedestrian_mesh, posed_mesh
+from carstage_sim.content.pedestrians import (
+    PHASES,
+    dress_of,
+    pedestrian_mesh,
+    walking_joints,
+)
 from carstage_sim.content.props import prop_mesh
 from carstage_sim.content.street_furniture import traffic_light_mesh
 from carstage_sim.content.vehicles import vehicle_mesh
@@ -178,13 +183,14 @@ class ActorModels:
     def _built_in(self, key: str) -> TriangleMesh:
         if PASSING in key:
             name = key.partition(PASSING)[0]
-            return posed_mesh(name, self._catalogue[name].box_extent, self._posed[key])
+            return pedestrian_mesh(name, self._catalogue[name].box_extent, self._posed[key])
         name, _, number = key.partition("#")
         if name == "traffic_light":
             return traffic_light_mesh(self._town.traffic_lights[int(number)].head)
         blueprint = self._catalogue[name]
         if blueprint.kind == ActorKind.WALKER:
-            return pedestrian_mesh(name, blueprint.box_extent, phase=int(number))
+            joints = walking_joints(blueprint.box_extent, int(number))
+            return pedestrian_mesh(name, blueprint.box_extent, joints)
         if name.startswith(_PROP):
             return prop_mesh(name, blueprint.box_extent)
         return _vehicle_mesh(name, blueprint, int(number or 0))

@@ -16,6 +16,7 @@ from carstage_sim.render.cast import STATIC
 from carstage_sim.render.caster import Hits, RayCaster
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import GpuCameras, Pending, Product, Shot
+from carstage_sim.render.motion import Motions
 from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.picture import Picture, PictureMaker
 from carstage_sim.render.scene import Frame
@@ -228,7 +229,7 @@ class View:
         camera: Camera,
         product: Product,
         film: Film = _USUAL_FILM,
-        turns: NDArray[np.float64] | None = None,
+        motions: Motions | None = None,
     ) -> NDArray[np.uint8] | None:
         """A picture's bytes, ``(H, W, 4)``, of flow ``(H, W, 8)``; None where the CPU makes it.
 
@@ -236,7 +237,7 @@ class View:
             camera: who looks.
             product: what the picture shows.
             film: of colours.
-            turns: as for :meth:`carstage_sim.render.gpu.camera.GpuCameras.take`, for flow.
+            motions: since the camera's last picture, for flow.
         """
         if self._cameras is None or self._is_drawn_on(product):
             return None
@@ -245,7 +246,7 @@ class View:
             self._receive(camera, film)
         if key not in self._made:
             self._expected.setdefault((camera, film), set()).add(product)
-            self._take_expected(self._cameras, turns)
+            self._take_expected(self._cameras, motions)
             self._receive(camera, film)
         return self._made[key]
 
@@ -258,7 +259,7 @@ class View:
             picture = data.reshape(camera.height, camera.width, -1)
             self._made[camera, film, product] = picture
 
-    def _take_expected(self, cameras: GpuCameras, turns: NDArray[np.float64] | None) -> None:
+    def _take_expected(self, cameras: GpuCameras, motions: Motions | None) -> None:
         light = self._pictures.sky.lighting(self._weather, self._time_s)
         self.cast_count += len(self._expected)
         for key, products in self._expected.items():
@@ -268,7 +269,7 @@ class View:
                 products,
                 light,
                 film=key[1],
-                turns=turns if Product.FLOW in products else None,
+                motions=motions if Product.FLOW in products else None,
             )
         self._expected.clear()
 

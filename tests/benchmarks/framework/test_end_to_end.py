@@ -13,6 +13,7 @@ from benchmarks.framework.frames_check import check_frames
 from benchmarks.framework.globe import measure_globe
 from benchmarks.framework.memory import measure_memory
 from benchmarks.framework.overhead import measure_overhead
+from benchmarks.framework.warping import measure_warping
 from carstage.bench.episodes import looping_server
 from carstage.bench.verdict import Verdict
 from carstage.server import Endpoint
@@ -78,6 +79,12 @@ def test_a_demo_on_a_busy_machine_has_the_files_of_a_calm_one() -> None:
     verdict = measure_busy_machine(demos=1, per_core=1, seconds=0.3)
     assert verdict.ok, verdict.text()
     assert figures(verdict)["files_compared"] > 20
+
+
+def test_flow_explains_pictures_and_pedestrians() -> None:
+    verdict = measure_warping(["Stage01"], 0.3)
+    assert verdict.ok, verdict.text()
+    assert figures(verdict)["error_share_left_on_pedestrians"] < 0.6
 
 
 @pytest.mark.py38

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,13 +11,21 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from annotation_scenes import CAR_EXTENT, CAR_TAG, ROAD_TAG, PaintedImages, box_interval
+from annotation_scenes import (
+    CAR_EXTENT,
+    CAR_TAG,
+    ROAD_TAG,
+    WALKER_TAG,
+    PaintedImages,
+    box_interval,
+)
 from carstage.annotation.decoding import decode_instance_bgra
 from carstage.annotation.pixels import (
     BOX_MARGIN_M,
     BoxView,
     ImageEvidence,
     PixelVisibility,
+    Reach,
     measure,
     occlusion_bin,
     visibility_token,
@@ -318,3 +327,74 @@ def test_visibility_tokens_are_nuscenes_bins(visibility: float, token: int) -> N
 @pytest.mark.parametrize(("ratio", "level"), [(0.10, 0), (0.11, 1), (0.50, 1), (0.51, 2)])
 def test_occlusion_bins(ratio: float, level: int) -> None:
     assert occlusion_bin(ratio) == level
+
+
+WALKER_ID = 301
+CAPSULE = (0.19, 0.19, 0.93)
+OPEN_REACH = (0.69, 0.69, 1.13)
+
+
+def walker_with_arms(arm_depth_m: float = 10.0, arm_id: int = WALKER_ID) -> PaintedImages:
+    """A capsule 10 m ahead, and an arm beside it: 0.10 to 0.35 m outside the box."""
+    stage = PaintedImages()
+    stage.paint_box((10.0, 0.0, 0.0), CAPSULE, WALKER_ID, WALKER_TAG)
+    stage.paint(arm_pixels(), arm_depth_m, arm_id, WALKER_TAG)
+    return stage
+
+
+def arm_pixels() -> NDArray[np.bool_]:
+    mask = np.zeros((HEIGHT, WIDTH), dtype=np.bool_)
+    mask[170:180, round(320 + 0.29 * 32) : round(320 + 0.54 * 32)] = True
+    return mask
+
+
+def seen_walker(stage: PaintedImages, reach: bool = True) -> PixelVisibility:
+    ids, tags = decode_instance_bgra(stage.bgra)
+    evidence = ImageEvidence(stage.depth.astype(np.float32), ids, tags)
+    box = view((10.0, 0.0, 0.0), extent=CAPSULE)
+    whole = Reach(np.array(OPEN_REACH), (0, 0, WIDTH, HEIGHT))
+    walker = np.arange(256) == WALKER_TAG
+    return measure(replace(box, reach=whole if reach else None), K, evidence, WALKER_ID, walker)
+
+
+def test_an_arm_outside_the_capsule_is_the_walkers() -> None:
+    without = seen_walker(walker_with_arms(), reach=False)
+    found = seen_walker(walker_with_arms())
+    arm = arm_pixels()
+    assert found.outside_px == arm.sum() > 50
+    assert found.visible_px == without.visible_px + arm.sum()
+    assert (found.hull_px, found.front_px) == (without.hull_px, without.front_px)
+    assert found.mask is not None
+    full = np.zeros((HEIGHT, WIDTH), dtype=np.bool_)
+    height, width = found.mask.crop.shape
+    full[found.mask.y0 :, found.mask.x0 :][:height, :width] = found.mask.crop
+    assert full[arm].all()
+    assert found.mask.bounds()[2] == np.nonzero(arm.any(axis=0))[0].max() + 1
+    assert found.amodal_px == found.visible_px
+    assert found.occlusion_ratio == 0.0
+
+
+@pytest.mark.parametrize("stage", [walker_with_arms(arm_id=302), walker_with_arms(12.0)])
+def test_what_is_not_the_walkers_or_out_of_reach_does_not_count(stage: PaintedImages) -> None:
+    assert seen_walker(stage).outside_px == 0
+
+
+def test_an_arm_before_the_capsule_hides_nothing_of_its_walker() -> None:
+    stage = walker_with_arms()
+    middle = np.zeros((HEIGHT, WIDTH), dtype=np.bool_)
+    middle[170:190, 316:324] = True
+    stage.paint(middle, 9.4, WALKER_ID, WALKER_TAG)
+    assert seen_walker(stage, reach=False).front_px >= middle.sum()
+    assert seen_walker(stage).front_px == 0
+
+
+def test_a_hidden_capsule_with_an_arm_in_view_keeps_a_finite_estimate() -> None:
+    stage = walker_with_arms()
+    cover = np.zeros((HEIGHT, WIDTH), dtype=np.bool_)
+    cover[:, 310:329] = True
+    stage.paint(cover, 5.0, 0, ROAD_TAG)
+    found = seen_walker(stage)
+    assert found.visible_px == found.outside_px > 50
+    assert found.front_px == found.hull_px
+    assert found.amodal_px == found.visible_px + 0.8 * found.hull_px
+    assert found.occlusion_ratio == 1.0 - found.visible_px / found.amodal_px

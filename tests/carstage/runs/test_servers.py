@@ -15,7 +15,7 @@ from carstage.runs.interruption import Interruption
 from carstage.runs.selftesting import describe_verdict, refuse, run_self_test
 from carstage.runs.servers import ServerSetup
 from carstage.selftest import Check, Verdict
-from carstage.server import ClientPython, Endpoint, Server, free_port
+from carstage.server import ClientPython, Endpoint, RemoteServer, Server, free_port
 from running_simulator import RunningSimulator
 
 
@@ -159,3 +159,18 @@ def test_run_that_requires_the_self_test_does_not_begin_where_it_fails(
     (events,) = (tmp_path / "out" / "runs").glob("*/events.jsonl")
     tested = [json.loads(line) for line in events.read_text().splitlines()][1]
     assert (tested["event"], tested["ok"]) == ("server_tested", False)
+
+
+def test_a_remote_server_is_the_same_again_so_that_it_is_waited_for() -> None:
+    made: list[RemoteServer] = []
+
+    def make(config: Config, log_path: Path | None) -> Server:
+        made.append(RemoteServer("127.0.0.1", free_port(), timeout_s=0.0))
+        return made[-1]
+
+    setup = ServerSetup(config("server={kind: remote}"), make)
+    for _ in range(2):
+        with pytest.raises(ServerError, match="No CARLA server answers"):
+            setup.start(Path("unused.log"))
+    assert len(made) == 1
+    assert "answer" in setup.start_notice

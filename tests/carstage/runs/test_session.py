@@ -18,6 +18,7 @@ from carstage.errors import (
     ConverterDiedError,
     DatasetError,
     DiskFullError,
+    ServerError,
     StorageError,
 )
 from carstage.plan import ServerFacts, plan_episodes
@@ -201,6 +202,24 @@ def test_system_error_of_the_disk_is_explained_in_words(made: Made) -> None:
     status = json.loads((folder.path / "status.json").read_bytes())
     assert status["state"] == "failed"
     assert "No space left" in status["message"]
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_server_lost_on_the_way_says_how_to_go_on(
+    made: Made, spec: EpisodeSpec, begun: bool
+) -> None:
+    session, reader, _ = made
+
+    class Lose(Execute):
+        def execute(self, take: Any, open_worker: Any) -> None:
+            if begun:
+                session.begin(Job(spec, spec.episode_id))
+            super().execute(take, open_worker)
+
+    with pytest.raises(ServerError, match="No CARLA server"):
+        session.run((spec,), [], Lose(ServerError("No CARLA server answers.")))
+    said = ["1 of 1 episodes are in the dataset. The same command again continues with the rest."]
+    assert reader.notices == (said if begun else [])
 
 
 def test_disk_that_refuses_the_last_words_does_not_hide_why_the_run_ended(

@@ -113,3 +113,15 @@ def test_a_remote_server_that_is_not_there_is_said_with_its_settings() -> None:
     with pytest.raises(ServerError, match=rf"127\.0\.0\.1:{port}.*server\.host") as caught:
         RemoteServer("127.0.0.1", port, timeout_s=0.1).start()
     assert caught.value.exit_code == 1
+
+
+def test_a_remote_server_that_answered_before_is_waited_for_longer() -> None:
+    server = RemoteServer("127.0.0.1", free_port(), timeout_s=0.0, return_s=0.3)
+    with pytest.raises(ServerError, match="Waited 0 s"):
+        server.start()
+    with answering(VERSION) as (port, _):
+        server = RemoteServer("127.0.0.1", port, timeout_s=20.0, return_s=0.3)
+        server.start()
+        server.stop()
+    with pytest.raises(ServerError, match=r"Waited 0\.3 s"):
+        server.start()

@@ -478,6 +478,16 @@ MUTATIONS: dict[str, tuple[Damage, str, tuple[str, ...]]] = {
         "camera_columns",
         ("occlusion_ratio",),
     ),
+    "amodal pixels": (
+        edit_one("camera_objects", put("amodal_px", lambda v: v * 1.1), in_camera),
+        "camera_columns",
+        ("amodal_px",),
+    ),
+    "pixels outside the silhouette": (
+        edit_one("camera_objects", put("outside_px", lambda v: v + 5), in_camera),
+        "hull",
+        ("outside_px",),
+    ),
     "visible pixel": (
         edit_one("camera_objects", put("visible_pixel", lambda v: not v), in_camera),
         "camera_columns",

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
 import pytest
 
+from carstage_sim.content.pedestrians import pedestrian_mesh, walking_joints
 from carstage_sim.geometry import pose_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.sensors import WorldSensors
+from carstage_sim.world.blueprints import catalogue
+from carstage_sim.world.walkers.gait import walk_phase
 from sensor_worlds import GROUND, WALL, request, state, town
 
 pytestmark = pytest.mark.xdist_group("kernels")
@@ -148,3 +152,101 @@ def test_an_actor_that_is_new_has_not_moved(sensors):
     flow, _, _, ids = look(sensors, state(2, vehicles=[(7, (0.0, 0.0, 0.0), 20.0)]), NOW)
     assert (ids == 7).sum() > 50
     assert np.abs(flow).max() < 1e-4
+
+
+WALKED_M = 0.25
+"""Between two pictures: the figure's pose changes."""
+
+
+def walking(frame: int, *, step_m: float = WALKED_M, yaw: float = 90.0):
+    """A frame in which one walks past the camera."""
+    heading = math.radians(yaw)
+    way = np.array([math.cos(heading), math.sin(heading), 0.0])
+    place = np.array([-9.0, -0.6, 0.93]) + (frame - 2) * step_m * way
+    velocity = tuple(float(v) for v in way * step_m * 10.0)
+    return state(frame, walkers=[(9, tuple(place.tolist()), yaw)], velocity=velocity)
+
+
+def figure_of(world):
+    """``(T, 3, 3)`` corners of the walker's triangles in the world, from its joints."""
+    blueprint = catalogue()["walker.pedestrian.0001"]
+    phase = walk_phase(9, world.location[0], world.rotation_deg[0, 1], world.velocity[0])
+    joints = walking_joints(blueprint.box_extent, phase)
+    mesh = pedestrian_mesh(blueprint.id, blueprint.box_extent, joints)
+    pose = pose_matrix(world.location[0], world.rotation_deg[0])
+    return mesh.vertices[mesh.triangles].astype(float) @ pose[:3, :3].T + pose[:3, 3]
+
+
+def nearest_on_triangles(point, corners):
+    """Number and ``(3,)`` weights of the triangle that holds a point, by the smallest distance."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    edges = np.stack([b - a, c - a], axis=2)
+    pinv = np.linalg.pinv(edges)
+    uv = np.einsum("tij,tj->ti", pinv, point - a)
+    u, v = np.clip(uv[:, 0], 0, 1), np.clip(uv[:, 1], 0, 1)
+    over = np.maximum(u + v, 1.0)
+    weights = np.stack([1 - u / over - v / over, u / over, v / over], axis=1)
+    gap = np.linalg.norm(np.einsum("tk,tki->ti", weights, corners) - point, axis=1)
+    return int(gap.argmin()), weights[gap.argmin()]
+
+
+def test_flow_of_a_walker_follows_its_limbs(sensors):
+    before, now = walking(1), walking(2)
+    look(sensors, before, BEFORE)
+    flow, depth, _, ids = look(sensors, now, NOW)
+    corners, corners_before = figure_of(now), figure_of(before)
+    assert np.abs(corners - corners_before - (0.0, WALKED_M, 0.0)).max() > 0.05
+    u, v = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
+    ray = np.stack([(u - WIDTH / 2) / FOCAL, (v - HEIGHT / 2) / FOCAL, np.ones_like(u)], axis=-1)
+    pose, pose_before = pose_matrix(*NOW), pose_matrix(*BEFORE)
+    points = (ray * depth[..., None]) @ OPTICAL_FROM_SENSOR @ pose[:3, :3].T + pose[:3, 3]
+    errors, limbs = [], 0
+    for j, i in np.argwhere(ids == 9):
+        triangle, weights = nearest_on_triangles(points[j, i], corners)
+        was = weights @ corners_before[triangle]
+        limbs += np.linalg.norm(points[j, i] - was - (0.0, WALKED_M, 0.0)) > 0.03
+        x, y, z = ((was - pose_before[:3, 3]) @ pose_before[:3, :3]) @ OPTICAL_FROM_SENSOR.T
+        place = (FOCAL * x / z + WIDTH / 2, FOCAL * y / z + HEIGHT / 2)
+        errors.append(
+            np.hypot(u[j, i] - place[0] - flow[j, i, 0], v[j, i] - place[1] - flow[j, i, 1])
+        )
+    assert len(errors) > 150
+    assert limbs > 40
+    # Depth has steps: where two limbs meet, another triangle may be the nearest.
+    assert np.quantile(errors, 0.98) < 0.02
+
+
+def between_pixels(picture, x, y):
+    """``(N, 3)`` colours of a picture at places in pixels, bilinear."""
+    x = np.clip(x, 0, picture.shape[1] - 1.001)
+    y = np.clip(y, 0, picture.shape[0] - 1.001)
+    i, j = x.astype(int), y.astype(int)
+    right, down = (x - i)[:, None], (y - j)[:, None]
+    top = picture[j, i] * (1 - right) + picture[j, i + 1] * right
+    below = picture[j + 1, i] * (1 - right) + picture[j + 1, i + 1] * right
+    return top * (1 - down) + below * down
+
+
+@pytest.mark.parametrize("step_m", [0.07, 0.15])
+@pytest.mark.parametrize("yaw", [90.0, -60.0, 20.0])
+def test_warping_with_flow_explains_pedestrians(sensors, step_m, yaw):
+    """Each picture is the one before, moved by the flow, on a pedestrian's pixels too."""
+    lens = LENS | {"image_size_x": 2 * WIDTH, "image_size_y": 2 * HEIGHT}
+    pictures, errors = [], []
+    for frame in range(1, 9):
+        rig = [
+            request(f"camera.{kind}", 200 + k, location=(-14 + 0.05 * frame, 0, 1.6), **lens)
+            for k, kind in enumerate(("rgb", "optical_flow", "instance_segmentation"))
+        ]
+        frames = dict(sensors.capture(walking(frame, step_m=step_m, yaw=yaw), rig))
+        flow = frames[201].flow.astype(float) * (WIDTH, -HEIGHT)
+        walker = frames[202].pixels[..., 1] == 9
+        pictures.append((frames[200].pixels[..., :3].astype(float), flow, walker))
+    for (before, _, _), (now, flow, walker) in itertools.pairwise(pictures):
+        y, x = np.nonzero(walker)
+        warped = between_pixels(before, x - flow[walker][:, 0], y - flow[walker][:, 1])
+        assert len(x) > 500
+        errors.append((np.abs(warped - now[walker]).mean(), np.abs(before - now)[walker].mean()))
+    assert all(warped < still for warped, still in errors)
+    warped, still = np.mean(errors, axis=0)
+    assert warped < 0.25 * still  # a rigid body's flow leaves 0.3 to 0.5

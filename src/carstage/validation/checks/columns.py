@@ -29,6 +29,8 @@ from carstage.validation.checks.recomputing import Recomputed, entries, numbers,
 
 OCCLUSION_LIMITS = (0.10, 0.50)
 """Largest ratios of levels 0 and 1 of ``occluded_px``."""
+FILL_PRIOR = 0.8
+"""Share of its silhouette that an object fills of which no pixel in it is visible."""
 VISIBILITY_BINS = (0.4, 0.6, 0.8)
 """Where nuScenes's bins of ``visibility`` begin, after the first."""
 _SMALL = 1e-6
@@ -238,9 +240,20 @@ def _check_occlusion(episode: Episode, table: pa.Table, findings: Findings) -> N
     amodal = numbers(counted, "amodal_px")
     ratio = 1.0 - np.minimum(numbers(counted, "visible_px") / np.maximum(amodal, 1e-9), 1.0)
     same.column("occlusion_ratio", ratio, _SMALL, where=amodal > 0.0)
+    same.column("amodal_px", _amodal_px(counted), 1e-3)
     given = numbers(counted, "occlusion_ratio")
     same.column("occluded_px", np.searchsorted(OCCLUSION_LIMITS, given, side="left"), 0.0)
     pixels = table.filter(pc.is_valid(table["visible_px"]))
     least = episode.spec.labels.min_visible_px
     same = Recomputed("camera_columns", "camera_objects.parquet", pixels, findings)
     same.column("visible_pixel", numbers(pixels, "visible_px") >= least, 0.0)
+
+
+def _amodal_px(rows: pa.Table) -> FloatArray:
+    """``(N,)`` pixels that an object would show; what of its silhouette it fills is a prior."""
+    visible, front, hull = (numbers(rows, f"{name}_px") for name in ("visible", "front", "hull"))
+    # Datasets of version 0.1 count no pixels outside the silhouette.
+    known = "outside_px" in rows.column_names
+    within = visible - (numbers(rows, "outside_px") if known else 0.0)
+    fill = np.where(within > 0.0, within / np.maximum(hull - front, 1.0), FILL_PRIOR)
+    return np.asarray(visible + fill * np.where(visible > 0.0, front, hull))

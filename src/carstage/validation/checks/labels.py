@@ -57,6 +57,7 @@ _KEYS = {
 _BOX_COLUMNS = (
     "k", "track_id", "box_center", "box_rotation_deg", "box_extent", "box_center_ego",
     "box_rotation_ego_deg", "semantic_tags", "num_lidar_points", "is_ego", "is_static",
+    "box_source",
 )  # fmt: skip
 _CAMERA_COLUMNS = (
     "k", "sensor_id", "track_id", "bbox_amodal", "bbox_modal", "mask_modal", "visible_px",
@@ -117,6 +118,7 @@ class LabelledBox:
         lidar_points: labelled number of points by LiDAR.
         is_ego: whether it is the vehicle that carries the sensors.
         is_static: whether it is part of the level, so that no pixel tells its id.
+        is_capsule: whether it is a walker's capsule, which arms and legs leave.
     """
 
     track_id: int
@@ -126,6 +128,7 @@ class LabelledBox:
     lidar_points: dict[str, int]
     is_ego: bool
     is_static: bool = False
+    is_capsule: bool = False
 
 
 def check_labels(
@@ -229,14 +232,19 @@ def labelled_boxes(tables: LabelTables, findings: Findings) -> dict[int, list[La
                 lidar_points=dict(row["num_lidar_points"]),
                 is_ego=row["is_ego"],
                 is_static=row["is_static"],
+                is_capsule=row["box_source"] == "capsule",
             )
         )
     return boxes
 
 
 def camera_rows(table: pa.Table) -> dict[tuple[int, str], list[dict[str, Any]]]:
-    """The rows of ``camera_objects.parquet`` that the geometric checks use, by frame and camera."""
+    """The rows of ``camera_objects.parquet`` that the geometric checks use, by frame and camera.
+
+    ``outside_px`` is absent in datasets of version 0.1.
+    """
     rows: dict[tuple[int, str], list[dict[str, Any]]] = defaultdict(list)
-    for row in table.select(_CAMERA_COLUMNS).to_pylist():
+    chosen = [c for c in (*_CAMERA_COLUMNS, "outside_px") if c in table.column_names]
+    for row in table.select(chosen).to_pylist():
         rows[row["k"], row["sensor_id"]].append(row)
     return rows

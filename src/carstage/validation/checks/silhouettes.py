@@ -31,6 +31,11 @@ from carstage.validation.checks.labels import LabelledBox
 
 HULL_MARGIN_PX = 2.0
 BOX_TOLERANCE_PX = 0.5
+BODY_REACH_M = np.array([0.5, 0.5, 0.2])
+"""How far a walker's arms and legs may leave its capsule's box: along, across, up and down."""
+BOX_MARGIN_M = 0.05
+"""By how much a box is larger whose silhouette ``outside_px`` is about."""
+OUTSIDE_TOLERANCE_PX = 2
 
 
 @dataclass(slots=True)
@@ -52,10 +57,18 @@ class SilhouetteFigures:
         }
 
 
-def projected_hull(camera: SensorCalibration, box: LabelledBox) -> list[Point]:
-    """Silhouette of a box in a camera's image plane, px; empty when it is behind the camera."""
+def projected_hull(
+    camera: SensorCalibration, box: LabelledBox, *, grown_m: float | NDArray[np.float64] = 0.0
+) -> list[Point]:
+    """Silhouette of a box in a camera's image plane, px; empty when it is behind the camera.
+
+    Args:
+        camera: who looks.
+        box: the box.
+        grown_m: by how much it is larger, at each side.
+    """
     corners = transform_points(
-        invert_pose(camera.ego_from_sensor), box_corners(box.ego_from_box, box.extent)
+        invert_pose(camera.ego_from_sensor), box_corners(box.ego_from_box, box.extent + grown_m)
     )
     seen = clip_to_near_plane(corners @ OPTICAL_FROM_SENSOR.T, Z_NEAR_M)
     return convex_hull(project(seen, camera.k, 0.0)) if len(seen) >= 3 else []
@@ -88,9 +101,10 @@ def check_silhouettes(
 
     For every object with visible pixels, all pixels of its instance id (the low 16 bits of the
     actor id, with a tag that the actor has) must have their centres inside the projected hull of
-    its box, grown by 2 px (check ``hull``). The pixels come from the instance image with the
-    camera's pose, if the rig has one and no other actor shares the bits, else from ``mask_modal``,
-    as those of level objects do.
+    its box, grown by 2 px (check ``hull``); of walkers, of the space that arms and legs reach, with
+    ``outside_px`` of them outside the box's silhouette. The pixels come from the instance image
+    with the camera's pose, if the rig has one and no other actor shares the bits, else from
+    ``mask_modal``, as those of level objects do.
     Further, ``bbox_amodal`` must be the bounds of the hull in the image (``bbox_amodal``), the mask
     must have ``visible_px`` pixels, the bounds ``bbox_modal`` and, with an instance image, only
     pixels of that id (``mask``).
@@ -131,6 +145,10 @@ def check_silhouettes(
         if own is None:
             continue
         v, u = np.nonzero(own)
+        if row.get("outside_px") is not None:
+            _check_outside(camera, name, row, box, own, findings, where)
+            if box.is_capsule:
+                hull = projected_hull(camera, box, grown_m=BODY_REACH_M)
         beyond = distance_outside(hull, np.column_stack([u + 0.5, v + 0.5]))
         outside = int((beyond > HULL_MARGIN_PX).sum())
         figures.objects += 1
@@ -187,6 +205,30 @@ def _check_amodal(
         findings.add(
             "bbox_amodal",
             f"{name}: bbox_amodal is {difference:.1f} px off the projection of its box",
+            **where,
+        )
+
+
+def _check_outside(
+    camera: SensorCalibration,
+    name: str,
+    row: Mapping[str, Any],
+    box: LabelledBox,
+    own: NDArray[np.bool_],
+    findings: Findings,
+    where: dict[str, Any],
+) -> None:
+    """``outside_px`` counts the pixels outside the silhouette; only walkers have such."""
+    outside = 0
+    if box.is_capsule:
+        v, u = np.nonzero(own)
+        hull = projected_hull(camera, box, grown_m=BOX_MARGIN_M)
+        outside = int((distance_outside(hull, np.column_stack([u + 0.5, v + 0.5])) > 0.0).sum())
+    if abs(outside - row["outside_px"]) > OUTSIDE_TOLERANCE_PX * box.is_capsule:
+        findings.add(
+            "hull",
+            f"{name}: {outside} of its pixels lie outside the silhouette of its box, outside_px is "
+            f"{row['outside_px']}",
             **where,
         )
 

@@ -17,6 +17,7 @@ from carstage_sim.render.gpu.device import Gpu
 from carstage_sim.render.gpu.program import CameraProgram, frame_source, words_of
 from carstage_sim.render.gpu.transfer import Readback
 from carstage_sim.render.materials import material_table
+from carstage_sim.render.motion import RIGID, Motions, no_motion
 from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame
 from carstage_sim.render.sky import Lighting
@@ -86,7 +87,7 @@ class _PictureBuffers:
         self.colours, self.codes = gpu.storage(16 * pixels), gpu.storage(4 * pixels)
         self.edges = gpu.storage(4 + 4 * pixels)
         self.out = gpu.storage(24 * pixels)
-        self.motions = gpu.storage(48)
+        self.motions = gpu.storage(64)
         self.bound: dict[Any, tuple[tuple[Any, ...], Any]] = {}
         gpu.write(self.slopes, np.stack(_split(shot.slopes), axis=2))
 
@@ -137,7 +138,7 @@ class GpuCameras:
         light: Lighting,
         *,
         film: Film | None = None,
-        turns: NDArray[np.float64] | None = None,
+        motions: Motions | None = None,
     ) -> Pending:
         """Begin pictures of one camera.
 
@@ -147,9 +148,7 @@ class GpuCameras:
             products: the pictures.
             light: of the weather; only colours need it.
             film: how light becomes codes.
-            turns: ``(I + 1, 3, 4)`` rotation minus identity, and shift, that take a point from
-                today's camera axes to those of before: of the town, then of each instance row; only
-                flow needs it.
+            motions: since this camera's last picture; only flow needs them.
         """
         film = film or Film()
         source = frame_source(frame, self._materials, film.exposed(light))
@@ -159,11 +158,11 @@ class GpuCameras:
         self._program.arenas.update(source)
         place = self._place(shot)
         self._aim(place, shot, sum(products))
-        if turns is not None:
-            rows = turns.astype(np.float32)
-            if place.motions.size < rows.nbytes:
-                place.motions = self._gpu.storage(2 * rows.nbytes)
-            self._gpu.write(place.motions, rows)
+        if motions is not None:
+            words = _motion_words(motions)
+            if place.motions.size < words.nbytes:
+                place.motions = self._gpu.storage(2 * words.nbytes)
+            self._gpu.write(place.motions, words)
         work = _Work(self._caster, self._program, place, self._curve(film), products)
         return work.expose(len(self._sampling.offsets))
 
@@ -171,8 +170,8 @@ class GpuCameras:
         """Compile every pass, and bring the town to the card."""
         slopes = np.zeros((_TILE * _TILE, 2))
         shot = Shot(_TILE, _TILE, 90.0, slopes, np.zeros(3), np.eye(3), -1, 0.1, 1.0)
-        turns = np.zeros((1 + len(frame.actor_id), 3, 4))
-        self.take(frame, shot, list(Product), light, turns=turns).pictures()
+        still = no_motion(len(frame.actor_id))
+        self.take(frame, shot, list(Product), light, motions=still).pictures()
         self._caster.cast(frame.scene, np.zeros(3), np.eye(3, dtype=np.float32), low=0.1, high=1.0)
 
     def _place(self, shot: Shot) -> _PictureBuffers:
@@ -303,3 +302,23 @@ def _split(array: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.
     """Numbers in single precision, and what that leaves of them."""
     main = array.astype(np.float32)
     return main, (array - main).astype(np.float32)
+
+
+def _motion_words(motions: Motions) -> NDArray[np.float32]:
+    """``(N, 4)`` what the shader reads.
+
+    Four rows for the town and for each instance: three of rotation minus identity, and shift; then
+    the row, less three for each triangle before the instance's first, at which the corners of its
+    bend begin, and 1 if there are any. After them the corners.
+    """
+    turns = np.concatenate([motions.turn - np.eye(3), motions.shift[:, :, None]], axis=2)
+    parts = np.concatenate([np.zeros(1, np.int32), motions.part])
+    words = np.zeros((4 * len(parts) + 3 * len(motions.bend), 4), np.float32)
+    heads, corners = words[: 4 * len(parts)].reshape(-1, 4, 4), words[4 * len(parts) :]
+    heads[:, :3] = turns[parts]
+    bends = motions.bent != RIGID
+    begin = 4 * len(parts) + 3 * (motions.bent - motions.first)
+    heads[1:, 3, 0] = np.where(bends, begin, 0).astype(np.int32).view(np.float32)
+    heads[1:, 3, 1] = bends
+    corners[:, :3] = motions.bend.reshape(-1, 3)
+    return words

@@ -1,7 +1,7 @@
 // Pictures of what a camera's pixels met, in CARLA's formats: B, G, R, A a word.
 
 @group(3) @binding(0) var<storage, read_write> pixels: array<u32>;  // product after product
-@group(3) @binding(1) var<storage, read> motions: array<vec4f>;     // three rows each: of the town, of each instance row
+@group(3) @binding(1) var<storage, read> motions: array<vec4f>;     // as carstage_sim.render.gpu.camera writes them
 
 const DEPTH: u32 = 2u;
 const TAGS: u32 = 4u;
@@ -64,11 +64,21 @@ fn depth_code(i: u32) -> u32 {
 // without the identity, so that small motions keep their digits.
 fn flow_of(i: u32) -> vec2f {
   let row = row_of(i);
-  let first = select(0u, 3u * u32(row + 1), row >= 0);
+  let first = select(0u, 4u * u32(row + 1), row >= 0);
   let slope = slopes[i].xz;
-  let at = vec4f(1.0, slope, select(1.0 / bitcast<f32>(hits[i]), 0.0, row == -2));
-  let ahead = dot(motions[first], at);
-  let change = vec2f(dot(motions[first + 1u], at), dot(motions[first + 2u], at));
+  let near = select(1.0 / bitcast<f32>(hits[i]), 0.0, row == -2);
+  let at = vec4f(1.0, slope, near);
+  var ahead = dot(motions[first], at);
+  var change = vec2f(dot(motions[first + 1u], at), dot(motions[first + 2u], at));
+  let bend = motions[first + 3u];
+  if (bend.y != 0.0) {
+    let corner = u32(bitcast<i32>(bend.x) + 3 * triangle_of(i));
+    let u = bitcast<f32>(hits[3u * pixel_count() + i]);
+    let v = bitcast<f32>(hits[4u * pixel_count() + i]);
+    let by = motions[corner] * u + motions[corner + 1u] * v + motions[corner + 2u] * (1.0 - u - v);
+    ahead += by.x * near;
+    change += by.yz * near;
+  }
   let forward = max(1.0 + ahead, BEHIND);
   let sides = vec2f(1.0, f32(shot.height) / f32(shot.width)) * shot.half_width;
   let moved = (slope * select(ahead, forward - 1.0, forward == BEHIND) - change) / forward / sides;

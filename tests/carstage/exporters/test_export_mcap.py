@@ -167,20 +167,28 @@ def test_the_ego_s_signals_are_those_of_its_table(
     of_every_kind: Messages, episode: Episode
 ) -> None:
     rows = episode.ego().to_pylist()
-    for row, (_, state) in zip(rows, of_every_kind["/ego"], strict=True):
-        np.testing.assert_allclose(vector(state.velocity), row["velocity_ego"] * MIRROR)
-        np.testing.assert_allclose(
-            vector(state.angular_velocity), row["angular_velocity_ego"] * -MIRROR, atol=1e-12
+    for k, row in enumerate(rows):
+        odometry, fix, state = (
+            of_every_kind[f"/ego/{what}"][k][1] for what in ("odometry", "fix", "state")
         )
-        on_map = pose(state.pose.position, state.pose.orientation)
+        np.testing.assert_allclose(vector(odometry.linear_velocity), row["velocity_ego"] * MIRROR)
+        np.testing.assert_allclose(
+            vector(odometry.angular_velocity), row["angular_velocity_ego"] * -MIRROR, atol=1e-12
+        )
+        on_map = pose(odometry.pose.position, odometry.pose.orientation)
         own = pose_matrix(row["location"], row["rotation_deg"])
         flip = np.diag([1.0, -1.0, 1.0, 1.0])
         np.testing.assert_allclose(on_map, flip @ own @ flip, atol=1e-9)
+        assert (odometry.frame_id, odometry.body_frame_id) == ("map", "ego")
+        assert (fix.latitude, fix.longitude, fix.altitude) == (
+            row["latitude_deg"], row["longitude_deg"], row["altitude_m"],
+        )  # fmt: skip
         assert state.HasField("acceleration") == (row["acceleration_ego"] is not None)
+        if state.HasField("acceleration"):
+            np.testing.assert_allclose(vector(state.acceleration), row["acceleration_ego"] * MIRROR)
         assert (state.speed_m_s, state.yaw_rate_rad_s) == (row["speed"], row["yaw_rate_flu"])
-        for name in ("throttle", "steer", "brake", "hand_brake", "reverse", "gear",
-                     "speed_limit_kmh", "traffic_light_state", "weather_preset", "weather",
-                     "latitude_deg", "longitude_deg", "altitude_m"):  # fmt: skip
+        for name in ("throttle", "steer", "brake", "hand_brake", "reverse", "gear", "weather",
+                     "speed_limit_kmh", "traffic_light_state", "weather_preset"):  # fmt: skip
             assert getattr(state, name) == row[name], name
     assert rows[K]["speed"] > 1.0
 
@@ -224,7 +232,7 @@ def degrees(place: Any) -> dict[str, float]:
 def test_every_frame_is_there_at_its_time(messages: Messages) -> None:
     labelled, truth = ("image", "calibration", "annotations"), ("image", "calibration")
     topics = {
-        "": ("tf", "objects", "ego"),
+        "": ("tf", "objects"), "/ego": ("odometry", "fix", "state"),
         "/CAM_FRONT": labelled, "/CAM_LEFT": labelled, "/DEPTH_FRONT": truth,
         "/SEM_FRONT": (*truth, "colors"), "/INST_FRONT": (*truth, "tags", "colors"),
         "/LIDAR_TOP": ("points",), "/IMU": ("imu",), "/GNSS": ("fix",),

@@ -1,6 +1,6 @@
 """The records of a frame as messages of Foxglove's schemas (protobuf), and ours where it has none.
 
-Topics are ``/tf``, ``/objects``, ``/ego`` and ``/SENSOR/WHAT``.
+Topics are ``/tf``, ``/objects``, ``/ego/WHAT`` and ``/SENSOR/WHAT``.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
 from foxglove_schemas_protobuf.KeyValuePair_pb2 import KeyValuePair
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
+from foxglove_schemas_protobuf.Odometry_pb2 import Odometry
 from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
 from foxglove_schemas_protobuf.Point2_pb2 import Point2
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
@@ -52,7 +53,7 @@ _SCHEMAS: dict[str, type[Message]] = {
     kind.DESCRIPTOR.full_name: kind
     for kind in (
         CameraCalibration, CompressedImage, FrameTransforms, ImageAnnotations, LocationFix,
-        PointCloud, RawImage, SceneUpdate,
+        Odometry, PointCloud, RawImage, SceneUpdate,
     )
 }  # fmt: skip
 _NUMBERS = {"<f4": PackedElementField.FLOAT32, "<u4": PackedElementField.UINT32}
@@ -125,17 +126,26 @@ def _entity(found: records.ObjectBox, time: Timestamp) -> SceneEntity:
 
 
 def _ego(record: records.EgoState, time: Timestamp) -> _Made:
+    row = record.row
+    yield "/ego/odometry", Odometry(
+        timestamp=time, frame_id=records.MAP, body_frame_id=records.EGO, pose=_pose(record.pose),
+        linear_velocity=_vector(record.velocity),
+        angular_velocity=_vector(record.angular_velocity),
+    )  # fmt: skip
+    yield "/ego/fix", LocationFix(
+        timestamp=time, frame_id=records.EGO, latitude=row["latitude_deg"],
+        longitude=row["longitude_deg"], altitude=row["altitude_m"],
+    )  # fmt: skip
     state = message_class("EgoState")(
-        timestamp=time, frame_id=records.EGO, pose=_pose(record.pose),
-        velocity=_vector(record.velocity), angular_velocity=_vector(record.angular_velocity),
-        speed_m_s=record.row["speed"], yaw_rate_rad_s=record.row["yaw_rate_flu"],
+        timestamp=time, frame_id=records.EGO, speed_m_s=row["speed"],
+        yaw_rate_rad_s=row["yaw_rate_flu"],
     )  # fmt: skip
     if record.acceleration is not None:
         state.acceleration.CopyFrom(_vector(record.acceleration))
     for name in EGO_SIGNALS:
-        if record.row[name] is not None:
-            setattr(state, name, record.row[name])
-    yield "/ego", state
+        if row[name] is not None:
+            setattr(state, name, row[name])
+    yield "/ego/state", state
 
 
 def _coded_picture(record: records.CodedPicture, time: Timestamp) -> _Made:

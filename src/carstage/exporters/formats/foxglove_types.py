@@ -8,7 +8,6 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, Final
 
-from foxglove_schemas_protobuf.Pose_pb2 import Pose
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf import descriptor_pool, message_factory
 from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorProto
@@ -25,7 +24,6 @@ _SCALARS: Final = {
 _PARTS: Final[dict[str, type[Message]]] = {
     "Timestamp": Timestamp,
     "Vector3": Vector3,
-    "Pose": Pose,
 }
 _STAMP: Final = ("timestamp Timestamp", "frame_id string")
 TYPES: Final[dict[str, tuple[str, ...]]] = {
@@ -37,10 +35,7 @@ TYPES: Final[dict[str, tuple[str, ...]]] = {
     ),
     "EgoState": (
         *_STAMP,
-        "pose Pose",
-        "velocity Vector3",
         "acceleration Vector3",
-        "angular_velocity Vector3",
         "speed_m_s double",
         "yaw_rate_rad_s double",
         "throttle double?",
@@ -53,9 +48,6 @@ TYPES: Final[dict[str, tuple[str, ...]]] = {
         "traffic_light_state string?",
         "weather_preset string?",
         "weather string",
-        "latitude_deg double",
-        "longitude_deg double",
-        "altitude_m double",
     ),
     "Readings": (*_STAMP, "names string*", "values double*"),
 }

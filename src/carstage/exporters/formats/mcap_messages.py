@@ -7,8 +7,7 @@ from typing import Final
 
 EGO_SIGNALS: Final = (
     "throttle", "steer", "brake", "hand_brake", "reverse", "gear", "speed_limit_kmh",
-    "traffic_light_state", "weather_preset", "weather", "latitude_deg", "longitude_deg",
-    "altitude_m",
+    "traffic_light_state", "weather_preset", "weather",
 )  # fmt: skip
 """Columns of ``ego.parquet`` that go over as they are; a null is left out."""
 OBJECT_FACTS: Final = ("class", "blueprint", "role_name", "traffic_light_state")

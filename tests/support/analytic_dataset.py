@@ -35,6 +35,7 @@ def make_dataset(folder: Path, work: Path, **options: Any) -> Path:
     store = LocalStore(folder)
     store.initialise("analytic <scene>")
     convert(work / "raw", store.attempt_folder(header["episode_id"], "a1"))
+    store.keep_map(analytic_scene.OPENDRIVE.encode())
     frames = -(-header["ticks"] // header["spec"]["save_every"])
     store.commit(header["episode_id"], "a1", frames=frames, versions=VERSIONS)
     return folder
@@ -50,6 +51,7 @@ def add_episode(folder: Path, work: Path, episode_id: str, steps: int) -> None:
         analytic_scene.write_raw_log(work / episode_id, size=SIZE, steps=steps)
     store = LocalStore(folder)
     convert(work / episode_id, store.attempt_folder(episode_id, "a1"))
+    store.keep_map(analytic_scene.OPENDRIVE.encode())
     store.commit(episode_id, "a1", frames=steps, versions=VERSIONS)
 
 

@@ -89,10 +89,17 @@ SOLIDS = (
     Solid(0, "Parked_1", CAR, (18.0, -7.0, 0.8), 5.0, (2.1, 0.9, 0.8)),
     Solid(0, "Light_1", LIGHT, (20.0, 5.0, 4.2), 8.0, (0.3, 0.4, 0.8)),
 )
+OPENDRIVE = """<?xml version="1.0" standalone="yes"?>
+<OpenDRIVE>
+  <header revMajor="1" revMinor="4" name="Analytic01"/>
+</OpenDRIVE>
+"""
 LEVEL_IDS = {"Parked_1": 3, "Light_1": 2**63 + 9}
 """Solids of the map that a server tells of as level objects; CARLA's ids have 64 bits."""
 LIGHT_ACTOR = 30
-_LIDARS = {"lidar": "sensor.lidar.ray_cast", "semantic_lidar": "sensor.lidar.ray_cast_semantic"}
+LARGE_ID = 2**31 + 9
+DETECTIONS = np.array([[-5.0, 0.1, 0.05, 30.0], [2.0, -0.2, -0.1, 12.0]], "<f4")
+"""What a radar finds: range rate (m/s), azimuth to the right, altitude (rad), depth (m)."""
 _POSE = {"x_m": 1.5, "y_m": 0.0, "z_m": 1.6, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0}
 _LEFT = {"x_m": 0.5, "y_m": -0.8, "z_m": 1.7, "roll_deg": 0.0, "pitch_deg": -5.0, "yaw_deg": -55.0}
 _TOP = {"x_m": 0.0, "y_m": 0.0, "z_m": 2.0, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0}
@@ -101,7 +108,11 @@ _TOP = {"x_m": 0.0, "y_m": 0.0, "z_m": 2.0, "roll_deg": 0.0, "pitch_deg": 0.0, "
 def _camera(
     name: str, kind: str, pose: dict[str, float], size: tuple[int, int], **more: Any
 ) -> dict[str, Any]:
-    blueprints = {"semantic": "semantic_segmentation", "instance": "instance_segmentation"}
+    blueprints = {
+        "semantic": "semantic_segmentation",
+        "instance": "instance_segmentation",
+        "flow": "optical_flow",
+    }
     return {
         "id": name,
         "kind": kind,
@@ -127,15 +138,16 @@ def spec(
     size: tuple[int, int] = (96, 64),
     mode: str = "sync",
     segmentation: bool = False,
+    every_kind: bool = False,
 ) -> dict[str, Any]:
-    """The spec of the episode: two labelled cameras, one with hidden twins, and the other kinds.
+    """The spec of the episode: two labelled cameras, one with hidden twins, and other kinds.
 
     With ``segmentation`` the LiDAR has a semantic twin, and another car a camera and a semantic
-    LiDAR.
+    LiDAR. With ``every_kind``: all kinds that Car-STAGE brings.
     """
 
     def other(name: str, kind: str, pose: dict[str, float], **more: Any) -> dict[str, Any]:
-        blueprint = _LIDARS.get(kind, f"sensor.other.{kind}")
+        blueprint = sensor_kind(kind).blueprint
         return {
             "id": name,
             "kind": kind,
@@ -150,6 +162,12 @@ def spec(
         }
 
     twins = {"labelled": True, "depth": "DEPTH_FRONT", "instance": "INST_FRONT"}
+    rest = (
+        _camera("FLOW_FRONT", "flow", _POSE, size),
+        _camera("NORMALS_LEFT", "normals", _LEFT, size),
+        other("SEMLIDAR_TOP", "semantic_lidar", _TOP),
+        other("RADAR_LEFT", "radar", _LEFT),
+    )
     hidden = {"labelled": True, "depth": "CAM_LEFT.depth", "instance": "CAM_LEFT.instance"}
     audi = {"attach_to": SOLIDS[0].type_id}
     names = {"depth": "CAM_AUDI.depth", "instance": "CAM_AUDI.instance"}
@@ -182,6 +200,7 @@ def spec(
             other("IMU", "imu", _TOP),
             other("GNSS", "gnss", _TOP),
             *(more if segmentation else ()),
+            *(rest if every_kind else ()),
         ],
         "labels": {"method": "both", "boxes": ["2d", "3d"]},
         "ground_truth": {"vehicles": True, "pedestrians": True, "ego_motion": True},
@@ -295,7 +314,9 @@ def semantic_sweep(
         rows[name] = points[:, axis]
     rows["cos_incidence"] = 1.0
     rows["object_tag"] = np.array([*(s.tag for s in SOLIDS), ROAD])[hit]
-    rows["object_idx"] = np.array([*(s.actor_id for s in SOLIDS), 0])[hit]
+    # An id of 32 bits, which no actor has.
+    ids = [LARGE_ID if s.tag == BUILDING else s.actor_id for s in SOLIDS]
+    rows["object_idx"] = np.array([*ids, 0])[hit]
     return rows, counts
 
 
@@ -321,6 +342,12 @@ def _turn(
         channels.append(rays[kept] * distance[kept, None])
         hits.append(hit[kept])
     return np.concatenate(channels), np.concatenate(hits), [len(channel) for channel in channels]
+
+
+def flow(width: int, height: int) -> NDArray[np.float32]:
+    """``(H, W, 2)`` shares of half the image, x right and y up, different in every pixel."""
+    steps = np.arange(width * height * 2, dtype="<f4").reshape(height, width, 2)
+    return (steps / steps.size - 0.5).astype("<f4")
 
 
 def _actor_row(solid: Solid) -> dict[str, Any]:
@@ -387,6 +414,7 @@ def write_raw_log(
     mode: str = "sync",
     period_s: float = 0.1,
     segmentation: bool = False,
+    every_kind: bool = False,
 ) -> dict[str, Any]:
     """Write a raw log as the collector would.
 
@@ -396,17 +424,26 @@ def write_raw_log(
         mode: ``sync`` or ``async``.
         period_s: time between ticks; the spec says 0.1 s.
         segmentation: with semantic LiDARs and sensors on another car.
+        every_kind: whether the rig has all kinds of sensors.
 
     Returns:
         The header.
     """
     document = header(
-        spec(steps=steps, save_every=save_every, size=size, mode=mode, segmentation=segmentation),
+        spec(
+            steps=steps,
+            save_every=save_every,
+            size=size,
+            mode=mode,
+            segmentation=segmentation,
+            every_kind=every_kind,
+        ),
         attempt=attempt,
         ticks_per_segment=ticks_per_segment,
     )
     sensors = document["spec"]["sensors"]
     folder.mkdir(parents=True)
+    writing.write_map_file(str(folder), OPENDRIVE)
     writing.write_episode_file(str(folder), document)
     names = [*(sensor["id"] for sensor in sensors), raw.WORLD, raw.LEDGER]
     streams = {name: writing.StreamWriter(str(folder), name, ticks_per_segment) for name in names}
@@ -460,14 +497,19 @@ def _world_meta() -> dict[str, Any]:
 
 
 def _sensor_data(sensor: dict[str, Any], time_s: float) -> tuple[dict[str, Any], bytes]:
+    if sensor["kind"] == "flow":
+        width, height = (int(sensor["attributes"][f"image_size_{axis}"]) for axis in "xy")
+        return {"width": width, "height": height, "fov_deg": 90.0}, flow(width, height).tobytes()
     if sensor["blueprint"].startswith("sensor.camera."):
         pixels = image(sensor["kind"], sensor, time_s)
         height, width = pixels.shape[:2]
         return {"width": width, "height": height, "fov_deg": 90.0}, pixels.tobytes()
-    if sensor["kind"] in _LIDARS:
+    if sensor["kind"] in ("lidar", "semantic_lidar"):
         turn = sweep if sensor["kind"] == "lidar" else semantic_sweep
         points, counts = turn(sensor["pose"], time_s, carrier_of(sensor))
         return {"horizontal_angle_rad": 0.0, "counts": counts}, points.tobytes()
+    if sensor["kind"] == "radar":
+        return {}, DETECTIONS.tobytes()
     if sensor["kind"] == "imu":
         compass = np.radians((EGO.yaw_deg + 90.0) % 360.0)
         return {}, sensor_kind("imu").layout.pack(0.0, 0.0, 9.81, 0.0, 0.0, 0.0, compass)

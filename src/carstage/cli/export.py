@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 
 FORMATS = (
+    "123d",
     "coco",
     "kitti-object",
     "kitti-tracking",
@@ -145,3 +146,7 @@ def _note_what_is_missing(summary: ExportSummary) -> None:
         note(f"Left out: {rows} labels of class {name!r}, which has no target.")
     for name, rows in summary.unknown_classes.items():
         note(f"Left out: {rows} labels of class {name!r}, which no format knows.")
+    for sensor, frames in summary.sensors_left_out.items():
+        note(
+            f"Left out: sensor {sensor}, {frames} frames, for which {summary.format} has no place."
+        )

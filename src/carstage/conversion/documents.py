@@ -37,7 +37,11 @@ _CLOCK_DRIFT = 1e-6
 
 
 def episode_document(
-    header: Mapping[str, Any], plan: SensorPlan, frames: int, actors: Mapping[int, ActorInfo]
+    header: Mapping[str, Any],
+    plan: SensorPlan,
+    frames: int,
+    actors: Mapping[int, ActorInfo],
+    opendrive: str | None,
 ) -> dict[str, Any]:
     """``episode.json`` of the dataset: the raw log's header without facts of a try or machine.
 
@@ -46,12 +50,14 @@ def episode_document(
         plan: which sensors the dataset has.
         frames: number of saved frames.
         actors: everybody that the world log names.
+        opendrive: named hash of the town's OpenDRIVE text; None where it was not recorded.
     """
     document = {key: header[key] for key in _EPISODE_KEYS}
     ids = header["sensor_actor_ids"]
     return {
         "format_version": FORMAT_VERSION,
         **document,
+        "opendrive": opendrive,
         "sensor_actor_ids": {s.id: ids[s.id] for s in plan.written if s.id in ids},
         "frames": frames,
         "actors": {

@@ -32,6 +32,7 @@ from carstage.conversion.segment import (
 from carstage.conversion.sensors import SensorPlan, plan_sensors
 from carstage.dataset.tables import row_sensor, write_table
 from carstage.errors import ConversionError, ConverterDiedError
+from carstage.files.hashing import hash_of
 from carstage.files.whole import write_whole
 from carstage.rawlog.format import LEDGER, WORLD
 from carstage.rawlog.reader import EpisodeLog
@@ -48,10 +49,13 @@ class Converted:
     Attributes:
         frames: saved frames; asynchronous recording may skip some of those that were planned.
         files: what the workers wrote, hashed from memory; tables and documents are not among them.
+        opendrive: the town's OpenDRIVE text, which ``episode.json`` names by its hash; None where
+            it was not recorded.
     """
 
     frames: int
     files: tuple[FileEntry, ...]
+    opendrive: bytes | None
 
 
 class EpisodeConversion:
@@ -196,8 +200,10 @@ class EpisodeConversion:
                 f"Episode {log.header['episode_id']}: the world log never names the ego vehicle.",
                 "Record the episode again.",
             )
+        opendrive = log.opendrive()
+        named = None if opendrive is None else hash_of(opendrive)
         documents = {
-            "episode.json": episode_document(log.header, self._plan, frames, actors),
+            "episode.json": episode_document(log.header, self._plan, frames, actors, named),
             "calibration.json": calibration_document(log.spec, self._plan, ego),
         }
         for name, document in documents.items():
@@ -213,7 +219,7 @@ class EpisodeConversion:
             for segment in segments
             for file in self._tasks[segment, sensor.id].result().files
         )
-        return Converted(frames, files)
+        return Converted(frames, files, opendrive)
 
     def cancel(self) -> None:
         """Drop what is not done and remove the attempt's folder; waits for running work.

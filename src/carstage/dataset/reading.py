@@ -20,12 +20,14 @@ from carstage.dataset.splits import Split, StoredSplits, read_splits
 from carstage.dataset.tables import read_table, require_columns, row_sensor
 from carstage.errors import BadInputError, DatasetError
 from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
+from carstage.files.hashing import hash_of
 from carstage.geometry import GeoFrame, is_pinhole, pose_matrix
 from carstage.sensor_kinds import content_of
 from carstage.spec import EpisodeSpec, SpecError
 from carstage.storage.address import local_folder
 from carstage.storage.description import read_description
 from carstage.storage.local import LocalStore
+from carstage.storage.maps import map_path
 from carstage.storage.marker import CommitMarker
 
 EPISODE_FORMAT = 1
@@ -275,6 +277,41 @@ class Episode:
             return GeoFrame.from_json(self.document["geo_reference"])
         except (KeyError, TypeError, ValueError) as error:
             raise DatasetError(f"{self.folder / 'episode.json'} is damaged: {error}.") from error
+
+    @property
+    def map_file(self) -> Path | None:
+        """The file with the town's OpenDRIVE text; ``None`` where it was not recorded.
+
+        Raises:
+            DatasetError: ``episode.json`` is missing or damaged.
+        """
+        named = self.document.get("opendrive")  # episodes of 0.1 have no such key
+        if named is None:
+            return None
+        try:
+            return map_path(self.folder.parents[2], named)
+        except (TypeError, ValueError) as error:
+            raise DatasetError(f"{self.folder / 'episode.json'} is damaged: {error}.") from error
+
+    def opendrive(self) -> str | None:
+        """The town's OpenDRIVE text as the server gave it; ``None`` where it was not recorded.
+
+        Raises:
+            DatasetError: ``episode.json`` is damaged, or the text is missing or damaged.
+        """
+        path = self.map_file
+        if path is None:
+            return None
+        try:
+            content = read_bounded(path)
+            if hash_of(content) != self.document["opendrive"]:
+                raise DatasetError(f"{path} is damaged: its hash is not in its name.")
+            return content.decode()
+        except (OSError, UnicodeDecodeError) as error:
+            raise DatasetError(
+                f"The map of episode {self.id} cannot be read: {error}.",
+                f"Put the dataset's {path.parent.name}/{path.name} back.",
+            ) from error
 
     @cached_property
     def calibration(self) -> Calibration:

@@ -1,4 +1,4 @@
-"""Datasets in other formats: KITTI, nuScenes, COCO, YOLO, MCAP, WebDataset.
+"""Datasets in other formats: KITTI, nuScenes, COCO, YOLO, MCAP, 123D, WebDataset.
 
 ``export_dataset`` runs an ``Exporter`` over a dataset; how to add one stands in
 docs/formats/exports.md. What is listed here is imported when it is first used: the command line

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import fields
@@ -54,6 +55,8 @@ class Exporter(ABC):
         summary: one line about it.
         uses: the names of the options that it knows; others are refused.
         files: holds what the exporter has open.
+        sensors_left_out: by id of a sensor, the frames whose data the format has no place for; for
+            formats that say they hold every sensor.
         splits: the split of each episode by its id, set before ``begin``; see ``split_of``.
     """
 
@@ -64,6 +67,7 @@ class Exporter(ABC):
     def __init__(self, options: ExportOptions) -> None:
         self.options = options
         self.files = ExitStack()
+        self.sensors_left_out: Counter[str] = Counter()
         self.splits: Mapping[str, Split] = {}
 
     def split_of(self, episode: Episode) -> Split:

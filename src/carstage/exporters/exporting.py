@@ -48,6 +48,7 @@ class ExportSummary:
             have no target for.
         splits: number of episodes by split, of formats that have splits.
         warnings: what the user has to know, a sentence or two each.
+        sensors_left_out: frames by sensor whose data the format has no place for, where it says so.
         problems: what is missing or damaged in the dataset.
     """
 
@@ -61,6 +62,7 @@ class ExportSummary:
     classes_left_out: dict[str, int]
     splits: dict[Split, int]
     warnings: tuple[str, ...]
+    sensors_left_out: dict[str, int]
     problems: tuple[Problem, ...]
 
     def to_json(self) -> dict[str, Any]:
@@ -139,6 +141,7 @@ def export_dataset(
             classes_left_out=_without_target(found, exporter.options.class_map),
             splits=splits.counts,
             warnings=splits.warnings,
+            sensors_left_out=dict(sorted(exporter.sensors_left_out.items())),
             problems=found.problems,
         )
         write_document(

@@ -42,6 +42,23 @@ def radar_points(row: Row) -> int:
     return sum(count for _, count in row.get("num_radar_points") or ())
 
 
+def boxed_objects(frame: Frame, options: ExportOptions) -> Iterator[Row]:
+    """The rows of ``objects.parquet`` with a 3D box that the options keep, by track id.
+
+    They choose by class, points and distance from the ego; whether a camera sees an object is
+    another question.
+    """
+    wanted, most_m = options.chosen_classes, options.max_distance_m
+    for _, row in sorted(frame.objects.items()):
+        if (
+            row["box_center"] is not None
+            and row["class"] in wanted
+            and (most_m is None or row["distance_ego"] <= most_m)
+            and lidar_points(row) >= (options.min_lidar_points or 0)
+        ):
+            yield row
+
+
 def camera_labels(frame: Frame, camera_id: str, options: ExportOptions) -> Iterator[CameraLabel]:
     """The objects of a picture that the options keep, by track id.
 

@@ -13,6 +13,7 @@ from carstage.exporters.classes import CLASSES, DEFAULT_CLASSES
 BoxChoice = Literal["amodal", "modal"]
 OcclusionChoice = Literal["stage_vo", "pixel"]
 CodecChoice = Literal["ffv1", "h264"]
+MessagesChoice = Literal["foxglove", "ros2"]
 CategoryChoice = Literal["own", "coco80"]
 
 
@@ -45,6 +46,7 @@ class ExportOptions:
         codec: of videos: lossless or small.
         keyframes_hz: how many frames a second nuScenes has labels of.
         classes: names of the classes to export.
+        messages: of MCAP: which messages.
         categories: Car-STAGE's classes, or COCO's 80.
         class_map: targets of the classes, see ``read_class_map``.
     """
@@ -94,7 +96,10 @@ class ExportOptions:
             "A class to export, also rider, pole and the like. Repeatable.", "NAME", "--class"
         ),
     )
-
+    messages: MessagesChoice | None = field(
+        default=None,
+        metadata=_shown("Of MCAP: Foxglove's messages (default), or ROS 2's.", "foxglove|ros2"),
+    )
     categories: CategoryChoice | None = field(
         default=None,
         metadata=_shown("Car-STAGE's classes (default) or COCO's own 80.", "own|coco80"),
@@ -109,6 +114,7 @@ class ExportOptions:
             ("boxes", self.boxes, get_args(BoxChoice)),
             ("occlusion", self.occlusion, get_args(OcclusionChoice)),
             ("codec", self.codec, get_args(CodecChoice)),
+            ("messages", self.messages, get_args(MessagesChoice)),
             ("categories", self.categories, get_args(CategoryChoice)),
         ):
             if given is not None and given not in known:

@@ -29,6 +29,8 @@ FLAG_PAYLOAD_BLOCKS = 4
 WORLD = "world"
 LEDGER = "ledger"
 EPISODE_FILE = "episode.json"
+MAP_FILE = "map.xodr"
+"""The town's OpenDRIVE text, UTF-8; logs of before have none."""
 SEALED_SUFFIX = ".seg"
 PAYLOAD_SUFFIX = ".raw"
 BLOCKS_SUFFIX = ".blk"

@@ -187,6 +187,20 @@ class EpisodeLog:
         except (KeyError, SpecError) as error:
             raise RawLogError(f"{self._path} holds no usable specification: {error}.") from error
 
+    def opendrive(self) -> bytes | None:
+        """The town's OpenDRIVE text; ``None``: the collector of this log did not write it.
+
+        Raises:
+            RawLogError: it cannot be read.
+        """
+        path = self.folder / raw.MAP_FILE
+        try:
+            return path.read_bytes()
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise RawLogError(f"{path} cannot be read: {error}") from error
+
     @property
     def first_timestamp_s(self) -> float:
         """Server time of the first tick (s)."""

@@ -19,6 +19,7 @@ from carstage.rawlog.format import (
     FLAG_PAYLOAD_MAPPED,
     HEADER_BYTES,
     KIND_SEAL,
+    MAP_FILE,
     MAX_SEGMENT_INDEX,
     PAYLOAD_SUFFIX,
     SEALED_SUFFIX,
@@ -335,11 +336,21 @@ class StreamWriter:
 
 def write_episode_file(folder: str, header: Mapping[str, Any]) -> str:
     """Write ``episode.json`` atomically; return its path."""
-    path = os.path.join(folder, EPISODE_FILE)
+    text = json.dumps(header, indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False)
+    return _write_whole(folder, EPISODE_FILE, text + "\n")
+
+
+def write_map_file(folder: str, opendrive: str) -> str:
+    """Write the town's OpenDRIVE text atomically; return its path."""
+    return _write_whole(folder, MAP_FILE, opendrive)
+
+
+def _write_whole(folder: str, name: str, text: str) -> str:
+    path = os.path.join(folder, name)
     partial = path + ".partial"
-    with open(partial, "w", encoding="utf-8") as file:
-        json.dump(header, file, indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False)
-        file.write("\n")
+    # Lines end as they are: the text of a map is known by its hash.
+    with open(partial, "w", encoding="utf-8", newline="") as file:
+        file.write(text)
         file.flush()
         os.fsync(file.fileno())
     os.replace(partial, path)

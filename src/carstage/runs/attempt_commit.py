@@ -149,6 +149,8 @@ class AttemptCommit:
         """
         with _disk_errors(self._what):
             converted = self._conversion.finish()
+            if converted.opendrive is not None:
+                self._store.keep_map(converted.opendrive)
             header = json.loads((self.raw_folder / "episode.json").read_bytes())
             self._store.commit(
                 self.job.episode_id,

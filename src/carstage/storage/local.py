@@ -17,9 +17,10 @@ from typing import Any
 from carstage import __version__
 from carstage.errors import DatasetError, EpisodeExistsError, StorageError
 from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
-from carstage.files.hashing import hash_of_file
+from carstage.files.hashing import hash_of, hash_of_file
 from carstage.storage.description import describe_dataset, read_description
 from carstage.storage.disk import disk_error
+from carstage.storage.maps import map_path
 from carstage.storage.marker import CommitMarker, FileEntry
 from carstage.storage.store import Store
 
@@ -134,6 +135,20 @@ class LocalStore(Store):
         except FileExistsError:
             self._yield_to_winner(episode_id, attempt, marker_path)
         return marker
+
+    def keep_map(self, opendrive: bytes) -> str:
+        """``maps/<digest>.xodr`` by a link from a whole file; see ``Store.keep_map``."""
+        named = hash_of(opendrive)
+        path = map_path(self.root, named)
+        if not path.exists():
+            try:
+                path.parent.mkdir(exist_ok=True)
+            except OSError as error:
+                raise disk_error(error, str(path.parent)) from error
+            _flush_folder(self.root)
+            with suppress(FileExistsError):
+                self._create_if_absent(path, opendrive)
+        return named
 
     def discard_attempt(self, episode_id: str, attempt: str) -> None:
         """Delete the attempt's folder; see ``Store.discard_attempt``."""

@@ -20,6 +20,7 @@ class Store(ABC):
       removes its own attempt, leaves the winner's files alone and raises ``EpisodeExistsError``.
     * A reader never sees half a marker, and every file that a marker lists is durable before it.
     * Nothing that was committed is ever overwritten or removed.
+    * A town's OpenDRIVE text stands once, under its hash, however many episodes are of the town.
     """
 
     @abstractmethod
@@ -78,6 +79,23 @@ class Store(ABC):
             EpisodeExistsError: the episode exists already; the attempt was removed.
             StorageError: the attempt has no or unfinished files, one of ``hashed`` is missing or
                 has another size, or writing failed.
+        """
+
+    @abstractmethod
+    def keep_map(self, opendrive: bytes) -> str:
+        """Make sure that the dataset has a town's OpenDRIVE text; it is durable on return.
+
+        Called before the ``commit`` of an episode whose ``episode.json`` names it, also at the
+        same time by several.
+
+        Args:
+            opendrive: the text as it stands in the file.
+
+        Returns:
+            Its named hash, ``blake3:<hex>``; see ``map_path`` for the place.
+
+        Raises:
+            StorageError: writing failed.
         """
 
     @abstractmethod

@@ -32,6 +32,7 @@ _NOT_DEFAULT: dict[str, Any] = {
     "val_share": 0.5,
     "test_share": 0.2,
     "classes": ("car",),
+    "messages": "ros2",
     "categories": "coco80",
     "class_map": ClassMap.of({"car": "Car"}),
     "keyframes_hz": 1.0,

@@ -47,6 +47,27 @@ class StoreTests:
         (folder / "sensors" / "CAM" / "000000.png").write_text(text)
         return folder
 
+    def test_a_map_is_kept_once_under_its_hash(self, place: Path, store: Store) -> None:
+        named = store.keep_map(b"abc")
+        assert named == "blake3:6437b3ac38465133ffb63b75273a8db548c558465d79db03fd359c6cd5bd9d85"
+        assert self.open(place).keep_map(b"abc") == named
+        assert store.keep_map(b"abd") != named
+
+    def test_maps_may_be_kept_at_the_same_time(self, place: Path, store: Store) -> None:
+        start, found = threading.Barrier(6), list[str]()
+
+        def keep() -> None:
+            own = self.open(place)
+            start.wait()
+            found.append(own.keep_map(b"abc"))
+
+        threads = [threading.Thread(target=keep) for _ in range(6)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert found == [store.keep_map(b"abc")] * 6
+
     def test_initialising_twice_is_harmless(self, place: Path, store: Store) -> None:
         self.open(place).initialise("another name")
         assert store.committed() == {}

@@ -13,6 +13,7 @@ from carstage.errors import CarStageError
 from carstage.validation.checks.catalogue import RULES
 from carstage.validation.checks.episode import EpisodeChecks, Figures
 from carstage.validation.checks.findings import Findings, Problem, Severity
+from carstage.validation.checks.maps import MapChecks
 from carstage.validation.checks.pictures import check_repeated_episodes
 from carstage.validation.checks.population import check_population
 from carstage.validation.checks.splits import check_splits
@@ -83,6 +84,7 @@ def validate_dataset(
     total = sum(episode.frames for episode in dataset.episodes)
     figures = Figures()
     everything: list[Findings] = []
+    maps = MapChecks()
     for episode in dataset.episodes:
         findings = Findings(episode.id)
         everything.append(findings)
@@ -93,6 +95,7 @@ def validate_dataset(
         except CarStageError as error:
             findings.add("unreadable", str(error))
             figures.frames = before + episode.frames
+        maps.check(episode, findings)
     findings = Findings(None)
     everything.append(findings)
     if not dataset.episodes:

@@ -36,6 +36,17 @@ def segmented(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def every_kind(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same drive with all kinds of sensors. Do not change it."""
+    return make_dataset(
+        tmp_path_factory.mktemp("every_kind") / "out",
+        tmp_path_factory.mktemp("raw"),
+        size=SIZE,
+        every_kind=True,
+    )
+
+
+@pytest.fixture(scope="session")
 def devkit() -> SimpleNamespace:
     """nuscenes-devkit."""
     return nuscenes_devkit()

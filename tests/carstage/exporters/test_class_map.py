@@ -146,7 +146,7 @@ def test_the_command_refuses_a_bad_file_before_it_looks_at_the_dataset(tmp_path:
             {"class_map": ClassMap.of({"car": {"name": "vehicle.car", "id": 3}})},
             "numbers its own",
         ),
-        ("mcap", {"class_map": NAMED}, "does not use --class-map"),
+        ("123d", {"class_map": NAMED}, "does not use --class-map"),
     ],
 )
 def test_what_a_format_cannot_do_is_refused(

@@ -23,6 +23,10 @@ class TestKittiTracking(ExporterTests):
     name = "kitti-tracking"
 
 
+class TestLogs123d(ExporterTests):
+    name = "123d"
+
+
 class TestMcap(ExporterTests):
     name = "mcap"
 

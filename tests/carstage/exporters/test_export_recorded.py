@@ -15,6 +15,7 @@ from carstage.dataset import Dataset
 from carstage.exporters import ExportOptions, export_dataset
 from devkits import NUSCENES_VERSION, check_point_counts, coco_marks, nuscenes_marks
 from kitti_geometry import calibration, corners, pixels
+from mcap_reading import foxglove_messages
 from recorded_dataset import FRAMES
 
 WIDTH, HEIGHT = 160, 90
@@ -105,3 +106,65 @@ def test_kitti_labels_project_back_within_a_pixel(export, recorded: Path) -> Non
             np.testing.assert_allclose([left, top, right + 1, bottom + 1], inside, atol=1.0)
             episodes.add(n // FRAMES)
     assert episodes == {0, 1}
+
+
+def test_mcap_has_every_sensor_and_fixes_of_the_ego_s_globe(export, recorded: Path) -> None:
+    """The server counts north at +y, and its receiver stands in the ego's pivot."""
+    pytest.importorskip("mcap", reason="the extra mcap is not installed")
+    episodes = Dataset(recorded).episodes
+    assert {episode.geo_frame.gnss_north for episode in episodes} == {"+y"}
+    out = export("mcap")
+    for episode in episodes:
+        read = foxglove_messages(out / f"{episode.id}.mcap")
+        for sensor in episode.sensors:
+            assert [topic for topic in read if topic.startswith(f"/{sensor.id}/")], sensor.id
+        fixes = [fix for _, fix in read["/GNSS/fix"]]
+        for row, fix in zip(episode.ego().to_pylist(), fixes, strict=True):
+            assert fix.latitude == pytest.approx(row["latitude_deg"], abs=1e-8)
+            assert fix.longitude == pytest.approx(row["longitude_deg"], abs=1e-8)
+            assert fix.altitude == pytest.approx(row["altitude_m"], abs=1e-3)
+        assert {len(entries) for entries in read.values()} == {FRAMES}
+
+
+def test_py123d_loads_both_drives(export, recorded: Path) -> None:
+    pytest.importorskip("py123d", reason="py123d is not installed")
+    from py123d.api import SceneFilter
+    from py123d.api.scene.arrow.arrow_scene_builder import ArrowSceneBuilder
+    from py123d.common.execution import SequentialExecutor
+    from py123d.datatypes.sensors.lidar import LidarID
+
+    out = export("123d")
+    builder = ArrowSceneBuilder(out / "logs", out / "maps")
+    scenes = {s.log_name: s for s in builder.get_scenes(SceneFilter(), SequentialExecutor())}
+    episodes = Dataset(recorded).episodes
+    assert set(scenes) == {episode.id for episode in episodes}
+    held = 0
+    for episode in episodes:
+        scene = scenes[episode.id]
+        assert scene.number_of_iterations == FRAMES
+        for row in episode.ego().to_pylist():
+            state = scene.get_ego_state_se3_at_iteration(row["k"])
+            x, y, z = row["location"]
+            np.testing.assert_allclose(state.imu_se3.array[:3], [x, -y, z], atol=1e-9)
+            points = scene.get_lidar_at_iteration(row["k"], LidarID.LIDAR_TOP).point_cloud_3d
+            held += _held(scene.get_box_detections_se3_at_iteration(row["k"]), state, points)
+    assert held > 20
+
+
+def _held(boxes: Any, state: Any, points: Any) -> int:
+    """Boxes whose points py123d finds where the labels count them, to a point in twenty."""
+    from py123d.geometry.transform import abs_to_rel_points_3d_array, rel_to_abs_points_3d_array
+
+    on_map, held = rel_to_abs_points_3d_array(state.imu_se3, points.astype(np.float64)), 0
+    for detection in boxes:
+        box = detection.bounding_box_se3
+        local = abs_to_rel_points_3d_array(box.center_se3, on_map)
+        half = np.array([box.length, box.width, box.height]) / 2.0
+        inside = int((np.abs(local) <= half + 1e-3).all(axis=1).sum())
+        counted = detection.attributes.num_lidar_points
+        # The road under a vehicle is the bottom of its box: points there fall to either side.
+        if counted >= 20:
+            above = int((np.abs(local) <= half - [0.0, 0.0, 0.05]).all(axis=1).sum())
+            assert above <= counted <= inside
+            held += 1
+    return held

@@ -15,7 +15,7 @@ from PIL import Image
 
 from analytic_dataset import attempt_of, recommit
 from carstage.dataset import Dataset
-from carstage.exporters import export_dataset
+from carstage.exporters import ClassMap, ExportOptions, export_dataset
 from carstage.exporters.formats import webdataset as exporter
 
 pytestmark = [
@@ -65,6 +65,30 @@ def test_samples_hold_pictures_points_and_labels(exported, dataset, wds) -> None
         np.testing.assert_allclose(
             world_from_camera, labels["sensors"]["CAM_FRONT"]["world_from_sensor"], atol=1e-4
         )
+
+
+def test_a_class_map_names_and_numbers_what_it_keeps(dataset, wds, tmp_path: Path) -> None:
+    numbered = {"car": {"name": "vehicle", "id": 4}, "walker_adult": {"name": "person", "id": 2}}
+    options = ExportOptions(class_map=ClassMap.of(numbered))
+    export_dataset("webdataset", dataset, tmp_path / "out", options, workers=0)
+    shard = tmp_path / "out" / "train-000000.tar"
+    episode = Dataset(dataset).episodes[0]
+    rows = [r for r in episode.objects().to_pylist() if not r["is_ego"] and r["class"] in numbered]
+    seen = episode.camera_objects().to_pylist()
+    left_out = 0
+    for k, sample in enumerate(wds.WebDataset(str(shard), shardshuffle=False).decode("rgb8")):
+        labels = sample["labels.json"]
+        wanted = {row["track_id"]: numbered[row["class"]] for row in rows if row["k"] == k}
+        found = {
+            r["track_id"]: {"name": r["class"], "id": r["class_id"]} for r in labels["objects"]
+        }
+        assert found == wanted
+        assert {row["source_class"] for row in labels["objects"]} == set(numbered)
+        for camera, boxes in labels["camera_objects"].items():
+            own = [r["track_id"] for r in seen if (r["k"], r["sensor_id"]) == (k, camera)]
+            assert [box["track_id"] for box in boxes] == [t for t in own if t in wanted]
+            left_out += len(own) - len(boxes)
+    assert left_out > 0
 
 
 @pytest.mark.parametrize("pictures", ["rgb8", "l8", "pil", "rgb", None])

@@ -11,7 +11,9 @@ from typing import Any
 import pytest
 
 import analytic_scene
+from carstage.dataset import Dataset
 from carstage.errors import ConverterDiedError
+from carstage.files.hashing import hash_of
 from carstage.rawlog.reader import EpisodeLog
 from carstage.runs.attempt_commit import AttemptCommit, Job
 from carstage.storage.local import LocalStore
@@ -82,3 +84,38 @@ def test_commit_counts_the_frames_that_were_saved(tmp_path: Path) -> None:
         attempt_commit.convert_all(pool)
         assert attempt_commit.commit() == 6
     assert store.committed()[header["episode_id"]].frames == 6
+
+
+def test_the_town_s_text_is_kept_once_for_all_episodes(tmp_path: Path) -> None:
+    store = LocalStore(tmp_path / "out")
+    store.initialise("test")
+    for attempt, episode_id in enumerate(["0123456789abcdef", "fedcba9876543210"]):
+        raw = tmp_path / f"raw{attempt}"
+        analytic_scene.write_raw_log(raw)
+        job: Any = Job(SimpleNamespace(saved_frames=6), episode_id)
+        with ThreadPoolExecutor(1) as pool:
+            attempt_commit = AttemptCommit(job, "a1", raw, store, pool, {}, deferred=True)
+            attempt_commit.convert_all(pool)
+            attempt_commit.commit()
+    (kept,) = (tmp_path / "out" / "maps").iterdir()
+    assert kept.read_text() == analytic_scene.OPENDRIVE
+    for episode in Dataset(tmp_path / "out").episodes:
+        assert episode.opendrive() == analytic_scene.OPENDRIVE
+        assert episode.map_file == kept
+    assert f"blake3:{kept.stem}" == hash_of(analytic_scene.OPENDRIVE.encode())
+
+
+def test_recording_without_the_town_s_text_makes_a_dataset_without_it(tmp_path: Path) -> None:
+    """As all recordings of version 0.1 are."""
+    raw = tmp_path / "raw"
+    header = analytic_scene.write_raw_log(raw)
+    (raw / "map.xodr").unlink()
+    store = LocalStore(tmp_path / "out")
+    store.initialise("test")
+    job: Any = Job(SimpleNamespace(saved_frames=6), header["episode_id"])
+    with ThreadPoolExecutor(1) as pool:
+        attempt_commit = AttemptCommit(job, "a1", raw, store, pool, {}, deferred=True)
+        attempt_commit.convert_all(pool)
+        attempt_commit.commit()
+    assert not (tmp_path / "out" / "maps").exists()
+    assert Dataset(tmp_path / "out").episodes[0].opendrive() is None

@@ -18,6 +18,7 @@ from carstage.cli.app import app
 from carstage.codecs.png import PngPacker, unpack_png
 from carstage.dataset.tables import read_table, write_table
 from carstage.errors import DatasetError
+from carstage.files.hashing import hash_of
 from carstage.validation import validate_dataset
 
 Rows = list[dict[str, Any]]
@@ -100,6 +101,44 @@ def test_a_file_that_does_not_belong_is_a_warning(dataset: Path) -> None:
     report = validate_dataset(dataset)
     assert report.ok
     assert [problem.check for problem in report.problems] == ["file_unexpected"]
+
+
+def test_a_map_that_is_lost_or_changed_is_found(dataset: Path) -> None:
+    (path,) = (dataset / "maps").iterdir()
+    text = path.read_text()
+    path.write_text(text.replace("Analytic01", "Analytic02"))
+    assert failed_checks(dataset) == {"map"}
+    path.unlink()
+    assert failed_checks(dataset) == {"map"}
+    path.write_text(text)
+    assert failed_checks(dataset) == set()
+
+
+@pytest.mark.parametrize(
+    ("named", "text"),
+    [("no hash", None), ("blake3:../../x", None), (7, None), (None, "<svg/>")],
+)
+def test_what_is_named_as_the_map_has_to_be_one(
+    dataset: Path, named: object, text: str | None
+) -> None:
+    if text is not None:
+        named = hash_of(text.encode())
+        (dataset / "maps" / f"{str(named).partition(':')[2]}.xodr").write_text(text)
+    path = attempt_of(dataset) / "episode.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"opendrive": named}))
+    recommit(dataset)
+    assert failed_checks(dataset) == {"map"}
+
+
+def test_an_episode_without_a_map_is_valid(dataset: Path) -> None:
+    """Datasets of version 0.1 have none."""
+    path = attempt_of(dataset) / "episode.json"
+    document = json.loads(path.read_text())
+    del document["opendrive"]
+    path.write_text(json.dumps(document))
+    recommit(dataset)
+    shutil.rmtree(dataset / "maps")
+    assert failed_checks(dataset) == set()
 
 
 def test_an_image_that_does_not_decode_is_found(dataset: Path) -> None:

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from analytic_dataset import attempt_of, edit_rows, recommit
+from carstage.dataset import Dataset
 from carstage.dataset.tables import read_table
 from carstage.validation import ValidationReport, validate_dataset
+from carstage_sim.maps import load_town
 from damage import Damage, document, flow_fields, pictures, sweeps
 from recorded_dataset import FRAMES, linked_copy, replace_file
 
@@ -33,6 +35,12 @@ def found(report: ValidationReport, severity: str) -> set[str]:
 def files(drive: Path, sensor: str) -> list[Path]:
     """The files of a sensor by frame (of an instance camera those of the ids)."""
     return sorted((attempt_of(drive) / "sensors" / sensor).glob("[0-9]*[0-9].[a-z]*"))
+
+
+def test_two_drives_in_a_town_share_the_text_that_its_client_gets(recorded: Path) -> None:
+    (kept,) = (recorded / "maps").iterdir()
+    assert kept.read_bytes().decode() == load_town("Stage01").opendrive
+    assert {episode.map_file for episode in Dataset(recorded).episodes} == {kept}
 
 
 def test_what_was_recorded_is_valid_without_a_warning(recorded: Path) -> None:

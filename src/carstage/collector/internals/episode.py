@@ -33,7 +33,7 @@ from carstage.collector.timing import (
 )
 from carstage.collector.world import WorldSession
 from carstage.rawlog.format import ACTOR_RECORD, FORMAT_VERSION, WORLD, SealedSegment
-from carstage.rawlog.writing import BLOCKS, CHUNKLOG, write_episode_file
+from carstage.rawlog.writing import BLOCKS, CHUNKLOG, write_episode_file, write_map_file
 from carstage.releases import gnss_convention
 from carstage.spec import EpisodeSpec
 from carstage.spec.timing import SavedFrames
@@ -155,6 +155,8 @@ class EpisodeRecorder:
             )
         )
         stack.callback(scene.rig.stop)
+        # Before the server's clock counts: texts of large towns have many megabytes.
+        write_map_file(folder, session.map.to_opendrive())
         listening_ticks = self._plan.sensor_warmup_ticks
         warm_up(scene, pipeline, episode, listening_ticks, self._events, self._stop)
         observer = WorldObserver(

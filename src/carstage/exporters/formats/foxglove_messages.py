@@ -1,13 +1,11 @@
-"""A frame as messages of Foxglove's schemas (protobuf), in right-handed axes.
+"""The records of a frame as messages of Foxglove's schemas (protobuf), and ours where it has none.
 
-Frames of reference: ``map`` (east-north-up), ``ego`` (forward-left-up), and one per sensor: optical
-axes for cameras, forward-left-up for the others.
+Topics are ``/tf``, ``/objects``, ``/ego/WHAT`` and ``/SENSOR/WHAT``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,126 +18,174 @@ from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
 from foxglove_schemas_protobuf.KeyValuePair_pb2 import KeyValuePair
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
+from foxglove_schemas_protobuf.Odometry_pb2 import Odometry
 from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
 from foxglove_schemas_protobuf.Point2_pb2 import Point2
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 from foxglove_schemas_protobuf.Pose_pb2 import Pose
 from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from foxglove_schemas_protobuf.TextAnnotation_pb2 import TextAnnotation
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from carstage.dataset.saved_frames import Frame, Row
-from carstage.exporters.axes import (
-    enu_pose,
-    flu_from_optical,
-    flu_points,
-    flu_pose,
-    nuscenes_box,
-    quaternion_from_matrix,
+from carstage.exporters.axes import quaternion_from_matrix
+from carstage.exporters.formats import mcap_records as records
+from carstage.exporters.formats.foxglove_types import TYPES, message_class
+from carstage.exporters.formats.mcap_messages import (
+    EGO_SIGNALS,
+    OBJECT_FACTS,
+    Stamped,
+    nanoseconds,
 )
-from carstage.exporters.labels import CameraLabel, camera_labels
-from carstage.exporters.options import ExportOptions
-from carstage.geometry import FloatArray, GeoPoint, pose_matrix
+from carstage.exporters.labels import CameraLabel
+from carstage.geometry import FloatArray
 from carstage.report.drawing import class_colour
-from carstage.sensor_kinds.model import COLOUR, POINTS
 
-MAP, EGO = "map", "ego"
-MESSAGES: dict[str, type[Message]] = {
+PROFILE = ""
+_SCHEMAS: dict[str, type[Message]] = {
     kind.DESCRIPTOR.full_name: kind
     for kind in (
         CameraCalibration, CompressedImage, FrameTransforms, ImageAnnotations, LocationFix,
-        PointCloud, SceneUpdate,
+        Odometry, PointCloud, RawImage, SceneUpdate,
     )
 }  # fmt: skip
-_POINT_FIELDS = ("x", "y", "z", "intensity")
+_NUMBERS = {"<f4": PackedElementField.FLOAT32, "<u4": PackedElementField.UINT32}
 
 
-@dataclass(frozen=True, slots=True)
-class Stamped:
-    """A message as it goes into the file.
-
-    Attributes:
-        topic: its topic.
-        schema: full name of its type, a key of ``MESSAGES``.
-        data: its bytes.
-    """
-
-    topic: str
-    schema: str
-    data: bytes
+def messages(record: records.Record, time_s: float) -> Iterator[Stamped]:
+    """The messages of a record, all at one time."""
+    stamp = Timestamp(seconds=nanoseconds(time_s) // 10**9, nanos=nanoseconds(time_s) % 10**9)
+    for topic, message in _MAKERS[type(record)](record, stamp):
+        data = message.SerializeToString(deterministic=True)
+        yield Stamped(topic, message.DESCRIPTOR.full_name, data)
 
 
-def frame_messages(frame: Frame, options: ExportOptions) -> Iterator[Stamped]:
-    """All messages of a frame; sensors without data are left out."""
-    time = timestamp(frame.timestamp_s)
-    yield _stamped("/tf", _transforms(frame, time))
-    yield _stamped("/objects", _scene(frame, time))
-    for sensor in frame.episode.sensors:
-        if not frame.has(sensor.id):
-            continue
-        if sensor.content == COLOUR:
-            yield from _camera(frame, sensor.id, time, options)
-        elif sensor.content == POINTS:
-            yield _stamped(f"/{sensor.id}/points", _cloud(frame, sensor.id, time))
-        elif sensor.kind == "gnss":
-            reading = GeoPoint(*(float(value) for value in frame.read(sensor.id)))
-            globe = frame.episode.geo_frame
-            place = globe.place(globe.gnss_location(reading))
-            yield _stamped(
-                f"/{sensor.id}/fix",
-                LocationFix(
-                    timestamp=time, frame_id=sensor.id, latitude=place.latitude_deg,
-                    longitude=place.longitude_deg, altitude=place.altitude_m,
-                ),
-            )  # fmt: skip
+def schema(name: str) -> tuple[str, str, bytes]:
+    """How messages of a type are coded, how its schema is, and the schema: all that it is of."""
+    found: dict[str, Any] = {}
+
+    def collect(file: Any) -> None:
+        for dependency in file.dependencies:
+            collect(dependency)
+        found.setdefault(file.name, file)
+
+    own = name.removeprefix("carstage.")
+    kind = message_class(own) if own in TYPES else _SCHEMAS[name]
+    collect(kind.DESCRIPTOR.file)
+    descriptors = FileDescriptorSet()
+    for file in found.values():
+        file.CopyToProto(descriptors.file.add())
+    return "protobuf", "protobuf", descriptors.SerializeToString()
 
 
-def timestamp(time_s: float) -> Timestamp:
-    """Time since the episode's first frame."""
-    return Timestamp(seconds=nanoseconds(time_s) // 10**9, nanos=nanoseconds(time_s) % 10**9)
+_Made = Iterator[tuple[str, Message]]
 
 
-def nanoseconds(time_s: float) -> int:
-    """Whole nanoseconds."""
-    return round(time_s * 1e9)
-
-
-def _stamped(topic: str, message: Message) -> Stamped:
-    data = message.SerializeToString(deterministic=True)
-    return Stamped(topic, message.DESCRIPTOR.full_name, data)
-
-
-def _camera(
-    frame: Frame, camera_id: str, time: Timestamp, options: ExportOptions
-) -> Iterator[Stamped]:
-    camera = frame.episode.sensor(camera_id).calibration
-    path = frame.image_file(camera_id)
-    image = CompressedImage(
-        timestamp=time, frame_id=camera_id, data=path.read_bytes(),
-        format="jpeg" if path.suffix == ".jpg" else path.suffix[1:],
+def _transforms(record: records.Transforms, time: Timestamp) -> _Made:
+    yield "/tf", FrameTransforms(
+        transforms=[
+            FrameTransform(
+                timestamp=time, parent_frame_id=parent, child_frame_id=child,
+                translation=_vector(pose[:3, 3]), rotation=_quaternion(pose),
+            )
+            for parent, child, pose in record.poses
+        ]
     )  # fmt: skip
-    yield _stamped(f"/{camera_id}/image", image)
+
+
+def _objects(record: records.Objects, time: Timestamp) -> _Made:
+    everything = SceneEntityDeletion(timestamp=time, type=SceneEntityDeletion.ALL)
+    entities = [_entity(box, time) for box in record.boxes]
+    yield "/objects", SceneUpdate(deletions=[everything], entities=entities)
+
+
+def _entity(found: records.ObjectBox, time: Timestamp) -> SceneEntity:
+    row, box = found.row, found.box
+    width, length, height = box.size.tolist()
+    w, x, y, z = box.rotation.tolist()
+    cube = CubePrimitive(
+        pose=Pose(position=_vector(box.translation), orientation=Quaternion(x=x, y=y, z=z, w=w)),
+        size=Vector3(x=length, y=width, z=height),
+        color=_colour(row["class"], 0.5),
+    )
+    facts = {"name": found.name} | {key: row[key] for key in OBJECT_FACTS if row.get(key)}
+    return SceneEntity(
+        timestamp=time,
+        frame_id=records.MAP,
+        id=str(row["track_id"]),
+        metadata=[KeyValuePair(key=key, value=value) for key, value in facts.items()],
+        cubes=[cube],
+    )
+
+
+def _ego(record: records.EgoState, time: Timestamp) -> _Made:
+    row = record.row
+    yield "/ego/odometry", Odometry(
+        timestamp=time, frame_id=records.MAP, body_frame_id=records.EGO, pose=_pose(record.pose),
+        linear_velocity=_vector(record.velocity),
+        angular_velocity=_vector(record.angular_velocity),
+    )  # fmt: skip
+    yield "/ego/fix", LocationFix(
+        timestamp=time, frame_id=records.EGO, latitude=row["latitude_deg"],
+        longitude=row["longitude_deg"], altitude=row["altitude_m"],
+    )  # fmt: skip
+    state = message_class("EgoState")(
+        timestamp=time, frame_id=records.EGO, speed_m_s=row["speed"],
+        yaw_rate_rad_s=row["yaw_rate_flu"],
+    )  # fmt: skip
+    if record.acceleration is not None:
+        state.acceleration.CopyFrom(_vector(record.acceleration))
+    for name in EGO_SIGNALS:
+        if row[name] is not None:
+            setattr(state, name, row[name])
+    yield "/ego/state", state
+
+
+def _coded_picture(record: records.CodedPicture, time: Timestamp) -> _Made:
+    yield (
+        f"/{record.sensor}/image",
+        CompressedImage(
+            timestamp=time, frame_id=record.sensor, data=record.data, format=record.format
+        ),
+    )
+
+
+def _pixels(record: records.Pixels, time: Timestamp) -> _Made:
+    pixels = np.ascontiguousarray(record.pixels)
+    height, width = pixels.shape[:2]
+    yield f"/{record.sensor}/{record.what}", RawImage(
+        timestamp=time, frame_id=record.sensor, width=width, height=height,
+        encoding=record.encoding, step=pixels.nbytes // height, data=pixels.tobytes(),
+    )  # fmt: skip
+
+
+def _camera(record: records.CameraModel, time: Timestamp) -> _Made:
+    camera = record.camera
     projection = np.hstack([camera.k, np.zeros((3, 1))])
-    calibration = CameraCalibration(
-        timestamp=time, frame_id=camera_id, width=camera.width, height=camera.height,
+    yield f"/{camera.id}/calibration", CameraCalibration(
+        timestamp=time, frame_id=camera.id, width=camera.width, height=camera.height,
         distortion_model="", D=[], K=camera.k.ravel().tolist(), R=np.eye(3).ravel().tolist(),
         P=projection.ravel().tolist(),
     )  # fmt: skip
-    yield _stamped(f"/{camera_id}/calibration", calibration)
-    if camera.labelled:
-        annotations = ImageAnnotations()
-        for label in camera_labels(frame, camera_id, options):
-            _annotate(annotations, label, time)
-        yield _stamped(f"/{camera_id}/annotations", annotations)
 
 
-def _annotate(annotations: ImageAnnotations, label: CameraLabel, time: Timestamp) -> None:
+def _labels(record: records.Labels, time: Timestamp) -> _Made:
+    annotations = ImageAnnotations()
+    for name, label in record.labels:
+        _annotate(annotations, name, label, time)
+    yield f"/{record.sensor}/annotations", annotations
+
+
+def _annotate(
+    annotations: ImageAnnotations, name: str, label: CameraLabel, time: Timestamp
+) -> None:
     x0, y0, x1, y1 = label.box
     colour = _colour(label.name, 1.0)
     annotations.points.append(
@@ -154,68 +200,68 @@ def _annotate(annotations: ImageAnnotations, label: CameraLabel, time: Timestamp
     annotations.texts.append(
         TextAnnotation(
             timestamp=time, position=Point2(x=x0, y=y0), font_size=12.0, text_color=colour,
-            text=f"{label.name} {label.seen['track_id']}",
+            text=f"{name} {label.seen['track_id']}",
         )
     )  # fmt: skip
 
 
-def _cloud(frame: Frame, lidar_id: str, time: Timestamp) -> PointCloud:
-    points = flu_points(frame.read(lidar_id))
-    return PointCloud(
-        timestamp=time,
-        frame_id=lidar_id,
-        pose=_pose(np.eye(4)),
-        point_stride=16,
-        fields=[
-            PackedElementField(name=name, offset=4 * index, type=PackedElementField.FLOAT32)
-            for index, name in enumerate(_POINT_FIELDS)
-        ],
-        data=points.astype("<f4").tobytes(),
+def _cloud(record: records.Cloud, time: Timestamp) -> _Made:
+    kind = record.points.dtype
+    fields: Mapping[str, Any] = kind.fields or {}
+    yield (
+        f"/{record.sensor}/points",
+        PointCloud(
+            timestamp=time,
+            frame_id=record.sensor,
+            pose=_pose(np.eye(4)),
+            point_stride=kind.itemsize,
+            fields=[
+                PackedElementField(
+                    name=name, offset=fields[name][1], type=_NUMBERS[fields[name][0].str]
+                )
+                for name in kind.names or ()
+            ],
+            data=record.points.tobytes(),
+        ),
     )
 
 
-def _transforms(frame: Frame, time: Timestamp) -> FrameTransforms:
-    poses = [(MAP, EGO, enu_pose(frame.world_from_ego))]
-    for sensor in frame.episode.sensors:
-        if sensor.id in frame.sensor_poses:
-            turned = flu_from_optical if sensor.calibration.is_camera else flu_pose
-            poses.append((EGO, sensor.id, turned(frame.ego_from_sensor(sensor.id))))
-    return FrameTransforms(
-        transforms=[
-            FrameTransform(
-                timestamp=time, parent_frame_id=parent, child_frame_id=child,
-                translation=_vector(pose[:3, 3]), rotation=_quaternion(pose),
-            )
-            for parent, child, pose in poses
-        ]
+def _inertial(record: records.Inertial, time: Timestamp) -> _Made:
+    yield f"/{record.sensor}/imu", message_class("Imu")(
+        timestamp=time, frame_id=record.sensor, linear_acceleration=_vector(record.acceleration),
+        angular_velocity=_vector(record.angular_velocity), compass_rad=record.compass_rad,
     )  # fmt: skip
 
 
-def _scene(frame: Frame, time: Timestamp) -> SceneUpdate:
-    boxed = (row for _, row in sorted(frame.objects.items()) if row["box_center"] is not None)
-    everything = SceneEntityDeletion(timestamp=time, type=SceneEntityDeletion.ALL)
-    return SceneUpdate(deletions=[everything], entities=[_entity(row, time) for row in boxed])
+def _position(record: records.Position, time: Timestamp) -> _Made:
+    yield f"/{record.sensor}/fix", LocationFix(
+        timestamp=time, frame_id=record.sensor, latitude=record.latitude_deg,
+        longitude=record.longitude_deg, altitude=record.altitude_m,
+    )  # fmt: skip
 
 
-def _entity(row: Row, time: Timestamp) -> SceneEntity:
-    box = nuscenes_box(pose_matrix(row["box_center"], row["box_rotation_deg"]), row["box_extent"])
-    width, length, height = box.size.tolist()
-    w, x, y, z = box.rotation.tolist()
-    cube = CubePrimitive(
-        pose=Pose(position=_vector(box.translation), orientation=Quaternion(x=x, y=y, z=z, w=w)),
-        size=Vector3(x=length, y=width, z=height),
-        color=_colour(row["class"], 0.5),
+def _values(record: records.Values, time: Timestamp) -> _Made:
+    yield (
+        f"/{record.sensor}/readings",
+        message_class("Readings")(
+            timestamp=time, frame_id=record.sensor, names=record.names, values=record.values
+        ),
     )
-    facts = {"class": row["class"], "blueprint": row["blueprint"], "role_name": row["role_name"]}
-    if row.get("traffic_light_state"):
-        facts["traffic_light_state"] = row["traffic_light_state"]
-    return SceneEntity(
-        timestamp=time,
-        frame_id=MAP,
-        id=str(row["track_id"]),
-        metadata=[KeyValuePair(key=key, value=value) for key, value in facts.items()],
-        cubes=[cube],
-    )
+
+
+_MAKERS: dict[type, Any] = {
+    records.Transforms: _transforms,
+    records.Objects: _objects,
+    records.EgoState: _ego,
+    records.CodedPicture: _coded_picture,
+    records.Pixels: _pixels,
+    records.CameraModel: _camera,
+    records.Labels: _labels,
+    records.Cloud: _cloud,
+    records.Inertial: _inertial,
+    records.Position: _position,
+    records.Values: _values,
+}
 
 
 def _pose(matrix: FloatArray) -> Pose:

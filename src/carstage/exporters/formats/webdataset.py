@@ -13,7 +13,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from carstage.dataset import Episode
-from carstage.dataset.saved_frames import Frame
+from carstage.dataset.saved_frames import Frame, Row
+from carstage.exporters.class_map import ClassMap
 from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.splits import Split
@@ -56,12 +57,24 @@ class SampleWriter:
                 stream = io.BytesIO()
                 np.save(stream, sensor.read(frame.k), allow_pickle=False)
                 files.append((f"{name}.npy", stream.getvalue()))
-        files.append((f"{key}.labels.json", json.dumps(_labels(frame)).encode()))
+        files.append(
+            (f"{key}.labels.json", json.dumps(_labels(frame, self.options.class_map)).encode())
+        )
         return tuple(files)
 
 
-def _labels(frame: Frame) -> Mapping[str, Any]:
-    """All label rows of the frame, and what is needed to use them without the dataset."""
+def _labels(frame: Frame, class_map: ClassMap | None) -> Mapping[str, Any]:
+    """All label rows of the frame, and what is needed to use them without the dataset.
+
+    With a class map those that have a target, under its name and number.
+    """
+    objects, seen = frame.objects, frame.camera_objects
+    if class_map is not None:
+        objects = _mapped(frame, class_map)
+        seen = {
+            camera: [row for row in rows if row["track_id"] in objects]
+            for camera, rows in seen.items()
+        }
     sensors = frame.episode.calibration.sensors
     return {
         "episode_id": frame.episode.id,
@@ -78,9 +91,25 @@ def _labels(frame: Frame) -> Mapping[str, Any]:
             }
             for name, sensor in sensors.items()
         },
-        "objects": list(frame.objects.values()),
-        "camera_objects": {name: list(rows) for name, rows in frame.camera_objects.items()},
+        "objects": list(objects.values()),
+        "camera_objects": {camera: list(rows) for camera, rows in seen.items()},
     }
+
+
+def _mapped(frame: Frame, class_map: ClassMap) -> dict[int, Row]:
+    """The objects that have a target, by track id; ``source_class`` is Car-STAGE's class."""
+    numbers = class_map.numbers(0)
+    found: dict[int, Row] = {}
+    for track_id, row in frame.objects.items():
+        target = class_map.target(row["class"], row["blueprint"])
+        if target is not None:
+            found[track_id] = {
+                **row,
+                "class": target.name,
+                "class_id": numbers[target.name],
+                "source_class": row["class"],
+            }
+    return found
 
 
 @register
@@ -89,7 +118,7 @@ class WebDataset(Exporter):
 
     name: ClassVar = "webdataset"
     summary: ClassVar = "WebDataset: tar shards with a sample per frame, all sensors and labels."
-    uses: ClassVar = frozenset({"val_share", "test_share"})
+    uses: ClassVar = frozenset({"class_map", "val_share", "test_share"})
 
     def __init__(self, options: ExportOptions) -> None:
         super().__init__(options)

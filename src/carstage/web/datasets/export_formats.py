@@ -13,6 +13,7 @@ FORMATS: Mapping[str, tuple[str, str | None]] = {
     "coco": ("COCO", None),
     "yolo": ("YOLO", None),
     "webdataset": ("WebDataset", None),
+    "123d": ("123D", None),
     "mcap": ("MCAP (Foxglove, Lichtblick)", "mcap"),
     "video": ("Video", "video"),
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,14 +20,20 @@ def nuscenes_devkit() -> SimpleNamespace:
     import matplotlib as mpl
 
     mpl.use("Agg")
+    from nuscenes.eval.common import config as common
     from nuscenes.eval.detection import config, evaluate, utils
+    from nuscenes.eval.tracking import evaluate as tracking
+    from nuscenes.eval.tracking import utils as tracking_utils
     from nuscenes.nuscenes import NuScenes
     from nuscenes.utils import data_classes, geometry_utils
 
     return SimpleNamespace(
         NuScenes=NuScenes,
         DetectionEval=evaluate.DetectionEval,
+        TrackingEval=tracking.TrackingEval,
+        category_to_tracking_name=tracking_utils.category_to_tracking_name,
         config_factory=config.config_factory,
+        tracking_config=common.config_factory("tracking_nips_2019"),
         category_to_detection_name=utils.category_to_detection_name,
         LidarPointCloud=data_classes.LidarPointCloud,
         RadarPointCloud=data_classes.RadarPointCloud,
@@ -44,36 +51,73 @@ def nuscenes_marks(
         The figures, and by class how many annotations are near enough to be evaluated.
     """
     names = {row["token"]: row["name"] for row in nusc.attribute}
-    results: dict[str, list[dict[str, Any]]] = {}
-    for sample in nusc.sample:
-        results[sample["token"]] = []
-        for token in sample["anns"]:
-            row = nusc.get("sample_annotation", token)
-            kind = devkit.category_to_detection_name(row["category_name"])
-            if kind is None:  # police cars and ambulances are not in the benchmark
-                continue
-            results[sample["token"]].append(
-                {
-                    "sample_token": sample["token"],
-                    **{key: row[key] for key in ("translation", "size", "rotation")},
-                    "velocity": nusc.box_velocity(token)[:2].tolist(),
-                    "detection_name": kind,
-                    "detection_score": 1.0,
-                    "attribute_name": names[row["attribute_tokens"][0]],
-                }
-            )
-    meta = {f"use_{kind}": False for kind in ("camera", "lidar", "radar", "map", "external")}
-    (folder / "results.json").write_text(json.dumps({"meta": meta, "results": results}))
+
+    def detection(row: dict[str, Any], kind: str) -> dict[str, Any]:
+        attribute = names[row["attribute_tokens"][0]]
+        return {"detection_name": kind, "detection_score": 1.0, "attribute_name": attribute}
+
+    # Police cars and ambulances are not in the benchmark.
     evaluation = devkit.DetectionEval(
         nusc,
         devkit.config_factory("detection_cvpr_2019"),
-        str(folder / "results.json"),
+        _results(nusc, devkit.category_to_detection_name, detection, folder),
         "carstage_train",
         str(folder / "out"),
         verbose=False,
     )
     marks: dict[str, Any] = evaluation.evaluate()[0].serialize()
     return marks, Counter(box.detection_name for box in evaluation.gt_boxes.all)
+
+
+def nuscenes_tracks(devkit: SimpleNamespace, nusc: Any, folder: Path) -> dict[str, Any]:
+    """The tracking benchmark's figures of the annotations as predictions."""
+
+    def track(row: dict[str, Any], kind: str) -> dict[str, Any]:
+        return {
+            "tracking_id": row["instance_token"],
+            "tracking_name": kind,
+            "tracking_score": 1.0,
+        }
+
+    evaluation = devkit.TrackingEval(
+        devkit.tracking_config,
+        _results(nusc, devkit.category_to_tracking_name, track, folder),
+        "carstage_train",
+        str(folder / "out"),
+        NUSCENES_VERSION,
+        nusc.dataroot,
+        verbose=False,
+    )
+    marks: dict[str, Any] = evaluation.evaluate()[0].serialize()
+    return marks
+
+
+def _results(
+    nusc: Any,
+    kind_of: Callable[[str], str | None],
+    prediction: Callable[[dict[str, Any], str], dict[str, Any]],
+    folder: Path,
+) -> str:
+    """Write the annotations of a benchmark's classes as predictions; the file."""
+    results: dict[str, list[dict[str, Any]]] = {}
+    for sample in nusc.sample:
+        results[sample["token"]] = rows = []
+        for token in sample["anns"]:
+            row = nusc.get("sample_annotation", token)
+            kind = kind_of(row["category_name"])
+            if kind is not None:
+                rows.append(
+                    {
+                        "sample_token": sample["token"],
+                        **{key: row[key] for key in ("translation", "size", "rotation")},
+                        "velocity": nusc.box_velocity(token)[:2].tolist(),
+                        **prediction(row, kind),
+                    }
+                )
+    meta = {f"use_{kind}": False for kind in ("camera", "lidar", "radar", "map", "external")}
+    path = folder / "results.json"
+    path.write_text(json.dumps({"meta": meta, "results": results}))
+    return str(path)
 
 
 def check_point_counts(devkit: SimpleNamespace, nusc: Any) -> tuple[int, int]:

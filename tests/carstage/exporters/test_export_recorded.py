@@ -13,7 +13,13 @@ import shapely
 
 from carstage.dataset import Dataset
 from carstage.exporters import ExportOptions, export_dataset
-from devkits import NUSCENES_VERSION, check_point_counts, coco_marks, nuscenes_marks
+from devkits import (
+    NUSCENES_VERSION,
+    check_point_counts,
+    coco_marks,
+    nuscenes_marks,
+    nuscenes_tracks,
+)
 from kitti_geometry import calibration, corners, pixels
 from mcap_reading import foxglove_messages
 from recorded_dataset import FRAMES
@@ -54,6 +60,15 @@ def test_nuscenes_evaluation_finds_no_error(devkit, nusc, tmp_path: Path) -> Non
         assert marks["mean_dist_aps"][name] == pytest.approx(1.0), name
         for error, value in marks["label_tp_errors"][name].items():
             assert value == pytest.approx(0.0, abs=1e-6), (name, error)
+
+
+def test_nuscenes_tracking_loses_nobody(devkit, nusc, tmp_path: Path) -> None:
+    marks = nuscenes_tracks(devkit, nusc, tmp_path)
+    assert marks["amota"] == pytest.approx(1.0)
+    assert marks["amotp"] == pytest.approx(0.0, abs=1e-6)
+    assert (marks["recall"], marks["mota"]) == (1.0, 1.0)
+    assert [marks[name] for name in ("ids", "frag", "fp", "fn")] == [0.0] * 4
+    assert marks["tp"] > 50
 
 
 def test_nuscenes_boxes_hold_the_points_that_were_counted(devkit, nusc) -> None:

@@ -52,7 +52,8 @@ class ExportOptions:
     """
 
     cameras: tuple[str, ...] = field(
-        default=(), metadata=_shown("A camera to export. Repeatable.", "ID", "--camera")
+        default=(),
+        metadata=_shown("A camera to export. Repeatable; KITTI: also all.", "ID", "--camera"),
     )
     lidar: str | None = field(default=None, metadata=_shown("The LiDAR to export.", "ID"))
     boxes: BoxChoice | None = field(

@@ -41,17 +41,6 @@ def colour_cameras(
     return tuple(fitting[name] for name in options.cameras or fitting)
 
 
-def one_camera(episode: Episode, options: ExportOptions) -> SensorCalibration:
-    """The one camera of formats that hold one.
-
-    Raises:
-        BadInputError: there is none, or more than one is asked for.
-    """
-    if len(options.cameras) > 1:
-        raise BadInputError("This format holds the pictures of one camera.", "Give --camera once.")
-    return colour_cameras(episode, options)[0]
-
-
 def main_lidar(episode: Episode, options: ExportOptions) -> SensorCalibration | None:
     """The LiDAR that the options name, else the first one on the ego, else none.
 

@@ -203,3 +203,82 @@ def test_a_sequence_has_calibration_inertial_rows_and_the_devkit_s_list(exported
     seqmap = (out / "evaluate_tracking.seqmap.train").read_text()
     assert seqmap == "0000 empty 000000 000006\n"
     assert len(list((out / "training/image_02/0000").iterdir())) == 6
+
+
+@pytest.fixture(scope="module")
+def every_camera(segmented, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Exports of all cameras of a drive with sensors on the ego and on another car."""
+    folder = tmp_path_factory.mktemp("every_camera")
+    options = ExportOptions(cameras=("all",), boxes="amodal")
+    for name in ("kitti-object", "kitti-tracking"):
+        export_dataset(name, segmented, folder / name, options, workers=0)
+    return {name: folder / name for name in ("kitti-object", "kitti-tracking")}
+
+
+CAMERAS = ["CAM_FRONT", "CAM_LEFT", "CAM_AUDI"]
+
+
+def test_every_camera_of_every_car_is_exported(every_camera, segmented) -> None:
+    out = every_camera["kitti-object"]
+    lines = [line.split(",") for line in (out / "frames.csv").read_text().splitlines()[1:]]
+    assert [line[4] for line in lines] == CAMERAS * 13
+    assert [line[0] for line in lines] == [f"{n:06d}" for n in range(39)]
+    assert (out / "ImageSets/train.txt").read_text().split() == [line[0] for line in lines]
+    rows = Dataset(segmented).episodes[0].camera_objects().to_pylist()
+    compared = 0
+    for name, _, k, _, camera in lines:
+        matrices = calibration(out / f"training/calib/{name}.txt")
+        cloud = np.fromfile(out / f"training/velodyne/{name}.bin", np.float32).reshape(-1, 4)
+        for line in (out / f"training/label_2/{name}.txt").read_text().splitlines():
+            if line.startswith("DontCare"):
+                continue
+            box = [float(value) for value in line.split()[8:]]
+            (seen,) = [
+                r for r in rows
+                if (r["k"], r["sensor_id"]) == (int(k), camera)
+                and r["location"] is not None and abs(r["depth_center"] - box[5]) < 1e-4
+            ]  # fmt: skip
+            uv = pixels(corners(box), matrices["P2"])
+            found = [*uv.min(axis=0), *uv.max(axis=0)]
+            # CAM_LEFT looks down, and KITTI's boxes turn about the camera's y axis alone.
+            near_px = 3.0 if camera == "CAM_LEFT" else 1.0
+            np.testing.assert_allclose(found, seen["bbox_amodal_unclipped"], atol=near_px)
+            # The points of the camera's own car lie in the box as well.
+            optical = np.column_stack([cloud[:, :3], np.ones(len(cloud))]) @ (
+                matrices["Tr_velo_to_cam"].T
+            )
+            low, high = corners(box).min(axis=0) - 0.05, corners(box).max(axis=0) + 0.05
+            if ((optical > low) & (optical < high)).all(axis=1).sum() > 3:
+                compared += camera == "CAM_AUDI"
+    assert compared >= 13
+
+
+def test_the_other_car_sees_the_ego(every_camera, segmented) -> None:
+    rows = Dataset(segmented).episodes[0].camera_objects().to_pylist()
+    for n, camera in enumerate(CAMERAS):
+        lines = (every_camera["kitti-object"] / f"training/label_2/{n:06d}.txt").read_text()
+        seen = [r for r in rows if (r["k"], r["sensor_id"]) == (0, camera) and r["visible"]]
+        assert len(lines.splitlines()) == len(seen)
+
+
+def test_every_camera_is_a_sequence_of_tracking(every_camera) -> None:
+    out = every_camera["kitti-tracking"]
+    lines = (out / "sequences.csv").read_text().splitlines()
+    assert lines[0] == "sequence,episode_id,camera"
+    assert [line.split(",")[::2] for line in lines[1:]] == [
+        [f"{n:04d}", camera] for n, camera in enumerate(CAMERAS)
+    ]
+    for n, camera in enumerate(CAMERAS):
+        assert len(list((out / f"training/image_02/{n:04d}").iterdir())) == 13
+        assert (out / f"training/label_02/{n:04d}.txt").read_text()
+        assert "P2:" in (out / f"training/calib/{n:04d}.txt").read_text()
+        # Only the ego's own motion is recorded.
+        inertial = (out / f"training/oxts/{n:04d}.txt").read_text().splitlines()
+        assert len(inertial) == (0 if camera == "CAM_AUDI" else 13)
+
+
+def test_several_cameras_may_be_named(dataset, tmp_path: Path) -> None:
+    options = ExportOptions(cameras=("CAM_LEFT", "CAM_FRONT"))
+    export_dataset("kitti-object", dataset, tmp_path / "out", options, workers=0)
+    lines = (tmp_path / "out/frames.csv").read_text().splitlines()[1:]
+    assert [line.split(",")[4] for line in lines] == ["CAM_LEFT", "CAM_FRONT"] * 6

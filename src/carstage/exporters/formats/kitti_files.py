@@ -22,6 +22,7 @@ from carstage.exporters.class_map import ClassMap
 from carstage.exporters.classes import CLASSES, DONT_CARE, RIDER
 from carstage.exporters.labels import CameraLabel, occlusion_level
 from carstage.exporters.options import ExportOptions
+from carstage.exporters.views import View
 from carstage.geometry import kitti_rectangle, specific_force
 
 _GNSS_FIX, _SATELLITES, _POSITION_MODE = 4, 12, 6
@@ -82,22 +83,20 @@ def label_row(label: CameraLabel, camera: SensorCalibration, options: ExportOpti
     )
 
 
-def calibration_matrices(
-    frame: Frame, camera_id: str, lidar_id: str | None
-) -> dict[str, NDArray[np.float64]]:
+def calibration_matrices(frame: Frame, view: View) -> dict[str, NDArray[np.float64]]:
     """``P0`` to ``P3``, ``R0_rect``, ``Tr_velo_to_cam``, ``Tr_imu_to_velo``.
 
-    All four cameras are the labelled one, whose matrix is ``P2``. The IMU is the ego's pivot;
+    All four cameras are the labelled one, whose matrix is ``P2``. The IMU is the car's pivot;
     without a LiDAR, so is the velodyne.
     """
-    camera = frame.episode.sensor(camera_id).calibration
-    projection = np.hstack([camera.k, np.zeros((3, 1))])
-    ego_from_lidar = np.eye(4) if lidar_id is None else frame.ego_from_sensor(lidar_id)
+    projection = np.hstack([view.camera.k, np.zeros((3, 1))])
+    car_from_camera = view.car_from_sensor(frame, view.camera.id)
+    car_from_lidar = np.eye(4) if view.lidar is None else view.car_from_sensor(frame, view.lidar.id)
     return {
         **{f"P{index}": projection for index in range(4)},
         "R0_rect": np.eye(3),
-        "Tr_velo_to_cam": velodyne_to_camera(frame.ego_from_sensor(camera_id), ego_from_lidar)[:3],
-        "Tr_imu_to_velo": imu_to_velodyne(ego_from_lidar)[:3],
+        "Tr_velo_to_cam": velodyne_to_camera(car_from_camera, car_from_lidar)[:3],
+        "Tr_imu_to_velo": imu_to_velodyne(car_from_lidar)[:3],
     }
 
 

@@ -20,8 +20,8 @@ from carstage.exporters.formats.kitti_files import (
 from carstage.exporters.formats.pictures import copy_as_png
 from carstage.exporters.labels import camera_labels, require_labels
 from carstage.exporters.options import ExportOptions
-from carstage.exporters.rigs import main_lidar, one_camera
 from carstage.exporters.splits import Split
+from carstage.exporters.views import View, chosen_views
 
 _FOLDERS = ("image_2", "velodyne", "calib", "label_2")
 
@@ -32,35 +32,56 @@ def part_of(split: Split) -> str:
 
 
 @dataclass(frozen=True, slots=True)
+class PicturePart:
+    """A picture that was written: its name, frame, time and camera."""
+
+    name: str
+    k: int
+    time_s: float
+    camera: str
+
+
+@dataclass(frozen=True, slots=True)
 class ObjectWriter:
-    """Writes the four files of a frame; returns its number."""
+    """Writes the four files of each picture of a frame.
+
+    Attributes:
+        options: the export's.
+        views: the cameras; the pictures of a frame follow each other.
+        first_number: of the episode's first picture.
+        part: the folder.
+    """
 
     options: ExportOptions
-    camera: str
-    lidar: str | None
+    views: tuple[View, ...]
     first_number: int
     part: str
 
-    def __call__(self, frame: Frame, folder: Path) -> tuple[str, int, float] | None:
-        """Write the frame: its name, index and time; ``None`` without a picture."""
-        if not frame.has(self.camera):
-            return None
-        name, part = f"{self.first_number + frame.k:06d}", folder / self.part
-        copy_as_png(frame, self.camera, part / "image_2" / f"{name}.png")
-        camera = frame.episode.sensor(self.camera).calibration
+    def __call__(self, frame: Frame, folder: Path) -> tuple[PicturePart, ...]:
+        """Write the frame; cameras without a picture are left out."""
+        return tuple(
+            self._write(view, number, frame, folder)
+            for number, view in enumerate(self.views)
+            if frame.has(view.camera.id)
+        )
+
+    def _write(self, view: View, number: int, frame: Frame, folder: Path) -> PicturePart:
+        number += self.first_number + frame.k * len(self.views)
+        name, part = f"{number:06d}", folder / self.part
+        copy_as_png(frame, view.camera.id, part / "image_2" / f"{name}.png")
         rows = (
-            label_row(label, camera, self.options)
-            for label in camera_labels(frame, self.camera, self.options)
+            label_row(label, view.camera, self.options)
+            for label in camera_labels(view.frame(frame), view.camera.id, self.options)
         )
         text = "".join(f"{row}\n" for row in rows if row is not None)
         (part / "label_2" / f"{name}.txt").write_text(text, "ascii")
-        matrices = calibration_matrices(frame, self.camera, self.lidar)
+        matrices = calibration_matrices(frame, view)
         lines = [f"{key}: {numbers(matrix)}\n" for key, matrix in matrices.items()]
         (part / "calib" / f"{name}.txt").write_text("".join(lines), "ascii")
-        if self.lidar is not None and frame.has(self.lidar):
-            points = flu_points(frame.read(self.lidar))
-            (part / "velodyne" / f"{name}.bin").write_bytes(points.tobytes())
-        return name, frame.k, frame.timestamp_s
+        points = view.points(frame)
+        if points is not None:
+            (part / "velodyne" / f"{name}.bin").write_bytes(flu_points(points).tobytes())
+        return PicturePart(name, frame.k, frame.timestamp_s, view.camera.id)
 
 
 @register
@@ -83,8 +104,7 @@ class KittiObject(Exporter):
         """Check the rigs and make KITTI's folders."""
         for episode in episodes:
             require_labels(episode, self.options, "2d", "3d")
-            one_camera(episode, self.options)
-            main_lidar(episode, self.options)
+            chosen_views(episode, self.options)
         splits = self.used_splits(episodes)
         for part in {part_of(split): None for split in splits}:
             for name in _FOLDERS:
@@ -102,29 +122,26 @@ class KittiObject(Exporter):
         self._number = 0
 
     def begin_episode(self, episode: Episode) -> ObjectWriter:
-        """Number its frames after those of the episodes before."""
-        lidar = main_lidar(episode, self.options)
+        """Number its pictures after those of the episodes before."""
         self._episode = episode
-        self._camera = one_camera(episode, self.options).id
-        return ObjectWriter(
-            self.options,
-            self._camera,
-            lidar.id if lidar else None,
-            self._number,
-            part_of(self.split_of(episode)),
-        )
+        self._views = chosen_views(episode, self.options)
+        part = part_of(self.split_of(episode))
+        return ObjectWriter(self.options, self._views, self._number, part)
 
-    def add(self, part: tuple[str, int, float]) -> None:
-        """List the frame."""
-        name, k, time_s = part
+    def add(self, part: tuple[PicturePart, ...]) -> None:
+        """List the pictures of a frame."""
         split = self.split_of(self._episode)
-        for listed in (split,) if split == "test" else (split, "trainval"):
-            self._lists[listed].write(f"{name}\n")
-        self._index.write(f"{name},{self._episode.id},{k},{time_s:.6f},{self._camera}\n")
+        for picture in part:
+            for listed in (split,) if split == "test" else (split, "trainval"):
+                self._lists[listed].write(f"{picture.name}\n")
+            self._index.write(
+                f"{picture.name},{self._episode.id},{picture.k},{picture.time_s:.6f},"
+                f"{picture.camera}\n"
+            )
 
     def end_episode(self) -> None:
-        """Go on counting after its frames."""
-        self._number += self._episode.frames
+        """Go on counting after its pictures."""
+        self._number += self._episode.frames * len(self._views)
 
     def finish(self) -> None:
         """Close the lists."""

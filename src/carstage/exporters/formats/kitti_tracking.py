@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -24,7 +25,7 @@ from carstage.exporters.formats.kitti_object import KittiObject, part_of
 from carstage.exporters.formats.pictures import copy_as_png
 from carstage.exporters.labels import camera_labels, require_labels
 from carstage.exporters.options import ExportOptions
-from carstage.exporters.rigs import main_lidar, one_camera
+from carstage.exporters.views import View, chosen_views
 
 # The tracking devkit names these without a colon.
 _TRACKING_NAMES = {
@@ -47,36 +48,44 @@ class SequencePart:
 
 @dataclass(frozen=True, slots=True)
 class SequenceWriter:
-    """Writes picture and points of a frame; returns its rows."""
+    """Writes pictures and points of a frame; returns the rows of each sequence.
+
+    Attributes:
+        options: the export's.
+        views: a camera for each sequence.
+        sequences: their names.
+        part: the folder.
+    """
 
     options: ExportOptions
-    camera: str
-    lidar: str | None
-    sequence: str
+    views: tuple[View, ...]
+    sequences: tuple[str, ...]
     part: str
 
-    def __call__(self, frame: Frame, folder: Path) -> SequencePart | None:
-        """Write the frame; ``None`` without a picture."""
-        if not frame.has(self.camera):
-            return None
+    def __call__(self, frame: Frame, folder: Path) -> tuple[SequencePart | None, ...]:
+        """Write the frame; ``None`` for cameras without a picture."""
+        return tuple(
+            self._write(view, sequence, frame, folder) if frame.has(view.camera.id) else None
+            for view, sequence in zip(self.views, self.sequences, strict=True)
+        )
+
+    def _write(self, view: View, sequence: str, frame: Frame, folder: Path) -> SequencePart:
         name, part = f"{frame.k:06d}", folder / self.part
-        copy_as_png(frame, self.camera, part / "image_02" / self.sequence / f"{name}.png")
-        if self.lidar is not None and frame.has(self.lidar):
-            points = flu_points(frame.read(self.lidar))
-            path = part / "velodyne" / self.sequence / f"{name}.bin"
-            path.write_bytes(points.tobytes())
-        camera = frame.episode.sensor(self.camera).calibration
+        copy_as_png(frame, view.camera.id, part / "image_02" / sequence / f"{name}.png")
+        points = view.points(frame)
+        if points is not None:
+            path = part / "velodyne" / sequence / f"{name}.bin"
+            path.write_bytes(flu_points(points).tobytes())
         labels = []
-        for label in camera_labels(frame, self.camera, self.options):
-            row = label_row(label, camera, self.options)
+        for label in camera_labels(view.frame(frame), view.camera.id, self.options):
+            row = label_row(label, view.camera, self.options)
             if row is not None:
                 labels.append((label.seen["track_id"], _with_truncation_level(row)))
-        matrices = calibration_matrices(frame, self.camera, self.lidar)
         lines = [
             f"{_TRACKING_NAMES.get(key, key + ':')} {numbers(matrix)}\n"
-            for key, matrix in matrices.items()
+            for key, matrix in calibration_matrices(frame, view).items()
         ]
-        inertial = inertial_row(frame.ego) if frame.ego is not None else None
+        inertial = inertial_row(frame.ego) if view.is_on_ego and frame.ego is not None else None
         return SequencePart(frame.k, tuple(labels), inertial, "".join(lines))
 
 
@@ -104,45 +113,83 @@ class KittiTracking(Exporter):
         """Check the rigs and make KITTI's folders."""
         for episode in episodes:
             require_labels(episode, self.options, "2d", "3d")
-            main_lidar(episode, self.options)
-            camera = one_camera(episode, self.options)
-            if not camera.on_ego:
-                raise BadInputError(
-                    f"The camera {camera.id} moves against the ego, and a sequence has one "
-                    "calibration.",
-                    "Choose a camera on the ego, or the format kitti-object.",
-                )
+            for view in chosen_views(episode, self.options):
+                if view.car is None:
+                    raise BadInputError(
+                        f"The camera {view.camera.id} moves against the ego, and a sequence has "
+                        "one calibration.",
+                        "Choose cameras on vehicles, or the format kitti-object.",
+                    )
         self._folder = folder
         self._splits = self.used_splits(episodes)
         for part in {part_of(split): None for split in self._splits}:
             for name in ("image_02", "velodyne", "calib", "label_02", "oxts"):
                 (folder / part / name).mkdir(parents=True)
-        self._sequences: list[tuple[str, Episode]] = []
+        self._sequences: list[_Sequence] = []
 
     def begin_episode(self, episode: Episode) -> SequenceWriter:
-        """Open the files of a new sequence."""
-        lidar = main_lidar(episode, self.options)
-        sequence = f"{len(self._sequences):04d}"
-        self._sequences.append((sequence, episode))
-        self._part = self._folder / part_of(self.split_of(episode))
-        for name in ("image_02", "velodyne"):
-            (self._part / name / sequence).mkdir()
-        self._labels = self.files.enter_context(
-            (self._part / "label_02" / f"{sequence}.txt").open("w", encoding="ascii")
+        """Open the files of a sequence for each camera."""
+        views = chosen_views(episode, self.options)
+        part = self._folder / part_of(self.split_of(episode))
+        self._open = tuple(
+            _Sequence(f"{len(self._sequences) + n:04d}", episode, view, part, self.files)
+            for n, view in enumerate(views)
         )
-        self._inertial = self.files.enter_context(
-            (self._part / "oxts" / f"{sequence}.txt").open("w", encoding="ascii")
+        self._sequences += self._open
+        names = tuple(sequence.name for sequence in self._open)
+        return SequenceWriter(self.options, views, names, part.name)
+
+    def add(self, part: tuple[SequencePart | None, ...]) -> None:
+        """Append the rows of each sequence."""
+        for sequence, of_sequence in zip(self._open, part, strict=True):
+            if of_sequence is not None:
+                sequence.add(of_sequence)
+
+    def end_episode(self) -> None:
+        """Close the files of the sequences."""
+        self.close()
+        for sequence in self._open:
+            sequence.end()
+
+    def finish(self) -> None:
+        """Write the devkit's lists of sequences, ``evaluate_tracking.seqmap.*``."""
+        for split in self._splits:
+            chosen = [s for s in self._sequences if self.split_of(s.episode) == split]
+            lines = [f"{s.name} empty 000000 {s.episode.frames:06d}\n" for s in chosen]
+            path = self._folder / f"evaluate_tracking.seqmap.{split}"
+            path.write_text("".join(lines), "ascii")
+        lines = [f"{s.name},{s.episode.id},{s.camera}\n" for s in self._sequences]
+        text = "sequence,episode_id,camera\n" + "".join(lines)
+        (self._folder / "sequences.csv").write_text(text)
+
+
+class _Sequence:
+    """The files of one sequence.
+
+    Args:
+        name: its number.
+        episode: whose camera it is.
+        view: the camera.
+        part: ``training`` or ``testing``.
+        files: closes what is opened.
+    """
+
+    def __init__(
+        self, name: str, episode: Episode, view: View, part: Path, files: ExitStack
+    ) -> None:
+        self.name, self.episode, self.camera = name, episode, view.camera.id
+        self._part = part
+        for folder in ("image_02", "velodyne"):
+            (part / folder / name).mkdir()
+        self._labels = files.enter_context(
+            (part / "label_02" / f"{name}.txt").open("w", encoding="ascii")
+        )
+        self._inertial = files.enter_context(
+            (part / "oxts" / f"{name}.txt").open("w", encoding="ascii")
         )
         self._calibration: str | None = None
         self._tracks: dict[int, int] = {}
         self._next_k = 0
-        return SequenceWriter(
-            self.options,
-            one_camera(episode, self.options).id,
-            lidar.id if lidar else None,
-            sequence,
-            self._part.name,
-        )
 
     def add(self, part: SequencePart) -> None:
         """Append the rows, with tracks numbered from 0 as they appear."""
@@ -158,19 +205,7 @@ class KittiTracking(Exporter):
             self._inertial.write(part.inertial + "\n")
         self._next_k = part.k + 1
 
-    def end_episode(self) -> None:
-        """Close the files of the sequence."""
-        self.close()
-        sequence = self._sequences[-1][0]
-        path = self._part / "calib" / f"{sequence}.txt"
+    def end(self) -> None:
+        """Write the calibration."""
+        path = self._part / "calib" / f"{self.name}.txt"
         path.write_text(self._calibration or "", "ascii")
-
-    def finish(self) -> None:
-        """Write the devkit's lists of sequences, ``evaluate_tracking.seqmap.*``."""
-        for split in self._splits:
-            chosen = [(s, e) for s, e in self._sequences if self.split_of(e) == split]
-            lines = [f"{sequence} empty 000000 {e.frames:06d}\n" for sequence, e in chosen]
-            path = self._folder / f"evaluate_tracking.seqmap.{split}"
-            path.write_text("".join(lines), "ascii")
-        lines = [f"{sequence},{episode.id}\n" for sequence, episode in self._sequences]
-        (self._folder / "sequences.csv").write_text("sequence,episode_id\n" + "".join(lines))

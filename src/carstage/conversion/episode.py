@@ -90,7 +90,9 @@ class EpisodeConversion:
         self._pool = pool
         self._codecs = codecs
         self._progress = progress
-        self._lock = threading.Lock()
+        # Entered again by who asks for progress: a task that is done at once tells it while the
+        # scan that handed it out still holds the lock.
+        self._lock = threading.RLock()
         self._log: EpisodeLog | None = None
         self._plan = SensorPlan((), frozenset())
         self._tasks: dict[tuple[int, str], Future[Any]] = {}

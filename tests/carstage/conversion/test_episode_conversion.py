@@ -7,7 +7,13 @@ import os
 import random
 import shutil
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import (
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -220,6 +226,28 @@ def test_progress_is_told_for_all_work_when_it_is_done(raw: Path, tmp_path: Path
     streams = len(list((raw).glob("*/000000.seg")))
     assert segments < len(done) <= segments * streams
     assert max(done) == conversion.frames_done > 0
+
+
+class AtOnce(Executor):
+    """Does each task before it hands it out, as a pool may on a busy machine."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        done: Future[Any] = Future()
+        done.set_result(fn(*args, **kwargs))
+        return done
+
+
+def test_progress_may_be_asked_for_by_a_task_that_is_done_at_once(
+    raw: Path, tmp_path: Path
+) -> None:
+    done: list[int] = []
+    conversion = EpisodeConversion(
+        raw, tmp_path / "out", AtOnce(), progress=lambda: done.append(conversion.frames_done)
+    )
+    conversion.finish()
+    assert done
+    assert done == sorted(done)
+    assert conversion.frames_done >= done[-1]
 
 
 @pytest.mark.parametrize("damage", [Path.unlink, lambda part: part.write_bytes(b"no table")])

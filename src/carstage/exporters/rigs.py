@@ -38,7 +38,7 @@ def colour_cameras(
             f"Episode {episode.id} has no {what}.",
             "Record one, see `rig.sensors` and `labels.cameras` in the configuration.",
         )
-    return tuple(fitting[name] for name in options.cameras or fitting)
+    return tuple(fitting[name] for name in dict.fromkeys(options.cameras) or fitting)
 
 
 def main_lidar(episode: Episode, options: ExportOptions) -> SensorCalibration | None:

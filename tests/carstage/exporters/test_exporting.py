@@ -196,7 +196,7 @@ def test_impossible_options_are_refused(choices: dict[str, Any], message: str) -
     ("choices", "message"),
     [
         ({"cameras": ("DEPTH_FRONT",)}, "no labelled colour camera 'DEPTH_FRONT'"),
-        ({"cameras": ("CAM_FRONT", "CAM_LEFT")}, "one camera"),
+        ({"cameras": ("all", "CAM_FRONT")}, "no labelled colour camera 'all'"),
         ({"lidar": "IMU"}, "no LiDAR 'IMU'"),
     ],
 )

@@ -57,13 +57,14 @@ class ObjectWriter:
     first_number: int
     part: str
 
-    def __call__(self, frame: Frame, folder: Path) -> tuple[PicturePart, ...]:
-        """Write the frame; cameras without a picture are left out."""
-        return tuple(
+    def __call__(self, frame: Frame, folder: Path) -> tuple[PicturePart, ...] | None:
+        """Write the frame, cameras without a picture left out; ``None`` without any."""
+        parts = tuple(
             self._write(view, number, frame, folder)
             for number, view in enumerate(self.views)
             if frame.has(view.camera.id)
         )
+        return parts or None
 
     def _write(self, view: View, number: int, frame: Frame, folder: Path) -> PicturePart:
         number += self.first_number + frame.k * len(self.views)

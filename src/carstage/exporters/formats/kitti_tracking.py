@@ -62,12 +62,13 @@ class SequenceWriter:
     sequences: tuple[str, ...]
     part: str
 
-    def __call__(self, frame: Frame, folder: Path) -> tuple[SequencePart | None, ...]:
-        """Write the frame; ``None`` for cameras without a picture."""
-        return tuple(
+    def __call__(self, frame: Frame, folder: Path) -> tuple[SequencePart | None, ...] | None:
+        """Write the frame; ``None`` for cameras without a picture, and where none has one."""
+        parts = tuple(
             self._write(view, sequence, frame, folder) if frame.has(view.camera.id) else None
             for view, sequence in zip(self.views, self.sequences, strict=True)
         )
+        return parts if any(part is not None for part in parts) else None
 
     def _write(self, view: View, sequence: str, frame: Frame, folder: Path) -> SequencePart:
         name, part = f"{frame.k:06d}", folder / self.part

@@ -116,7 +116,17 @@ def test_a_map_that_is_lost_or_changed_is_found(dataset: Path) -> None:
 
 @pytest.mark.parametrize(
     ("named", "text"),
-    [("no hash", None), ("blake3:../../x", None), (7, None), (None, "<svg/>")],
+    [
+        ("no hash", None),
+        ("blake3:../../x", None),
+        (7, None),
+        (["a"], None),
+        (None, "<svg/>"),
+        (None, "<!--"),
+        (None, "<!---->" * 100_000 + "<svg/>"),
+        (None, "\n" * 1_000_000),
+    ],
+    ids=["word", "path", "number", "list", "svg", "open", "comments", "lines"],
 )
 def test_what_is_named_as_the_map_has_to_be_one(
     dataset: Path, named: object, text: str | None
@@ -128,6 +138,18 @@ def test_what_is_named_as_the_map_has_to_be_one(
     path.write_text(json.dumps(json.loads(path.read_text()) | {"opendrive": named}))
     recommit(dataset)
     assert failed_checks(dataset) == {"map"}
+
+
+def test_comments_and_a_declaration_may_stand_before_the_map(dataset: Path) -> None:
+    (kept,) = (dataset / "maps").iterdir()
+    _, _, root = kept.read_text().partition("<OpenDRIVE")
+    text = f"<?xml version='1.0'?>\n<!-- a --> <!-- b -->\n<OpenDRIVE{root}"
+    named = hash_of(text.encode())
+    (dataset / "maps" / f"{named.partition(':')[2]}.xodr").write_text(text)
+    path = attempt_of(dataset) / "episode.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"opendrive": named}))
+    recommit(dataset)
+    assert failed_checks(dataset) == set()
 
 
 def test_an_episode_without_a_map_is_valid(dataset: Path) -> None:

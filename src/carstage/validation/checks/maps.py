@@ -8,7 +8,10 @@ from carstage.dataset.reading import Episode
 from carstage.errors import DatasetError
 from carstage.validation.checks.findings import Findings
 
-_ROOT = re.compile(r"\s*(<\?xml.*?\?>)?\s*(<!--.*?-->\s*)*<OpenDRIVE[\s>]", re.DOTALL)
+_SPACE = re.compile(r"\s*")
+_ROOT = re.compile(r"<OpenDRIVE[\s>]")
+_BEFORE_ROOT = {"<?": "?>", "<!--": "-->"}
+"""What may stand before a document's root, and how it ends."""
 
 
 class MapChecks:
@@ -25,9 +28,10 @@ class MapChecks:
             return  # the checks of the episode say so
         if named is None:
             return
-        if named not in self._verdicts:
-            self._verdicts[named] = _verdict(episode)
-        verdict = self._verdicts[named]
+        key = repr(named)  # a dataset from elsewhere may name it by anything
+        if key not in self._verdicts:
+            self._verdicts[key] = _verdict(episode)
+        verdict = self._verdicts[key]
         if verdict is not None:
             findings.add("map", verdict)
 
@@ -37,6 +41,28 @@ def _verdict(episode: Episode) -> str | None:
         text = episode.opendrive()
     except DatasetError as error:
         return str(error)
-    if text is None or not _ROOT.match(text):
+    if text is None or not _is_opendrive(text):
         return "the text of the map is no OpenDRIVE document"
     return None
+
+
+def _is_opendrive(text: str) -> bool:
+    """Whether an XML document's root is OpenDRIVE's; in one pass over what stands before it."""
+    at = _end_of_space(text, 0)
+    while (end := _end_of_preamble(text, at)) is not None:
+        at = _end_of_space(text, end)
+    return _ROOT.match(text, at) is not None
+
+
+def _end_of_preamble(text: str, at: int) -> int | None:
+    """Where a declaration or a comment that begins at a place ends; None: none begins, or ends."""
+    for begin, end in _BEFORE_ROOT.items():
+        if text.startswith(begin, at):
+            found = text.find(end, at + len(begin))
+            return None if found < 0 else found + len(end)
+    return None
+
+
+def _end_of_space(text: str, at: int) -> int:
+    space = _SPACE.match(text, at)
+    return at if space is None else space.end()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable
+from operator import itemgetter
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -69,12 +70,24 @@ def nuscenes_marks(
     return marks, Counter(box.detection_name for box in evaluation.gt_boxes.all)
 
 
-def nuscenes_tracks(devkit: SimpleNamespace, nusc: Any, folder: Path) -> dict[str, Any]:
-    """The tracking benchmark's figures of the annotations as predictions."""
+def nuscenes_tracks(
+    devkit: SimpleNamespace,
+    nusc: Any,
+    folder: Path,
+    track_of: Callable[[dict[str, Any]], str] = itemgetter("instance_token"),
+) -> dict[str, Any]:
+    """The tracking benchmark's figures of the annotations as predictions.
+
+    Args:
+        devkit: see ``nuscenes_devkit``.
+        nusc: the export.
+        folder: for its files.
+        track_of: the track that an annotation is given.
+    """
 
     def track(row: dict[str, Any], kind: str) -> dict[str, Any]:
         return {
-            "tracking_id": row["instance_token"],
+            "tracking_id": track_of(row),
             "tracking_name": kind,
             "tracking_score": 1.0,
         }

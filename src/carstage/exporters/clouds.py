@@ -127,14 +127,22 @@ def _scan(attributes: Mapping[str, str]) -> dict[str, float]:
     return {name: float(attributes.get(name, usual)) for name, usual in _SCAN.items()}
 
 
+def read_points(frame: Frame, lidar_id: str) -> NDArray[np.float32]:
+    """``(N, 4)`` x, y, z (m), intensity of a sweep; a semantic LiDAR measures no intensity: 0."""
+    read = frame.read(lidar_id)
+    if read.dtype.names is None:
+        return np.asarray(read, np.float32)
+    points = np.zeros((len(read), 4), np.float32)
+    points[:, :3] = points_xyz(read)
+    return points
+
+
 def read_labelled(frame: Frame, lidar: LabelledLidar) -> LabelledCloud:
     """The sweep of a frame; without labels where the source has no data of it."""
+    points = read_points(frame, lidar.points)
     if lidar.is_semantic:
         tagged = frame.read(lidar.points)
-        points = np.zeros((len(tagged), 4), np.float32)
-        points[:, :3] = points_xyz(tagged)
         return LabelledCloud(points, tagged["object_tag"].astype(np.uint8), tagged["object_idx"])
-    points = frame.read(lidar.points)
     tags, objects = np.zeros(len(points), np.uint8), np.zeros(len(points), np.uint32)
     if lidar.labels is not None and frame.has(lidar.labels):
         tagged = frame.read(lidar.labels)

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from carstage.dataset import Episode, SensorCalibration
 from carstage.dataset.saved_frames import Frame
 from carstage.exporters.cars import Car, car_lidar, cars_with_sensors
-from carstage.exporters.clouds import LabelledLidar, read_labelled
+from carstage.exporters.clouds import read_points
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import colour_cameras, main_lidar
 from carstage.geometry import FloatArray, invert_pose
-from carstage.sensor_kinds.model import TAGGED_POINTS
 
 ALL_CAMERAS: Final = ("all",)
 """In place of ids: every camera."""
@@ -62,9 +61,7 @@ class View:
         """``(N, 4)`` x, y, z (m), intensity of its LiDAR; ``None`` without data."""
         if self.lidar is None or not frame.has(self.lidar.id):
             return None
-        semantic = self.lidar.content == TAGGED_POINTS
-        source = LabelledLidar(self.lidar.id, self.lidar.id if semantic else None)
-        return read_labelled(frame, source).points
+        return read_points(frame, self.lidar.id)
 
 
 def chosen_views(episode: Episode, options: ExportOptions) -> tuple[View, ...]:

@@ -24,20 +24,22 @@ FLIP = np.diag([1.0, -1.0, 1.0, 1.0])
 K = 3
 
 
+def export(dataset: Path, out: Path, messages: str) -> Path:
+    """The file of the one episode."""
+    export_dataset("mcap", dataset, out, ExportOptions(messages=messages), workers=0)
+    (path,) = out.glob("*.mcap")
+    return path
+
+
 @pytest.fixture(scope="module")
 def messages(every_kind: Path, tmp_path_factory: pytest.TempPathFactory) -> Messages:
-    out = tmp_path_factory.mktemp("export") / "out"
-    export_dataset("mcap", every_kind, out, ExportOptions(messages="ros2"), workers=0)
-    (path,) = out.glob("*.mcap")
-    return ros2_messages(path)
+    return ros2_messages(export(every_kind, tmp_path_factory.mktemp("export") / "out", "ros2"))
 
 
 @pytest.fixture(scope="module")
 def foxglove(every_kind: Path, tmp_path_factory: pytest.TempPathFactory) -> Messages:
     out = tmp_path_factory.mktemp("export") / "out"
-    export_dataset("mcap", every_kind, out, ExportOptions(messages="foxglove"), workers=0)
-    (path,) = out.glob("*.mcap")
-    return foxglove_messages(path)
+    return foxglove_messages(export(every_kind, out, "foxglove"))
 
 
 @pytest.fixture(scope="module")
@@ -46,13 +48,8 @@ def episode(every_kind: Path) -> Episode:
 
 
 def test_equal_datasets_give_equal_bytes(dataset: Path, tmp_path: Path) -> None:
-    contents = []
-    for name in ("a", "b"):
-        options = ExportOptions(messages="ros2")
-        export_dataset("mcap", dataset, tmp_path / name, options, workers=0)
-        (path,) = (tmp_path / name).glob("*.mcap")
-        contents.append(path.read_bytes())
-    assert contents[0] == contents[1]
+    first, second = (export(dataset, tmp_path / name, "ros2").read_bytes() for name in "ab")
+    assert first == second
 
 
 def test_stamps_are_the_times_of_the_frames(messages: Messages) -> None:

@@ -71,6 +71,17 @@ def test_nuscenes_tracking_loses_nobody(devkit, nusc, tmp_path: Path) -> None:
     assert marks["tp"] > 50
 
 
+def test_nuscenes_tracking_sees_tracks_that_are_renamed(devkit, nusc, tmp_path: Path) -> None:
+    late = {row["token"] for row in nusc.sample if row["timestamp"] % 1_000_000 >= 500_000}
+
+    def renamed(row: dict[str, Any]) -> str:
+        return f"{row['instance_token']} {row['sample_token'] in late}"
+
+    marks = nuscenes_tracks(devkit, nusc, tmp_path, renamed)
+    assert marks["ids"] > 5
+    assert marks["amota"] < 1.0
+
+
 def test_nuscenes_boxes_hold_the_points_that_were_counted(devkit, nusc) -> None:
     compared, exact = check_point_counts(devkit, nusc)
     assert compared > 200

@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -98,10 +99,10 @@ def rig_of(episode: Episode, options: ExportOptions) -> Rig:
         found.append((lidar_id, _lidar(episode.sensor(lidar_id).calibration, slot)))
     for radar_id, slot in radar_slots(s for s in on_ego if s.content == DETECTIONS).items():
         found.append((radar_id, _radar(episode.sensor(radar_id).calibration, slot)))
-    for kind, make in (("imu", _imu), ("gnss", _gnss)):
+    for kind, make in (("imu", _imu), ("gnss", partial(_gnss, episode))):
         alike = [s for s in on_ego if s.kind == kind]
         for sensor in alike:
-            found.append((sensor.id, make(episode, sensor, alone=len(alike) == 1)))
+            found.append((sensor.id, make(sensor, alone=len(alike) == 1)))
     return Rig(
         (_ego(episode), _boxes(), *(modality for _, modality in found)),
         {sensor_id: modality.key for sensor_id, modality in found},
@@ -182,8 +183,7 @@ def _radar(radar: SensorCalibration, slot: Slot) -> Modality:
     return Modality(f"radar.{slot.name}", metadata, {"data": pa.binary()})
 
 
-def _imu(episode: Episode, imu: SensorCalibration, *, alone: bool) -> Modality:
-    del episode
+def _imu(imu: SensorCalibration, *, alone: bool) -> Modality:
     metadata = {
         "imu_name": imu.id,
         "imu_id": None if alone else imu.id.lower(),

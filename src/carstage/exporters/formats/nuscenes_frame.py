@@ -24,7 +24,12 @@ from carstage.exporters.axes import (
 )
 from carstage.exporters.class_map import ClassMap
 from carstage.exporters.cloud_objects import point_objects
-from carstage.exporters.clouds import LabelledCloud, LabelledLidar, read_labelled
+from carstage.exporters.clouds import (
+    LabelledCloud,
+    LabelledLidar,
+    read_labelled,
+    read_points,
+)
 from carstage.exporters.formats.nuscenes_can_bus import Messages, can_messages
 from carstage.exporters.formats.nuscenes_categories import attribute_of, category_of
 from carstage.exporters.formats.nuscenes_files import lidar_file, radar_file
@@ -104,11 +109,8 @@ class SceneWriter:
     def _scene(self, scene: CarScene, frame: Frame, folder: Path) -> ScenePart:
         pose = enu_pose(scene.car.world_from_car(frame))
         pose[:2, 3] += self.shift_m
-        cloud = None
-        if scene.lidar is not None and frame.has(scene.lidar):
-            cloud = read_labelled(frame, LabelledLidar(scene.lidar, scene.tag_source))
         data = {
-            sensor_id: self._write(scene, frame, sensor_id, cloud, folder)
+            sensor_id: self._write(scene, frame, sensor_id, folder)
             for sensor_id in scene.channels
             if frame.has(sensor_id)
         }
@@ -118,12 +120,12 @@ class SceneWriter:
         if frame.k % self.step:
             return ScenePart(_pose_row(pose), data, {}, {}, {}, messages)
         seen = scene.car.frame(frame)
-        tracks = None
-        if cloud is not None and scene.lidar is not None:
+        tracks, labels = None, {}
+        if scene.lidar is not None and frame.has(scene.lidar):
+            cloud = read_labelled(frame, LabelledLidar(scene.lidar, scene.tag_source))
             tracks = point_objects(seen, cloud, frame.world_from_sensor(scene.lidar), scene.own_id)
-        labels = {}
-        if self.labelled and cloud is not None and tracks is not None:
-            labels = self._write_labels(scene, seen, cloud, tracks, folder)
+            if self.labelled:
+                labels = self._write_labels(scene, seen, cloud, tracks, folder)
         counts = _points_in_boxes(scene, seen, tracks)
         place = scene.car.world_from_car(frame)[:3, 3]
         annotations, categories = {}, {}
@@ -134,23 +136,16 @@ class SceneWriter:
                 categories[track_id] = category
         return ScenePart(_pose_row(pose), data, annotations, categories, labels, messages)
 
-    def _write(
-        self,
-        scene: CarScene,
-        frame: Frame,
-        sensor_id: str,
-        cloud: LabelledCloud | None,
-        folder: Path,
-    ) -> dict[str, Any]:
+    def _write(self, scene: CarScene, frame: Frame, sensor_id: str, folder: Path) -> dict[str, Any]:
         sensor = frame.episode.sensor(sensor_id).calibration
         channel = scene.channels[sensor_id]
         kind = "sweeps" if frame.k % self.step else "samples"
         stem = folder / kind / channel / f"{scene.key}__{channel}__{frame.k:06d}"
         if sensor.is_camera:
             path = copy_picture(frame, sensor_id, stem)
-        elif cloud is not None and sensor_id == scene.lidar:
+        elif sensor_id == scene.lidar:
             path = stem.with_name(stem.name + ".pcd.bin")
-            path.write_bytes(lidar_file(cloud.points, sensor.attributes))
+            path.write_bytes(lidar_file(read_points(frame, sensor_id), sensor.attributes))
         else:
             path = stem.with_name(stem.name + ".pcd")
             velocity = _radar_velocity(scene, frame, sensor)

@@ -7,9 +7,8 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 
 from benchmarks.process_figures import open_files, rss_mb
@@ -22,15 +21,61 @@ from carstage.bench.verdict import Figure, Verdict
 
 LONGEST_TICK_S = 15.0
 MOST_GROWTH_MB = 300.0
+FEWEST_TICKS = 10
+"""Of the healthy client while others misbehave; fewer would show little."""
 _OVERLAP = 6
 _LOG_TAIL = 60
 _CLOSED_WITHIN_S = 20.0
 
 
+class _HealthyClient:
+    """Runs the healthy client beside a block; `figures` are there when the block is left."""
+
+    def __init__(self, port: int) -> None:
+        self.figures = HealthyFigures()
+        self._port = port
+        self._everything = ExitStack()
+
+    @property
+    def has_ticked_enough(self) -> bool:
+        """Whether it noticed what there was to notice, or has ended early."""
+        return self._enough.exists() or self._trial.done()
+
+    def __enter__(self) -> _HealthyClient:
+        with ExitStack() as opened:
+            folder = opened.enter_context(tempfile.TemporaryDirectory(prefix="carstage-fuzz-"))
+            ready, self._enough, self._end = (
+                Path(folder) / name for name in ("ready", "enough", "end")
+            )
+            self._trial = opened.enter_context(ThreadPoolExecutor(1)).submit(
+                run_trial,
+                healthy_trial,
+                self._port,
+                ready=str(ready),
+                enough=str(self._enough),
+                fewest=FEWEST_TICKS,
+                until=str(self._end),
+                timeout_s=3600.0,
+            )
+            pause = threading.Event()
+            while not ready.exists() and not self._trial.done():
+                pause.wait(0.05)
+            self._everything = opened.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._everything:
+            self._end.touch()
+            try:
+                self.figures = self._trial.result()
+            except TrialError as error:
+                self.figures = HealthyFigures(wrong=[str(error)])
+
+
 class _Campaign:
     """Misbehaving connections one after another, several of them open at a time."""
 
-    def __init__(self, server: RunningServer, seed: int) -> None:
+    def __init__(self, server: RunningServer, seed: int, healthy: _HealthyClient) -> None:
         rng = random.Random(seed)
         spawned: list[int] = []
         self.done: Counter[str] = Counter()
@@ -38,12 +83,17 @@ class _Campaign:
         self.calls = 0
         self.peak_mb = 0.0
         self._server = server
+        self._healthy = healthy
         self._rng = rng
         self._spawned = spawned
         self._requests = Requests(rng, spawned)
 
     def run(self, calls: int | None, until_s: float | None) -> None:
-        """Misbehave until so many calls were made, or until a time of the monotonic clock."""
+        """Misbehave until so many calls were made, or until a time of the monotonic clock.
+
+        However fast the calls are, misbehaving goes on until the healthy client had time to
+        notice.
+        """
         names = sorted(ALL)
         open_ones: list[ExitStack] = []
         with ExitStack() as everything:
@@ -62,7 +112,12 @@ class _Campaign:
     def _goes_on(self, calls: int | None, until_s: float | None) -> bool:
         if self.unanswered:
             return False
-        wanted = calls is None or self.calls < calls or len(self.done) < len(ALL)
+        wanted = (
+            calls is None
+            or self.calls < calls
+            or len(self.done) < len(ALL)
+            or not self._healthy.has_ticked_enough
+        )
         return wanted and (until_s is None or time.monotonic() < until_s)
 
     def _one(self, name: str, stack: ExitStack) -> None:
@@ -83,31 +138,6 @@ class _Campaign:
         self.done[name] += 1
 
 
-@contextmanager
-def _healthy_client(port: int) -> Iterator[list[HealthyFigures]]:
-    """Runs the healthy client beside the block; its figures are there when the block is left."""
-    found: list[HealthyFigures] = []
-    with (
-        tempfile.TemporaryDirectory(prefix="carstage-fuzz-") as folder,
-        ThreadPoolExecutor(1) as pool,
-    ):
-        ready, end = (Path(folder) / name for name in ("ready", "end"))
-        trial = pool.submit(
-            run_trial, healthy_trial, port, ready=str(ready), until=str(end), timeout_s=3600.0
-        )
-        try:
-            pause = threading.Event()
-            while not ready.exists() and not trial.done():
-                pause.wait(0.05)
-            yield found
-        finally:
-            end.touch()
-        try:
-            found.append(trial.result())
-        except TrialError as error:
-            found.append(HealthyFigures(wrong=[str(error)]))
-
-
 def check_fuzz(*, seconds: float | None = None, calls: int | None = 2000, seed: int = 7) -> Verdict:
     """Is everybody well after all that?
 
@@ -117,12 +147,12 @@ def check_fuzz(*, seconds: float | None = None, calls: int | None = 2000, seed: 
         seed: of every choice.
     """
     with started_server(("--map", "Stage01", "--threads", "1")) as server:
-        campaign = _Campaign(server, seed)
         until_s = None if seconds is None else time.monotonic() + seconds
-        with _healthy_client(server.port) as found:
+        with _HealthyClient(server.port) as healthy_client:
+            campaign = _Campaign(server, seed, healthy_client)
             files_before, before_mb = open_files(server.pid), rss_mb(server.pid)
             campaign.run(calls, until_s)
-        (healthy,) = found
+        healthy = healthy_client.figures
         if campaign.unanswered and server.alive:
             server.abort()
         alive = server.alive
@@ -145,7 +175,7 @@ def check_fuzz(*, seconds: float | None = None, calls: int | None = 2000, seed: 
             Figure("server_alive", str(alive), "==", "True"),
             Figure("unhandled_exceptions_in_the_log", len(tracebacks), "==", 0),
             Figure("lines_in_the_log", len(log)),
-            Figure("ticks_of_the_healthy_client", healthy.ticks, ">=", 10),
+            Figure("ticks_of_the_healthy_client", healthy.ticks, ">=", FEWEST_TICKS),
             Figure("faults_it_saw", len(healthy.wrong), "==", 0),
             Figure("missed_by_a_newcomer", len(missing), "==", 0),
             Figure("longest_tick_s", healthy.longest_tick_s, "<=", LONGEST_TICK_S),

@@ -34,12 +34,14 @@ class HealthyFigures:
     wrong: list[str] = field(default_factory=list)
 
 
-def healthy_trial(port: int, *, ready: str, until: str) -> HealthyFigures:
+def healthy_trial(port: int, *, ready: str, enough: str, fewest: int, until: str) -> HealthyFigures:
     """Ticks and compares until a file exists; runs in the client's process.
 
     Args:
         port: the server's.
         ready: path of a file to make when the client is at work.
+        enough: path of a file to make once it has ticked often enough to have noticed.
+        fewest: that many ticks are enough.
         until: path of the file that ends it.
     """
     client = carla.Client("127.0.0.1", port)
@@ -73,6 +75,8 @@ def healthy_trial(port: int, *, ready: str, until: str) -> HealthyFigures:
             figures.ticks += 1
             _compare(client, world, sensors, figures, newer=frame > before)
             before = frame
+            if figures.ticks == fewest:
+                Path(enough).touch()
             pause.wait(_PACE_S)
     finally:
         for sensor in sensors:

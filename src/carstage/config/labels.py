@@ -63,6 +63,13 @@ class Labels(Section):
         description="`all`: every camera of colours; or a list of sensor ids; `[]` labels none.",
         group="labels",
     )
+    lidars: Literal["all"] | Names = setting(
+        (),
+        title="Labelled LiDARs",
+        description="`all`, or a list of sensor ids: beside each a semantic LiDAR is recorded, so "
+        "that exports can label its points.",
+        group="labels",
+    )
     level_objects: Annotated[tuple[LevelObjectKind, ...], Strict(strict=False)] = setting(
         DEFAULT_LEVEL_OBJECTS,
         title="Level objects",

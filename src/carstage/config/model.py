@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import model_validator
 
@@ -20,7 +20,7 @@ from carstage.config.timing import Timing, check_substepping
 from carstage.config.traffic import Pedestrians, Traffic, Vehicles
 from carstage.config.weather import DEFAULT_PRESET, WeatherConfig
 from carstage.releases import refusal
-from carstage.sensor_kinds.model import COLOUR
+from carstage.sensor_kinds.model import COLOUR, POINTS
 from carstage.spec import SavedSteps
 from carstage.spec.defaults import MAX_DISTANCE_M, MIN_LIDAR_POINTS
 from carstage.spec.sensors import SPRING_ARMS
@@ -217,13 +217,10 @@ class Config(Section):
         for path, sensor in self.located_sensors():
             self._check_sensor(path, sensor)
         ids = {sensor.id for sensor in self.sensors}
-        cameras = {sensor.id for sensor in self.sensors if sensor.row.twins}
-        for position, name in enumerate(
-            () if self.labels.cameras == "all" else self.labels.cameras
-        ):
-            if name not in cameras:
-                message, hint = unknown("camera", name, cameras)
-                raise problem(message, hint, "labels", "cameras", position)
+        cameras = {sensor.id for sensor in self.sensors if sensor.row.is_camera}
+        lidars = {sensor.id for sensor in self.sensors if sensor.row.content == POINTS}
+        _check_names("cameras", self.labels.cameras, cameras)
+        _check_names("lidars", self.labels.lidars, lidars)
         for name in self.conversion.codecs:
             if name not in ids:
                 message, hint = unknown("sensor", name, ids)
@@ -319,3 +316,21 @@ class Config(Section):
     def labelled_cameras(self) -> tuple[str, ...]:
         """Ids of the cameras that get labels, in the rig's order."""
         return tuple(sensor.id for sensor in self.sensors if self._is_labelled(sensor))
+
+    @property
+    def labelled_lidars(self) -> tuple[str, ...]:
+        """Ids of the LiDARs whose points can be labelled by a twin, in the rig's order."""
+        chosen = self.labels.lidars
+        return tuple(
+            sensor.id
+            for sensor in self.sensors
+            if sensor.row.content == POINTS and (chosen == "all" or sensor.id in chosen)
+        )
+
+
+def _check_names(field: str, names: Literal["all"] | tuple[str, ...], known: set[str]) -> None:
+    """Sensors that ``labels`` names exist and can be labelled."""
+    for position, name in enumerate(() if names == "all" else names):
+        if name not in known:
+            message, hint = unknown(field.removesuffix("s"), name, known)
+            raise problem(message, hint, "labels", field, position)

@@ -17,10 +17,11 @@ from carstage.config.fields import Section, problem, setting
 from carstage.sensor_kinds import SensorKind, kinds, sensor_kind
 from carstage.spec.sensors import EGO, ON_MAP, RIGID, SensorSpec
 
-#: Length of a stream's name in the raw log; hidden twins append one of these to the camera's id.
+#: Length of a stream's name in the raw log; twins append one of these to their sensor's id.
 LONGEST_STREAM_NAME = 31
 DEPTH_SUFFIX = ".depth"
 INSTANCE_SUFFIX = ".instance"
+SEMANTIC_SUFFIX = ".semantic"
 LONGEST_SENSOR_ID = LONGEST_STREAM_NAME - len(INSTANCE_SUFFIX)
 RESERVED_IDS = frozenset({"world", "ledger"})
 _ID_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
@@ -124,7 +125,7 @@ class Sensor(Section):
                 f"Use at most {LONGEST_SENSOR_ID}.",
                 "id",
             )
-        if self.id.endswith((DEPTH_SUFFIX, INSTANCE_SUFFIX, ".tag", ".parquet")):
+        if self.id.endswith((DEPTH_SUFFIX, INSTANCE_SUFFIX, SEMANTIC_SUFFIX, ".tag", ".parquet")):
             raise problem(
                 f"{self.id!r} ends like the name of a derived sensor or of a file.",
                 "Use '_' instead of the last '.'.",

@@ -29,6 +29,9 @@ _SCAN: Final = {
 _BIN_RAD: Final = np.radians(0.25)
 _NEAREST_RAD: Final = np.radians(0.2)
 _SAME_M, _SAME_SHARE = 0.3, 0.02
+_NOISE_SIGMAS: Final = 4.0
+_MOST_COLUMNS: Final = 20
+"""Cells of azimuth to either side that are looked through: enough up to 87 degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +41,17 @@ class LabelledLidar:
     Attributes:
         points: the LiDAR's id.
         labels: the semantic LiDAR's, which may be the same; None: no labels.
+        noise_m: standard deviation along the ray of the LiDAR whose points are exported.
     """
 
     points: str
     labels: str | None
+    noise_m: float = 0.0
+
+    @classmethod
+    def of(cls, lidar: SensorCalibration, labels: str | None) -> LabelledLidar:
+        """A LiDAR that takes its labels from another one."""
+        return cls(lidar.id, labels, float(lidar.attributes.get("noise_stddev", 0.0)))
 
     @property
     def is_semantic(self) -> bool:
@@ -88,13 +98,12 @@ def labelled_lidar(episode: Episode, options: ExportOptions) -> LabelledLidar:
     for lidar in plain:
         source = label_source(episode, lidar)
         if source is not None:
-            return LabelledLidar(lidar.id, source)
+            return LabelledLidar.of(lidar, source)
     if options.lidar is None and semantic:
         return LabelledLidar(semantic[0], semantic[0])
     raise BadInputError(
         f"No LiDAR of episode {episode.id} has labels.",
-        "Record a sensor of kind semantic_lidar; with the pose and the scan attributes of a lidar, "
-        "that lidar's points take its labels.",
+        "Record with `labels: {lidars: all}`, or add a sensor of kind semantic_lidar to the rig.",
     )
 
 
@@ -146,23 +155,26 @@ def read_labelled(frame: Frame, lidar: LabelledLidar) -> LabelledCloud:
     tags, objects = np.zeros(len(points), np.uint8), np.zeros(len(points), np.uint32)
     if lidar.labels is not None and frame.has(lidar.labels):
         tagged = frame.read(lidar.labels)
-        nearest = nearest_rays(points_xyz(points), points_xyz(tagged))
+        nearest = nearest_rays(points_xyz(points), points_xyz(tagged), lidar.noise_m)
         found = nearest >= 0
         tags[found] = tagged["object_tag"][nearest[found]]
         objects[found] = tagged["object_idx"][nearest[found]]
     return LabelledCloud(points, tags, objects)
 
 
-def nearest_rays(points: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.int64]:
+def nearest_rays(
+    points: NDArray[np.float64], rays: NDArray[np.float64], noise_m: float = 0.0
+) -> NDArray[np.int64]:
     """For each point the ray in the nearest direction that ends at the same surface.
 
     Args:
         points: ``(N, 3)`` m, in the sensor's axes.
         rays: ``(M, 3)`` ends of the rays, likewise.
+        noise_m: standard deviation along the ray of what measured the points.
 
     Returns:
         ``(N,)`` indices into ``rays``; -1 where no ray within 0.2 degrees ends within 0.3 m + 2 %
-        of the point's distance.
+        of the point's distance + 4 standard deviations.
     """
     if not len(rays) or not len(points):
         return np.full(len(points), -1, dtype=np.int64)
@@ -173,7 +185,8 @@ def nearest_rays(points: NDArray[np.float64], rays: NDArray[np.float64]) -> NDAr
     keys = keys[order]
     best: NDArray[np.int64] = np.full(len(points), -1, dtype=np.int64)
     closest = np.full(len(points), np.cos(_NEAREST_RAD))
-    for offset in _neighbours():
+    allowed = _SAME_M + _NOISE_SIGMAS * noise_m + _SAME_SHARE * distance
+    for offset in _neighbours(direction):
         cell = _cells(direction, offset)
         begin, end = np.searchsorted(keys, cell), np.searchsorted(keys, cell, side="right")
         for step in range(int((end - begin).max(initial=0))):
@@ -181,7 +194,7 @@ def nearest_rays(points: NDArray[np.float64], rays: NDArray[np.float64]) -> NDAr
             candidate = order[begin[some] + step]
             cosine = np.einsum("ij,ij->i", direction[some], ray_direction[candidate])
             off = np.abs(distance[some] - ray_distance[candidate])
-            better = (cosine > closest[some]) & (off <= _SAME_M + _SAME_SHARE * distance[some])
+            better = (cosine > closest[some]) & (off <= allowed[some])
             best[some[better]] = candidate[better]
             closest[some[better]] = cosine[better]
     return best
@@ -203,8 +216,11 @@ def _cells(direction: NDArray[np.float64], offset: tuple[int, int] = (0, 0)) -> 
     return cells
 
 
-def _neighbours() -> list[tuple[int, int]]:
-    return [(column, row) for row in (-1, 0, 1) for column in (-1, 0, 1)]
+def _neighbours(direction: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """Offsets of the cells that may hold a nearest ray: cells of azimuth narrow with elevation."""
+    level = np.sqrt(max(1.0 - float(np.abs(direction[:, 2]).max()) ** 2, 1e-9))
+    reach = min(int(np.ceil(_NEAREST_RAD / _BIN_RAD / level)), _MOST_COLUMNS)
+    return [(column, row) for row in (-1, 0, 1) for column in range(-reach, reach + 1)]
 
 
 def is_labelled(frame: Frame, lidar: LabelledLidar) -> bool:

@@ -119,7 +119,9 @@ def plan_episodes(
                 scenario=plan_scenario(config, facts.count(map_name), recording),
                 sensors=sensors,
                 labels=LabelsSpec(
-                    **config.labels.model_dump(exclude={"cameras", "boxes", "level_objects"}),
+                    **config.labels.model_dump(
+                        exclude={"cameras", "lidars", "boxes", "level_objects"}
+                    ),
                     boxes=tuple(sorted(set(config.labels.boxes))),
                     level_objects=tuple(sorted(set(config.labels.level_objects))),
                 ),

@@ -1,7 +1,8 @@
-"""The sensors of an episode: the requested ones, and hidden twins of labelled cameras.
+"""The sensors of an episode: the requested ones, and the twins of those that are labelled.
 
 A label needs the depth (and, for pixels, the instances) that its camera sees. A requested sensor of
-the same pose and intrinsics serves; where there is none, a hidden twin is added.
+the same pose and intrinsics serves; where there is none, a hidden twin is added. Points of a
+labelled LiDAR take the labels of a semantic LiDAR that scans alike, which is part of the dataset.
 """
 
 from __future__ import annotations
@@ -11,30 +12,35 @@ from dataclasses import replace
 
 from carstage.config import Config, Sensor
 from carstage.config.attributes import carla_text
-from carstage.config.sensors import Pose
+from carstage.config.sensors import SEMANTIC_SUFFIX, Pose
 from carstage.sensor_kinds import sensor_kind
+from carstage.sensor_kinds.attributes import SEMANTIC_LIDAR
 from carstage.spec import PoseSpec, SensorSpec
 
 _RATE = "sensor_tick"
 _DEPTH = "depth"
+_SEMANTIC_LIDAR = "semantic_lidar"
+_SCAN = frozenset(row.carla for row in SEMANTIC_LIDAR.rows)
 _GEOMETRY = ("image_size_", "fov", "lens_")
 
 
 def plan_sensors(config: Config) -> tuple[SensorSpec, ...]:
-    """Requested sensors in the rig's order, then the hidden twins."""
+    """Requested sensors in the rig's order, then the twins."""
     labelled = set(config.labelled_cameras)
     sensors = [_sensor(sensor, config, sensor.id in labelled) for sensor in config.sensors]
     by_depth_alone = config.labels.method == "stage_vo"
     for position, camera in enumerate(list(sensors)):
         if camera.labelled:
             names = {
-                kind: _serving(camera, kind, sensors)
+                kind: _serving(camera, kind, sensors, f".{kind}")
                 for kind in sensor_kind(camera.kind).twins
                 if kind == _DEPTH or not by_depth_alone
             }
             sensors[position] = replace(
                 camera, depth=names.get(_DEPTH), instance=names.get("instance")
             )
+    for lidar in [sensor for sensor in sensors if sensor.id in config.labelled_lidars]:
+        _serving(lidar, _SEMANTIC_LIDAR, sensors, SEMANTIC_SUFFIX, hidden=False)
     return tuple(sensors)
 
 
@@ -78,9 +84,9 @@ def _pose(pose: Pose) -> PoseSpec:
 
 
 def _shared(attributes: Mapping[str, str]) -> dict[str, str]:
-    """What a twin has in common with its camera: geometry, and when it measures."""
-    rate = {_RATE: attributes[_RATE]} if _RATE in attributes else {}
-    return {**geometry(attributes), **rate}
+    """What a twin has in common with its sensor: along which rays, and when it measures."""
+    along = {name: text for name, text in attributes.items() if name in _SCAN or name == _RATE}
+    return {**geometry(attributes), **along}
 
 
 def _view(sensor: SensorSpec) -> tuple[object, ...]:
@@ -89,21 +95,23 @@ def _view(sensor: SensorSpec) -> tuple[object, ...]:
     return (*carrier, sensor.pose, _shared(sensor.attributes))
 
 
-def _serving(camera: SensorSpec, kind: str, sensors: list[SensorSpec]) -> str:
-    """Id of the sensor of ``kind`` that sees what ``camera`` sees; appended if there is none."""
-    if camera.kind == kind:
-        return camera.id
+def _serving(
+    sensor: SensorSpec, kind: str, sensors: list[SensorSpec], suffix: str, hidden: bool = True
+) -> str:
+    """Id of the sensor of ``kind`` that sees what ``sensor`` sees; appended if there is none."""
+    if sensor.kind == kind:
+        return sensor.id
     for other in sensors:
-        if other.kind == kind and _view(other) == _view(camera):
+        if other.kind == kind and _view(other) == _view(sensor):
             return other.id
     twin = replace(
-        camera,
-        id=f"{camera.id}.{kind}",
+        sensor,
+        id=sensor.id + suffix,
         kind=kind,
         blueprint=sensor_kind(kind).blueprint,
-        hidden=True,
+        hidden=hidden,
         labelled=False,
-        attributes=_shared(camera.attributes),
+        attributes=_shared(sensor.attributes),
         depth=None,
         instance=None,
     )

@@ -139,6 +139,11 @@ REFUSED = {
         "at most 22",
     ),
     "id of a twin": ("rig: {sensors: [{id: A.depth, kind: rgb}]}", "rig.sensors[0].id: ", "'_'"),
+    "labelled LiDAR": (
+        "{rig: {sensors: [{id: L, kind: lidar}]}, labels: {lidars: [M]}}",
+        "labels.lidars[0]: ",
+        "Known: L",
+    ),
     "id of a table": ("rig: {sensors: [{id: A.parquet, kind: rgb}]}", "rig.sensors[0].id: ", "'_'"),
     "attribute": (
         ONE % "rgb, attributes: {fov_dg: 90}",

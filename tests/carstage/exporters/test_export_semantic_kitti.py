@@ -31,11 +31,10 @@ pedestrians: {count: 30}
 timing: {warmup_ticks: 25}
 conversion: {workers: 1}
 server: {kind: embedded, self_test: off}
+labels: {lidars: [TOP]}
 rig:
   sensors:
     - {id: TOP, kind: lidar, pose: {z: 1.9}, attributes: {channels: 32, points_per_second: 200000}}
-    - {id: TWIN, kind: semantic_lidar, pose: {z: 1.9},
-       attributes: {channels: 32, points_per_second: 200000}}
     - {id: ALONE, kind: semantic_lidar, pose: {x: 1.0, z: 2.2}, attributes: {channels: 16}}
 """
 
@@ -95,7 +94,7 @@ def test_points_of_a_lidar_have_the_labels_of_its_twin(exported: Path, drive: Pa
     for k in range(FRAMES):
         points, labels = scan(sequence, k)
         np.testing.assert_array_equal(points * [1, -1, 1, 1], episode.sensor("TOP").read(k))
-        tagged = episode.sensor("TWIN").read(k)
+        tagged = episode.sensor("TOP.semantic").read(k)
         ends = np.column_stack([tagged[name] for name in "xyz"])
         # The nearest end of a ray, in space: another way than by direction.
         some = np.linspace(0, len(points) - 1, 400).astype(int)
@@ -186,3 +185,18 @@ def test_rays_are_matched_by_direction_and_distance() -> None:
     )
     assert nearest_rays(points, rays).tolist() == [0, -1, -1, 2]
     assert nearest_rays(points, np.empty((0, 3))).tolist() == [-1] * 4
+
+
+def test_rays_are_matched_as_far_along_the_ray_as_the_lidar_is_noisy() -> None:
+    rays, points = np.array([[10.0, 0.0, 0.0]]), np.array([[11.5, 0.0, 0.0]])
+    assert nearest_rays(points, rays).tolist() == [-1]
+    assert nearest_rays(points, rays, noise_m=0.4).tolist() == [0]
+
+
+def test_rays_are_matched_across_many_cells_of_azimuth_near_the_zenith() -> None:
+    elevation, azimuth = np.radians(80.0), np.radians([0.1, 1.0])
+    level = np.cos(elevation)
+    ray, point = np.stack(
+        [level * np.cos(azimuth), level * np.sin(azimuth), np.full(2, np.sin(elevation))], axis=1
+    )
+    assert nearest_rays(10.0 * point[None], 10.0 * ray[None]).tolist() == [0]

@@ -159,6 +159,25 @@ def test_cameras_of_one_view_share_the_twins() -> None:
     assert planned["B"].depth == "A.depth"
 
 
+def test_labelled_lidar_gets_a_twin_that_scans_alike_and_is_recorded() -> None:
+    lidar = "{id: L, kind: lidar, pose: {z: 2}, attributes: {channels: 16, noise_stddev_m: 0.1}}"
+    planned = sensors(f"{{rig: {{sensors: [{lidar}]}}, labels: {{lidars: all}}}}")
+    assert list(planned) == ["L", "L.semantic"]
+    twin = planned["L.semantic"]
+    assert (twin.blueprint, twin.hidden) == ("sensor.lidar.ray_cast_semantic", False)
+    assert twin.pose == planned["L"].pose
+    assert twin.attributes == {
+        name: text
+        for name, text in planned["L"].attributes.items()
+        if not name.startswith(("noise", "dropoff", "atmosphere"))
+    }
+
+
+def test_semantic_lidar_of_the_rig_serves_instead_of_a_twin() -> None:
+    pair = "{id: L, kind: lidar}, {id: S, kind: semantic_lidar}"
+    assert list(sensors(f"{{rig: {{sensors: [{pair}]}}, labels: {{lidars: [L]}}}}")) == ["L", "S"]
+
+
 def test_stage_vo_needs_depth_only() -> None:
     assert list(sensors("labels: {method: stage_vo}")) == ["CAM_FRONT", "CAM_FRONT.depth"]
 

@@ -126,10 +126,12 @@ function suggestions(
   if (section === "ego" && key === "blueprint")
     return embedded ? (description?.vehicles.map(({ id }) => id).sort() ?? null) : null;
   if (key === "base_type") return ["car", "van", "truck", "bus", "motorcycle", "bicycle"];
-  if ((section === "labels" && key === "cameras") || (section === "conversion" && key === "codecs")) {
+  if ((section === "labels" && (key === "cameras" || key === "lidars")) || (section === "conversion" && key === "codecs")) {
     const listed = getAt(document, ["rig", "sensors"]);
     const sensors = (Array.isArray(listed) ? listed : []).filter(isObject);
-    return sensors.filter((one) => key === "codecs" || kindOf(String(one.kind))?.modality === "camera").map((one) => String(one.id));
+    const fits = ({ kind }: JsonObject) =>
+      key === "codecs" || (key === "lidars" ? kind === "lidar" : kindOf(String(kind))?.modality === "camera");
+    return sensors.filter(fits).map((one) => String(one.id));
   }
   return null;
 }

@@ -122,7 +122,8 @@ class SceneWriter:
         seen = scene.car.frame(frame)
         tracks, labels = None, {}
         if scene.lidar is not None and frame.has(scene.lidar):
-            cloud = read_labelled(frame, LabelledLidar(scene.lidar, scene.tag_source))
+            lidar = frame.episode.sensor(scene.lidar).calibration
+            cloud = read_labelled(frame, LabelledLidar.of(lidar, scene.tag_source))
             tracks = point_objects(seen, cloud, frame.world_from_sensor(scene.lidar), scene.own_id)
             if self.labelled:
                 labels = self._write_labels(scene, seen, cloud, tracks, folder)

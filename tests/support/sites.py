@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import time
@@ -11,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import psutil
 from fastapi.testclient import TestClient
 
 from benchmarks.framework.bare_specs import bare_sensor, bare_spec
+from carstage.runs.identity import identify
 from carstage.web.app import create_app
 from carstage.web.loading import load
 from carstage.web.settings import WebSettings
@@ -55,8 +54,7 @@ class FakeRun:
             "format_version": 1,
             "run_id": run_id,
             "state": "recording",
-            "pid": self.process.pid,
-            "pid_started": psutil.Process(self.process.pid).create_time(),
+            **identify(self.process.pid),
             "heartbeat": time.time(),
             "episodes": {"total": 2, "committed": 1, "failed": 0, "skipped": 0},
             "current": {
@@ -69,7 +67,6 @@ class FakeRun:
                 "frames_total": 10,
             },
             "message": None,
-            "host": os.uname().nodename,
         }
         sensors = [
             bare_sensor("CAM", "rgb"),

@@ -17,7 +17,8 @@ from typing import Any
 from carstage import __version__
 from carstage.cli import unsupported
 from carstage.errors import CarStageError
-from carstage.runs import dead_runs, size_text
+from carstage.runs import left_runs, size_text
+from carstage.storage import open_store
 
 _WANTED_FREE_BYTES = 1_000_000_000
 _WANTED_MEMORY_BYTES = 2_000_000_000
@@ -185,10 +186,19 @@ def _interpreters() -> Iterator[Finding]:
 
 
 def _leftovers(out: Path) -> Iterator[Finding]:
-    for run in dead_runs(out):
-        yield Finding(
-            "dead run",
-            True,
-            f"{run.folder} was killed and left {len(run.attempts)} unfinished attempts.",
-            "The next run into this dataset removes them.",
-        )
+    for run in left_runs(out):
+        if run.dead:
+            text = f"{run.folder} was killed and left {len(run.attempts)} unfinished attempts."
+            hint = "The next run into this dataset removes them."
+        else:
+            text = f"The {run.describe} is silent and cannot be seen from here."
+            hint = f"If it is gone for good, delete {run.folder / 'raw'}."
+        yield Finding("dead run" if run.dead else "silent run", True, text, hint)
+    if (out / "dataset.json").exists():
+        for marker in open_store(out).lost():
+            yield Finding(
+                "lost episode",
+                False,
+                f"Episode {marker.episode_id} was committed, and none of its files is there.",
+                "The next run into this dataset records it again.",
+            )

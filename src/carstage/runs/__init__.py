@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from carstage.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from carstage.runs.attempts import DeadRun, dead_runs
+    from carstage.runs.attempts import LeftRun, left_runs
     from carstage.runs.folder import CurrentEpisode, EpisodeCounts, RunStatus
     from carstage.runs.outcome import RunResult
     from carstage.runs.preflight import size_text
@@ -22,13 +22,13 @@ __all__ = [
     "DEFAULT_RETRIES",
     "ConfigSource",
     "CurrentEpisode",
-    "DeadRun",
     "EpisodeCounts",
+    "LeftRun",
     "RunResult",
     "RunStatus",
-    "dead_runs",
     "describe_verdict",
     "examine_server",
+    "left_runs",
     "run",
     "size_text",
 ]
@@ -36,7 +36,7 @@ __all__ = [
 __getattr__ = lazy_names(
     __name__,
     {
-        "attempts": "DeadRun dead_runs",
+        "attempts": "LeftRun left_runs",
         "folder": "CurrentEpisode EpisodeCounts RunStatus",
         "outcome": "RunResult",
         "preflight": "size_text",

@@ -1,7 +1,7 @@
-"""Names of attempts, and what dead runs have left behind.
+"""What runs have left behind that did not end.
 
 An attempt of a run writes below ``episodes/<id>/<attempt>``. A run that was killed cannot remove
-it; the next one does, when the process of the dead run is certainly gone.
+it. The next one does, where the process is certainly gone, or where another attempt is the episode.
 """
 
 from __future__ import annotations
@@ -10,126 +10,137 @@ import json
 import re
 import secrets
 import shutil
-import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from carstage.errors import StorageError
-from carstage.runs.folder import FINAL_STATES, is_alive
+from carstage.runs.folder import FINAL_STATES, FORMAT_VERSION, PROCESS_FILE, EpisodeCounts
+from carstage.runs.identity import life_of
 from carstage.runs.orphans import end_orphans
-from carstage.storage import Store
+from carstage.runs.reading import is_recent, read_document
+from carstage.storage import CommitMarker, Store
 
 _ATTEMPT = re.compile(r"a([1-9][0-9]*)")
 
 
-def reserve_attempt(out: Path, episode_id: str, first: int = 1) -> str:
-    """Create the folder of a new attempt; no other run can get the same one.
-
-    Args:
-        out: folder of the dataset.
-        episode_id: id of the episode.
-        first: lowest number to use.
-
-    Raises:
-        StorageError: the folder cannot be created.
-    """
-    folder = out / "episodes" / episode_id
-    number = first
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        taken = [int(m[1]) for path in folder.iterdir() if (m := _ATTEMPT.fullmatch(path.name))]
-        number = max([first, *(n + 1 for n in taken)])
-        while True:
-            with suppress(FileExistsError):
-                (folder / f"a{number}").mkdir()
-                return f"a{number}"
-            number += 1
-    except OSError as error:
-        raise StorageError(
-            f"The attempt's folder in {folder} cannot be created: {error.strerror}.",
-            "Check the free space and the permissions of the output folder.",
-        ) from error
-
-
 @dataclass(frozen=True, slots=True)
-class DeadRun:
-    """A run whose process is gone though its status says otherwise.
+class LeftRun:
+    """A run that did not end and does not go on, as far as can be seen.
 
     Attributes:
         attempts: (episode id, attempt) of what it had begun and neither committed nor removed.
-        begun_s: Unix time at which its process began.
-        foreign: whether it was on another machine, whose processes are not for us to end.
+        process: which process it was, as far as it is known.
+        dead: its process is certainly gone. Else it is somewhere else, and silent: it may sleep.
     """
 
     folder: Path
     attempts: tuple[tuple[str, str], ...]
-    begun_s: float
-    foreign: bool = False
+    process: Mapping[str, Any]
+    dead: bool
 
-
-def dead_runs(out: Path) -> Iterator[DeadRun]:
-    """The dead runs of a dataset."""
-    for status_path in sorted((out / "runs").glob("*/status.json")):
-        try:
-            status = json.loads(status_path.read_bytes())
-        except (OSError, ValueError):
-            continue
-        if not isinstance(status, dict) or status.get("state") in FINAL_STATES or is_alive(status):
-            continue
-        folder = status_path.parent
-        yield DeadRun(
-            folder,
-            tuple(sorted(_begun(folder / "events.jsonl", out))),
-            float(status.get("pid_started") or time.time()),
-            status.get("host", socket.gethostname()) != socket.gethostname(),
+    @property
+    def describe(self) -> str:
+        """Which run, and where it was."""
+        return (
+            f"run {self.folder.name} (process {self.process.get('pid', '?')} "
+            f"on {self.process.get('host', 'an unknown machine')})"
         )
 
 
-def remove_leftovers(run: DeadRun, store: Store) -> None:
-    """Remove what a dead run has left, and mark it as interrupted.
+def left_runs(out: Path) -> Iterator[LeftRun]:
+    """The runs of a dataset that are dead, or silent where they cannot be seen.
 
-    First its processes, which could still write; then its raw recordings and unfinished attempts.
+    Known by ``status.json``; where a power cut has spoilt that, by ``process.json``.
     """
-    if not run.foreign:
-        end_orphans(run.folder.name, run.begun_s)
-    kept = _kept_recordings(run.folder, store)
+    for folder in sorted((out / "runs").glob("*")):
+        status = read_document(folder / "status.json")
+        process = status or read_document(folder / PROCESS_FILE)
+        if process is None or (status is not None and status.get("state") in FINAL_STATES):
+            continue
+        life = life_of(process)
+        if life == "dead" or (life == "unknown" and not is_recent(process)):
+            attempts = tuple(sorted(_begun(folder / "events.jsonl", out)))
+            yield LeftRun(folder, attempts, process, life == "dead")
+
+
+def dead_runs(out: Path) -> Iterator[LeftRun]:
+    """Those whose process is certainly gone."""
+    return (run for run in left_runs(out) if run.dead)
+
+
+def clear_up(run: LeftRun, store: Store) -> str:
+    """Remove what a run has left, as far as that is safe; says what was done.
+
+    Of a dead run everything goes: first its processes, which could still write, then its raw
+    recordings and unfinished attempts. Any other run may wake up and commit. Of such a one only
+    attempts go that cannot be committed any more, as another attempt is the episode.
+    """
+    if run.dead:
+        end_orphans(run.folder.name, float(run.process.get("pid_started") or time.time()))
+    markers = store.committed()
+    kept = _kept_recordings(run.folder, markers)
+    stays = False
     for episode_id, attempt in run.attempts:
-        with suppress(StorageError):  # it was committed after all: it stays
-            store.discard_attempt(episode_id, attempt)
+        marker = markers.get(episode_id)
+        if run.dead or (marker is not None and marker.attempt != attempt):
+            with suppress(StorageError):  # it was committed after all: it stays
+                store.discard_attempt(episode_id, attempt)
+            if not run.dead:
+                shutil.rmtree(run.folder / "raw" / episode_id / attempt, ignore_errors=True)
+        else:
+            stays = stays or marker is None
+    if not run.dead:
+        if not stays:
+            return ""
+        return (
+            f"The {run.describe} says nothing, and cannot be seen from here. What it left stays: "
+            f"if it is gone for good, delete {run.folder / 'raw'} and its attempts "
+            + ", ".join(f"episodes/{episode_id}/{attempt}" for episode_id, attempt in run.attempts)
+            + "."
+        )
     for recording in (run.folder / "raw").glob("*/*"):
         if recording not in kept:
             shutil.rmtree(recording, ignore_errors=True)
     for folder in (*(run.folder / "raw").glob("*"), run.folder / "raw"):
         with suppress(OSError):  # what is kept, or gone already
             folder.rmdir()
-    path = run.folder / "status.json"
-    status = json.loads(path.read_bytes())
-    status["state"] = "interrupted"
-    status["message"] = "The process of this run was gone; a later run removed what it had left."
+    status = {
+        "format_version": FORMAT_VERSION,
+        "run_id": run.folder.name,
+        "episodes": asdict(EpisodeCounts()),
+        "current": None,
+        "heartbeat": 0.0,
+        **run.process,
+        "state": "interrupted",
+        "message": "The process of this run was gone; a later run removed what it had left.",
+    }
     # Two runs that start together may both do this.
+    path = run.folder / "status.json"
     temporary = path.with_name(f".status.json.{secrets.token_hex(8)}")
     temporary.write_text(json.dumps(status, indent=1), "utf-8")
     temporary.replace(path)
+    return f"Removed what the dead run {run.folder.name} had left."
 
 
-def _kept_recordings(folder: Path, store: Store) -> set[Path]:
+def _kept_recordings(folder: Path, markers: Mapping[str, CommitMarker]) -> set[Path]:
     """Raw recordings of committed episodes, where the run's configuration keeps them."""
-    try:
-        config = json.loads((folder / "plan.json").read_bytes())["config"]
-    except (OSError, ValueError, KeyError):
+    plan = read_document(folder / "plan.json") or {}
+    if not plan.get("config", {}).get("output", {}).get("keep_raw", False):
         return set()
-    if not config.get("output", {}).get("keep_raw", False):
-        return set()
-    return {
-        folder / "raw" / marker.episode_id / marker.attempt for marker in store.committed().values()
-    }
+    return {folder / "raw" / marker.episode_id / marker.attempt for marker in markers.values()}
 
 
 def _begun(events: Path, out: Path) -> set[tuple[str, str]]:
-    begun: set[tuple[str, str]] = set()
+    """Attempts by the leases that the run holds, and by its events: old ones have no leases."""
+    run_id, begun = events.parent.name, set[tuple[str, str]]()
+    for path in (out / "leases").glob("*.*"):
+        episode_id, _, number = path.name.rpartition(".")
+        if (read_document(path) or {}).get("run_id") == run_id:
+            begun.add((episode_id, f"a{number}"))
     with suppress(OSError):
         for line in events.read_text("utf-8", "replace").splitlines():
             with suppress(ValueError, KeyError, TypeError):

@@ -6,19 +6,18 @@ import json
 import os
 import re
 import secrets
-import socket
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal
 
-import psutil
-
 from carstage.errors import BadInputError
+from carstage.files.whole import flush_folder
+from carstage.runs.identity import identify
 from carstage.storage.disk import disk_error
 
 if TYPE_CHECKING:
@@ -29,8 +28,7 @@ FORMAT_VERSION = 1
 _RUN_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 State = Literal["planning", "starting", "recording", "converting", "done", "failed", "interrupted"]
 FINAL_STATES = ("done", "failed", "interrupted")
-FOREIGN_SILENCE_S = 900.0
-"""Age of the heartbeat at which a run on another machine counts as dead; clocks may differ."""
+PROCESS_FILE = "process.json"
 RESTED_S = 60.0
 """A run's heartbeat may rest for so long while it commits an episode."""
 
@@ -63,24 +61,22 @@ class RunStatus:
     """What ``status.json`` says.
 
     Attributes:
-        pid_started: Unix time at which the process of the run began: a pid alone may be another's.
+        process: which process the run is, see ``identity.identify``.
         heartbeat: Unix time of the last write.
-        host: name of the machine that the run is on; folders may be shared by several.
     """
 
     run_id: str
     state: State
-    pid: int
-    pid_started: float
+    process: Mapping[str, Any]
     heartbeat: float
     episodes: EpisodeCounts
     current: CurrentEpisode | None = None
     message: str | None = None
-    host: str = field(default_factory=socket.gethostname)
 
     def to_json(self) -> dict[str, Any]:
         """The content of the file."""
-        return {"format_version": FORMAT_VERSION, **asdict(self)}
+        fields = asdict(self)
+        return {"format_version": FORMAT_VERSION, **fields.pop("process"), **fields}
 
 
 def new_run_id() -> str:
@@ -91,12 +87,17 @@ def new_run_id() -> str:
 class RunFolder:
     """A new folder below ``OUT/runs``; a context manager that closes the event log.
 
+    Which process the run is, is on the disk before anything else is.
+
     Args:
         out: folder of the dataset.
         run_id: its name, where whoever starts the run has to know it; by default a new one.
+        process: which process the run is; default: this one.
     """
 
-    def __init__(self, out: Path, run_id: str | None = None) -> None:
+    def __init__(
+        self, out: Path, run_id: str | None = None, process: Mapping[str, Any] | None = None
+    ) -> None:
         self.run_id = run_id or new_run_id()
         if not _RUN_ID.fullmatch(self.run_id):
             raise BadInputError(
@@ -104,9 +105,14 @@ class RunFolder:
             )
         self.dataset = out
         self.path = out / "runs" / self.run_id
+        self.process = identify() if process is None else process
         self._torn = False
         try:
-            self.logs.mkdir(parents=True)
+            self.path.mkdir(parents=True)
+            _replace(self.path / PROCESS_FILE, self.process, durable=True)
+            for folder in (self.path.parent, out, out.parent):
+                flush_folder(folder)
+            self.logs.mkdir()
             self.raw.mkdir()
             self._events: FileIO = (self.path / "events.jsonl").open("ab", buffering=0)
         except OSError as error:
@@ -151,12 +157,18 @@ class RunFolder:
                 {"episode_id": spec.episode_id, "spec": spec.to_json()} for spec in episodes
             ],
         }
-        _replace(self.path / "plan.json", document)
+        _replace(self.path / "plan.json", document, durable=True)
 
-    def write_status(self, status: RunStatus) -> None:
-        """Replace ``status.json`` atomically."""
+    def write_status(self, status: RunStatus, *, durable: bool = False) -> None:
+        """Replace ``status.json`` atomically.
+
+        Args:
+            status: its content.
+            durable: it is on the disk on return. A heartbeat need not be: after a power cut the
+                file may be empty, and ``process.json`` still tells that the run is dead.
+        """
         status.heartbeat = time.time()
-        _replace(self.path / "status.json", status.to_json())
+        _replace(self.path / "status.json", status.to_json(), durable=durable)
 
     def write_event(self, event: str, fields: Mapping[str, Any]) -> dict[str, Any]:
         """Append one event, with its time unless it brings one; returns the line's content."""
@@ -176,41 +188,17 @@ class RunFolder:
         return line
 
 
-def process_start_time(pid: int) -> float:
-    """Unix time at which a process began.
-
-    Raises:
-        psutil.Error: there is no such process, or it has ended and waits to be reaped.
-    """
-    process = psutil.Process(pid)
-    if process.status() == psutil.STATUS_ZOMBIE:
-        raise psutil.NoSuchProcess(pid)
-    return float(process.create_time())
-
-
-def is_alive(status: Mapping[str, Any]) -> bool:
-    """Whether the process of a run, by its ``status.json``, still exists.
-
-    Of a run on another machine only its heartbeat can be seen from here.
-    """
-    host = status.get("host")
-    if host is not None and host != socket.gethostname():
-        return time.time() - float(status.get("heartbeat", 0.0)) < FOREIGN_SILENCE_S
-    try:
-        started = process_start_time(int(status["pid"]))
-    except (psutil.Error, KeyError, TypeError, ValueError):
-        return False
-    if abs(started - float(status.get("pid_started", started))) < 1.0:
-        return True
-    # Another process has its number now, or the clock was set; who lives says so every second.
-    return abs(time.time() - float(status.get("heartbeat", 0.0))) < RESTED_S
-
-
-def _replace(path: Path, document: Mapping[str, Any]) -> None:
+def _replace(path: Path, document: Mapping[str, Any], *, durable: bool) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        temporary.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", "utf-8")
+        with temporary.open("w", encoding="utf-8") as file:
+            file.write(json.dumps(document, indent=1, ensure_ascii=False) + "\n")
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
         temporary.replace(path)
+        if durable:
+            flush_folder(path.parent)
     except OSError as error:
         raise disk_error(error, str(path)) from error
     finally:

@@ -15,13 +15,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import psutil
-
 from carstage.errors import CarStageError
-from carstage.runs.folder import process_start_time
-from carstage.runs.reading import is_here
-
-_SAME_S = 1.0
+from carstage.runs.identity import life_of
 
 
 class StopError(CarStageError, RuntimeError):
@@ -60,19 +55,15 @@ def ask_to_stop(status: Mapping[str, Any]) -> None:
     """Send a run the signal of Ctrl-C: the first one finishes the frame, the second ends at once.
 
     Args:
-        status: ``pid``, ``pid_started`` and ``host`` as in ``status.json``.
+        status: as in ``status.json``, or what ``identity.identify`` gave.
 
     Raises:
-        StopError: it is on another machine, or its process is gone.
+        StopError: it cannot be seen from here, or its process is gone.
     """
-    if not is_here(status):
-        raise StopError("The run is on another machine.", "Stop it there.")
-    try:
-        pid = int(status["pid"])
-        same = abs(process_start_time(pid) - float(status["pid_started"])) < _SAME_S
-    except (psutil.Error, KeyError, TypeError, ValueError):
-        same = False
-    if not same:
+    life = life_of(status)
+    if life == "unknown":
+        raise StopError("The run is on another machine or in another container.", "Stop it there.")
+    if life == "dead":
         raise StopError("The process of the run is gone.", "The next run clears up after it.")
     with suppress(ProcessLookupError):  # it ended by itself meanwhile
-        os.kill(pid, signal.SIGINT)
+        os.kill(int(status["pid"]), signal.SIGINT)

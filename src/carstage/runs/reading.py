@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import socket
 import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from carstage.runs.folder import FINAL_STATES, RESTED_S, is_alive
+from carstage.runs.folder import FINAL_STATES, RESTED_S
+from carstage.runs.identity import is_alive
 
 Alive = Literal["running", "stalled", "dead", "ended"]
 _MOST_READ_BYTES = 8 << 20
@@ -33,13 +33,13 @@ def liveness(status: Mapping[str, Any], now_s: float | None = None) -> Alive:
         return "ended"
     if not is_alive(status):
         return "dead"
+    return "running" if is_recent(status, now_s) else "stalled"
+
+
+def is_recent(status: Mapping[str, Any], now_s: float | None = None) -> bool:
+    """Whether the heartbeat is younger than a commit may take."""
     age_s = (time.time() if now_s is None else now_s) - _number(status.get("heartbeat"))
-    return "stalled" if age_s > RESTED_S else "running"
-
-
-def is_here(status: Mapping[str, Any]) -> bool:
-    """Whether a run's process is on this machine."""
-    return bool(status.get("host", socket.gethostname()) == socket.gethostname())
+    return age_s <= RESTED_S
 
 
 class EventTail:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -12,7 +11,7 @@ from typing import Any
 
 from carstage.errors import StorageError
 from carstage.runs.events import Notice, OnEvent, Progress, RunEvent, event_of
-from carstage.runs.folder import EpisodeCounts, RunFolder, RunStatus, State, process_start_time
+from carstage.runs.folder import EpisodeCounts, RunFolder, RunStatus, State
 from carstage.runs.interruption import Interruption
 
 _HEARTBEAT_S = 1.0
@@ -39,8 +38,7 @@ class RunRecord:
         self.status = RunStatus(
             run_id=folder.run_id,
             state="planning",
-            pid=os.getpid(),
-            pid_started=process_start_time(os.getpid()),
+            process=folder.process,
             heartbeat=0.0,
             episodes=EpisodeCounts(),
         )
@@ -69,7 +67,7 @@ class RunRecord:
         """Write down that the run is in this state now."""
         self.status.state = state
         with self._interruption.deferred():
-            self.folder.write_status(self.status)
+            self.folder.write_status(self.status, durable=True)
         self._show()
 
     def beat(self) -> None:

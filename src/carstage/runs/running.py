@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 from carstage.config import Config, check_config, load_config
 from carstage.execution import Executor, InlineExecutor
 from carstage.plan import estimate_run, plan_episodes
-from carstage.runs.attempts import dead_runs, remove_leftovers
+from carstage.runs.attempts import clear_up, left_runs
 from carstage.runs.events import Notice, OnEvent, RunPlanned
 from carstage.runs.folder import RunFolder
 from carstage.runs.interruption import Interruption
@@ -98,10 +98,17 @@ def run(
         with server_lock(config), setup.facts() as facts:
             episodes = plan_episodes(config, facts, recording_of(config))
             store = open_store(out)
-            for dead in dead_runs(out):  # first, as what they left takes space on the disk
-                remove_leftovers(dead, store)
-                notice(f"Removed what the dead run {dead.folder.name} had left.")
-            present = store.committed() if (out / "dataset.json").exists() else {}
+            for left in left_runs(out):  # first, as what they left takes space on the disk
+                if done := clear_up(left, store):
+                    notice(done)
+            present = {}
+            if (out / "dataset.json").exists():
+                for episode_id in store.retire_lost():
+                    notice(
+                        f"No file of episode {episode_id} is there any more, though it was "
+                        "committed. Its marker is kept in lost/; it is recorded again."
+                    )
+                present = store.committed()
             todo = [spec for spec in episodes if spec.episode_id not in present]
             estimate = estimate_run(config, todo)
             check_disk(out, estimate)

@@ -21,7 +21,6 @@ from carstage.errors import (
 )
 from carstage.execution import Executor
 from carstage.runs.attempt_commit import AttemptCommit, Job
-from carstage.runs.attempts import reserve_attempt
 from carstage.runs.converters import Converters
 from carstage.runs.events import (
     AttemptReserved,
@@ -168,7 +167,8 @@ class Session:
 
     def begin(self, job: Job) -> AttemptCommit:
         """Reserve an attempt of the job."""
-        attempt = reserve_attempt(self._folder.dataset, job.episode_id, job.first_attempt)
+        holder = {"run_id": self._folder.run_id, **self._folder.process}
+        attempt = self._store.reserve_attempt(job.episode_id, holder, job.first_attempt)
         self._record.event(AttemptReserved(episode_id=job.episode_id, attempt=attempt))
         raw_folder = self._folder.raw_attempt(job.episode_id, attempt)
         raw_folder.parent.mkdir(parents=True, exist_ok=True)
@@ -317,7 +317,11 @@ class Session:
                 self.poll()
             self._interruption.check()
             if self._jobs and len(self._attempt_commits) < _MOST_COMMITS_UNDER_WAY:
-                return self._jobs.popleft()
+                job = self._jobs.popleft()
+                if not self._store.has(job.episode_id):
+                    return job
+                self._skip(job)
+                continue
             if not self._jobs and not self._attempt_commits:
                 if not self._recorded:
                     return None
@@ -326,6 +330,12 @@ class Session:
             if not self._jobs:
                 self._show_conversion()
             self._wait()
+
+    def _skip(self, job: Job) -> None:
+        """Another run on the dataset has committed the episode since this one began."""
+        self._status.episodes.skipped += 1
+        reason = "another run has committed it meanwhile"
+        self._record.event(EpisodeSkipped(episode_id=job.episode_id, reason=reason))
 
     def _show_conversion(self) -> None:
         attempt_commit = self._attempt_commits[0]

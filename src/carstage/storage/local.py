@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import re
 import secrets
@@ -18,6 +19,7 @@ from carstage import __version__
 from carstage.errors import DatasetError, EpisodeExistsError, StorageError
 from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
 from carstage.files.hashing import hash_of, hash_of_file
+from carstage.files.whole import flush_folder
 from carstage.storage.description import describe_dataset, read_description
 from carstage.storage.disk import disk_error
 from carstage.storage.maps import map_path
@@ -25,7 +27,10 @@ from carstage.storage.marker import CommitMarker, FileEntry
 from carstage.storage.store import Store
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+_ATTEMPT = re.compile(r"a([1-9][0-9]*)")
+_LEASE = re.compile(r".*\.([1-9][0-9]*)")
 _FLUSH_THREADS = 4
+_MOST_TRIES = 100
 
 
 class LocalStore(Store):
@@ -71,6 +76,61 @@ class LocalStore(Store):
                 )
             markers[marker.episode_id] = marker
         return markers
+
+    def has(self, episode_id: str) -> bool:
+        """Whether ``commits/<episode_id>.json`` exists."""
+        return (self._commits / f"{episode_id}.json").exists()
+
+    def reserve_attempt(self, episode_id: str, holder: Mapping[str, Any], first: int = 1) -> str:
+        """Link the lease, then make the folder; see ``Store.reserve_attempt``."""
+        episode = self._attempt(episode_id, "a1").parent
+        content = json.dumps(dict(holder), indent=1).encode() + b"\n"
+        try:
+            number = max(first, 1 + self._last_attempt(episode))
+            while not self._took_lease(f"{episode_id}.{number}", content):
+                number += 1
+            (episode / f"a{number}").mkdir(parents=True)
+        except OSError as error:
+            if isinstance(error, StorageError):
+                raise
+            raise StorageError(
+                f"The attempt's folder in {episode} cannot be created: {error.strerror}.",
+                "Check the free space and the permissions of the output folder.",
+            ) from error
+        return f"a{number}"
+
+    def retire_lost(self) -> list[str]:
+        """Move such markers to ``lost/``; see ``Store.retire_lost``."""
+        lost = self.lost()
+        for marker in lost:
+            name = f"{marker.episode_id}.{marker.attempt}.json"
+            aside = self.root / "lost" / name
+            try:
+                aside.parent.mkdir(exist_ok=True)
+                (self._commits / f"{marker.episode_id}.json").rename(aside)
+                # Another run may have retired it first, and committed the episode again.
+                if _read_marker(aside).attempt != marker.attempt:
+                    with suppress(FileExistsError):
+                        os.link(aside, self._commits / f"{marker.episode_id}.json")
+                    aside.unlink()
+                for folder in (aside.parent, self._commits, self.root):
+                    flush_folder(folder)
+            except FileNotFoundError:
+                continue  # another run has just retired it
+            except OSError as error:
+                raise disk_error(error, str(aside)) from error
+        return [marker.episode_id for marker in lost]
+
+    def lost(self) -> list[CommitMarker]:
+        """Markers of which no file is there; see ``Store.lost``."""
+        return [
+            marker
+            for marker in self.committed().values()
+            if not any(
+                (self._attempt(marker.episode_id, marker.attempt) / entry.path).exists()
+                for entry in marker.files
+            )
+        ]
 
     def attempt_folder(self, episode_id: str, attempt: str) -> Path:
         """``episodes/<episode_id>/<attempt>`` below the root."""
@@ -121,7 +181,7 @@ class LocalStore(Store):
             entries = chain.from_iterable(threads.map(flushed, shares))
             files = tuple(sorted(entries, key=lambda entry: entry.path))
         for directory in (*folders, folder.parent, self.root / "episodes"):
-            _flush_folder(directory)
+            flush_folder(directory)
         marker = CommitMarker(
             episode_id,
             attempt,
@@ -134,6 +194,7 @@ class LocalStore(Store):
             self._create_if_absent(marker_path, marker.to_bytes())
         except FileExistsError:
             self._yield_to_winner(episode_id, attempt, marker_path)
+        self._remove_leases(episode_id)
         return marker
 
     def keep_map(self, opendrive: bytes) -> str:
@@ -145,7 +206,7 @@ class LocalStore(Store):
                 path.parent.mkdir(exist_ok=True)
             except OSError as error:
                 raise disk_error(error, str(path.parent)) from error
-            _flush_folder(self.root)
+            flush_folder(self.root)
             with suppress(FileExistsError):
                 self._create_if_absent(path, opendrive)
         return named
@@ -165,6 +226,36 @@ class LocalStore(Store):
     @property
     def _commits(self) -> Path:
         return self.root / "commits"
+
+    @property
+    def _leases(self) -> Path:
+        return self.root / "leases"
+
+    def _last_attempt(self, episode: Path) -> int:
+        """The highest number that an attempt of an episode has, or had before it was removed."""
+        folders = (_ATTEMPT.fullmatch(path.name) for path in episode.glob("a*"))
+        leases = (_LEASE.fullmatch(path.name) for path in self._leases.glob(f"{episode.name}.*"))
+        return max((int(found[1]) for found in (*folders, *leases) if found), default=0)
+
+    def _took_lease(self, name: str, content: bytes) -> bool:
+        """Create a lease; False where somebody has it."""
+        for _ in range(_MOST_TRIES):
+            self._leases.mkdir(parents=True, exist_ok=True)
+            try:
+                self._create_if_absent(self._leases / name, content)
+            except FileExistsError:
+                return False
+            except FileNotFoundError:  # a commit has just removed the empty folder
+                continue
+            return True
+        raise StorageError(f"The folder {self._leases} vanishes.", "See what removes it.")
+
+    def _remove_leases(self, episode_id: str) -> None:
+        """They are needed no more: every other attempt's commit is refused by the marker."""
+        with suppress(OSError):  # what stays does no harm
+            for lease in self._leases.glob(f"{episode_id}.*"):
+                lease.unlink(missing_ok=True)
+            self._leases.rmdir()
 
     def _attempt(self, episode_id: str, attempt: str) -> Path:
         for what, name in (("episode id", episode_id), ("attempt", attempt)):
@@ -201,13 +292,13 @@ class LocalStore(Store):
                 file.flush()
                 os.fsync(file.fileno())
             os.link(temporary, path)
-        except FileExistsError:
+        except (FileExistsError, FileNotFoundError):
             raise
         except OSError as error:
             raise disk_error(error, f"{path.name} in {path.parent}") from error
         finally:
             temporary.unlink(missing_ok=True)
-        _flush_folder(path.parent)
+        flush_folder(path.parent)
 
     def _probe(self) -> None:
         """Find out whether a second create of one name is refused here, as ``commit`` needs."""
@@ -267,15 +358,6 @@ def _flushed(folder: Path, name: str, known: FileEntry | None) -> FileEntry:
             return known
         found, size = hash_of_file(file)
     return FileEntry(name, size, found)
-
-
-def _flush_folder(folder: Path) -> None:
-    """Make the names in a folder durable."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def _read_marker(path: Path) -> CommitMarker:

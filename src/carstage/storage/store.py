@@ -47,6 +47,53 @@ class Store(ABC):
         """
 
     @abstractmethod
+    def has(self, episode_id: str) -> bool:
+        """Whether an episode is in the dataset, by its marker alone."""
+
+    @abstractmethod
+    def reserve_attempt(self, episode_id: str, holder: Mapping[str, Any], first: int = 1) -> str:
+        """Begin a new attempt; nobody else gets its name, ever, while the episode is not there.
+
+        The lease ``leases/<episode_id>.<number>`` is created if it is absent. It stays when the
+        attempt is discarded, so that one who slept never writes beside another of the same name.
+        ``commit`` removes the leases of its episode.
+
+        Args:
+            episode_id: id of the episode.
+            holder: who holds the attempt, as plain values.
+            first: lowest number to use.
+
+        Returns:
+            ``a<number>``; its folder exists.
+
+        Raises:
+            StorageError: it cannot be created.
+        """
+
+    @abstractmethod
+    def lost(self) -> list[CommitMarker]:
+        """Markers of episodes none of whose files is there any more.
+
+        Raises:
+            DatasetError: a marker is damaged.
+        """
+
+    @abstractmethod
+    def retire_lost(self) -> list[str]:
+        """Set the markers of :meth:`lost` aside, so that the episodes are recorded again.
+
+        An episode that keeps a single file keeps its marker: what became of the others is for the
+        user to say.
+
+        Returns:
+            Ids of those episodes.
+
+        Raises:
+            DatasetError: a marker is damaged.
+            StorageError: it cannot be moved.
+        """
+
+    @abstractmethod
     def attempt_folder(self, episode_id: str, attempt: str) -> Path:
         """The local folder that an attempt writes its files below; created if it is missing."""
 
@@ -101,6 +148,9 @@ class Store(ABC):
     @abstractmethod
     def discard_attempt(self, episode_id: str, attempt: str) -> None:
         """Remove an attempt's files; no error if there are none.
+
+        For whoever holds the attempt, or where its holder can never commit it: the holder is
+        certainly gone, or another attempt is the episode.
 
         Raises:
             StorageError: the attempt is the committed one.

@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -71,6 +73,50 @@ class StoreTests:
     def test_initialising_twice_is_harmless(self, place: Path, store: Store) -> None:
         self.open(place).initialise("another name")
         assert store.committed() == {}
+
+    def test_attempts_are_numbered_and_no_number_is_given_twice(self, store: Store) -> None:
+        assert store.reserve_attempt(_EPISODE, {}) == "a1"
+        assert store.reserve_attempt(_EPISODE, {}) == "a2"
+        store.discard_attempt(_EPISODE, "a2")
+        store.discard_attempt(_EPISODE, "a1")
+        assert store.reserve_attempt(_EPISODE, {}) == "a3"
+        assert store.reserve_attempt(_EPISODE, {}, first=7) == "a7"
+
+    def test_attempts_that_are_reserved_at_once_differ(self, place: Path) -> None:
+        with ThreadPoolExecutor(8) as threads:
+            begun = [
+                threads.submit(self.open(place).reserve_attempt, _EPISODE, {}) for _ in range(40)
+            ]
+            names = [one.result() for one in begun]
+        assert len(set(names)) == 40
+
+    def test_one_who_slept_cannot_commit_after_another(self, place: Path, store: Store) -> None:
+        slow = store.reserve_attempt(_EPISODE, {"run_id": "slow"})
+        self.write(store, slow)
+        other = self.open(place)
+        fast = other.reserve_attempt(_EPISODE, {"run_id": "fast"})
+        self.write(other, fast)
+        other.commit(_EPISODE, fast, frames=1, versions=_VERSIONS)
+        with pytest.raises(EpisodeExistsError):
+            store.commit(_EPISODE, slow, frames=1, versions=_VERSIONS)
+        assert store.has(_EPISODE)
+        assert store.committed()[_EPISODE].attempt == fast
+        assert not store.lost()
+
+    def test_an_episode_that_is_not_there_is_not(self, store: Store) -> None:
+        self.write(store, store.reserve_attempt(_EPISODE, {}))
+        assert not store.has(_EPISODE)
+
+    def test_a_marker_without_any_file_is_set_aside(self, place: Path, store: Store) -> None:
+        folder = self.write(store, store.reserve_attempt(_EPISODE, {}))
+        store.commit(_EPISODE, folder.name, frames=1, versions=_VERSIONS)
+        (folder / "episode.json").unlink()
+        assert (store.lost(), store.retire_lost()) == ([], [])  # one file is still there
+        shutil.rmtree(folder)
+        assert [marker.episode_id for marker in store.lost()] == [_EPISODE]
+        assert self.open(place).retire_lost() == [_EPISODE]
+        assert not store.has(_EPISODE)
+        assert store.retire_lost() == []
 
     def test_an_uncommitted_attempt_is_no_episode(self, store: Store) -> None:
         self.write(store, "a1")

@@ -7,9 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-import psutil
-
-from carstage.runs.folder import process_start_time
+from carstage.runs.identity import identify
 from carstage.runs.reading import EventTail, liveness
 
 
@@ -27,9 +25,9 @@ def test_lines_that_are_not_whole_wait_and_torn_ones_are_skipped(tmp_path: Path)
 
 def test_a_process_that_has_ended_and_is_not_reaped_is_dead() -> None:
     child = subprocess.Popen([sys.executable, "-c", ""])
-    started = psutil.Process(child.pid).create_time()
+    process = identify(child.pid)
     os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOWAIT)
-    status = {"state": "recording", "pid": child.pid, "pid_started": started, "heartbeat": 0.0}
+    status = {"state": "recording", **process, "heartbeat": 0.0}
     try:
         assert liveness(json.loads(json.dumps(status))) == "dead"
     finally:
@@ -37,8 +35,7 @@ def test_a_process_that_has_ended_and_is_not_reaped_is_dead() -> None:
 
 
 def test_a_living_process_with_an_old_heartbeat_is_stalled() -> None:
-    started = process_start_time(os.getpid())
-    status = {"state": "recording", "pid": os.getpid(), "pid_started": started}
+    status = {"state": "recording", **identify()}
     assert liveness({**status, "heartbeat": time.time()}) == "running"
     assert liveness({**status, "heartbeat": time.time() - 100}) == "stalled"
     assert liveness({**status, "state": "done", "heartbeat": 0.0}) == "ended"

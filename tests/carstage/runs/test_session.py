@@ -227,7 +227,7 @@ def test_disk_that_refuses_the_last_words_does_not_hide_why_the_run_ended(
 ) -> None:
     session, reader, folder = made
 
-    def refuse(*_: object) -> None:
+    def refuse(*_: object, **__: object) -> None:
         raise StorageError("Writing status.json failed: No space left on device.")
 
     class Fail(Execute):

@@ -29,6 +29,20 @@ class TestLocalStore(StoreTests):
         names = sorted(path.name for path in (place / "out" / "commits").iterdir())
         assert names == ["0123456789abcdef.json"]
 
+    def test_a_commit_removes_the_leases_of_its_episode(self, place: Path, store: Store) -> None:
+        self.write(store, store.reserve_attempt("0123456789abcdef", {"run_id": "r"}))
+        (lease,) = (place / "out" / "leases").iterdir()
+        assert lease.name == "0123456789abcdef.1"
+        assert json.loads(lease.read_bytes()) == {"run_id": "r"}
+        store.commit("0123456789abcdef", "a1", frames=1, versions={})
+        assert not (place / "out" / "leases").exists()
+
+    def test_an_attempt_that_cannot_be_begun_is_a_storage_error(self, place: Path) -> None:
+        (place / "out").mkdir()
+        (place / "out" / "episodes").write_text("a file")
+        with pytest.raises(StorageError, match="cannot be created"):
+            self.open(place).reserve_attempt("0123456789abcdef", {})
+
     def test_equal_attempts_give_equal_markers_in_any_folder(self, tmp_path: Path) -> None:
         contents = []
         for name in ("one", "two"):

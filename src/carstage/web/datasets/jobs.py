@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from carstage.files.whole import write_whole
-from carstage.runs.folder import is_alive
+from carstage.runs.identity import is_alive
 from carstage.runs.reading import read_document
 from carstage.web.datasets.export_formats import FORMATS, available
 from carstage.web.errors import WebError, not_found
@@ -27,7 +27,7 @@ from carstage.web.messages import (
     ValidationMessage,
 )
 from carstage.web.roots import EXPORTS, FoundDataset, Roots
-from carstage.web.runs.launches import started_at
+from carstage.web.runs.launches import identify_child
 
 WORKER = (sys.executable, "-m", "carstage.web.datasets.job_worker")
 _MOST_RUNNING = 2
@@ -201,7 +201,7 @@ class JobService:
                     start_new_session=True,
                 )
             threading.Thread(target=child.wait, name=f"job {job_id}", daemon=True).start()
-            document |= {"pid": child.pid, "pid_started": started_at(child.pid)}
+            document |= identify_child(child.pid)
             write_whole(folder / "job.json", json.dumps(document).encode())
             begun = self._job(job_id)
             assert begun is not None

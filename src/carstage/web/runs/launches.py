@@ -31,7 +31,7 @@ class Launch:
         out: folder of its dataset.
         server: key of the server that it needs.
         asked: Unix time.
-        pid, pid_started: of its process, once it has one.
+        process: which process it is, once it has one; see ``carstage.runs.identity``.
         stop: how often it was asked to stop.
         withdrawn: it left the queue before it had a process.
     """
@@ -42,27 +42,26 @@ class Launch:
     server: str
     asked: float
     retries: int
-    pid: int | None = None
-    pid_started: float | None = None
+    process: Document | None = None
     stop: int = 0
     withdrawn: bool = False
 
     @property
     def queued(self) -> bool:
         """Whether it waits."""
-        return self.pid is None and not self.withdrawn
+        return self.process is None and not self.withdrawn
 
 
-def started_at(pid: int) -> float:
-    """Unix time at which a child began; now, if it has ended already."""
+def identify_child(pid: int) -> Document:
+    """Which process a child is; of one that has ended already, its id and the time."""
     from psutil import Error
 
-    from carstage.runs.folder import process_start_time
+    from carstage.runs.identity import identify
 
     try:
-        return process_start_time(pid)
+        return identify(pid)
     except Error:
-        return time.time()
+        return {"pid": pid, "pid_started": time.time()}
 
 
 class Launches:
@@ -120,22 +119,20 @@ class Launches:
             )
             # Waited for, or it would stay as a zombie; its status file holds how it ended.
             threading.Thread(target=child.wait, name=f"run {run_id}", daemon=True).start()
-            self._keep(replace(waiting, pid=child.pid, pid_started=started_at(child.pid)))
+            self._keep(replace(waiting, process=identify_child(child.pid)))
 
     def stop_asked(self, run_id: str) -> None:
         """Remember that a run was asked to stop; a queued one is withdrawn."""
         with self._lock:
             launch = self._launches.get(run_id)
             if launch is not None:
-                self._keep(replace(launch, stop=launch.stop + 1, withdrawn=launch.pid is None))
+                self._keep(replace(launch, stop=launch.stop + 1, withdrawn=launch.process is None))
 
     def alive(self, launch: Launch) -> bool:
         """Whether its process lives."""
-        from carstage.runs.folder import is_alive
+        from carstage.runs.identity import is_alive
 
-        return launch.pid is not None and is_alive(
-            {"pid": launch.pid, "pid_started": launch.pid_started}
-        )
+        return launch.process is not None and is_alive(launch.process)
 
     def config(self, run_id: str) -> Document:
         """The frozen configuration."""

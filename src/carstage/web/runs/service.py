@@ -211,7 +211,7 @@ class RunService:
         launch = self._launches.get(run_id)
         if launch is None:
             raise not_found(f"run {run_id}")
-        return {"pid": launch.pid, "pid_started": launch.pid_started}
+        return launch.process or {}
 
     def _of_launch(self, launch: Launch, position: int) -> RunSummary:
         alive = self._launches.alive(launch)

@@ -38,7 +38,7 @@ def summary_of_launch(launch: Launch, position: int, *, alive: bool, tail: str) 
         stop=launch.stop,
         episodes=EpisodeCountsMessage(),
         message=_last_words(tail) if ended else None,
-        started=launch.pid_started,
+        started=None if launch.process is None else float(launch.process["pid_started"]),
     )
 
 

@@ -23,7 +23,7 @@ LIVE = "ws://127.0.0.1:8321/api/live"
 
 RECORDER = """
 import json, os, pathlib, signal, sys, time
-import psutil
+from carstage.runs.identity import identify
 out, run_id = pathlib.Path(sys.argv[1]), sys.argv[2]
 stops = []
 signal.signal(signal.SIGINT, lambda *_: stops.append(1))
@@ -32,10 +32,10 @@ folder = out / "runs" / run_id
 (out / "dataset.json").write_text('{"format_version": 1, "name": "fake", "tags": []}')
 folder.mkdir(parents=True)
 def say(state):
-    status = {"format_version": 1, "run_id": run_id, "state": state, "pid": os.getpid(),
-              "pid_started": psutil.Process().create_time(), "heartbeat": time.time(),
+    status = {"format_version": 1, "run_id": run_id, "state": state, **identify(),
+              "heartbeat": time.time(),
               "episodes": {"total": 1, "committed": 0, "failed": 0, "skipped": 0},
-              "current": None, "message": None, "host": os.uname().nodename}
+              "current": None, "message": None}
     (folder / ".s").write_text(json.dumps(status))
     (folder / ".s").replace(folder / "status.json")
 say("recording")
@@ -188,7 +188,7 @@ def test_a_run_that_says_nothing_is_stalled_and_one_without_process_dead(
         assert runs(client)[0].alive == "stalled"
         fake_run.say(heartbeat=time.time())
         assert runs(client)[0].alive == "running"
-        fake_run.say(heartbeat=time.time() - 120, pid_started=time.time() - 9999)
+        fake_run.say(heartbeat=time.time() - 120, pid_start_ticks=1)
         assert runs(client)[0].alive == "dead"  # its number is another process's now
         fake_run.say(state="done")
         assert runs(client)[0].alive == "ended"

@@ -19,6 +19,7 @@ from carstage_sim.describe.vehicle_shape import UnknownVehicleError, vehicle_sha
 from carstage_sim.kernels import do_without_scipy
 from carstage_sim.maps import MapCatalogue, MapFileError, MapSamplingError, UnknownTownError
 from carstage_sim.prebake import prebake
+from carstage_sim.recording.folder import RecordingsFolder, default_recordings
 from carstage_sim.render.gpu.device import NoGpuError
 from carstage_sim.sensors.plugins import PluginError, import_plugins
 from carstage_sim.server import Server
@@ -99,6 +100,9 @@ def _serve(options: Options, maps: MapCatalogue) -> None:
                 projection=spoken.projection,
                 quality=options.quality,
                 device=options.device,
+                recordings=RecordingsFolder(
+                    options.recordings or default_recordings(), options.absolute_paths
+                ),
             )
         )
         simulation.warm_up()

@@ -45,6 +45,8 @@ class Options:
         plugins: modules to import, which register sensors.
         threads: threads of the numeric kernels, None for all cores.
         loop: how each sensor repeats its first frames, None for no repetition.
+        recordings: folder of the recorder's logs, None for the one in the cache.
+        absolute_paths: whether clients' absolute paths stand for places below it.
         pace_hz: most ticks per second in synchronous mode, None for as many as can be.
         quality: of colour pictures.
         device: what casts rays and makes pictures.
@@ -65,6 +67,8 @@ class Options:
     plugins: tuple[str, ...]
     threads: int | None
     loop: Looping | None
+    recordings: Path | None
+    absolute_paths: bool
     pace_hz: float | None
     quality: Quality
     device: Choice
@@ -136,6 +140,20 @@ def _parser() -> _Parser:
         default="cpu",
         help="what casts rays and makes pictures; gpu needs the extra `gpu`, auto takes a card if "
         "there is one (default: cpu)",
+    )
+    parser.add_argument(
+        "--recordings",
+        type=Path,
+        metavar="DIR",
+        help="the folder of start_recorder and replay_file; nothing is written or read elsewhere "
+        "(default: recordings, in the cache folder)",
+    )
+    parser.add_argument(
+        "--absolute-paths",
+        choices=("below", "refuse"),
+        default="below",
+        help="what becomes of clients' absolute paths of recordings: below that folder, or refused "
+        "(default: below)",
     )
     parser.add_argument("--threads", type=_count, help="threads that compute (default: all cores)")
     parser.add_argument(
@@ -286,6 +304,8 @@ def parse_options(argv: Sequence[str] | None) -> Options:
         plugins=tuple(namespace.plugins),
         threads=namespace.threads,
         loop=Looping(namespace.loop, namespace.loop_noise) if namespace.loop else None,
+        recordings=namespace.recordings,
+        absolute_paths=namespace.absolute_paths == "below",
         pace_hz=namespace.pace,
         quality=namespace.quality,
         device=namespace.device,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from types import TracebackType
 
 from carstage_sim.maps import BackgroundBakes, Bake, MapCatalogue, Town
-from carstage_sim.recording import RecorderController
+from carstage_sim.recording import RecorderController, RecordingsFolder
 from carstage_sim.render.gpu.device import Choice, chosen_gpu
 from carstage_sim.render.quality import Quality
 from carstage_sim.sensors import SensorAttributeError, WorldSensors
@@ -81,11 +81,12 @@ class Simulation:
         projection: GeoProjection = GeoProjection.TRANSVERSE_MERCATOR,
         quality: Quality = Quality.LOW,
         device: Choice = "cpu",
+        recordings: RecordingsFolder | None = None,
     ) -> None:
         self._gpu = chosen_gpu(device)
         self.settings = EpisodeSettings()
         self.imu_gravity = _STANDARD_GRAVITY
-        self.recordings = RecorderController()
+        self.recordings = RecorderController(recordings)
         self.maps = maps or MapCatalogue()
         self.bakes = BackgroundBakes(self.maps.cache_folder)
         self._threads = threads

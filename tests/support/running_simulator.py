@@ -23,8 +23,12 @@ class RunningSimulator:
 
 
 def start_simulator(log: Path, *arguments: str) -> RunningSimulator:
-    """Start ``python -m carstage_sim`` on free ports and wait for its ready line."""
-    command = [sys.executable, "-m", "carstage_sim", "--port", "0", "--threads", "1", *arguments]
+    """Start ``python -m carstage_sim`` on free ports and wait for its ready line.
+
+    Recordings lie beside the log.
+    """
+    command = [sys.executable, "-m", "carstage_sim", "--port", "0", "--threads", "1"]
+    command += ["--recordings", str(log.parent / "recordings"), *arguments]
     with log.open("w") as stderr:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr, text=True)
     assert process.stdout is not None

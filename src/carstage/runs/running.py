@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -28,7 +28,7 @@ from carstage.runs.server_lock import server_lock
 from carstage.runs.servers import ServerSetup
 from carstage.runs.session import Session
 from carstage.runs.wakeup_pipe import WakeupPipe
-from carstage.storage import local_folder, open_store
+from carstage.storage import Store, local_folder, open_store
 
 DEFAULT_RETRIES = 2
 
@@ -98,17 +98,7 @@ def run(
         with server_lock(config), setup.facts() as facts:
             episodes = plan_episodes(config, facts, recording_of(config))
             store = open_store(out)
-            for left in left_runs(out):  # first, as what they left takes space on the disk
-                if done := clear_up(left, store):
-                    notice(done)
-            present = {}
-            if (out / "dataset.json").exists():
-                for episode_id in store.retire_lost():
-                    notice(
-                        f"No file of episode {episode_id} is there any more, though it was "
-                        "committed. Its marker is kept in lost/; it is recorded again."
-                    )
-                present = store.committed()
+            present = _take_over(out, store, notice)
             todo = [spec for spec in episodes if spec.episode_id not in present]
             estimate = estimate_run(config, todo)
             check_disk(out, estimate)
@@ -120,6 +110,24 @@ def run(
                 record = RunRecord(folder, interruption, on_event)
                 session = Session(config, setup, store, record, interruption, wakeup, retries)
                 return session.run(episodes, todo, executor or InlineExecutor())
+
+
+def _take_over(out: Path, store: Store, notice: Callable[[str], None]) -> Collection[str]:
+    """Clear up after earlier runs; returns the ids of the episodes that the dataset has.
+
+    It comes first, as what they left takes space on the disk.
+    """
+    for left in left_runs(out):
+        if done := clear_up(left, store):
+            notice(done)
+    if not (out / "dataset.json").exists():
+        return ()
+    for episode_id in store.retire_lost():
+        notice(
+            f"No file of episode {episode_id} is there any more, though it was committed. "
+            "Its marker is kept in lost/; it is recorded again."
+        )
+    return store.committed().keys()
 
 
 def _checked(config: ConfigSource) -> Config:

@@ -5,6 +5,7 @@ layout is that of CARLA's documentation page "Recorder binary file format".
 """
 
 from carstage_sim.recording.errors import RecordingError
+from carstage_sim.recording.folder import RecordingsFolder
 from carstage_sim.recording.recorder_controller import RecorderController
 
-__all__ = ["RecorderController", "RecordingError"]
+__all__ = ["RecorderController", "RecordingError", "RecordingsFolder"]

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from carstage_sim.recording import queries
 from carstage_sim.recording.errors import NotALogError, RecordingError
-from carstage_sim.recording.folder import check_writable, log_path, recordings_folder
+from carstage_sim.recording.folder import RecordingsFolder, check_writable
 from carstage_sim.recording.log import RecordingLog
 from carstage_sim.recording.recorder import Recorder
 from carstage_sim.recording.replay_actors import ReplayOptions
@@ -32,15 +32,15 @@ class RecorderController:
     """Records and replays for a server.
 
     Args:
-        folder: where names without a path lie.
+        folder: where all logs lie.
 
     Attributes:
         time_factor: recorded seconds per simulated second.
         ignore_hero, ignore_spectator: what the next replay leaves out.
     """
 
-    def __init__(self, folder: Path | None = None) -> None:
-        self._folder = folder if folder is not None else recordings_folder()
+    def __init__(self, folder: RecordingsFolder | None = None) -> None:
+        self._folder = RecordingsFolder() if folder is None else folder
         self._recorder: Recorder | None = None
         self._replayer: Replayer | None = None
         self.time_factor = 1.0
@@ -60,7 +60,7 @@ class RecorderController:
         Raises:
             RecordingError: a name that is refused, or a file that cannot be written.
         """
-        path = log_path(name, self._folder)
+        path = self._folder.log(name)
         check_writable(path)
         self.end_replay(keep_actors=True)
         self.stop()
@@ -136,7 +136,7 @@ class RecorderController:
 
     def path(self, name: str) -> Path:
         """The file that a name stands for."""
-        return log_path(name, self._folder)
+        return self._folder.log(name)
 
     def file_info(self, name: str, *, show_all: bool) -> str:
         """What is in a log."""
@@ -154,7 +154,7 @@ class RecorderController:
             return queries.actors_blocked(log, min_time_s, min_distance_cm)
 
     def _open(self, name: str) -> RecordingLog:
-        recorder, path = self._recorder, log_path(name, self._folder)
+        recorder, path = self._recorder, self._folder.log(name)
         if recorder is not None and recorder.path == path:
             recorder.flush()
         return RecordingLog(path)

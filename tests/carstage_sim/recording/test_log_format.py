@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from carstage_sim.recording import RecorderController, RecordingError
+from carstage_sim.recording import RecorderController, RecordingError, RecordingsFolder
 from carstage_sim.recording.events import ActorAdded, actors_added, actors_added_packet
-from carstage_sim.recording.folder import log_path
 from carstage_sim.recording.layout import HEADER, RECORDS, LogInfo, Packet, records, text
 from carstage_sim.recording.log import RecordingLog
 from carstage_sim.world.pose import Pose
@@ -23,7 +22,7 @@ TEXTS = st.text(max_size=20)
 
 @pytest.fixture
 def recorder(tmp_path: Path) -> Iterator[RecorderController]:
-    recorder = RecorderController(tmp_path)
+    recorder = RecorderController(RecordingsFolder(tmp_path))
     yield recorder
     recorder.end_episode()
 
@@ -113,9 +112,28 @@ def test_a_missing_file_is_told_in_the_words_of_carla(
 )
 def test_names_that_lead_out_of_the_folder_are_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(RecordingError):
-        log_path(name, tmp_path)
+        RecordingsFolder(tmp_path).log(name)
 
 
-def test_absolute_paths_are_taken_and_relative_ones_lie_in_the_folder(tmp_path: Path) -> None:
-    assert log_path("/data/a.log", tmp_path) == Path("/data/a.log")
-    assert log_path("runs/a.log", tmp_path) == tmp_path / "runs" / "a.log"
+def test_absolute_and_relative_paths_lie_in_the_folder(tmp_path: Path) -> None:
+    folder = RecordingsFolder(tmp_path)
+    assert folder.log("/data/a.log") == tmp_path / "data" / "a.log"
+    assert folder.log("runs/a.log") == tmp_path / "runs" / "a.log"
+    assert folder.log(str(tmp_path / "a.log")) == tmp_path / "a.log"  # as it answered before
+
+
+def test_absolute_paths_are_refused_where_the_server_says_so(tmp_path: Path) -> None:
+    folder = RecordingsFolder(tmp_path, absolute=False)
+    with pytest.raises(RecordingError, match="absolute path"):
+        folder.log("/data/a.log")
+    assert folder.log(str(tmp_path / "a.log")) == tmp_path / "a.log"
+
+
+def test_links_in_the_folder_lead_nowhere_else(tmp_path: Path) -> None:
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "recordings" / "way").symlink_to(tmp_path)
+    (tmp_path / "recordings" / "a.log").symlink_to(tmp_path / "authorized_keys")
+    folder = RecordingsFolder(tmp_path / "recordings")
+    for name in ("way/a.log", "a.log"):
+        with pytest.raises(RecordingError, match="leads out"):
+            folder.log(name)

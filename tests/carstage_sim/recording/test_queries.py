@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from carstage_sim.maps import Town
-from carstage_sim.recording import RecorderController, RecordingError
+from carstage_sim.recording import RecorderController, RecordingError, RecordingsFolder
 from carstage_sim.world.controls import VehicleControl
 from carstage_sim.world.pose import Pose, compose
 from carstage_sim.world.world import World
@@ -23,7 +23,7 @@ def crash(
     stage01: Town, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[tuple[RecorderController, dict[str, int]]]:
     """Eight seconds: the hero runs into a standing car, and a third one never moves."""
-    recorder = RecorderController(tmp_path_factory.mktemp("logs"))
+    recorder = RecorderController(RecordingsFolder(tmp_path_factory.mktemp("logs")))
     world = World(stage01, episode_id=1)
     x, y, z, pitch, yaw, roll = stage01.spawn_points[0].tolist()
     start = Pose((x, y, z), (pitch, yaw, roll))
@@ -104,10 +104,11 @@ def test_blocked_actors_are_listed_by_how_long_they_stood(
 
 
 def test_other_files_are_not_overwritten(stage01: Town, tmp_path: Path) -> None:
-    recorder, world = RecorderController(tmp_path), World(stage01, episode_id=1)
+    recorder, world = RecorderController(RecordingsFolder(tmp_path)), World(stage01, episode_id=1)
     (tmp_path / "thesis.txt").write_text("precious")
     with pytest.raises(RecordingError, match="not overwritten"):
         recorder.start("thesis.txt", world, additional_data=False)
     assert (tmp_path / "thesis.txt").read_text() == "precious"
+    nowhere = RecorderController(RecordingsFolder(Path("/proc/nowhere")))
     with pytest.raises(RecordingError, match="cannot write"):
-        recorder.start("/proc/nowhere/a.log", world, additional_data=False)
+        nowhere.start("a.log", world, additional_data=False)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from carstage_sim.maps import Town
-from carstage_sim.recording import RecorderController, RecordingError
+from carstage_sim.recording import RecorderController, RecordingError, RecordingsFolder
 from carstage_sim.recording import recorder_controller as deck_module
 from carstage_sim.recording.events import ActorAdded, actors_added_packet
 from carstage_sim.recording.layout import FRAME, HEADER, LogInfo, Packet, packet, rows_packet
@@ -43,7 +43,7 @@ def new_world(stage01: Town, earlier: World) -> Callable[[], World]:
 
 @pytest.fixture
 def recorder(tmp_path: Path) -> Iterator[RecorderController]:
-    recorder = RecorderController(tmp_path)
+    recorder = RecorderController(RecordingsFolder(tmp_path))
     yield recorder
     recorder.end_episode()
 
@@ -403,13 +403,13 @@ def test_a_full_disk_is_a_recording_error_and_the_file_is_given_back(
 
 def test_an_episode_ends_whatever_becomes_of_its_recording(
     new_world: Callable[[], World],
-    recorder: RecorderController,
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     monkeypatch.setattr(deck_module, "check_writable", lambda _path: None)
+    recorder = RecorderController(RecordingsFolder(Path("/dev")))
     world = new_world()
-    recorder.start("/dev/full", world, additional_data=False)
+    recorder.start("full", world, additional_data=False)
     tick(world, recorder)
     recorder.end_episode()
     assert "No space left" in caplog.text

@@ -5,10 +5,13 @@ import re
 import subprocess
 import sys
 import urllib.request
+from http.cookiejar import CookieJar
+
+BROWSER = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
 
 
 def fetch(url: str) -> bytes:
-    with urllib.request.urlopen(url, timeout=60) as answer:
+    with BROWSER.open(url, timeout=60) as answer:
         content: bytes = answer.read()
     return content
 
@@ -20,12 +23,13 @@ def main() -> int:
         try:
             match = re.search(r"http://\S+", process.stdout.readline())
             assert match is not None, "it printed no address"
-            page = fetch(match[0]).decode()
+            page = fetch(match[0]).decode()  # the token becomes a cookie
+            address = match[0].partition("?")[0]
             assets = re.findall(r'(?:src|href)="\.?/(assets/[^"]+)"', page)
             assert assets, "the page names no asset"
             for asset in assets:
-                assert fetch(match[0] + asset), asset
-            datasets = json.loads(fetch(f"{match[0]}api/datasets"))["datasets"]
+                assert fetch(address + asset), asset
+            datasets = json.loads(fetch(f"{address}api/datasets"))["datasets"]
         finally:
             process.terminate()
     print(f"page with {len(assets)} assets; datasets: {[d['dataset'] for d in datasets]}")

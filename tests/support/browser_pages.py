@@ -43,7 +43,7 @@ class Gui:
         return f"http://127.0.0.1:{self.port}/"
 
     def start(self) -> None:
-        command = [sys.executable, "-m", "carstage.cli", "gui", "--no-browser"]
+        command = [sys.executable, "-m", "carstage.cli", "gui", "--no-browser", "--no-token"]
         command += ["--datasets", str(self.datasets), "--port", str(self.port)]
         log = self.datasets.with_suffix(".log").open("a")
         with log:

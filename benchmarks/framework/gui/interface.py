@@ -95,7 +95,8 @@ def interface(datasets: Path) -> Iterator[Interface]:
     Raises:
         ServerError: it did not start.
     """
-    command = [sys.executable, "-m", "carstage.cli", "gui", "--no-browser", "--port", "0"]
+    command = [sys.executable, "-m", "carstage.cli", "gui", "--no-browser", "--no-token"]
+    command += ["--port", "0"]
     with subprocess.Popen(
         [*command, "--datasets", str(datasets)],
         stdin=subprocess.DEVNULL,

@@ -23,7 +23,7 @@ def gui(
     ] = None,
     host: Annotated[
         str,
-        typer.Option("--host", help="Address to listen on; any but loopback needs a token."),
+        typer.Option("--host", help="Address to listen on; 0.0.0.0: all of this machine's."),
     ] = "127.0.0.1",
     port: Annotated[
         int, typer.Option("--port", min=0, max=65535, help="Port; 0 takes a free one.")
@@ -31,19 +31,27 @@ def gui(
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
     ] = True,
+    token: Annotated[
+        bool,
+        typer.Option(
+            "--token/--no-token",
+            help="Ask everybody for the token in the printed address. Without it, every user of "
+            "this machine can start programs in your name; on loopback alone.",
+        ),
+    ] = True,
     debug: Debug = False,
 ) -> None:
     """Configure, place sensors, record, watch and browse in a browser."""
     del debug
     from carstage.storage import local_folder
+    from carstage.web.opening import open_in_browser
     from carstage.web.serving import serve
 
     def ready(url: str) -> None:
         result(f"Car-STAGE is at {url}")
         note("Ctrl-C ends the interface; runs go on.")
         if browser:
-            import webbrowser
+            open_in_browser(url)
 
-            webbrowser.open(url)
-
-    serve(tuple(map(local_folder, datasets or [Path("datasets")])), host, port, ready)
+    roots = tuple(map(local_folder, datasets or [Path("datasets")]))
+    serve(roots, host, port, ready, token=token)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
+from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, open_regular, read_bounded
 from carstage.runs.folder import FINAL_STATES, RESTED_S
 from carstage.runs.identity import is_alive
 
@@ -18,7 +20,7 @@ _MOST_READ_BYTES = 8 << 20
 def read_document(path: Path) -> dict[str, Any] | None:
     """The JSON object in a file; None where there is none (yet)."""
     try:
-        document = json.loads(path.read_bytes())
+        document = json.loads(read_bounded(path, LARGEST_DOCUMENT_BYTES))
     except (OSError, ValueError):
         return None
     return document if isinstance(document, dict) else None
@@ -57,7 +59,7 @@ class EventTail:
     def read(self) -> list[dict[str, Any]]:
         """The events since the last call, at most some megabytes of them."""
         try:
-            with self._path.open("rb") as file:
+            with os.fdopen(open_regular(self._path), "rb") as file:
                 file.seek(self._offset)
                 data = file.read(_MOST_READ_BYTES)
         except OSError:

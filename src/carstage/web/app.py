@@ -12,6 +12,7 @@ from fastapi.staticfiles import StaticFiles
 from starlette.middleware.gzip import GZipMiddleware
 
 from carstage import __version__
+from carstage.files.bounded import reading_within
 from carstage.web import errors
 from carstage.web.errors import WebError, answer
 from carstage.web.limits import BodyLimit
@@ -34,9 +35,11 @@ def create_app(settings: WebSettings, *, static: Path = STATIC) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        async with Services.running(settings) as services:
-            app.state.services = services
-            yield
+        # Of what reads for every browser at once; what answers one is confined by the guard.
+        with reading_within([root.resolve() for root in settings.roots]):
+            async with Services.running(settings) as services:
+                app.state.services = services
+                yield
 
     app = FastAPI(
         title="Car-STAGE",

@@ -14,6 +14,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from carstage.files.bounded import reading_within
 from carstage.web.errors import WebError, answer
 from carstage.web.settings import LOOPBACK, WebSettings
 
@@ -40,6 +41,7 @@ class Guard:
     def __init__(self, app: ASGIApp, settings: WebSettings) -> None:
         self._app = app
         self._token = settings.token
+        self._roots = tuple(root.resolve() for root in settings.roots)
         self._cookie = f"carstage_{settings.port}"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -55,7 +57,9 @@ class Guard:
                 return
             reason = "The token is missing or wrong."
         if reason is None:
-            await self._app(scope, receive, _hardened(send) if scope["type"] == "http" else send)
+            with reading_within(self._roots):
+                hardened = _hardened(send) if scope["type"] == "http" else send
+                await self._app(scope, receive, hardened)
         elif scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": _POLICY_VIOLATION, "reason": reason})
         else:
@@ -100,10 +104,14 @@ class Guard:
         return hmac.compare_digest(token.encode(), (self._token or "").encode())
 
     def _welcome(self) -> RedirectResponse:
-        """The token leaves the address bar and stays as a cookie that scripts cannot read."""
+        """The token leaves the address bar and stays as a cookie that scripts cannot read.
+
+        Lax, not strict: the page may be opened from a file. Requests of other pages are refused by
+        their Origin.
+        """
         response = RedirectResponse("./", status_code=303, headers={"Cache-Control": "no-store"})
         response.set_cookie(
-            self._cookie, self._token or "", httponly=True, samesite="strict", path="/"
+            self._cookie, self._token or "", httponly=True, samesite="lax", path="/"
         )
         return response
 

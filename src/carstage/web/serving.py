@@ -16,10 +16,19 @@ from carstage.web.app import create_app
 from carstage.web.settings import WebSettings, is_loopback, new_token
 
 _GRACE_S = 3
+_MOST_CONNECTIONS = 256
+"""More are answered with 503; a page keeps fewer than ten."""
 _LARGEST_MESSAGE_BYTES = 65_536
 
 
-def serve(roots: Sequence[Path], host: str, port: int, ready: Callable[[str], None]) -> None:
+def serve(
+    roots: Sequence[Path],
+    host: str,
+    port: int,
+    ready: Callable[[str], None],
+    *,
+    token: bool = True,
+) -> None:
     """Serve until SIGINT or SIGTERM.
 
     Args:
@@ -27,10 +36,18 @@ def serve(roots: Sequence[Path], host: str, port: int, ready: Callable[[str], No
         host: address to bind.
         port: port to bind; 0: a free one.
         ready: called with the address to open, when the server listens.
+        token: whether everybody has to know the token in that address. Other users of this machine
+            reach loopback, too, and who may start runs may start programs.
 
     Raises:
-        BadInputError: the address is taken or not ours, or a folder cannot be used.
+        BadInputError: no token, and not on loopback; the address is taken or not ours, or a folder
+            cannot be used.
     """
+    if not token and not is_loopback(host):
+        raise BadInputError(
+            f"--no-token: everybody who reaches {host} could start programs here.",
+            "Leave it out, or listen on 127.0.0.1 alone.",
+        )
     logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     folders = tuple(_folder(root, make=number == 0) for number, root in enumerate(roots))
     listener = _listen(host, port)
@@ -39,7 +56,7 @@ def serve(roots: Sequence[Path], host: str, port: int, ready: Callable[[str], No
             roots=folders,
             host=host,
             port=listener.getsockname()[1],
-            token=None if is_loopback(host) else new_token(),
+            token=new_token() if token else None,
         )
         # Ctrl-C is how it ends; the server has closed everything before it passes the signal on.
         with _only_server(bound.state), suppress(KeyboardInterrupt):
@@ -58,6 +75,7 @@ class _Server(uvicorn.Server):
                 access_log=False,
                 server_header=False,
                 timeout_graceful_shutdown=_GRACE_S,
+                limit_concurrency=_MOST_CONNECTIONS,
                 ws="websockets-sansio",
                 ws_max_size=_LARGEST_MESSAGE_BYTES,
                 # Previews are JPEG already, and must not wait.

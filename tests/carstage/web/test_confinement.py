@@ -1,15 +1,17 @@
 """No request reaches a file outside the roots, and none is too large."""
 
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+import analytic_dataset
 from carstage.errors import BadInputError
 from carstage.web.errors import WebError
 from carstage.web.limits import MOST_BYTES
 from carstage.web.roots import Roots
-from sites import Site
+from sites import Site, open_site
 
 pytestmark = pytest.mark.xdist_group("web")  # one site for all
 
@@ -70,6 +72,36 @@ def test_recordings_outside_the_roots_are_not_replayed(site: Site, demo: dict[st
         check = site.client.post("/api/config/check", json={"config": config}).json()
         assert [error["path"] for error in check["errors"]] == [["scenario", "episode"]]
         assert "outside" in check["errors"][0]["message"]
+
+
+def test_programs_that_a_request_names_are_not_run(site: Site, demo: dict[str, Any]) -> None:
+    for python in ("/bin/sh", "./python", sys.executable + "x"):
+        config = {**demo, "server": {"kind": "embedded", "client_python": python}}
+        check = site.client.post("/api/config/check", json={"config": config}).json()
+        assert [error["path"] for error in check["errors"]] == [["server", "client_python"]]
+        run = site.client.post("/api/runs", json={"dataset": "x", "config": config})
+        assert run.status_code == 422
+    own = {**demo, "server": {"kind": "embedded", "client_python": sys.executable}}
+    assert site.client.post("/api/config/check", json={"config": own}).json()["ok"]
+
+
+def test_files_of_an_episode_that_are_links_out_of_the_roots_are_not_served(
+    tmp_path: Path,
+) -> None:
+    secret = tmp_path / "secret.png"
+    secret.write_bytes(b"secret")
+    dataset = analytic_dataset.make_dataset(tmp_path / "root" / "scene", tmp_path / "work")
+    with open_site(tmp_path / "root") as client:
+        (episode,) = client.get("/api/datasets/scene").json()["episodes"]
+        base = f"/api/datasets/scene/episodes/{episode['episode_id']}"
+        for camera in sorted(dataset.glob("episodes/*/*/sensors/*/000000.png")):
+            address = f"{base}/sensors/{camera.parent.name}/0.png"
+            assert client.get(address).status_code == 200, address
+            camera.unlink()
+            camera.symlink_to(secret)
+            answer = client.get(address)
+            assert answer.status_code >= 400
+            assert b"secret" not in answer.content
 
 
 def test_links_that_lead_out_of_a_root_are_not_followed(tmp_path: Path) -> None:

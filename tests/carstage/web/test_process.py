@@ -7,8 +7,10 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 import urllib.error
 import urllib.request
+import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.cookiejar import CookieJar
@@ -16,6 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+from carstage.web.opening import open_in_browser
 
 COMMAND = [sys.executable, "-m", "carstage.cli", "gui", "--no-browser", "--port", "0"]
 BESIDE = "127.0.0.2"
@@ -53,10 +57,49 @@ def browser() -> urllib.request.OpenerDirector:
     return urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
 
 
+def test_other_users_of_the_machine_are_asked_for_the_token(tmp_path: Path) -> None:
+    with gui(tmp_path) as (_, url):
+        address, _, token = url.partition("?token=")
+        assert address.startswith("http://127.0.0.1:")
+        assert len(token) >= 32
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            read(browser(), f"{address}api/config")
+        assert refused.value.code == 403
+        refused.value.close()
+        opener = browser()
+        opener.open(url, timeout=60).close()
+        assert read(opener, f"{address}api/config")["rev"] == 0
+
+
+def test_without_a_token_it_listens_on_loopback_alone(tmp_path: Path) -> None:
+    command = [*COMMAND, "--datasets", str(tmp_path), "--no-token", "--host", BESIDE]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2
+    assert "--no-token" in ended.stderr
+
+
+def test_the_printed_address_of_every_address_works_from_elsewhere(tmp_path: Path) -> None:
+    with gui(tmp_path, "--host", "0.0.0.0") as (_, url):
+        assert "//0.0.0.0" not in url
+        browser().open(url, timeout=60).close()
+
+
+def test_the_browser_gets_the_token_by_a_file_of_its_owner(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    path = open_in_browser("http://127.0.0.1:1/?token=secret")
+    assert opened == [path.as_uri()]
+    assert path.stat().st_mode & 0o077 == 0
+    assert "url=http://127.0.0.1:1/?token=secret" in path.read_text()
+
+
 def test_a_server_that_was_killed_leaves_its_place_and_its_state_to_the_next(
     tmp_path: Path,
 ) -> None:
-    with gui(tmp_path) as (process, url):
+    with gui(tmp_path, "--no-token") as (process, url):
         state = read(browser(), f"{url}api/config")
         change = {"rev": state["rev"], "config": {**state["config"], "name": "kept"}}
         assert read(browser(), f"{url}api/config", change)["rev"] == 1

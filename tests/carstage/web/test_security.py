@@ -87,7 +87,7 @@ def test_the_token_in_the_address_becomes_a_cookie_that_scripts_cannot_read(
         assert "token" not in welcome.headers["location"]
         cookie = welcome.headers["set-cookie"].lower()
         assert "httponly" in cookie
-        assert "samesite=strict" in cookie
+        assert "samesite=lax" in cookie  # the page may be opened from a file
         assert client.get("/api/runs").status_code == 200  # the client keeps the cookie
         with client.websocket_connect(LIVE) as socket:
             assert socket.receive_json()["type"] == "snapshot"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING
 
 from carstage.errors import BadInputError, CarStageError, ConfigError
@@ -104,13 +105,22 @@ class ConfigChecker:
         )
 
     def _confine(self, config: Config) -> None:
-        """Refuse to replay an episode from outside the roots.
+        """Refuse to replay an episode from outside the roots, and to run any program that is named.
 
         Raises:
-            ConfigError: it lies elsewhere.
+            ConfigError: the episode lies elsewhere, or the interpreter is none that was found here.
         """
         from carstage.config.scene import ReplayScenario
+        from carstage.server.interpreters import AUTO, clients_here
 
+        wanted = config.server.client_python
+        if wanted != AUTO:
+            known = sorted({sys.executable, *(str(python.path) for python in clients_here())})
+            if wanted not in known:
+                message = f"{wanted!r} is none of the interpreters with a client wheel here."
+                hint = f"`auto`, or one of: {', '.join(known)}. The command line takes any."
+                problem = (("server", "client_python"), message, hint)
+                raise ConfigError(f"server.client_python: {message}", hint, (problem,))
         if isinstance(config.scenario, ReplayScenario):
             try:
                 self._roots.confine(config.scenario.episode)

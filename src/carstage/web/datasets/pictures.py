@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from carstage.errors import DatasetError
+from carstage.files.bounded import read_bounded
 from carstage.sensor_kinds.model import CAMERAS, CLOUDS, COLOUR, DETECTIONS
 from carstage.web.datasets.frame_values import FrameService
 from carstage.web.errors import not_found
@@ -41,7 +43,10 @@ class Pictures:
         small = width is not None and width < sensor.calibration.width
         if sensor.content == COLOUR and not small:
             path = sensor.paths(k)[0]
-            return Media(path.read_bytes(), _JPEG if path.suffix == ".jpg" else _PNG)
+            try:
+                return Media(read_bounded(path), _JPEG if path.suffix == ".jpg" else _PNG)
+            except OSError as error:
+                raise DatasetError(f"{path.name} cannot be read: {error.strerror}.") from error
         drawn = camera_view(sensor.content, sensor.read(k), PALETTE)
         if small and width is not None:
             drawn = scaled(drawn, width)

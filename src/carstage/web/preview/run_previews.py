@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from carstage.files.bounded import read_bounded
 from carstage.runs.reading import read_document
 from carstage.sensor_kinds import known_kind
 from carstage.web.messages import Channel, RunSensor
@@ -80,7 +81,7 @@ class Previews:
         """The binary message for a channel; None when the picture is gone."""
         suffix = ".jpg" if channel.kind == "image" else ".f32"
         try:
-            content = (run / FOLDER / f"{channel.sensor_id}{suffix}").read_bytes()
+            content = read_bounded(run / FOLDER / f"{channel.sensor_id}{suffix}")
         except OSError:
             return None
         return _HEADER.pack(channel.channel, tick & 0xFFFFFFFF) + content

@@ -6,16 +6,21 @@ the code that makes it gives it another name.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import logging
 import os
 import secrets
 import shutil
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 from platformdirs import user_cache_path
+
+logger = logging.getLogger(__name__)
 
 CACHE_VARIABLE = "CARSTAGE_CACHE_DIR"
 """Environment variable that moves every cache of Car-STAGE to another folder."""
@@ -29,9 +34,32 @@ _AGEING = ("kernels", "meshes", "trees")
 
 
 def cache_folder() -> Path:
-    """The user's cache folder, or the one that ``CARSTAGE_CACHE_DIR`` names."""
+    """The user's cache folder, or the one that ``CARSTAGE_CACHE_DIR`` names.
+
+    Where the user's cannot be written, a new temporary one takes its place, for bakes, too. It goes
+    with this process.
+    """
     override = os.environ.get(CACHE_VARIABLE)
-    return Path(override) if override else user_cache_path("carstage", appauthor=False)
+    if override:
+        return Path(override)
+    usual = user_cache_path("carstage", appauthor=False)
+    if usual.is_absolute() and _can_be_made(usual):
+        return usual
+    folder = Path(tempfile.mkdtemp(prefix="carstage-cache-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    os.environ[CACHE_VARIABLE] = str(folder)
+    logger.warning(
+        "the cache folder %s cannot be written; set %s, or all is computed anew each time",
+        usual,
+        CACHE_VARIABLE,
+    )
+    return folder
+
+
+def _can_be_made(folder: Path) -> bool:
+    with contextlib.suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+    return os.access(folder, os.W_OK | os.X_OK)
 
 
 @contextlib.contextmanager

@@ -130,7 +130,7 @@ def _simulator() -> Iterator[Finding]:
 
 
 def _caches() -> Iterator[Finding]:
-    from carstage.cache import cache_folder
+    from carstage.cache import CACHE_VARIABLE, cache_folder, private_folder
 
     folder = cache_folder()
     try:
@@ -142,8 +142,12 @@ def _caches() -> Iterator[Finding]:
             "cache",
             False,
             f"{folder} is not writable ({error.strerror}).",
-            "Compiled kernels could not be kept; change its permissions.",
+            f"Compiled kernels could not be kept; change its permissions, or set {CACHE_VARIABLE}.",
         )
+        return
+    if folder.is_relative_to(private_folder()):
+        text = f"{folder}, as the home of this user cannot be written"
+        yield Finding("cache", True, text, f"Set {CACHE_VARIABLE} to keep what is computed.")
         return
     used = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     yield Finding("cache", True, f"{folder}, {size_text(used)} used")

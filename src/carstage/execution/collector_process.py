@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from carstage.cache import home_folder
 from carstage.errors import CollectorError
 from carstage.execution import foreign_python
 
@@ -86,6 +87,8 @@ class CollectorProcess:
                     stdout=subprocess.PIPE,
                     stderr=log,
                     start_new_session=True,
+                    # Without one the client crashes, and it makes a folder there.
+                    env={**os.environ, "HOME": str(home_folder())},
                 )
             except OSError as error:
                 # Only what is said of the file is the interpreter's fault: not a lack of memory.

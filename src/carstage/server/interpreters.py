@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-from carstage.cache import cache_folder
+from carstage.cache import cache_folder, home_folder
 from carstage.errors import BadInputError, ServerError
 from carstage.releases import CLIENT_PYTHONS, Release, client_release, release_of
 
@@ -144,7 +144,7 @@ def import_problem(python: Path) -> str | None:
     """Why an interpreter cannot import its client wheel, in a line; None when it can."""
     # In a home of its own: the module makes a cache folder when it is imported. What the user has
     # installed with `pip install --user` stays in sight.
-    base = os.environ.get("PYTHONUSERBASE") or str(Path.home() / ".local")
+    base = os.environ.get("PYTHONUSERBASE") or str(home_folder() / ".local")
     with tempfile.TemporaryDirectory() as home:
         try:
             _run(str(python), "-c", _IMPORT, timeout_s=_RUN_S, HOME=home, PYTHONUSERBASE=base)
@@ -187,7 +187,7 @@ def _candidates(release: Release) -> Iterator[Path]:
 
 def _interpreters(versions: Iterable[str]) -> Iterator[Path]:
     """Interpreters of these versions on PATH, below pyenv's versions, and of uv."""
-    pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
+    pyenv = Path(os.environ.get("PYENV_ROOT", home_folder() / ".pyenv")) / "versions"
     for version in versions:
         on_path = shutil.which(f"python{version}")
         if on_path is not None:

@@ -110,8 +110,10 @@ class RunFolder:
         try:
             self.path.mkdir(parents=True)
             _replace(self.path / PROCESS_FILE, self.process, durable=True)
-            for folder in (self.path.parent, out, out.parent):
-                flush_folder(folder)
+            flush_folder(self.path.parent)
+            flush_folder(out)
+            with suppress(PermissionError):  # it need not be readable
+                flush_folder(out.parent)
             self.logs.mkdir()
             self.raw.mkdir()
             self._events: FileIO = (self.path / "events.jsonl").open("ab", buffering=0)

@@ -271,6 +271,7 @@ class LocalStore(Store):
         winner = _read_marker(marker_path)
         if winner.attempt != attempt:
             self._remove_attempt(episode_id, attempt)
+        self._remove_leases(episode_id)
         raise EpisodeExistsError(
             f"Episode {episode_id} is already in the dataset (attempt {winner.attempt}); "
             f"attempt {attempt} was dropped.",

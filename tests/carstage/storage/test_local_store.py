@@ -9,7 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from carstage.errors import BadInputError, DatasetError, DiskFullError, StorageError
+from carstage.errors import (
+    BadInputError,
+    DatasetError,
+    DiskFullError,
+    EpisodeExistsError,
+    StorageError,
+)
 from carstage.storage import CommitMarker, LocalStore, Store, open_store
 from carstage.testing.store import StoreTests
 
@@ -35,6 +41,10 @@ class TestLocalStore(StoreTests):
         assert lease.name == "0123456789abcdef.1"
         assert json.loads(lease.read_bytes()) == {"run_id": "r"}
         store.commit("0123456789abcdef", "a1", frames=1, versions={})
+        assert not (place / "out" / "leases").exists()
+        self.write(store, store.reserve_attempt("0123456789abcdef", {}))  # one who comes late
+        with pytest.raises(EpisodeExistsError):
+            store.commit("0123456789abcdef", "a2", frames=1, versions={})
         assert not (place / "out" / "leases").exists()
 
     def test_an_attempt_that_cannot_be_begun_is_a_storage_error(self, place: Path) -> None:

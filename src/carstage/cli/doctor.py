@@ -198,11 +198,16 @@ def _leftovers(out: Path) -> Iterator[Finding]:
             text = f"The {run.describe} is silent and cannot be seen from here."
             hint = f"If it is gone for good, delete {run.folder / 'raw'}."
         yield Finding("dead run" if run.dead else "silent run", True, text, hint)
-    if (out / "dataset.json").exists():
-        for marker in open_store(out).lost():
-            yield Finding(
-                "lost episode",
-                False,
-                f"Episode {marker.episode_id} was committed, and none of its files is there.",
-                "The next run into this dataset records it again.",
-            )
+    store = open_store(out)
+    try:
+        lost = store.lost(store.committed().values())
+    except CarStageError as error:
+        yield Finding("dataset", False, error.message, error.hint)
+        return
+    for marker in lost:
+        yield Finding(
+            "lost episode",
+            False,
+            f"Episode {marker.episode_id} was committed, and none of its files is there.",
+            "The next run into this dataset records it again.",
+        )

@@ -122,12 +122,15 @@ def _take_over(out: Path, store: Store, notice: Callable[[str], None]) -> Collec
             notice(done)
     if not (out / "dataset.json").exists():
         return ()
-    for episode_id in store.retire_lost():
+    present = store.committed()
+    for marker in store.lost(present.values()):
+        store.retire(marker)
+        del present[marker.episode_id]
         notice(
-            f"No file of episode {episode_id} is there any more, though it was committed. "
+            f"No file of episode {marker.episode_id} is there any more, though it was committed. "
             "Its marker is kept in lost/; it is recorded again."
         )
-    return store.committed().keys()
+    return present.keys()
 
 
 def _checked(config: ConfigSource) -> Config:

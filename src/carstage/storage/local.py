@@ -17,13 +17,12 @@ from typing import Any
 
 from carstage import __version__
 from carstage.errors import DatasetError, EpisodeExistsError, StorageError
-from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
 from carstage.files.hashing import hash_of, hash_of_file
 from carstage.files.whole import flush_folder
 from carstage.storage.description import describe_dataset, read_description
 from carstage.storage.disk import disk_error
 from carstage.storage.maps import map_path
-from carstage.storage.marker import CommitMarker, FileEntry
+from carstage.storage.marker import CommitMarker, FileEntry, read_marker
 from carstage.storage.store import Store
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
@@ -68,7 +67,7 @@ class LocalStore(Store):
             return {}
         markers = {}
         for path in sorted(self._commits.glob("*.json")):
-            marker = _read_marker(path)
+            marker = read_marker(path)
             if marker.episode_id != path.stem:
                 raise DatasetError(
                     f"The commit marker {path.name} speaks of episode {marker.episode_id!r}.",
@@ -99,38 +98,34 @@ class LocalStore(Store):
             ) from error
         return f"a{number}"
 
-    def retire_lost(self) -> list[str]:
-        """Move such markers to ``lost/``; see ``Store.retire_lost``."""
-        lost = self.lost()
-        for marker in lost:
-            name = f"{marker.episode_id}.{marker.attempt}.json"
-            aside = self.root / "lost" / name
-            try:
-                aside.parent.mkdir(exist_ok=True)
-                (self._commits / f"{marker.episode_id}.json").rename(aside)
-                # Another run may have retired it first, and committed the episode again.
-                if _read_marker(aside).attempt != marker.attempt:
-                    with suppress(FileExistsError):
-                        os.link(aside, self._commits / f"{marker.episode_id}.json")
-                    aside.unlink()
-                for folder in (aside.parent, self._commits, self.root):
-                    flush_folder(folder)
-            except FileNotFoundError:
-                continue  # another run has just retired it
-            except OSError as error:
-                raise disk_error(error, str(aside)) from error
-        return [marker.episode_id for marker in lost]
-
-    def lost(self) -> list[CommitMarker]:
-        """Markers of which no file is there; see ``Store.lost``."""
+    def lost(self, markers: Iterable[CommitMarker]) -> list[CommitMarker]:
+        """One look at a file of each episode, where it is there; see ``Store.lost``."""
         return [
             marker
-            for marker in self.committed().values()
+            for marker in markers
             if not any(
                 (self._attempt(marker.episode_id, marker.attempt) / entry.path).exists()
                 for entry in marker.files
             )
         ]
+
+    def retire(self, marker: CommitMarker) -> None:
+        """Move the marker to ``lost/``; see ``Store.retire``."""
+        aside = self.root / "lost" / f"{marker.episode_id}.{marker.attempt}.json"
+        try:
+            aside.parent.mkdir(exist_ok=True)
+            (self._commits / f"{marker.episode_id}.json").rename(aside)
+            # Another run may have retired it first, and committed the episode again.
+            if read_marker(aside).attempt != marker.attempt:
+                with suppress(FileExistsError):
+                    os.link(aside, self._commits / f"{marker.episode_id}.json")
+                aside.unlink()
+            for folder in (aside.parent, self._commits, self.root):
+                flush_folder(folder)
+        except FileNotFoundError:
+            return  # another run has just retired it
+        except OSError as error:
+            raise disk_error(error, str(aside)) from error
 
     def attempt_folder(self, episode_id: str, attempt: str) -> Path:
         """``episodes/<episode_id>/<attempt>`` below the root."""
@@ -215,7 +210,7 @@ class LocalStore(Store):
         """Delete the attempt's folder; see ``Store.discard_attempt``."""
         marker_path = self._commits / f"{episode_id}.json"
         if marker_path.exists():
-            marker = _read_marker(marker_path)
+            marker = read_marker(marker_path)
             if marker.attempt == attempt:
                 raise StorageError(
                     f"Attempt {attempt} of episode {episode_id} is committed and stays.",
@@ -268,7 +263,7 @@ class LocalStore(Store):
 
     def _yield_to_winner(self, episode_id: str, attempt: str, marker_path: Path) -> None:
         """Give way to the attempt that was committed first."""
-        winner = _read_marker(marker_path)
+        winner = read_marker(marker_path)
         if winner.attempt != attempt:
             self._remove_attempt(episode_id, attempt)
         self._remove_leases(episode_id)
@@ -359,22 +354,3 @@ def _flushed(folder: Path, name: str, known: FileEntry | None) -> FileEntry:
             return known
         found, size = hash_of_file(file)
     return FileEntry(name, size, found)
-
-
-def _read_marker(path: Path) -> CommitMarker:
-    """Read a commit marker.
-
-    Raises:
-        FileNotFoundError: there is none.
-        DatasetError: it cannot be read, or is damaged.
-    """
-    try:
-        content = read_bounded(path, LARGEST_DOCUMENT_BYTES)
-    except FileNotFoundError:
-        raise
-    except OSError as error:
-        raise DatasetError(
-            f"The commit marker {path.name} cannot be read: {error.strerror}.",
-            "Remove it to record that episode again.",
-        ) from error
-    return CommitMarker.from_bytes(content, path.name)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from carstage.errors import DatasetError
+from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
 from carstage.files.hashing import UnknownAlgorithmError, check_hash
 
 FORMAT_VERSION = 2
@@ -121,3 +123,22 @@ def _named_hash(entry: Mapping[str, Any], version: int) -> str:
     if version == _SHA256_VERSION:
         return f"sha256:{entry['sha256']}"
     return check_hash(str(entry["hash"]))
+
+
+def read_marker(path: Path) -> CommitMarker:
+    """Read a commit marker.
+
+    Raises:
+        FileNotFoundError: there is none.
+        DatasetError: it cannot be read, or is damaged.
+    """
+    try:
+        content = read_bounded(path, LARGEST_DOCUMENT_BYTES)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise DatasetError(
+            f"The commit marker {path.name} cannot be read: {error.strerror}.",
+            "Remove it to record that episode again.",
+        ) from error
+    return CommitMarker.from_bytes(content, path.name)

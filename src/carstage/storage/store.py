@@ -71,25 +71,21 @@ class Store(ABC):
         """
 
     @abstractmethod
-    def lost(self) -> list[CommitMarker]:
-        """Markers of episodes none of whose files is there any more.
+    def lost(self, markers: Iterable[CommitMarker]) -> list[CommitMarker]:
+        """Those of some markers none of whose files is there any more.
 
-        Raises:
-            DatasetError: a marker is damaged.
+        Args:
+            markers: as ``committed`` gave them.
         """
 
     @abstractmethod
-    def retire_lost(self) -> list[str]:
-        """Set the markers of :meth:`lost` aside, so that the episodes are recorded again.
+    def retire(self, marker: CommitMarker) -> None:
+        """Set a marker of :meth:`lost` aside, so that its episode is recorded again.
 
         An episode that keeps a single file keeps its marker: what became of the others is for the
         user to say.
 
-        Returns:
-            Ids of those episodes.
-
         Raises:
-            DatasetError: a marker is damaged.
             StorageError: it cannot be moved.
         """
 

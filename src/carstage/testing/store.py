@@ -101,7 +101,7 @@ class StoreTests:
             store.commit(_EPISODE, slow, frames=1, versions=_VERSIONS)
         assert store.has(_EPISODE)
         assert store.committed()[_EPISODE].attempt == fast
-        assert not store.lost()
+        assert not store.lost(store.committed().values())
 
     def test_an_episode_that_is_not_there_is_not(self, store: Store) -> None:
         self.write(store, store.reserve_attempt(_EPISODE, {}))
@@ -111,12 +111,27 @@ class StoreTests:
         folder = self.write(store, store.reserve_attempt(_EPISODE, {}))
         store.commit(_EPISODE, folder.name, frames=1, versions=_VERSIONS)
         (folder / "episode.json").unlink()
-        assert (store.lost(), store.retire_lost()) == ([], [])  # one file is still there
+        markers = store.committed().values()
+        assert store.lost(markers) == []  # one file is still there
         shutil.rmtree(folder)
-        assert [marker.episode_id for marker in store.lost()] == [_EPISODE]
-        assert self.open(place).retire_lost() == [_EPISODE]
+        (marker,) = store.lost(markers)
+        assert marker.episode_id == _EPISODE
+        self.open(place).retire(marker)
         assert not store.has(_EPISODE)
-        assert store.retire_lost() == []
+        store.retire(marker)  # as one who is late does
+        assert store.lost(store.committed().values()) == []
+
+    def test_who_retires_a_marker_late_takes_no_new_one_away(
+        self, place: Path, store: Store
+    ) -> None:
+        folder = self.write(store, store.reserve_attempt(_EPISODE, {}))
+        gone = store.commit(_EPISODE, folder.name, frames=1, versions=_VERSIONS)
+        shutil.rmtree(folder)
+        self.open(place).retire(gone)
+        self.write(store, store.reserve_attempt(_EPISODE, {}, first=2))
+        again = store.commit(_EPISODE, "a2", frames=1, versions=_VERSIONS)
+        self.open(place).retire(gone)
+        assert store.committed() == {_EPISODE: again}
 
     def test_an_uncommitted_attempt_is_no_episode(self, store: Store) -> None:
         self.write(store, "a1")

@@ -111,21 +111,32 @@ class ConfigChecker:
             ConfigError: the episode lies elsewhere, or the interpreter is none that was found here.
         """
         from carstage.config.scene import ReplayScenario
-        from carstage.server.interpreters import AUTO, clients_here
 
-        wanted = config.server.client_python
-        if wanted != AUTO:
-            known = sorted({sys.executable, *(str(python.path) for python in clients_here())})
-            if wanted not in known:
-                message = f"{wanted!r} is none of the interpreters with a client wheel here."
-                hint = f"`auto`, or one of: {', '.join(known)}. The command line takes any."
-                problem = (("server", "client_python"), message, hint)
-                raise ConfigError(f"server.client_python: {message}", hint, (problem,))
+        _check_interpreter(config.server.client_python)
         if isinstance(config.scenario, ReplayScenario):
             try:
                 self._roots.confine(config.scenario.episode)
             except BadInputError as error:
-                problem = (("scenario", "episode"), error.message, error.hint)
-                raise ConfigError(
-                    f"scenario.episode: {error.message}", error.hint, (problem,)
-                ) from error
+                raise _refusal("scenario", "episode", error.message, error.hint) from error
+
+
+def _check_interpreter(wanted: str) -> None:
+    """Let requests name only interpreters that are found here anyway.
+
+    Raises:
+        ConfigError: it is another one.
+    """
+    from carstage.server.interpreters import AUTO, clients_here
+
+    if wanted == AUTO:
+        return
+    known = sorted({sys.executable, *(str(python.path) for python in clients_here())})
+    if wanted not in known:
+        message = f"{wanted!r} is none of the interpreters with a client wheel here."
+        hint = f"`auto`, or one of: {', '.join(known)}. The command line takes any."
+        raise _refusal("server", "client_python", message, hint)
+
+
+def _refusal(section: str, name: str, message: str, hint: str) -> ConfigError:
+    problem = ((section, name), message, hint)
+    return ConfigError(f"{section}.{name}: {message}", hint, (problem,))

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from carstage.errors import CarStageError
-from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
 from carstage.runs.reading import liveness, read_document
 from carstage.storage.description import read_description
-from carstage.storage.marker import CommitMarker
+from carstage.storage.marker import read_marker
 from carstage.web.datasets.jobs import JobService
 from carstage.web.errors import not_found
 from carstage.web.messages import (
@@ -157,20 +156,16 @@ def _records(dataset: Path) -> bool:
     return any(s is not None and liveness(s) in ("running", "stalled") for s in statuses)
 
 
-def _read_marker(path: Path) -> CommitMarker:
-    return CommitMarker.from_bytes(read_bounded(path, LARGEST_DOCUMENT_BYTES), path.name)
-
-
 @lru_cache(maxsize=20_000)
 def _marker(path: Path, _changed_ns: int) -> tuple[int, int]:
     """Frames and bytes of an episode."""
-    marker = _read_marker(path)
+    marker = read_marker(path)
     return marker.frames, sum(entry.bytes for entry in marker.files)
 
 
 @lru_cache(maxsize=64)
 def _episode(kind: type[Episode], marker_path: Path, _changed_ns: int) -> Episode:
     """An episode, kept with what it has read as long as its marker stays the same."""
-    marker = _read_marker(marker_path)
+    marker = read_marker(marker_path)
     dataset = marker_path.parent.parent
     return kind(dataset / "episodes" / marker.episode_id / marker.attempt, marker)

@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         logging.getLogger("carstage_sim.maps.baking").setLevel(logging.INFO)
     try:
         import_plugins(options.plugins)
-        maps = MapCatalogue(options.maps, options.aliases)
+        maps = MapCatalogue(options.maps, options.aliases, bake_limits=options.bake_limits)
         if options.describe:
             print(json.dumps(describe(options.protocol, maps)), flush=True)
             return 0

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from carstage_sim.maps import BakeLimits
 from carstage_sim.render.gpu.device import Choice
 from carstage_sim.render.quality import Quality
 from carstage_sim.sensors.looping import Looping
@@ -42,6 +43,7 @@ class Options:
         streaming_port: 0 for a free one.
         maps: OpenDRIVE files, and folders of them, to offer.
         aliases: names that stand for maps.
+        bake_limits: what the bake of a map for a client may take.
         plugins: modules to import, which register sensors.
         threads: threads of the numeric kernels, None for all cores.
         loop: how each sensor repeats its first frames, None for no repetition.
@@ -64,6 +66,7 @@ class Options:
     map_name: str
     maps: tuple[Path, ...]
     aliases: dict[str, str]
+    bake_limits: BakeLimits
     plugins: tuple[str, ...]
     threads: int | None
     loop: Looping | None
@@ -119,6 +122,7 @@ def _parser() -> _Parser:
     )
     parser.add_argument("--map", dest="map_name", default="Stage01", help="map to begin with")
     _add_map_sources(parser)
+    _add_bake_limits(parser)
     parser.add_argument(
         "--plugin",
         dest="plugins",
@@ -242,6 +246,24 @@ def _add_map_sources(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_bake_limits(parser: argparse.ArgumentParser) -> None:
+    usual = BakeLimits()
+    parser.add_argument(
+        "--bake-seconds",
+        type=_count,
+        default=int(usual.seconds),
+        metavar="S",
+        help="how long a map that a client asks for may bake (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--bake-memory",
+        type=_count,
+        default=usual.memory_mb,
+        metavar="MB",
+        help="how much memory such a bake may take (default: %(default)s)",
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class BakeTask:
     """What ``bake`` is to do.
@@ -301,6 +323,7 @@ def parse_options(argv: Sequence[str] | None) -> Options:
         map_name=namespace.map_name.rsplit("/", 1)[-1],
         maps=tuple(namespace.maps),
         aliases=dict(namespace.aliases),
+        bake_limits=BakeLimits(float(namespace.bake_seconds), namespace.bake_memory),
         plugins=tuple(namespace.plugins),
         threads=namespace.threads,
         loop=Looping(namespace.loop, namespace.loop_noise) if namespace.loop else None,

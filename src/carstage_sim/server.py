@@ -21,7 +21,7 @@ from typing import Any
 
 from carstage_sim.simulation import Simulation
 from carstage_sim.wire.dialect import Dialect
-from carstage_sim.wire.handlers import Call, Session, serve
+from carstage_sim.wire.handlers import Session, TickRequest, serve
 from carstage_sim.wire.payloads import encode_frame, sensor_header
 from carstage_sim.wire.relabelling import Relabelling
 from carstage_sim.wire.rpc import Disconnected, Event, RpcServer
@@ -37,6 +37,7 @@ from carstage_sim.world.snapshot import Snapshot
 logger = logging.getLogger(__name__)
 
 _POLL_S = 0.1
+_SUBSCRIPTION_POLL_S = 0.005
 _SERVED_BETWEEN_TICKS = 256
 _RELEASE_AFTER_S = 1.0
 """A program may close one client and go on with another."""
@@ -80,7 +81,7 @@ class Server:
         self._next_tick_s = 0.0
         self._owners = SynchronousOwners()
         self._older_streams: list[int] = []
-        self._tick_requests: list[Call | None] = []
+        self._tick_requests: list[TickRequest] = []
         self._later: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
         with ExitStack() as resources:
@@ -134,13 +135,21 @@ class Server:
                 return
 
     def _run_when_told(self) -> None:
-        wait_s = self._paced_until_s - time.monotonic() if self._tick_requests else _POLL_S
+        if self._due_requests():
+            wait_s = self._paced_until_s - time.monotonic()
+        else:
+            wait_s = _SUBSCRIPTION_POLL_S if self._tick_requests else _POLL_S
         if wait_s > 0.0:
             self._serve_one(min(wait_s, _POLL_S))
         now_s = time.monotonic()
-        if self._tick_requests and now_s >= self._paced_until_s:
+        if self._due_requests() and now_s >= self._paced_until_s:
             self._paced_until_s = now_s + self._shortest_tick_s
             self._tick()
+
+    def _due_requests(self) -> list[TickRequest]:
+        """Who wants a tick; not those that would miss it, because they subscribe still."""
+        waiting = self._tick_requests
+        return [one for one in waiting if not self._streams.awaits(one.call.connection)]
 
     def _run_freely(self) -> None:
         wait_s = self._next_tick_s - time.monotonic()
@@ -190,20 +199,22 @@ class Server:
         The answer must not wait for the sensors: a client that calls while it holds Python's lock
         cannot take their data before it has its answer.
         """
-        requests, self._tick_requests[:] = self._tick_requests[:], []
+        self._streams.begin_frame()
+        due = self._due_requests()
+        taken = {id(one) for one in due}
+        self._tick_requests[:] = [one for one in self._tick_requests if id(one) not in taken]
+        calls = [one.call for one in due if not one.is_answered]
         try:
             snapshot = self._simulation.tick()
             self._publish_snapshot(snapshot)
         except Exception as error:
             # Whoever sent what the world cannot bear, the others still want their answers.
             logger.exception("frame %d failed", self._simulation.world.frame)
-            for call in requests:
-                if call is not None:
-                    call.fail(f"the frame failed in the simulator: {type(error).__name__}: {error}")
+            for call in calls:
+                call.fail(f"the frame failed in the simulator: {type(error).__name__}: {error}")
             return
-        for call in requests:
-            if call is not None:
-                call.answer(snapshot.state.frame)
+        for call in calls:
+            call.answer(snapshot.state.frame)
         try:
             self._publish_sensors(snapshot)
         except Exception:
@@ -257,6 +268,7 @@ class Server:
 
     def _episode_began(self, quiet_s: float = 0.0) -> None:
         self._next_tick_s = time.monotonic() + max(quiet_s, self._period_s)
+        self._streams.begin_frame()
         self._publish_snapshot(self._simulation.first_frame())
 
     def _after(self, delay_s: float, action: Callable[[], None]) -> None:

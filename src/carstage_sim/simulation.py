@@ -57,6 +57,7 @@ class Simulation:
         projection: of GNSS sensors, which differs between CARLA's versions.
         quality: of colour pictures.
         device: what casts rays and makes pictures.
+        recordings: the folder of the recorder's logs.
 
     Attributes:
         world: the current episode.
@@ -88,7 +89,7 @@ class Simulation:
         self.imu_gravity = _STANDARD_GRAVITY
         self.recordings = RecorderController(recordings)
         self.maps = maps or MapCatalogue()
-        self.bakes = BackgroundBakes(self.maps.cache_folder)
+        self.bakes = BackgroundBakes(self.maps.cache_folder, self.maps.bake_limits)
         self._threads = threads
         self._loop = loop
         self._projection = projection

@@ -1,12 +1,24 @@
-"""What this simulator offers, as one JSON document: maps, blueprints, protocols."""
+"""What this simulator offers, as one JSON document: maps, blueprints, protocols, limits."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from carstage_sim.maps import MapCatalogue, available_towns, spawn_point_count
+from carstage_sim.sensors.cameras import LARGEST_SIDE_PX, MOST_PIXELS
+from carstage_sim.sensors.lidar import FASTEST_HZ, MOST_CHANNELS, MOST_POINTS_PER_S
 from carstage_sim.wire.dialect import DIALECTS, dialect
 from carstage_sim.world.blueprints import Attribute, Blueprint, catalogue
+
+LIMITS: dict[str, float] = {
+    "image_size_x": LARGEST_SIDE_PX,
+    "image_size_y": LARGEST_SIDE_PX,
+    "pixels": MOST_PIXELS,
+    "channels": MOST_CHANNELS,
+    "points_per_second": MOST_POINTS_PER_S,
+    "rotation_frequency": FASTEST_HZ,
+}
+"""The largest values of sensors' attributes, and of a picture's pixels."""
 
 
 def describe(protocol: str, maps: MapCatalogue | None = None) -> dict[str, Any]:
@@ -24,6 +36,7 @@ def describe(protocol: str, maps: MapCatalogue | None = None) -> dict[str, Any]:
     return {
         "protocol": protocol,
         "protocols": list(DIALECTS),
+        "limits": LIMITS,
         "maps": [
             {"name": name, "spawn_points": _spawn_points(name)}
             for name in (maps or MapCatalogue()).names

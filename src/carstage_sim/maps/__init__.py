@@ -4,7 +4,7 @@
 ``Town``.
 """
 
-from carstage_sim.maps.background import BackgroundBakes, Bake
+from carstage_sim.maps.background import BackgroundBakes, Bake, BakeLimits
 from carstage_sim.maps.baking import BakeOptions
 from carstage_sim.maps.catalogue import MapCatalogue, MapFileError, generated_source
 from carstage_sim.maps.checking import MapSamplingError
@@ -20,6 +20,7 @@ from carstage_sim.maps.town import Town
 __all__ = [
     "BackgroundBakes",
     "Bake",
+    "BakeLimits",
     "BakeOptions",
     "GroundHeight",
     "MapCatalogue",

@@ -1,8 +1,8 @@
 """The process of one bake: ``python -m carstage_sim.maps.bake_process JOB ANSWER``.
 
-JOB says what to bake; into ANSWER goes what is wrong with it, or null. Standard input is a pipe
-that the server holds: when it ends, the server is gone, however that came about, and nobody waits
-any more or would clear the folder that both files are in.
+JOB says what to bake and how much memory it may take; into ANSWER goes what is wrong with it, or
+null. Standard input is a pipe that the server holds: when it ends, the server is gone, however that
+came about, and nobody waits any more or would clear the folder that both files are in.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import contextlib
 import json
 import logging
 import os
+import resource
 import signal
 import sys
 import threading
@@ -22,6 +23,10 @@ from carstage_sim.maps.background import BAKING_LOG
 from carstage_sim.maps.baking import BakeOptions
 from carstage_sim.maps.checking import MapSamplingError
 from carstage_sim.maps.loading import TownSource, town_of
+
+_BACKSTOP = 2
+"""How many times what a bake may hold it can ask for: the server looks now and then, and what asks
+for far too much at once fails loudly. Nearer, libraries go on with what they did not get."""
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -46,11 +51,16 @@ def _bake(job: Path, answer: Path) -> None:
     logging.getLogger(BAKING_LOG).setLevel(record["level"])
     options = BakeOptions(**record["source"].pop("options"))
     refusal = None
+    # Private writable memory only: of addresses, the libraries reserve far more than they use.
+    most_bytes = record["most_bytes"] * _BACKSTOP
+    resource.setrlimit(resource.RLIMIT_DATA, (most_bytes, most_bytes))
     try:
         folder = Path(record["cache_folder"]) if record["cache_folder"] else None
         town_of(TownSource(**record["source"], options=options), cache_folder=folder)
     except MapSamplingError as error:
         refusal = str(error)
+    except MemoryError as error:
+        refusal = repr(error)
     answer.write_text(json.dumps(refusal), encoding="utf-8")
 
 

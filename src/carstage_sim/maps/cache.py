@@ -119,7 +119,9 @@ def cached_count(name: str, opendrive: str, count: Callable[[], int], folder: Pa
 
 
 def _key(name: str, opendrive: str) -> str:
-    digest = hashlib.sha256(f"{_code_digest()}\n{opendrive}".encode()).hexdigest()
+    # A client's text may hold what is no character; it is refused when it is baked.
+    text = f"{_code_digest()}\n{opendrive}".encode(errors="surrogatepass")
+    digest = hashlib.sha256(text).hexdigest()
     return f"{name}-{digest[:32]}"
 
 

@@ -13,6 +13,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from carstage_sim.maps.background import BakeLimits
 from carstage_sim.maps.baking import BakeOptions
 from carstage_sim.maps.loading import (
     TownSource,
@@ -47,9 +48,10 @@ class MapCatalogue:
         sources: OpenDRIVE files, and folders of them; a file's stem is the map's name.
         aliases: names that stand for maps.
         cache_folder: where baked towns are kept; by default in the user's cache folder.
+        bake_limits: what the bake of a map for a client may take.
 
     Attributes:
-        cache_folder: as given.
+        cache_folder, bake_limits: as given.
 
     Raises:
         MapFileError: a source is missing or holds no map, or an alias leads nowhere.
@@ -61,6 +63,7 @@ class MapCatalogue:
         aliases: Mapping[str, str] | None = None,
         *,
         cache_folder: Path | None = None,
+        bake_limits: BakeLimits | None = None,
     ) -> None:
         self._files: dict[str, Path] = {}
         for source in sources:
@@ -69,6 +72,7 @@ class MapCatalogue:
         self._aliases = dict(aliases or {})
         self._generated: dict[str, TownSource] = {}
         self.cache_folder = cache_folder
+        self.bake_limits = bake_limits
         self._announced: set[str] = set()
         for alias, name in self._aliases.items():
             if self._true_name(name) is None:

@@ -12,6 +12,10 @@ import shapely
 from lxml import etree
 
 MOST_ROADS = 20_000
+MOST_ROAD_M = 5_000_000.0
+"""Length of all roads together; every metre of every lane is looked at."""
+FARTHEST_M = 1_000_000.0
+"""From the origin. Positions are single-precision floats: there, they are 6 cm apart."""
 GEOS = ((3, 13, 1), (3, 14, 1))
 """The libraries under shapely 2.1 and 2.2: those that were shown to draw the same towns."""
 
@@ -45,8 +49,15 @@ def check_opendrive(name: str, opendrive: str) -> None:
     Raises:
         MapSamplingError: with the reason and the way out.
     """
+    # Ten lines of entities that hold each other unfold into gigabytes.
+    if "<!ENTITY" in opendrive:
+        raise MapSamplingError(f"map {name}: it declares XML entities, which no map needs")
     try:
-        root = etree.fromstring(opendrive.encode(), etree.XMLParser(huge_tree=True))
+        # The text is UTF-8 here, whatever encoding the file once had and still names.
+        parser = etree.XMLParser(huge_tree=True, encoding="utf-8")
+        root = etree.fromstring(opendrive.encode(), parser)
+    except UnicodeEncodeError as error:
+        raise MapSamplingError(f"map {name}: it is no UTF-8 text: {error.reason}") from error
     except etree.XMLSyntaxError as error:
         raise MapSamplingError(f"map {name}: no well-formed XML: {error}") from error
     if etree.QName(root).localname != "OpenDRIVE":
@@ -67,6 +78,7 @@ def check_opendrive(name: str, opendrive: str) -> None:
             "the map into pieces"
         )
     seen: set[int] = set()
+    whole_m = 0.0
     for road in roads:
         road_id = _whole(name, road, "id", "road")
         if road_id in seen:
@@ -74,18 +86,30 @@ def check_opendrive(name: str, opendrive: str) -> None:
         seen.add(road_id)
         where = f"road {road_id}"
         _whole(name, road, "junction", where)
-        if _number(name, road, "length", where) <= 0.0:
+        length_m = _number(name, road, "length", where)
+        if length_m <= 0.0:
             raise MapSamplingError(f"map {name}, {where}: its length is not above 0")
+        whole_m += length_m
         pieces = road.findall("planView/geometry")
         if not pieces:
             raise MapSamplingError(f"map {name}, {where}: it has no <planView><geometry>")
         for piece in pieces:
             for attribute in ("s", "x", "y", "hdg", "length"):
-                _number(name, piece, attribute, f"{where}, geometry")
+                value = _number(name, piece, attribute, f"{where}, geometry")
+                if abs(value) > FARTHEST_M:
+                    raise MapSamplingError(
+                        f"map {name}, {where}, geometry: {attribute}={value:g} is beyond "
+                        f"{FARTHEST_M / 1e3:g} km; move the map to its origin"
+                    )
         if road.find("lanes/laneSection") is None:
             raise MapSamplingError(f"map {name}, {where}: it has no <lanes><laneSection>")
         for lane in road.iterfind("lanes/laneSection/*/lane"):
             _whole(name, lane, "id", f"{where}, lane")
+    if whole_m > MOST_ROAD_M:
+        raise MapSamplingError(
+            f"map {name}: {whole_m / 1e3:.0f} km of road are too many for one town (at most "
+            f"{MOST_ROAD_M / 1e3:.0f}); cut the map into pieces"
+        )
 
 
 def _number(name: str, element: etree._Element, attribute: str, where: str) -> float:

@@ -20,6 +20,9 @@ from carstage_sim.maps.strips import strips
 from carstage_sim.maps.town import Town
 from carstage_sim.maps.writer import PLANS, opendrive_of
 
+MOST_TRIANGLES = 12_000_000
+"""Of one town. CARLA's Town15 has two million; the thread that owns the world takes them in."""
+
 
 @dataclass(frozen=True, slots=True)
 class TownSource:
@@ -138,16 +141,24 @@ def town_of(source: TownSource, *, cache_folder: Path | None = None) -> Town:
     Raises:
         MapSamplingError: if nothing can be made of the text.
     """
-    name, text, options = source.name, source.opendrive, source.options
     check_geometry_library()
     try:
-        return cached_town(
-            name, _key(source), lambda: bake(name, text, options), _folder(cache_folder)
-        )
+        return cached_town(source.name, _key(source), lambda: _baked(source), _folder(cache_folder))
     except MapSamplingError as error:
         if not source.origin:
             raise
         raise MapSamplingError(f"{source.origin}: {error}") from error
+
+
+def _baked(source: TownSource) -> Town:
+    town = bake(source.name, source.opendrive, source.options)
+    count = len(town.static_mesh.triangles)
+    if count > MOST_TRIANGLES:
+        raise MapSamplingError(
+            f"map {source.name}: {count} triangles are too many for one town (at most "
+            f"{MOST_TRIANGLES}); cut the map into pieces"
+        )
+    return town
 
 
 def is_baked(source: TownSource, *, cache_folder: Path | None = None) -> bool:

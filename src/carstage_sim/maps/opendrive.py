@@ -46,7 +46,7 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
         :mod:`carstage_sim.maps.signals`.
     """
     town = carla.Map(name, opendrive)
-    root = etree.fromstring(opendrive.encode(), etree.XMLParser(huge_tree=True))
+    root = etree.fromstring(opendrive.encode(), etree.XMLParser(huge_tree=True, encoding="utf-8"))
     columns: dict[str, list[object]] = {
         key: []
         for key in (

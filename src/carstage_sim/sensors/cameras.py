@@ -21,8 +21,8 @@ from carstage_sim.sensors.view import FAR_M, Camera, View
 from carstage_sim.world.state import WorldState
 
 _DEPTH_STEPS = 2**24 - 1
-_LARGEST_SIDE_PX = 8192
-_MOST_PIXELS = 7680 * 4320
+LARGEST_SIDE_PX = 8192
+MOST_PIXELS = 7680 * 4320
 _MOST_STOPS = 30.0
 
 
@@ -79,11 +79,11 @@ class CameraSensor(MeasuringSensor):
         self.height = whole(request.attributes, "image_size_y", 600)
         self.fov_deg = number(request.attributes, "fov", 90.0)
         for name, side in (("image_size_x", self.width), ("image_size_y", self.height)):
-            within(name, side, 1, _LARGEST_SIDE_PX)
+            within(name, side, 1, LARGEST_SIDE_PX)
         pixels = self.width * self.height
         require(
-            pixels <= _MOST_PIXELS,
-            f"image_size_x times image_size_y is {pixels}, above {_MOST_PIXELS} (8K UHD)",
+            pixels <= MOST_PIXELS,
+            f"image_size_x times image_size_y is {pixels}, above {MOST_PIXELS} (8K UHD)",
         )
         require(0.0 < self.fov_deg < 180.0, f"fov is {self.fov_deg}, not between 0 and 180 degrees")
         self.lens = Lens.of(request.attributes)

@@ -6,6 +6,8 @@ brightness of a pixel is taken as linear in time, and every crossing of a thresh
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +24,9 @@ _GREY = np.array([0.2989, 0.587, 0.114])
 """Weights of R, G, B."""
 _UNCHANGED = 1e-6
 _SMALLEST_THRESHOLD = 0.01
+_MOST_GREY = 255.0
+_MOST_CROSSINGS = 1000
+"""Of a pixel between two pictures; each takes a pass over all that still cross."""
 
 FloatArray = NDArray[np.float64]
 
@@ -48,10 +53,16 @@ class DvsCamera(CameraSensor):
         self.refractory_ns = whole(a, "refractory_period_ns", 0)
         self.use_log = flag(a, "use_log", default=True)
         self.log_eps = number(a, "log_eps", 0.001)
-        for name, value in zip(("negative", "positive"), self.thresholds, strict=True):
-            require(value > 0.0, f"{name}_threshold must be positive")
         require(min(self.sigmas) >= 0.0, "sigma of a threshold must not be negative")
         require(self.log_eps > 0.0, "log_eps must be positive")
+        span = math.log(1.0 + 1.0 / self.log_eps) if self.use_log else _MOST_GREY
+        self._smallest = span / _MOST_CROSSINGS
+        for name, value in zip(("negative", "positive"), self.thresholds, strict=True):
+            require(
+                value >= self._smallest,
+                f"{name}_threshold is {value:g}, not at least {self._smallest:.3g}: from black to "
+                f"white a pixel crosses at most {_MOST_CROSSINGS}",
+            )
         self._before: FloatArray | None = None
         self._level: FloatArray = np.zeros(0)
         self._last_event_ns: NDArray[np.int64] = np.zeros(0, np.int64)
@@ -91,7 +102,8 @@ class DvsCamera(CameraSensor):
         step = np.where(brighter, self.thresholds[1], self.thresholds[0])
         sigma = np.where(brighter, self.sigmas[1], self.sigmas[0])
         if max(self.sigmas) > 0.0:
-            noisy = np.maximum(step + random.normal(size=len(pixel)) * sigma, _SMALLEST_THRESHOLD)
+            noisy = step + random.normal(size=len(pixel)) * sigma
+            noisy = np.maximum(noisy, max(_SMALLEST_THRESHOLD, self._smallest))
             step = np.where(sigma > 0.0, noisy, step)
         step = np.where(brighter, step, -step)
         level = self._level[pixel]

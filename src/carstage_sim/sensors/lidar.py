@@ -25,10 +25,10 @@ from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import View, turned
 from carstage_sim.world.state import WorldState
 
-_MOST_CHANNELS = 1024
-_MOST_POINTS_PER_S = 20_000_000
+MOST_CHANNELS = 1024
+MOST_POINTS_PER_S = 20_000_000
 _MOST_RAYS_PER_FRAME = 8_000_000
-_FASTEST_HZ = 1000.0
+FASTEST_HZ = 1000.0
 
 
 def round_half_away(value: float) -> int:
@@ -118,7 +118,11 @@ class Returns(NamedTuple):
 
 
 class RotatingLidar(MeasuringSensor):
-    """What both LiDARs share: lasers on a head that goes on turning between frames."""
+    """What both LiDARs share: lasers on a head that goes on turning between frames.
+
+    As in ``RayCastSemanticLidar.cpp`` a head may stand still or turn the other way, and without
+    points or range there are frames without points.
+    """
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)
@@ -132,16 +136,17 @@ class RotatingLidar(MeasuringSensor):
             horizontal_fov_deg=number(a, "horizontal_fov", 360.0),
         )
         self.range_m = number(a, "range", 10.0)
-        within("channels", self.geometry.channels, 1, _MOST_CHANNELS)
-        within("points_per_second", self.geometry.points_per_second, 0, _MOST_POINTS_PER_S)
-        within("rotation_frequency", self.geometry.rotation_frequency_hz, 0, _FASTEST_HZ)
+        within("channels", self.geometry.channels, 1, MOST_CHANNELS)
+        within("points_per_second", self.geometry.points_per_second, 0, MOST_POINTS_PER_S)
+        turns_hz = self.geometry.rotation_frequency_hz
+        within("rotation_frequency", turns_hz, -FASTEST_HZ, FASTEST_HZ)
         for name, angle_deg in (
             ("upper_fov", self.geometry.upper_fov_deg),
             ("lower_fov", self.geometry.lower_fov_deg),
         ):
             within(name, angle_deg, -90, 90)
         require(0 < self.geometry.horizontal_fov_deg <= 360, "horizontal_fov must be in (0, 360]")
-        require(self.range_m > 0, "range must be positive")
+        require(self.range_m >= 0, "range must not be negative")
         self._angle_deg = 0.0
         self._turned_s = 0.0
 

@@ -57,7 +57,7 @@ class ObstacleDetector(MeasuringSensor):
         self.distance_m = number(request.attributes, "distance", 5.0)
         self.radius_m = number(request.attributes, "hit_radius", 0.5)
         self.only_dynamics = flag(request.attributes, "only_dynamics", default=False)
-        require(self.distance_m > 0, "distance must be positive")
+        require(self.distance_m >= 0, "distance must not be negative")
         require(self.radius_m >= 0, "hit_radius must not be negative")
         self._across, self._half = ball_rays(self.radius_m)
 

@@ -45,7 +45,7 @@ class Radar(MeasuringSensor):
             ("vertical_fov", self.vertical_fov_deg),
         ):
             require(0.0 <= fov_deg < 180.0, f"{name} is {fov_deg}, not in [0, 180) degrees")
-        require(self.range_m > 0, "range must be positive")
+        require(self.range_m >= 0, "range must not be negative")
         within("points_per_second", self.points_per_second, 0, _MOST_POINTS_PER_S)
         self._before: Vector | None = None
 

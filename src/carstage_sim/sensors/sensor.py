@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import ClassVar, TypeVar
@@ -46,15 +47,19 @@ class Sensor(ABC):
         )
 
     def is_due(self, timestamp_s: float) -> bool:
-        """Whether ``sensor_tick`` seconds have passed since the last frame; counts the frame."""
-        if self._interval_s <= 0.0:
+        """Whether ``sensor_tick`` seconds have passed since the last frame; counts the frame.
+
+        One of 0 or less means every tick, as an actor's tick interval does in Unreal Engine.
+        """
+        if self._interval_s <= _DUE_TOLERANCE_S:
             return True
         if self._due_s is None:
             self._due_s = timestamp_s
         if timestamp_s < self._due_s - _DUE_TOLERANCE_S:
             return False
-        while self._due_s <= timestamp_s + _DUE_TOLERANCE_S:
-            self._due_s += self._interval_s
+        # One step if ticks are shorter than the interval; counted, as there may be any number.
+        late_s = timestamp_s + _DUE_TOLERANCE_S - self._due_s
+        self._due_s += (math.floor(late_s / self._interval_s) + 1) * self._interval_s
         return True
 
     def announce(self, request: SensorRequest, view: View) -> None:  # noqa: B027

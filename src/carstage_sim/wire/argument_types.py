@@ -24,6 +24,7 @@ _TYPES: dict[str, tuple[type, ...]] = {
     "str": (str,),
     "list": (list,),
 }
+_ELEMENTS: dict[str, type] = {"list[int]": int, "list[str]": str}
 _WORDS = {"float": f"a finite number up to {_LARGEST:g}"}
 
 
@@ -36,7 +37,8 @@ def argument_check(handler: Callable[..., Any]) -> Callable[[str, Sequence[Any]]
     """A function that refuses arguments which do not fit a handler's number and types.
 
     It takes the name of the call and the client's arguments, and raises :class:`CallError`.
-    Annotations other than flags, numbers, text and lists are left to the handler.
+    Annotations other than flags, numbers, text and lists are left to the handler, and of lists the
+    elements that are neither text nor whole numbers.
     """
     parameters = client_parameters(handler)
     unbounded = any(parameter.kind is parameter.VAR_POSITIONAL for parameter in parameters)
@@ -48,6 +50,11 @@ def argument_check(handler: Callable[..., Any]) -> Callable[[str, Sequence[Any]]
         (position, _TYPES[kind], kind == "float")
         for position, kind in enumerate(kinds)
         if kind in _TYPES
+    ]
+    lists = [
+        (position, _ELEMENTS[annotation])
+        for position, annotation in enumerate(str(p.annotation) for p in positional)
+        if annotation in _ELEMENTS
     ]
 
     def check(name: str, arguments: Sequence[Any]) -> None:
@@ -65,6 +72,12 @@ def argument_check(handler: Callable[..., Any]) -> Callable[[str, Sequence[Any]]
             raise CallError(
                 f"argument {position + 1} of {name} must be {wanted}, got {shortened(argument)}"
             )
+        for position, element in lists:
+            if position < count and any(type(one) is not element for one in arguments[position]):
+                raise CallError(
+                    f"argument {position + 1} of {name} must be a list of {element.__name__}, got "
+                    f"{shortened(arguments[position])}"
+                )
 
     return check
 

@@ -5,11 +5,16 @@ close a stream: a client that is still subscribed would reconnect thousands of t
 Streams that nobody publishes to, and numbers that never existed, stay open and silent. Only who
 sends more than the number, or takes nothing for seconds while the world waits for him, is closed;
 a client that was merely stopped subscribes again by itself when it goes on.
+
+In one frame the world waits for all of them together no longer than a moment: a subscriber that
+never comes, or that does not read, must not hold up the others. What it has not taken by then is
+kept for it, up to a bound.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 import socket
 import struct
 import threading
@@ -35,6 +40,13 @@ _PATIENCE_S = 4.0
 """Less than the 5 s that clients wait for an answer unless told otherwise."""
 
 
+LONGEST_WAIT_S = 0.4
+"""In one frame, for all subscribers together."""
+_MISTRUST_S = 2.0
+"""After a wait for who did not come: others may announce without end that they will."""
+_MOST_UNREAD_BYTES = 64 << 20
+
+
 class StreamingServer:
     """Accepts subscribers and publishes messages to them.
 
@@ -54,7 +66,9 @@ class StreamingServer:
         self._warnings = ThrottledWarnings(logger)
         self._lock = threading.Condition()
         self._subscribers: dict[int, list[Channel]] = {}
-        self._awaited: dict[int, tuple[int, float]] = {}
+        self._awaited: dict[int, dict[object, float]] = {}
+        self._waits_until_s = math.inf
+        self._trusts_again_s = 0.0
         self._ended = threading.Event()
         self.port = int(sock.getsockname()[1])
         loop.listen(sock, self._accept)
@@ -63,27 +77,57 @@ class StreamingServer:
         """Let go of a publisher that waits for a slow subscriber."""
         self._ended.set()
 
-    def expect(self, stream_id: int, within_s: float = SENSORS_SUBSCRIBED_WITHIN_S) -> None:
+    def begin_frame(self) -> None:
+        """From now on, wait for subscribers :data:`LONGEST_WAIT_S` in all, until called again."""
+        self._waits_until_s = time.monotonic() + LONGEST_WAIT_S
+
+    def expect(
+        self,
+        stream_id: int,
+        within_s: float = SENSORS_SUBSCRIBED_WITHIN_S,
+        who: object = None,
+    ) -> None:
         """Expect one more subscriber of a stream: a client just got its address.
 
         Clients subscribe in a thread of their own. A script that listens and ticks at once would
         miss its first frame whenever the tick is faster than that thread.
+
+        Args:
+            stream_id: the stream.
+            within_s: how long to expect it.
+            who: the client, for :meth:`awaits`.
         """
-        now_s = time.monotonic()
         with self._lock:
-            self._awaited = {i: due for i, due in self._awaited.items() if due[1] > now_s}
-            count, _ = self._awaited.get(stream_id, (0, now_s))
-            self._awaited[stream_id] = (count + 1, now_s + within_s)
+            self._forget_late()
+            self._awaited.setdefault(stream_id, {})[who] = time.monotonic() + within_s
+
+    def awaits(self, who: object) -> bool:
+        """Whether a client is expected to subscribe to something still."""
+        with self._lock:
+            self._forget_late()
+            return any(who in expected for expected in self._awaited.values())
+
+    def _forget_late(self) -> None:
+        """Expect nobody any more whose time is over. The lock is held."""
+        now_s = time.monotonic()
+        kept = {
+            stream_id: {who: due_s for who, due_s in expected.items() if due_s > now_s}
+            for stream_id, expected in self._awaited.items()
+        }
+        self._awaited = {stream_id: expected for stream_id, expected in kept.items() if expected}
 
     def listeners(self, stream_id: int) -> int:
         """How many connections are subscribed to a stream, after those expected a moment ago."""
         with self._lock:
-            _, due_s = self._awaited.get(stream_id, (0, 0.0))
-            self._lock.wait_for(
-                lambda: stream_id not in self._awaited or self._ended.is_set(),
-                max(due_s - time.monotonic(), 0.0),
-            )
-            self._awaited.pop(stream_id, None)
+            now_s = time.monotonic()
+            due_s = max(self._awaited.get(stream_id, {}).values(), default=0.0)
+            due_s = min(due_s, self._waits_until_s)
+            if due_s > now_s >= self._trusts_again_s:
+                came = self._lock.wait_for(
+                    lambda: stream_id not in self._awaited or self._ended.is_set(), due_s - now_s
+                )
+                if not came:
+                    self._trusts_again_s = time.monotonic() + _MISTRUST_S
             return len(self._subscribers.get(stream_id, ()))
 
     def publish(self, stream_id: int, parts: Sequence[Buffer], *, wait: bool) -> None:
@@ -93,7 +137,9 @@ class StreamingServer:
             stream_id: the stream.
             parts: the message's payload in pieces; they must not change afterwards.
             wait: what to do while a subscriber's previous message is not written: wait for it
-                (synchronous mode) or leave this message out for that subscriber.
+                (synchronous mode) or leave this message out for that subscriber. When the frame's
+                time for waiting is over, the message is kept for the subscriber, or left out if
+                far too many are.
         """
         message = _framed(parts)
         with self._lock:
@@ -104,11 +150,18 @@ class StreamingServer:
                     logger.debug("stream %d: %s is slow, left out", stream_id, channel.peer)
                     continue
                 self._wait_written(stream_id, channel)
+                if channel.unwritten_bytes > _MOST_UNREAD_BYTES:
+                    self._warnings.warn(
+                        f"subscriber {channel.peer} is slow", f"stream {stream_id} left out"
+                    )
+                    continue
             channel.send(message)
 
     def _wait_written(self, stream_id: int, channel: Channel) -> None:
+        """Wait until a message is written, the frame's time is over, or the patience ends."""
         while not self._ended.is_set():
-            if channel.wait_written(min(_POLL_S, self._patience_s)):
+            left_s = self._waits_until_s - time.monotonic()
+            if channel.wait_written(max(min(_POLL_S, self._patience_s, left_s), 0.0)):
                 return
             if channel.stalled_s >= self._patience_s:
                 self._warnings.warn(
@@ -116,6 +169,8 @@ class StreamingServer:
                     f"stream {stream_id} dropped after {self._patience_s:g} s",
                 )
                 channel.close()
+                return
+            if left_s <= 0.0:
                 return
 
     def _accept(self, channel: Channel) -> None:
@@ -139,9 +194,11 @@ class StreamingServer:
         channel.on_close = lambda: self._unsubscribe(stream_id, channel)
         with self._lock:
             self._subscribers.setdefault(stream_id, []).append(channel)
-            count, due_s = self._awaited.pop(stream_id, (0, 0.0))
-            if count > 1:
-                self._awaited[stream_id] = (count - 1, due_s)
+            # Nobody says who subscribes: it is taken for the one that is expected longest.
+            expected = self._awaited.get(stream_id, {})
+            expected.pop(next(iter(expected), None), None)
+            if not expected:
+                self._awaited.pop(stream_id, None)
             self._lock.notify_all()
 
     def _unsubscribe(self, stream_id: int, channel: Channel) -> None:

@@ -28,6 +28,7 @@ from carstage_sim.world.controls import (
     WalkerControl,
 )
 from carstage_sim.world.pose import Pose, Vector3
+from carstage_sim.world.signals.traffic_lights import TrafficLightState
 from carstage_sim.world.state import Weather
 
 Value = list[Any]
@@ -164,6 +165,13 @@ def vehicle_control(value: Sequence[Any]) -> VehicleControl:
 def light_flags(value: int) -> int:
     """The bits of a ``VehicleLightState``."""
     return int(value) & 0xFFFF_FFFF
+
+
+def traffic_light_state(value: int) -> int:
+    """A ``TrafficLightState``."""
+    if not 0 <= value <= max(TrafficLightState):
+        raise CallError(f"there is no state {shortened(value)} of a traffic light: 0 to 4")
+    return value
 
 
 def colour(value: Sequence[int]) -> tuple[int, int, int]:

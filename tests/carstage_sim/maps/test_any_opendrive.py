@@ -131,6 +131,12 @@ def test_lights_without_controllers_take_turns_by_approach():
         (small_maps.one_road().replace("planView", "view"), "no <planView>"),
         (small_maps.one_road().replace('type="driving"', 'type="sidewalk"'), "type driving"),
         (small_maps.document(*2 * [small_maps.road(1, 0, 0, 0, 9)]), "two roads"),
+        (small_maps.document(small_maps.road(1, 0, 0, 0, 6e6)), "beyond 1000 km"),
+        (small_maps.document(small_maps.road(1, 2e6, 0, 0, 9)), "beyond 1000 km"),
+        (small_maps.document(*(small_maps.road(n, 0, 0, 0, 9e5) for n in range(6))), "km of road"),
+        ('<!DOCTYPE a [<!ENTITY b "b">]><OpenDRIVE name="&b;"/>', "declares XML entities"),
+        ("<?xml version='1.0' encoding='utf-7'?>+ADw-!DOCTYPE", "no well-formed XML"),
+        ("<OpenDRIVE>\udcff</OpenDRIVE>", "no UTF-8"),
     ],
 )
 def test_a_broken_map_is_refused_with_its_name_and_reason(text, reason, tmp_path):

@@ -10,17 +10,27 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 import small_maps
-from carstage_sim.maps import BackgroundBakes, Bake, BakeOptions, MapSamplingError, background
+from carstage_sim.maps import (
+    BackgroundBakes,
+    Bake,
+    BakeLimits,
+    BakeOptions,
+    MapSamplingError,
+    background,
+    loading,
+)
 from carstage_sim.maps.background import MOST_WAITING
 from carstage_sim.maps.loading import TownSource, is_baked
 from waiting import await_that
 
 BARE = BakeOptions(scenery=False, navigation=False)
+LONG = small_maps.document(*(small_maps.road(n, 0, 9 * n, 0, 900) for n in range(99)))
 
 
 def source(name="Road", *, text=None, origin=""):
@@ -68,7 +78,7 @@ def test_a_map_without_lanes_to_drive_on_is_refused_in_the_bakes_own_words(bakes
 def test_a_bake_that_dies_is_told_with_its_status_and_the_next_one_runs(bakes):
     dying, next_one = bakes.begin(source("Dying")), bakes.begin(source("Next"))
     assert bakes.process_id is not None
-    bakes.kill()
+    os.killpg(bakes.process_id, signal.SIGTERM)
     await_end(bakes, dying)
     with pytest.raises(
         MapSamplingError, match=r"Dying: the process .* ended with status (-15|143)"
@@ -120,7 +130,55 @@ def test_a_bake_that_nobody_waits_for_any_more_is_not_begun(bakes):
     again = bakes.begin(source("Left"))
     assert again is not left
     assert bakes.begin(source("Shared")) is shared
-    assert bakes.begin(source("One")) is under_way, "what has begun is finished"
+
+
+def test_a_bake_that_everybody_left_ends_soon_and_the_next_one_runs(bakes, tmp_path):
+    left, next_one = bakes.begin(source("Left", text=LONG)), bakes.begin(source("Next"))
+    process_id = bakes.process_id
+    assert process_id is not None
+    began_s = time.monotonic()
+    bakes.leave(left)
+    assert time.monotonic() - began_s < 1.0, "the world waited for the bake's end"
+    again = bakes.begin(source("Left", text=LONG))
+    assert again is not left
+    bakes.leave(again)
+    await_end(bakes, left)
+    assert not _lives(process_id)
+    with pytest.raises(MapSamplingError, match="nobody waits for it any more"):
+        left.result()
+    await_end(bakes, next_one)
+    next_one.result()
+    assert not is_baked(source("Left", text=LONG), cache_folder=tmp_path)
+
+
+def test_a_bake_that_takes_too_long_is_ended_even_if_it_will_not(tmp_path, monkeypatch):
+    process = tmp_path / "process.py"
+    process.write_text(
+        "import signal, time\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\ntime.sleep(600)"
+    )
+    monkeypatch.setattr(background, "_COMMAND", (sys.executable, str(process)))
+    monkeypatch.setattr(background, "_END_TIMEOUT_S", 0.5)
+    with BackgroundBakes(tmp_path, BakeLimits(seconds=0.5)) as bakes:
+        bake = bakes.begin(source("Slow"))
+        await_end(bakes, bake)
+        with pytest.raises(MapSamplingError, match=r"Slow: .*longer than 0\.5 s.*--bake-seconds"):
+            bake.result()
+
+
+@pytest.mark.parametrize("memory_mb", [20, 120])
+def test_a_bake_that_needs_too_much_memory_is_refused_with_a_sentence(tmp_path, memory_mb):
+    with BackgroundBakes(tmp_path, BakeLimits(memory_mb=memory_mb)) as bakes:
+        bake = bakes.begin(source("Big", text=LONG))
+        await_end(bakes, bake)
+        with pytest.raises(MapSamplingError, match=f"Big: .*{memory_mb} MB.*--bake-memory"):
+            bake.result()
+
+
+def test_a_town_of_too_many_triangles_is_refused_and_not_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(loading, "MOST_TRIANGLES", 5)
+    with pytest.raises(MapSamplingError, match=r"Road: \d+ triangles are too many"):
+        loading.town_of(source(), cache_folder=tmp_path)
+    assert not is_baked(source(), cache_folder=tmp_path)
 
 
 _OWNER = """
@@ -137,7 +195,7 @@ sys.stdin.read()
 
 def test_a_bake_ends_and_clears_its_files_when_its_server_was_killed(tmp_path):
     text = tmp_path / "long.xodr"
-    text.write_text(small_maps.document(*(small_maps.road(n, 0, 9 * n, 0, 900) for n in range(99))))
+    text.write_text(LONG)
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     with subprocess.Popen(
@@ -159,6 +217,7 @@ def test_a_bake_whose_server_is_gone_before_it_begins_clears_its_files(tmp_path)
         "source": dataclasses.asdict(source()),
         "cache_folder": str(tmp_path / "towns"),
         "level": logging.WARNING,
+        "most_bytes": 6 * 10**9,
     }
     for attempt in range(2):  # the signal comes at a moment that differs from run to run
         folder = tmp_path / f"bake{attempt}"

@@ -85,7 +85,7 @@ def test_the_ball_follows_the_sensors_axis(sensors):
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("distance", 0), ("hit_radius", -1), ("only_dynamics", "perhaps")]
+    ("name", "value"), [("distance", -1), ("hit_radius", -1), ("only_dynamics", "perhaps")]
 )
 def test_an_impossible_detector_is_refused_by_the_attributes_name(sensors, name, value):
     with pytest.raises(SensorAttributeError, match=name):

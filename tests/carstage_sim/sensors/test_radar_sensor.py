@@ -117,7 +117,7 @@ def test_rays_follow_the_seed_and_differ_between_frames(sensors):
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("range", 0), ("horizontal_fov", 180), ("points_per_second", -1)]
+    ("name", "value"), [("range", -1), ("horizontal_fov", 180), ("points_per_second", -1)]
 )
 def test_an_impossible_radar_is_refused_by_the_attributes_name(sensors, name, value):
     with pytest.raises(SensorAttributeError, match=name):

@@ -11,6 +11,7 @@ import pytest
 
 from carstage_sim.server import Server
 from carstage_sim.wire.dialect import dialect
+from carstage_sim.wire.handlers import TickRequest
 from carstage_sim.wire.rpc import Connection
 from carstage_sim.wire.socket_loop import bind
 from carstage_sim.world.controls import EpisodeSettings
@@ -108,7 +109,8 @@ def test_a_pace_keeps_ticks_apart_and_calls_are_served_meanwhile(
 
         monkeypatch.setattr(server, "_serve_one", serve_one)
         monkeypatch.setattr(server, "_tick", tick)
-        server._tick_requests.append(None)  # a client that asks again at once
+        asks_again = cast(Any, SimpleNamespace(connection=object()))  # at once
+        server._tick_requests.append(TickRequest(asks_again))
         while len(ticks) < 3:
             server._run_when_told()
     assert ticks == pytest.approx(ticked_at_s)

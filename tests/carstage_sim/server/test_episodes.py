@@ -22,6 +22,7 @@ class TwoTowns:
     """A catalogue of a town and the same without spawn points."""
 
     cache_folder = None
+    bake_limits = None
 
     def __init__(self, town: Town) -> None:
         short = replace(town, name="Short", spawn_points=np.zeros((0, 6)))

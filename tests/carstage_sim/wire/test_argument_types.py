@@ -50,3 +50,13 @@ def test_value_of_another_type_is_refused_by_its_position(position: int, value: 
     arguments = [*FITTING[:position], value, *FITTING[position + 1 :]]
     with pytest.raises(CallError, match=f"argument {position + 1} of call must be"):
         argument_check(handler)("call", arguments)
+
+
+@pytest.mark.parametrize("element", [1.0, True, None, "7", [], {}])
+def test_list_with_an_element_of_another_type_is_refused(element: Any) -> None:
+    def listed(_call: object, ids: list[int]) -> None:
+        """Takes whole numbers."""
+
+    argument_check(listed)("call", [[1, 2]])
+    with pytest.raises(CallError, match="argument 1 of call must be a list of int"):
+        argument_check(listed)("call", [[1, element]])

@@ -7,8 +7,11 @@ import uuid
 from typing import TYPE_CHECKING
 
 import msgpack
+import psutil
 
+import small_maps
 from raw_client import RawClient
+from waiting import await_that
 
 if TYPE_CHECKING:
     from running_simulator import RunningSimulator
@@ -56,3 +59,20 @@ def test_the_world_survives_who_leaves_while_a_map_is_baked(simulator: RunningSi
         staying.value("load_new_episode", "OpenDriveMap", True, 0xFFFF)
         assert staying.value("get_episode_info")[0] == episode + 1
         staying.value("load_new_episode", "Stage01", True, 0xFFFF)
+
+
+def test_a_bake_ends_with_the_client_that_asked_for_it(simulator: RunningSimulator) -> None:
+    host, port = simulator.host, simulator.port
+    server = psutil.Process(simulator.process.pid)
+    long = small_maps.document(
+        *(small_maps.road(n, 0, 9 * n, 0, 900 + n) for n in range(300)),
+        controllers=f"<!-- {uuid.uuid4().hex} -->",
+    )
+    with RawClient(host, port) as staying:
+        with RawClient(host, port) as leaving:
+            message = [0, 1, "copy_opendrive_to_file", [[False], long, _BARE]]
+            leaving.socket.sendall(msgpack.packb(message))
+            await_that(lambda: server.children(), within_s=30.0)
+            assert staying.value("tick_cue") > 0
+        await_that(lambda: not server.children(), within_s=10.0)
+        assert staying.value("tick_cue") > 0

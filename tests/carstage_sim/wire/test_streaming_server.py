@@ -13,7 +13,7 @@ import pytest
 from carstage_sim.wire import socket_loop
 from carstage_sim.wire.errors import PortInUseError
 from carstage_sim.wire.socket_loop import SocketLoop, bind
-from carstage_sim.wire.streaming import StreamingServer
+from carstage_sim.wire.streaming import LONGEST_WAIT_S, StreamingServer
 from raw_client import read_message, subscribe
 from waiting import await_that
 
@@ -174,6 +174,67 @@ def test_subscriber_that_reads_slowly_but_reads_is_never_dropped() -> None:
             assert read_message(slow) == b"x"
             publisher.join(10.0)
         server.close()
+
+
+def test_in_one_frame_all_that_do_not_read_hold_up_the_world_once_and_miss_nothing(
+    server: StreamingServer,
+) -> None:
+    with ExitStack() as opened:
+        stuck = [
+            opened.enter_context(subscribe("127.0.0.1", server.port, STREAM)) for _ in range(5)
+        ]
+        await_listeners(server, len(stuck))
+        server.publish(STREAM, [bytes(LARGE)], wait=True)
+        server.begin_frame()
+        began_s = time.monotonic()
+        server.publish(STREAM, [b"kept"], wait=True)
+        server.publish(STREAM, [b"kept, too"], wait=True)
+        assert time.monotonic() - began_s < len(stuck) * LONGEST_WAIT_S
+        for connection in stuck:
+            assert len(read_message(connection)) == LARGE
+            assert read_message(connection) == b"kept"
+            assert read_message(connection) == b"kept, too"
+
+
+def test_what_nobody_takes_is_kept_up_to_a_bound(
+    server: StreamingServer, subscribers: Callable[[], socket.socket]
+) -> None:
+    connection = subscribers()
+    sent = [bytes([number]) * LARGE for number in range(4)]
+    for message in sent:
+        server.publish(STREAM, [message], wait=True)
+        server.begin_frame()
+    # The first is partly in the kernel's buffers, the next two are kept, the last was left out.
+    assert [read_message(connection)[:1] for _ in sent[:3]] == [b"\0", b"\1", b"\2"]
+    await_that(lambda: not server.publish(STREAM, [b"next"], wait=True), within_s=1.0)
+    assert read_message(connection) == b"next"
+
+
+def test_who_announces_subscribers_in_vain_does_not_hold_up_every_frame(
+    server: StreamingServer,
+) -> None:
+    took_s = []
+    for _ in range(4):
+        server.expect(STREAM, 60.0)
+        server.begin_frame()
+        began_s = time.monotonic()
+        assert server.listeners(STREAM) == 0
+        took_s.append(time.monotonic() - began_s)
+    assert took_s[0] >= LONGEST_WAIT_S / 2
+    assert sum(took_s[1:]) < LONGEST_WAIT_S
+
+
+def test_only_the_client_that_announced_itself_is_awaited_until_it_comes_or_time_is_up(
+    server: StreamingServer, subscribers: Callable[[], socket.socket]
+) -> None:
+    server.expect(STREAM, 60.0, "one")
+    assert server.awaits("one")
+    assert not server.awaits("other")
+    server.begin_frame()
+    subscribers()
+    assert not server.awaits("one")
+    server.expect(STREAM, 0.01, "late")
+    await_that(lambda: not server.awaits("late"))
 
 
 def test_subscriber_that_left_no_longer_counts(

@@ -15,11 +15,19 @@ from carstage_sim.wire.handlers import (
     vehicles,
     walkers,
 )
-from carstage_sim.wire.handlers.registry import Call, Session, known_calls, parameters_of, serve
+from carstage_sim.wire.handlers.registry import (
+    Call,
+    Session,
+    TickRequest,
+    known_calls,
+    parameters_of,
+    serve,
+)
 
 __all__ = [
     "Call",
     "Session",
+    "TickRequest",
     "actors",
     "batch",
     "bones",

@@ -10,7 +10,13 @@ from carstage_sim.wire import values
 from carstage_sim.wire.argument_types import argument_check
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.actors import described, destroy
-from carstage_sim.wire.handlers.registry import Call, Wrapping, handles, refusal
+from carstage_sim.wire.handlers.registry import (
+    Call,
+    TickRequest,
+    Wrapping,
+    handles,
+    refusal,
+)
 from carstage_sim.wire.handlers.vehicles import apply_physics
 from carstage_sim.world.actors import VehicleStatus
 from carstage_sim.world.errors import ActorTypeError
@@ -42,7 +48,7 @@ def _command(name: str, call: str) -> Callable[[_Command], _Command]:
 def _apply_batch(call: Call, commands: list[Any], do_tick: bool = False) -> list[Any]:
     results = [_respond(call, command) for command in commands]
     if do_tick:
-        call.session.request_tick(None)
+        call.session.request_tick(TickRequest(call, is_answered=True))
     return results
 
 
@@ -207,4 +213,4 @@ def _light_state(call: Call, actor_id: int, flags: int) -> None:
 def _traffic_light_state(call: Call, actor_id: int, state: int) -> None:
     if call.world.live(actor_id).kind is not ActorKind.TRAFFIC_LIGHT:
         raise ActorTypeError(actor_id)
-    call.world.lights.set_state(call.world.light_index(actor_id), state)
+    call.world.lights.set_state(call.world.light_index(actor_id), values.traffic_light_state(state))

@@ -10,7 +10,7 @@ from carstage_sim.maps import Bake, MapFileError, MapSamplingError, generated_so
 from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.bakes import once_finished
-from carstage_sim.wire.handlers.registry import LATER, Call, handles, handles_void
+from carstage_sim.wire.handlers.registry import LATER, Call, TickRequest, handles, handles_void
 from carstage_sim.wire.streaming import (
     SENSORS_SUBSCRIBED_WITHIN_S,
     SNAPSHOTS_SUBSCRIBED_WITHIN_S,
@@ -46,9 +46,9 @@ def _get_episode_info(call: Call) -> list[Any]:
 @handles("get_sensor_token")
 def _get_sensor_token(call: Call, stream_id: int) -> list[bytes]:
     if stream_id != call.world.stream_id:
-        call.session.expect_subscriber(stream_id, SENSORS_SUBSCRIBED_WITHIN_S)
+        call.session.expect_subscriber(stream_id, SENSORS_SUBSCRIBED_WITHIN_S, call.connection)
     else:
-        call.session.expect_subscriber(stream_id, SNAPSHOTS_SUBSCRIBED_WITHIN_S)
+        call.session.expect_subscriber(stream_id, SNAPSHOTS_SUBSCRIBED_WITHIN_S, call.connection)
         if call.connection.held_calls:
             _release(call, _REOPENED_AFTER_S)
     return [stream_token(stream_id, call.session.streaming_port)]
@@ -190,7 +190,7 @@ def _unparsed(error: MapSamplingError) -> CallError:
 @handles("tick_cue")
 def _tick_cue(call: Call) -> Any:
     """Answered after the frame's snapshot is out, so that the client need not spin for it."""
-    call.session.request_tick(call)
+    call.session.request_tick(TickRequest(call))
     return LATER
 
 

@@ -10,7 +10,7 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 from carstage_sim.simulation import Simulation
 from carstage_sim.wire.argument_types import argument_check, client_parameters
@@ -54,23 +54,22 @@ class Session:
     """What handlers may use of the server that runs them.
 
     Attributes:
-        request_tick: asks for a frame, at once in synchronous mode, and answers the call with its
-            number; None for no answer.
+        request_tick: asks for a frame, in synchronous mode as soon as the client can see it.
         episode_began: publishes the first frame of a new episode; the free run pauses for some
             seconds after it.
         after: runs something in the simulation thread, after some seconds.
         expect_subscriber: tells that a client is about to subscribe to a stream, and within how
-            many seconds.
+            many seconds; its tick waits for that.
     """
 
     simulation: Simulation
     dialect: Dialect
     streaming_port: int
     traffic_managers: TrafficManagers
-    request_tick: Callable[[Call | None], None]
+    request_tick: Callable[[TickRequest], None]
     episode_began: Callable[[float], None]
     after: Callable[[float, Callable[[], None]], None]
-    expect_subscriber: Callable[[int, float], None]
+    expect_subscriber: Callable[[int, float, Connection], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +132,18 @@ class _Handled:
 
 
 _HANDLERS: dict[str, _Handled] = {}
+
+
+class TickRequest(NamedTuple):
+    """Somebody wants a frame.
+
+    Attributes:
+        call: which asks for it.
+        is_answered: whether it has its answer; otherwise that is the frame's number.
+    """
+
+    call: Call
+    is_answered: bool = False
 
 
 def handles(name: str, wrapping: Wrapping = Wrapping.VALUE) -> Callable[[_H], _H]:

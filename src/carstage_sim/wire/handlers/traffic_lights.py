@@ -25,7 +25,7 @@ def _index(call: Call, actor_id: int) -> int:
 
 @handles_void("set_traffic_light_state")
 def _set_traffic_light_state(call: Call, actor_id: int, state: int) -> None:
-    call.world.lights.set_state(_index(call, actor_id), state)
+    call.world.lights.set_state(_index(call, actor_id), values.traffic_light_state(state))
 
 
 @handles_void("set_traffic_light_green_time")

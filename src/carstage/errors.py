@@ -53,7 +53,21 @@ class ServerError(CarStageError, RuntimeError):
 
 
 class ServerEndedError(ServerError):
-    """A server ended by itself while it started."""
+    """A server ended while it started.
+
+    Args:
+        message, hint: as of every error.
+        status: of its process, negative for the signal that ended it.
+    """
+
+    def __init__(self, message: str, hint: str = "", status: int | None = None) -> None:
+        super().__init__(message, hint)
+        self.status = status
+
+    @property
+    def was_killed(self) -> bool:
+        """Whether a signal ended it: another start may well succeed."""
+        return self.status is not None and self.status < 0
 
 
 class CollectorError(CarStageError, RuntimeError):
@@ -93,4 +107,6 @@ class EpisodeExistsError(StorageError, FileExistsError):
 
 
 class DatasetError(CarStageError, ValueError):
-    """A dataset is not readable: missing, damaged, or of an unknown format version."""
+    """A dataset is not readable: missing, damaged, or of an unknown format version (code 2)."""
+
+    exit_code = 2

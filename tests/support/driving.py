@@ -44,12 +44,12 @@ class Ended:
 class Command:
     """``carstage …`` while it runs, in a process group of its own as a shell would start it."""
 
-    def __init__(self, arguments: list[str], home: Path) -> None:
+    def __init__(self, arguments: list[str], home: Path, program: list[str] | None = None) -> None:
         cache = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
         # The client writes ~/carlaCache; the compiled kernels stay in the cache of this machine.
         environment = {**os.environ, "HOME": str(home), "XDG_CACHE_HOME": cache}
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "carstage.cli", *arguments],
+            [sys.executable, *(program or ["-m", "carstage.cli"]), *arguments],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -68,8 +68,11 @@ class Command:
 
 
 @contextmanager
-def command(arguments: list[str], home: Path) -> Iterator[Command]:
-    running = Command(arguments, home)
+def command(
+    arguments: list[str], home: Path, program: list[str] | None = None
+) -> Iterator[Command]:
+    """Start a command; ``program``: what Python runs instead of ``-m carstage.cli``."""
+    running = Command(arguments, home, program)
     try:
         yield running
     finally:

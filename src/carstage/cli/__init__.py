@@ -32,8 +32,23 @@ def unsupported(system: str, machine: str, version: tuple[int, int]) -> str | No
     return None
 
 
+def _open_closed_streams() -> None:
+    """Put the null device in place of standard streams that are closed.
+
+    Else the next file that is opened would get the number of one, and what is printed its content.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free: this one
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(number, "r" if number == 0 else "w"))
+
+
 def main() -> None:
     """Run the command line and end the process."""
+    _open_closed_streams()
     problem = unsupported(platform.system(), platform.machine(), sys.version_info[:2])
     if problem is not None:
         sys.stderr.write(problem + "\n")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,11 +12,21 @@ from carstage.cli import comparison  # noqa: F401 - adds its commands to bench_a
 from carstage.cli.bench import bench_app
 from carstage.cli.export import export
 from carstage.cli.gui import gui
-from carstage.cli.output import Debug, Json, command, folder, note, result, result_json
+from carstage.cli.output import (
+    Debug,
+    Json,
+    command,
+    confirmed,
+    folder,
+    note,
+    result,
+    result_json,
+)
 from carstage.cli.split import split
 
 if TYPE_CHECKING:
     from carstage.config import Config
+    from carstage.runs import RunResult
 
 app = typer.Typer(
     name="carstage",
@@ -48,6 +58,13 @@ Settings = Annotated[
 Retries = Annotated[
     int, typer.Option("--retries", min=0, max=100, help="Further attempts of a failed episode.")
 ]
+Append = Annotated[
+    bool,
+    typer.Option(
+        "--append",
+        help="Record also beside episodes of other settings, versions or environments.",
+    ),
+]
 
 
 def _version(wanted: bool) -> None:
@@ -76,13 +93,15 @@ def demo(
     settings: Settings = None,
     json: Json = False,
     retries: Retries = 2,
+    append: Append = False,
     debug: Debug = False,
 ) -> int:
     """Record the demonstration: five seconds in town with eight sensors, labelled."""
     del debug
     from carstage.config import load_demo
 
-    return _record(load_demo(settings or ()), out, json=json, retries=retries, report=True)
+    configured = load_demo(settings or ())
+    return _record(configured, out, json=json, report=True, retries=retries, append=append)
 
 
 @app.command()
@@ -93,6 +112,7 @@ def run(
     settings: Settings = None,
     json: Json = False,
     retries: Retries = 2,
+    append: Append = False,
     run_id: Annotated[
         str | None,
         typer.Option("--run-id", hidden=True, help="Name of the run's folder."),
@@ -104,23 +124,26 @@ def run(
     import carstage
 
     configured = carstage.load_config(config, settings or ())
-    return _record(configured, out, json=json, retries=retries, report=False, run_id=run_id)
+    options = {"retries": retries, "append": append, "run_id": run_id}
+    return _record(configured, out, json=json, report=False, **options)
 
 
-def _record(
-    config: Config,
-    out: Path,
-    *,
-    json: bool,
-    retries: int,
-    report: bool,
-    run_id: str | None = None,
-) -> int:
+def _record(config: Config, out: Path, *, json: bool, report: bool, **options: Any) -> int:
     import carstage
     from carstage.cli.progress import watch_run
+    from carstage.runs.continuing import OtherSettingsError
 
-    with watch_run() as on_event:
-        ended = carstage.run(config, out, on_event, retries=retries, run_id=run_id)
+    def recorded() -> RunResult:
+        with watch_run() as on_event:
+            return carstage.run(config, out, on_event, **options)
+
+    try:
+        ended = recorded()
+    except OtherSettingsError as error:
+        if not confirmed(error.message, "Record into it all the same?"):
+            raise
+        options["append"] = True
+        ended = recorded()
     report_path = None
     if report and ended.exit_code == 0:
         from carstage.report import write_report
@@ -180,15 +203,21 @@ def config_init(
 def config_check(
     file: Annotated[Path, typer.Argument(help="The configuration, YAML.")],
     settings: Settings = None,
+    offline: Annotated[
+        bool,
+        typer.Option(
+            "--offline", help="Leave out what only a server that is not embedded could tell."
+        ),
+    ] = False,
     json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Check a configuration and print what it would record."""
+    """Check a configuration as a run would, and print what it would record."""
     del debug
     from carstage.cli.describe import describe_config
     from carstage.config import load_config
 
-    summary, text = describe_config(load_config(file, settings or ()))
+    summary, text = describe_config(load_config(file, settings or ()), offline=offline)
     if json:
         result_json(summary)
     else:

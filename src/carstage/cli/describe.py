@@ -10,24 +10,12 @@ if TYPE_CHECKING:
     from carstage.validation import Problem, ValidationReport
 
 
-#: `config check` cannot know how many spawn points a map has.
-_ANY_SPAWN_POINT = 1 << 30
-
-
-def describe_config(config: Config) -> tuple[dict[str, Any], str]:
-    """What a configuration would record: for programs and for people."""
+def describe_config(config: Config, *, offline: bool = False) -> tuple[dict[str, Any], str]:
+    """What a configuration would record: for programs and for people; see ``preflight.judge``."""
     from carstage.plan.estimate import estimate_run
-    from carstage.plan.planning import ServerFacts, plan_episodes
-    from carstage.runs.preflight import recording_of, size_text
+    from carstage.runs.preflight import judge, size_text
 
-    # Sizes do not depend on the map: the server's own list is asked when the run starts.
-    recording = recording_of(config)
-    names = [config.map.choice, *(config.map.random_from or ())]
-    names += [] if recording is None else [recording.map]
-    facts = ServerFacts(
-        maps={name.rsplit("/", 1)[-1]: _ANY_SPAWN_POINT for name in names if name is not None}
-    )
-    episodes = plan_episodes(config, facts, recording)
+    episodes = judge(config, offline=offline)
     estimate = estimate_run(config, episodes)
     hidden = sum(sensor.hidden for sensor in episodes[0].sensors)
     summary = {

@@ -17,7 +17,8 @@ from typing import Any
 from carstage import __version__
 from carstage.cli import unsupported
 from carstage.errors import CarStageError
-from carstage.runs import left_runs, size_text
+from carstage.files.home import without_tilde
+from carstage.runs import left_runs, pending_recordings, size_text
 from carstage.storage import open_store
 
 _WANTED_FREE_BYTES = 1_000_000_000
@@ -161,7 +162,7 @@ def _disk(out: Path) -> Iterator[Finding]:
     except CarStageError as error:
         yield Finding("disk", False, error.message, error.hint)
         return
-    existing = out.expanduser().absolute()
+    existing = without_tilde(out).absolute()
     while not existing.exists():
         existing = existing.parent
     free = shutil.disk_usage(existing).free
@@ -198,6 +199,9 @@ def _leftovers(out: Path) -> Iterator[Finding]:
             text = f"The {run.describe} is silent and cannot be seen from here."
             hint = f"If it is gone for good, delete {run.folder / 'raw'}."
         yield Finding("dead run" if run.dead else "silent run", True, text, hint)
+    for recording in pending_recordings(out):
+        text = f"episode {recording.episode_id} is recorded and waits to be converted."
+        yield Finding("pending recording", True, text, "The same command again goes on with it.")
     store = open_store(out)
     try:
         lost = store.lost(store.committed().values())

@@ -6,7 +6,8 @@ import functools
 import json
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, ParamSpec
 
@@ -43,8 +44,36 @@ def result_json(document: Mapping[str, Any]) -> None:
 
 
 def note(text: str) -> None:
-    """Something for the user, on stderr."""
-    typer.echo(text, err=True)
+    """Something for the user, on stderr; lost where nobody reads that any more."""
+    with unread_is_lost():
+        typer.echo(text, err=True)
+
+
+@contextmanager
+def unread_is_lost() -> Iterator[None]:
+    """A stretch of writing to stderr, from whose reader nothing else depends.
+
+    A run goes on when the reader of its progress has gone.
+    """
+    try:
+        yield
+    except BrokenPipeError:
+        _drop(sys.stderr)
+
+
+def _drop(stream: Any) -> None:
+    """Write to nowhere what is still written to a stream."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, stream.fileno())
+    os.close(null)
+
+
+def confirmed(text: str, question: str) -> bool:
+    """Whether the user says yes to a question after a text; False where nobody can be asked."""
+    if not (sys.stdin and sys.stdin.isatty() and sys.stderr and sys.stderr.isatty()):
+        return False
+    note(text)
+    return typer.confirm(question, err=True)
 
 
 def folder(address: Path) -> Path:
@@ -80,7 +109,9 @@ def command(function: Callable[Parameters, int | None]) -> Callable[Parameters, 
             code = INTERRUPTED
         except BrokenPipeError:
             # The reader of stdout has gone, as `| head` does; nothing more can be said there.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            _drop(sys.stdout)
+            note("Error: nobody reads standard output any more.")
+            note("What was done is done; only the rest of the answer is lost.")
             code = 1
         except OSError as error:
             _refuse_if_not_debugging(error)

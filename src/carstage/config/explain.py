@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from carstage.config.fields import path_text, unknown
+from carstage.config.fields import path_text, shortened, unknown
 from carstage.config.scene import SCENARIO_KINDS
 from carstage.config.sensors import SENSOR_KINDS
 from carstage.errors import ConfigError
@@ -55,7 +55,7 @@ def _number(bound: str) -> Callable[[Mapping[str, Any], Any], tuple[str, str]]:
     wrong, right = words[bound]
 
     def explain(context: Mapping[str, Any], value: Any) -> tuple[str, str]:
-        return f"{value!r} is {wrong}.", f"Give {right} {context[bound]:g}."
+        return f"{_shown(value)} is {wrong}.", f"Give {right} {context[bound]:g}."
 
     return explain
 
@@ -105,8 +105,7 @@ _SENTENCES: dict[str, Callable[[Mapping[str, Any], Any], tuple[str, str]]] = {
 
 
 def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}…"
+    return shortened(repr(value))
 
 
 def _explain(details: ErrorDetails, data: Any) -> tuple[tuple[str | int, ...], str, str]:
@@ -156,10 +155,8 @@ def config_error(error: ValidationError, data: Any) -> ConfigError:
         elif word is not None:
             hint = f"{hint.rstrip('.')}, or {word}."
         found[path] = (message, hint)
-    for path in [
-        path for path in found if any(path == other[: len(path)] != other for other in found)
-    ]:
-        del found[path]  # the word of `auto` or a section, where the section was meant
+    for above in {path[:length] for path in found for length in range(len(path))}:
+        found.pop(above, None)  # the word of `auto` or a section, where the section was meant
     problems = tuple((path, message, hint) for path, (message, hint) in found.items())
     lines = [
         (f"{path_text(path)}: {message}" if path else message, hint)

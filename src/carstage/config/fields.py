@@ -23,6 +23,10 @@ from pydantic_core import PydanticCustomError
 #: A list of names, kept as a tuple.
 Names = Annotated[tuple[str, ...], Strict(strict=False)]
 
+_SHOWN = 60
+_LONGEST_NAME = 200
+"""A longer one is like no other, and comparing takes long."""
+
 
 def setting(
     default: Any = ...,
@@ -61,17 +65,29 @@ def setting(
 
 def nearest(name: object, known: Iterable[str]) -> str | None:
     """The known name that looks most like ``name``, or None when nothing does."""
+    if len(str(name)) > _LONGEST_NAME:
+        return None
     lowered = {candidate.lower(): candidate for candidate in known}
     found = difflib.get_close_matches(str(name).lower(), lowered, n=1, cutoff=0.5)
     return lowered[found[0]] if found else None
 
 
 def path_text(path: Sequence[str | int]) -> str:
-    """``rig.sensors[1].attributes.fov_deg`` from its parts."""
+    """``rig.sensors[1].attributes.fov_deg`` from its parts; long ones are cut."""
     text = ""
     for part in path:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+        if isinstance(part, int):
+            text += f"[{part}]"
+        else:
+            name = shortened(part) or "''"
+            text += f".{name}" if text else name
     return text
+
+
+def shortened(text: str) -> str:
+    """A text of at most sixty characters for a message, which can be printed."""
+    text = text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def problem(message: str, hint: str, *path: str | int) -> PydanticCustomError:
@@ -96,7 +112,7 @@ def unknown(what: str, name: object, known: Iterable[str]) -> tuple[str, str]:
     else:
         shown = ", ".join(names[:12]) + (", …" if len(names) > 12 else "")
         hint = f"Known: {shown}."
-    return f"unknown {what} {name!r}.", hint
+    return f"unknown {what} {shortened(repr(name))}.", hint
 
 
 class Section(BaseModel):

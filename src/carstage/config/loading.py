@@ -12,14 +12,18 @@ from typing import Any
 from pydantic import ValidationError
 
 from carstage.config.explain import config_error
-from carstage.config.fields import unknown
+from carstage.config.fields import path_text, shortened, unknown
 from carstage.config.model import Config
+from carstage.config.plain_values import DEEPEST, plain_copy
 from carstage.config.yaml_text import parse_yaml
 from carstage.errors import ConfigError
+from carstage.files.bounded import read_bounded
 
 #: Sections that may be written as their `choice` alone.
 _SHORT_FORMS = frozenset({"map", "weather"})
+_MOST_BYTES = 2_000_000
 _STEP = re.compile(r"\.?([A-Za-z_][A-Za-z0-9_-]*)|\[([^\]]+)\]|\.([0-9]+)")
+_INDEX = re.compile("[0-9]{1,9}")
 
 
 def load_config(path: Path | str, overrides: Iterable[str] = ()) -> Config:
@@ -35,12 +39,17 @@ def load_config(path: Path | str, overrides: Iterable[str] = ()) -> Config:
     """
     path = Path(path)
     try:
-        text = path.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        text = read_bounded(path, _MOST_BYTES).decode("utf-8")
+    except (OSError, ValueError) as error:
+        if isinstance(error, OSError):
+            reason = error.strerror
+        elif isinstance(error, UnicodeDecodeError):
+            reason = "it is not UTF-8 text"
+        else:
+            reason = f"there is no such name ({error})"
         raise ConfigError(
             f"The configuration {path} cannot be read: {reason}.",
-            "Write one with `carstage config init FILE`.",
+            "Name a file of YAML text; `carstage config init FILE` writes one.",
         ) from error
     return parse_config(text, overrides, source=str(path))
 
@@ -69,9 +78,17 @@ def parse_config(text: str, overrides: Iterable[str] = (), *, source: str = "con
 def check_config(document: dict[str, Any]) -> Config:
     """The configuration that a document of plain values stands for.
 
+    Args:
+        document: mappings with words as keys, lists, words, numbers, booleans, None; not changed.
+
     Raises:
         ConfigError: something in it is wrong; the message names every field at fault.
     """
+    document = plain_copy(document)
+    if not isinstance(document, dict):
+        raise ConfigError(
+            "The document is not a mapping of keys to values.", "See `carstage config init`."
+        )
     try:
         return Config.model_validate_json(json.dumps(document))
     except ValidationError as error:
@@ -88,10 +105,10 @@ def _override(document: dict[str, Any], override: str) -> None:
     steps = _steps(key.strip())
     if not separator or steps is None:
         raise ConfigError(
-            f"--set {override}: this is not key=value.",
+            f"--set {shortened(override)}: this is not key=value.",
             "Write, for example, --set fps=20 or --set rig.sensors[0].attributes.fov_deg=60.",
         )
-    value = parse_yaml(text, f"--set {key}")
+    value = parse_yaml(text, f"--set {shortened(key)}")
     here: Any = document
     for position, step in enumerate(steps):
         last = position == len(steps) - 1
@@ -107,6 +124,12 @@ def _override(document: dict[str, Any], override: str) -> None:
             elif not isinstance(here.get(name), dict | list):
                 here[name] = _long_form(here, name, steps[position + 1])
             here = here[name]
+        else:
+            above = f"{path_text(steps[:position])} is {shortened(repr(here))}"
+            raise ConfigError(
+                f"--set {shortened(override)}: {above}, and nothing is below that.",
+                f"Set {path_text(steps[:position])} instead.",
+            )
 
 
 def _long_form(document: dict[str, Any], name: str, key: str | int) -> dict[str, Any]:
@@ -126,9 +149,9 @@ def _steps(key: str) -> list[str | int] | None:
             return None
         name, bracket, number = match.groups()
         text = name or bracket or number
-        steps.append(int(text) if text.isdigit() else text)
+        steps.append(int(text) if _INDEX.fullmatch(text) else text)
         position = match.end()
-    return steps or None
+    return steps if 0 < len(steps) <= DEEPEST else None
 
 
 def _index(items: list[Any], step: str | int, override: str) -> int:
@@ -136,13 +159,13 @@ def _index(items: list[Any], step: str | int, override: str) -> int:
         if step < len(items):
             return step
         raise ConfigError(
-            f"--set {override}: there is no entry {step}.",
+            f"--set {shortened(override)}: there is no entry {step}.",
             f"The list has {len(items)} entries, counted from 0.",
         )
     ids = [str(item.get("id")) for item in items if isinstance(item, dict)]
     if step not in ids:
         message, hint = unknown("entry", step, ids)
-        raise ConfigError(f"--set {override}: {message}", hint)
+        raise ConfigError(f"--set {shortened(override)}: {message}", hint)
     return next(
         position
         for position, item in enumerate(items)

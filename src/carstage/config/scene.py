@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Strict, model_validator
 
-from carstage.config.fields import Names, Section, problem, setting, unknown
+from carstage.config.fields import Names, Section, problem, setting, shortened, unknown
 
 DEFAULT_MAP = "Stage01"
+_MAP_NAME = re.compile(r"/?([\w-][\w .-]*/)*[\w-][\w .-]*")
+"""A name or a path of the server's, no part of which is ``..``."""
 #: Layers of CARLA's `_Opt` maps: ``carla.MapLayer`` of the 0.9.16 client.
 MAP_LAYERS = (
     "Buildings",
@@ -61,6 +64,16 @@ class MapConfig(Section):
     def _check_one(self) -> MapConfig:
         if (self.choice is None) == (self.random_from is None):
             raise problem("exactly one of choice and random_from is needed.", "Keep one.", "choice")
+        for place, name in [
+            (("choice",), self.choice),
+            *((("random_from", i), name) for i, name in enumerate(self.random_from or ())),
+        ]:
+            if name is not None and not _MAP_NAME.fullmatch(name):
+                raise problem(
+                    f"{shortened(repr(name))} cannot be a map's name.",
+                    "Write its name, such as Town01, or its path on the server.",
+                    *place,
+                )
         for position, name in enumerate(() if self.layers == "all" else self.layers):
             if name not in MAP_LAYERS:
                 raise problem(*unknown("map layer", name, MAP_LAYERS), "layers", position)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Discriminator, create_model, model_validator
 
 from carstage.config.attributes import SensorAttributes, attributes_model
-from carstage.config.fields import Section, problem, setting
+from carstage.config.fields import Section, problem, setting, shortened
 from carstage.sensor_kinds import SensorKind, kinds, sensor_kind
 from carstage.spec.sensors import EGO, ON_MAP, RIGID, SensorSpec
 
@@ -115,19 +115,19 @@ class Sensor(Section):
             )
         if not _ID_PATTERN.fullmatch(self.id):
             raise problem(
-                f"{self.id!r} is not a usable name.",
+                f"{shortened(repr(self.id))} is not a usable name.",
                 "Use letters, digits, '_', '-' and '.', beginning with a letter or digit.",
                 "id",
             )
         if len(self.id) > LONGEST_SENSOR_ID:
             raise problem(
-                f"{self.id!r} has {len(self.id)} characters.",
+                f"{shortened(repr(self.id))} has {len(self.id)} characters.",
                 f"Use at most {LONGEST_SENSOR_ID}.",
                 "id",
             )
         if self.id.endswith((DEPTH_SUFFIX, INSTANCE_SUFFIX, SEMANTIC_SUFFIX, ".tag", ".parquet")):
             raise problem(
-                f"{self.id!r} ends like the name of a derived sensor or of a file.",
+                f"{shortened(repr(self.id))} ends like the name of a derived sensor or of a file.",
                 "Use '_' instead of the last '.'.",
                 "id",
             )
@@ -144,7 +144,7 @@ class Sensor(Section):
                 )
         elif not self.attach_to.startswith(_CARRIERS):
             raise problem(
-                f"{self.attach_to!r} names nothing that carries sensors.",
+                f"{shortened(repr(self.attach_to))} names nothing that carries sensors.",
                 "Give `ego`, `world` or a pattern such as `vehicle.*` or `traffic.traffic_light`.",
                 "attach_to",
             )

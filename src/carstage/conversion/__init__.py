@@ -13,11 +13,25 @@ from carstage.lazy import lazy_names
 
 if TYPE_CHECKING:
     from carstage.conversion.episode import EpisodeConversion
-    from carstage.conversion.pool import BrokenPoolError, conversion_pool, load_libraries
+    from carstage.conversion.pool import (
+        BrokenPoolError,
+        ConversionPool,
+        conversion_pool,
+        load_libraries,
+    )
 
-__all__ = ["BrokenPoolError", "EpisodeConversion", "conversion_pool", "load_libraries"]
+__all__ = [
+    "BrokenPoolError",
+    "ConversionPool",
+    "EpisodeConversion",
+    "conversion_pool",
+    "load_libraries",
+]
 
 __getattr__ = lazy_names(
     __name__,
-    {"episode": "EpisodeConversion", "pool": "BrokenPoolError conversion_pool load_libraries"},
+    {
+        "episode": "EpisodeConversion",
+        "pool": "BrokenPoolError ConversionPool conversion_pool load_libraries",
+    },
 )

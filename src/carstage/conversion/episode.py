@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import shutil
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -24,6 +24,7 @@ from carstage.conversion.documents import (
 )
 from carstage.conversion.segment import (
     LABEL_PARTS,
+    EncodedSegment,
     encode_segment,
     label_schema,
     label_segment,
@@ -32,7 +33,7 @@ from carstage.conversion.segment import (
 from carstage.conversion.sensors import SensorPlan, plan_sensors
 from carstage.dataset.tables import row_sensor, write_table
 from carstage.errors import ConversionError, ConverterDiedError
-from carstage.files.hashing import hash_of
+from carstage.files.hashing import hash_of, hash_of_file
 from carstage.files.whole import write_whole
 from carstage.rawlog.format import LEDGER, WORLD
 from carstage.rawlog.reader import EpisodeLog
@@ -148,6 +149,64 @@ class EpisodeConversion:
                 for segment in log.sealed_segments(stream):
                     self._note(stream, segment)
 
+    def converted(self) -> list[dict[str, Any]]:
+        """What is done, as plain values of JSON, for :meth:`go_on` of another conversion."""
+        with self._lock:
+            tasks = sorted(self._tasks.items())
+        done = []
+        for (segment, name), task in tasks:
+            if _is_well_done(task):
+                encoded = task.result()
+                parts = {} if encoded is None else asdict(encoded)
+                done.append({"segment": segment, "task": name, **parts})
+        return done
+
+    def go_on(self, converted: Sequence[Mapping[str, Any]]) -> None:
+        """Take over what an earlier conversion into the same folder has done.
+
+        Files are read again: what they hold must be what was written.
+
+        Args:
+            converted: as :meth:`converted` gave it.
+
+        Raises:
+            ConversionError: a file is not what was written, or ``converted`` is damaged.
+            RawLogError: the raw log has no readable ``episode.json``.
+        """
+        with self._lock:
+            self._load()
+            for entry in converted:
+                task: Future[Any] = Future()
+                try:
+                    encoded = None
+                    if entry["task"] != _LABELS:
+                        files = tuple(FileEntry(**file) for file in entry["files"])
+                        for file in files:
+                            self._require_as_written(file)
+                        encoded = EncodedSegment(tuple(entry["rows"]), files)
+                    key = (int(entry["segment"]), str(entry["task"]))
+                except (KeyError, TypeError, ValueError) as error:
+                    raise ConversionError(
+                        f"What was converted of {self.raw_folder} is not told rightly: {error!r}.",
+                        "Record the episode again.",
+                    ) from error
+                task.set_result(encoded)
+                self._tasks[key] = task
+
+    def _require_as_written(self, entry: FileEntry) -> None:
+        path = self.attempt_folder / entry.path
+        try:
+            if not path.resolve().is_relative_to(self.attempt_folder.resolve()):
+                raise ValueError(f"{entry.path} is elsewhere")
+            with path.open("rb") as file:
+                same = hash_of_file(file, entry.hash) == (entry.hash, entry.bytes)
+        except OSError as error:
+            raise ConversionError(
+                f"{path} cannot be read: {error.strerror}.", "Record the episode again."
+            ) from error
+        if not same:
+            raise ConversionError(f"{path} is not as it was written.", "Record the episode again.")
+
     def raise_if_failed(self) -> None:
         """Raise the first error of the work done so far, as ``finish`` would."""
         with self._lock:
@@ -223,6 +282,12 @@ class EpisodeConversion:
         )
         return Converted(frames, files, opendrive)
 
+    def stop(self) -> None:
+        """Hand out no more work, and drop what is not begun."""
+        with self._lock:
+            for task in self._tasks.values():
+                task.cancel()
+
     def cancel(self) -> None:
         """Drop what is not done and remove the attempt's folder; waits for running work.
 
@@ -297,9 +362,8 @@ class EpisodeConversion:
     def _drop_tasks(self) -> None:
         with self._lock:
             tasks = list(self._tasks.values())
-        for task in tasks:
-            task.cancel()
-        wait(tasks)
+        # A pool that has ended tells nobody of what was cancelled: to wait for that has no end.
+        wait([task for task in tasks if not task.cancel()])
 
     def _write_table(self, table: pa.Table, name: str) -> None:
         path = self.attempt_folder / name

@@ -45,7 +45,7 @@ class _RemoteTracebackError(Exception):
         return f"\n{self.args[0]}"
 
 
-def conversion_pool(workers: int | None = None) -> Executor:
+def conversion_pool(workers: int | None = None) -> ConversionPool:
     """Processes for ``EpisodeConversion``; the caller shuts the executor down.
 
     The workers are started as programs of their own, not forked (the caller may have threads), and
@@ -57,7 +57,7 @@ def conversion_pool(workers: int | None = None) -> Executor:
         workers: number of processes; default: the number of usable CPU cores. Each is started when
             a task finds no idle one.
     """
-    return _ProcessPool(workers or len(os.sched_getaffinity(0)))
+    return ConversionPool(workers or len(os.sched_getaffinity(0)))
 
 
 def load_libraries(pictures: bool) -> None:
@@ -83,8 +83,10 @@ def load_libraries(pictures: bool) -> None:
         gc.enable()
 
 
-class _ProcessPool(Executor):
-    """As many threads as processes; each hands a task to an idle process and waits for the answer.
+class ConversionPool(Executor):
+    """What :func:`conversion_pool` gives.
+
+    As many threads as processes; each hands a task to an idle process and waits for the answer.
 
     The threads give queueing, cancelling and shutting down; the processes do the work.
     """
@@ -117,6 +119,11 @@ class _ProcessPool(Executor):
         if wait:
             for worker in self._workers:
                 worker.end()
+
+    def kill(self) -> None:
+        """End the workers at once, in the middle of their tasks; it takes no work any more."""
+        self._break()
+        self.shutdown(wait=True, cancel_futures=True)
 
     def _work(self, function: Callable[..., Any], arguments: Any, keywords: Any) -> Any:
         task = pickle.dumps((function, arguments, keywords))

@@ -10,6 +10,7 @@ import numpy as np
 from carstage.dataset.reading import Dataset, Episode
 from carstage.dataset.tracks import may_come_back
 from carstage.errors import ConfigError, DatasetError
+from carstage.files.home import without_tilde
 from carstage.geometry import FloatArray
 from carstage.plan import Recording, Start, Track
 from carstage.spec import Control
@@ -33,7 +34,7 @@ def read_recording(path: str | Path) -> Recording:
             with ``scenario.episode``.
     """
     try:
-        return _recording(_find(Path(path).expanduser()))
+        return _recording(_find(without_tilde(path)))
     except DatasetError as error:
         raise ConfigError(
             f"scenario.episode: {error.message}", "Give the folder of a recorded episode."

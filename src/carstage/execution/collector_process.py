@@ -110,8 +110,7 @@ class CollectorProcess:
         process = self._started
         try:
             if process.poll() is None:
-                self.stop()
-                self.wait(_STOP_S)
+                self.end(_STOP_S)
         finally:
             self.kill()
             process.wait()
@@ -178,6 +177,12 @@ class CollectorProcess:
     def stop(self) -> None:
         """Ask it to end after the frame that it is at."""
         self._started.terminate()
+
+    def end(self, within_s: float) -> None:
+        """Ask it to end, and kill it when it has not done so in time."""
+        self.stop()
+        if self.wait(within_s) is None:
+            self.kill()
 
     def kill(self) -> None:
         """End it and everything that it started, at once."""

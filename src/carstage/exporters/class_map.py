@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from typing import Any, Final
 
 from carstage.errors import BadInputError
 from carstage.exporters.classes import CLASSES
+from carstage.files.bounded import read_bounded
 
 _MOST_BYTES: Final = 1 << 20
 _MOST_NUMBER: Final = 1_000_000
@@ -118,14 +120,15 @@ def read_class_map(path: str | Path) -> ClassMap:
 
     source = f"class-map: {path}"
     try:
-        with Path(path).open("rb") as file:
-            content = file.read(_MOST_BYTES + 1)
+        content = read_bounded(Path(path), _MOST_BYTES)
     except OSError as error:
+        if error.errno == errno.EFBIG:
+            raise BadInputError(
+                f"{source} is larger than 1 MiB.", "Name a file of a few lines."
+            ) from error
         raise BadInputError(
             f"{source} cannot be read: {error.strerror}.", "Name a YAML file."
         ) from error
-    if len(content) > _MOST_BYTES:
-        raise BadInputError(f"{source} is larger than 1 MiB.", "Name a file of a few lines.")
     try:
         text = content.decode("utf-8")
     except UnicodeDecodeError as error:

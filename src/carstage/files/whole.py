@@ -32,7 +32,9 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise
 
 
-def write_whole(path: Path, content: bytes | memoryview, *, on_its_way: bool = False) -> None:
+def write_whole(
+    path: Path, content: bytes | memoryview, *, on_its_way: bool = False, durable: bool = False
+) -> None:
     """Write a file that is never seen half written under its own name.
 
     Args:
@@ -40,6 +42,7 @@ def write_whole(path: Path, content: bytes | memoryview, *, on_its_way: bool = F
         content: all of it.
         on_its_way: let the system begin to bring it to the disk now, while others work; whoever
             makes it durable later then waits for little.
+        durable: it is on the disk under its name on return.
     """
     with whole_file(path) as temporary, temporary.open("wb") as file:
         file.write(content)
@@ -47,3 +50,8 @@ def write_whole(path: Path, content: bytes | memoryview, *, on_its_way: bool = F
             file.flush()
             # Of pages that are not on the disk yet it drops none, but has them written.
             os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
+        if durable:
+            file.flush()
+            os.fsync(file.fileno())
+    if durable:
+        flush_folder(path.parent)

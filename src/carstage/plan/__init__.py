@@ -4,7 +4,8 @@
 """
 
 from carstage.plan.estimate import RunEstimate, estimate_run, estimate_tick_s
-from carstage.plan.planning import ServerFacts, plan_episodes
+from carstage.plan.facts import ServerFacts
+from carstage.plan.planning import plan_episodes
 from carstage.plan.scenario import Recording, Start, Track
 
 __all__ = [

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
-from fnmatch import fnmatchcase
+from collections.abc import Iterable
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from carstage.config import Config
-from carstage.config.fields import path_text, unknown
+from carstage.config.fields import unknown
 from carstage.config.scene import Stand as ConfiguredStand
 from carstage.errors import ConfigError
+from carstage.plan.facts import ServerFacts
+from carstage.plan.offered import check_offered
 from carstage.plan.rig import plan_sensors
 from carstage.plan.scenario import Recording, plan_scenario
 from carstage.spec import (
@@ -32,30 +32,8 @@ from carstage.spec import (
     WeatherSpec,
 )
 
-DIALECT = "0.9.16"
 _CHOICES_STREAM = 1000
 _LARGEST_SEED = 0x7FFF_FFFF  # CARLA keeps noise seeds in signed 32-bit integers
-
-
-@dataclass(frozen=True, slots=True)
-class ServerFacts:
-    """What a server offers, as far as planning needs it.
-
-    Attributes:
-        maps: by map name, without folders, how many spawn points are drawn from.
-        blueprints: names of the attributes by blueprint id.
-        dialect: version of the wire protocol.
-        spawn_points: how many there are, for the maps of which that is known; None: ``maps`` says.
-    """
-
-    maps: Mapping[str, int]
-    blueprints: Mapping[str, frozenset[str]] = field(default_factory=dict)
-    dialect: str = DIALECT
-    spawn_points: Mapping[str, int] | None = None
-
-    def count(self, map_name: str) -> int | None:
-        """How many spawn points a map has; None where that is unknown."""
-        return (self.maps if self.spawn_points is None else self.spawn_points).get(map_name)
 
 
 def plan_episodes(
@@ -72,10 +50,10 @@ def plan_episodes(
         recording: what scenario ``replay`` moves the road users by.
 
     Raises:
-        ConfigError: the server lacks a map, a blueprint, an attribute or a spawn point, or the
-            recording is shorter than the episode.
+        ConfigError: the server lacks a map, a blueprint, an attribute or a spawn point, a sensor is
+            beyond its limits, or the recording is shorter than the episode.
     """
-    _check_blueprints(config, facts)
+    check_offered(config, facts, recording)
     maps = _maps(config, facts, recording)
     sensors = plan_sensors(config)
     substeps = config.timing.substeps(config.fps)
@@ -201,42 +179,3 @@ def _start(config: Config, facts: ServerFacts, map_name: str, draw: float) -> di
             f"It has {count}, counted from 0; or use `random`.",
         )
     return {"spawn_index": spawn, "spawn_place": None}
-
-
-def _check_blueprints(config: Config, facts: ServerFacts) -> None:
-    """Refuse blueprints and attributes that the server does not have."""
-    known = facts.blueprints
-    if not known:
-        return
-    vehicles = [name for name in known if name.startswith("vehicle.")]
-    if config.ego.blueprint not in vehicles:
-        message, hint = unknown("blueprint", config.ego.blueprint, vehicles)
-        raise ConfigError(f"ego.blueprint: {message}", hint)
-    walkers = [name for name in known if name.startswith("walker.")]
-    groups = [
-        (f"vehicles.groups[{position}].filter", group.count, group.filter, vehicles)
-        for position, group in enumerate(config.vehicles.groups)
-    ]
-    for path, count, pattern, names in (
-        ("vehicles.filter", config.vehicles.count, config.vehicles.filter, vehicles),
-        *groups,
-        ("pedestrians.filter", config.pedestrians.count, config.pedestrians.filter, walkers),
-    ):
-        if count and not any(fnmatchcase(name, pattern) for name in names):
-            message, hint = unknown("blueprint", pattern, (_family(name) for name in names))
-            raise ConfigError(f"{path}: {message}", hint)
-    for place, sensor in config.located_sensors():
-        if sensor.row.blueprint not in known:
-            raise ConfigError(
-                f"{path_text((*place, 'kind'))}: this server has no {sensor.row.blueprint}.",
-                "Leave the sensor out or use another server.",
-            )
-        strings = sensor.attributes.carla(fps=config.fps, image_size=config.image_size)
-        for name in strings:
-            if name not in known[sensor.row.blueprint]:
-                message, hint = unknown("attribute", name, known[sensor.row.blueprint])
-                raise ConfigError(f"{path_text((*place, 'attributes', name))}: {message}", hint)
-
-
-def _family(blueprint: str) -> str:
-    return re.sub(r"\.[^.]*$", ".*", blueprint)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from carstage.runs.attempts import LeftRun, left_runs
     from carstage.runs.folder import CurrentEpisode, EpisodeCounts, RunStatus
     from carstage.runs.outcome import RunResult
+    from carstage.runs.pending import pending_recordings
     from carstage.runs.preflight import size_text
     from carstage.runs.running import DEFAULT_RETRIES, ConfigSource, run
     from carstage.runs.selftesting import describe_verdict, examine_server
@@ -29,6 +30,7 @@ __all__ = [
     "describe_verdict",
     "examine_server",
     "left_runs",
+    "pending_recordings",
     "run",
     "size_text",
 ]
@@ -39,6 +41,7 @@ __getattr__ = lazy_names(
         "attempts": "LeftRun left_runs",
         "folder": "CurrentEpisode EpisodeCounts RunStatus",
         "outcome": "RunResult",
+        "pending": "pending_recordings",
         "preflight": "size_text",
         "running": "DEFAULT_RETRIES ConfigSource run",
         "selftesting": "describe_verdict examine_server",

@@ -50,7 +50,7 @@ def ask_server(host: str, port: int, version: str, timeout_s: float = 20.0) -> S
             }
             maps[loaded] = min(count, maps[loaded])
             blueprints = {
-                str(blueprint): frozenset(str(attribute[0]) for attribute in attributes)
+                str(blueprint): {str(one[0]): str(one[2]) for one in attributes}
                 for _, blueprint, _, attributes in definitions
             }
     except (OSError, ValueError, TypeError, IndexError, msgpack.UnpackException) as error:

@@ -13,6 +13,7 @@ from typing import Any
 
 from carstage.conversion import EpisodeConversion
 from carstage.errors import CarStageError, StorageError
+from carstage.runs.pending import Pending, forget_pending, write_pending
 from carstage.spec import EpisodeSpec
 from carstage.storage import Store
 from carstage.storage.disk import disk_error
@@ -76,6 +77,7 @@ class AttemptCommit:
         self.attempt = attempt
         self.raw_folder = raw_folder
         self._store = store
+        self._codecs = codecs
         self._self_test = self_test
         self._deferred = deferred
         self._conversion = EpisodeConversion(
@@ -122,6 +124,38 @@ class AttemptCommit:
             self._conversion.use(pool)
             self._conversion.scan()
 
+    def go_on(self, pending: Pending, pool: Executor) -> None:
+        """Convert what an earlier run has recorded and kept.
+
+        Raises:
+            CarStageError: it cannot be read, or the converters take no work any more.
+        """
+        with _disk_errors(self._what):
+            self._self_test = pending.self_test
+            if pending.of_this_boot:  # else what was converted may have been lost with the power
+                self._conversion.go_on(pending.converted)
+            if not self._deferred:
+                self.convert_all(pool)
+
+    def set_aside(self, environment: Mapping[str, str], *, durable: bool) -> None:
+        """Leave the recording, and what of it is converted, to the next run.
+
+        Args:
+            environment: what it was recorded with, by version.
+            durable: whether its raw log was brought to the disk.
+
+        Raises:
+            StorageError: that cannot be written down.
+        """
+        self._conversion.stop()
+        converted = self._conversion.converted()
+        pending = Pending(self._codecs, environment, self._self_test, durable, converted)
+        write_pending(self.raw_folder, pending)
+
+    def cancel(self) -> None:
+        """Convert no more than what is being converted."""
+        self._conversion.stop()
+
     def remove_converted(self) -> None:
         """Remove what of the raw recording is converted; the rest goes with :meth:`remove_raw`."""
         with suppress(OSError):
@@ -163,6 +197,7 @@ class AttemptCommit:
                 hashed=converted.files,
                 self_test=self._self_test,
             )
+            forget_pending(self.raw_folder)
         return converted.frames
 
     def remove_raw(self) -> None:

@@ -21,6 +21,7 @@ from carstage.errors import StorageError
 from carstage.runs.folder import FINAL_STATES, FORMAT_VERSION, PROCESS_FILE, EpisodeCounts
 from carstage.runs.identity import life_of
 from carstage.runs.orphans import end_orphans
+from carstage.runs.pending import pending_of, pending_recordings
 from carstage.runs.reading import is_recent, read_document
 from carstage.storage import CommitMarker, Store
 
@@ -32,7 +33,8 @@ class LeftRun:
     """A run that did not end and does not go on, as far as can be seen.
 
     Attributes:
-        attempts: (episode id, attempt) of what it had begun and neither committed nor removed.
+        attempts: (episode id, attempt) of what it had begun and neither committed nor removed;
+            what only waits to be converted is not among them.
         process: which process it was, as far as it is known.
         dead: its process is certainly gone. Else it is somewhere else, and silent: it may sleep.
     """
@@ -63,7 +65,8 @@ def left_runs(out: Path) -> Iterator[LeftRun]:
             continue
         life = life_of(process)
         if life == "dead" or (life == "unknown" and not is_recent(process)):
-            attempts = tuple(sorted(_begun(folder / "events.jsonl", out)))
+            waiting = {(one.episode_id, one.attempt) for one in pending_of(folder)}
+            attempts = tuple(sorted(_begun(folder / "events.jsonl", out) - waiting))
             yield LeftRun(folder, attempts, process, life == "dead")
 
 
@@ -76,13 +79,15 @@ def clear_up(run: LeftRun, store: Store) -> str:
     """Remove what a run has left, as far as that is safe; says what was done.
 
     Of a dead run everything goes: first its processes, which could still write, then its raw
-    recordings and unfinished attempts. Any other run may wake up and commit. Of such a one only
-    attempts go that cannot be committed any more, as another attempt is the episode.
+    recordings and unfinished attempts, but for those that only wait to be converted. Any other run
+    may wake up and commit. Of such a one only attempts go that cannot be committed any more, as
+    another attempt is the episode.
     """
     if run.dead:
         end_orphans(run.folder.name, float(run.process.get("pid_started") or time.time()))
     markers = store.committed()
-    kept = _kept_recordings(run.folder, markers)
+    pending = {recording.folder for recording in pending_of(run.folder)}
+    kept = _kept_recordings(run.folder, markers) | pending
     stays = False
     for episode_id, attempt in run.attempts:
         marker = markers.get(episode_id)
@@ -124,6 +129,49 @@ def clear_up(run: LeftRun, store: Store) -> str:
     temporary.write_text(json.dumps(status, indent=1), "utf-8")
     temporary.replace(path)
     return f"Removed what the dead run {run.folder.name} had left."
+
+
+def sweep(out: Path, store: Store, markers: Mapping[str, CommitMarker]) -> None:
+    """Remove what runs that have ended could not remove; nothing while another run goes on.
+
+    An attempt goes where another one is the episode, or where the run that holds its lease ended.
+
+    Args:
+        out: folder of the dataset.
+        store: the dataset.
+        markers: of its episodes.
+    """
+    runs = sorted((out / "runs").glob("*"))
+    ended = {run.name for run in runs if _has_ended(run)}
+    if len(ended) < len(runs):
+        return
+    pending = {(one.episode_id, one.attempt) for one in pending_recordings(out)}
+    for folder in sorted((out / "episodes").glob("*/*")):
+        episode_id, attempt = folder.parent.name, folder.name
+        number, marker = _ATTEMPT.fullmatch(attempt), markers.get(episode_id)
+        if number is None or (episode_id, attempt) in pending:
+            continue
+        if marker is not None and marker.attempt == attempt:
+            continue
+        lease = read_document(out / "leases" / f"{episode_id}.{number[1]}")
+        over = marker is not None if lease is None else lease.get("run_id") in ended
+        if not over:
+            continue
+        with suppress(StorageError):  # it was committed after all: it stays
+            store.discard_attempt(episode_id, attempt)
+    for run in runs:
+        kept = _kept_recordings(run, markers)
+        for recording in (run / "raw").glob("*/*"):
+            names = (recording.parent.name, recording.name)
+            if names not in pending and recording not in kept:
+                shutil.rmtree(recording, ignore_errors=True)
+        for folder in (*(run / "raw").glob("*"), run / "raw"):
+            with suppress(OSError):  # what is kept, or gone already
+                folder.rmdir()
+
+
+def _has_ended(run: Path) -> bool:
+    return (read_document(run / "status.json") or {}).get("state") in FINAL_STATES
 
 
 def _kept_recordings(folder: Path, markers: Mapping[str, CommitMarker]) -> set[Path]:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-from concurrent.futures import Executor as Pool
 from typing import Literal
 
-from carstage.conversion import conversion_pool, load_libraries
+from carstage.conversion import ConversionPool, conversion_pool, load_libraries
 
 _MOST_AUTO = 8
 """Each takes a hundred megabytes and seconds of CPU to start; this many encode 300 pictures/s."""
@@ -25,10 +24,10 @@ class Converters:
         cores = len(os.sched_getaffinity(0))
         self._workers = min(cores, _MOST_AUTO) if workers == "auto" else workers
         self._pictures = pictures
-        self._pool: Pool | None = None
-        self._retired: list[Pool] = []
+        self._pool: ConversionPool | None = None
+        self._retired: list[ConversionPool] = []
 
-    def pool(self) -> Pool:
+    def pool(self) -> ConversionPool:
         """The pool that takes work now; its processes are started by the first call."""
         if self._pool is None:
             self._pool = start_pool(self._workers, self._pictures)
@@ -40,6 +39,12 @@ class Converters:
             self._retired.append(self._pool)
             self._pool = None
 
+    def kill(self) -> None:
+        """End all processes in the middle of their work."""
+        self.retire()
+        for pool in self._retired:
+            pool.kill()
+
     def end(self) -> None:
         """End all processes; what is not yet begun is not converted."""
         self.retire()
@@ -47,7 +52,7 @@ class Converters:
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def start_pool(workers: int, pictures: bool) -> Pool:
+def start_pool(workers: int, pictures: bool) -> ConversionPool:
     """Converters whose processes are started at once, and load their libraries."""
     pool = conversion_pool(workers)
     for _ in range(workers):

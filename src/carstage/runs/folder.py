@@ -147,14 +147,17 @@ class RunFolder:
         """Folder of one attempt's raw recording."""
         return self.raw / episode_id / attempt
 
-    def write_plan(self, config: Config, episodes: Sequence[EpisodeSpec]) -> None:
-        """Write ``plan.json``."""
+    def write_plan(
+        self, config: Config, episodes: Sequence[EpisodeSpec], environment: Mapping[str, str]
+    ) -> None:
+        """Write ``plan.json``; ``environment``: what the episodes are made with, by version."""
         from carstage.config import dump_config
 
         document = {
             "format_version": FORMAT_VERSION,
             "run_id": self.run_id,
             "config": dump_config(config),
+            "environment": dict(environment),
             "episodes": [
                 {"episode_id": spec.episode_id, "spec": spec.to_json()} for spec in episodes
             ],

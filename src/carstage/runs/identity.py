@@ -81,6 +81,11 @@ def is_alive(document: Mapping[str, Any]) -> bool:
     return life == "alive"
 
 
+def boot_id() -> str:
+    """Which boot of the machine this is; empty where that is unknown."""
+    return _here()["boot_id"]
+
+
 @cache
 def _here() -> dict[str, str]:
     """The machine, its boot and the PID namespace; it stays while this process lives."""

@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
@@ -14,6 +15,10 @@ from carstage.runs.wakeup_pipe import WakeupPipe
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 EXIT_CODE = 130
+END_S = 10.0
+"""A run ends within so many seconds of the first signal."""
+GIVE_BACK_S = 5.0
+"""So many of them are for a recorder to give back what it holds on somebody else's server."""
 
 
 class Interruption:
@@ -30,6 +35,7 @@ class Interruption:
 
     def __init__(self, notify: Callable[[str], None] = lambda _: None) -> None:
         self.requested = False
+        self._end_s = float("inf")
         self._notify = notify
         self._deferring = 0
         self._killers: list[Callable[[], None]] = []
@@ -75,6 +81,11 @@ class Interruption:
         finally:
             self._killers.remove(killer)
 
+    @property
+    def left_s(self) -> float:
+        """Seconds until the run should have ended; infinite before the first signal."""
+        return self._end_s - time.monotonic()
+
     def check(self) -> None:
         """Raise ``KeyboardInterrupt`` when a signal came in a deferred stretch."""
         if self.requested:
@@ -89,7 +100,8 @@ class Interruption:
                 raise KeyboardInterrupt
             os._exit(EXIT_CODE)
         self.requested = True
+        self._end_s = time.monotonic() + END_S
         self._wakeup.notify()
-        self._notify("Ending after this frame; press Ctrl-C again to end at once.")
+        self._notify(f"Ending within {END_S:.0f} s; press Ctrl-C again to end at once.")
         if not self._deferring:
             raise KeyboardInterrupt

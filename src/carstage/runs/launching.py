@@ -24,7 +24,7 @@ class StopError(CarStageError, RuntimeError):
 
 
 def launch(
-    config: Path, out: Path, run_id: str, log: Path, *, retries: int, folder: Path
+    config: Path, out: Path, run_id: str, log: Path, *, retries: int, append: bool, folder: Path
 ) -> subprocess.Popen[bytes]:
     """Start ``carstage run`` and return at once.
 
@@ -34,11 +34,13 @@ def launch(
         run_id: name of the run's folder.
         log: file that its output is appended to.
         retries: further attempts of an episode that fails.
+        append: record also beside episodes of other settings.
         folder: what relative paths in the configuration are relative to.
     """
     command = [
         *(sys.executable, "-m", "carstage.cli", "run", str(config), "--out", str(out)),
         *("--run-id", run_id, "--retries", str(retries)),
+        *(["--append"] if append else []),
     ]
     with log.open("ab") as output:
         return subprocess.Popen(
@@ -52,7 +54,7 @@ def launch(
 
 
 def ask_to_stop(status: Mapping[str, Any]) -> None:
-    """Send a run the signal of Ctrl-C: the first one finishes the frame, the second ends at once.
+    """Send a run the signal of Ctrl-C: the first one ends it well, the second at once.
 
     Args:
         status: as in ``status.json``, or what ``identity.identify`` gave.

@@ -1,7 +1,9 @@
-"""What is checked on this machine before anything is started."""
+"""What is checked before anything is recorded, for a run and for whoever only asks."""
 
 from __future__ import annotations
 
+import os
+import resource
 import shutil
 import socket
 import tempfile
@@ -13,13 +15,22 @@ from carstage.config.fields import unknown
 from carstage.config.scene import ReplayScenario
 from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError, ConfigError
-from carstage.plan import Recording, RunEstimate
+from carstage.files.home import without_tilde
+from carstage.plan import Recording, RunEstimate, ServerFacts, plan_episodes
+from carstage.runs.server_lock import server_lock
+from carstage.runs.servers import ServerSetup
 from carstage.server import check_ports_free
 from carstage.server.embedded import PORTS
+from carstage.server.interpreters import AUTO, check_interpreter
 from carstage.server.ports import BLOCK
 from carstage.server.release import find_script
+from carstage.spec import EpisodeSpec
 
 _RESERVE = 1.1
+_OPEN_FILES = 1024
+_FEWEST_OPEN_FILES = 256
+_ANY_SPAWN_POINT = 1 << 30
+"""Of a map of which nobody knows how many it has."""
 _UNITS = ("B", "kB", "MB", "GB", "TB", "PB")
 
 
@@ -33,12 +44,59 @@ def size_text(size_bytes: float) -> str:
     raise AssertionError
 
 
+def check_before_server(config: Config, *, offline: bool = False) -> None:
+    """Refuse what can be known to be wrong without the server.
+
+    Args:
+        config: the configuration.
+        offline: leave out whether a remote server is there.
+
+    Raises:
+        BadInputError: with the field's path.
+    """
+    check_codecs(config)
+    if not (offline and isinstance(config.server, RemoteServerConfig)):
+        check_server(config)
+    if config.server.client_python != AUTO:
+        check_interpreter(without_tilde(config.server.client_python))
+    recording_of(config)
+
+
+def judge(config: Config, *, offline: bool = False) -> tuple[EpisodeSpec, ...]:
+    """The episodes that a run of a configuration would record, or why it would refuse.
+
+    The embedded simulator describes itself without being started. Another server is asked, which
+    starts a CARLA release; ``offline`` leaves that out, and with it what only the server knows.
+
+    Raises:
+        BadInputError: with the field's path.
+        ServerError: the server does not start or answer.
+    """
+    check_before_server(config, offline=offline)
+    recording = recording_of(config)
+    if offline and not isinstance(config.server, EmbeddedServerConfig):
+        names = [config.map.choice, *(config.map.random_from or ())]
+        names += [] if recording is None else [recording.map]
+        maps = {name.rsplit("/", 1)[-1] for name in names if name is not None}
+        facts = ServerFacts(maps=dict.fromkeys({*maps, "any"}, _ANY_SPAWN_POINT))
+        return plan_episodes(config, facts, recording)
+    with server_lock(config), ServerSetup(config).facts() as facts:
+        return plan_episodes(config, facts, recording)
+
+
 def check_output(out: Path) -> None:
     """Refuse an output folder that cannot be written to; nothing is created.
 
     Raises:
         BadInputError: it is a file, or it (or the folder that it would be made in) is not writable.
     """
+    try:
+        os.fspath(out).encode("utf-8")
+    except UnicodeEncodeError as error:
+        raise BadInputError(
+            f"output: {os.fspath(out)!r} is no UTF-8 text as Python reads it here.",
+            "Choose another --out, or set PYTHONUTF8=1 if this locale is not the path's.",
+        ) from error
     existing = _existing(out)
     if not existing.is_dir():
         raise BadInputError(f"output: {existing} is not a folder.", "Choose another --out.")
@@ -50,6 +108,23 @@ def check_output(out: Path) -> None:
             f"output: {existing} is not writable: {error.strerror}.",
             "Choose another --out or change the folder's permissions.",
         ) from error
+
+
+def check_open_files() -> None:
+    """Let this process and its children open as many files as a run needs.
+
+    Raises:
+        BadInputError: that is not allowed.
+    """
+    allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = _OPEN_FILES if most == resource.RLIM_INFINITY else min(_OPEN_FILES, most)
+    if 0 <= allowed < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, most))
+    if wanted < _FEWEST_OPEN_FILES:
+        raise BadInputError(
+            f"Only {most} files may be open at once here; a run needs {_FEWEST_OPEN_FILES}.",
+            f"Raise the limit, as by `ulimit -n {_OPEN_FILES}`.",
+        )
 
 
 def check_disk(out: Path, estimate: RunEstimate) -> None:
@@ -76,7 +151,7 @@ def check_server(config: Config) -> None:
     """
     server = config.server
     if isinstance(server, CarlaServerConfig):
-        find_script(Path(server.path).expanduser())
+        find_script(without_tilde(server.path))
         _check_ports(server.port, BLOCK)
     if isinstance(server, EmbeddedServerConfig):
         _check_ports(server.port, PORTS)
@@ -115,7 +190,7 @@ def recording_of(config: Config) -> Recording | None:
 
 def _existing(path: Path) -> Path:
     """The path, or its nearest parent that exists."""
-    path = path.expanduser().absolute()
+    path = without_tilde(path).absolute()
     while not path.exists() and path != path.parent:
         path = path.parent
     return path
@@ -129,7 +204,7 @@ def _check_ports(first: int | Literal["auto"], count: int) -> None:
 def _check_remote(server: RemoteServerConfig) -> None:
     try:
         socket.create_connection((server.host, server.port), timeout=5.0).close()
-    except OSError as error:
+    except (OSError, UnicodeError) as error:  # the latter where a name cannot be one
         raise ConfigError(
             f"server.host: nothing answers at {server.host}:{server.port} ({error}).",
             "Start CARLA there, or correct host and port.",

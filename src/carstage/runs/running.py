@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from carstage.config import Config, check_config, load_config
+from carstage.config import Config, check_config, dump_config, load_config
 from carstage.execution import Executor, InlineExecutor
 from carstage.plan import estimate_run, plan_episodes
-from carstage.runs.attempts import clear_up, left_runs
+from carstage.runs.attempts import clear_up, left_runs, sweep
+from carstage.runs.continuing import environment_of, refuse_to_mix
 from carstage.runs.events import Notice, OnEvent, RunPlanned
 from carstage.runs.folder import RunFolder
 from carstage.runs.interruption import Interruption
 from carstage.runs.orphans import marked
 from carstage.runs.outcome import RunResult
+from carstage.runs.pending import drop_superseded
 from carstage.runs.preflight import (
-    check_codecs,
+    check_before_server,
     check_disk,
+    check_open_files,
     check_output,
-    check_server,
     recording_of,
 )
 from carstage.runs.record import RunRecord
@@ -28,6 +30,7 @@ from carstage.runs.server_lock import server_lock
 from carstage.runs.servers import ServerSetup
 from carstage.runs.session import Session
 from carstage.runs.wakeup_pipe import WakeupPipe
+from carstage.spec import EpisodeSpec
 from carstage.storage import Store, local_folder, open_store
 
 DEFAULT_RETRIES = 2
@@ -44,6 +47,7 @@ def run(
     retries: int = DEFAULT_RETRIES,
     executor: Executor | None = None,
     run_id: str | None = None,
+    append: bool = False,
 ) -> RunResult:
     """Record a configuration's episodes into a dataset; those that it has already are skipped.
 
@@ -64,12 +68,14 @@ def run(
         retries: further attempts of an episode that fails.
         executor: where episodes are recorded; default: one worker on this machine.
         run_id: name of the run's folder; default: a new one.
+        append: record also beside episodes of other settings, of another version or environment.
 
     Returns:
         How the run ended. Failed episodes are in ``failures``; they raise nothing.
 
     Raises:
         ConfigError: a value of the configuration is wrong, or its file cannot be read.
+        OtherSettingsError: ``out`` holds episodes of other settings; see ``append``.
         BadInputError: something cannot be, or another run uses the server; nothing was started.
         ServerError: the server cannot be started, or fails a self-test that it must pass.
         StorageError: the dataset cannot be written, for example as the disk is full.
@@ -83,22 +89,20 @@ def run(
     """
     config = _checked(config)
     out = local_folder(out).absolute()
-
-    def notice(sentence: str) -> None:
-        if on_event is not None:
-            on_event(Notice(sentence))
-
+    notice = _noticing(on_event)
     with Interruption(notice) as interruption:
-        for warning in config.warnings():
-            notice(warning)
-        check_output(out)
-        check_codecs(config)
-        check_server(config)
+        _check(config, out, notice)
+        store = open_store(out)
+        present = _take_over(out, store, notice)
+        settings = dump_config(config)
+        if not append:  # as far as it is known without the server
+            refuse_to_mix(out, present, None, settings)
         setup = ServerSetup(config)
         with server_lock(config), setup.facts() as facts:
             episodes = plan_episodes(config, facts, recording_of(config))
-            store = open_store(out)
-            present = _take_over(out, store, notice)
+            environment = environment_of(facts.dialect, setup.client.client)
+            if not append:
+                refuse_to_mix(out, present, _ids(episodes), settings, environment)
             todo = [spec for spec in episodes if spec.episode_id not in present]
             estimate = estimate_run(config, todo)
             check_disk(out, estimate)
@@ -106,10 +110,32 @@ def run(
             if on_event is not None:
                 on_event(RunPlanned(estimate, len(todo), len(episodes) - len(todo)))
             with RunFolder(out, run_id) as folder, marked(folder.run_id), WakeupPipe() as wakeup:
-                folder.write_plan(config, episodes)
+                folder.write_plan(config, episodes, environment)
                 record = RunRecord(folder, interruption, on_event)
-                session = Session(config, setup, store, record, interruption, wakeup, retries)
+                session = Session(
+                    config, setup, store, record, interruption, wakeup, retries, environment
+                )
                 return session.run(episodes, todo, executor or InlineExecutor())
+
+
+def _noticing(on_event: OnEvent | None) -> Callable[[str], None]:
+    def notice(sentence: str) -> None:
+        if on_event is not None:
+            on_event(Notice(sentence))
+
+    return notice
+
+
+def _check(config: Config, out: Path, notice: Callable[[str], None]) -> None:
+    for warning in config.warnings():
+        notice(warning)
+    check_output(out)
+    check_open_files()
+    check_before_server(config)
+
+
+def _ids(episodes: Iterable[EpisodeSpec]) -> list[str]:
+    return [spec.episode_id for spec in episodes]
 
 
 def _take_over(out: Path, store: Store, notice: Callable[[str], None]) -> Collection[str]:
@@ -123,6 +149,8 @@ def _take_over(out: Path, store: Store, notice: Callable[[str], None]) -> Collec
     if not (out / "dataset.json").exists():
         return ()
     present = store.committed()
+    drop_superseded(out, present, store)
+    sweep(out, store, present)
     for marker in store.lost(present.values()):
         store.retire(marker)
         del present[marker.episode_id]

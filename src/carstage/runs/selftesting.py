@@ -16,7 +16,7 @@ from carstage.errors import CarStageError, CollectorError, RawLogError, ServerEr
 from carstage.execution import CollectorProcess
 from carstage.releases import NEWEST, is_newer
 from carstage.runs.asking import ask_server, ask_spawn_points
-from carstage.runs.interruption import Interruption
+from carstage.runs.interruption import GIVE_BACK_S, Interruption
 from carstage.runs.preflight import check_server
 from carstage.runs.servers import ServerSetup
 from carstage.selftest import Verdict, failed_verdict, judge_log, plan_self_test
@@ -62,7 +62,8 @@ def run_self_test(
         facts = ask_server(endpoint.host, endpoint.port, endpoint.version)
         name, spawn_points = ask_spawn_points(endpoint.host, endpoint.port)
         spec = plan_self_test(facts.dialect, name, spawn_points, facts.blueprints)
-        _record(_plan(endpoint, spec, place, sensor_warmup_ticks), place, client, interruption)
+        plan = _plan(endpoint, spec, place, sensor_warmup_ticks)
+        _record(plan, place, client, endpoint, interruption)
         verdict = judge_log(place / "raw")
     except (CollectorError, RawLogError, ServerError) as error:
         verdict = failed_verdict(endpoint.version, client.client, str(error))
@@ -145,7 +146,11 @@ def _plan(
 
 
 def _record(
-    plan: dict[str, Any], place: Path, client: ClientPython, interruption: Interruption
+    plan: dict[str, Any],
+    place: Path,
+    client: ClientPython,
+    endpoint: Endpoint,
+    interruption: Interruption,
 ) -> None:
     """Run a collector to its end.
 
@@ -176,7 +181,10 @@ def _record(
                         reason = f"{event.get('message')} {event.get('hint') or ''}".strip()
             if time.monotonic() > deadline_s:
                 raise CollectorError(f"The collector gave no sign for {_SILENCE_S:.0f} s.")
-        code = None if interruption.requested else collector.wait(_STOP_S)
+        if interruption.requested:
+            own = endpoint.pid is not None  # then there is nothing to give back
+            collector.kill() if own else collector.end(GIVE_BACK_S)
+        code = collector.wait(_STOP_S)
         tail = collector.log_tail()
     interruption.check()
     if code != 0:

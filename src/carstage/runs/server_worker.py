@@ -35,7 +35,7 @@ from carstage.runs.explaining import (
     explain_loss,
 )
 from carstage.runs.folder import RunFolder
-from carstage.runs.interruption import Interruption
+from carstage.runs.interruption import GIVE_BACK_S, Interruption
 from carstage.runs.servers import ServerSetup
 from carstage.runs.watching import AttemptWatch, Limits
 from carstage.sensor_kinds import plugins_of
@@ -68,6 +68,9 @@ class WorkerHost(Protocol):
 
     def waiting(self, what: str) -> AbstractContextManager[None]:
         """A stretch without ``poll``; the heartbeat goes on, and a long one is explained."""
+
+    def start_failed(self, job: Job, error: CarStageError) -> bool:
+        """The server was killed while it started; returns whether the job will come again."""
 
     def recorded(self, attempt_commit: AttemptCommit, incomplete_ticks: int) -> bool:
         """An attempt is recorded to its end; returns whether it may land."""
@@ -133,7 +136,12 @@ class ServerWorker:
             ServerError: the server cannot be started.
             KeyboardInterrupt: the user ended the run; the attempt is the run's to remove.
         """
-        endpoint = self._running_endpoint()
+        try:
+            endpoint = self._running_endpoint()
+        except ServerEndedError as killed:
+            if killed.was_killed and self._host.start_failed(job, killed):
+                return
+            raise
         with self._interruption.deferred():
             attempt_commit = self._host.begin(job)
         try:
@@ -195,7 +203,7 @@ class ServerWorker:
         server, self._server, self._endpoint = self._server, None, None
         if server is not None:
             with self._interruption.deferred():
-                if at_once:
+                if at_once or self._interruption.requested:
                     server.kill()
                 else:
                     server.stop()
@@ -234,7 +242,10 @@ class ServerWorker:
             if not collector.ended:
                 collector.kill()
             code = collector.wait(_STOP_S)
-        self._interruption.check()
+        if self._interruption.requested:
+            if incomplete_ticks is not None:
+                return incomplete_ticks  # it came to its end; what came after does not count
+            raise KeyboardInterrupt
         if watch.problem is not None:
             raise explain_loss(attempt_commit, watch.problem, self._server, collector)
         if code != 0 or incomplete_ticks is None:
@@ -246,9 +257,11 @@ class ServerWorker:
     def _watch(self, endpoint: Endpoint, collector: CollectorProcess) -> AttemptWatch:
         return AttemptWatch(endpoint, collector.pid, Limits.of(self._setup.supervision))
 
+    def _owns_server(self) -> bool:
+        return self._server is not None and self._server.endpoint.pid is not None
+
     def _own_server_ended(self) -> bool:
-        server = self._server
-        return server is not None and server.endpoint.pid is not None and not server.alive()
+        return self._owns_server() and self._server is not None and not self._server.alive()
 
     def _timeouts_s(self, spec: EpisodeSpec) -> tuple[float, float]:
         """How long one of the collector's calls, and loading a map, may take."""
@@ -303,8 +316,13 @@ class ServerWorker:
                         deadline_s = self._clock_s() + stall_s
                 if self._interruption.requested and not stopping:
                     selector.unregister(self._interruption)
+                    yield from collector.read_events()  # it may have come to the end by now
+                    if self._owns_server():  # then there is nothing to give back
+                        collector.kill()
+                        self._stop_server()
+                        return
                     stopping = True
-                    deadline_s = self._clock_s() + _STOP_S
+                    deadline_s = self._clock_s() + GIVE_BACK_S
                     collector.stop()
                 if not stopping and not server_gone and self._own_server_ended():
                     # The collector would wait for the answer to its last call for a long time.

@@ -11,6 +11,7 @@ from carstage.config.output import Output
 from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.config.supervision import Supervision
 from carstage.errors import BadInputError
+from carstage.files.home import without_tilde
 from carstage.plan import ServerFacts
 from carstage.releases import refusal
 from carstage.runs.asking import ask_server
@@ -42,7 +43,7 @@ def make_server(config: Config, log_path: Path | None) -> Server:
         )
     if isinstance(server, CarlaServerConfig):
         return CarlaServer(
-            Path(server.path).expanduser(),
+            without_tilde(server.path),
             port=None if server.port == "auto" else server.port,
             arguments=server.arguments,
             log_path=log_path,
@@ -62,11 +63,9 @@ def embedded_facts(carla_version: str) -> ServerFacts:
     described = describe_embedded(carla_version=carla_version)
     return ServerFacts(
         maps=described.maps,
-        blueprints={
-            name: frozenset(blueprint.attributes)
-            for name, blueprint in described.blueprints.items()
-        },
+        blueprints={name: blueprint.attributes for name, blueprint in described.blueprints.items()},
         dialect=described.protocol,
+        limits=described.limits,
     )
 
 
@@ -162,6 +161,10 @@ class ServerSetup:
                 self._client = self._find_client(endpoint.version)
                 facts = ask_server(endpoint.host, endpoint.port, endpoint.version)
             yield facts
+        except KeyboardInterrupt:
+            if self._warm is not None:
+                self._warm.kill()
+            raise
         finally:
             if self._warm is not None:
                 self._warm.stop()
@@ -203,7 +206,7 @@ class ServerSetup:
         try:
             return server, server.start()
         except BaseException:
-            server.stop()
+            server.kill()
             raise
 
     def _new(self, log_path: Path | None) -> Server:

@@ -1,4 +1,4 @@
-"""The episodes of a run: recorded, converted, committed, tried again, to every way out."""
+"""The episodes of a run: recorded, tried again, handed to the commit queue, to every way out."""
 
 from __future__ import annotations
 
@@ -6,29 +6,26 @@ import selectors
 from collections import deque
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from typing import Any
 
 from carstage.config import Config
 from carstage.errors import (
-    BadInputError,
     CarStageError,
     CollectorError,
     ConverterDiedError,
     DiskFullError,
-    EpisodeExistsError,
     ServerError,
     StorageError,
 )
 from carstage.execution import Executor
 from carstage.runs.attempt_commit import AttemptCommit, Job
-from carstage.runs.converters import Converters
+from carstage.runs.commit_queue import CommitQueue
 from carstage.runs.events import (
     AttemptReserved,
-    EpisodeCommitted,
     EpisodeFailed,
     EpisodeRetried,
     EpisodeSkipped,
-    FramesConverted,
     RunFinished,
     RunStarted,
     ServerTested,
@@ -45,8 +42,6 @@ from carstage.spec import EpisodeSpec
 from carstage.storage import Store
 from carstage.storage.disk import disk_error
 
-_MOST_COMMITS_UNDER_WAY = 2
-
 
 class Session:
     """The state of a run between its plan and its end; the host of its workers.
@@ -59,6 +54,7 @@ class Session:
         interruption: the run's signals.
         wakeup: wakes the run when something is converted.
         retries: further attempts of an episode that fails.
+        environment: what is recorded with, by version.
     """
 
     def __init__(
@@ -70,6 +66,7 @@ class Session:
         interruption: Interruption,
         wakeup: WakeupPipe,
         retries: int,
+        environment: Mapping[str, str],
     ) -> None:
         self._config = config
         self._setup = setup
@@ -81,16 +78,18 @@ class Session:
         self._wakeup = wakeup
         self._retries = retries
         self._self_test: Mapping[str, Any] | None = None
-        self._converters = Converters(
-            config.conversion.workers,
-            pictures=any(one.row.is_camera for one in config.sensors),
+        self._queue = CommitQueue(
+            config,
+            store,
+            record,
+            wakeup,
+            environment,
+            setup.raw_must_last,
+            lambda attempt, error, final: self.attempt_failed(attempt, error, final=final),
         )
         self._jobs: deque[Job] = deque()
         self._recording: AttemptCommit | None = None
-        self._recorded: deque[AttemptCommit] = deque()
-        self._attempt_commits: list[AttemptCommit] = []
         self._failures: dict[str, str] = {}
-        self._frames = 0
         self._attempted = False
 
     def run(
@@ -111,14 +110,21 @@ class Session:
             self._record.enter("starting")
             if todo:
                 with self._interruption.deferred():  # no pool that nobody knows of
-                    self._converters.pool()  # they load their libraries while the server starts
+                    self._queue.converters.pool()  # they load while the server starts
+                    taken = self._queue.take_pending(self._jobs)
+                self._jobs = deque(job for job in self._jobs if job.episode_id not in taken)
                 self._interruption.check()
+            if self._jobs:
                 self._test_server()
             executor.execute(self._take, self._open_worker)
             state = "done" if not self._failures else "failed"
         except KeyboardInterrupt:
             state = "interrupted"
             self._status.message = "Interrupted; the same command again continues."
+            with self._interruption.deferred():
+                if self._recording is not None:
+                    self._recording.cancel()  # for the sake of what is wholly recorded
+                self._queue.use_the_time_left(self._interruption)
         except CarStageError as error:
             self._status.message = str(error)
             if isinstance(error, ServerError) and self._attempted:
@@ -141,7 +147,7 @@ class Session:
             total=len(episodes),
             committed=self._status.episodes.committed,
             skipped=self._status.episodes.skipped,
-            frames=self._frames,
+            frames=self._queue.frames,
             failures=self._failures,
         )
 
@@ -156,7 +162,10 @@ class Session:
         """Write down how it ended, where the disk lets us: a full one must not hide why."""
         counts = self._status.episodes
         try:
-            self._record.enter(state)
+            try:
+                self._record.enter(state)
+            except StorageError:  # once more: a run without its last state looks like a dead one
+                self._record.enter(state)
             self._record.event(
                 RunFinished(state=state, committed=counts.committed, failed=counts.failed)
             )
@@ -170,19 +179,11 @@ class Session:
         holder = {"run_id": self._folder.run_id, **self._folder.process}
         attempt = self._store.reserve_attempt(job.episode_id, holder, job.first_attempt)
         self._record.event(AttemptReserved(episode_id=job.episode_id, attempt=attempt))
-        raw_folder = self._folder.raw_attempt(job.episode_id, attempt)
-        raw_folder.parent.mkdir(parents=True, exist_ok=True)
-        attempt_commit = AttemptCommit(
-            job,
-            attempt,
-            raw_folder,
-            self._store,
-            self._converters.pool(),
-            self._config.conversion.codecs,
-            self._self_test,
-            deferred=self._config.conversion.mode == "deferred",
-            progress=self._wakeup.notify,
-        )
+        try:
+            attempt_commit = self._queue.attempt_commit(job, attempt, self._self_test)
+        except BaseException:
+            self._store.discard_attempt(job.episode_id, attempt)
+            raise
         self._recording = attempt_commit
         self._attempted = True
         self._status.current = CurrentEpisode(
@@ -202,21 +203,29 @@ class Session:
     def poll(self) -> None:
         """Commit what is converted; keep the status fresh."""
         current, shown = self._status.current, self._recording
-        if shown is None and self._attempt_commits:
-            shown = self._attempt_commits[0]
+        if shown is None and self._queue.under_way:
+            shown = self._queue.under_way[0]
         if current is not None and shown is not None and _is_of(current, shown):
             current.frames_converted = shown.frames_done
         if not self._setup.raw_must_last:
-            for attempt_commit in self._under_way():
+            for attempt_commit in filter(None, [self._recording, *self._queue.under_way]):
                 attempt_commit.remove_converted()
         if self._config.conversion.mode == "streaming" or self._recording is None:
-            for attempt_commit in list(self._attempt_commits):
-                self._commit_if_ready(attempt_commit)
+            self._queue.commit_converted()
         self._record.beat()
 
     def waiting(self, what: str) -> AbstractContextManager[None]:
         """Keep the heartbeat while the caller waits; explain by ``what`` when it takes long."""
         return self._record.waiting(what)
+
+    def start_failed(self, job: Job, error: CarStageError) -> bool:
+        """Count a server that was killed while it started as a try of the episode."""
+        if job.tries >= self._retries:
+            return False
+        self._jobs.appendleft(replace(job, tries=job.tries + 1))
+        what, _, _ = error.message.partition(" Its last words:")
+        self._record.notice(f"{what} It is started again.")
+        return True
 
     def recorded(self, attempt_commit: AttemptCommit, incomplete_ticks: int) -> bool:
         """Convert and commit a recording, at once or after all others; returns whether it may.
@@ -235,10 +244,7 @@ class Session:
                 return False
             self._record.notice(f"{what} It is kept: the ledger frames.parquet names them.")
         self._recording = None
-        if self._config.conversion.mode == "deferred":
-            self._recorded.append(attempt_commit)
-        else:
-            self._attempt_commits.append(attempt_commit)
+        self._queue.add(attempt_commit)
         return True
 
     def attempt_failed(
@@ -252,7 +258,7 @@ class Session:
         if attempt_commit is self._recording:  # else: converting failed, while another is recorded
             self._recording = None
         if isinstance(error, ConverterDiedError):
-            self._converters.retire()
+            self._queue.converters.retire()
         job = attempt_commit.job
         reason = str(error)
         full = isinstance(error, DiskFullError)
@@ -316,18 +322,18 @@ class Session:
             with self._interruption.deferred():
                 self.poll()
             self._interruption.check()
-            if self._jobs and len(self._attempt_commits) < _MOST_COMMITS_UNDER_WAY:
+            if self._jobs and not self._queue.full:
                 job = self._jobs.popleft()
                 if not self._store.has(job.episode_id):
                     return job
                 self._skip(job)
                 continue
-            if not self._jobs and not self._attempt_commits:
-                if not self._recorded:
+            if not self._jobs and not self._queue.under_way:
+                if self._queue.empty:
                     return None
                 with self._interruption.deferred():
-                    self._convert(self._recorded.popleft())
-            if not self._jobs:
+                    self._queue.begin_next()
+            if not self._jobs and self._queue.under_way:
                 self._show_conversion()
             self._wait()
 
@@ -338,7 +344,7 @@ class Session:
         self._record.event(EpisodeSkipped(episode_id=job.episode_id, reason=reason))
 
     def _show_conversion(self) -> None:
-        attempt_commit = self._attempt_commits[0]
+        attempt_commit = self._queue.under_way[0]
         if self._status.state != "converting":
             self._record.enter("converting")
         steps, frames = attempt_commit.job.spec.steps, attempt_commit.job.spec.saved_frames
@@ -359,66 +365,11 @@ class Session:
             selector.register(self._wakeup, selectors.EVENT_READ)
             selector.select(POLL_S)
 
-    # Converting and committing.
-
-    def _convert(self, attempt_commit: AttemptCommit) -> None:
-        """Begin to convert a recording that was kept for the end."""
-        self._attempt_commits.append(attempt_commit)
-        try:
-            attempt_commit.convert_all(self._converters.pool())
-        except CarStageError as error:
-            self._commit_failed(attempt_commit, error)
-
-    def _commit_if_ready(self, attempt_commit: AttemptCommit) -> None:
-        """Commit an attempt whose frames are converted."""
-        job = attempt_commit.job
-        try:
-            if not attempt_commit.is_ready():
-                return
-            frames = attempt_commit.commit()
-        except EpisodeExistsError as error:
-            self._attempt_commits.remove(attempt_commit)
-            self._status.episodes.skipped += 1
-            attempt_commit.remove_raw()
-            self._record.event(
-                EpisodeSkipped(
-                    episode_id=job.episode_id,
-                    attempt=attempt_commit.attempt,
-                    reason=error.message,
-                )
-            )
-        except CarStageError as error:
-            self._commit_failed(attempt_commit, error)
-        else:
-            self._attempt_commits.remove(attempt_commit)
-            self._status.episodes.committed += 1
-            self._frames += frames
-            if not self._config.output.keep_raw:
-                attempt_commit.remove_raw()
-            self._record.event(FramesConverted(episode_id=job.episode_id, frames=frames))
-            self._record.event(
-                EpisodeCommitted(episode_id=job.episode_id, attempt=attempt_commit.attempt)
-            )
-
-    def _commit_failed(self, attempt_commit: AttemptCommit, error: CarStageError) -> None:
-        """Converting or committing an attempt failed: what it has written goes."""
-        self._attempt_commits.remove(attempt_commit)
-        attempt_commit.give_up()
-        self.attempt_failed(attempt_commit, error, final=isinstance(error, BadInputError))
-
     def _give_back(self) -> None:
         """Remove attempts that were not committed and end the converters, whatever fails."""
-        for attempt_commit in [*self._under_way(), *self._recorded]:
-            try:
-                attempt_commit.give_up()
-            except (CarStageError, OSError) as error:
-                folder = f"episodes/{attempt_commit.job.episode_id}/{attempt_commit.attempt}"
-                self._record.notice(f"{folder} could not be removed and is no part of it: {error}")
-        self._converters.end()
-
-    def _under_way(self) -> list[AttemptCommit]:
-        """What is recorded now, and what is being converted."""
-        return [*([] if self._recording is None else [self._recording]), *self._attempt_commits]
+        if self._recording is not None:
+            self._queue.drop(self._recording)
+        self._queue.give_back()
 
 
 def _is_of(current: CurrentEpisode, attempt_commit: AttemptCommit) -> bool:

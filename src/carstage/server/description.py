@@ -47,11 +47,13 @@ class SimulatorDescription:
         protocol: the CARLA version that it speaks.
         maps: map name, without folders, to the number of its spawn points.
         blueprints: by id.
+        limits: largest values of sensors' attributes by name, and of a picture's ``pixels``.
     """
 
     protocol: str
     maps: Mapping[str, int]
     blueprints: Mapping[str, BlueprintDescription]
+    limits: Mapping[str, float] = field(default_factory=dict)
 
 
 @lru_cache(maxsize=8)
@@ -140,6 +142,7 @@ def _parse(document: Mapping[str, Any], carla_version: str) -> SimulatorDescript
     return SimulatorDescription(
         protocol=carla_version,
         maps={entry["name"]: int(entry["spawn_points"]) for entry in document["maps"]},
+        limits={name: float(value) for name, value in document["limits"].items()},
         blueprints={
             entry["id"]: BlueprintDescription(
                 id=entry["id"],

@@ -96,7 +96,7 @@ class EmbeddedServer(OwnedServer):
                 pid=self._process.pid,
             )
         except BaseException:
-            self.stop()
+            self.kill()  # it has nothing to give back
             raise
         return self._endpoint
 
@@ -125,8 +125,10 @@ class EmbeddedServer(OwnedServer):
             else f"was not ready after {after_s:.0f} s"
         )
         tail = process.tail(TAIL_LINES)
-        kind = ServerEndedError if ended else ServerError
-        return kind(
-            f"The embedded simulator at {where} {what}. Its last words:\n{tail}",
-            "Try `carstage sim` to see it start by itself.",
+        message = f"The embedded simulator at {where} {what}. Its last words:\n{tail}"
+        hint = "Try `carstage sim` to see it start by itself."
+        return (
+            ServerEndedError(message, hint, process.exit_code)
+            if ended
+            else ServerError(message, hint)
         )

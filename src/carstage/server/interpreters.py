@@ -20,6 +20,7 @@ from pathlib import Path
 
 from carstage.cache import cache_folder, home_folder
 from carstage.errors import BadInputError, ServerError
+from carstage.files.home import without_tilde
 from carstage.releases import CLIENT_PYTHONS, Release, client_release, release_of
 
 AUTO = "auto"
@@ -61,7 +62,7 @@ def find_client(server_version: str, wanted: str = AUTO, *, create: bool = False
     """
     release = client_release(server_version)
     if wanted != AUTO:
-        return _wanted(Path(wanted).expanduser(), release, server_version)
+        return _wanted(without_tilde(wanted), release, server_version)
     for python in _candidates(release):
         if _wheel_in(python) == str(release) and imports_wheel(python):
             return ClientPython(python, str(release))
@@ -74,6 +75,23 @@ def find_client(server_version: str, wanted: str = AUTO, *, create: bool = False
         f"Set server.create_client_env: true to have one made with uv, or install carla=={release} "
         f"into a Python {pythons} and give its path.",
     )
+
+
+def check_interpreter(python: Path) -> None:
+    """Refuse what is no Python with a client wheel of some version.
+
+    Raises:
+        BadInputError: names ``server.client_python``.
+    """
+    if _output(python, _PYTHON) is None:
+        raise BadInputError(
+            f"server.client_python: {python} is no Python that runs.", "Give an interpreter's path."
+        )
+    if _wheel_in(python) is None:
+        raise BadInputError(
+            f"server.client_python: {python} has no carla wheel.",
+            "Install that of the server's version into it, or use `auto`.",
+        )
 
 
 def clients_here() -> list[ClientPython]:
@@ -154,10 +172,7 @@ def import_problem(python: Path) -> str | None:
 
 
 def _wanted(python: Path, release: Release, server_version: str) -> ClientPython:
-    if _output(python, _PYTHON) is None:
-        raise BadInputError(
-            f"server.client_python: {python} is no Python that runs.", "Give an interpreter's path."
-        )
+    check_interpreter(python)
     wheel = _wheel_in(python)
     if wheel is None or release_of(wheel) != release:
         raise BadInputError(
@@ -180,7 +195,7 @@ def _candidates(release: Release) -> Iterator[Path]:
     # One after the other as they are asked for: uv takes half a second to find one.
     for python in chain(own, _interpreters(CLIENT_PYTHONS[release])):
         # Not resolved: an environment's interpreter is a link to the one that it was made from.
-        if python not in seen and python.exists():
+        if python not in seen and os.access(python, os.X_OK):
             seen.add(python)
             yield python
 

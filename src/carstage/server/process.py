@@ -14,6 +14,8 @@ from pathlib import Path
 STOP_S = 10.0
 KILL_S = 10.0
 _TAIL_BYTES = 16_384
+_LAST_WORDS_S = 2.0
+"""For the last lines of a process that has ended to come through its pipe."""
 
 
 class ServerProcess:
@@ -82,7 +84,12 @@ class ServerProcess:
         return self._ended.wait(timeout_s)
 
     def tail(self, lines: int) -> str:
-        """The last lines of its log, those of an earlier process in the same file left out."""
+        """The last lines of its log, those of an earlier process in the same file left out.
+
+        Of a process that has ended they hold all that it wrote.
+        """
+        if self._ended.is_set():
+            self._copier.join(_LAST_WORDS_S)
         try:
             with self.log_path.open("rb") as log:
                 end = log.seek(0, os.SEEK_END)
@@ -90,7 +97,7 @@ class ServerProcess:
                 text = log.read().decode("utf-8", "replace")
         except FileNotFoundError:
             return ""
-        return "\n".join(text.splitlines()[-lines:])
+        return "\n".join(text.rstrip().splitlines()[-lines:])
 
     def kill(self) -> None:
         """End its whole group at once; :meth:`stop` gives the rest back."""

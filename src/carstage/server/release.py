@@ -108,18 +108,19 @@ class CarlaServer(OwnedServer):
             left_s = self._timeout_s - (time.monotonic() - begin_s)
             wait_for_world(host, ports.rpc, left_s, process.wait_end)
         except ServerError as error:
-            ended = process.exit_code
+            ended = self.exit_code
             status = "" if ended is None else f" Its exit status is {ended}."
-            kind = ServerError if ended is None else ServerEndedError
-            failure = kind(
-                f"{error.message}{status} Its last words:\n{process.tail(TAIL_LINES)}",
+            message = f"{error.message}{status} Its last words:\n{process.tail(TAIL_LINES)}"
+            hint = (
                 f"Run {self._script} by itself: it may lack a driver, Vulkan, or a user that is "
-                "not root.",
+                "not root."
             )
             self.stop()
-            raise failure from error
+            if ended is None:
+                raise ServerError(message, hint) from error
+            raise ServerEndedError(message, hint, ended) from error
         except BaseException:
-            self.stop()
+            self.kill()  # it has nothing to give back
             raise
         self._endpoint = Endpoint(host, ports.rpc, ports.traffic_manager, version, process.pid)
         return self._endpoint

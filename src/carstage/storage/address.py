@@ -7,6 +7,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 from carstage.errors import BadInputError
+from carstage.files.home import without_tilde
 
 #: A path that went through ``Path`` has one slash left of the two.
 _ADDRESS = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]+):/{1,3}")
@@ -22,7 +23,7 @@ def local_folder(address: str | Path) -> Path:
     text = str(address)
     found = _ADDRESS.match(text)
     if found is None:
-        return Path(address).expanduser()
+        return without_tilde(address)
     scheme = found["scheme"].lower()
     if scheme != "file":
         raise BadInputError(

@@ -6,6 +6,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from carstage.errors import BadInputError
+from carstage.files.home import without_tilde
 from carstage.storage.local import LocalStore
 from carstage.storage.store import Store
 
@@ -23,7 +24,7 @@ def open_store(out: str | Path) -> Store:
     text = str(out)
     scheme, separator, rest = text.partition("://")
     if not separator:
-        return LocalStore(Path(text).expanduser())
+        return LocalStore(without_tilde(text))
     if scheme == "file":
         host, slash, path = rest.partition("/")
         if host not in ("", "localhost"):

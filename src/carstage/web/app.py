@@ -15,7 +15,7 @@ from carstage import __version__
 from carstage.files.bounded import reading_within
 from carstage.web import errors
 from carstage.web.errors import WebError, answer
-from carstage.web.limits import BodyLimit
+from carstage.web.limits import BodyLimit, WorkLimit
 from carstage.web.routes import ROUTERS
 from carstage.web.security import Guard
 from carstage.web.services import Services
@@ -57,6 +57,7 @@ def create_app(settings: WebSettings, *, static: Path = STATIC) -> FastAPI:
         app.include_router(router)
     app.add_middleware(GZipMiddleware, minimum_size=_GZIP_FROM_BYTES)
     app.add_middleware(BodyLimit)
+    app.add_middleware(WorkLimit)
     app.add_middleware(Guard, settings=settings)
     _serve_page(app, static)
     return app

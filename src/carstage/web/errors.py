@@ -16,7 +16,8 @@ from carstage.web.messages import ErrorMessage, FieldProblem
 _log = logging.getLogger("carstage.web")
 
 _CODES = {400: "bad_request", 403: "refused", 404: "not_found", 405: "method", 409: "conflict",
-          413: "too_large", 415: "media_type", 422: "bad_input", 503: "unavailable"}  # fmt: skip
+          413: "too_large", 415: "media_type", 422: "bad_input", 429: "too_many",
+          503: "unavailable"}  # fmt: skip
 
 
 class WebError(CarStageError):

@@ -11,6 +11,7 @@ from pathlib import Path
 import uvicorn
 
 from carstage.errors import BadInputError
+from carstage.files.home import without_tilde
 from carstage.files.locks import take_lock
 from carstage.web.app import create_app
 from carstage.web.settings import WebSettings, is_loopback, new_token
@@ -93,7 +94,7 @@ class _Server(uvicorn.Server):
 
 
 def _folder(root: Path, *, make: bool) -> Path:
-    root = root.expanduser().absolute()
+    root = without_tilde(root).absolute()
     try:
         if make:
             root.mkdir(parents=True, exist_ok=True)

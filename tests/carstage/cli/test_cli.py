@@ -5,10 +5,12 @@ from __future__ import annotations
 import errno
 import json
 import os
+import pty
 import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -17,8 +19,9 @@ from typer.testing import CliRunner, Result
 from carstage.cli import unsupported
 from carstage.cli.app import app
 from carstage.cli.doctor import server_setting
-from carstage.config import Config, load_demo, parse_config
+from carstage.config import Config, check_config, dump_config, load_demo, parse_config
 from carstage.selftest import Check, Verdict
+from carstage.storage import CommitMarker, FileEntry
 
 
 @pytest.fixture(autouse=True)
@@ -165,7 +168,7 @@ BAD = {
     ),
     "codec": (["--set", "conversion.codecs={CAM_FRONT: jpg}"], "conversion.codecs.CAM_FRONT: "),
     "too much for any disk": (
-        ["--set", "duration_s=86400", "--set", "fps=100", "--set", "image_size=[16384, 16384]"],
+        ["--set", "duration_s=86400", "--set", "fps=100", "--set", "image_size=[4000, 4000]"],
         "output: the run needs about",
     ),
 }
@@ -320,3 +323,154 @@ def test_error_that_nobody_expected_is_called_a_bug(
     assert ended.exit_code == 1
     assert "bug in Car-STAGE: ZeroDivisionError: oops" in ended.stderr
     assert "--debug" in ended.stderr
+
+
+@pytest.fixture
+def dataset_of_others(tmp_path: Path) -> Path:
+    """A dataset with an episode at 20 Hz; the tests' configuration has 10."""
+    out = tmp_path / "dataset"
+    (out / "commits").mkdir(parents=True)
+    (out / "dataset.json").write_text('{"format_version": 1}')
+    marker = CommitMarker("e" * 16, "a1", 1, (FileEntry("episode.json", 2, "blake3:00"),), {})
+    attempt = out / "episodes" / marker.episode_id / marker.attempt
+    attempt.mkdir(parents=True)
+    (attempt / "episode.json").write_text("{}")
+    (out / "commits" / f"{marker.episode_id}.json").write_bytes(marker.to_bytes())
+    run = out / "runs" / "first"
+    run.mkdir(parents=True)
+    config = dump_config(check_config({"fps": 20, "duration_s": 1}))
+    plan = {"config": config, "episodes": [{"episode_id": marker.episode_id}]}
+    (run / "plan.json").write_text(json.dumps(plan))
+    return out
+
+
+def test_other_settings_do_not_go_into_a_dataset_unasked(
+    config: Path, dataset_of_others: Path
+) -> None:
+    ended = invoke("run", config, "--out", dataset_of_others)
+    assert ended.exit_code == 2
+    assert "fps is 10.0, was 20.0" in ended.stderr
+    assert "--append" in ended.stderr
+    assert not (dataset_of_others / "leases").exists()
+
+
+@pytest.mark.parametrize("answer", ["n", "y"])
+def test_on_a_terminal_the_user_is_asked(
+    answer: str, config: Path, dataset_of_others: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    config.write_text("duration_s: 1\nmap: nowhere\n")  # what comes after a yes is refused, too
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "carstage.cli", "run", str(config)]
+    with os.fdopen(ours, "r+b", buffering=0) as terminal:
+        ended = subprocess.Popen(
+            [*command, "--out", str(dataset_of_others)], stdin=theirs, stdout=theirs, stderr=theirs
+        )
+        os.close(theirs)
+        said = b""
+        while not said.rstrip().endswith(b"[y/N]:"):
+            said += terminal.read(1000)
+        terminal.write(f"{answer}\n".encode())
+        with suppress(OSError):  # how a terminal tells that nobody writes any more
+            while more := terminal.read(1000):
+                said += more
+    assert ended.wait() == 2
+    assert b"fps is 10.0, was 20.0" in said
+    assert (b"--append" in said) == (answer == "n")
+    assert (b"Error: map" in said) == (answer == "y")
+
+
+#: What is wrong in a configuration, each in another way, and the path that both commands name.
+WRONG = {
+    "map: nowhere": "map.choice",
+    "map: ../x": "map.choice",
+    "map: Stage01/../../x": "map.choice",
+    "map: {random_from: [Stage01, nowhere]}": "map.random_from[1]",
+    "map: {random_from: ['..']}": "map.random_from[0]",
+    "map: {layers: [Cellar]}": "map.layers[0]",
+    "ego: {blueprint: vehicle.no}": "ego.blueprint",
+    "ego: {blueprint: walker.pedestrian.0001}": "ego.blueprint",
+    "ego: {spawn: 214}": "ego.spawn",
+    "ego: {spawn: -1}": "ego.spawn",
+    "vehicles: {filter: 'sensor.*'}": "vehicles.filter",
+    "vehicles: {generation: '9'}": "vehicles.generation",
+    "vehicles: {groups: [{count: 1, filter: nothing}]}": "vehicles.groups[0].filter",
+    "vehicles: {groups: [{count: 1, base_type: plane}]}": "vehicles.groups[0].base_type",
+    "pedestrians: {filter: 'vehicle.*'}": "pedestrians.filter",
+    "conversion: {codecs: {CAM_FRONT: jpg}}": "conversion.codecs.CAM_FRONT",
+    "conversion: {codecs: {NONE: png}}": "conversion.codecs.NONE",
+    "conversion: {workers: 0}": "conversion.workers",
+    "server: {client_python: /nowhere/python}": "server.client_python",
+    "server: {client_python: /etc/passwd}": "server.client_python",
+    "server: {kind: carla, path: /nowhere}": "server.path",
+    "server: {kind: remote, port: 1}": "server.host",
+    "server: {carla_version: 0.9.12}": "server.carla_version",
+    "server: {kind: dream}": "server",
+    "image_size: [9000, 100]": "image_size: ",
+    "image_size: [8000, 8000]": "image_size: ",
+    "image_size: [0, 100]": "image_size",
+    "rig: {preset: none}": "rig.preset",
+    "rig: {sensors: [{id: L, kind: lidar, attributes: {channels: 2000}}]}": "rig.sensors[0]",
+    "rig: {sensors: [{id: L, kind: lidar, attributes: {points_per_second: 3e7}}]}": "points_per",
+    "rig: {sensors: [{id: L, kind: lidar, attributes: {points_per_second: 30000000}}]}": "rig.",
+    "rig: {sensors: [{id: L, kind: lidar, attributes: {range_m: -1}}]}": "rig.sensors[0]",
+    "rig: {sensors: [{id: L, kind: rgb, attributes: {fov_deg: 180}}]}": "rig.sensors[0]",
+    "rig: {sensors: [{id: L, kind: sonar}]}": "rig.sensors[0].kind",
+    "labels: {cameras: [NONE]}": "labels.cameras[0]",
+    "scenario: {kind: replay, episode: /nowhere}": "scenario.episode",
+    "weather: Sunny": "weather.choice",
+    "fps: .inf": "fps",
+    "duration_s: 1e30": "duration_s",
+    "episodes: 1.5": "episodes",
+    "seed: -1": "seed",
+    "name: ''": "name",
+    "nonsense: 1": "nonsense",
+}
+
+
+@pytest.mark.parametrize("text", WRONG, ids=lambda text: str(text)[:60])
+def test_config_check_says_what_a_run_would_say(
+    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("a server was started")
+
+    monkeypatch.setattr("carstage.server.process.ServerProcess.__init__", never)
+    path = tmp_path / "config.yaml"
+    path.write_text(f"duration_s: 1\n{text}\n" if "duration_s" not in text else text)
+    checked = invoke("config", "check", path)
+    ran = invoke("run", path, "--out", tmp_path / "out")
+    assert (checked.exit_code, ran.exit_code) == (2, 2), checked.output + ran.output
+    assert WRONG[text] in checked.stderr
+    assert checked.stderr == ran.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("server", "offline"),
+    [("{kind: remote, port: 1}", True), ("{kind: remote, port: 1}", False), ("{}", True)],
+)
+def test_offline_leaves_out_what_only_another_server_knows(
+    server: str, offline: bool, tmp_path: Path
+) -> None:
+    path = tmp_path / "config.yaml"
+    path.write_text(f"map: Elsewhere\nserver: {server}\n")
+    ended = invoke("config", "check", path, *(["--offline"] if offline else []))
+    assert ended.exit_code == (0 if offline and "remote" in server else 2), ended.output
+
+
+def test_bad_datasets_are_bad_input(tmp_path: Path) -> None:
+    file, empty, damaged = (tmp_path / name for name in ("file", "empty", "damaged"))
+    fifo = tmp_path / "fifo"
+    os.mkfifo(fifo)
+    file.write_text("x")
+    empty.mkdir()
+    damaged.mkdir()
+    (damaged / "dataset.json").write_text("{")
+    for dataset in (tmp_path / "missing", file, empty, damaged, fifo):
+        for command in (["validate"], ["report"], ["split", "--val", "0.5", "--test", "0.1"]):
+            ended = invoke(command[0], dataset, *command[1:])
+            assert ended.exit_code == 2, (command, dataset, ended.output)
+            assert "Error: " in ended.stderr
+        ended = invoke("export", "kitti-object", dataset, tmp_path / "out")
+        assert ended.exit_code == 2, (dataset, ended.output)

@@ -1,6 +1,6 @@
 """Broken configurations, thousands of kinds: each is refused with the path of what is broken.
 
-200 of them by default; CARSTAGE_FUZZ_EXAMPLES=2000 for a campaign.
+400 of them by default; CARSTAGE_FUZZ_EXAMPLES=2000 for a campaign.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from carstage.config.fields import path_text
 from carstage.errors import ConfigError
 from carstage.plan import ServerFacts, plan_episodes
 
-EXAMPLES = int(os.environ.get("CARSTAGE_FUZZ_EXAMPLES", "200"))
+EXAMPLES = int(os.environ.get("CARSTAGE_FUZZ_EXAMPLES", "400"))
 Path = tuple[str | int, ...]
 
 WHOLE: dict[str, Any] = {

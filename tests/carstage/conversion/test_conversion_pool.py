@@ -17,6 +17,7 @@ import pytest
 
 from carstage.conversion import conversion_pool, load_libraries
 from carstage.errors import ConfigError
+from waiting import await_that
 
 _DEADLINE_S = 30.0
 _PARENT = """
@@ -81,6 +82,20 @@ def test_workers_load_what_a_segment_needs_before_there_is_one(pictures: bool) -
         kernel = "carstage.annotation.pixel_kernel"
         assert pool.submit(_has, kernel).result(_DEADLINE_S) is pictures
         assert pool.submit(gc.isenabled).result(_DEADLINE_S)
+
+
+def test_killing_ends_tasks_in_the_middle_and_begins_no_other() -> None:
+    pool = conversion_pool(1)
+    pid = pool.submit(os.getpid).result(_DEADLINE_S)
+    sleeping, queued = (pool.submit(time.sleep, _DEADLINE_S) for _ in range(2))
+    await_that(sleeping.running)
+    pool.kill()
+    assert not psutil.pid_exists(pid)
+    with pytest.raises(BrokenExecutor):
+        sleeping.result(0)
+    assert queued.cancelled()
+    with pytest.raises(BrokenExecutor):
+        pool.submit(os.getpid)
 
 
 def test_worker_that_dies_breaks_the_pool_and_ends_the_others() -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import os
 import random
 import shutil
+import time
 from collections.abc import Callable
 from concurrent.futures import (
     BrokenExecutor,
@@ -277,6 +279,78 @@ def test_cancelling_after_the_end_leaves_the_files_to_the_store(raw: Path, tmp_p
     conversion = convert(raw, tmp_path / "out")
     conversion.cancel()
     assert (tmp_path / "out" / "episode.json").exists()
+
+
+def test_cancelling_does_not_wait_for_what_a_killed_pool_never_began(
+    raw: Path, tmp_path: Path
+) -> None:
+    pool = conversion_pool(1)
+    pool.submit(time.sleep, 60)
+    conversion = EpisodeConversion(raw, tmp_path / "out", pool)
+    conversion.scan()
+    pool.kill()
+    conversion.cancel()
+    assert conversion.converted() == []
+
+
+class Some(ThreadPoolExecutor):
+    """Does the first tasks that it gets, and none of the others."""
+
+    def __init__(self, count: int) -> None:
+        super().__init__(1)
+        self._left = count
+
+    def submit(self, function: Any, /, *arguments: Any, **_: Any) -> Future[Any]:
+        self._left -= 1
+        return super().submit(function, *arguments) if self._left >= 0 else Future()
+
+
+@pytest.mark.parametrize("count", [0, 1, 5, 100])
+def test_another_conversion_goes_on_where_one_was_stopped(
+    count: int, converted: Path, tmp_path: Path
+) -> None:
+    analytic_scene.write_raw_log(tmp_path / "raw")
+    with Some(count) as pool:
+        conversion = EpisodeConversion(tmp_path / "raw", tmp_path / "out", pool)
+        conversion.scan()
+    conversion.remove_converted()
+    conversion.stop()
+    done = conversion.converted()
+    assert len(done) == min(count, len(conversion._tasks))
+    (tmp_path / "raw").rename(tmp_path / "elsewhere")
+    with Some(100) as pool:
+        another = EpisodeConversion(tmp_path / "elsewhere", tmp_path / "out", pool)
+        another.go_on(json.loads(json.dumps(done)))
+        another.finish()
+    assert contents(tmp_path / "out") == contents(converted)
+
+
+@pytest.mark.parametrize("change", ["shorter", "other", "gone", "elsewhere", "untold", "nonsense"])
+def test_what_is_not_as_it_was_written_is_not_gone_on_with(change: str, tmp_path: Path) -> None:
+    analytic_scene.write_raw_log(tmp_path / "raw")
+    with ThreadPoolExecutor(1) as pool:
+        conversion = EpisodeConversion(tmp_path / "raw", tmp_path / "out", pool)
+        conversion.scan()
+    done: list[Any] = conversion.converted()
+    files = [file for entry in done for file in entry.get("files", ())]
+    path = tmp_path / "out" / files[0]["path"]
+    if change == "shorter":
+        path.write_bytes(path.read_bytes()[:-1])
+    elif change == "other":
+        path.write_bytes(bytes(path.stat().st_size))
+    elif change == "gone":
+        path.unlink()
+    elif change == "elsewhere":
+        path.rename(tmp_path / "file")
+        files[0]["path"] = "../file"
+    elif change == "untold":
+        del files[0]["hash"]
+    else:
+        done[0] = 7
+    with ThreadPoolExecutor(1) as pool:
+        another = EpisodeConversion(tmp_path / "raw", tmp_path / "out", pool)
+        with pytest.raises(ConversionError):
+            another.go_on(done)
 
 
 def test_a_pool_whose_process_died_is_a_conversion_error(raw: Path, tmp_path: Path) -> None:

@@ -21,11 +21,13 @@ CAMERA = {"role_name", "image_size_x", "image_size_y", "fov", "iso"}
 FACTS = ServerFacts(
     maps={"Stage01": 100, "Town02": 7},
     blueprints={
-        "vehicle.tesla.model3": frozenset({"color"}),
-        "walker.pedestrian.0001": frozenset(),
-        "sensor.camera.rgb": frozenset(CAMERA),
-        "sensor.other.imu": frozenset(),
+        "vehicle.tesla.model3": {"color": "0,0,0", "base_type": "car", "generation": "1"},
+        "vehicle.ford.ambulance": {"base_type": "van", "generation": "2"},
+        "walker.pedestrian.0001": {"generation": "1"},
+        "sensor.camera.rgb": dict.fromkeys(CAMERA, ""),
+        "sensor.other.imu": {},
     },
+    limits={"image_size_x": 4096, "image_size_y": 4096, "pixels": 1e7, "channels": 64},
 )
 MAPS_ONLY = ServerFacts(maps=FACTS.maps)
 
@@ -196,6 +198,27 @@ def test_cameras_without_labels_get_no_twins() -> None:
         ("vehicles: {filter: vehicle.audi.*}", "vehicles.filter: ", "vehicle"),
         ("vehicles: {filter: sensor.*}", "vehicles.filter: ", "vehicle"),
         ("pedestrians: {filter: vehicle.*}", "pedestrians.filter: ", "walker"),
+        (
+            "vehicles: {groups: [{count: 1, base_type: vans}]}",
+            "vehicles.groups[0].base_type: unknown base type 'vans'",
+            "'van'",
+        ),
+        (
+            "vehicles: {groups: [{count: 1, base_type: van, generation: '1'}]}",
+            "vehicles.groups[0].generation: ",
+            "2",
+        ),
+        ("pedestrians: {generation: '3'}", "pedestrians.generation: ", "1"),
+        (
+            "image_size: [5000, 4000]",
+            "image_size: image_size_x of 5000",
+            "at most 4096",
+        ),
+        (
+            "image_size: [4000, 3000]",
+            "image_size: pixels of 12000000",
+            "at most 10000000",
+        ),
         ("rig: {sensors: [{id: L, kind: lidar}]}", "rig.sensors[0].kind: ", "another server"),
         (
             "rig: {sensors: [{id: L, kind: rgb, attributes: {gamma: 2}}]}",

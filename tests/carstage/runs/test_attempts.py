@@ -13,10 +13,11 @@ from typing import Any
 import psutil
 import pytest
 
-from carstage.runs.attempts import LeftRun, clear_up, left_runs
+from carstage.runs.attempts import LeftRun, clear_up, left_runs, sweep
 from carstage.runs.folder import EpisodeCounts, RunFolder, RunStatus
 from carstage.runs.identity import identify, is_alive
 from carstage.runs.orphans import marked
+from carstage.runs.pending import Pending, write_pending
 from carstage.storage import open_store
 
 EPISODE = "00112233aabbccdd"
@@ -238,3 +239,29 @@ def test_attempt_names_from_an_event_file_cannot_leave_the_dataset(tmp_path: Pat
 
 def test_status_without_a_pid_is_not_alive() -> None:
     assert not is_alive({"state": "recording"})
+
+
+def test_what_an_ended_run_could_not_remove_is_swept(tmp_path: Path) -> None:
+    store = open_store(tmp_path)
+    store.initialise("test")
+    committed, failed = "0" * 16, "1" * 16
+    for episode_id in (committed, failed):
+        for attempt in ("a1", "a2"):
+            assert store.reserve_attempt(episode_id, {"run_id": "over"}) == attempt
+            (store.attempt_folder(episode_id, attempt) / "episode.json").write_text("{}")
+    store.commit(committed, "a2", frames=1, versions={})
+    waiting = tmp_path / "runs/over/raw" / failed / "a2"
+    for folder in (waiting, waiting.with_name("a1")):
+        folder.mkdir(parents=True)
+    write_pending(waiting, Pending({}, {}, None, durable=True))
+    old = tmp_path / "episodes" / ("2" * 16) / "a1"  # of a version without leases
+    old.mkdir(parents=True)
+    status = tmp_path / "runs/over/status.json"
+    status.write_text(json.dumps({"state": "recording"}))
+    sweep(tmp_path, store, store.committed())
+    assert len(list(tmp_path.glob("episodes/*/*"))) == 5  # a run goes on
+    status.write_text(json.dumps({"state": "failed"}))
+    sweep(tmp_path, store, store.committed())
+    left = {str(path.relative_to(tmp_path)) for path in tmp_path.glob("episodes/*/*")}
+    assert left == {f"episodes/{committed}/a2", f"episodes/{failed}/a2", f"episodes/{'2' * 16}/a1"}
+    assert list((tmp_path / "runs/over/raw").glob("*/*")) == [waiting]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,6 +19,7 @@ from driving import (
     carstage,
     children_that_live,
     command,
+    events,
     hashes,
     status,
     wait_for,
@@ -30,7 +32,6 @@ pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("interrupting")]
 MOMENTS: dict[str, Callable[[Path], object]] = {
     "at the start": lambda out: wait_for_event(out, "run_started"),
     "in mid-episode": lambda out: wait_for_event(out, "tick", tick=5),
-    "while it converts": lambda out: wait_for_event(out, "episode_recorded"),
 }
 
 
@@ -73,10 +74,85 @@ def test_interrupted_run_continues_with_the_same_command(
     assert first.items() <= hashes(out).items()
 
 
+#: The command with no time to convert anything once it is interrupted.
+NO_TIME = [
+    "-c",
+    "import sys, carstage.runs.commit_queue as queue; queue._COMMIT_S = float('inf');"
+    "from carstage.cli import main; sys.exit(main())",
+]
+
+
+@pytest.fixture(scope="module")
+def two(small: str, home: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """The hashes of two episodes that were recorded without any interruption."""
+    out = tmp_path_factory.mktemp("two") / "dataset"
+    ended = carstage(["run", small, "--out", str(out), "--set", "episodes=2"], home)
+    assert ended.code == 0, ended.stderr
+    return hashes(out)
+
+
+@pytest.mark.parametrize("mode", ["streaming", "deferred"])
+def test_what_is_wholly_recorded_is_committed_first(
+    mode: str, small: str, home: Path, tmp_path: Path, two: dict[str, Any]
+) -> None:
+    out = tmp_path / "dataset"
+    arguments = ["run", small, "--out", str(out), "--set", "episodes=2"]
+    arguments += ["--set", f"conversion.mode={mode}"]
+    with command(arguments, home) as running:
+        wait_for_event(out, "episode_recorded")
+        running.press_ctrl_c()
+        ended = running.end()
+    assert ended.code == 130, ended.stderr
+    done = hashes(out)
+    assert len(done) == 1
+    assert done.items() <= two.items()
+    assert [name.partition("/")[0] for name in attempts(out)] == list(done)
+    assert list((out / "runs").glob("*/raw/*/*")) == []
+
+
+@pytest.mark.parametrize(
+    ("mode", "end"),
+    [("streaming", "interrupted"), ("deferred", "interrupted"), ("deferred", "killed")],
+)
+def test_what_cannot_be_converted_in_time_waits_for_the_next_run(
+    mode: str, end: str, small: str, home: Path, tmp_path: Path, two: dict[str, Any]
+) -> None:
+    out = tmp_path / "dataset"
+    arguments = ["run", small, "--out", str(out), "--set", "episodes=2"]
+    arguments += ["--set", f"conversion.mode={mode}"]
+    with command(arguments, home, NO_TIME) as running:
+        recorded = wait_for_event(out, "episode_recorded")["episode_id"]
+        if end == "interrupted":
+            running.press_ctrl_c()
+            ended = running.end()
+            assert ended.code == 130, ended.stderr
+            assert "the next run of the same command does it" in ended.stderr
+        else:
+            wait_for(lambda: len(reserved(out)) == 2, "the second episode")
+            running.process.kill()
+            running.end()
+    wait_for(lambda: children_that_live(out) == [], "the end of the children")
+    assert hashes(out) == {}
+    found = carstage(["doctor", "--out", str(out), "--json"], home)
+    assert f"episode {recorded} is recorded and waits" in found.stdout
+    ended = carstage(arguments, home)
+    assert ended.code == 0, ended.stderr
+    assert f"Episode {recorded} is recorded already" in ended.stderr
+    started = [event["episode_id"] for event in events(out) if event["event"] == "episode_started"]
+    assert started
+    assert recorded not in started
+    assert hashes(out) == two
+    assert len(attempts(out)) == 2
+    assert list((out / "runs").glob("*/raw/*/*")) == []
+
+
+def reserved(out: Path) -> list[str]:
+    return [event["episode_id"] for event in events(out) if event["event"] == "attempt_reserved"]
+
+
 def press_twice(running: Command) -> int:
     running.press_ctrl_c()
-    threading.Event().wait(0.1)  # two presses at once are one signal
-    running.press_ctrl_c()
+    os.killpg(running.process.pid, signal.SIGTERM)  # two of one kind at once are one signal
     return 130
 
 

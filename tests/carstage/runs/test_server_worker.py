@@ -92,6 +92,7 @@ class Host:
         self.failures: list[tuple[CarStageError, bool]] = []
         self.incomplete: list[int] = []
         self.accepts = True
+        self.retries = 1
 
     def begin(self, job: Job) -> RecordedLanding:
         self.landings.append(RecordedLanding(job, self._folder / "raw"))
@@ -106,6 +107,10 @@ class Host:
     def waiting(self, what: str) -> AbstractContextManager[None]:
         del what
         return nullcontext()
+
+    def start_failed(self, job: Job, error: CarStageError) -> bool:
+        self.events.append("start_failed")
+        return job.tries < self.retries
 
     def recorded(self, attempt_commit: RecordedLanding, incomplete_ticks: int) -> bool:
         del attempt_commit
@@ -280,10 +285,24 @@ def test_server_that_ends_while_it_starts_is_started_once_more(record: Record) -
 
 @pytest.mark.parametrize(
     "failures",
-    [[ServerEndedError("It ended.")] * 2, [ServerError("It was not ready after 180 s.")]],
+    [
+        [ServerEndedError("It ended.")] * 2,
+        [ServerEndedError("It ended.", status=1)] * 2,
+        [ServerError("It was not ready after 180 s.")],
+    ],
 )
 def test_server_that_cannot_be_started_ends_the_run(
     record: Record, failures: list[CarStageError]
 ) -> None:
     with pytest.raises(ServerError):
         record(([RECORDED], ""), servers=Servers(fail_starts=failures))
+
+
+def test_server_that_is_killed_again_and_again_while_it_starts_counts_as_a_retry(
+    record: Record,
+) -> None:
+    killed = [ServerEndedError("It ended.", status=-9)] * 2
+    host, servers = record(([RECORDED], ""), ([RECORDED], ""), servers=Servers(fail_starts=killed))
+    assert host.events[:3] == ["server_lost", "start_failed", "server_started"]
+    assert host.incomplete == [0]
+    assert servers.calls == ["start", "stop"]

@@ -90,7 +90,7 @@ def made(tmp_path: Path) -> Iterator[Made]:
     with RunFolder(tmp_path) as folder, Interruption() as interruption, WakeupPipe() as wakeup:
         session = make_session({}, store, folder, interruption, wakeup, reader)
         yield session, reader, folder
-        session._converters.end()
+        session._queue.converters.end()
 
 
 def make_session(
@@ -104,7 +104,7 @@ def make_session(
     config = check_config(written)
     setup = ServerSetup(config)
     record = RunRecord(folder, interruption, reader)
-    return Session(config, setup, store, record, interruption, wakeup, RETRIES)
+    return Session(config, setup, store, record, interruption, wakeup, RETRIES, {})
 
 
 def events(folder: RunFolder) -> list[str]:
@@ -156,6 +156,32 @@ def test_other_failures_are_tried_again_as_often_as_allowed(made: Made, spec: Ep
     assert events(folder) == ["episode_retried"] * RETRIES + ["episode_failed"]
 
 
+def test_attempt_without_a_place_for_its_recording_leaves_no_folder(
+    made: Made, spec: EpisodeSpec
+) -> None:
+    session, _, folder = made
+    folder.raw.rmdir()
+    folder.raw.write_text("in the way")
+    with pytest.raises(NotADirectoryError):
+        session.begin(Job(spec, spec.episode_id))
+    assert list(folder.dataset.glob("episodes/*")) == []
+
+
+def test_start_that_was_killed_takes_one_of_the_tries(made: Made, spec: EpisodeSpec) -> None:
+    session, reader, _ = made
+    killed = ServerError("The server was killed. Its last words:\nnone")
+    job = Job(spec, spec.episode_id)
+    for tries in range(RETRIES):
+        assert session.start_failed(job, killed)
+        taken = session._take()
+        assert taken is not None
+        assert (taken.tries, taken.first_attempt) == (tries + 1, 1)
+        job = taken
+    assert not session.start_failed(job, killed)
+    said = "The server was killed. It is started again."
+    assert reader.notices == [said] * RETRIES
+
+
 def test_deferred_recording_that_cannot_be_converted_is_recorded_again(
     made: Made, spec: EpisodeSpec
 ) -> None:
@@ -167,7 +193,7 @@ def test_deferred_recording_that_cannot_be_converted_is_recorded_again(
 
     first, second = Dead(spec, 0), Dead(spec, 1)
     for attempt_commit in (first, second):
-        session._recorded.append(attempt_commit)  # type: ignore[arg-type]
+        session._queue._later.append(attempt_commit)  # type: ignore[arg-type]
     job = session._take()
     assert job is not None
     assert (job.tries, first.given_up) == (1, True)
@@ -186,7 +212,7 @@ def test_attempt_that_cannot_be_removed_keeps_no_other_from_it(
             raise error
 
     last = GivenUp(spec, 1)
-    session._attempt_commits.extend([Stubborn(spec, 0), last])  # type: ignore[list-item]
+    session._queue.under_way.extend([Stubborn(spec, 0), last])  # type: ignore[list-item]
     with pytest.raises(CollectorError):
         session.run((), [], Execute(CollectorError("It broke.")))
     assert last.given_up
@@ -266,6 +292,6 @@ def test_raw_data_go_while_an_episode_is_recorded_unless_they_must_last(
         session = make_session(written, store, folder, interruption, wakeup, Reader())
         commits = AttemptCommit(spec, 0), AttemptCommit(spec, 1)
         session._recording = commits[0]  # type: ignore[assignment]
-        session._attempt_commits.append(commits[1])  # type: ignore[arg-type]
+        session._queue.under_way.append(commits[1])  # type: ignore[arg-type]
         session.poll()
     assert sum(attempt_commit.removed for attempt_commit in commits) == removed

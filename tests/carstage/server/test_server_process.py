@@ -86,6 +86,19 @@ def test_a_full_disk_does_not_stop_who_writes_the_log() -> None:
     process.stop()
 
 
+def test_last_words_that_are_still_on_their_way_are_waited_for(tmp_path: Path) -> None:
+    words = "print('x' * 80 + '\\n' * 3, flush=True)\n" * 200 + "print('the last\\n\\n')"
+    for number in range(5):
+        process = ServerProcess(
+            [sys.executable, "-c", words], log_path=tmp_path / f"{number}.log", marker="ready"
+        )
+        try:
+            assert process.wait_end(30)
+            assert process.tail(1) == "the last"
+        finally:
+            process.stop()
+
+
 def test_the_log_takes_both_streams_and_its_tail_is_of_this_process(tmp_path: Path) -> None:
     log = tmp_path / "server.log"
     log.write_text("an earlier server\n")

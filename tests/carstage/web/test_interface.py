@@ -1,5 +1,6 @@
 """The interface as a whole: what it promises, what it loads, what strange requests do to it."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -17,7 +18,16 @@ from carstage.web.preview.sensor_preview import SensorPreviewService
 from sites import Site, open_site
 
 pytestmark = pytest.mark.xdist_group("web")
-EXAMPLES = 4
+EXAMPLES = int(os.environ.get("CARSTAGE_INTERFACE_EXAMPLES", "4"))
+"""Requests of each kind to each operation; more of them take a quarter of a second each."""
+TOKEN = "a-token-that-nobody-guesses"
+STRANGERS = (
+    {"Authorization": ""},
+    {"Authorization": "Bearer wrong"},
+    {"Authorization": "", "Cookie": "carstage_8321=wrong"},
+    {"Origin": "http://evil.example"},
+)
+"""Headers instead of those with the token, or beside them."""
 
 document = openapi_document()
 schema = schemathesis.openapi.from_dict(document)
@@ -50,7 +60,8 @@ def disturbed(site: Site, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         patch.setattr("carstage.runs.launching.launch", start)
         patch.setattr("carstage.web.datasets.jobs.WORKER", ("true",))
         patch.setattr(SensorPreviewService, "warm", lambda _: False)
-        with open_site(root) as client:
+        with open_site(root, token=TOKEN) as client:
+            client.headers["Authorization"] = f"Bearer {TOKEN}"
             yield Site(client, root, site.dataset, site.episode)
 
 
@@ -67,9 +78,16 @@ def test_no_request_makes_the_server_fail(
         sent = {key: arguments[key] for key in ("params", "json", "headers") if key in arguments}
         if isinstance(arguments.get("data"), bytes | str):
             sent["content"] = arguments["data"]
-        answer = disturbed.client.request(arguments["method"], arguments["url"], **sent)
+        method, url = arguments["method"], arguments["url"]
+        answer = disturbed.client.request(method, url, **sent)
         assert answer.status_code < 500, answer.text
+        assert answer.status_code != 403, answer.text
         assert "Traceback" not in answer.text
+        for headers in STRANGERS:
+            sent["headers"] = {**arguments.get("headers", {}), **headers}
+            refused = disturbed.client.request(method, url, **sent)
+            assert refused.status_code == 403, (headers, refused.text)
+            assert TOKEN not in refused.text
 
     @hypothesis.given(case=operation.as_strategy(generation_mode=mode))
     @hypothesis.settings(

@@ -1,10 +1,13 @@
 """Who may speak to the server."""
 
+import asyncio
 from pathlib import Path
+from typing import Any
 
 import pytest
 from starlette.websockets import WebSocketDisconnect
 
+from carstage.web.limits import WorkLimit
 from sites import Site, open_site
 
 pytestmark = pytest.mark.xdist_group("web")  # one site for all
@@ -100,3 +103,35 @@ def test_programs_give_the_token_as_bearer(tmp_path: Path) -> None:
         right = client.get("/api/runs", headers={"Authorization": f"Bearer {TOKEN}"})
         wrong = client.get("/api/runs", headers={"Authorization": "Bearer no"})
         assert (right.status_code, wrong.status_code) == (200, 403)
+
+
+def test_a_client_has_no_more_than_so_many_requests_under_way() -> None:
+    most, clients = 3, ("10.0.0.1", "10.0.0.2")
+    sent: dict[str, list[int]] = {name: [] for name in clients}
+
+    async def everything() -> None:
+        go = asyncio.Event()
+
+        async def work(scope: Any, receive: Any, send: Any) -> None:
+            await go.wait()
+            await send({"type": "http.response.start", "status": 200, "headers": []})
+
+        limited = WorkLimit(work, most)
+
+        async def ask(client: str) -> None:
+            async def send(message: Any) -> None:
+                if message["type"] == "http.response.start":
+                    sent[client].append(message["status"])
+
+            scope = {"type": "http", "client": (client, 1), "method": "GET", "headers": []}
+            await limited(scope, None, send)  # type: ignore[arg-type]
+
+        asked = [asyncio.create_task(ask(client)) for client in clients for _ in range(5)]
+        await asyncio.sleep(0)
+        assert sent == {name: [429, 429] for name in clients}
+        go.set()
+        await asyncio.gather(*asked)
+        await ask(clients[0])
+
+    asyncio.run(everything())
+    assert sent == {clients[0]: [429, 429, *[200] * 4], clients[1]: [429, 429, *[200] * 3]}

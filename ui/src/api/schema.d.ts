@@ -1711,6 +1711,7 @@ export interface components {
          *         dataset: name of the folder below the first root; made when it is missing.
          *         config: what to record; left out: the saved configuration.
          *         rev: with ``config`` left out: the revision that the user saw; another one is a conflict.
+         *         append: record also beside episodes of other settings, versions or environments.
          */
         RunStart: {
             /** Dataset */
@@ -1726,6 +1727,11 @@ export interface components {
              * @default 2
              */
             retries: number;
+            /**
+             * Append
+             * @default false
+             */
+            append: boolean;
         };
         /**
          * RunSummary

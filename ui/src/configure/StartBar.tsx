@@ -17,6 +17,7 @@ export function StartBar() {
   const saved = standing(now);
   const runs = useStore(live, (now) => now.runs);
   const [error, setError] = useState("");
+  const [others, setOthers] = useState(false);
   const [busy, setBusy] = useState(false);
   const named = typeof history.present.name === "string" ? history.present.name : "quickstart";
   const suggested = named.trim().replace(/[^A-Za-z0-9_.-]+/g, "-").replace(/^[^A-Za-z0-9]+/, "") || "dataset";
@@ -24,15 +25,17 @@ export function StartBar() {
   const dataset = folder ?? suggested;
   const ahead = runs.filter((run) => run.alive === "running" || run.alive === "queued").length;
 
-  const start = async () => {
+  const start = async (append = false) => {
     setBusy(true);
     setError("");
+    setOthers(false);
     try {
       const rev = await settled();
-      const run = await post<RunSummary>("/runs", { dataset, rev });
+      const run = await post<RunSummary>("/runs", { dataset, rev, append });
       goTo({ page: "run", run: run.run_id });
     } catch (failure) {
       setError(failure instanceof ApiError ? failure.message : sentence(failure));
+      setOthers(failure instanceof ApiError && failure.answer.code === "other_settings");
     } finally {
       setBusy(false);
     }
@@ -79,7 +82,11 @@ export function StartBar() {
             className="input"
             value={dataset}
             spellCheck={false}
-            onChange={(event) => setFolder(event.target.value || null)}
+            onChange={(event) => {
+              setFolder(event.target.value || null);
+              setOthers(false);
+              setError("");
+            }}
           />
         </label>
         <button
@@ -95,6 +102,13 @@ export function StartBar() {
         <p className="field-error" role="alert">
           {error}
         </p>
+      )}
+      {others && (
+        <div className="button-row">
+          <button type="button" className="button small" disabled={busy} onClick={() => void start(true)}>
+            Record all the same
+          </button>
+        </div>
       )}
     </footer>
   );

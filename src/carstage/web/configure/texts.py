@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from carstage.errors import BadInputError, ConfigError
+from carstage.errors import ConfigError
 from carstage.web.configure.carla_sensors import read_sensors, write_sensors
 from carstage.web.configure.checking import ConfigChecker
 from carstage.web.configure.problems import problems_of
@@ -17,9 +17,6 @@ from carstage.web.messages import (
     ConfigText,
 )
 from carstage.web.messages.base import Document
-
-_MOST_NODES = 50_000
-_DEEPEST = 40
 
 
 class ConfigTexts:
@@ -77,7 +74,6 @@ class ConfigTexts:
 def _read_yaml(text: str) -> Document:
     from carstage.config.yaml_text import parse_yaml
 
-    _check_depth(text)
     document = parse_yaml(text, "the text")
     if document is None:
         return {}
@@ -85,50 +81,7 @@ def _read_yaml(text: str) -> Document:
         raise ConfigError(
             "The text is not a mapping of keys to values.", "Choose a configuration's file."
         )
-    _check_size(document)
     return document
-
-
-def _check_depth(text: str) -> None:
-    """Refuse brackets in brackets in brackets: the parser takes seconds to give up on them.
-
-    Raises:
-        BadInputError: they are nested too deeply.
-    """
-    depth = 0
-    for character in text:
-        if character in "[{":
-            depth += 1
-            if depth > _DEEPEST:
-                raise BadInputError("The text is nested too deeply.", "Is it the right one?")
-        elif character in "]}":
-            depth = max(0, depth - 1)
-
-
-def _check_size(document: Any) -> None:
-    """Refuse what grows beyond reason: YAML's aliases repeat a value for a few bytes.
-
-    Raises:
-        BadInputError: too many values, or nested too deeply.
-    """
-    nodes = 0
-    level = [document]
-    for _ in range(_DEEPEST):
-        nodes += len(level)
-        if nodes > _MOST_NODES:
-            break
-        below: list[Any] = []
-        for value in level:
-            if isinstance(value, dict):
-                below += value.values()
-            elif isinstance(value, list):
-                below += value
-            if nodes + len(below) > _MOST_NODES:
-                break
-        level = below
-        if not level:
-            return
-    raise BadInputError("The text holds more than any configuration does.", "Is it the right one?")
 
 
 def _without_ids(base: Document) -> Document:

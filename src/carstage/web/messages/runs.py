@@ -22,12 +22,14 @@ class RunStart(Message):
         dataset: name of the folder below the first root; made when it is missing.
         config: what to record; left out: the saved configuration.
         rev: with ``config`` left out: the revision that the user saw; another one is a conflict.
+        append: record also beside episodes of other settings, versions or environments.
     """
 
     dataset: Name
     config: Document | None = None
     rev: int | None = None
     retries: Annotated[int, Field(ge=0, le=100)] = 2
+    append: bool = False
 
 
 class EpisodeCountsMessage(Message):

@@ -31,6 +31,7 @@ class Launch:
         out: folder of its dataset.
         server: key of the server that it needs.
         asked: Unix time.
+        append: record also beside episodes of other settings.
         process: which process it is, once it has one; see ``carstage.runs.identity``.
         stop: how often it was asked to stop.
         withdrawn: it left the queue before it had a process.
@@ -42,6 +43,7 @@ class Launch:
     server: str
     asked: float
     retries: int
+    append: bool = False
     process: Document | None = None
     stop: int = 0
     withdrawn: bool = False
@@ -91,16 +93,14 @@ class Launches:
         with self._lock:
             return self._launches.get(run_id)
 
-    def queue(self, run_id: str, out: Path, config: Document, server: str, retries: int) -> Launch:
-        """Put a run at the end of the queue."""
-        launch = Launch(run_id, str(out), str(config.get("name", "")), server, time.time(), retries)
+    def queue(self, launch: Launch, config: Document) -> None:
+        """Put a run with its configuration at the end of the queue."""
         with self._lock:
-            folder = self._folder / run_id
+            folder = self._folder / launch.run_id
             folder.mkdir()
             text = json.dumps(config, indent=1, ensure_ascii=False)  # JSON is YAML
             (folder / "config.yaml").write_text(text + "\n", "utf-8")
             self._keep(launch)
-        return launch
 
     def begin(self, run_id: str) -> None:
         """Start the process of a queued run."""
@@ -115,6 +115,7 @@ class Launches:
                 run_id,
                 folder / "output.log",
                 retries=waiting.retries,
+                append=waiting.append,
                 folder=self._root,
             )
             # Waited for, or it would stay as a zombie; its status file holds how it ended.

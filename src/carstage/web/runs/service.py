@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import threading
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -83,7 +84,8 @@ class RunService:
 
         Raises:
             ConfigError: the configuration is wrong.
-            WebError: the saved configuration is another than the user saw, or the queue is full.
+            WebError: the saved configuration is another than the user saw, the queue is full, or
+                the dataset has episodes of other settings.
         """
         document = request.config
         if document is None:
@@ -99,10 +101,21 @@ class RunService:
         from carstage.runs.server_lock import server_key
 
         out = self._roots.new(request.dataset)
-        run_id = new_run_id()
-        self._launches.queue(run_id, out, dump_config(config), server_key(config), request.retries)
+        document = dump_config(config)
+        if not request.append:
+            _refuse_to_mix(out, document)
+        launch = Launch(
+            run_id=new_run_id(),
+            out=str(out),
+            name=config.name,
+            server=server_key(config),
+            asked=time.time(),
+            retries=request.retries,
+            append=request.append,
+        )
+        self._launches.queue(launch, document)
         self.advance()
-        return self.summary(run_id)
+        return self.summary(launch.run_id)
 
     def stop(self, run_id: str) -> RunSummary:
         """Ask a run to stop; a second time ends it at once, a queued one leaves the queue.
@@ -237,3 +250,18 @@ class RunService:
 
 def _lives(record: RunRecord) -> bool:
     return record.alive in ("running", "stalled")
+
+
+def _refuse_to_mix(out: Path, settings: Document) -> None:
+    """Ask before a run records beside episodes of other settings.
+
+    Versions and environment are compared by the run itself.
+    """
+    from carstage.runs.continuing import OtherSettingsError, refuse_to_mix
+    from carstage.storage import open_store
+
+    try:
+        refuse_to_mix(out, open_store(out).committed(), None, settings)
+    except OtherSettingsError as error:
+        hint = "Record it all the same, or name another folder."
+        raise WebError(409, error.message, hint, code="other_settings") from error

@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from carstage.config import check_config
+from carstage.config import check_config, dump_config
 from carstage.runs.folder import new_run_id
 from carstage.runs.server_lock import server_key
+from carstage.storage import CommitMarker
 from carstage.web.messages import RunSummary
 from carstage.web.runs.launches import Launches
 from sites import FakeRun, Site, open_site
@@ -146,6 +147,25 @@ def test_wrong_configurations_are_not_started(site: Site, demo: dict[str, Any]) 
     assert answer.status_code == 422
     assert answer.json()["errors"][0]["path"] == ["fps"]
     assert not (site.root / "x").exists()
+
+
+def test_other_settings_do_not_go_into_a_dataset_unasked(
+    queueing: TestClient, tmp_path: Path, demo: dict[str, Any]
+) -> None:
+    run_id = begin(queueing, demo, "a")
+    await_that(lambda: states(queueing)[run_id] == "recording/running")
+    out = next(tmp_path.glob(f"**/runs/{run_id}")).parents[1]
+    marker = CommitMarker("e1", "a1", 1, (), {})
+    (out / "commits").mkdir(exist_ok=True)
+    (out / "commits" / "e1.json").write_bytes(marker.to_bytes())
+    config = dump_config(check_config({**demo, "fps": 20}))
+    plan = {"config": config, "episodes": [{"episode_id": "e1"}]}
+    (out / "runs" / run_id / "plan.json").write_text(json.dumps(plan))
+    refused = queueing.post("/api/runs", json={"dataset": "a", "config": demo})
+    assert (refused.status_code, refused.json()["code"]) == (409, "other_settings")
+    assert "fps is 10.0, was 20.0" in refused.json()["message"]
+    wanted = {"dataset": "a", "config": demo, "append": True}
+    assert queueing.post("/api/runs", json=wanted).status_code == 201
 
 
 def test_a_command_that_is_refused_says_why(

@@ -1,0 +1,139 @@
+"""Refusing what a server does not offer: blueprints, attributes, more than it computes."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from fnmatch import fnmatchcase
+
+from carstage.config import Config, Sensor
+from carstage.config.attributes import CameraAttributes
+from carstage.config.fields import path_text, unknown
+from carstage.config.traffic import Pedestrians, VehicleGroup, Vehicles
+from carstage.errors import ConfigError
+from carstage.plan.facts import ServerFacts
+from carstage.plan.scenario import Recording
+
+_SIDES = ("image_size_x", "image_size_y")
+
+
+def check_offered(config: Config, facts: ServerFacts, recording: Recording | None) -> None:
+    """Refuse blueprints, attributes and values of them that the server does not have.
+
+    Args:
+        config: what the user asks for.
+        facts: what the server offers; where its blueprints are unknown, none are checked.
+        recording: what scenario ``replay`` moves the road users by.
+
+    Raises:
+        ConfigError: with the field's path.
+    """
+    _check_blueprints(config, facts, recording)
+    _check_limits(config, facts)
+
+
+def _check_blueprints(config: Config, facts: ServerFacts, recording: Recording | None) -> None:
+    """Refuse blueprints and attributes that the server does not have."""
+    known = facts.blueprints
+    if not known:
+        return
+    vehicles = [name for name in known if name.startswith("vehicle.")]
+    if config.ego.blueprint not in vehicles:
+        message, hint = unknown("blueprint", config.ego.blueprint, vehicles)
+        raise ConfigError(f"ego.blueprint: {message}", hint)
+    for track in () if recording is None else recording.tracks:
+        if track.blueprint not in known:
+            raise ConfigError(
+                f"scenario.episode: this server has no {track.blueprint}, which was recorded.",
+                "Use a server like the one that it was recorded with.",
+            )
+    walkers = [name for name in known if name.startswith("walker.")]
+    for position, group in enumerate(config.vehicles.groups):
+        _check_group(f"vehicles.groups[{position}]", group, known, vehicles)
+    _check_group("vehicles", config.vehicles, known, vehicles)
+    _check_group("pedestrians", config.pedestrians, known, walkers)
+    for place, sensor in config.located_sensors():
+        if sensor.row.blueprint not in known:
+            raise ConfigError(
+                f"{path_text((*place, 'kind'))}: this server has no {sensor.row.blueprint}.",
+                "Leave the sensor out or use another server.",
+            )
+        if recording is None:
+            _check_carrier(place, sensor, known)
+        strings = sensor.attributes.carla(fps=config.fps, image_size=config.image_size)
+        for name in strings:
+            if name not in known[sensor.row.blueprint]:
+                message, hint = unknown("attribute", name, known[sensor.row.blueprint])
+                raise ConfigError(f"{path_text((*place, 'attributes', name))}: {message}", hint)
+
+
+def _check_group(
+    path: str,
+    group: VehicleGroup | Vehicles | Pedestrians,
+    known: Mapping[str, Mapping[str, str]],
+    family: list[str],
+) -> None:
+    """Refuse a group of road users that no blueprint of its family is for."""
+    if not group.count:
+        return
+    left = [name for name in family if fnmatchcase(name, group.filter)]
+    if not left:
+        message, hint = unknown("blueprint", group.filter, {_family(name) for name in family})
+        raise ConfigError(f"{path}.filter: {message}", hint)
+    wanted = {"base_type": getattr(group, "base_type", None)}
+    wanted["generation"] = None if group.generation == "all" else group.generation
+    for name, value in wanted.items():
+        there = {known[blueprint].get(name, "").lower() for blueprint in left} - {""}
+        if value is not None and value.lower() not in there:
+            message, hint = unknown(name.replace("_", " "), value, there)
+            raise ConfigError(f"{path}.{name}: {message}", hint)
+        left = [
+            one
+            for one in left
+            if value is None or known[one].get(name, "").lower() == value.lower()
+        ]
+
+
+def _check_limits(config: Config, facts: ServerFacts) -> None:
+    """Refuse sensors that are more than the server can compute."""
+    for place, sensor in config.located_sensors():
+        strings = sensor.attributes.carla(fps=config.fps, image_size=config.image_size)
+        sides = [int(strings[axis]) for axis in _SIDES if axis in strings]
+        given = [(name, float(strings[name])) for name in facts.limits if name in strings]
+        if len(sides) == 2:
+            given.append(("pixels", float(sides[0] * sides[1])))
+        for name, value in given:
+            most = facts.limits.get(name, math.inf)
+            if value > most:
+                raise ConfigError(
+                    f"{_field(place, sensor, name)}: {name} of {value:.0f} is more than this "
+                    f"server computes.",
+                    f"Give at most {most:.0f}.",
+                )
+
+
+def _field(place: tuple[str | int, ...], sensor: Sensor, name: str) -> str:
+    """Path of the setting that one of CARLA's attributes, or a number of pixels, comes from."""
+    attributes = sensor.attributes
+    if isinstance(attributes, CameraAttributes) and name in (*_SIDES, "pixels"):
+        own = attributes.image_size is not None
+        return path_text((*place, "attributes", "image_size") if own else ("image_size",))
+    friendly = {row.carla: row.name for row in sensor.row.attributes.rows}
+    return path_text((*place, "attributes", friendly.get(name, name)))
+
+
+def _check_carrier(
+    place: tuple[str | int, ...], sensor: Sensor, known: Mapping[str, Mapping[str, str]]
+) -> None:
+    """Refuse to attach a sensor to vehicles or walkers that the server does not have."""
+    pattern = sensor.attach_to
+    for family in ("vehicle.", "walker."):
+        names = [name for name in known if name.startswith(family)]
+        if pattern.startswith(family) and not any(fnmatchcase(name, pattern) for name in names):
+            message, hint = unknown("blueprint", pattern, {_family(name) for name in names})
+            raise ConfigError(f"{path_text((*place, 'attach_to'))}: {message}", hint)
+
+
+def _family(blueprint: str) -> str:
+    return re.sub(r"\.[^.]*$", ".*", blueprint)

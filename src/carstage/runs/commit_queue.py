@@ -1,0 +1,242 @@
+"""The recordings of a run on their way into the dataset: converted, committed, or set aside."""
+
+from __future__ import annotations
+
+import selectors
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+from carstage.config import Config
+from carstage.errors import BadInputError, CarStageError, EpisodeExistsError
+from carstage.runs.attempt_commit import AttemptCommit, Job
+from carstage.runs.converters import Converters
+from carstage.runs.events import (
+    AttemptReserved,
+    EpisodeCommitted,
+    EpisodeSkipped,
+    FramesConverted,
+)
+from carstage.runs.interruption import Interruption
+from carstage.runs.pending import pending_recordings
+from carstage.runs.record import RunRecord
+from carstage.runs.wakeup_pipe import WakeupPipe
+from carstage.storage import Store
+
+_MOST_UNDER_WAY = 2
+_COMMIT_S = 5.0
+"""Of the time in which a run ends: for the last commit, and to give everything back."""
+_LOOK_S = 0.2
+
+Failed = Callable[[AttemptCommit, CarStageError, bool], None]
+"""Told of an attempt that failed, with the error, and whether another one would fail, too."""
+
+
+class CommitQueue:
+    """Recordings that are being converted, and those whose conversion comes later.
+
+    Args:
+        config: what is recorded.
+        store: where episodes are committed.
+        record: the run's events and status.
+        wakeup: woken whenever something is converted.
+        environment: what is recorded with, by version.
+        raw_must_last: whether raw logs are brought to the disk.
+        failed: called when converting or committing fails; what was written is removed by then.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        store: Store,
+        record: RunRecord,
+        wakeup: WakeupPipe,
+        environment: Mapping[str, str],
+        raw_must_last: bool,
+        failed: Failed,
+    ) -> None:
+        self._store = store
+        self._record = record
+        self._folder = record.folder
+        self._wakeup = wakeup
+        self._environment = environment
+        self._raw_must_last = raw_must_last
+        self._failed = failed
+        self._codecs = config.conversion.codecs
+        self._deferred = config.conversion.mode == "deferred"
+        self._keep_raw = config.output.keep_raw
+        self.converters = Converters(
+            config.conversion.workers,
+            pictures=any(one.row.is_camera for one in config.sensors),
+        )
+        self._later: deque[AttemptCommit] = deque()
+        self.under_way: list[AttemptCommit] = []
+        """What is being converted, the oldest first."""
+        self.frames = 0
+        """Frames of the episodes that were committed."""
+
+    @property
+    def full(self) -> bool:
+        """Whether recording should wait: conversion lags behind."""
+        return len(self.under_way) >= _MOST_UNDER_WAY
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing waits to be committed."""
+        return not self.under_way and not self._later
+
+    def __iter__(self) -> Iterator[AttemptCommit]:
+        """All recordings."""
+        return iter([*self.under_way, *self._later])
+
+    def attempt_commit(
+        self, job: Job, attempt: str, self_test: Mapping[str, Any] | None = None
+    ) -> AttemptCommit:
+        """An attempt of the run; it is not in the queue before :meth:`add`."""
+        raw_folder = self._folder.raw_attempt(job.episode_id, attempt)
+        raw_folder.parent.mkdir(parents=True, exist_ok=True)
+        return AttemptCommit(
+            job,
+            attempt,
+            raw_folder,
+            self._store,
+            self.converters.pool(),
+            self._codecs,
+            self_test,
+            deferred=self._deferred,
+            progress=self._wakeup.notify,
+        )
+
+    def add(self, attempt_commit: AttemptCommit) -> None:
+        """Commit a recording once it is converted; its conversion may begin after all others."""
+        if self._deferred:
+            attempt_commit.set_aside(self._environment, durable=True)
+            self._later.append(attempt_commit)
+        else:
+            self.under_way.append(attempt_commit)
+
+    def begin_next(self) -> None:
+        """Begin to convert the first of the recordings that were to be converted later."""
+        attempt_commit = self._later.popleft()
+        self.under_way.append(attempt_commit)
+        try:
+            attempt_commit.convert_all(self.converters.pool())
+        except CarStageError as error:
+            self._give_up(attempt_commit, error)
+
+    def commit_converted(self) -> None:
+        """Commit what is converted."""
+        for attempt_commit in list(self.under_way):
+            self._commit_if_ready(attempt_commit)
+
+    def take_pending(self, jobs: Iterable[Job]) -> set[str]:
+        """Go on with what earlier runs of these settings have recorded and not converted.
+
+        Returns:
+            Ids of the episodes that need not be recorded.
+        """
+        wanted = {job.episode_id: job for job in jobs}
+        taken = set()
+        for recording in pending_recordings(self._folder.dataset):
+            pending, episode_id = recording.pending, recording.episode_id
+            raw_folder = self._folder.raw_attempt(episode_id, recording.attempt)
+            if (
+                episode_id not in wanted
+                or pending.environment != self._environment
+                or pending.codecs != self._codecs
+                or not recording.take(raw_folder)
+            ):
+                continue
+            attempt_commit = self.attempt_commit(wanted[episode_id], recording.attempt)
+            if not (pending.durable or pending.of_this_boot):
+                # The shape of the raw log could be checked, but not what its pictures hold.
+                attempt_commit.give_up()
+                continue
+            del wanted[episode_id]
+            taken.add(episode_id)
+            self._record.event(AttemptReserved(episode_id, recording.attempt))
+            self._record.notice(f"Episode {episode_id} is recorded already; it is converted now.")
+            self.add(attempt_commit)
+            try:
+                attempt_commit.go_on(pending, self.converters.pool())
+            except CarStageError as error:
+                self._give_up(attempt_commit, error)
+        return taken
+
+    def use_the_time_left(self, interruption: Interruption) -> None:
+        """Commit what is recorded as far as the time allows; set the rest aside.
+
+        Raises:
+            StorageError: what is set aside cannot be written down.
+        """
+        while not self.empty and interruption.left_s > _COMMIT_S:
+            self._wakeup.clear()
+            for attempt_commit in list(self.under_way):
+                if interruption.left_s > _COMMIT_S:
+                    self._commit_if_ready(attempt_commit)
+            if self._later and not self.under_way:
+                self.begin_next()
+            self._record.beat()
+            if self.under_way:
+                with selectors.DefaultSelector() as selector:
+                    selector.register(self._wakeup, selectors.EVENT_READ)
+                    selector.select(_LOOK_S)
+        self.converters.kill()
+        count = len(self.under_way) + len(self._later)
+        while self.under_way:
+            attempt_commit = self.under_way.pop()
+            attempt_commit.set_aside(self._environment, durable=self._raw_must_last)
+        self._later.clear()  # those were set aside as soon as they were recorded
+        if count:
+            self._record.notice(
+                f"{count} recorded episode{'s' if count > 1 else ''} not yet converted: "
+                "the next run of the same command does it."
+            )
+
+    def give_back(self) -> None:
+        """Remove what was not committed and end the converters, whatever fails."""
+        for attempt_commit in self:
+            self.drop(attempt_commit)
+        self.converters.end()
+
+    def drop(self, attempt_commit: AttemptCommit) -> None:
+        """Remove an attempt; says so where that fails."""
+        try:
+            attempt_commit.give_up()
+        except (CarStageError, OSError) as error:
+            folder = f"episodes/{attempt_commit.job.episode_id}/{attempt_commit.attempt}"
+            self._record.notice(f"{folder} could not be removed and is no part of it: {error}")
+
+    def _commit_if_ready(self, attempt_commit: AttemptCommit) -> None:
+        """Commit an attempt whose frames are converted."""
+        episode_id = attempt_commit.job.episode_id
+        episodes = self._record.status.episodes
+        try:
+            if not attempt_commit.is_ready():
+                return
+            frames = attempt_commit.commit()
+        except EpisodeExistsError as error:
+            self.under_way.remove(attempt_commit)
+            episodes.skipped += 1
+            attempt_commit.remove_raw()
+            reason = error.message
+            self._record.event(EpisodeSkipped(episode_id, reason, attempt_commit.attempt))
+        except CarStageError as error:
+            self._give_up(attempt_commit, error)
+        else:
+            self.under_way.remove(attempt_commit)
+            episodes.committed += 1
+            self.frames += frames
+            if not self._keep_raw:
+                attempt_commit.remove_raw()
+            self._record.event(FramesConverted(episode_id=episode_id, frames=frames))
+            self._record.event(EpisodeCommitted(episode_id, attempt_commit.attempt))
+
+    def _give_up(self, attempt_commit: AttemptCommit, error: CarStageError) -> None:
+        """Converting or committing an attempt failed: what it has written goes."""
+        if attempt_commit in self.under_way:
+            self.under_way.remove(attempt_commit)
+        else:
+            self._later.remove(attempt_commit)
+        attempt_commit.give_up()
+        self._failed(attempt_commit, error, isinstance(error, BadInputError))

@@ -171,6 +171,27 @@ def faults(
     return report(verdict, json, table_text(trials), **rows)
 
 
+@benchmark("io-errors", takes="40 minutes")
+def io_errors(
+    n: Annotated[int, typer.Option("--n", min=1, help="Calls to fail.")] = 330,
+    seed: Annotated[int, typer.Option(help="What they are drawn from.")] = 0,
+    minutes: Annotated[
+        float | None, typer.Option(min=0.1, help="Begin no further trial after that time.")
+    ] = None,
+    scratch: Scratch = None,
+    json: Json = False,
+) -> int:
+    """Whether runs end well when single calls of the system fail; needs strace."""
+    from dataclasses import asdict
+
+    from benchmarks.framework.faults import run_io_errors, table_text
+
+    verdict, trials = run_io_errors(
+        count=n, seed=seed, scratch=scratch, minutes=minutes, notify=note
+    )
+    return report(verdict, json, table_text(trials), trials=[asdict(trial) for trial in trials])
+
+
 @benchmark("gui", takes="8 minutes")
 def gui(
     minutes: Annotated[
@@ -255,6 +276,48 @@ def busy_machine(
 
     with watch_steps("Demos", "demos") as progress:
         verdict = measure_busy_machine(demos, per_core, seconds, progress)
+    return report(verdict, json)
+
+
+@benchmark("interrupting", takes="60 minutes")
+def interrupting(
+    trials: Annotated[int, typer.Option(min=1, help="Runs that are interrupted.")] = 30,
+    per_core: Annotated[int, typer.Option(min=1, help="Busy processes for each core.")] = 3,
+    seed: Annotated[int, typer.Option(help="Of the moments.")] = 1,
+    json: Json = False,
+) -> int:
+    """How fast a run ends when it is asked to, on a busy machine, and that nothing is lost."""
+    from benchmarks.framework.interrupting import measure_interrupting
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Trials", "trials") as progress:
+        verdict = measure_interrupting(trials, per_core, seed, progress)
+    return report(verdict, json)
+
+
+@benchmark("odd-machines", takes="5 minutes")
+def odd_machines(json: Json = False) -> int:
+    """Whether a run on odd machines has the same bytes, or says why it cannot be."""
+    from benchmarks.framework.odd_machines import measure_odd_machines, rows_json, rows_text
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Machines", "machines") as progress:
+        verdict, rows = measure_odd_machines(progress=progress)
+    return report(verdict, json, rows_text(rows), machines=rows_json(rows))
+
+
+@benchmark("two-hosts", takes="30 minutes")
+def two_hosts(
+    schedules: Annotated[int, typer.Option("--n", min=1, help="How many.")] = 50,
+    seed: Annotated[int, typer.Option(help="What they are drawn from.")] = 1,
+    json: Json = False,
+) -> int:
+    """Whether two hosts on one folder commit each episode once, whatever holds or kills them."""
+    from benchmarks.framework.two_hosts import measure_two_hosts
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Schedules", "schedules") as progress:
+        verdict = measure_two_hosts(schedules, seed, progress)
     return report(verdict, json)
 
 

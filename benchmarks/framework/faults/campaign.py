@@ -5,17 +5,19 @@ from __future__ import annotations
 import json
 import random
 import shutil
+import sys
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
 from benchmarks.framework.faults.command import RunCommand
+from benchmarks.framework.faults.io_errors import RUN_ID, IoError, survey
 from benchmarks.framework.faults.kinds import FAULTS, Fault
 from benchmarks.framework.faults.trial import CONFIG, Hashes, Trial, hashes_of, run_trial
 from carstage.bench.verdict import Figure, Verdict
@@ -70,6 +72,46 @@ def run_campaign(
         CarStageError: the server does not start, or the run without a fault fails.
     """
     faults = draw_faults(count, seed, kinds)
+    return _play(lambda folder, ports: faults, scratch, minutes, notify)
+
+
+def run_io_errors(
+    *,
+    count: int,
+    seed: int,
+    scratch: Path | None = None,
+    minutes: float | None = None,
+    notify: Callable[[str], None] = lambda _: None,
+) -> tuple[Verdict, list[Trial]]:
+    """Give errors of the system to single calls of runs; see :func:`run_campaign`.
+
+    Raises:
+        BadInputError: there is no ``strace``.
+        CarStageError: the server does not start, or the run without a fault fails.
+    """
+
+    def draw(folder: Path, ports: tuple[int, int]) -> list[Fault]:
+        notify("Recording under strace, for the calls of a run.")
+        config, out = folder / "config.yaml", folder / "survey"
+        config.write_text(CONFIG, "utf-8")
+        arguments = [word for setting in _remote(ports) for word in ("--set", setting)]
+        command = [sys.executable, "-m", "carstage.cli", "run", str(config), "--out", str(out)]
+        command += [*arguments, "--set", "episodes=1", "--run-id", RUN_ID]
+        calls = survey(command, out, folder / "survey.log")
+        rng = random.Random(seed)
+        return [IoError(random.Random(rng.getrandbits(64)), calls) for _ in range(count)]
+
+    verdict, trials = _play(draw, scratch, minutes, notify)
+    return replace(verdict, name="io-errors"), trials
+
+
+def _play(
+    draw: Callable[[Path, tuple[int, int]], Sequence[Fault]],
+    scratch: Path | None,
+    minutes: float | None,
+    notify: Callable[[str], None],
+) -> tuple[Verdict, list[Trial]]:
+    """Run a trial for each of the faults that are drawn, given a folder and a server's ports."""
     begun_s = time.monotonic()
     trials: list[Trial] = []
     with ExitStack() as stack:
@@ -80,6 +122,8 @@ def run_campaign(
         stack.callback(server.stop)
         notify("Recording without a fault, for comparison.")
         expected = _record_reference(folder / "reference", server.ports())
+        faults = draw(folder, server.ports())
+        count = len(faults)
         first_s = time.monotonic()
         for number, fault in enumerate(faults, 1):
             if minutes is not None and time.monotonic() - begun_s > 60.0 * minutes:
@@ -124,7 +168,7 @@ def judge(trials: Sequence[Trial], wall_s: float) -> Verdict:
 def table(trials: Sequence[Trial]) -> list[dict[str, Any]]:
     """One row per kind of fault."""
     rows = []
-    for name in FAULTS:
+    for name in sorted({trial.fault for trial in trials}, key=_order):
         mine = [trial for trial in trials if trial.fault == name]
         if mine:
             rows.append(
@@ -140,6 +184,10 @@ def table(trials: Sequence[Trial]) -> list[dict[str, Any]]:
                 }
             )
     return rows
+
+
+def _order(name: str) -> int:
+    return list(FAULTS).index(name) if name in FAULTS else len(FAULTS)
 
 
 def table_text(trials: Sequence[Trial]) -> str:
@@ -184,7 +232,7 @@ def _record_reference(folder: Path, ports: tuple[int, int]) -> Hashes:
     folder.mkdir()
     config = folder / "config.yaml"
     config.write_text(CONFIG, "utf-8")
-    settings = [f"server={{kind: remote, port: {ports[0]}, self_test: 'off'}}"]
+    settings = _remote(ports)
     out, log = folder / "dataset", folder / "run.log"
     with RunCommand(config, out, settings, log, {}) as run:
         if run.wait(_REFERENCE_S) != 0:
@@ -192,6 +240,10 @@ def _record_reference(folder: Path, ports: tuple[int, int]) -> Hashes:
                 f"The run without a fault failed: {run.output[-1000:]}", f"See {log}."
             )
     return hashes_of(out)
+
+
+def _remote(ports: tuple[int, int]) -> list[str]:
+    return [f"server={{kind: remote, port: {ports[0]}, self_test: 'off'}}"]
 
 
 def _line(trial: Trial, count: int) -> str:

@@ -49,6 +49,8 @@ class RunCommand:
         settings: ``key=value`` for ``--set``.
         log: file for what it prints.
         environment: added to this process's.
+        prefix: words before the command, as of a program that watches it.
+        run_id: name of the run's folder; None: a new one.
     """
 
     def __init__(
@@ -58,6 +60,8 @@ class RunCommand:
         settings: Sequence[str],
         log: Path,
         environment: Mapping[str, str],
+        prefix: Sequence[str] = (),
+        run_id: str | None = None,
     ) -> None:
         self.out = out
         self._runs_before = set(_run_folders(out))
@@ -66,8 +70,9 @@ class RunCommand:
         with log.open("wb") as output:
             self.process = subprocess.Popen(
                 [
-                    *(sys.executable, "-m", "carstage.cli", "run", str(config)),
+                    *(*prefix, sys.executable, "-m", "carstage.cli", "run", str(config)),
                     *("--out", str(out), "--json", *arguments),
+                    *(() if run_id is None else ("--run-id", run_id)),
                 ],
                 stdin=subprocess.DEVNULL,
                 stdout=output,

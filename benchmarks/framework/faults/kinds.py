@@ -67,10 +67,14 @@ class Fault(ABC):
         host: address of the campaign's server that the run is given.
         moment: when it strikes.
         detail: what was drawn, in words.
+        prefix: words before the run's command.
+        run_id: name of the run's folder; None: a new one.
     """
 
     name: ClassVar[str]
     ends_supervisor: ClassVar[bool] = False
+    sweeps: ClassVar[bool] = False
+    """Whether the next run may have to remove what one that completed could not."""
 
     def __init__(self, rng: random.Random) -> None:
         self.own_server = False
@@ -80,6 +84,8 @@ class Fault(ABC):
         self.host = "127.0.0.1"
         self.moment = _any_moment(rng)
         self.detail = ""
+        self.prefix: list[str] = []
+        self.run_id: str | None = None
 
     def prepare(self, stack: ExitStack, folder: Path, ports: tuple[int, int]) -> Path:
         """Set the places; returns the dataset's folder.
@@ -95,6 +101,14 @@ class Fault(ABC):
     @abstractmethod
     def strike(self, run: RunCommand) -> bool:
         """Do it; returns whether there was anything to do it to."""
+
+    def has_struck(self) -> bool:
+        """Whether it has struck by itself, which ``strike`` could not see."""
+        return False
+
+    def wrong(self) -> list[str]:
+        """What the run did wrong that only this fault can see."""
+        return []
 
     def lift(self) -> None:  # noqa: B027 - most faults are over by themselves
         """Take away what would hit the second run, too."""

@@ -121,19 +121,24 @@ def run_trial(
     with ExitStack() as stack:
         out = fault.prepare(stack, folder, ports)
         arguments = (config, out, settings_of(fault, ports))
-        with RunCommand(*arguments, folder / "first.log", fault.environment) as run:
+        with RunCommand(
+            *arguments, folder / "first.log", fault.environment, fault.prefix, fault.run_id
+        ) as run:
             if run.wait_for(fault.moment, _MOMENT_S):
                 trial.struck = fault.strike(run)
             trial.exit_code = run.wait(_END_S)
             trial.detail = fault.detail
+            trial.struck = trial.struck or fault.has_struck()
+            trial.unclear += fault.wrong()
             _judge_end(trial, fault, run)
         if not (isinstance(fault, KillSupervisor) and fault.leaves_orphan):
             _judge_processes(trial, out)
         fault.lift()
-        if not trial.complete:
+        if not trial.complete or fault.sweeps:
             with RunCommand(*arguments, folder / "second.log", {}) as again:
-                trial.resumed = again.wait(_END_S) == 0
-                if not trial.resumed:
+                resumed = again.wait(_END_S) == 0
+                trial.resumed = None if trial.complete else resumed
+                if not resumed:
                     trial.unclear.append(f"the same command again: {_last_line(again.output)}")
             _judge_processes(trial, out)
         _judge_dataset(trial, out, fault.episodes, expected)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import statistics
 import tempfile
 import threading
 import time
@@ -19,12 +20,14 @@ from benchmarks.simulator.fuzz.requests import Requests
 from benchmarks.simulator.server_process import RunningServer, started_server
 from carstage.bench.verdict import Figure, Verdict
 
-LONGEST_TICK_S = 15.0
+LONGEST_TICK_S = 1.0
 MOST_GROWTH_MB = 300.0
 FEWEST_TICKS = 10
 """Of the healthy client while others misbehave; fewer would show little."""
 _OVERLAP = 6
 _LOG_TAIL = 60
+_TOLD_SLOW = 8
+_BEFORE_S = 1.0
 _CLOSED_WITHIN_S = 20.0
 
 
@@ -81,6 +84,7 @@ class _Campaign:
         self.done: Counter[str] = Counter()
         self.unanswered: list[str] = []
         self.calls = 0
+        self.spans: list[tuple[float, float, str]] = []
         self.peak_mb = 0.0
         self._server = server
         self._healthy = healthy
@@ -121,6 +125,7 @@ class _Campaign:
         return wanted and (until_s is None or time.monotonic() < until_s)
 
     def _one(self, name: str, stack: ExitStack) -> None:
+        began_s = time.monotonic()
         client = MisbehavingClient(
             self._server.port,
             self._server.streaming_port,
@@ -134,6 +139,7 @@ class _Campaign:
         except (UnansweredError, ConnectionError, TimeoutError) as error:
             last = "; ".join(client.last)
             self.unanswered.append(f"{name}: {error!r}; its last calls: {last}")
+        self.spans.append((began_s, time.monotonic(), name))
         self.calls += client.calls
         self.done[name] += 1
 
@@ -146,9 +152,13 @@ def check_fuzz(*, seconds: float | None = None, calls: int | None = 2000, seed: 
         calls: how many whole calls to make, None for no limit.
         seed: of every choice.
     """
-    with started_server(("--map", "Stage01", "--threads", "1")) as server:
+    arguments = ("--map", "Stage01", "--threads", "1")
+    with started_server(arguments) as server, started_server(arguments) as quiet_server:
         until_s = None if seconds is None else time.monotonic() + seconds
-        with _HealthyClient(server.port) as healthy_client:
+        with (
+            _HealthyClient(server.port) as healthy_client,
+            _HealthyClient(quiet_server.port) as quiet,
+        ):
             campaign = _Campaign(server, seed, healthy_client)
             files_before, before_mb = open_files(server.pid), rss_mb(server.pid)
             campaign.run(calls, until_s)
@@ -179,13 +189,37 @@ def check_fuzz(*, seconds: float | None = None, calls: int | None = 2000, seed: 
             Figure("faults_it_saw", len(healthy.wrong), "==", 0),
             Figure("missed_by_a_newcomer", len(missing), "==", 0),
             Figure("longest_tick_s", healthy.longest_tick_s, "<=", LONGEST_TICK_S),
+            Figure("longest_tick_left_alone_s", quiet.figures.longest_tick_s),
+            Figure("ticks_left_alone", quiet.figures.ticks),
+            Figure("median_tick_s", statistics.median(healthy.ticks_s or [0.0])),
+            Figure("median_tick_left_alone_s", statistics.median(quiet.figures.ticks_s or [0.0])),
             Figure("memory_before_mb", before_mb),
             Figure("memory_peak_mb", campaign.peak_mb),
             Figure("memory_growth_mb", growth_mb, "<=", MOST_GROWTH_MB),
             Figure("connections_left_open", max(files_left, 0), "==", 0),
         ),
-        (*campaign.unanswered[:5], *missing, *healthy.wrong[:5], *first_tracebacks),
+        (
+            *campaign.unanswered[:5],
+            *missing,
+            *healthy.wrong[:5],
+            *quiet.figures.wrong[:5],
+            *first_tracebacks,
+            *_slowest(healthy, campaign.spans),
+        ),
     )
+
+
+def _slowest(healthy: HealthyFigures, spans: list[tuple[float, float, str]]) -> list[str]:
+    """The slowest ticks of the healthy client, and who misbehaved meanwhile or just before."""
+    seen = []
+    for ended_s, took_s in sorted(healthy.slow, key=lambda slow: -slow[1])[:_TOLD_SLOW]:
+        names = [
+            name
+            for began, end, name in spans
+            if began < ended_s and end > ended_s - took_s - _BEFORE_S
+        ]
+        seen.append(f"a tick of {took_s:.2f} s beside {', '.join(names) or 'nothing'}")
+    return seen
 
 
 def _files_left(server: RunningServer, before: int) -> int:

@@ -17,6 +17,7 @@ _MOST_WAITING = 256
 """Data of one sensor that may wait; each tick takes what has come."""
 _PACE_S = 0.02
 _HEIGHT_M = 30.0
+_SLOW_S = 0.3
 
 
 @dataclass(slots=True)
@@ -25,13 +26,29 @@ class HealthyFigures:
 
     Attributes:
         ticks: that it made.
-        longest_tick_s: that it waited for one, with the data of its sensors.
+        ticks_s: how long it waited for each, with the data of its sensors.
+        slow: those that took a while: when they ended on the machine's monotonic clock, how long
+            they took.
         wrong: what was not as it should be.
     """
 
     ticks: int = 0
-    longest_tick_s: float = 0.0
+    ticks_s: list[float] = field(default_factory=list)
+    slow: list[tuple[float, float]] = field(default_factory=list)
     wrong: list[str] = field(default_factory=list)
+
+    @property
+    def longest_tick_s(self) -> float:
+        """The longest wait for a tick; 0 without any."""
+        return max(self.ticks_s, default=0.0)
+
+    def note(self, began_s: float) -> None:
+        """A tick that began then has just ended."""
+        now_s = time.monotonic()
+        self.ticks += 1
+        self.ticks_s.append(now_s - began_s)
+        if now_s - began_s > _SLOW_S:
+            self.slow.append((now_s, now_s - began_s))
 
 
 def healthy_trial(port: int, *, ready: str, enough: str, fewest: int, until: str) -> HealthyFigures:
@@ -67,12 +84,11 @@ def healthy_trial(port: int, *, ready: str, enough: str, fewest: int, until: str
     Path(ready).touch()
     try:
         while not stop.exists():
-            began = time.perf_counter()
+            began_s = time.monotonic()
             frame = world.tick()
             for data in arrived:
                 _take(data, frame, figures)
-            figures.longest_tick_s = max(figures.longest_tick_s, time.perf_counter() - began)
-            figures.ticks += 1
+            figures.note(began_s)
             _compare(client, world, sensors, figures, newer=frame > before)
             before = frame
             if figures.ticks == fewest:

@@ -18,7 +18,8 @@ from typing import Any
 
 import msgpack
 
-from benchmarks.simulator.fuzz.requests import Requests, refused_requests
+from benchmarks.simulator.fuzz.hostile_maps import REFUSED_MAPS, large_map
+from benchmarks.simulator.fuzz.requests import Requests, refused_requests, wrong_arguments
 
 _CONNECT_TIMEOUT_S = 20.0
 _REPLY_TIMEOUT_S = 30.0
@@ -129,6 +130,14 @@ def world_wide_nonsense(client: MisbehavingClient) -> None:
     """Settings and maps that cannot be."""
     connection = client.connect()
     for name, arguments in client.rng.sample(refused_requests(), 8):
+        client.ask(connection, name, arguments)
+
+
+@misbehaviour
+def wrong_counts_and_types(client: MisbehavingClient) -> None:
+    """Every call that the server knows, with arguments of other types, too few and too many."""
+    connection = client.connect()
+    for name, arguments in wrong_arguments(client.rng):
         client.ask(connection, name, arguments)
 
 
@@ -249,6 +258,99 @@ def leaves_in_the_middle(client: MisbehavingClient) -> None:
     connection.sendall(client.requests.packed("get_actor_definitions", []) * 20)
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     connection.close()
+
+
+@misbehaviour
+def drips(client: MisbehavingClient) -> None:
+    """Requests that come a byte at a time, over many connections, and never end."""
+    connections = [client.connect() for _ in range(20)]
+    packed = client.requests.packed("version", ["x" * 60])
+    for byte in packed[:40]:
+        for connection in connections:
+            _send(connection, bytes([byte]))
+
+
+@misbehaviour
+def half_open(client: MisbehavingClient) -> None:
+    """Connections whose sending half is closed, before and after a request; subscribers alike."""
+    for request in (b"", client.requests.packed("get_map_data", [])):
+        connection = client.connect()
+        _send(connection, request)
+        connection.shutdown(socket.SHUT_WR)
+    subscriber = client.connect(client.streaming_port)
+    _send(subscriber, struct.pack("<I", _episode_stream(client)))
+    subscriber.shutdown(socket.SHUT_WR)
+
+
+@misbehaviour
+def flood_of_connections(client: MisbehavingClient) -> None:
+    """Connections that are reset as soon as they are there."""
+    linger = struct.pack("ii", 1, 0)
+    for number in range(300):
+        port = client.streaming_port if number % 2 else client.port
+        with socket.create_connection(("127.0.0.1", port), timeout=_CONNECT_TIMEOUT_S) as brief:
+            brief.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
+
+
+@misbehaviour
+def crowd_of_slow_readers(client: MisbehavingClient) -> None:
+    """Hundreds of subscriptions to all that there is, by who never reads."""
+    streams = [_episode_stream(client), *_sensor_streams(client)]
+    for number in range(300):
+        reader = client.sockets.enter_context(socket.socket())
+        reader.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _SMALL_BUFFER)
+        reader.settimeout(_CONNECT_TIMEOUT_S)
+        reader.connect(("127.0.0.1", client.streaming_port))
+        _send(reader, struct.pack("<I", streams[number % len(streams)]))
+
+
+@misbehaviour
+def announced_subscribers(client: MisbehavingClient) -> None:
+    """Asks for the addresses of all streams, again and again, and never subscribes."""
+    connection = client.connect()
+    streams = [_episode_stream(client), *_sensor_streams(client)]
+    for _ in range(20):
+        for stream_id in streams:
+            client.ask(connection, "get_sensor_token", [stream_id])
+
+
+@misbehaviour
+def hostile_maps(client: MisbehavingClient) -> None:
+    """OpenDRIVE texts that are too much, or nothing; who sent the large one does not wait."""
+    connection = client.connect()
+    options = [2.0, 50.0, 0.0, 0.6, True, True, False]
+    for text in client.rng.sample(REFUSED_MAPS, 3):
+        client.ask(connection, "copy_opendrive_to_file", [text, options])
+    large = client.requests.packed("copy_opendrive_to_file", [large_map(client.rng), options])
+    leaving = client.connect()
+    _send(leaving, large)
+    leaving.shutdown(socket.SHUT_WR)
+
+
+@misbehaviour
+def large_messages(client: MisbehavingClient) -> None:
+    """Whole requests of megabytes: texts, lists, batches of nonsense."""
+    connection = client.connect()
+    for name, arguments in (
+        ("version", ["x" * (4 << 20)]),
+        ("get_actors_by_id", [list(range(200_000))]),
+        ("apply_batch", [[[99, [1]]] * 2000, False]),
+        ("draw_debug_shape", [[0] * 100_000]),
+    ):
+        client.ask(connection, name, arguments)
+
+
+def _episode_stream(client: MisbehavingClient) -> int:
+    _, ((_, (_, (token,))),) = client.ask(client.connect(), "get_episode_info", [])
+    stream_id: int = struct.unpack_from("<I", token)[0]
+    return stream_id
+
+
+def _sensor_streams(client: MisbehavingClient) -> list[int]:
+    """Streams of all sensors, whoever's they are."""
+    _, ((_, actors),) = client.ask(client.connect(), "get_actors_by_id", [list(range(1000))])
+    tokens = [actor[5] for actor in actors if len(actor) > 5 and len(actor[5]) >= 4]
+    return [struct.unpack_from("<I", bytes(token))[0] for token in tokens]
 
 
 def _send(connection: socket.socket, data: bytes) -> None:

@@ -80,7 +80,9 @@ class Requests:
 
     def packed(self, name: str, arguments: list[Any], message_id: int = 1) -> bytes:
         """The bytes of a request."""
-        message: bytes = msgpack.packb([0, message_id, name, [[False], *arguments]])
+        message: bytes = msgpack.packb(
+            [0, message_id, name, [[False], *arguments]], unicode_errors="surrogateescape"
+        )
         return message
 
     def _argument(self, name: str, annotation: str) -> Any:
@@ -227,3 +229,19 @@ def refused_requests() -> list[tuple[str, list[Any]]]:
         ("copy_opendrive_to_file", []),
         ("request_file", ["/etc/passwd"]),
     ]
+
+
+def wrong_arguments(rng: random.Random) -> list[tuple[str, list[Any]]]:
+    """Every call once, with arguments that do not fit it, or with none."""
+    requests = []
+    for name in sorted(known_calls()):
+        count = len(parameters_of(name))
+        wrong: list[list[Any]] = [
+            [],
+            [None] * count,
+            [{}] * count,
+            [rng.choice(_NASTY)] * (count + 3),
+            [[] for _ in range(max(count - 1, 0))],
+        ]
+        requests.append((name, rng.choice(wrong)))
+    return requests

@@ -11,11 +11,15 @@ import pytest
 from benchmarks.framework.busy_machine import measure_busy_machine
 from benchmarks.framework.frames_check import check_frames
 from benchmarks.framework.globe import measure_globe
+from benchmarks.framework.interrupting import measure_interrupting
 from benchmarks.framework.memory import measure_memory
+from benchmarks.framework.odd_machines import MACHINES, measure_odd_machines
 from benchmarks.framework.overhead import measure_overhead
+from benchmarks.framework.two_hosts import measure_two_hosts
 from benchmarks.framework.warping import measure_warping
 from carstage.bench.episodes import looping_server
 from carstage.bench.verdict import Verdict
+from carstage.errors import BadInputError
 from carstage.server import Endpoint
 from client_wheels import wheel_python
 
@@ -93,3 +97,26 @@ def test_positions_in_degrees_lead_back_to_the_same_metres() -> None:
     verdict = measure_globe(["Stage02"], ["0.9.13", "0.9.16"])
     assert verdict.ok, verdict.text()
     assert figures(verdict)["positions_compared"] == 24
+
+
+def test_a_busy_machine_ends_an_interrupted_run_and_loses_nothing() -> None:
+    verdict = measure_interrupting(trials=2, per_core=1, seed=3)
+    found = figures(verdict)
+    assert found["interrupted_runs"] >= 1, verdict.text()
+    assert found["recorded_episodes_recorded_again"] == 0, verdict.text()
+    assert (found["runs_not_completed"], found["episodes_that_differ"]) == (0, 0), verdict.text()
+
+
+def test_two_hosts_on_one_folder_commit_each_episode_once() -> None:
+    try:
+        verdict = measure_two_hosts(schedules=2, seed=4)
+    except BadInputError as error:
+        pytest.skip(error.message)
+    assert verdict.ok, verdict.text()
+
+
+def test_odd_machines_record_the_same_or_say_why_not() -> None:
+    quick = [machine for machine in MACHINES if machine.quick]
+    verdict, rows = measure_odd_machines(quick)
+    assert verdict.ok, rows
+    assert figures(verdict)["not_possible_here"] == 0, rows

@@ -4,13 +4,23 @@ from __future__ import annotations
 
 import json
 import os
+import random
+import shutil
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
-from benchmarks.framework.faults.campaign import draw_faults, judge, run_campaign, table, table_text
+from benchmarks.framework.faults.campaign import (
+    draw_faults,
+    judge,
+    run_campaign,
+    run_io_errors,
+    table,
+    table_text,
+)
 from benchmarks.framework.faults.disks import (
     empty_disk,
     fill_disk,
@@ -18,12 +28,15 @@ from benchmarks.framework.faults.disks import (
     slow_writes,
     small_disk,
 )
+from benchmarks.framework.faults.io_errors import IoError, calls_of
 from benchmarks.framework.faults.kinds import FAULTS
 from benchmarks.framework.faults.trial import Trial
 from carstage.errors import BadInputError
 
 SEED = 25
 """Only the faults that need one start a server of their own."""
+
+needs_strace = pytest.mark.skipif(shutil.which("strace") is None, reason="there is no strace")
 
 
 def described(count: int, seed: int) -> list[tuple[str, str, str]]:
@@ -124,3 +137,67 @@ def test_twelve_faults_end_well(tmp_path: Path) -> None:
     assert sum(trial.struck for trial in trials) >= 8  # a fast run may be over before
     assert len((tmp_path / "trials.jsonl").read_text().splitlines()) == 12
     assert json.dumps(verdict.record())
+
+
+SURVEYED = """\
+7 openat(AT_FDCWD</tmp>, "/data/set/episodes/00000000000000aa/a1/.000001.png", O_WRONLY) = 9</x>
+7 write(9</data/set/episodes/00000000000000aa/a1/.000001.png>, "x", 1) = 1
+8 write(9</data/set/episodes/00000000000000aa/a1/.000001.png>, "x", 1) = 1
+8 write(9</data/set/episodes/00000000000000aa/a1/.000001.png>, "x", 1) = 1
+7 rename("/data/set/a/.b", "/data/set/a/b") = 0
+7 fsync(4</data/set/commits/.one.json.0123456789abcdef>) = 0
+7 fsync(4</home/file>) = 0
+7 write(1<pipe:[17]>, "x", 1) = 1
+7 mkdir("/data/set", 0777) = -1 ENOENT (No such file or directory)
+7 unlink("/data/settings") = 0
+"""
+
+
+def test_calls_on_the_dataset_are_told_by_name_path_and_number(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.write_text(SURVEYED)
+    picture = "episodes/00000000000000aa/a1/.000001.png"
+    assert calls_of(log, Path("/data/set")) == [
+        ("fsync", "", 1),
+        ("fsync", "", 2),
+        ("openat", picture, 1),
+        ("rename", "", 1),
+        ("rename", "a/.b", 1),
+        ("rename", "a/b", 1),
+        ("write", picture, 1),
+        ("write", picture, 2),
+    ]
+
+
+@needs_strace
+@pytest.mark.parametrize(
+    ("between", "believed"),
+    [
+        ('unlink("/out/a.bin") = 0', False),
+        ('openat(AT_FDCWD, "/out/a.bin", O_WRONLY|O_CREAT|O_TRUNC) = 3', False),
+        ('openat(AT_FDCWD, "/out/a.bin", O_RDONLY) = 3', True),
+    ],
+)
+def test_a_file_that_is_synced_again_unwritten_is_seen(
+    between: str, believed: bool, tmp_path: Path
+) -> None:
+    fault = IoError(random.Random(1), [("fsync", "", 1), ("fsync", "a.bin", 1)])
+    fault.path = "a.bin"
+    fault.prepare(ExitStack(), tmp_path, (1, 2))
+    (tmp_path / "strace.log").write_text(
+        "7 fsync(3</out/a.bin>) = -1 EIO (Input/output error) (INJECTED)\n"
+        f"7 {between}\n"
+        "7 fsync(3</out/a.bin>) = 0\n"
+    )
+    assert fault.has_struck()
+    assert bool(fault.wrong()) is believed
+
+
+@pytest.mark.end_to_end
+@pytest.mark.xdist_group("faults")
+@pytest.mark.timeout(900)
+@needs_strace
+def test_six_failing_calls_end_well(tmp_path: Path) -> None:
+    verdict, trials = run_io_errors(count=6, seed=SEED, scratch=tmp_path)
+    assert verdict.ok, table_text(trials)
+    assert sum(trial.struck for trial in trials) >= 4

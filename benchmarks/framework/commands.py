@@ -192,6 +192,27 @@ def io_errors(
     return report(verdict, json, table_text(trials), trials=[asdict(trial) for trial in trials])
 
 
+@benchmark("crash-states", takes="20 minutes")
+def crash_states(
+    completions: Annotated[
+        int, typer.Option(min=0, help="States at which the same command is given again.")
+    ] = 160,
+    most_states: Annotated[
+        int | None, typer.Option(min=1, help="Look at no more states; default: at all.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="What is drawn by chance is drawn from it.")] = 0,
+    scratch: Scratch = None,
+    json: Json = False,
+) -> int:
+    """Whether readers and the next run cope with all that a power cut may leave; needs strace."""
+    from benchmarks.framework.crash_states import measure_crash_states, to_json
+
+    verdict, trials = measure_crash_states(
+        completions=completions, most_states=most_states, seed=seed, scratch=scratch, notify=note
+    )
+    return report(verdict, json, trials=[to_json(trial) for trial in trials])
+
+
 @benchmark("gui", takes="8 minutes")
 def gui(
     minutes: Annotated[

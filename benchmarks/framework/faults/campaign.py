@@ -94,7 +94,7 @@ def run_io_errors(
         notify("Recording under strace, for the calls of a run.")
         config, out = folder / "config.yaml", folder / "survey"
         config.write_text(CONFIG, "utf-8")
-        arguments = [word for setting in _remote(ports) for word in ("--set", setting)]
+        arguments = [word for setting in remote_settings(ports) for word in ("--set", setting)]
         command = [sys.executable, "-m", "carstage.cli", "run", str(config), "--out", str(out)]
         command += [*arguments, "--set", "episodes=1", "--run-id", RUN_ID]
         calls = survey(command, out, folder / "survey.log")
@@ -118,10 +118,10 @@ def _play(
         folder = scratch or Path(
             stack.enter_context(tempfile.TemporaryDirectory(prefix="carstage-faults-"))
         )
-        server = _Server(folder / "server.log")
+        server = CampaignServer(folder / "server.log")
         stack.callback(server.stop)
         notify("Recording without a fault, for comparison.")
-        expected = _record_reference(folder / "reference", server.ports())
+        expected = record_reference(folder / "reference", server.ports())
         faults = draw(folder, server.ports())
         count = len(faults)
         first_s = time.monotonic()
@@ -205,8 +205,12 @@ def table_text(trials: Sequence[Trial]) -> str:
     return "\n".join(lines)
 
 
-class _Server:
-    """The server of all trials that do not harm it; replaced when it is gone all the same."""
+class CampaignServer:
+    """The server of all trials that do not harm it; replaced when it is gone all the same.
+
+    Args:
+        log_path: file for what it prints.
+    """
 
     def __init__(self, log_path: Path) -> None:
         self._log_path = log_path
@@ -228,11 +232,20 @@ class _Server:
             self._server.stop()
 
 
-def _record_reference(folder: Path, ports: tuple[int, int]) -> Hashes:
+def record_reference(folder: Path, ports: tuple[int, int]) -> Hashes:
+    """The hashes of a run that nothing disturbs.
+
+    Args:
+        folder: for its files; must not exist.
+        ports: RPC and streaming port of the campaign's server.
+
+    Raises:
+        CarStageError: it fails.
+    """
     folder.mkdir()
     config = folder / "config.yaml"
     config.write_text(CONFIG, "utf-8")
-    settings = _remote(ports)
+    settings = remote_settings(ports)
     out, log = folder / "dataset", folder / "run.log"
     with RunCommand(config, out, settings, log, {}) as run:
         if run.wait(_REFERENCE_S) != 0:
@@ -242,7 +255,8 @@ def _record_reference(folder: Path, ports: tuple[int, int]) -> Hashes:
     return hashes_of(out)
 
 
-def _remote(ports: tuple[int, int]) -> list[str]:
+def remote_settings(ports: tuple[int, int]) -> list[str]:
+    """The ``--set`` that name the campaign's server."""
     return [f"server={{kind: remote, port: {ports[0]}, self_test: 'off'}}"]
 
 

@@ -132,16 +132,16 @@ def run_trial(
             trial.unclear += fault.wrong()
             _judge_end(trial, fault, run)
         if not (isinstance(fault, KillSupervisor) and fault.leaves_orphan):
-            _judge_processes(trial, out)
+            judge_processes(trial, out)
         fault.lift()
         if not trial.complete or fault.sweeps:
             with RunCommand(*arguments, folder / "second.log", {}) as again:
                 resumed = again.wait(_END_S) == 0
                 trial.resumed = None if trial.complete else resumed
                 if not resumed:
-                    trial.unclear.append(f"the same command again: {_last_line(again.output)}")
-            _judge_processes(trial, out)
-        _judge_dataset(trial, out, fault.episodes, expected)
+                    trial.unclear.append(f"the same command again: {last_line(again.output)}")
+            judge_processes(trial, out)
+        judge_dataset(trial, out, fault.episodes, expected)
     trial.wall_s = round(time.monotonic() - begun_s, 1)
     return trial
 
@@ -160,18 +160,18 @@ def _judge_end(trial: Trial, fault: Fault, run: RunCommand) -> None:
     code, output = trial.exit_code, run.output
     trial.complete = code == 0
     if code is None:
-        trial.unclear.append(f"no end within {_END_S:.0f} s: {_last_line(output)}")
+        trial.unclear.append(f"no end within {_END_S:.0f} s: {last_line(output)}")
     elif "Traceback" in output:
-        trial.unclear.append(f"a traceback: {_last_line(output)}")
+        trial.unclear.append(f"a traceback: {last_line(output)}")
     elif fault.ends_supervisor and code < 0:
         return
     elif code != 0 and not any(
         line.startswith(("Error:", "Episode ")) for line in output.splitlines()
     ):
-        trial.unclear.append(f"exit code {code} without an error: {_last_line(output)}")
+        trial.unclear.append(f"exit code {code} without an error: {last_line(output)}")
 
 
-def _judge_processes(trial: Trial, out: Path) -> None:
+def judge_processes(trial: Trial, out: Path) -> None:
     """Nothing that a run has started is left; its processes may need a moment to end."""
     for run in sorted((out / "runs").glob("*")):
         left = orphans(run.name, 0.0)
@@ -181,7 +181,8 @@ def _judge_processes(trial: Trial, out: Path) -> None:
             process.kill()
 
 
-def _judge_dataset(trial: Trial, out: Path, episodes: int, expected: Hashes) -> None:
+def judge_dataset(trial: Trial, out: Path, episodes: int, expected: Hashes) -> None:
+    """Every episode is there with equal bytes, valid, and nothing else is left."""
     found, committed = hashes_of(out), _committed(out)
     if len(found) != episodes:
         trial.differing.append(f"{len(found)} of {episodes} episodes are committed")
@@ -233,6 +234,7 @@ def _command(process: psutil.Process) -> str:
         return "?"
 
 
-def _last_line(output: str) -> str:
+def last_line(output: str) -> str:
+    """The last line of an output that says something."""
     lines = [line for line in output.splitlines() if line.strip()]
     return lines[-1][:300] if lines else "nothing was printed"

@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal
 
 from carstage.errors import BadInputError
-from carstage.files.whole import flush_folder
+from carstage.files.whole import flush_folder, make_folders
 from carstage.runs.identity import identify
 from carstage.storage.disk import disk_error
 
@@ -108,12 +108,10 @@ class RunFolder:
         self.process = identify() if process is None else process
         self._torn = False
         try:
-            self.path.mkdir(parents=True)
+            make_folders(self.path.parent)
+            self.path.mkdir()
             _replace(self.path / PROCESS_FILE, self.process, durable=True)
             flush_folder(self.path.parent)
-            flush_folder(out)
-            with suppress(PermissionError):  # it need not be readable
-                flush_folder(out.parent)
             self.logs.mkdir()
             self.raw.mkdir()
             self._events: FileIO = (self.path / "events.jsonl").open("ab", buffering=0)

@@ -18,7 +18,7 @@ from typing import Any
 from carstage import __version__
 from carstage.errors import DatasetError, EpisodeExistsError, StorageError
 from carstage.files.hashing import hash_of, hash_of_file
-from carstage.files.whole import flush_folder
+from carstage.files.whole import flush_folder, make_folders
 from carstage.storage.description import describe_dataset, read_description
 from carstage.storage.disk import disk_error
 from carstage.storage.maps import map_path
@@ -48,8 +48,9 @@ class LocalStore(Store):
     def initialise(self, name: str) -> None:
         """Create the folders and ``dataset.json``; see ``Store.initialise``."""
         try:
-            for folder in (self.root, self._commits, self.root / "episodes"):
-                folder.mkdir(parents=True, exist_ok=True)
+            make_folders(self.root)
+            for folder in (self._commits, self.root / "episodes"):
+                folder.mkdir(exist_ok=True)
         except OSError as error:
             raise StorageError(
                 f"The output folder {self.root} cannot be created: {error.strerror}.",

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pytest
 
 from carstage.dataset.tables import read_table, write_table
-from carstage.files.whole import whole_file, write_whole
+from carstage.files.whole import make_folders, whole_file, write_whole
 from carstage.report import html, write_report
 
 
@@ -18,6 +18,19 @@ def test_content_replaces_what_stood_there(tmp_path: Path) -> None:
     write_whole(path, b"second")
     assert path.read_bytes() == b"second"
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.bin"]
+
+
+def test_the_names_of_new_folders_are_made_durable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flushed: list[Path] = []
+    monkeypatch.setattr("carstage.files.whole.flush_folder", flushed.append)
+    make_folders(tmp_path / "a" / "b")
+    assert (tmp_path / "a" / "b").is_dir()
+    assert set(flushed) == {tmp_path, tmp_path / "a"}
+    flushed.clear()
+    make_folders(tmp_path / "a" / "b")  # who made it may not have come to it
+    assert flushed == [tmp_path / "a"]
 
 
 def test_a_failure_keeps_what_stood_there_and_leaves_nothing_else(tmp_path: Path) -> None:

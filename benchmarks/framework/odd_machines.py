@@ -86,7 +86,7 @@ MACHINES = (
     Machine(
         "4 MB in /tmp",
         "exec unshare -m sh -c 'mount -t tmpfs -o size=4m none /tmp && exec {run}'",
-        needs=_MOUNTS,
+        needs="unshare -m sh -c 'mount -t tmpfs none /tmp && {python} -m carstage.cli --version'",
     ),
     Machine(
         "64 kB in /dev/shm",

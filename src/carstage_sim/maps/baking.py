@@ -11,6 +11,7 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from signal import Signals
 
 import numpy as np
 import shapely
@@ -19,7 +20,7 @@ from shapely.geometry.base import BaseGeometry
 
 from carstage_sim.maps.bridges import bridge_mesh, wall_mesh
 from carstage_sim.maps.cache import digest_of
-from carstage_sim.maps.checking import MapSamplingError, check_opendrive
+from carstage_sim.maps.checking import MapSamplingError, check_opendrive, check_samples
 from carstage_sim.maps.drape import Drape, profile_cuts
 from carstage_sim.maps.ground_mesh import LevelSurface
 from carstage_sim.maps.levels import station_levels
@@ -223,7 +224,7 @@ def sample_in_child(opendrive: str, name: str) -> Samples:
     """Lane samples of an OpenDRIVE text, made by ``carstage_sim.maps.opendrive`` in a process.
 
     Raises:
-        MapSamplingError: with the child's last words.
+        MapSamplingError: with the child's last words, or with what no town can be made of.
     """
     with tempfile.TemporaryDirectory(prefix="carstage-map-") as folder:
         source, target = Path(folder) / f"{name}.xodr", Path(folder) / "samples.npz"
@@ -240,10 +241,19 @@ def sample_in_child(opendrive: str, name: str) -> Samples:
                 f"pieces, or try again on a machine that is less busy"
             ) from error
         if done.returncode != 0 or not target.exists():
-            words = done.stderr.strip().splitlines()[-1:] or [f"it ended with {done.returncode}"]
             raise MapSamplingError(
-                f"map {name}: CARLA's own reader gives up on it: {words[0][:400]}; "
+                f"map {name}: CARLA's own reader gives up on it: {_last_words(done)[:400]}; "
                 f"carla.Map({name!r}, text) shows the same in any program"
             )
         with np.load(target) as arrays:
-            return {key: arrays[key] for key in arrays.files}
+            samples = {key: arrays[key] for key in arrays.files}
+    check_samples(name, samples)
+    return samples
+
+
+def _last_words(done: subprocess.CompletedProcess[str]) -> str:
+    """Why the process that reads a map ended; the reader's warnings are about something else."""
+    if done.returncode < 0:
+        return f"it crashes ({Signals(-done.returncode).name})"
+    lines = [line for line in done.stderr.splitlines() if line and not line.startswith("WARNING:")]
+    return lines[-1] if lines else f"it ended with {done.returncode}"

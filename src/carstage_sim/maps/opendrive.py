@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from collections import defaultdict
 from pathlib import Path
@@ -30,6 +31,9 @@ _END_M = 1e-4
 _LONGEST_WAY_M = 100
 """No way through a junction is longer."""
 _TURN_DEG = 45.0
+_DIGITS = re.compile(r"[0-9]+")
+_LARGEST_NUMBER = 1000.0
+"""On a sign."""
 
 
 def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
@@ -111,7 +115,7 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
     origin = town.transform_to_geolocation(carla.Location())
     record = {
         "geo_reference": (origin.latitude, origin.longitude),
-        "signals": _signals(town),
+        "signals": _signals(town, _outermost(roads)),
         "controllers": _controllers(root),
         "turns": _turns(town),
     }
@@ -120,7 +124,18 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
     return arrays
 
 
-def _signals(town: carla.Map) -> list[dict[str, Any]]:
+def _outermost(roads: list[etree._Element]) -> dict[int, int]:
+    """The largest number of a lane on either side, by road."""
+    return {
+        int(road.get("id")): max(
+            (abs(int(lane.get("id"))) for lane in road.iterfind("lanes/laneSection/*/lane")),
+            default=0,
+        )
+        for road in roads
+    }
+
+
+def _signals(town: carla.Map, outermost: dict[int, int]) -> list[dict[str, Any]]:
     """Every signal once, with all lanes that it or a reference to it governs."""
     found: dict[str, dict[str, Any]] = {}
     for landmark in town.get_all_landmarks():
@@ -135,8 +150,9 @@ def _signals(town: carla.Map) -> list[dict[str, Any]]:
                 "yaw_deg": pose.rotation.yaw,
                 "lanes": [],
             }
+        most = outermost.get(landmark.road_id, 0)  # a file may name a billion lanes
         for first, last in landmark.get_lane_validities():
-            for lane_id in range(min(first, last), max(first, last) + 1):
+            for lane_id in range(max(min(first, last), -most), min(max(first, last), most) + 1):
                 lane = _governed(town, landmark.road_id, lane_id, landmark.s)
                 if lane is not None and lane not in entry["lanes"]:
                     entry["lanes"].append(lane)
@@ -145,13 +161,11 @@ def _signals(town: carla.Map) -> list[dict[str, Any]]:
 
 def _number(value: float, *texts: str) -> float:
     """What a sign says: its value, else the digits of its subtype or name, else -1."""
-    if value > 0.0:
-        return float(value)
     for text in texts:
-        digits = "".join(c if c.isdigit() else " " for c in text).split()
-        if digits:
-            return float(digits[0])
-    return -1.0
+        if value > 0.0:
+            break
+        value = float(next(iter(_DIGITS.findall(text)), value))
+    return float(value) if 0.0 < value <= _LARGEST_NUMBER else -1.0
 
 
 def _governed(town: carla.Map, road_id: int, lane_id: int, s_m: float) -> dict[str, Any] | None:

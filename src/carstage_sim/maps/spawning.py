@@ -32,12 +32,16 @@ def spawn_points(lanes: list[Strip], rng: np.random.Generator) -> NDArray[np.flo
         if lane.kind != "driving" or lane.junction_id != -1:
             continue
         along_m = lane.along_m
+        if along_m[-1] <= AFTER_JUNCTION_M + BEFORE_JUNCTION_M:
+            continue
         yaw = np.degrees(np.unwrap(np.radians(lane.yaw_deg)))
         stations = np.arange(AFTER_JUNCTION_M, along_m[-1] - BEFORE_JUNCTION_M, _STEP_M)
         x, y = (np.interp(stations, along_m, lane.center[:, k]) for k in range(2))
         z = np.interp(stations, along_m, lane.z_m)
-        slope = np.gradient(lane.z_m, np.maximum(along_m, np.arange(len(along_m)) * 1e-9))
-        pitch = np.degrees(np.arctan(np.interp(stations, along_m, slope)))
+        # Where a road goes on after its course has ended, samples stand still.
+        moves = np.diff(along_m, prepend=-1.0) > 0.0
+        slope = np.gradient(lane.z_m[moves], along_m[moves])
+        pitch = np.degrees(np.arctan(np.interp(stations, along_m[moves], slope)))
         heading = (np.interp(stations, along_m, yaw) + 180.0) % 360.0 - 180.0
         wide = np.interp(stations, along_m, lane.width_m) >= _NARROWEST_LANE_M
         for i in np.flatnonzero(wide).tolist():

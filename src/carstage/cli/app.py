@@ -113,6 +113,14 @@ def run(
     json: Json = False,
     retries: Retries = 2,
     append: Append = False,
+    shard: Annotated[
+        str | None,
+        typer.Option(
+            "--shard",
+            metavar="I/N",
+            help="Record the I-th of N shares of the episodes alone, for one of N machines.",
+        ),
+    ] = None,
     run_id: Annotated[
         str | None,
         typer.Option("--run-id", hidden=True, help="Name of the run's folder."),
@@ -124,7 +132,7 @@ def run(
     import carstage
 
     configured = carstage.load_config(config, settings or ())
-    options = {"retries": retries, "append": append, "run_id": run_id}
+    options = {"retries": retries, "append": append, "shard": shard, "run_id": run_id}
     return _record(configured, out, json=json, report=False, **options)
 
 

@@ -1,17 +1,20 @@
 """From a configuration to episodes: every random choice drawn, every sensor listed, ids fixed.
 
-``plan_episodes`` makes the specifications; ``estimate_run`` says what they will cost.
+``plan_episodes`` makes the specifications, ``estimate_run`` says what they will cost, and a
+``Shard`` is a share of them.
 """
 
 from carstage.plan.estimate import RunEstimate, estimate_run, estimate_tick_s
 from carstage.plan.facts import ServerFacts
 from carstage.plan.planning import plan_episodes
 from carstage.plan.scenario import Recording, Start, Track
+from carstage.plan.sharding import Shard
 
 __all__ = [
     "Recording",
     "RunEstimate",
     "ServerFacts",
+    "Shard",
     "Start",
     "Track",
     "estimate_run",

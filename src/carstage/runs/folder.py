@@ -146,9 +146,20 @@ class RunFolder:
         return self.raw / episode_id / attempt
 
     def write_plan(
-        self, config: Config, episodes: Sequence[EpisodeSpec], environment: Mapping[str, str]
+        self,
+        config: Config,
+        episodes: Sequence[EpisodeSpec],
+        environment: Mapping[str, str],
+        shard: str | None = None,
     ) -> None:
-        """Write ``plan.json``; ``environment``: what the episodes are made with, by version."""
+        """Write ``plan.json``.
+
+        Args:
+            config: as resolved.
+            episodes: what this run is about.
+            environment: what they are made with, by version.
+            shard: which share of the configuration's episodes they are, as ``2/8``; None: all.
+        """
         from carstage.config import dump_config
 
         document = {
@@ -156,6 +167,7 @@ class RunFolder:
             "run_id": self.run_id,
             "config": dump_config(config),
             "environment": dict(environment),
+            "shard": shard,
             "episodes": [
                 {"episode_id": spec.episode_id, "spec": spec.to_json()} for spec in episodes
             ],

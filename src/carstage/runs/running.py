@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 from carstage.config import Config, check_config, dump_config, load_config
 from carstage.execution import Executor, InlineExecutor
-from carstage.plan import estimate_run, plan_episodes
+from carstage.plan import Shard, estimate_run, plan_episodes
 from carstage.runs.attempts import clear_up, left_runs, sweep
 from carstage.runs.continuing import environment_of, refuse_to_mix
 from carstage.runs.events import Notice, OnEvent, RunPlanned
@@ -48,6 +48,7 @@ def run(
     executor: Executor | None = None,
     run_id: str | None = None,
     append: bool = False,
+    shard: str | None = None,
 ) -> RunResult:
     """Record a configuration's episodes into a dataset; those that it has already are skipped.
 
@@ -69,6 +70,8 @@ def run(
         executor: where episodes are recorded; default: one worker on this machine.
         run_id: name of the run's folder; default: a new one.
         append: record also beside episodes of other settings, of another version or environment.
+        shard: record this share of the episodes alone, as ``"2/8"``; the others are for other
+            machines, which may fill the same dataset at the same time. Default: all.
 
     Returns:
         How the run ended. Failed episodes are in ``failures``; they raise nothing.
@@ -88,6 +91,7 @@ def run(
         ('done', 20)
     """
     config = _checked(config)
+    share = Shard(1, 1) if shard is None else Shard.parse(shard)
     out = local_folder(out).absolute()
     notice = _noticing(on_event)
     with Interruption(notice) as interruption:
@@ -103,6 +107,7 @@ def run(
             environment = environment_of(facts.dialect, setup.client.client)
             if not append:
                 refuse_to_mix(out, present, _ids(episodes), settings, environment)
+            episodes = share.share(episodes)
             todo = [spec for spec in episodes if spec.episode_id not in present]
             estimate = estimate_run(config, todo)
             check_disk(out, estimate)
@@ -110,7 +115,7 @@ def run(
             if on_event is not None:
                 on_event(RunPlanned(estimate, len(todo), len(episodes) - len(todo)))
             with RunFolder(out, run_id) as folder, marked(folder.run_id), WakeupPipe() as wakeup:
-                folder.write_plan(config, episodes, environment)
+                folder.write_plan(config, episodes, environment, shard)
                 record = RunRecord(folder, interruption, on_event)
                 session = Session(
                     config, setup, store, record, interruption, wakeup, retries, environment

@@ -122,3 +122,33 @@ def test_server_that_runs_already_gives_the_same_bytes_and_stays(
     (marker,) = (json.loads(path.read_bytes()) for path in (out / "commits").glob("*.json"))
     assert marker["self_test"]["ok"]  # servers that are not ours are tested before the run
     assert status(out)["state"] == "done"
+
+
+def test_shares_at_the_same_time_are_together_the_whole_run(
+    small: str, home: Path, tmp_path: Path
+) -> None:
+    whole, shared = tmp_path / "whole", tmp_path / "shared"
+    short = ["--set", "episodes=3", "--set", "duration_s=0.3", "--json"]
+    assert carstage(["run", small, "--out", str(whole), *short], home).code == 0
+    arguments = ["run", small, "--out", str(shared), *short, "--shard"]
+    with command([*arguments, "1/2"], home) as first, command([*arguments, "2/2"], home) as second:
+        results = [running.end() for running in (first, second)]
+    assert [ended.code for ended in results] == [0, 0], [ended.stderr for ended in results]
+    counts = [json.loads(ended.stdout.splitlines()[-1])["episodes"] for ended in results]
+    assert [(count["total"], count["committed"]) for count in counts] == [(2, 2), (1, 1)]
+    assert differing(shared, whole) == []
+    # Whoever asks for all of it then finds it done, and is not asked whether it belongs there.
+    again = carstage(["run", small, "--out", str(shared), *short], home)
+    assert again.code == 0, again.stderr
+    assert json.loads(again.stdout.splitlines()[-1])["episodes"]["skipped"] == 3
+
+
+def test_a_share_that_has_no_episode_is_done_at_once(
+    small: str, home: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "dataset"
+    ended = carstage(["run", small, "--out", str(out), "--shard", "5/7", "--json"], home)
+    assert ended.code == 0, ended.stderr
+    assert json.loads(ended.stdout.splitlines()[-1])["episodes"]["total"] == 0
+    ended = carstage(["run", small, "--out", str(out), "--shard", "8/7"], home)
+    assert (ended.code, "shard: 8/7" in ended.stderr) == (2, True), ended.stderr

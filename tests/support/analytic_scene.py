@@ -443,7 +443,7 @@ def write_raw_log(
     )
     sensors = document["spec"]["sensors"]
     folder.mkdir(parents=True)
-    writing.write_map_file(str(folder), OPENDRIVE)
+    document["map_crc32"] = writing.write_map_file(str(folder), OPENDRIVE)
     writing.write_episode_file(str(folder), document)
     names = [*(sensor["id"] for sensor in sensors), raw.WORLD, raw.LEDGER]
     streams = {name: writing.StreamWriter(str(folder), name, ticks_per_segment) for name in names}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import mmap
 import os
+import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -191,15 +192,21 @@ class EpisodeLog:
         """The town's OpenDRIVE text; ``None``: the collector of this log did not write it.
 
         Raises:
-            RawLogError: it cannot be read.
+            RawLogError: it cannot be read, or is not what was written.
         """
         path = self.folder / raw.MAP_FILE
+        written = self.header.get("map_crc32")
         try:
-            return path.read_bytes()
+            content = path.read_bytes()
         except FileNotFoundError:
+            if written is not None:
+                raise RawLogError(f"{path} is missing.") from None
             return None
         except OSError as error:
             raise RawLogError(f"{path} cannot be read: {error}") from error
+        if written is not None and zlib.crc32(content) != written:
+            raise RawLogError(f"{path} is not what was written: its checksum differs.")
+        return content
 
     @property
     def first_timestamp_s(self) -> float:

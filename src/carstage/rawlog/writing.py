@@ -10,6 +10,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import zlib
 from typing import Any, List, Mapping, Optional, Union
 
 from carstage.rawlog.format import (
@@ -340,9 +341,10 @@ def write_episode_file(folder: str, header: Mapping[str, Any]) -> str:
     return _write_whole(folder, EPISODE_FILE, text + "\n")
 
 
-def write_map_file(folder: str, opendrive: str) -> str:
-    """Write the town's OpenDRIVE text atomically; return its path."""
-    return _write_whole(folder, MAP_FILE, opendrive)
+def write_map_file(folder: str, opendrive: str) -> int:
+    """Write the town's OpenDRIVE text atomically; return the CRC-32 of its bytes."""
+    _write_whole(folder, MAP_FILE, opendrive)
+    return zlib.crc32(opendrive.encode("utf-8"))
 
 
 def _write_whole(folder: str, name: str, text: str) -> str:

@@ -57,6 +57,7 @@ def run_self_test(
         KeyboardInterrupt: the user asked to end.
     """
     place = folder / EPISODE_ID
+    shutil.rmtree(place, ignore_errors=True)  # of an earlier try
     place.mkdir(parents=True)
     try:
         facts = ask_server(endpoint.host, endpoint.port, endpoint.version)

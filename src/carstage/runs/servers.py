@@ -181,14 +181,24 @@ class ServerSetup:
     def warm_up(self, log_path: Path | None) -> Endpoint:
         """Start the server ahead of the first ``start``, which will then hand it out.
 
+        One that was started so and has ended is replaced.
+
         Raises:
             BadInputError: the address, the path or the port cannot be.
             ServerError: it ended or did not answer in time.
         """
+        if self._warm is not None and self.has_ended:
+            self._warm.stop()
+            self._warm = None
         if self._warm is None:
             self._warm = self._new(log_path)
             self._warm.start()
         return self._warm.endpoint
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the server that was started ahead is one of ours, and gone."""
+        return self._remote is None and self._warm is not None and not self._warm.alive()
 
     def start(self, log_path: Path) -> tuple[Server, Endpoint]:
         """A started server; the caller stops it.

@@ -15,6 +15,7 @@ from carstage.errors import (
     CollectorError,
     ConverterDiedError,
     DiskFullError,
+    ServerEndedError,
     ServerError,
     StorageError,
 )
@@ -38,6 +39,7 @@ from carstage.runs.selftesting import describe_verdict, refuse, run_self_test
 from carstage.runs.server_worker import POLL_S, ServerWorker
 from carstage.runs.servers import ServerSetup
 from carstage.runs.wakeup_pipe import WakeupPipe
+from carstage.selftest import Verdict
 from carstage.spec import EpisodeSpec
 from carstage.storage import Store
 from carstage.storage.disk import disk_error
@@ -301,6 +303,17 @@ class Session:
         if not self._setup.tested:
             return
         with self.waiting("The server is started and tested before the run."):
+            verdict = self._verdict(self._retries)
+        self._self_test = verdict.to_json()
+        self._record.event(ServerTested(**self._self_test))
+        for sentence in describe_verdict(verdict):
+            self._record.notice(sentence)
+        if self._setup.must_pass and not verdict.ok:
+            raise refuse(verdict)
+
+    def _verdict(self, retries: int) -> Verdict:
+        """What the self-test says; of our own server that ends meanwhile, it says nothing."""
+        try:
             verdict = run_self_test(
                 self._setup.warm_up(self._folder.logs / "server.log"),
                 self._setup.client,
@@ -308,12 +321,13 @@ class Session:
                 self._interruption,
                 sensor_warmup_ticks=self._setup.sensor_warmup_ticks,
             )
-        self._self_test = verdict.to_json()
-        self._record.event(ServerTested(**self._self_test))
-        for sentence in describe_verdict(verdict):
-            self._record.notice(sentence)
-        if self._setup.must_pass and not verdict.ok:
-            raise refuse(verdict)
+            if verdict.ok or not retries or not self._setup.has_ended:
+                return verdict
+        except ServerEndedError as error:
+            if not (error.was_killed and retries):
+                raise
+        self._record.notice("The server ended before it was tested. It is started again.")
+        return self._verdict(retries - 1)
 
     def _take(self) -> Job | None:
         """The next episode; waits while conversions lag behind or may have to be repeated."""

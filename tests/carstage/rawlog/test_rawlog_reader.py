@@ -266,3 +266,18 @@ def test_level_objects_are_read_and_logs_without_them_have_none(tmp_path: Path) 
         found = [(one.id, one.name, one.label) for one in log.level_objects()]
         assert found == [(2**64 - 1, "Sign_1", 8)] * len(table.get("level_objects", []))
         assert log.actors() == {}
+
+
+def test_the_text_of_a_map_is_what_was_written_or_refused(tmp_path: Path) -> None:
+    text = "<OpenDRIVE>\r\n\u00e9</OpenDRIVE>\n"
+    log = episode(tmp_path, map_crc32=writing.write_map_file(str(tmp_path), text))
+    assert log.opendrive() == text.encode()
+    path = tmp_path / raw.MAP_FILE
+    for damaged in (text.encode()[:-3], text.encode().replace(b"D", b"d"), b""):
+        path.write_bytes(damaged)
+        with pytest.raises(RawLogError, match="not what was written"):
+            log.opendrive()
+    path.unlink()
+    with pytest.raises(RawLogError, match="is missing"):
+        log.opendrive()
+    assert episode(tmp_path).opendrive() is None  # as before versions that wrote it

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
+import psutil
 import pytest
 
 from carstage.config import Config, load_demo
@@ -142,6 +143,31 @@ def test_self_test_that_cannot_be_recorded_is_a_failed_verdict(
     assert found.failed == ("recording",)
     assert "No room." in found.checks[0].found
     assert (tmp_path / "selftest" / "collector.log").exists()  # kept, to look why
+
+
+@pytest.mark.end_to_end
+@pytest.mark.xdist_group("runs")
+def test_a_server_of_ours_that_ends_during_its_self_test_is_tested_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tested: list[Verdict] = []
+
+    def killing(endpoint: Endpoint, *rest: Any, **options: Any) -> Verdict:
+        if not tested:
+            assert endpoint.pid is not None
+            psutil.Process(endpoint.pid).kill()
+            psutil.Process(endpoint.pid).wait(10)
+        tested.append(run_self_test(endpoint, *rest, **options))
+        return tested[-1]
+
+    monkeypatch.setattr("carstage.runs.session.run_self_test", killing)
+    short = ("duration_s=0.2", "conversion.workers=1", "image_size=[64, 36]")
+    ended = run(config(*short), tmp_path / "out")
+    assert ended.state == "done"
+    assert [found.ok for found in tested] == [False, True]
+    (marker,) = (tmp_path / "out" / "commits").glob("*.json")
+    assert json.loads(marker.read_bytes())["self_test"]["ok"]
+    assert not (ended.folder / "raw").exists()
 
 
 def test_run_that_requires_the_self_test_does_not_begin_where_it_fails(

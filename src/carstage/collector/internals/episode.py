@@ -156,7 +156,7 @@ class EpisodeRecorder:
         )
         stack.callback(scene.rig.stop)
         # Before the server's clock counts: texts of large towns have many megabytes.
-        write_map_file(folder, session.map.to_opendrive())
+        map_crc32 = write_map_file(folder, session.map.to_opendrive())
         listening_ticks = self._plan.sensor_warmup_ticks
         warm_up(scene, pipeline, episode, listening_ticks, self._events, self._stop)
         observer = WorldObserver(
@@ -166,7 +166,7 @@ class EpisodeRecorder:
         for tick, step in self._ticks(scene, pipeline, spec.steps):
             if tick == 0:
                 header = self._header(episode, session, scene, segment_ticks, step)
-                write_episode_file(folder, header)
+                write_episode_file(folder, {**header, "map_crc32": map_crc32})
             seen = step.snapshot is not None
             k = saved.index(tick) if seen else None
             moment: Optional[WorldMoment] = None

@@ -94,7 +94,7 @@ def _hex(text: str) -> str:
 
 
 def test_a_sync_covers_what_had_ended_when_it_began() -> None:
-    path = _hex("/root/a")
+    path = _hex("/disk/a")
     lines = [
         f'7 openat(AT_FDCWD<{_hex("/")}>, "{path}", O_WRONLY|O_CREAT, 0666) = 3<{path}>',
         f'7 write(3<{path}>, "{_hex("one")}", 3) = 3',
@@ -103,7 +103,7 @@ def test_a_sync_covers_what_had_ended_when_it_began() -> None:
         "8 <... fsync resumed>) = 0",
         f'7 write(3<{path}>, "{_hex("lost")}", 4) = -1 ENOSPC (No space left on device)',
     ]
-    operations = read_log(iter(lines), Path("/root"))
+    operations = read_log(iter(lines), Path("/disk"))
     assert [operation.kind for operation in operations] == ["create", "write", "write", "sync"]
     assert _after(operations, "data lost") == {"a": b"one"}
     assert _after(operations, "only what was synced") == {}

@@ -16,7 +16,6 @@ from carstage.cli.output import (
     Json,
     command,
     dataset_address,
-    folder,
     note,
     result,
     result_json,
@@ -100,7 +99,12 @@ def export(
             metavar="DATASET", help="Folder or address of the dataset.", callback=dataset_address
         ),
     ],
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder to make.", callback=folder)],
+    out: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUT", help="Folder to make, or an address.", callback=dataset_address
+        ),
+    ],
     options: ExportOptions,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace an export that stands at OUT.")

@@ -6,7 +6,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -22,9 +22,10 @@ from carstage.exporters.classes import CLASSES
 from carstage.exporters.completeness import Completeness, Progress, examine
 from carstage.exporters.exporter import Exporter, FrameWriter, exporter_for
 from carstage.exporters.options import ExportOptions
+from carstage.exporters.remote_target import check_remote_target, remote_folder
 from carstage.exporters.splits import ExportSplits, Split, splits_of_export
 from carstage.exporters.target import check_target, export_folder, write_document
-from carstage.storage import DatasetPath, local_folder
+from carstage.storage import DatasetPath, RemotePath, dataset_root
 from carstage.storage.marker import CommitMarker
 from carstage.validation import Problem
 
@@ -52,7 +53,7 @@ class ExportSummary:
         problems: what is missing or damaged in the dataset.
     """
 
-    path: Path
+    path: DatasetPath
     format: str
     episodes: int
     frames: int
@@ -78,7 +79,7 @@ Phase = Literal["Checking", "Exporting"]
 def export_dataset(
     format_name: str,
     dataset: str | DatasetPath,
-    out: str | Path,
+    out: str | DatasetPath,
     options: ExportOptions | None = None,
     *,
     overwrite: bool = False,
@@ -91,7 +92,8 @@ def export_dataset(
     Args:
         format_name: one of ``exporters()``, such as ``coco``, ``kitti-object`` or ``nuscenes``.
         dataset: folder of the dataset, or its place in an object store.
-        out: the folder to make; it exists when all is written, not before.
+        out: the folder to make, or a place in an object store; it exists when all is written, not
+            before.
         options: choices; default: those of the format.
         overwrite: replace an export that stands there.
         allow_incomplete: go on although frames, files or episodes are missing or damaged; they are
@@ -113,9 +115,9 @@ def export_dataset(
         >>> carstage.export("coco", "datasets/demo", "exports/coco", options).frames
         50
     """
-    source, target = Dataset(dataset), local_folder(out)
+    source, target = Dataset(dataset), dataset_root(out)
     exporter = exporter_for(format_name, options or ExportOptions())
-    check_target(target, source.path, overwrite=overwrite)
+    _check_target(target, source.path, overwrite=overwrite)
     found = examine(source, _of_phase("Checking", progress))
     if not found.complete and not allow_incomplete:
         raise BadInputError(_refusal(found), "Repair it, or add --allow-incomplete.")
@@ -126,7 +128,7 @@ def export_dataset(
         )
     splits = _splits(source, episodes, exporter)
     exporter.splits = splits.episodes
-    with export_folder(target) as folder:
+    with _new_folder(target) as folder:
         frames = _write(
             exporter, episodes, folder, found, workers, _of_phase("Exporting", progress)
         )
@@ -155,6 +157,17 @@ def export_dataset(
             },
         )
     return summary
+
+
+def _check_target(out: DatasetPath, dataset: DatasetPath, *, overwrite: bool) -> None:
+    if isinstance(out, RemotePath):
+        check_remote_target(out, dataset, overwrite=overwrite)
+    else:
+        check_target(out, dataset, overwrite=overwrite)
+
+
+def _new_folder(out: DatasetPath) -> AbstractContextManager[Path]:
+    return remote_folder(out) if isinstance(out, RemotePath) else export_folder(out)
 
 
 def _splits(dataset: Dataset, episodes: Sequence[Episode], exporter: Exporter) -> ExportSplits:

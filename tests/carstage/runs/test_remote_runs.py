@@ -118,6 +118,19 @@ def test_it_is_read_validated_reported_and_exported(
     exported = carstage(["export", "coco", recorded[0], str(tmp_path / "coco")], home)
     assert exported.code == 0, exported.stderr
     assert (tmp_path / "coco" / "export.json").exists()
+    place = recorded[0].replace("recorded", "exported")
+    for more, code in (([], 0), ([], 2), (["--overwrite"], 0)):
+        sent = carstage(["export", "coco", recorded[0], place, *more], home)
+        assert sent.code == code, sent.stderr
+    names = [path.relative_to(tmp_path / "coco").as_posix() for path in _files(tmp_path / "coco")]
+    assert [found.key for found in remote_files(place).below("")] == sorted(names)
+    inside = carstage(["export", "coco", recorded[0], f"{recorded[0]}/coco"], home)
+    assert inside.code == 2
+    assert "lie in one another" in inside.stderr
+
+
+def _files(folder: Path) -> list[Path]:
+    return [path for path in folder.rglob("*") if path.is_file()]
 
 
 def test_a_killed_run_goes_on_and_leaves_nothing_behind(

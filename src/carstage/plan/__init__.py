@@ -4,6 +4,7 @@
 ``Shard`` is a share of them.
 """
 
+from carstage.plan.episodes import EpisodePlan
 from carstage.plan.estimate import RunEstimate, estimate_run, estimate_tick_s
 from carstage.plan.facts import ServerFacts
 from carstage.plan.planning import plan_episodes
@@ -11,6 +12,7 @@ from carstage.plan.scenario import Recording, Start, Track
 from carstage.plan.sharding import Shard
 
 __all__ = [
+    "EpisodePlan",
     "Recording",
     "RunEstimate",
     "ServerFacts",

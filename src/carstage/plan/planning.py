@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import fields
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from carstage.config import Config
 from carstage.config.fields import unknown
 from carstage.config.scene import Stand as ConfiguredStand
+from carstage.config.weather import WeatherConfig
 from carstage.errors import ConfigError
+from carstage.plan.canonical import CanonicalTexts
+from carstage.plan.draws import Draws
+from carstage.plan.episodes import EpisodePlan
+from carstage.plan.estimate import COST, EpisodeCosts
 from carstage.plan.facts import ServerFacts
 from carstage.plan.offered import check_offered
 from carstage.plan.rig import plan_sensors
@@ -33,12 +38,20 @@ from carstage.spec import (
 )
 
 _CHOICES_STREAM = 1000
+_SECTIONS = (
+    *("map", "duration_s", "fps", "save_every", "timing", "vehicles", "pedestrians", "traffic"),
+    *("rig", "image_size", "labels", "ground_truth", "max_distance_m", "min_lidar_points"),
+)
+"""Settings that alone decide about the keys of ``_Planner._template``."""
 _LARGEST_SEED = 0x7FFF_FFFF  # CARLA keeps noise seeds in signed 32-bit integers
+
+
+Made = TypeVar("Made")
 
 
 def plan_episodes(
     config: Config, facts: ServerFacts, recording: Recording | None = None
-) -> tuple[EpisodeSpec, ...]:
+) -> EpisodePlan:
     """The episodes of a configuration.
 
     The same configuration and facts always give the same episodes: an episode's draws depend on the
@@ -54,70 +67,121 @@ def plan_episodes(
             beyond its limits, or the recording is shorter than the episode.
     """
     check_offered(config, facts, recording)
-    maps = _maps(config, facts, recording)
-    sensors = plan_sensors(config)
-    substeps = config.timing.substeps(config.fps)
-    episodes = []
+    make = _Planner(config, facts, recording).episode
+    texts, costs = CanonicalTexts(), EpisodeCosts()
+    ids, needs = [], np.empty(config.episodes, COST)
     for index in range(config.episodes):
-        draw = np.random.default_rng(_sequence(config.seed, index, _CHOICES_STREAM))
+        spec = make(index)
+        ids.append(texts.episode_id(spec))
+        needs[index] = costs.of(spec)
+    return EpisodePlan(make, np.arange(config.episodes), tuple(ids), needs)
+
+
+class _Planner:
+    """Makes specifications; sections that episodes have in common are made once.
+
+    Args:
+        config: what the user asks for.
+        facts: what the server offers.
+        recording: what scenario ``replay`` moves the road users by.
+    """
+
+    def __init__(self, config: Config, facts: ServerFacts, recording: Recording | None) -> None:
+        self._config = config
+        self._facts = facts
+        self._recording = recording
+        self._draws = Draws(config.seed)
+        self._made: dict[str, tuple[tuple[Any, ...], Any]] = {}
+
+    def episode(self, index: int) -> EpisodeSpec:
+        """The specification of an index.
+
+        Raises:
+            ConfigError: the server lacks a map or a spawn point.
+        """
+        config, facts = self._config, self._facts
         # Each choice is drawn whether it is free or not, so that fixing one moves no other.
-        map_draw, weather_draw, spawn_draw = draw.random(3)
+        map_draw, weather_draw, spawn_draw = self._draws.uniform(index, _CHOICES_STREAM, 3)
+        maps = self._once("maps", (config.map,), lambda: _maps(config, facts, self._recording))
         map_name = _pick(maps, map_draw)
-        episodes.append(
-            EpisodeSpec(
-                dialect=facts.dialect,
-                index=index,
-                map=map_name,
-                map_layers=None if config.map.layers == "all" else config.map.layers,
-                weather=_weather(config, weather_draw),
-                steps=config.steps,
-                fps=config.fps,
-                save_every=config.save_every,
-                warmup_ticks=config.timing.warmup_ticks,
-                timing=TimingSpec(
-                    mode=config.timing.mode,
-                    sensor_sync=config.timing.sensor_sync,
-                    max_substep_delta_time_s=substeps.max_substep_delta_time_s,
-                    max_substeps=substeps.max_substeps,
-                    on_incomplete=config.timing.on_incomplete,
-                ),
-                vehicles=VehiclesSpec(
-                    **config.vehicles.model_dump(exclude={"groups"}),
-                    groups=tuple(
-                        GroupSpec(**group.model_dump()) for group in config.vehicles.groups
-                    ),
-                ),
-                pedestrians=PedestriansSpec(**config.pedestrians.model_dump()),
-                traffic=TrafficSpec(**config.traffic.model_dump()),
-                ego=EgoSpec(
-                    blueprint=config.ego.blueprint,
-                    color=None if config.ego.color == "random" else config.ego.color,
-                    **_start(config, facts, map_name, spawn_draw),
-                ),
-                scenario=plan_scenario(config, facts.count(map_name), recording),
-                sensors=sensors,
-                labels=LabelsSpec(
-                    **config.labels.model_dump(
-                        exclude={"cameras", "lidars", "boxes", "level_objects"}
-                    ),
-                    boxes=tuple(sorted(set(config.labels.boxes))),
-                    level_objects=tuple(sorted(set(config.labels.level_objects))),
-                ),
-                ground_truth=GroundTruthSpec(**config.ground_truth.model_dump()),
-                max_distance_m=config.max_distance_m,
-                min_lidar_points=config.min_lidar_points,
-                seeds=Seeds(
-                    *(_seed(config.seed, index, position) for position in range(len(fields(Seeds))))
-                ),
-            )
+        preset = _pick(config.weather.presets, weather_draw) if config.weather.presets else None
+        template = self._once(
+            "template",
+            tuple(getattr(config, name) for name in _SECTIONS),
+            lambda: self._template(config),
         )
-    return tuple(episodes)
+        scenario = self._once(
+            "scenario",
+            (config.scenario, map_name, config.duration_s, config.fps),
+            lambda: plan_scenario(config, facts.count(map_name), self._recording),
+        )
+        weather = self._once(
+            "weather", (config.weather, preset), lambda: _weather(config.weather, preset)
+        )
+        return EpisodeSpec(
+            **template,
+            index=index,
+            map=map_name,
+            weather=weather,
+            ego=EgoSpec(
+                blueprint=config.ego.blueprint,
+                color=None if config.ego.color == "random" else config.ego.color,
+                **_start(config, facts, map_name, spawn_draw),
+            ),
+            scenario=scenario,
+            seeds=Seeds(*(self._seed(index, position) for position in range(len(fields(Seeds))))),
+        )
+
+    def _seed(self, index: int, stream: int) -> int:
+        return self._draws.word(index, stream) & _LARGEST_SEED
+
+    def _once(self, name: str, of: tuple[Any, ...], make: Callable[[], Made]) -> Made:
+        """What was made of the very same values before, or else is made now."""
+        known = self._made.get(name)
+        if known is None or not all(a is b for a, b in zip(known[0], of, strict=True)):
+            known = self._made[name] = (of, make())
+        made: Made = known[1]
+        return made
+
+    def _template(self, config: Config) -> dict[str, Any]:
+        """The keys of a specification that follow from the settings alone."""
+        substeps = config.timing.substeps(config.fps)
+        vehicles, pedestrians, labels = config.vehicles, config.pedestrians, config.labels
+        return {
+            "dialect": self._facts.dialect,
+            "map_layers": None if config.map.layers == "all" else config.map.layers,
+            "steps": config.steps,
+            "fps": config.fps,
+            "save_every": config.save_every,
+            "warmup_ticks": config.timing.warmup_ticks,
+            "timing": TimingSpec(
+                mode=config.timing.mode,
+                sensor_sync=config.timing.sensor_sync,
+                max_substep_delta_time_s=substeps.max_substep_delta_time_s,
+                max_substeps=substeps.max_substeps,
+                on_incomplete=config.timing.on_incomplete,
+            ),
+            "vehicles": VehiclesSpec(
+                **vehicles.model_dump(exclude={"groups"}),
+                groups=tuple(GroupSpec(**group.model_dump()) for group in vehicles.groups),
+            ),
+            "pedestrians": PedestriansSpec(**pedestrians.model_dump()),
+            "traffic": TrafficSpec(**config.traffic.model_dump()),
+            "sensors": plan_sensors(config),
+            "labels": LabelsSpec(
+                **labels.model_dump(exclude={"cameras", "lidars", "boxes", "level_objects"}),
+                boxes=tuple(sorted(set(labels.boxes))),
+                level_objects=tuple(sorted(set(labels.level_objects))),
+            ),
+            "ground_truth": GroundTruthSpec(**config.ground_truth.model_dump()),
+            "max_distance_m": config.max_distance_m,
+            "min_lidar_points": config.min_lidar_points,
+        }
 
 
-def _weather(config: Config, draw: float) -> WeatherSpec:
-    weather = config.weather
+def _weather(weather: WeatherConfig, preset: str | None) -> WeatherSpec:
     return WeatherSpec(
-        preset=_pick(weather.presets, draw) if weather.presets else None,
+        preset=preset,
         parameters=weather.parameters.given(),
         lights=weather.lights,
         changes=tuple(
@@ -125,14 +189,6 @@ def _weather(config: Config, draw: float) -> WeatherSpec:
             for change in weather.changes
         ),
     )
-
-
-def _sequence(seed: int, index: int, stream: int) -> np.random.SeedSequence:
-    return np.random.SeedSequence(seed, spawn_key=(index, stream))
-
-
-def _seed(seed: int, index: int, stream: int) -> int:
-    return int(_sequence(seed, index, stream).generate_state(1)[0]) & _LARGEST_SEED
 
 
 def _pick(names: Iterable[str], draw: float) -> str:

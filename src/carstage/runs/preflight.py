@@ -16,7 +16,7 @@ from carstage.config.scene import ReplayScenario
 from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError, ConfigError
 from carstage.files.home import without_tilde
-from carstage.plan import Recording, RunEstimate, ServerFacts, plan_episodes
+from carstage.plan import EpisodePlan, Recording, RunEstimate, ServerFacts, plan_episodes
 from carstage.runs.server_lock import server_lock
 from carstage.runs.servers import ServerSetup
 from carstage.server import check_ports_free
@@ -24,7 +24,6 @@ from carstage.server.embedded import PORTS
 from carstage.server.interpreters import AUTO, check_interpreter
 from carstage.server.ports import BLOCK
 from carstage.server.release import find_script
-from carstage.spec import EpisodeSpec
 
 _RESERVE = 1.1
 _OPEN_FILES = 1024
@@ -62,7 +61,7 @@ def check_before_server(config: Config, *, offline: bool = False) -> None:
     recording_of(config)
 
 
-def judge(config: Config, *, offline: bool = False) -> tuple[EpisodeSpec, ...]:
+def judge(config: Config, *, offline: bool = False) -> EpisodePlan:
     """The episodes that a run of a configuration would record, or why it would refuse.
 
     The embedded simulator describes itself without being started. Another server is asked, which

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -30,7 +30,6 @@ from carstage.runs.server_lock import server_lock
 from carstage.runs.servers import ServerSetup
 from carstage.runs.session import Session
 from carstage.runs.wakeup_pipe import WakeupPipe
-from carstage.spec import EpisodeSpec
 from carstage.storage import Store, local_folder, open_store
 
 DEFAULT_RETRIES = 2
@@ -103,12 +102,12 @@ def run(
             refuse_to_mix(out, present, None, settings)
         setup = ServerSetup(config)
         with server_lock(config), setup.facts() as facts:
-            episodes = plan_episodes(config, facts, recording_of(config))
+            plan = plan_episodes(config, facts, recording_of(config))
             environment = environment_of(facts.dialect, setup.client.client)
             if not append:
-                refuse_to_mix(out, present, _ids(episodes), settings, environment)
-            episodes = share.share(episodes)
-            todo = [spec for spec in episodes if spec.episode_id not in present]
+                refuse_to_mix(out, present, plan.ids, settings, environment)
+            episodes = plan[share.places]
+            todo = episodes.without(present)
             estimate = estimate_run(config, todo)
             check_disk(out, estimate)
             store.initialise(config.name)
@@ -137,10 +136,6 @@ def _check(config: Config, out: Path, notice: Callable[[str], None]) -> None:
     check_output(out)
     check_open_files()
     check_before_server(config)
-
-
-def _ids(episodes: Iterable[EpisodeSpec]) -> list[str]:
-    return [spec.episode_id for spec in episodes]
 
 
 def _take_over(out: Path, store: Store, notice: Callable[[str], None]) -> Collection[str]:

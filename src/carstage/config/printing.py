@@ -109,6 +109,8 @@ def _sections(path: str, node: Schema, root: Schema) -> Iterator[tuple[str, Sche
             yield path, section
             for key, below in section["properties"].items():
                 yield from _sections(f"{path}.{key}", below, root)
+        elif isinstance(section.get("additionalProperties"), dict):
+            yield from _sections(f"{path}.KEY", section["additionalProperties"], root)
 
 
 def _table(section: Schema, root: Schema, prefix: str, *, carla: bool = False) -> list[str]:

@@ -10,7 +10,11 @@ import numpy as np
 
 from carstage.config import Config
 from carstage.config.fields import unknown
+from carstage.config.labels import Labels
+from carstage.config.sampling import Variants, dimensions
 from carstage.config.scene import Stand as ConfiguredStand
+from carstage.config.timing import Timing
+from carstage.config.traffic import Vehicles
 from carstage.config.weather import WeatherConfig
 from carstage.errors import ConfigError
 from carstage.plan.canonical import CanonicalTexts
@@ -20,6 +24,7 @@ from carstage.plan.estimate import COST, EpisodeCosts
 from carstage.plan.facts import ServerFacts
 from carstage.plan.offered import check_offered
 from carstage.plan.rig import plan_sensors
+from carstage.plan.sampling import Sampling
 from carstage.plan.scenario import Recording, plan_scenario
 from carstage.spec import (
     EgoSpec,
@@ -38,11 +43,6 @@ from carstage.spec import (
 )
 
 _CHOICES_STREAM = 1000
-_SECTIONS = (
-    *("map", "duration_s", "fps", "save_every", "timing", "vehicles", "pedestrians", "traffic"),
-    *("rig", "image_size", "labels", "ground_truth", "max_distance_m", "min_lidar_points"),
-)
-"""Settings that alone decide about the keys of ``_Planner._template``."""
 _LARGEST_SEED = 0x7FFF_FFFF  # CARLA keeps noise seeds in signed 32-bit integers
 
 
@@ -67,6 +67,7 @@ def plan_episodes(
             beyond its limits, or the recording is shorter than the episode.
     """
     check_offered(config, facts, recording)
+    _check_samples_offered(config, facts, recording)
     make = _Planner(config, facts, recording).episode
     texts, costs = CanonicalTexts(), EpisodeCosts()
     ids, needs = [], np.empty(config.episodes, COST)
@@ -75,6 +76,26 @@ def plan_episodes(
         ids.append(texts.episode_id(spec))
         needs[index] = costs.of(spec)
     return EpisodePlan(make, np.arange(config.episodes), tuple(ids), needs)
+
+
+def _check_samples_offered(config: Config, facts: ServerFacts, recording: Recording | None) -> None:
+    """Refuse sampled values that the server does not have, before any of them is drawn.
+
+    Raises:
+        ConfigError: with the path of the value.
+    """
+    for dimension in dimensions(config):
+        variants = Variants(config, [dimension.path])
+        for place, value in dimension.sampled.ends:
+            varied = variants.with_values({dimension.path: value})
+            try:
+                check_offered(varied, facts, recording)
+                _maps(varied, facts, recording)
+            except ConfigError as error:
+                message = error.message
+                if message.startswith(dimension.name):
+                    message = dimension.path_to(place) + message.removeprefix(dimension.name)
+                raise ConfigError(message, error.hint) from error
 
 
 class _Planner:
@@ -87,7 +108,7 @@ class _Planner:
     """
 
     def __init__(self, config: Config, facts: ServerFacts, recording: Recording | None) -> None:
-        self._config = config
+        self._sampling = Sampling(config)
         self._facts = facts
         self._recording = recording
         self._draws = Draws(config.seed)
@@ -99,17 +120,12 @@ class _Planner:
         Raises:
             ConfigError: the server lacks a map or a spawn point.
         """
-        config, facts = self._config, self._facts
+        config, facts = self._sampling.config(index), self._facts
         # Each choice is drawn whether it is free or not, so that fixing one moves no other.
         map_draw, weather_draw, spawn_draw = self._draws.uniform(index, _CHOICES_STREAM, 3)
         maps = self._once("maps", (config.map,), lambda: _maps(config, facts, self._recording))
         map_name = _pick(maps, map_draw)
         preset = _pick(config.weather.presets, weather_draw) if config.weather.presets else None
-        template = self._once(
-            "template",
-            tuple(getattr(config, name) for name in _SECTIONS),
-            lambda: self._template(config),
-        )
         scenario = self._once(
             "scenario",
             (config.scenario, map_name, config.duration_s, config.fps),
@@ -119,7 +135,7 @@ class _Planner:
             "weather", (config.weather, preset), lambda: _weather(config.weather, preset)
         )
         return EpisodeSpec(
-            **template,
+            **self._settings(config),
             index=index,
             map=map_name,
             weather=weather,
@@ -143,40 +159,61 @@ class _Planner:
         made: Made = known[1]
         return made
 
-    def _template(self, config: Config) -> dict[str, Any]:
+    def _settings(self, config: Config) -> dict[str, Any]:
         """The keys of a specification that follow from the settings alone."""
-        substeps = config.timing.substeps(config.fps)
-        vehicles, pedestrians, labels = config.vehicles, config.pedestrians, config.labels
+        once, timing = self._once, config.timing
+        rig = (config.rig, config.labels, config.fps, config.image_size)
         return {
             "dialect": self._facts.dialect,
             "map_layers": None if config.map.layers == "all" else config.map.layers,
             "steps": config.steps,
             "fps": config.fps,
             "save_every": config.save_every,
-            "warmup_ticks": config.timing.warmup_ticks,
-            "timing": TimingSpec(
-                mode=config.timing.mode,
-                sensor_sync=config.timing.sensor_sync,
-                max_substep_delta_time_s=substeps.max_substep_delta_time_s,
-                max_substeps=substeps.max_substeps,
-                on_incomplete=config.timing.on_incomplete,
+            "warmup_ticks": timing.warmup_ticks,
+            "timing": once("timing", (timing, config.fps), lambda: _timing(timing, config.fps)),
+            "vehicles": once("vehicles", (config.vehicles,), lambda: _vehicles(config.vehicles)),
+            "pedestrians": once(
+                "pedestrians",
+                (config.pedestrians,),
+                lambda: PedestriansSpec(**config.pedestrians.model_dump()),
             ),
-            "vehicles": VehiclesSpec(
-                **vehicles.model_dump(exclude={"groups"}),
-                groups=tuple(GroupSpec(**group.model_dump()) for group in vehicles.groups),
+            "traffic": once(
+                "traffic", (config.traffic,), lambda: TrafficSpec(**config.traffic.model_dump())
             ),
-            "pedestrians": PedestriansSpec(**pedestrians.model_dump()),
-            "traffic": TrafficSpec(**config.traffic.model_dump()),
-            "sensors": plan_sensors(config),
-            "labels": LabelsSpec(
-                **labels.model_dump(exclude={"cameras", "lidars", "boxes", "level_objects"}),
-                boxes=tuple(sorted(set(labels.boxes))),
-                level_objects=tuple(sorted(set(labels.level_objects))),
+            "sensors": once("sensors", rig, lambda: plan_sensors(config)),
+            "labels": once("labels", (config.labels,), lambda: _labels(config.labels)),
+            "ground_truth": once(
+                "ground_truth",
+                (config.ground_truth,),
+                lambda: GroundTruthSpec(**config.ground_truth.model_dump()),
             ),
-            "ground_truth": GroundTruthSpec(**config.ground_truth.model_dump()),
             "max_distance_m": config.max_distance_m,
             "min_lidar_points": config.min_lidar_points,
         }
+
+
+def _timing(timing: Timing, fps: float) -> TimingSpec:
+    substeps = timing.substeps(fps)
+    return TimingSpec(
+        mode=timing.mode,
+        sensor_sync=timing.sensor_sync,
+        max_substep_delta_time_s=substeps.max_substep_delta_time_s,
+        max_substeps=substeps.max_substeps,
+        on_incomplete=timing.on_incomplete,
+    )
+
+
+def _vehicles(vehicles: Vehicles) -> VehiclesSpec:
+    groups = tuple(GroupSpec(**group.model_dump()) for group in vehicles.groups)
+    return VehiclesSpec(**vehicles.model_dump(exclude={"groups"}), groups=groups)
+
+
+def _labels(labels: Labels) -> LabelsSpec:
+    return LabelsSpec(
+        **labels.model_dump(exclude={"cameras", "lidars", "boxes", "level_objects"}),
+        boxes=tuple(sorted(set(labels.boxes))),
+        level_objects=tuple(sorted(set(labels.level_objects))),
+    )
 
 
 def _weather(weather: WeatherConfig, preset: str | None) -> WeatherSpec:

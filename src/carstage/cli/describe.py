@@ -21,7 +21,7 @@ def describe_config(config: Config, *, offline: bool = False) -> tuple[dict[str,
     summary = {
         "ok": True,
         "episodes": len(episodes),
-        "frames": config.saved_frames * len(episodes),
+        "frames": episodes.frames,
         "sensors": len(config.sensors),
         "hidden_sensors": hidden,
         "dataset_bytes": estimate.dataset_bytes,
@@ -29,8 +29,10 @@ def describe_config(config: Config, *, offline: bool = False) -> tuple[dict[str,
         "duration_s": round(estimate.duration_s),
         "warnings": config.warnings(),
     }
+    each = sorted({int(frames) for frames in episodes.costs["frames"]})
+    frames = f"{each[0]}" if len(each) == 1 else f"{each[0]} to {each[-1]}"
     text = (
-        f"{config.name}: {len(episodes)} x {config.saved_frames} frames, "
+        f"{config.name}: {len(episodes)} x {frames} frames, "
         f"{len(config.sensors)} sensors (and {hidden} hidden ones for labels), about "
         f"{size_text(estimate.dataset_bytes)}, {size_text(estimate.peak_bytes)} at most on the way."
     )

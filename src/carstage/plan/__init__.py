@@ -7,12 +7,13 @@
 from carstage.plan.episodes import EpisodePlan
 from carstage.plan.estimate import RunEstimate, estimate_run, estimate_tick_s
 from carstage.plan.facts import ServerFacts
-from carstage.plan.planning import plan_episodes
+from carstage.plan.planning import PlanMatcher, plan_episodes
 from carstage.plan.scenario import Recording, Start, Track
 from carstage.plan.sharding import Shard
 
 __all__ = [
     "EpisodePlan",
+    "PlanMatcher",
     "Recording",
     "RunEstimate",
     "ServerFacts",

@@ -108,7 +108,7 @@ class _Planner:
     """
 
     def __init__(self, config: Config, facts: ServerFacts, recording: Recording | None) -> None:
-        self._sampling = Sampling(config)
+        self.sampling = Sampling(config)
         self._facts = facts
         self._recording = recording
         self._draws = Draws(config.seed)
@@ -120,7 +120,7 @@ class _Planner:
         Raises:
             ConfigError: the server lacks a map or a spawn point.
         """
-        config, facts = self._sampling.config(index), self._facts
+        config, facts = self.sampling.config(index), self._facts
         # Each choice is drawn whether it is free or not, so that fixing one moves no other.
         map_draw, weather_draw, spawn_draw = self._draws.uniform(index, _CHOICES_STREAM, 3)
         maps = self._once("maps", (config.map,), lambda: _maps(config, facts, self._recording))
@@ -135,7 +135,7 @@ class _Planner:
             "weather", (config.weather, preset), lambda: _weather(config.weather, preset)
         )
         return EpisodeSpec(
-            **self._settings(config),
+            **self.settings(config),
             index=index,
             map=map_name,
             weather=weather,
@@ -145,11 +145,13 @@ class _Planner:
                 **_start(config, facts, map_name, spawn_draw),
             ),
             scenario=scenario,
-            seeds=Seeds(*(self._seed(index, position) for position in range(len(fields(Seeds))))),
+            seeds=self.seeds(index),
         )
 
-    def _seed(self, index: int, stream: int) -> int:
-        return self._draws.word(index, stream) & _LARGEST_SEED
+    def seeds(self, index: int) -> Seeds:
+        """One integer for each consumer of randomness in an episode."""
+        words = (self._draws.word(index, stream) for stream in range(len(fields(Seeds))))
+        return Seeds(*(word & _LARGEST_SEED for word in words))
 
     def _once(self, name: str, of: tuple[Any, ...], make: Callable[[], Made]) -> Made:
         """What was made of the very same values before, or else is made now."""
@@ -159,7 +161,7 @@ class _Planner:
         made: Made = known[1]
         return made
 
-    def _settings(self, config: Config) -> dict[str, Any]:
+    def settings(self, config: Config) -> dict[str, Any]:
         """The keys of a specification that follow from the settings alone."""
         once, timing = self._once, config.timing
         rig = (config.rig, config.labels, config.fps, config.image_size)
@@ -190,6 +192,38 @@ class _Planner:
             "max_distance_m": config.max_distance_m,
             "min_lidar_points": config.min_lidar_points,
         }
+
+
+class PlanMatcher:
+    """Finds episodes of a configuration among recorded ones, without asking its server.
+
+    Args:
+        config: the configuration.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._planner = _Planner(config, ServerFacts(maps={}), None)
+        self.sampling = self._planner.sampling
+
+    def index_of(self, spec: EpisodeSpec) -> int | None:
+        """The number of an episode in the configuration, from 0; None where it is of another.
+
+        Map, spawn point and what the server speaks are not compared.
+
+        Args:
+            spec: of a recorded episode.
+
+        Raises:
+            ConfigError: the values of that episode do not go together.
+        """
+        if spec.index >= self._config.episodes or spec.seeds != self._planner.seeds(spec.index):
+            return None
+        wanted = self._planner.settings(self.sampling.config(spec.index))
+        del wanted["dialect"]
+        if all(getattr(spec, name) == value for name, value in wanted.items()):
+            return spec.index
+        return None
 
 
 def _timing(timing: Timing, fps: float) -> TimingSpec:

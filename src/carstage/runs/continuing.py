@@ -20,6 +20,7 @@ _MEANS = frozenset(
         *("name", "episodes", "supervision", "output", "conversion.mode", "conversion.workers"),
         *("server.port", "server.host", "server.path", "server.threads", "server.restart_every"),
         *("server.client_python", "server.create_client_env", "server.self_test"),
+        *("campaign.quotas", "campaign.repeats"),
     )
 )
 #: Packages that compute what is in the files, or write their bytes.

@@ -12,6 +12,7 @@ from typing import Literal
 
 from carstage.config import Config
 from carstage.config.fields import unknown
+from carstage.config.sampling import maps_of
 from carstage.config.scene import ReplayScenario
 from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError, ConfigError
@@ -74,9 +75,8 @@ def judge(config: Config, *, offline: bool = False) -> EpisodePlan:
     check_before_server(config, offline=offline)
     recording = recording_of(config)
     if offline and not isinstance(config.server, EmbeddedServerConfig):
-        names = [config.map.choice, *(config.map.random_from or ())]
-        names += [] if recording is None else [recording.map]
-        maps = {name.rsplit("/", 1)[-1] for name in names if name is not None}
+        names = [*maps_of(config), *([] if recording is None else [recording.map])]
+        maps = {name.rsplit("/", 1)[-1] for name in names}
         facts = ServerFacts(maps=dict.fromkeys({*maps, "any"}, _ANY_SPAWN_POINT))
         return plan_episodes(config, facts, recording)
     with server_lock(config), ServerSetup(config).facts() as facts:

@@ -12,6 +12,7 @@ from carstage.execution import Executor, InlineExecutor
 from carstage.plan import Shard, estimate_run, plan_episodes
 from carstage.runs.attempts import clear_up, left_runs, sweep
 from carstage.runs.continuing import environment_of, refuse_to_mix
+from carstage.runs.enough import QuotaWatch
 from carstage.runs.events import Notice, OnEvent, RunPlanned
 from carstage.runs.folder import RunFolder
 from carstage.runs.interruption import Interruption
@@ -28,7 +29,7 @@ from carstage.runs.preflight import (
 from carstage.runs.record import RunRecord
 from carstage.runs.server_lock import server_lock
 from carstage.runs.servers import ServerSetup
-from carstage.runs.session import Session
+from carstage.runs.session import ENOUGH, Session
 from carstage.runs.wakeup_pipe import WakeupPipe
 from carstage.storage import Store, local_folder, open_store
 
@@ -108,6 +109,10 @@ def run(
                 refuse_to_mix(out, present, plan.ids, settings, environment)
             episodes = plan[share.places]
             todo = episodes.without(present)
+            quotas = QuotaWatch(config, out, store, plan.ids)
+            if quotas.met():
+                notice(ENOUGH % len(todo))
+                episodes, todo = episodes.without(set(todo.ids)), todo[:0]
             estimate = estimate_run(config, todo)
             check_disk(out, estimate)
             store.initialise(config.name)
@@ -115,10 +120,11 @@ def run(
                 on_event(RunPlanned(estimate, len(todo), len(episodes) - len(todo)))
             with RunFolder(out, run_id) as folder, marked(folder.run_id), WakeupPipe() as wakeup:
                 folder.write_plan(config, episodes, environment, shard)
-                record = RunRecord(folder, interruption, on_event)
+                record = RunRecord(folder, interruption, quotas.listening(on_event))
                 session = Session(
                     config, setup, store, record, interruption, wakeup, retries, environment
                 )
+                session.enough = quotas.met
                 return session.run(episodes, todo, executor or InlineExecutor())
 
 

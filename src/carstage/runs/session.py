@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import selectors
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import Any
@@ -43,6 +43,8 @@ from carstage.runs.wakeup_pipe import WakeupPipe
 from carstage.selftest import Verdict
 from carstage.storage import Store
 from carstage.storage.disk import disk_error
+
+ENOUGH = "All quotas are met: %d planned episodes are not recorded."
 
 
 class Session:
@@ -93,6 +95,8 @@ class Session:
         self._recording: AttemptCommit | None = None
         self._failures: dict[str, str] = {}
         self._attempted = False
+        self.enough: Callable[[], bool] = lambda: False
+        """Whether no further episode need begin, though more are planned."""
 
     def run(self, episodes: EpisodePlan, todo: EpisodePlan, executor: Executor) -> RunResult:
         """Record ``todo``; the other episodes are in the dataset already."""
@@ -144,7 +148,7 @@ class Session:
             dataset=self._folder.dataset,
             folder=self._folder.path,
             state=state,
-            total=len(episodes),
+            total=self._status.episodes.total,
             committed=self._status.episodes.committed,
             skipped=self._status.episodes.skipped,
             frames=self._queue.frames,
@@ -334,6 +338,8 @@ class Session:
             with self._interruption.deferred():
                 self.poll()
             self._interruption.check()
+            if self._jobs and self.enough():
+                self._drop_jobs()
             if self._jobs and not self._queue.full:
                 job = self._jobs.popleft()
                 if not self._store.has(job.episode_id):
@@ -348,6 +354,13 @@ class Session:
             if not self._jobs and self._queue.under_way:
                 self._show_conversion()
             self._wait()
+
+    def _drop_jobs(self) -> None:
+        """Record nothing further: what is under way is still converted and committed."""
+        left = self._jobs.clear()
+        self._status.episodes.total -= left
+        self._status.message = ENOUGH % left
+        self._record.notice(self._status.message)
 
     def _skip(self, job: Job) -> None:
         """Another run on the dataset has committed the episode since this one began."""

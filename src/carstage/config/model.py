@@ -197,7 +197,7 @@ class Config(Section):
         None,
         title="Campaign",
         description="How settings are sampled that are a range, a choice or a distribution, and "
-        "quotas; see docs/campaigns.md.",
+        "quotas; see docs/how-to/campaigns.md.",
     )
 
     @model_validator(mode="before")

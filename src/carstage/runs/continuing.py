@@ -137,9 +137,9 @@ def _as_read_today(config: Any) -> Any:
 
 def _that_matters(config: Any) -> Any:
     """Settings without a campaign that samples nothing: its quotas alone change no episode."""
-    if isinstance(config, Mapping) and isinstance(config.get("campaign"), Mapping):
-        if not config["campaign"].get("sample"):
-            return {key: value for key, value in config.items() if key != "campaign"}
+    campaign = config.get("campaign") if isinstance(config, Mapping) else None
+    if isinstance(campaign, Mapping) and not campaign.get("sample"):
+        return {key: value for key, value in config.items() if key != "campaign"}
     return config
 
 

@@ -26,6 +26,9 @@ def estimate(
     no_pilot: Annotated[
         bool, typer.Option("--no-pilot", help="Record nothing; reckon by known figures.")
     ] = False,
+    pilot_seconds: Annotated[
+        float, typer.Option(min=1.0, max=3600.0, help="Simulated seconds of each, at most.")
+    ] = 3.0,
     workers: Annotated[
         int, typer.Option("--workers", min=1, max=100_000, help="Servers at the same time.")
     ] = 1,
@@ -54,7 +57,7 @@ def estimate(
     if no_pilot or not pilot:
         found = estimate_by_table(loaded, plan, workers=workers, prices=prices)
     else:
-        pilots = record_pilots(loaded, pilot, note)
+        pilots = record_pilots(loaded, pilot, note, longest_s=pilot_seconds)
         found = estimate_by_pilots(loaded, plan, pilots, workers=workers, prices=prices)
     if json:
         result_json(found.to_json())

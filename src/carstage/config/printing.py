@@ -29,6 +29,8 @@ def config_template() -> str:
         "# Car-STAGE configuration. Every key may be left out; these are the defaults.",
         "# What few change stands behind a `#`: take it away to set the key.",
         "# All keys, sensors and attributes: `carstage config schema` and docs/configuration.md.",
+        "# What an episode has may be sampled, such as vehicles: {count: {range: [10, 50]}}; see "
+        "docs/how-to/campaigns.md.",
     ]
     lines += _template(Config(), config_schema(), 0)
     return "\n".join(lines) + "\n"

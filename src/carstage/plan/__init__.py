@@ -8,6 +8,7 @@ from carstage.plan.episodes import EpisodePlan
 from carstage.plan.estimate import RunEstimate, estimate_run, estimate_tick_s
 from carstage.plan.facts import ServerFacts
 from carstage.plan.planning import PlanMatcher, plan_episodes
+from carstage.plan.sampling import Sampling
 from carstage.plan.scenario import Recording, Start, Track
 from carstage.plan.sharding import Shard
 
@@ -16,6 +17,7 @@ __all__ = [
     "PlanMatcher",
     "Recording",
     "RunEstimate",
+    "Sampling",
     "ServerFacts",
     "Shard",
     "Start",

@@ -15,6 +15,7 @@ import psutil
 
 from carstage.config import Config, check_config, dump_config
 from carstage.errors import CarStageError
+from carstage.plan import Sampling
 from carstage.runs.events import (
     AttemptReserved,
     EpisodeCommitted,
@@ -26,11 +27,12 @@ from carstage.runs.events import (
 from carstage.runs.running import run
 from carstage.storage import open_store
 
-PILOT_S = 2.0
+PILOT_S = 3.0
 """Simulated seconds of a pilot episode, at most."""
-_MOST_PLANNED = 1000
-"""Pilots are taken from so many episodes: the others are like them."""
+_FIRST_S = 1.0
+"""Of the episode before it: one segment of each sensor's raw log, so that all converters work."""
 _RETRIES = 1
+_PHASES = frozenset(("began", "stepped", "recorded", "committed"))
 
 
 class PilotError(CarStageError):
@@ -62,17 +64,23 @@ class Pilot:
 
 
 def record_pilots(
-    config: Config, count: int, notice: Callable[[str], None] = lambda sentence: None
+    config: Config,
+    count: int,
+    notice: Callable[[str], None] = lambda sentence: None,
+    *,
+    longest_s: float = PILOT_S,
 ) -> list[Pilot]:
     """Record some episodes of a configuration, shortened, into a folder that is then removed.
 
     They are spread evenly over the configuration. Each has a server of its own, so that what one
-    leaves to be done does not count as the next one's.
+    leaves to be done does not count as the next one's. A shorter episode goes before it: what a
+    server and the converters do once in their life is not the pilot's.
 
     Args:
         config: the configuration.
         count: how many, at most as many as it has episodes.
         notice: told of what goes on.
+        longest_s: simulated seconds of a pilot, at most.
 
     Raises:
         BadInputError: something in the configuration cannot be; nothing was started.
@@ -80,47 +88,44 @@ def record_pilots(
         CarStageError: the server does not start, or the disk is full.
         KeyboardInterrupt: the user ended it.
     """
-    short = _shortened(config)
-    total = short.episodes
-    count = min(count, total)
+    sampling = Sampling(config)
+    count = min(count, config.episodes)
     pilots = []
     for number in range(count):
-        index = (2 * number + 1) * total // (2 * count)
+        index = (2 * number + 1) * config.episodes // (2 * count)
         notice(f"Pilot {number + 1} of {count}: episode {index + 1}, shortened.")
+        short = shortened(sampling.config(index), longest_s)
         with tempfile.TemporaryDirectory(prefix="carstage-pilot-") as folder:
             pilots.append(_record(short, Path(folder) / "pilot", index, notice))
     return pilots
 
 
-def _shortened(config: Config) -> Config:
-    """The configuration with short episodes, none of which a quota leaves out."""
+def shortened(config: Config, longest_s: float = PILOT_S) -> Config:
+    """Two episodes like one of a configuration: a very short one, then a short one.
+
+    Args:
+        config: the configuration of one episode.
+        longest_s: simulated seconds of the second one, at most.
+    """
     document = dump_config(config)
-    document["duration_s"] = min(config.duration_s, PILOT_S)
-    document["episodes"] = min(config.episodes, _MOST_PLANNED)
+    durations_s = [min(config.duration_s, most_s) for most_s in (_FIRST_S, longest_s)]
     document["output"]["keep_raw"] = False
-    campaign = document.get("campaign")
-    if campaign is not None:
-        campaign["quotas"] = []
-        campaign["sample"].pop("duration_s", None)
-        campaign["strata"] = [name for name in campaign["strata"] if name != "duration_s"]
-        if campaign["method"] == "stratified" and not campaign["strata"]:
-            campaign["method"] = "random"
-            campaign["repeats"] = 1
+    document["episodes"] = 2
+    document["campaign"] = {"method": "grid", "sample": {"duration_s": {"choice": durations_s}}}
     return check_config(document)
 
 
 def _record(config: Config, out: Path, index: int, notice: Callable[[str], None]) -> Pilot:
     clock = _PhaseClock(notice)
-    shard = f"{index + 1}/{config.episodes}"
-    ended = run(config, out, clock, retries=_RETRIES, shard=shard)
+    ended = run(config, out, clock, retries=_RETRIES)
     if ended.state == "interrupted":
         raise KeyboardInterrupt
-    if not {"began", "stepped", "recorded", "committed"} <= clock.times.keys():
+    if ended.failures or not clock.times.keys() >= _PHASES:
         reason = next(iter(ended.failures.values()), "it was not recorded.")
         raise PilotError(f"Pilot episode {index + 1} failed: {reason}", "Record it by itself.")
     began, stepped = clock.times["began"], clock.times["stepped"]
     recorded, committed = clock.times["recorded"], clock.times["committed"]
-    marker = next(iter(open_store(out).committed().values()))
+    marker = open_store(out).committed()[clock.episode_id]
     return Pilot(
         index=index,
         frames=marker.frames,
@@ -143,9 +148,10 @@ class _Moment:
 
 @dataclass(slots=True)
 class _PhaseClock:
-    """Hears of a run's events, and remembers when the phases of its one episode began."""
+    """Hears of a run's events, and remembers when the phases of its last episode began."""
 
     notice: Callable[[str], None]
+    episode_id: str = ""
     times: dict[str, _Moment] = field(default_factory=dict)
     raw_bytes: int = 0
 
@@ -153,14 +159,15 @@ class _PhaseClock:
         if isinstance(event, Notice):
             self.notice(event.sentence)
         elif isinstance(event, AttemptReserved):
-            self.times.clear()  # of an attempt that failed
-            self.raw_bytes = 0
+            self.episode_id, self.raw_bytes = event.episode_id, 0
+            self.times.clear()
             self._mark("began")
         elif isinstance(event, EpisodeRecorded):
             self._mark("recorded")
         elif isinstance(event, EpisodeCommitted):
-            self._mark("committed")
-        elif isinstance(event, OtherEvent):
+            if event.episode_id == self.episode_id:
+                self._mark("committed")
+        elif isinstance(event, OtherEvent) and event.fields.get("episode_id") == self.episode_id:
             if event.name == "tick" and "stepped" not in self.times:
                 self._mark("stepped")
             elif event.name == "segment_sealed":

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from carstage.config import Config, parse_config
-from carstage.plan import ServerFacts, plan_episodes
+from carstage.plan import Sampling, ServerFacts, plan_episodes
 from carstage.runs.estimating import Prices, estimate_by_pilots, estimate_by_table
-from carstage.runs.pilot import Mean, Pilot, _shortened, record_pilots, tree_cpu_s
+from carstage.runs.pilot import Mean, Pilot, record_pilots, shortened, tree_cpu_s
 
 FACTS = ServerFacts(maps={"Stage01": 50})
 PILOT = Pilot(
@@ -96,14 +96,12 @@ def test_without_pilots_the_table_is_asked() -> None:
     assert found.hours > 0
 
 
-def test_pilots_are_short_and_stop_at_no_quota() -> None:
-    short = _shortened(parse_config(SMALL))
-    assert short.duration_s <= 2.0
-    assert short.campaign is not None
-    assert not short.campaign.quotas
-    assert set(short.campaign.sample) == {"vehicles.count"}
-    assert _shortened(parse_config("{duration_s: 0.5, episodes: 5000}")).episodes == 1000
-    assert _shortened(parse_config("duration_s: 0.5")).duration_s == 0.5
+def test_a_pilot_is_a_short_episode_after_a_shorter_one() -> None:
+    sampling = Sampling(parse_config(SMALL))
+    for index, steps in ((0, [5, 5]), (1, [10, 30])):
+        plan = plan_episodes(shortened(sampling.config(index)), FACTS)
+        assert [spec.steps for spec in plan] == steps
+        assert {spec.vehicles.count for spec in plan} == {sampling.config(index).vehicles.count}
 
 
 def test_cpu_time_of_children_counts_while_they_live_and_after() -> None:

@@ -284,9 +284,11 @@ class _Found:
         Raises:
             ConfigError: the setting cannot be sampled.
         """
-        if path[0] in _OF_A_RUN:
+        which_sensors = path[0] == "rig" and (len(path) < 4 or path[3:] in (("id",), ("kind",)))
+        if path[0] in _OF_A_RUN or which_sensors:
             message = "it is the same in all episodes of a run."
-            raise error_of([(place, message, "Give one value.")])
+            hint = "Sample the sensors' own settings." if which_sensors else "Give one value."
+            raise error_of([(place, message, hint)])
         self.samples[path] = raw
         self.places[path] = place
 

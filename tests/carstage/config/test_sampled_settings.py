@@ -93,6 +93,11 @@ def test_strata_and_grids_decide_how_many_episodes_there_are() -> None:
         ("weather: {choice: [ClearNoon, Wet]}", "weather.choice[1]: unknown weather preset 'Wet'."),
         ("traffic: {choice: [{distance_m: {range: [1, 2]}}]}", "traffic.choice[0]: a choice holds"),
         ("server: {port: {range: [2000, 3000]}}", "server.port: it is the same in all episodes"),
+        ("rig: {preset: {choice: [demo, kitti]}}", "rig.preset: it is the same in all episodes"),
+        (
+            "rig: {sensors: [{id: A, kind: {choice: [lidar, radar]}}]}",
+            "rig.sensors[0].kind: it is the same in all episodes",
+        ),
         ("seed: {range: [1, 2]}", "seed: it is the same in all episodes"),
         ("scenario: {choice: [{kind: replay, episode: x}]}", "scenario.choice[0]: a replay is"),
         ("campaign: {sample: {'..': {range: [1, 2]}}}", "campaign.sample...: this is no path"),

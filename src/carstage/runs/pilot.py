@@ -29,8 +29,8 @@ from carstage.storage import open_store
 
 PILOT_S = 3.0
 """Simulated seconds of a pilot episode, at most."""
-_FIRST_S = 1.0
-"""Of the episode before it: one segment of each sensor's raw log, so that all converters work."""
+_FIRST_S = 3.0
+"""Of the episode before it, in which each converter compiles or loads what it needs."""
 _RETRIES = 1
 _PHASES = frozenset(("began", "stepped", "recorded", "committed"))
 
@@ -73,7 +73,7 @@ def record_pilots(
     """Record some episodes of a configuration, shortened, into a folder that is then removed.
 
     They are spread evenly over the configuration. Each has a server of its own, so that what one
-    leaves to be done does not count as the next one's. A shorter episode goes before it: what a
+    leaves to be done does not count as the next one's. Another episode goes before it: what a
     server and the converters do once in their life is not the pilot's.
 
     Args:
@@ -101,7 +101,7 @@ def record_pilots(
 
 
 def shortened(config: Config, longest_s: float = PILOT_S) -> Config:
-    """Two episodes like one of a configuration: a very short one, then a short one.
+    """Two short episodes like one of a configuration: the first warms server and converters up.
 
     Args:
         config: the configuration of one episode.

@@ -96,9 +96,9 @@ def test_without_pilots_the_table_is_asked() -> None:
     assert found.hours > 0
 
 
-def test_a_pilot_is_a_short_episode_after_a_shorter_one() -> None:
+def test_a_pilot_is_the_second_of_two_short_episodes() -> None:
     sampling = Sampling(parse_config(SMALL))
-    for index, steps in ((0, [5, 5]), (1, [10, 30])):
+    for index, steps in ((0, [5, 5]), (1, [30, 30])):
         plan = plan_episodes(shortened(sampling.config(index)), FACTS)
         assert [spec.steps for spec in plan] == steps
         assert {spec.vehicles.count for spec in plan} == {sampling.config(index).vehicles.count}

@@ -23,6 +23,7 @@ REASONS = {
     "carstage/annotation/pixel_kernel.py classify": _LOOP,
     "carstage/cli/app.py run": _OPTIONS,
     "carstage/cli/comparison.py run": _OPTIONS,
+    "carstage/cli/estimate.py estimate": _OPTIONS,
     "carstage/cli/export.py export": _OPTIONS,
     "carstage/codecs/png/deflate_kernel.py _literals": _KERNEL,
     "carstage/collector/internals/writing.py __init__": _OWNER,

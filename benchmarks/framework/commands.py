@@ -81,6 +81,17 @@ def hashing(
     return report(measure_hashing(rounds), json)
 
 
+@benchmark("planning", takes="1 minute")
+def planning(
+    episodes: Annotated[int, typer.Option(min=2, max=100_000, help="To plan.")] = 100_000,
+    json: Json = False,
+) -> int:
+    """What planning 100,000 episodes costs in CPU time and memory."""
+    from benchmarks.framework.planning import measure_planning
+
+    return report(measure_planning(episodes), json)
+
+
 @benchmark("memory", takes="20 minutes")
 def memory(
     frames: Annotated[int, typer.Option(min=100, help="To record.")] = 10_000,

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from carstage.config import load_config
 from carstage.dataset import Dataset
+from carstage.runs.preflight import judge
 from recorded_dataset import FRAMES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -89,3 +91,19 @@ def test_the_readme_lists_every_example() -> None:
     assert re.findall(r"examples/(\w+\.py)", readme) == sorted(
         programs, key=lambda name: readme.index(name)
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "episodes"), [("night_crowds.yaml", 400), ("sweep_lidar.yaml", 5 * 3 * 2)]
+)
+def test_example_campaigns_can_be_recorded(name: str, episodes: int) -> None:
+    plan = judge(load_config(EXAMPLES / name))
+    assert len(plan) == len(set(plan.ids)) == episodes
+    assert name in (EXAMPLES / "README.md").read_text("utf-8")
+    head = [spec.vehicles.count for spec in plan[:30]]
+    assert len(set(head)) >= 5
+
+
+def test_every_example_configuration_is_tested() -> None:
+    names = sorted(path.name for path in EXAMPLES.glob("*.yaml"))
+    assert names == ["night_crowds.yaml", "sweep_lidar.yaml"]

@@ -10,6 +10,8 @@ import typer
 
 from carstage.cli import comparison  # noqa: F401 - adds its commands to bench_app
 from carstage.cli.bench import bench_app
+from carstage.cli.campaign import campaign_app
+from carstage.cli.estimate import estimate
 from carstage.cli.export import export
 from carstage.cli.gui import gui
 from carstage.cli.output import (
@@ -40,6 +42,8 @@ app = typer.Typer(
 config_app = typer.Typer(help="Write, check and describe configurations.", no_args_is_help=True)
 app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
+app.add_typer(campaign_app, name="campaign")
+app.command()(estimate)
 app.command()(export)
 app.command()(gui)
 app.command()(split)

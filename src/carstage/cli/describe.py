@@ -21,19 +21,24 @@ def describe_config(config: Config, *, offline: bool = False) -> tuple[dict[str,
     summary = {
         "ok": True,
         "episodes": len(episodes),
-        "frames": config.saved_frames * len(episodes),
+        "frames": episodes.frames,
         "sensors": len(config.sensors),
         "hidden_sensors": hidden,
         "dataset_bytes": estimate.dataset_bytes,
         "peak_bytes": estimate.peak_bytes,
         "duration_s": round(estimate.duration_s),
+        "sampled": [] if config.campaign is None else list(config.campaign.sample),
         "warnings": config.warnings(),
     }
+    each = sorted({int(frames) for frames in episodes.costs["frames"]})
+    frames = f"{each[0]}" if len(each) == 1 else f"{each[0]} to {each[-1]}"
     text = (
-        f"{config.name}: {len(episodes)} x {config.saved_frames} frames, "
+        f"{config.name}: {len(episodes)} x {frames} frames, "
         f"{len(config.sensors)} sensors (and {hidden} hidden ones for labels), about "
         f"{size_text(estimate.dataset_bytes)}, {size_text(estimate.peak_bytes)} at most on the way."
     )
+    if config.campaign is not None and config.campaign.sample:
+        text += f"\nsampled ({config.campaign.method}): {', '.join(config.campaign.sample)}."
     for warning in config.warnings():
         text += f"\nwarning: {warning}"
     return summary, text

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from pydantic import ValidationError
@@ -157,7 +157,16 @@ def config_error(error: ValidationError, data: Any) -> ConfigError:
         found[path] = (message, hint)
     for above in {path[:length] for path in found for length in range(len(path))}:
         found.pop(above, None)  # the word of `auto` or a section, where the section was meant
-    problems = tuple((path, message, hint) for path, (message, hint) in found.items())
+    return error_of((path, message, hint) for path, (message, hint) in found.items())
+
+
+def error_of(found: Iterable[tuple[tuple[str | int, ...], str, str]]) -> ConfigError:
+    """One error for several problems.
+
+    Args:
+        found: path, message and hint of each.
+    """
+    problems = tuple(found)
     lines = [
         (f"{path_text(path)}: {message}" if path else message, hint)
         for path, message, hint in problems

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
@@ -12,18 +11,16 @@ from typing import Any
 from pydantic import ValidationError
 
 from carstage.config.explain import config_error
-from carstage.config.fields import path_text, shortened, unknown
+from carstage.config.fields import shortened
 from carstage.config.model import Config
-from carstage.config.plain_values import DEEPEST, plain_copy
+from carstage.config.paths import place_value, steps_of
+from carstage.config.plain_values import plain_copy
+from carstage.config.sampling import check_samples, take_samples
 from carstage.config.yaml_text import parse_yaml
 from carstage.errors import ConfigError
 from carstage.files.bounded import read_bounded
 
-#: Sections that may be written as their `choice` alone.
-_SHORT_FORMS = frozenset({"map", "weather"})
 _MOST_BYTES = 2_000_000
-_STEP = re.compile(r"\.?([A-Za-z_][A-Za-z0-9_-]*)|\[([^\]]+)\]|\.([0-9]+)")
-_INDEX = re.compile("[0-9]{1,9}")
 
 
 def load_config(path: Path | str, overrides: Iterable[str] = ()) -> Config:
@@ -89,10 +86,13 @@ def check_config(document: dict[str, Any]) -> Config:
         raise ConfigError(
             "The document is not a mapping of keys to values.", "See `carstage config init`."
         )
+    counted = "episodes" not in document
+    in_words_of_the_user = take_samples(document)
     try:
-        return Config.model_validate_json(json.dumps(document))
+        config = Config.model_validate_json(json.dumps(document))
     except ValidationError as error:
-        raise config_error(error, document) from error
+        raise in_words_of_the_user(config_error(error, document)) from error
+    return check_samples(config, in_words_of_the_user, count_episodes=counted)
 
 
 def dump_config(config: Config) -> dict[str, Any]:
@@ -102,72 +102,11 @@ def dump_config(config: Config) -> dict[str, Any]:
 
 def _override(document: dict[str, Any], override: str) -> None:
     key, separator, text = override.partition("=")
-    steps = _steps(key.strip())
+    steps = steps_of(key.strip())
     if not separator or steps is None:
         raise ConfigError(
             f"--set {shortened(override)}: this is not key=value.",
             "Write, for example, --set fps=20 or --set rig.sensors[0].attributes.fov_deg=60.",
         )
     value = parse_yaml(text, f"--set {shortened(key)}")
-    here: Any = document
-    for position, step in enumerate(steps):
-        last = position == len(steps) - 1
-        if isinstance(here, list):
-            step = _index(here, step, override)
-            if last:
-                here[step] = value
-            here = here[step]
-        elif isinstance(here, dict):
-            name = str(step)
-            if last:
-                here[name] = value
-            elif not isinstance(here.get(name), dict | list):
-                here[name] = _long_form(here, name, steps[position + 1])
-            here = here[name]
-        else:
-            above = f"{path_text(steps[:position])} is {shortened(repr(here))}"
-            raise ConfigError(
-                f"--set {shortened(override)}: {above}, and nothing is below that.",
-                f"Set {path_text(steps[:position])} instead.",
-            )
-
-
-def _long_form(document: dict[str, Any], name: str, key: str | int) -> dict[str, Any]:
-    """The mapping that a short form such as `weather: WetNoon` stands for, to set ``key`` in it."""
-    value = document.get(name)
-    if name in _SHORT_FORMS and isinstance(value, str) and key not in ("choice", "random_from"):
-        return {"choice": value}
-    return {}
-
-
-def _steps(key: str) -> list[str | int] | None:
-    steps: list[str | int] = []
-    position = 0
-    while position < len(key):
-        match = _STEP.match(key, position)
-        if match is None:
-            return None
-        name, bracket, number = match.groups()
-        text = name or bracket or number
-        steps.append(int(text) if _INDEX.fullmatch(text) else text)
-        position = match.end()
-    return steps if 0 < len(steps) <= DEEPEST else None
-
-
-def _index(items: list[Any], step: str | int, override: str) -> int:
-    if isinstance(step, int):
-        if step < len(items):
-            return step
-        raise ConfigError(
-            f"--set {shortened(override)}: there is no entry {step}.",
-            f"The list has {len(items)} entries, counted from 0.",
-        )
-    ids = [str(item.get("id")) for item in items if isinstance(item, dict)]
-    if step not in ids:
-        message, hint = unknown("entry", step, ids)
-        raise ConfigError(f"--set {shortened(override)}: {message}", hint)
-    return next(
-        position
-        for position, item in enumerate(items)
-        if isinstance(item, dict) and str(item.get("id")) == step
-    )
+    place_value(document, steps, value, f"--set {shortened(override)}")

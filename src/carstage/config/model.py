@@ -7,6 +7,7 @@ from typing import Any, Literal
 from pydantic import model_validator
 
 from carstage.config.attributes import ImageSize, SweepAttributes
+from carstage.config.campaign import Campaign, Condition
 from carstage.config.conversion import Conversion
 from carstage.config.fields import Section, path_text, problem, setting, unknown
 from carstage.config.labels import GroundTruth, Labels
@@ -192,6 +193,12 @@ class Config(Section):
         description="How raw recordings are written, and what stays on disk.",
         group="output",
     )
+    campaign: Campaign | None = setting(
+        None,
+        title="Campaign",
+        description="How settings are sampled that are a range, a choice or a distribution, and "
+        "quotas; see docs/how-to/campaigns.md.",
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -207,13 +214,17 @@ class Config(Section):
 
     @model_validator(mode="after")
     def _check_together(self) -> Config:
+        self.check_together()
+        return self
+
+    def check_together(self) -> None:
+        """Refuse settings that do not go together, though each is right by itself.
+
+        Raises:
+            PydanticCustomError: with the path of one of them.
+        """
         check_substepping(self.timing, self.fps)
-        if self.steps < 1:
-            raise problem(
-                f"{self.duration_s:g} s at {self.fps:g} Hz are no step.",
-                f"Record at least {1.0 / self.fps:g} s.",
-                "duration_s",
-            )
+        self.check_steps()
         for path, sensor in self.located_sensors():
             self._check_sensor(path, sensor)
         ids = {sensor.id for sensor in self.sensors}
@@ -225,7 +236,34 @@ class Config(Section):
             if name not in ids:
                 message, hint = unknown("sensor", name, ids)
                 raise problem(message, hint, "conversion", "codecs", name)
-        return self
+        for position, quota in enumerate(() if self.campaign is None else self.campaign.quotas):
+            self._check_condition(quota.where, "campaign", "quotas", position, "where")
+
+    def check_steps(self) -> None:
+        """Refuse an episode without a step.
+
+        Raises:
+            PydanticCustomError: it is too short.
+        """
+        if self.steps < 1:
+            raise problem(
+                f"{self.duration_s:g} s at {self.fps:g} Hz are no step.",
+                f"Record at least {1.0 / self.fps:g} s.",
+                "duration_s",
+            )
+
+    def _check_condition(self, where: Condition, *path: str | int) -> None:
+        """What a quota asks of the label tables is written into them."""
+        sun = (where.sun_altitude_above_deg, where.sun_altitude_below_deg)
+        distance = (where.min_distance_m, where.max_distance_m)
+        needs = (
+            (sun, self.ground_truth.ego_motion, "ground_truth.ego_motion: true"),
+            (distance, "3d" in self.labels.boxes, "`3d` in labels.boxes"),
+            ((where.min_visibility,), self.labels.method != "stage_vo", "pixels in labels.method"),
+        )
+        for values, there, what in needs:
+            if any(value is not None for value in values) and not there:
+                raise problem(f"nothing tells without {what}.", "Add it.", *path)
 
     def _check_sensor(self, path: tuple[str | int, ...], sensor: Sensor) -> None:
         attributes = sensor.attributes

@@ -29,6 +29,8 @@ def config_template() -> str:
         "# Car-STAGE configuration. Every key may be left out; these are the defaults.",
         "# What few change stands behind a `#`: take it away to set the key.",
         "# All keys, sensors and attributes: `carstage config schema` and docs/configuration.md.",
+        "# What an episode has may be sampled, such as vehicles: {count: {range: [10, 50]}}; see "
+        "docs/how-to/campaigns.md.",
     ]
     lines += _template(Config(), config_schema(), 0)
     return "\n".join(lines) + "\n"
@@ -109,6 +111,8 @@ def _sections(path: str, node: Schema, root: Schema) -> Iterator[tuple[str, Sche
             yield path, section
             for key, below in section["properties"].items():
                 yield from _sections(f"{path}.{key}", below, root)
+        elif isinstance(section.get("additionalProperties"), dict):
+            yield from _sections(f"{path}.KEY", section["additionalProperties"], root)
 
 
 def _table(section: Schema, root: Schema, prefix: str, *, carla: bool = False) -> list[str]:

@@ -4,15 +4,20 @@
 ``Shard`` is a share of them.
 """
 
+from carstage.plan.episodes import EpisodePlan
 from carstage.plan.estimate import RunEstimate, estimate_run, estimate_tick_s
 from carstage.plan.facts import ServerFacts
-from carstage.plan.planning import plan_episodes
+from carstage.plan.planning import PlanMatcher, plan_episodes
+from carstage.plan.sampling import Sampling
 from carstage.plan.scenario import Recording, Start, Track
 from carstage.plan.sharding import Shard
 
 __all__ = [
+    "EpisodePlan",
+    "PlanMatcher",
     "Recording",
     "RunEstimate",
+    "Sampling",
     "ServerFacts",
     "Shard",
     "Start",

@@ -7,11 +7,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from carstage.config import Config
+from carstage.plan.episodes import EpisodePlan
 from carstage.plan.rig import geometry
 from carstage.sensor_kinds import sensor_kind
 from carstage.spec import EpisodeSpec, ReplaySpec, SensorSpec
+
+COST = np.dtype(
+    [
+        ("dataset_bytes", np.int64),
+        ("raw_bytes", np.int64),
+        ("duration_s", np.float64),
+        ("steps", np.int64),
+        ("frames", np.int64),
+    ]
+)
+"""What an episode will need; see :func:`episode_cost`."""
 
 _BYTES_PER_ACTOR = 68
 _BYTES_PER_RECORD = 512  # header, padding, JSON
@@ -43,16 +59,57 @@ class RunEstimate:
 
 
 def estimate_run(config: Config, episodes: Sequence[EpisodeSpec]) -> RunEstimate:
-    """Estimate the episodes that are still to be recorded."""
-    raw = [_raw_bytes(spec) for spec in episodes]
-    dataset_bytes = sum(_dataset_bytes(spec) for spec in episodes)
+    """Estimate the episodes that are still to be recorded.
+
+    Args:
+        config: says what is kept on the way.
+        episodes: a plan, which knows its costs, or specifications.
+    """
+    costs = costs_of(episodes)
+    raw = costs["raw_bytes"]
     kept_at_once = len(raw) if config.output.keep_raw or config.conversion.mode == "deferred" else 2
+    dataset_bytes = int(costs["dataset_bytes"].sum())
     return RunEstimate(
         dataset_bytes=dataset_bytes,
-        raw_bytes=sum(raw),
-        peak_bytes=dataset_bytes + sum(sorted(raw)[-kept_at_once:]),
-        duration_s=_START_S + sum(_duration_s(spec) for spec in episodes),
+        raw_bytes=int(raw.sum()),
+        peak_bytes=dataset_bytes + int(np.sort(raw)[-kept_at_once:].sum()),
+        duration_s=_START_S + float(costs["duration_s"].sum()),
     )
+
+
+def costs_of(episodes: Sequence[EpisodeSpec]) -> NDArray[Any]:
+    """``(N,)`` of ``COST``: what each episode will need."""
+    if isinstance(episodes, EpisodePlan):
+        return episodes.costs
+    return np.array([episode_cost(spec) for spec in episodes], COST)
+
+
+def episode_cost(spec: EpisodeSpec) -> tuple[int, int, float, int, int]:
+    """What an episode will need: bytes in the dataset and raw, seconds, steps, saved frames."""
+    return _dataset_bytes(spec), _raw_bytes(spec), _duration_s(spec), spec.steps, spec.saved_frames
+
+
+class EpisodeCosts:
+    """Costs of episodes that have their sensors in common; what comes again is not computed again.
+
+    One is for one plan.
+    """
+
+    def __init__(self) -> None:
+        self._sensors: object = None
+        self._known: dict[tuple[Any, ...], tuple[int, int, float, int, int]] = {}
+
+    def of(self, spec: EpisodeSpec) -> tuple[int, int, float, int, int]:
+        """:func:`episode_cost` of a specification."""
+        if spec.sensors is not self._sensors:
+            self._sensors = spec.sensors  # kept, so no others can have their identity
+            self._known.clear()
+        users = (road_users(spec), spec.pedestrians.count)
+        key = (*users, spec.steps, spec.fps, spec.save_every, spec.warmup_ticks)
+        found = self._known.get(key)
+        if found is None:
+            found = self._known[key] = episode_cost(spec)
+        return found
 
 
 def road_users(spec: EpisodeSpec) -> int:

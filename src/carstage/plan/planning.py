@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import fields
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from carstage.config import Config
 from carstage.config.fields import unknown
+from carstage.config.labels import Labels
+from carstage.config.sampling import Variants, dimensions
 from carstage.config.scene import Stand as ConfiguredStand
+from carstage.config.timing import Timing
+from carstage.config.traffic import Vehicles
+from carstage.config.weather import WeatherConfig
 from carstage.errors import ConfigError
+from carstage.plan.canonical import CanonicalTexts
+from carstage.plan.draws import Draws
+from carstage.plan.episodes import EpisodePlan
+from carstage.plan.estimate import COST, EpisodeCosts
 from carstage.plan.facts import ServerFacts
 from carstage.plan.offered import check_offered
 from carstage.plan.rig import plan_sensors
+from carstage.plan.sampling import Sampling
 from carstage.plan.scenario import Recording, plan_scenario
 from carstage.spec import (
     EgoSpec,
@@ -36,9 +46,12 @@ _CHOICES_STREAM = 1000
 _LARGEST_SEED = 0x7FFF_FFFF  # CARLA keeps noise seeds in signed 32-bit integers
 
 
+Made = TypeVar("Made")
+
+
 def plan_episodes(
     config: Config, facts: ServerFacts, recording: Recording | None = None
-) -> tuple[EpisodeSpec, ...]:
+) -> EpisodePlan:
     """The episodes of a configuration.
 
     The same configuration and facts always give the same episodes: an episode's draws depend on the
@@ -54,70 +67,192 @@ def plan_episodes(
             beyond its limits, or the recording is shorter than the episode.
     """
     check_offered(config, facts, recording)
-    maps = _maps(config, facts, recording)
-    sensors = plan_sensors(config)
-    substeps = config.timing.substeps(config.fps)
-    episodes = []
+    _check_samples_offered(config, facts, recording)
+    make = _Planner(config, facts, recording).episode
+    texts, costs = CanonicalTexts(), EpisodeCosts()
+    ids, needs = [], np.empty(config.episodes, COST)
     for index in range(config.episodes):
-        draw = np.random.default_rng(_sequence(config.seed, index, _CHOICES_STREAM))
+        spec = make(index)
+        ids.append(texts.episode_id(spec))
+        needs[index] = costs.of(spec)
+    return EpisodePlan(make, np.arange(config.episodes), tuple(ids), needs)
+
+
+def _check_samples_offered(config: Config, facts: ServerFacts, recording: Recording | None) -> None:
+    """Refuse sampled values that the server does not have, before any of them is drawn.
+
+    Raises:
+        ConfigError: with the path of the value.
+    """
+    for dimension in dimensions(config):
+        variants = Variants(config, [dimension.path])
+        for place, value in dimension.sampled.ends:
+            varied = variants.with_values({dimension.path: value})
+            try:
+                check_offered(varied, facts, recording)
+                _maps(varied, facts, recording)
+            except ConfigError as error:
+                message = error.message
+                if message.startswith(dimension.name):
+                    message = dimension.path_to(place) + message.removeprefix(dimension.name)
+                raise ConfigError(message, error.hint) from error
+
+
+class _Planner:
+    """Makes specifications; sections that episodes have in common are made once.
+
+    Args:
+        config: what the user asks for.
+        facts: what the server offers.
+        recording: what scenario ``replay`` moves the road users by.
+    """
+
+    def __init__(self, config: Config, facts: ServerFacts, recording: Recording | None) -> None:
+        self.sampling = Sampling(config)
+        self._facts = facts
+        self._recording = recording
+        self._draws = Draws(config.seed)
+        self._made: dict[str, tuple[tuple[Any, ...], Any]] = {}
+
+    def episode(self, index: int) -> EpisodeSpec:
+        """The specification of an index.
+
+        Raises:
+            ConfigError: the server lacks a map or a spawn point.
+        """
+        config, facts = self.sampling.config(index), self._facts
         # Each choice is drawn whether it is free or not, so that fixing one moves no other.
-        map_draw, weather_draw, spawn_draw = draw.random(3)
+        map_draw, weather_draw, spawn_draw = self._draws.uniform(index, _CHOICES_STREAM, 3)
+        maps = self._once("maps", (config.map,), lambda: _maps(config, facts, self._recording))
         map_name = _pick(maps, map_draw)
-        episodes.append(
-            EpisodeSpec(
-                dialect=facts.dialect,
-                index=index,
-                map=map_name,
-                map_layers=None if config.map.layers == "all" else config.map.layers,
-                weather=_weather(config, weather_draw),
-                steps=config.steps,
-                fps=config.fps,
-                save_every=config.save_every,
-                warmup_ticks=config.timing.warmup_ticks,
-                timing=TimingSpec(
-                    mode=config.timing.mode,
-                    sensor_sync=config.timing.sensor_sync,
-                    max_substep_delta_time_s=substeps.max_substep_delta_time_s,
-                    max_substeps=substeps.max_substeps,
-                    on_incomplete=config.timing.on_incomplete,
-                ),
-                vehicles=VehiclesSpec(
-                    **config.vehicles.model_dump(exclude={"groups"}),
-                    groups=tuple(
-                        GroupSpec(**group.model_dump()) for group in config.vehicles.groups
-                    ),
-                ),
-                pedestrians=PedestriansSpec(**config.pedestrians.model_dump()),
-                traffic=TrafficSpec(**config.traffic.model_dump()),
-                ego=EgoSpec(
-                    blueprint=config.ego.blueprint,
-                    color=None if config.ego.color == "random" else config.ego.color,
-                    **_start(config, facts, map_name, spawn_draw),
-                ),
-                scenario=plan_scenario(config, facts.count(map_name), recording),
-                sensors=sensors,
-                labels=LabelsSpec(
-                    **config.labels.model_dump(
-                        exclude={"cameras", "lidars", "boxes", "level_objects"}
-                    ),
-                    boxes=tuple(sorted(set(config.labels.boxes))),
-                    level_objects=tuple(sorted(set(config.labels.level_objects))),
-                ),
-                ground_truth=GroundTruthSpec(**config.ground_truth.model_dump()),
-                max_distance_m=config.max_distance_m,
-                min_lidar_points=config.min_lidar_points,
-                seeds=Seeds(
-                    *(_seed(config.seed, index, position) for position in range(len(fields(Seeds))))
-                ),
-            )
+        preset = _pick(config.weather.presets, weather_draw) if config.weather.presets else None
+        scenario = self._once(
+            "scenario",
+            (config.scenario, map_name, config.duration_s, config.fps),
+            lambda: plan_scenario(config, facts.count(map_name), self._recording),
         )
-    return tuple(episodes)
+        weather = self._once(
+            "weather", (config.weather, preset), lambda: _weather(config.weather, preset)
+        )
+        return EpisodeSpec(
+            **self.settings(config),
+            index=index,
+            map=map_name,
+            weather=weather,
+            ego=EgoSpec(
+                blueprint=config.ego.blueprint,
+                color=None if config.ego.color == "random" else config.ego.color,
+                **_start(config, facts, map_name, spawn_draw),
+            ),
+            scenario=scenario,
+            seeds=self.seeds(index),
+        )
+
+    def seeds(self, index: int) -> Seeds:
+        """One integer for each consumer of randomness in an episode."""
+        words = (self._draws.word(index, stream) for stream in range(len(fields(Seeds))))
+        return Seeds(*(word & _LARGEST_SEED for word in words))
+
+    def _once(self, name: str, of: tuple[Any, ...], make: Callable[[], Made]) -> Made:
+        """What was made of the very same values before, or else is made now."""
+        known = self._made.get(name)
+        if known is None or not all(a is b for a, b in zip(known[0], of, strict=True)):
+            known = self._made[name] = (of, make())
+        made: Made = known[1]
+        return made
+
+    def settings(self, config: Config) -> dict[str, Any]:
+        """The keys of a specification that follow from the settings alone."""
+        once, timing = self._once, config.timing
+        rig = (config.rig, config.labels, config.fps, config.image_size)
+        return {
+            "dialect": self._facts.dialect,
+            "map_layers": None if config.map.layers == "all" else config.map.layers,
+            "steps": config.steps,
+            "fps": config.fps,
+            "save_every": config.save_every,
+            "warmup_ticks": timing.warmup_ticks,
+            "timing": once("timing", (timing, config.fps), lambda: _timing(timing, config.fps)),
+            "vehicles": once("vehicles", (config.vehicles,), lambda: _vehicles(config.vehicles)),
+            "pedestrians": once(
+                "pedestrians",
+                (config.pedestrians,),
+                lambda: PedestriansSpec(**config.pedestrians.model_dump()),
+            ),
+            "traffic": once(
+                "traffic", (config.traffic,), lambda: TrafficSpec(**config.traffic.model_dump())
+            ),
+            "sensors": once("sensors", rig, lambda: plan_sensors(config)),
+            "labels": once("labels", (config.labels,), lambda: _labels(config.labels)),
+            "ground_truth": once(
+                "ground_truth",
+                (config.ground_truth,),
+                lambda: GroundTruthSpec(**config.ground_truth.model_dump()),
+            ),
+            "max_distance_m": config.max_distance_m,
+            "min_lidar_points": config.min_lidar_points,
+        }
 
 
-def _weather(config: Config, draw: float) -> WeatherSpec:
-    weather = config.weather
+class PlanMatcher:
+    """Finds episodes of a configuration among recorded ones, without asking its server.
+
+    Args:
+        config: the configuration.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._planner = _Planner(config, ServerFacts(maps={}), None)
+        self.sampling = self._planner.sampling
+
+    def index_of(self, spec: EpisodeSpec) -> int | None:
+        """The number of an episode in the configuration, from 0; None where it is of another.
+
+        Map, spawn point and what the server speaks are not compared.
+
+        Args:
+            spec: of a recorded episode.
+
+        Raises:
+            ConfigError: the values of that episode do not go together.
+        """
+        if spec.index >= self._config.episodes or spec.seeds != self._planner.seeds(spec.index):
+            return None
+        wanted = self._planner.settings(self.sampling.config(spec.index))
+        del wanted["dialect"]
+        if all(getattr(spec, name) == value for name, value in wanted.items()):
+            return spec.index
+        return None
+
+
+def _timing(timing: Timing, fps: float) -> TimingSpec:
+    substeps = timing.substeps(fps)
+    return TimingSpec(
+        mode=timing.mode,
+        sensor_sync=timing.sensor_sync,
+        max_substep_delta_time_s=substeps.max_substep_delta_time_s,
+        max_substeps=substeps.max_substeps,
+        on_incomplete=timing.on_incomplete,
+    )
+
+
+def _vehicles(vehicles: Vehicles) -> VehiclesSpec:
+    groups = tuple(GroupSpec(**group.model_dump()) for group in vehicles.groups)
+    return VehiclesSpec(**vehicles.model_dump(exclude={"groups"}), groups=groups)
+
+
+def _labels(labels: Labels) -> LabelsSpec:
+    return LabelsSpec(
+        **labels.model_dump(exclude={"cameras", "lidars", "boxes", "level_objects"}),
+        boxes=tuple(sorted(set(labels.boxes))),
+        level_objects=tuple(sorted(set(labels.level_objects))),
+    )
+
+
+def _weather(weather: WeatherConfig, preset: str | None) -> WeatherSpec:
     return WeatherSpec(
-        preset=_pick(weather.presets, draw) if weather.presets else None,
+        preset=preset,
         parameters=weather.parameters.given(),
         lights=weather.lights,
         changes=tuple(
@@ -125,14 +260,6 @@ def _weather(config: Config, draw: float) -> WeatherSpec:
             for change in weather.changes
         ),
     )
-
-
-def _sequence(seed: int, index: int, stream: int) -> np.random.SeedSequence:
-    return np.random.SeedSequence(seed, spawn_key=(index, stream))
-
-
-def _seed(seed: int, index: int, stream: int) -> int:
-    return int(_sequence(seed, index, stream).generate_state(1)[0]) & _LARGEST_SEED
 
 
 def _pick(names: Iterable[str], draw: float) -> str:

@@ -54,6 +54,11 @@ class Shard:
             )
         return cls(int(found[1]), int(found[2]))
 
+    @property
+    def places(self) -> slice:
+        """Places in the plan of its share: every N-th from the I-th on."""
+        return slice(self.number - 1, None, self.count)
+
     def share(self, items: Sequence[Item]) -> tuple[Item, ...]:
-        """Its share: every N-th from the I-th on."""
-        return tuple(items[self.number - 1 :: self.count])
+        """The items of its share."""
+        return tuple(items[self.places])

@@ -135,9 +135,13 @@ class CommitQueue:
         Returns:
             Ids of the episodes that need not be recorded.
         """
-        wanted = {job.episode_id: job for job in jobs}
-        taken = set()
-        for recording in pending_recordings(self._folder.work):
+        taken: set[str] = set()
+        recordings = list(pending_recordings(self._folder.work))
+        if not recordings:
+            return taken
+        ids = {recording.episode_id for recording in recordings}
+        wanted = {job.episode_id: job for job in jobs if job.episode_id in ids}
+        for recording in recordings:
             pending, episode_id = recording.pending, recording.episode_id
             raw_folder = self._folder.raw_attempt(episode_id, recording.attempt)
             if (

@@ -21,6 +21,7 @@ _MEANS = frozenset(
         *("name", "episodes", "supervision", "output", "conversion.mode", "conversion.workers"),
         *("server.port", "server.host", "server.path", "server.threads", "server.restart_every"),
         *("server.client_python", "server.create_client_env", "server.self_test"),
+        *("campaign.quotas", "campaign.repeats"),
     )
 )
 #: Packages that compute what is in the files, or write their bytes.
@@ -102,7 +103,8 @@ def differences(
         environment: as :func:`environment_of` gives it; None: not compared.
     """
     found = []
-    pairs = [(_as_read_today(run.get("config")), settings, _MEANS)]
+    earlier_config = _that_matters(_as_read_today(run.get("config")))
+    pairs = [(earlier_config, _that_matters(settings), _MEANS)]
     if environment is not None and run.get("environment") is not None:
         pairs.append((run["environment"], environment, frozenset()))
     for earlier, now, without in pairs:
@@ -134,6 +136,14 @@ def _as_read_today(config: Any) -> Any:
         return dump_config(check_config(config))
     except ConfigError:
         return config  # no longer allowed, or changed by hand: what it says is compared as it is
+
+
+def _that_matters(config: Any) -> Any:
+    """Settings without a campaign that samples nothing: its quotas alone change no episode."""
+    campaign = config.get("campaign") if isinstance(config, Mapping) else None
+    if isinstance(campaign, Mapping) and not campaign.get("sample"):
+        return {key: value for key, value in config.items() if key != "campaign"}
+    return config
 
 
 def _leaves(value: Any, path: str, without: Collection[str]) -> Iterator[tuple[str, str]]:

@@ -7,7 +7,7 @@ import os
 import re
 import secrets
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from io import FileIO
@@ -22,9 +22,13 @@ from carstage.storage.disk import disk_error
 
 if TYPE_CHECKING:
     from carstage.config import Config
-    from carstage.spec import EpisodeSpec
+    from carstage.plan import EpisodePlan
 
 FORMAT_VERSION = 1
+SHORT_PLAN_VERSION = 2
+"""Of a ``plan.json`` whose episodes have ids and sizes alone."""
+MOST_WITH_SPECS = 1000
+"""Episodes up to which ``plan.json`` holds the specification of each."""
 _RUN_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 State = Literal["planning", "starting", "recording", "converting", "done", "failed", "interrupted"]
 FINAL_STATES = ("done", "failed", "interrupted")
@@ -148,11 +152,11 @@ class RunFolder:
     def write_plan(
         self,
         config: Config,
-        episodes: Sequence[EpisodeSpec],
+        episodes: EpisodePlan,
         environment: Mapping[str, str],
         shard: str | None = None,
     ) -> None:
-        """Write ``plan.json``.
+        """Write ``plan.json``, of many episodes in its short form.
 
         Args:
             config: as resolved.
@@ -162,16 +166,23 @@ class RunFolder:
         """
         from carstage.config import dump_config
 
+        whole = len(episodes) <= MOST_WITH_SPECS
         document = {
-            "format_version": FORMAT_VERSION,
+            "format_version": FORMAT_VERSION if whole else SHORT_PLAN_VERSION,
             "run_id": self.run_id,
             "config": dump_config(config),
             "environment": dict(environment),
             "shard": shard,
-            "episodes": [
-                {"episode_id": spec.episode_id, "spec": spec.to_json()} for spec in episodes
-            ],
         }
+        if whole:
+            document["episodes"] = [
+                {"episode_id": spec.episode_id, "spec": spec.to_json()} for spec in episodes
+            ]
+        else:
+            document["first_spec"] = episodes[0].to_json()
+            document["steps"] = int(episodes.costs["steps"].sum())
+            document["saved_frames"] = episodes.frames
+            document["episodes"] = [{"episode_id": one} for one in episodes.ids]
         _replace(self.path / "plan.json", document, durable=True)
 
     def write_status(self, status: RunStatus, *, durable: bool = False) -> None:
@@ -207,7 +218,9 @@ def _replace(path: Path, document: Mapping[str, Any], *, durable: bool) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with temporary.open("w", encoding="utf-8") as file:
-            file.write(json.dumps(document, indent=1, ensure_ascii=False) + "\n")
+            # In pieces: the plan of many episodes is long.
+            file.writelines(json.JSONEncoder(indent=1, ensure_ascii=False).iterencode(document))
+            file.write("\n")
             if durable:
                 file.flush()
                 os.fsync(file.fileno())

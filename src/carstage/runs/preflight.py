@@ -14,12 +14,13 @@ from typing import Literal
 from carstage.cache import cache_folder
 from carstage.config import Config
 from carstage.config.fields import unknown
+from carstage.config.sampling import maps_of
 from carstage.config.scene import ReplayScenario
 from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError, ConfigError
 from carstage.files.hashing import hash_of
 from carstage.files.home import without_tilde
-from carstage.plan import Recording, RunEstimate, ServerFacts, plan_episodes
+from carstage.plan import EpisodePlan, Recording, RunEstimate, ServerFacts, plan_episodes
 from carstage.runs.server_lock import server_lock
 from carstage.runs.servers import ServerSetup
 from carstage.server import check_ports_free
@@ -27,7 +28,6 @@ from carstage.server.embedded import PORTS
 from carstage.server.interpreters import AUTO, check_interpreter
 from carstage.server.ports import BLOCK
 from carstage.server.release import find_script
-from carstage.spec import EpisodeSpec
 from carstage.storage import DatasetPath, RemotePath, local_folder
 
 _RESERVE = 1.1
@@ -66,7 +66,7 @@ def check_before_server(config: Config, *, offline: bool = False) -> None:
     recording_of(config)
 
 
-def judge(config: Config, *, offline: bool = False) -> tuple[EpisodeSpec, ...]:
+def judge(config: Config, *, offline: bool = False) -> EpisodePlan:
     """The episodes that a run of a configuration would record, or why it would refuse.
 
     The embedded simulator describes itself without being started. Another server is asked, which
@@ -79,9 +79,8 @@ def judge(config: Config, *, offline: bool = False) -> tuple[EpisodeSpec, ...]:
     check_before_server(config, offline=offline)
     recording = recording_of(config)
     if offline and not isinstance(config.server, EmbeddedServerConfig):
-        names = [config.map.choice, *(config.map.random_from or ())]
-        names += [] if recording is None else [recording.map]
-        maps = {name.rsplit("/", 1)[-1] for name in names if name is not None}
+        names = [*maps_of(config), *([] if recording is None else [recording.map])]
+        maps = {name.rsplit("/", 1)[-1] for name in names}
         facts = ServerFacts(maps=dict.fromkeys({*maps, "any"}, _ANY_SPAWN_POINT))
         return plan_episodes(config, facts, recording)
     with server_lock(config), ServerSetup(config).facts() as facts:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -12,6 +12,7 @@ from carstage.execution import Executor, InlineExecutor
 from carstage.plan import Shard, estimate_run, plan_episodes
 from carstage.runs.attempts import clear_up, left_runs, sweep
 from carstage.runs.continuing import environment_of, refuse_to_mix
+from carstage.runs.enough import QuotaWatch
 from carstage.runs.events import Notice, OnEvent, RunPlanned
 from carstage.runs.folder import RunFolder
 from carstage.runs.interruption import Interruption
@@ -29,9 +30,8 @@ from carstage.runs.preflight import (
 from carstage.runs.record import RunRecord
 from carstage.runs.server_lock import server_lock
 from carstage.runs.servers import ServerSetup
-from carstage.runs.session import Session
+from carstage.runs.session import ENOUGH, Session
 from carstage.runs.wakeup_pipe import WakeupPipe
-from carstage.spec import EpisodeSpec
 from carstage.storage import RemotePath, Store, open_store
 
 DEFAULT_RETRIES = 2
@@ -109,12 +109,16 @@ def run(
             refuse_to_mix(store.root, place, present, None, settings)
         setup = ServerSetup(config)
         with server_lock(config), setup.facts() as facts:
-            episodes = plan_episodes(config, facts, recording_of(config))
+            plan = plan_episodes(config, facts, recording_of(config))
             environment = environment_of(facts.dialect, setup.client.client)
             if not append:
-                refuse_to_mix(store.root, place, present, _ids(episodes), settings, environment)
-            episodes = share.share(episodes)
-            todo = [spec for spec in episodes if spec.episode_id not in present]
+                refuse_to_mix(store.root, place, present, plan.ids, settings, environment)
+            episodes = plan[share.places]
+            todo = episodes.without(present)
+            quotas = QuotaWatch(config, store, plan.ids)
+            if quotas.met():
+                notice(ENOUGH % len(todo))
+                episodes, todo = episodes.without(set(todo.ids)), todo[:0]
             estimate = estimate_run(config, todo)
             check_disk(place, estimate, dataset_elsewhere=isinstance(store.root, RemotePath))
             store.initialise(config.name)
@@ -122,10 +126,11 @@ def run(
                 on_event(RunPlanned(estimate, len(todo), len(episodes) - len(todo)))
             with RunFolder(place, run_id) as folder, marked(folder.run_id), WakeupPipe() as wakeup:
                 folder.write_plan(config, episodes, environment, shard)
-                record = RunRecord(folder, interruption, on_event)
+                record = RunRecord(folder, interruption, quotas.listening(on_event))
                 session = Session(
                     config, setup, store, record, interruption, wakeup, retries, environment
                 )
+                session.enough = quotas.met
                 return session.run(episodes, todo, executor or InlineExecutor())
 
 
@@ -144,10 +149,6 @@ def _check(config: Config, work: Path, store: Store, notice: Callable[[str], Non
     check_open_files()
     check_before_server(config)
     store.check()
-
-
-def _ids(episodes: Iterable[EpisodeSpec]) -> list[str]:
-    return [spec.episode_id for spec in episodes]
 
 
 def _take_over(work: Path, store: Store, notice: Callable[[str], None]) -> Collection[str]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import selectors
-from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import Any
@@ -20,6 +19,7 @@ from carstage.errors import (
     StorageError,
 )
 from carstage.execution import Executor
+from carstage.plan import EpisodePlan
 from carstage.runs.attempt_commit import AttemptCommit, Job
 from carstage.runs.commit_queue import CommitQueue
 from carstage.runs.events import (
@@ -33,6 +33,7 @@ from carstage.runs.events import (
 )
 from carstage.runs.folder import CurrentEpisode, State
 from carstage.runs.interruption import Interruption
+from carstage.runs.jobs import JobQueue
 from carstage.runs.outcome import RunResult
 from carstage.runs.record import RunRecord
 from carstage.runs.selftesting import describe_verdict, refuse, run_self_test
@@ -40,9 +41,10 @@ from carstage.runs.server_worker import POLL_S, ServerWorker
 from carstage.runs.servers import ServerSetup
 from carstage.runs.wakeup_pipe import WakeupPipe
 from carstage.selftest import Verdict
-from carstage.spec import EpisodeSpec
 from carstage.storage import Store
 from carstage.storage.disk import disk_error
+
+ENOUGH = "All quotas are met: %d planned episodes are not recorded."
 
 
 class Session:
@@ -89,32 +91,32 @@ class Session:
             setup.raw_must_last,
             lambda attempt, error, final: self.attempt_failed(attempt, error, final=final),
         )
-        self._jobs: deque[Job] = deque()
+        self._jobs = JobQueue()
         self._recording: AttemptCommit | None = None
         self._failures: dict[str, str] = {}
         self._attempted = False
+        self.enough: Callable[[], bool] = lambda: False
+        """Whether no further episode need begin, though more are planned."""
 
-    def run(
-        self, episodes: tuple[EpisodeSpec, ...], todo: list[EpisodeSpec], executor: Executor
-    ) -> RunResult:
+    def run(self, episodes: EpisodePlan, todo: EpisodePlan, executor: Executor) -> RunResult:
         """Record ``todo``; the other episodes are in the dataset already."""
-        missing = {spec.episode_id for spec in todo}
+        missing = set(todo.ids)
         self._status.episodes.total = len(episodes)
         self._status.episodes.skipped = len(episodes) - len(todo)
-        self._jobs.extend(Job(spec, spec.episode_id) for spec in todo)
+        self._jobs = JobQueue(todo)
         state: State = "failed"
         try:
             self._record.event(RunStarted(run_id=self._folder.run_id))
-            for spec in episodes:
-                if spec.episode_id not in missing:
+            for episode_id in episodes.ids:
+                if episode_id not in missing:
                     reason = "it is in the dataset already"
-                    self._record.event(EpisodeSkipped(episode_id=spec.episode_id, reason=reason))
+                    self._record.event(EpisodeSkipped(episode_id=episode_id, reason=reason))
             self._record.enter("starting")
             if todo:
                 with self._interruption.deferred():  # no pool that nobody knows of
                     self._queue.converters.pool()  # they load while the server starts
                     taken = self._queue.take_pending(self._jobs)
-                self._jobs = deque(job for job in self._jobs if job.episode_id not in taken)
+                self._jobs.leave_out(taken)
                 self._interruption.check()
             if self._jobs:
                 self._test_server()
@@ -146,7 +148,7 @@ class Session:
             dataset=self._store.root,
             folder=self._folder.path,
             state=state,
-            total=len(episodes),
+            total=self._status.episodes.total,
             committed=self._status.episodes.committed,
             skipped=self._status.episodes.skipped,
             frames=self._queue.frames,
@@ -336,6 +338,8 @@ class Session:
             with self._interruption.deferred():
                 self.poll()
             self._interruption.check()
+            if self._jobs and self.enough():
+                self._drop_jobs()
             if self._jobs and not self._queue.full:
                 job = self._jobs.popleft()
                 if not self._store.has(job.episode_id):
@@ -350,6 +354,13 @@ class Session:
             if not self._jobs and self._queue.under_way:
                 self._show_conversion()
             self._wait()
+
+    def _drop_jobs(self) -> None:
+        """Record nothing further: what is under way is still converted and committed."""
+        left = self._jobs.clear()
+        self._status.episodes.total -= left
+        self._status.message = ENOUGH % left
+        self._record.notice(self._status.message)
 
     def _skip(self, job: Job) -> None:
         """Another run on the dataset has committed the episode since this one began."""

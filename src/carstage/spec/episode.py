@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any, Collection, Dict, Optional, Tuple
 
 from carstage.spec.defaults import MAX_DISTANCE_M
@@ -154,7 +155,7 @@ class EpisodeSpec:
         )
         return text.encode()
 
-    @property
+    @cached_property
     def episode_id(self) -> str:
         """First 16 hex digits of the SHA-256 of the canonical JSON."""
         import hashlib  # takes a twentieth of a collector's start, which needs no id

@@ -11,6 +11,8 @@ LEFT_OUT = {"left_out_when_none": True}
 
 def plain(value: Any) -> Any:
     """The value as it comes back from JSON: dictionaries for dataclasses, lists for tuples."""
+    if value is None or isinstance(value, (str, int, float)):  # first, as most values are
+        return value
     if is_dataclass(value):
         return {
             field.name: plain(below)

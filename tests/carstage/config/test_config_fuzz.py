@@ -15,7 +15,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from carstage.config import check_config
+from carstage.config import check_config, dump_config
 from carstage.config.fields import path_text
 from carstage.errors import ConfigError
 from carstage.plan import ServerFacts, plan_episodes
@@ -209,3 +209,61 @@ def test_a_broken_configuration_is_refused_where_it_is_broken(
         f"{field} is broken, but: {caught.value}"
     )
     assert str(caught.value).strip() != caught.value.message.strip(), "no way out is told"
+
+
+PLAIN = st.one_of(
+    st.sampled_from(
+        [None, True, "all", "auto", "random", [], {}, [1, 2], {"count": 3}, {"kind": "x"}]
+    ),
+    st.integers(-3, 300),
+    st.integers(-(2**80), 2**80),
+    st.floats(-1e300, 1e300),
+    st.floats(0.5, 100.0),
+)
+
+
+@st.composite
+def samples(draw: st.DrawFn) -> dict[str, Any]:
+    """What says how a setting is sampled, right or wrong."""
+    kind = draw(st.sampled_from(["range", "choice", "normal"]))
+    found: dict[str, Any] = {kind: draw(st.lists(PLAIN, max_size=4))}
+    if kind == "range" and draw(st.booleans()):
+        low = draw(st.integers(0, 50))
+        found[kind] = [low, low + draw(st.integers(1, 60))]
+    if kind == "normal" and draw(st.booleans()):
+        found |= {"normal": [draw(st.integers(1, 30)), 3], "min": 1, "max": 40}
+    for key in draw(st.lists(st.sampled_from(["steps", "weights", "min", "max", "x"]), max_size=1)):
+        found[key] = draw(st.one_of(PLAIN, st.lists(PLAIN, max_size=3)))
+    return found
+
+
+@settings(
+    max_examples=EXAMPLES,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
+@given(
+    where=st.lists(st.sampled_from([path for path, _ in NODES if path]), min_size=1, max_size=3),
+    data=st.data(),
+    method=st.sampled_from(["random", "grid", "latin_hypercube", "stratified"]),
+)
+def test_whatever_is_sampled_is_planned_or_refused_with_its_path(
+    where: list[Path], data: st.DataObject, method: str
+) -> None:
+    document = copy.deepcopy(WHOLE)
+    document["campaign"] = {"method": method}
+    if method == "stratified":
+        document["campaign"]["strata"] = [path_text(where[0])]
+    for path in where:
+        try:
+            at(document, path[:-1])[path[-1]] = data.draw(samples())
+        except (KeyError, IndexError, TypeError):
+            continue  # a sample stands above it
+    refused: ConfigError | None = None
+    try:
+        config = check_config(document)
+        assert check_config(dump_config(config)) == config
+        assert len(plan_episodes(config, FACTS)) == config.episodes
+    except ConfigError as error:
+        refused = error
+    assert refused is None or (": " in refused.message and refused.hint)

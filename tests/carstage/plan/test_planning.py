@@ -33,7 +33,7 @@ MAPS_ONLY = ServerFacts(maps=FACTS.maps)
 
 
 def plan(text: str = "", facts: ServerFacts = MAPS_ONLY) -> tuple[EpisodeSpec, ...]:
-    return plan_episodes(parse_config(text), facts)
+    return tuple(plan_episodes(parse_config(text), facts))
 
 
 def sensors(text: str) -> dict[str, object]:

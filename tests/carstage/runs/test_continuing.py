@@ -53,6 +53,7 @@ def test_equal_settings_go_on_without_a_question(tmp_path: Path) -> None:
         {"conversion": {"mode": "deferred", "workers": 3}},
         {"server": {"threads": 1, "port": 4000, "self_test": "off", "restart_every": 2}},
         {"supervision": {"hang_s": 5}},
+        {"campaign": {"quotas": [{"name": "many", "frames": 9}]}},
     ],
     ids=lambda change: next(iter(change)),
 )

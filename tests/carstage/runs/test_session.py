@@ -21,7 +21,7 @@ from carstage.errors import (
     ServerError,
     StorageError,
 )
-from carstage.plan import ServerFacts, plan_episodes
+from carstage.plan import EpisodePlan, ServerFacts, plan_episodes
 from carstage.runs.attempt_commit import Job
 from carstage.runs.events import Notice, RunEvent
 from carstage.runs.folder import RunFolder
@@ -73,10 +73,14 @@ class Execute:
 
 
 @pytest.fixture(scope="module")
-def spec() -> EpisodeSpec:
+def plan() -> EpisodePlan:
     facts = ServerFacts(maps={"Stage01": 50}, blueprints={}, dialect="0.9.16")
-    (spec,) = plan_episodes(check_config({"pedestrians": {"count": 0}}), facts)
-    return spec
+    return plan_episodes(check_config({"pedestrians": {"count": 0}}), facts)
+
+
+@pytest.fixture(scope="module")
+def spec(plan: EpisodePlan) -> EpisodeSpec:
+    return plan[0]
 
 
 Made = tuple[Session, Reader, RunFolder]
@@ -203,9 +207,10 @@ def test_deferred_recording_that_cannot_be_converted_is_recorded_again(
 
 @pytest.mark.parametrize("error", [OSError(errno.EIO, "I/O error"), DatasetError("A bad marker.")])
 def test_attempt_that_cannot_be_removed_keeps_no_other_from_it(
-    made: Made, spec: EpisodeSpec, error: Exception
+    made: Made, plan: EpisodePlan, error: Exception
 ) -> None:
     session, reader, folder = made
+    spec = plan[0]
 
     class Stubborn(GivenUp):
         def give_up(self) -> None:
@@ -214,17 +219,17 @@ def test_attempt_that_cannot_be_removed_keeps_no_other_from_it(
     last = GivenUp(spec, 1)
     session._queue.under_way.extend([Stubborn(spec, 0), last])  # type: ignore[list-item]
     with pytest.raises(CollectorError):
-        session.run((), [], Execute(CollectorError("It broke.")))
+        session.run(plan[:0], plan[:0], Execute(CollectorError("It broke.")))
     assert last.given_up
     assert "could not be removed" in reader.notices[0]
     assert json.loads((folder.path / "status.json").read_bytes())["state"] == "failed"
 
 
-def test_system_error_of_the_disk_is_explained_in_words(made: Made) -> None:
+def test_system_error_of_the_disk_is_explained_in_words(made: Made, plan: EpisodePlan) -> None:
     session, _, folder = made
     full = OSError(errno.ENOSPC, "No space left on device")
     with pytest.raises(DiskFullError, match="No space left"):
-        session.run((), [], Execute(full))
+        session.run(plan[:0], plan[:0], Execute(full))
     status = json.loads((folder.path / "status.json").read_bytes())
     assert status["state"] == "failed"
     assert "No space left" in status["message"]
@@ -232,9 +237,10 @@ def test_system_error_of_the_disk_is_explained_in_words(made: Made) -> None:
 
 @pytest.mark.parametrize("begun", [False, True])
 def test_a_server_lost_on_the_way_says_how_to_go_on(
-    made: Made, spec: EpisodeSpec, begun: bool
+    made: Made, plan: EpisodePlan, begun: bool
 ) -> None:
     session, reader, _ = made
+    spec = plan[0]
 
     class Lose(Execute):
         def execute(self, take: Any, open_worker: Any) -> None:
@@ -243,13 +249,13 @@ def test_a_server_lost_on_the_way_says_how_to_go_on(
             super().execute(take, open_worker)
 
     with pytest.raises(ServerError, match="No CARLA server"):
-        session.run((spec,), [], Lose(ServerError("No CARLA server answers.")))
+        session.run(plan, plan[:0], Lose(ServerError("No CARLA server answers.")))
     said = ["1 of 1 episodes are in the dataset. The same command again continues with the rest."]
     assert reader.notices == (said if begun else [])
 
 
 def test_disk_that_refuses_the_last_words_does_not_hide_why_the_run_ended(
-    made: Made, monkeypatch: pytest.MonkeyPatch
+    made: Made, plan: EpisodePlan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session, reader, folder = made
 
@@ -262,7 +268,7 @@ def test_disk_that_refuses_the_last_words_does_not_hide_why_the_run_ended(
             super().execute(take, open_worker)
 
     with pytest.raises(CollectorError, match="It broke"):
-        session.run((), [], Fail(CollectorError("It broke.")))
+        session.run(plan[:0], plan[:0], Fail(CollectorError("It broke.")))
     assert "The next run on this dataset clears up." in reader.notices[-1]
 
 

@@ -49,7 +49,8 @@ class ConfigChecker:
         """The verdict; never raises for what a user can write."""
         try:
             config = self.parse(document)
-            return ConfigCheck(ok=True, warnings=config.warnings(), estimate=self.estimate(config))
+            warnings = [*config.warnings(), *_notes(config)]
+            return ConfigCheck(ok=True, warnings=warnings, estimate=self.estimate(config))
         except ConfigError as error:
             return ConfigCheck(ok=False, errors=problems_of(error))
         except CarStageError as error:
@@ -63,6 +64,7 @@ class ConfigChecker:
             ConfigError: the embedded simulator lacks a map, a blueprint or an attribute.
             BadInputError: the episode to replay cannot be read.
         """
+        from carstage.config.sampling import maps_of
         from carstage.plan import estimate_run, plan_episodes
         from carstage.runs.preflight import check_codecs, recording_of
 
@@ -70,8 +72,7 @@ class ConfigChecker:
         planned = min(config.episodes, _MOST_PLANNED)
         few = config.model_copy(update={"episodes": planned})
         recording = recording_of(config)
-        names = [config.map.choice, *(config.map.random_from or ())]
-        names += [] if recording is None else [recording.map]
+        names = [*maps_of(config), *([] if recording is None else [recording.map])]
         episodes = plan_episodes(few, self._facts(config, names), recording)
         estimate = estimate_run(few, episodes)
         scale = config.episodes / planned
@@ -80,7 +81,7 @@ class ConfigChecker:
         free_bytes = self._roots.free_bytes()
         return Estimate(
             episodes=config.episodes,
-            frames=config.saved_frames * config.episodes,
+            frames=round(episodes.frames * scale),
             sensors=len(config.sensors),
             hidden_sensors=sum(sensor.hidden for sensor in episodes[0].sensors),
             dataset_bytes=dataset_bytes,
@@ -90,7 +91,7 @@ class ConfigChecker:
             fits=peak_bytes * _RESERVE <= free_bytes,
         )
 
-    def _facts(self, config: Config, names: list[str | None]) -> ServerFacts:
+    def _facts(self, config: Config, names: list[str]) -> ServerFacts:
         """What the embedded simulator offers; of other servers nothing is known before the run."""
         from carstage.config.servers import EmbeddedServerConfig
         from carstage.plan import ServerFacts
@@ -100,7 +101,7 @@ class ConfigChecker:
             return embedded_facts(config.server.carla_version)
         any_spawn_point = 1 << 30
         return ServerFacts(
-            maps={name.rsplit("/", 1)[-1]: any_spawn_point for name in names if name is not None}
+            maps={name.rsplit("/", 1)[-1]: any_spawn_point for name in names}
             | {"any": any_spawn_point}
         )
 
@@ -118,6 +119,15 @@ class ConfigChecker:
                 self._roots.confine(config.scenario.episode)
             except BadInputError as error:
                 raise _refusal("scenario", "episode", error.message, error.hint) from error
+
+
+def _notes(config: Config) -> list[str]:
+    """What the form cannot show of a configuration."""
+    if config.campaign is None:
+        return []
+    names = ", ".join(config.campaign.sample)
+    sampled = f"; what the form shows of {names} is one value of many" if names else ""
+    return [f"campaign: it is edited as text{sampled}."]
 
 
 def _check_interpreter(wanted: str) -> None:

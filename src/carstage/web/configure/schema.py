@@ -92,8 +92,10 @@ class SchemaService:
             load_demo,
         )
 
+        form = config_schema()
+        del form["properties"]["campaign"]  # edited as text; documents keep it
         return SchemaMessage(
-            config_schema=config_schema(),
+            config_schema=form,
             groups=[SchemaGroup(name=name, title=title) for name, title in _GROUPS],
             rig_presets=[
                 RigPresetSummary(name=name, title=rig.title, source=rig.source)

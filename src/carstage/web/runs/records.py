@@ -9,8 +9,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from carstage.runs.folder import SHORT_PLAN_VERSION
 from carstage.runs.reading import Alive, liveness, read_document
-from carstage.spec import EpisodeSpec, SpecError
+from carstage.spec import EpisodeSpec
 from carstage.web.messages import RunSensor
 from carstage.web.roots import Roots
 
@@ -107,15 +108,23 @@ def read_plan(path: Path, _changed_ns: int) -> RunPlan | None:
     document = read_document(path)
     if document is None:
         return None
+    entries = document.get("episodes", ())
     try:
-        specs = [EpisodeSpec.from_json(entry["spec"]) for entry in document.get("episodes", ())]
-    except (KeyError, TypeError, SpecError):
+        if document.get("format_version") == SHORT_PLAN_VERSION:
+            specs = [EpisodeSpec.from_json(document["first_spec"])]
+            ticks, frames = int(document["steps"]), int(document["saved_frames"])
+        else:
+            specs = [EpisodeSpec.from_json(entry["spec"]) for entry in entries]
+            ticks = sum(spec.steps for spec in specs)
+            frames = sum(spec.saved_frames for spec in specs)
+        count = len(entries)
+    except (KeyError, TypeError, ValueError):
         return None  # of another program: shown as a run without a plan
     return RunPlan(
         config=document.get("config", {}),
-        episodes=len(specs),
-        ticks=sum(spec.steps for spec in specs),
-        frames=sum(spec.saved_frames for spec in specs),
+        episodes=count,
+        ticks=ticks,
+        frames=frames,
         sensors=tuple(
             RunSensor(id=sensor.id, kind=sensor.kind)
             for sensor in (specs[0].written_sensors if specs else ())

@@ -112,6 +112,26 @@ def test_a_configuration_comes_back_from_its_yaml(site: Site, demo: dict[str, An
     assert (read["config"], read["errors"]) == (demo, [])
 
 
+def test_a_campaign_comes_through_the_page_as_text(site: Site, demo: dict[str, Any]) -> None:
+    text = "{vehicles: {count: {range: [3, 9]}}, map: {choice: [Stage01, Stage02]}, episodes: 4}"
+    read = site.client.post("/api/config/import", json={"format": "yaml", "text": text}).json()
+    assert read["errors"] == []
+    sample = read["config"]["campaign"]["sample"]
+    assert sample["vehicles.count"] == {"range": [3, 9]}
+    checked = check(site, read["config"])
+    assert checked["ok"]
+    assert checked["estimate"]["episodes"] == 4
+    assert checked["warnings"][-1] == (
+        "campaign: it is edited as text; what the form shows of map.choice, vehicles.count is one "
+        "value of many."
+    )
+    wrong = {**demo, "vehicles": {"count": {"range": [3, 9000]}}}
+    (problem,) = check(site, wrong)["errors"]
+    assert problem["path"] == ["vehicles", "count", "range", 1]
+    schema = site.client.get("/api/schema").json()["config_schema"]
+    assert "campaign" not in schema["properties"]
+
+
 def test_wrong_texts_come_back_with_their_errors(site: Site) -> None:
     read = site.client.post("/api/config/import", json={"text": "fps: 0\nmap: Stage01"}).json()
     assert [error["path"] for error in read["errors"]] == [["fps"]]

@@ -92,8 +92,7 @@ def export_dataset(
     Args:
         format_name: one of ``exporters()``, such as ``coco``, ``kitti-object`` or ``nuscenes``.
         dataset: folder of the dataset, or its place in an object store.
-        out: the folder to make, or a place in an object store; it exists when all is written, not
-            before.
+        out: the folder to make, or a place in an object store; it is there when all is written.
         options: choices; default: those of the format.
         overwrite: replace an export that stands there.
         allow_incomplete: go on although frames, files or episodes are missing or damaged; they are

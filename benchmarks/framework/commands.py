@@ -401,3 +401,18 @@ def undamaged(
     with watch_steps("Datasets", "datasets") as progress:
         verdict = measure_undamaged(datasets, progress)
     return report(verdict, json)
+
+
+@benchmark("object-store", takes="6 minutes")
+def object_store(
+    rounds: Annotated[int, typer.Option(min=1, help="Episodes into each.")] = 3,
+    seconds: Annotated[float, typer.Option(min=0.5, help="Simulated ones of an episode.")] = 5.0,
+    json: Json = False,
+) -> int:
+    """What recording into an object store costs, against a folder."""
+    from benchmarks.framework.object_store import measure_object_store
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Episodes", "episodes") as progress:
+        verdict = measure_object_store(rounds, seconds, progress)
+    return report(verdict, json)

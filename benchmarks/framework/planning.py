@@ -1,4 +1,4 @@
-"""What planning many episodes costs: CPU time and memory, from the configuration to the plan's file.
+"""What planning many episodes costs in CPU time and memory, from configuration to plan file.
 
 A process of its own plans, estimates, writes ``plan.json`` and takes the first job, as a run does
 before its server starts. CPU time counts, scaled by a calibration kernel; memory is the largest

@@ -16,10 +16,11 @@ from typing import Any
 
 from carstage import __version__
 from carstage.cli import unsupported
-from carstage.errors import CarStageError
+from carstage.errors import CarStageError, StorageError
 from carstage.files.home import without_tilde
 from carstage.runs import left_runs, pending_recordings, size_text
-from carstage.storage import open_store
+from carstage.runs.preflight import work_folder
+from carstage.storage import DatasetPath, RemotePath, Store, open_store
 
 _WANTED_FREE_BYTES = 1_000_000_000
 _WANTED_MEMORY_BYTES = 2_000_000_000
@@ -50,18 +51,20 @@ class Finding:
         return f"{mark} {self.name}: {self.text}" + (f" {self.hint}" if self.hint else "")
 
 
-def examine(out: Path) -> list[Finding]:
+def examine(out: DatasetPath) -> list[Finding]:
     """All checks; ``out`` is where a dataset would be written."""
+    work = work_folder(out, None)
     checks: list[Callable[[], Iterator[Finding]]] = [
         _platform,
         _memory,
         _client,
         _simulator,
         _caches,
-        lambda: _disk(out),
+        lambda: _disk(work),
         _ports,
         _interpreters,
-        lambda: _leftovers(out),
+        lambda: _store(out),
+        lambda: _leftovers(out, work),
     ]
     return [finding for check in checks for finding in check()]
 
@@ -190,9 +193,27 @@ def _interpreters() -> Iterator[Finding]:
     yield Finding("interpreters with a client wheel", True, text)
 
 
-def _leftovers(out: Path) -> Iterator[Finding]:
-    store = open_store(out)
-    for run in left_runs(out, store):
+def _store(out: DatasetPath) -> Iterator[Finding]:
+    """Whether an object store can hold a dataset; of a folder :func:`_disk` tells it."""
+    if isinstance(out, RemotePath):
+        try:
+            open_store(out).check()
+        except CarStageError as error:
+            yield Finding("object store", False, error.message, error.hint)
+        else:
+            yield Finding("object store", True, f"{out} can be written and heeds conditions")
+
+
+def _leftovers(out: DatasetPath, work: Path) -> Iterator[Finding]:
+    try:
+        store = open_store(out)
+        yield from _left(store, work)
+    except StorageError as error:
+        yield Finding("dataset", False, error.message, error.hint)
+
+
+def _left(store: Store, work: Path) -> Iterator[Finding]:
+    for run in left_runs(work, store):
         if run.dead:
             text = f"{run.folder} was killed and left {len(run.attempts)} unfinished attempts."
             hint = "The next run into this dataset removes them."
@@ -200,7 +221,7 @@ def _leftovers(out: Path) -> Iterator[Finding]:
             text = f"The {run.describe} is silent and cannot be seen from here."
             hint = f"If it is gone for good, delete {run.folder / 'raw'}."
         yield Finding("dead run" if run.dead else "silent run", True, text, hint)
-    for recording in pending_recordings(out):
+    for recording in pending_recordings(work):
         text = f"episode {recording.episode_id} is recorded and waits to be converted."
         yield Finding("pending recording", True, text, "The same command again goes on with it.")
     try:

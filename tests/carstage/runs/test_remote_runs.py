@@ -156,6 +156,14 @@ def test_a_killed_run_goes_on_and_leaves_nothing_behind(
     assert children_that_live(tmp_path) == []
 
 
+def test_doctor_looks_at_the_store(recorded: tuple[str, Path], home: Path) -> None:
+    looked = carstage(["doctor", "--out", recorded[0]], home)
+    assert f"{recorded[0]} can be written and heeds conditions" in looked.stdout
+    missing = carstage(["doctor", "--out", "s3://another-bucket/x"], home)
+    assert missing.code == 1
+    assert "there is no such bucket" in missing.stdout
+
+
 def test_what_the_store_refuses_is_told_before_anything_starts(
     small: str, home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -518,7 +518,7 @@ class Dataset:
             BadInputError: DuckDB is not installed, or refuses the query.
             DatasetError: a table is missing or damaged.
         """
-        return query_episodes([episode.folder for episode in self.episodes], query)
+        return query_episodes(self.episodes, query).table
 
 
 def _read_document(path: Path, version: int) -> dict[str, Any]:

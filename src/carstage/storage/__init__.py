@@ -7,6 +7,14 @@ from carstage.storage.address import local_folder
 from carstage.storage.local import LocalStore
 from carstage.storage.marker import CommitMarker, FileEntry
 from carstage.storage.opening import open_store
-from carstage.storage.store import Store
+from carstage.storage.store import AttemptFiles, Store
 
-__all__ = ["CommitMarker", "FileEntry", "LocalStore", "Store", "local_folder", "open_store"]
+__all__ = [
+    "AttemptFiles",
+    "CommitMarker",
+    "FileEntry",
+    "LocalStore",
+    "Store",
+    "local_folder",
+    "open_store",
+]

@@ -3,11 +3,28 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from carstage.storage.marker import CommitMarker, FileEntry
+
+
+@dataclass(frozen=True, slots=True)
+class AttemptFiles:
+    """What an attempt has written.
+
+    Attributes:
+        files: how many there are.
+        bytes: of all together.
+        modified_s: Unix time at which the newest was written, by the store's clock; where there is
+            none, that of the folder.
+    """
+
+    files: int
+    bytes: int
+    modified_s: float
 
 
 class Store(ABC):
@@ -150,4 +167,22 @@ class Store(ABC):
 
         Raises:
             StorageError: the attempt is the committed one.
+        """
+
+    @abstractmethod
+    def attempts(self) -> Iterator[tuple[str, str]]:
+        """Episode id and name of every attempt of which anything is there, in any order.
+
+        Those of committed episodes are among them.
+
+        Raises:
+            StorageError: they cannot be listed.
+        """
+
+    @abstractmethod
+    def attempt_files(self, episode_id: str, attempt: str) -> AttemptFiles:
+        """How much an attempt has written, and when last.
+
+        Raises:
+            StorageError: it has no files, or they cannot be looked at.
         """

@@ -58,4 +58,4 @@ def test_a_damaged_table_is_named(tmp_path: Path) -> None:
     folder = make_dataset(tmp_path / "out", tmp_path / "raw", steps=1)
     (attempt_of(folder) / "ego.parquet").write_bytes(b"no table")
     with pytest.raises(DatasetError, match=r"ego\.parquet"):
-        Dataset(folder).sql("SELECT 1")
+        Dataset(folder).sql("SELECT count(*) FROM ego")

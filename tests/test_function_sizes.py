@@ -15,17 +15,22 @@ _LOOP = "one compiled loop over shared locals; a function per step would pass al
 _OWNER = "puts its parts together: each parameter is one collaborator, all named at the call"
 _ROW = "the keys of one row of a table, in the table's order"
 _OPTIONS = "typer knows the options of a command by its signature"
+_CALL = "the public call: each keyword is one option of the command"
 _PARTS = "a list of parts with their places, read from top to bottom"
 
 REASONS = {
     "carstage/annotation/object_rows.py object_rows": _ROW,
     "carstage/annotation/pixel_kernel.py classify": _LOOP,
+    "carstage/cli/app.py run": _OPTIONS,
+    "carstage/cli/catalog.py list_": _OPTIONS,
+    "carstage/cli/catalog.py query": _OPTIONS,
     "carstage/cli/comparison.py run": _OPTIONS,
     "carstage/cli/export.py export": _OPTIONS,
     "carstage/codecs/png/deflate_kernel.py _literals": _KERNEL,
     "carstage/collector/internals/writing.py __init__": _OWNER,
     "carstage/collector/processing.py __init__": _OWNER,
     "carstage/runs/attempt_commit.py __init__": _OWNER,
+    "carstage/runs/running.py run": _CALL,
     "carstage/validation/checks/completeness.py check_missing_rows": _OWNER,
     "carstage_sim/cli.py _parser": _OPTIONS,
     "carstage_sim/content/two_wheelers.py _add_motorcycle": _PARTS,

@@ -25,8 +25,9 @@ _FIRST_WAIT_S: Final = 0.25
 _LONGEST_WAIT_S: Final = 10.0
 _PATIENCE_S: Final = 120.0
 """How long one episode is tried, as a database is started again."""
-_END_S: Final = 5.0
+_END_S: Final = 3.0
 """How long the end of a run waits for the catalog."""
+_STOP_S: Final = 0.5
 
 
 class CatalogFollower:
@@ -78,7 +79,7 @@ class CatalogFollower:
             self._over.set()
         self._thread.join(_END_S)
         self._over.set()  # what still waits is left to `rebuild`
-        self._thread.join(_END_S)
+        self._thread.join(_STOP_S)
         left = self._missed + sum(one is not None for one in list(self._waiting.queue))
         if self._thread.is_alive():
             left += 1

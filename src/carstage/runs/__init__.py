@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from carstage.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from carstage.runs.attempts import LeftRun, left_runs
+    from carstage.runs.attempts import LeftRun, held_attempts, left_runs
     from carstage.runs.folder import CurrentEpisode, EpisodeCounts, RunStatus
     from carstage.runs.outcome import RunResult
     from carstage.runs.pending import pending_recordings
@@ -29,6 +29,7 @@ __all__ = [
     "RunStatus",
     "describe_verdict",
     "examine_server",
+    "held_attempts",
     "left_runs",
     "pending_recordings",
     "run",
@@ -38,7 +39,7 @@ __all__ = [
 __getattr__ = lazy_names(
     __name__,
     {
-        "attempts": "LeftRun left_runs",
+        "attempts": "LeftRun held_attempts left_runs",
         "folder": "CurrentEpisode EpisodeCounts RunStatus",
         "outcome": "RunResult",
         "pending": "pending_recordings",

@@ -75,6 +75,24 @@ def dead_runs(out: Path) -> Iterator[LeftRun]:
     return (run for run in left_runs(out) if run.dead)
 
 
+def held_attempts(out: Path) -> set[tuple[str, str]]:
+    """Attempts (episode id, name) that somebody needs, marker or not.
+
+    They are those of runs that go on, as far as can be seen, and those that only wait to be
+    converted by the next run.
+    """
+    held = {(one.episode_id, one.attempt) for one in pending_recordings(out)}
+    for folder in sorted((out / "runs").glob("*")):
+        status = read_document(folder / "status.json")
+        process = status or read_document(folder / PROCESS_FILE)
+        if process is None or (status is not None and status.get("state") in FINAL_STATES):
+            continue
+        life = life_of(process)
+        if life == "alive" or (life == "unknown" and is_recent(process)):
+            held |= _begun(folder / "events.jsonl", out)
+    return held
+
+
 def clear_up(run: LeftRun, store: Store) -> str:
     """Remove what a run has left, as far as that is safe; says what was done.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -11,6 +12,7 @@ from carstage.config import Config, check_config, dump_config, load_config
 from carstage.execution import Executor, InlineExecutor
 from carstage.plan import Shard, estimate_run, plan_episodes
 from carstage.runs.attempts import clear_up, left_runs, sweep
+from carstage.runs.cataloguing import run_catalog
 from carstage.runs.continuing import environment_of, refuse_to_mix
 from carstage.runs.events import Notice, OnEvent, RunPlanned
 from carstage.runs.folder import RunFolder
@@ -49,6 +51,7 @@ def run(
     run_id: str | None = None,
     append: bool = False,
     shard: str | None = None,
+    catalog: str | None = None,
 ) -> RunResult:
     """Record a configuration's episodes into a dataset; those that it has already are skipped.
 
@@ -72,6 +75,8 @@ def run(
         append: record also beside episodes of other settings, of another version or environment.
         shard: record this share of the episodes alone, as ``"2/8"``; the others are for other
             machines, which may fill the same dataset at the same time. Default: all.
+        catalog: also write what is committed to this catalog, ``postgresql://…`` or an SQLite
+            file. Default: the one that ``CARSTAGE_CATALOG`` names, if it is set.
 
     Returns:
         How the run ended. Failed episodes are in ``failures``; they raise nothing.
@@ -82,6 +87,7 @@ def run(
         BadInputError: something cannot be, or another run uses the server; nothing was started.
         ServerError: the server cannot be started, or fails a self-test that it must pass.
         StorageError: the dataset cannot be written, for example as the disk is full.
+        CatalogError: the catalog cannot be opened; nothing was started.
         KeyboardInterrupt: a signal came before the first episode was planned, or a second one.
 
     Example:
@@ -94,8 +100,9 @@ def run(
     share = Shard(1, 1) if shard is None else Shard.parse(shard)
     out = local_folder(out).absolute()
     notice = _noticing(on_event)
-    with Interruption(notice) as interruption:
+    with Interruption(notice) as interruption, ExitStack() as stack:
         _check(config, out, notice)
+        follow = stack.enter_context(run_catalog(catalog, out, notice))
         store = open_store(out)
         present = _take_over(out, store, notice)
         settings = dump_config(config)
@@ -116,7 +123,7 @@ def run(
                 on_event(RunPlanned(estimate, len(todo), len(episodes) - len(todo)))
             with RunFolder(out, run_id) as folder, marked(folder.run_id), WakeupPipe() as wakeup:
                 folder.write_plan(config, episodes, environment, shard)
-                record = RunRecord(folder, interruption, on_event)
+                record = RunRecord(folder, interruption, follow(on_event, folder))
                 session = Session(
                     config, setup, store, record, interruption, wakeup, retries, environment
                 )

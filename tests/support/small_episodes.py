@@ -53,7 +53,8 @@ def add_episode(
     (place / "calibration.json").write_text(json.dumps(_calibration(sensors)))
     rows = _objects(episode_id, {"car": 2} if objects is None else objects)
     pq.write_table(rows, place / "objects.parquet", row_group_size=rows_of_group or len(rows))
-    table = pa.table({"k": pa.array(range(FRAMES), pa.int32()), "speed": np.arange(4.0)})
+    ids = [episode_id] * FRAMES
+    table = pa.table({"k": list(range(FRAMES)), "episode_id": ids, "speed": np.arange(4.0)})
     pq.write_table(table, place / "ego.parquet")
     if not commit:
         return None

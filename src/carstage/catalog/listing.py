@@ -117,17 +117,25 @@ def list_episodes(
     return Page(tuple(rows), last)
 
 
-def wanted_episodes(catalog: Catalog, location: str, wanted: PageFilter) -> frozenset[str]:
-    """Ids of all episodes of a dataset that a filter lets pass.
+def wanted_episodes(
+    catalog: Catalog, location: str, wanted: PageFilter
+) -> list[tuple[str, str, str | None]]:
+    """Id, attempt and version of Car-STAGE of all episodes that a filter lets pass.
+
+    Args:
+        catalog: is read.
+        location: of the dataset.
+        wanted: which episodes.
 
     Raises:
         BadInputError: the catalog does not know the dataset.
         CatalogError: the catalog cannot be read.
     """
+    columns = (EPISODES.c.episode_id, EPISODES.c.attempt, EPISODES.c.carstage)
     with catalog.reading() as connection:
         key = _dataset_key(connection, catalog, location)
-        query = page_query(key, wanted).with_only_columns(EPISODES.c.episode_id)
-        return frozenset(connection.execute(query).scalars())
+        query = page_query(key, wanted).with_only_columns(*columns)
+        return [(row[0], row[1], row[2]) for row in connection.execute(query)]
 
 
 def show_episode(catalog: Catalog, location: str, episode_id: str) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import pyarrow as pa
 from carstage.catalog.address import location_of
 from carstage.catalog.listing import PageFilter, wanted_episodes
 from carstage.dataset import Dataset
-from carstage.dataset.querying import Answer, RangeFiles, query_episodes
+from carstage.dataset.querying import Answer, EpisodeTables, RangeFiles, query_episodes
 from carstage.errors import BadInputError
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ def query_labels(
         dataset: its episodes' tables are read.
         query: see ``carstage.dataset.querying.TABLES`` for the names of tables.
         catalog: finds the episodes that ``wanted`` lets pass; files of others are not opened.
+            None: all episodes that have markers.
         wanted: which episodes.
         files: reads the files of a dataset that is not on this machine.
 
@@ -38,13 +39,15 @@ def query_labels(
         CatalogError: the catalog cannot be read.
         DatasetError: a table is missing or damaged.
     """
-    episodes = dataset.episodes
-    if catalog is not None and not wanted.is_empty:
-        names = wanted_episodes(catalog, location_of(dataset.path, catalog.address), wanted)
-        episodes = tuple(episode for episode in episodes if episode.id in names)
-        if not episodes:
-            raise BadInputError("No episode is like that.", "See: carstage catalog list DATASET.")
-    return query_episodes(episodes, query, files=files)
+    if catalog is None:
+        return query_episodes([one.tables for one in dataset.episodes], query, files=files)
+    # No marker is read: the dataset may have a million, and the catalog knows what is needed.
+    found = wanted_episodes(catalog, location_of(dataset.path, catalog.address), wanted)
+    if not found:
+        raise BadInputError("No episode is like that.", "See: carstage catalog list DATASET.")
+    folder = dataset.path / "episodes"
+    tables = [EpisodeTables(folder / name / attempt, version) for name, attempt, version in found]
+    return query_episodes(tables, query, files=files)
 
 
 def query_catalog(catalog: Catalog, query: str) -> pa.Table:

@@ -15,8 +15,6 @@ from carstage.errors import BadInputError, DatasetError
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
 
-    from carstage.dataset.reading import Episode
-
 TABLES = {
     "objects": "objects.parquet",
     "camera_objects": "camera_objects.parquet",
@@ -52,6 +50,19 @@ class RangeFiles(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class EpisodeTables:
+    """Where the tables of an episode are.
+
+    Attributes:
+        folder: the episode's; a path, or what stands for one in a store.
+        version: of the Car-STAGE that wrote them; None: unknown.
+    """
+
+    folder: Any
+    version: str | None
+
+
+@dataclass(frozen=True, slots=True)
 class Answer:
     """What a query found.
 
@@ -68,7 +79,7 @@ class Answer:
 
 
 def query_episodes(
-    episodes: Sequence[Episode], query: str, *, files: RangeFiles | None = None
+    episodes: Sequence[EpisodeTables], query: str, *, files: RangeFiles | None = None
 ) -> Answer:
     """The answer to a query over the tables of episodes.
 
@@ -102,7 +113,7 @@ def query_episodes(
             for name in named:
                 rows = _rows_of(name, episodes, meter.prefix)
                 connection.execute(f"CREATE VIEW {name} AS {rows}")
-        except (duckdb.IOException, duckdb.InvalidInputException) as error:
+        except duckdb.Error as error:
             raise DatasetError(f"A table of the dataset cannot be read: {error}") from error
         try:
             relation = connection.sql(query)
@@ -110,7 +121,9 @@ def query_episodes(
                 raise BadInputError("The statement has no result.", "Write a SELECT.")
             table: pa.Table = relation.to_arrow_table()
         except duckdb.Error as error:
-            broken = isinstance(error, duckdb.IOException | duckdb.InvalidInputException)
+            # The base class itself: of an error that reading a file elsewhere has raised.
+            kinds = (duckdb.IOException, duckdb.InvalidInputException)
+            broken = isinstance(error, kinds) or type(error) is duckdb.Error
             if broken and ".parquet" in str(error):
                 raise DatasetError(f"A table of the dataset cannot be read: {error}") from error
             raise BadInputError(
@@ -121,14 +134,14 @@ def query_episodes(
     return Answer(table, read, len(named) * len(episodes))
 
 
-def _rows_of(name: str, episodes: Iterable[Episode], prefix: str) -> str:
+def _rows_of(name: str, episodes: Iterable[EpisodeTables], prefix: str) -> str:
     """The rows of one table in all episodes.
 
     The id is always taken from the file's name, so that DuckDB knows it without opening the file.
     """
     paths, versions = [], set()
     for episode in episodes:
-        versions.add(episode.marker.versions.get("carstage"))
+        versions.add(episode.version)
         path = f"{prefix}{episode.folder / TABLES[name]}"
         paths.append("'" + path.replace("'", "''") + "'")
     # Tables of one version have the same columns. Comparing them opens every file.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import threading
+from datetime import datetime, timezone
 from typing import TYPE_CHECKING, Any
 
 from fsspec import AbstractFileSystem
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from carstage.dataset.querying import RangeFiles
 
 _PROTOCOL = "carstage"
+_LONG_AGO = datetime(2000, 1, 1, tzinfo=timezone.utc)
 
 
 class CountedFiles(AbstractFileSystem):  # type: ignore[misc]
@@ -60,10 +62,15 @@ class CountedFiles(AbstractFileSystem):  # type: ignore[misc]
         path = self._strip_protocol(path)
         return {"name": path, "size": self.size(path), "type": "file"}
 
-    def modified(self, path: str) -> float:
-        """Committed files never change."""
+    def glob(self, path: str, **options: Any) -> list[str]:
+        """The name itself: none has a wildcard. One that is missing is told when it is opened."""
+        del options
+        return [self._strip_protocol(path)]
+
+    def modified(self, path: str) -> datetime:
+        """Always the same time: committed files never change."""
         del path
-        return 0.0
+        return _LONG_AGO
 
     def _open(self, path: str, mode: str = "rb", **options: Any) -> _RangeFile:
         del mode, options

@@ -14,7 +14,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from carstage.codecs import codec_for
-from carstage.dataset.querying import query_episodes
+from carstage.dataset.querying import EpisodeTables, query_episodes
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.dataset.splits import Split, StoredSplits, read_splits
 from carstage.dataset.tables import read_table, require_columns, row_sensor
@@ -406,6 +406,11 @@ class Episode:
         """``frames.parquet``: one row per tick."""
         return read_table(self.folder / "frames.parquet")
 
+    @property
+    def tables(self) -> EpisodeTables:
+        """Where its tables are, for queries in SQL."""
+        return EpisodeTables(self.folder, self.marker.versions.get("carstage"))
+
     def iter_frames(self) -> Iterator[Frame]:
         """The frames one after the other; sensors are read when they are asked for.
 
@@ -518,7 +523,7 @@ class Dataset:
             BadInputError: DuckDB is not installed, or refuses the query.
             DatasetError: a table is missing or damaged.
         """
-        return query_episodes(self.episodes, query).table
+        return query_episodes([episode.tables for episode in self.episodes], query).table
 
 
 def _read_document(path: Path, version: int) -> dict[str, Any]:

@@ -67,6 +67,15 @@ class Catalog:
         """Give the connections back."""
         self.engine.dispose()
 
+    def optimise(self) -> None:
+        """Let the database look at its tables again, after many rows were written.
+
+        Raises:
+            CatalogError: the database refuses it.
+        """
+        with self.writing() as connection:
+            connection.exec_driver_sql("ANALYZE")
+
     @contextmanager
     def reading(self) -> Iterator[Connection]:
         """A transaction that reads.

@@ -13,10 +13,11 @@ from carstage.lazy import lazy_names
 if TYPE_CHECKING:
     from carstage.catalog.address import CATALOG_VARIABLE, CatalogAddress, catalog_address
     from carstage.catalog.collecting import Leftover, collect, leftovers
+    from carstage.catalog.conditions import PageFilter
     from carstage.catalog.database import Catalog
     from carstage.catalog.following import CatalogFollower
     from carstage.catalog.indexing import IndexSummary, rebuild, record_episode
-    from carstage.catalog.listing import Page, PageFilter, list_episodes, show_episode
+    from carstage.catalog.listing import Page, list_episodes, show_episode
     from carstage.catalog.loading import load_labels
     from carstage.catalog.querying import query_catalog, query_labels
     from carstage.catalog.verifying import Difference, verify
@@ -53,7 +54,8 @@ if not TYPE_CHECKING:
             "database": "Catalog",
             "following": "CatalogFollower",
             "indexing": "IndexSummary rebuild record_episode",
-            "listing": "Page PageFilter list_episodes show_episode",
+            "conditions": "PageFilter",
+            "listing": "Page list_episodes show_episode",
             "loading": "load_labels",
             "querying": "query_catalog query_labels",
             "verifying": "Difference verify",

@@ -74,6 +74,8 @@ class Catalog:
             CatalogError: the database refuses it.
         """
         with self.writing() as connection:
+            if self.address.kind == "sqlite":  # a look at some rows of each index is enough
+                connection.exec_driver_sql("PRAGMA analysis_limit = 1000")
             connection.exec_driver_sql("ANALYZE")
 
     @contextmanager

@@ -120,6 +120,7 @@ def rebuild(
         if isinstance(dataset.path, Path):  # else their folders are on the machines of the runs
             _replace(connection, RUNS, key, _runs(dataset))
         _replace(connection, ATTEMPTS, key, _attempts(dataset))
+    catalog.optimise()
     return summary
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import Select, select
+from sqlalchemy import FromClause, Select, func, select
 
+from carstage.catalog.conditions import EVERYTHING, OrderedJoin, PageFilter, conditions
 from carstage.catalog.schema import (
     ARTIFACTS,
     ATTEMPTS,
@@ -24,6 +25,11 @@ if TYPE_CHECKING:
 
 PAGE_SIZE = 50
 _LARGEST_PAGE = 10_000
+_COUNTED = 5000
+"""Conditions that more rows meet count as equally frequent."""
+_FIRST_PORTION = 4
+"""Candidates for each row of the page; then more and more."""
+_GROWTH, _LARGEST_PORTION = 4, 64_000
 _SHOWN = (
     "episode_id",
     "attempt",
@@ -44,30 +50,6 @@ _SHOWN = (
 
 
 @dataclass(frozen=True, slots=True)
-class PageFilter:
-    """Which episodes; all that is given has to hold.
-
-    Attributes:
-        town: name of the map.
-        weather: weather preset.
-        split: ``train``, ``val`` or ``test``.
-        sensor: kind of a sensor that the rig has, such as ``lidar``.
-        label: class of which there is an object in the episode, such as ``walker_adult``.
-    """
-
-    town: str | None = None
-    weather: str | None = None
-    split: str | None = None
-    sensor: str | None = None
-    label: str | None = None
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether it lets every episode pass."""
-        return all(getattr(self, one.name) is None for one in fields(self))
-
-
-@dataclass(frozen=True, slots=True)
 class Page:
     """Some episodes.
 
@@ -83,7 +65,7 @@ class Page:
 def list_episodes(
     catalog: Catalog,
     location: str | None = None,
-    wanted: PageFilter = PageFilter(),
+    wanted: PageFilter = EVERYTHING,
     *,
     limit: int = PAGE_SIZE,
     after: int = 0,
@@ -107,8 +89,7 @@ def list_episodes(
         raise BadInputError(f"limit: {limit} is no size of a page.", f"Give 1 to {_LARGEST_PAGE}.")
     with catalog.reading() as connection:
         key = None if location is None else _dataset_key(connection, catalog, location)
-        query = page_query(key, wanted).where(EPISODES.c.id > after).limit(limit + 1)
-        rows = [dict(row) for row in connection.execute(query).mappings()]
+        rows = next_episodes(connection, key, wanted, limit + 1, after)
     more = len(rows) > limit
     rows = rows[:limit]
     last = rows[-1]["id"] if more else None
@@ -138,6 +119,48 @@ def wanted_episodes(
         return [(row[0], row[1], row[2]) for row in connection.execute(query)]
 
 
+def next_episodes(
+    connection: Connection, key: int | None, wanted: PageFilter, limit: int, after: int
+) -> list[dict[str, Any]]:
+    """Rows of :func:`page_query` from a number on.
+
+    Databases guess badly how far they have to look for a page, so the way is given here. The
+    condition that the fewest rows meet gives the candidates, by its index, in growing portions; the
+    other conditions are looked up one by one.
+
+    Args:
+        connection: in a transaction.
+        key: number of the dataset; None: all.
+        wanted: which episodes.
+        limit: at most so many rows.
+        after: number of the row before the first.
+    """
+    asked = conditions(key, wanted)
+    if not asked:
+        query = page_query(None, wanted).where(EPISODES.c.id > after).limit(limit)
+        return [dict(row) for row in connection.execute(query).mappings()]
+    rarest = asked[0]
+    if len(asked) > 1:
+        sizes = [
+            connection.execute(
+                select(func.count()).select_from(one.candidates(after, _COUNTED).subquery())
+            ).scalar_one()
+            for one in asked
+        ]
+        rarest = asked[sizes.index(min(sizes))]
+    portion = limit if len(asked) == 1 else _FIRST_PORTION * limit
+    rows: list[dict[str, Any]] = []
+    while True:
+        some = rarest.candidates(after, portion).subquery()
+        query = page_query(key, wanted, some).limit(limit - len(rows))
+        found = connection.execute(query).mappings()
+        rows += [dict(row) for row in found]
+        last, count = connection.execute(select(func.max(some.c.id), func.count())).one()
+        if len(rows) == limit or count < portion:
+            return rows
+        after, portion = last, min(_GROWTH * portion, _LARGEST_PORTION)
+
+
 def show_episode(catalog: Catalog, location: str, episode_id: str) -> dict[str, Any]:
     """What a catalog knows of an episode: its row, ``sensors``, ``artifacts``, ``labels``.
 
@@ -152,7 +175,7 @@ def show_episode(catalog: Catalog, location: str, episode_id: str) -> dict[str, 
     """
     with catalog.reading() as connection:
         key = _dataset_key(connection, catalog, location)
-        query = page_query(key, PageFilter()).where(EPISODES.c.episode_id == episode_id)
+        query = page_query(key, EVERYTHING).where(EPISODES.c.episode_id == episode_id)
         found = connection.execute(query).mappings().one_or_none()
         if found is None:
             raise BadInputError(
@@ -176,33 +199,23 @@ def show_episode(catalog: Catalog, location: str, episode_id: str) -> dict[str, 
     return row
 
 
-def page_query(key: int | None, wanted: PageFilter) -> Select[Any]:
+def page_query(
+    key: int | None, wanted: PageFilter, candidates: FromClause | None = None
+) -> Select[Any]:
     """The rows of a page, by their number.
 
     Args:
         key: number of the dataset; None: all.
         wanted: which episodes.
+        candidates: a query for numbers of episodes, as ``id``: no others come into question.
     """
     shown = [EPISODES.c[name] for name in _SHOWN]
-    query = select(EPISODES.c.id, DATASETS.c.location.label("dataset"), *shown).join(
-        DATASETS, DATASETS.c.id == EPISODES.c.dataset
-    )
-    order = EPISODES.c.id
-    if key is not None:
-        query = query.where(EPISODES.c.dataset == key)
-    columns = (("town", "map"), ("weather", "weather"), ("split", "split"))
-    for name, column in columns:
-        value = getattr(wanted, name)
-        if value is not None:
-            query = query.where(EPISODES.c[column] == value)
-    if wanted.sensor is not None:
-        of_kind = select(SENSORS.c.episode).where(SENSORS.c.kind == wanted.sensor)
-        query = query.where(EPISODES.c.id.in_(of_kind))
-    if wanted.label is not None:
-        labels = LABEL_SUMMARIES
-        query = query.join(labels, labels.c.episode == EPISODES.c.id)
-        query = query.where(labels.c["class"] == wanted.label)
-    return query.order_by(order)
+    location = select(DATASETS.c.location).where(DATASETS.c.id == EPISODES.c.dataset)
+    query = select(EPISODES.c.id, location.scalar_subquery().label("dataset"), *shown)
+    if candidates is not None:
+        query = query.select_from(OrderedJoin(candidates, EPISODES))
+        query = query.where(candidates.c.id == EPISODES.c.id)
+    return query.where(*(one.holds for one in conditions(key, wanted))).order_by(EPISODES.c.id)
 
 
 def _dataset_key(connection: Connection, catalog: Catalog, location: str) -> int:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from carstage.catalog.address import location_of
-from carstage.catalog.listing import PageFilter, wanted_episodes
+from carstage.catalog.conditions import EVERYTHING, PageFilter
+from carstage.catalog.listing import wanted_episodes
 from carstage.dataset import Dataset
 from carstage.dataset.querying import Answer, EpisodeTables, RangeFiles, query_episodes
 from carstage.errors import BadInputError
@@ -21,7 +22,7 @@ def query_labels(
     query: str,
     *,
     catalog: Catalog | None = None,
-    wanted: PageFilter = PageFilter(),  # noqa: B008 - it cannot change
+    wanted: PageFilter = EVERYTHING,
     files: RangeFiles | None = None,
 ) -> Answer:
     """The answer to DuckDB's SQL over the label tables of a dataset's episodes.

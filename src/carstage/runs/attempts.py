@@ -81,7 +81,7 @@ def held_attempts(out: Path) -> set[tuple[str, str]]:
     They are those of runs that go on, as far as can be seen, and those that only wait to be
     converted by the next run.
     """
-    held = {(one.episode_id, one.attempt) for one in pending_recordings(out)}
+    needed = {(one.episode_id, one.attempt) for one in pending_recordings(out)}
     for folder in sorted((out / "runs").glob("*")):
         status = read_document(folder / "status.json")
         process = status or read_document(folder / PROCESS_FILE)
@@ -89,8 +89,8 @@ def held_attempts(out: Path) -> set[tuple[str, str]]:
             continue
         life = life_of(process)
         if life == "alive" or (life == "unknown" and is_recent(process)):
-            held |= _begun(folder / "events.jsonl", out)
-    return held
+            needed |= _begun(folder / "events.jsonl", out)
+    return needed
 
 
 def clear_up(run: LeftRun, store: Store) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import Column, ColumnElement, FromClause, Select, Table, select, true
@@ -10,34 +10,8 @@ from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.sql.compiler import SQLCompiler
 from sqlalchemy.sql.selectable import Join
 
+from carstage.catalog.filters import PageFilter
 from carstage.catalog.schema import EPISODES, LABEL_SUMMARIES, SENSORS
-
-
-@dataclass(frozen=True, slots=True)
-class PageFilter:
-    """Which episodes; all that is given has to hold.
-
-    Attributes:
-        town: name of the map.
-        weather: weather preset.
-        split: ``train``, ``val`` or ``test``.
-        sensor: kind of a sensor that the rig has, such as ``lidar``.
-        label: class of which there is an object in the episode, such as ``walker_adult``.
-    """
-
-    town: str | None = None
-    weather: str | None = None
-    split: str | None = None
-    sensor: str | None = None
-    label: str | None = None
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether it lets every episode pass."""
-        return all(getattr(self, one.name) is None for one in fields(self))
-
-
-EVERYTHING = PageFilter()
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,10 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from sqlalchemy import URL, create_engine, event, exc, make_url
+
 from carstage.catalog.address import CatalogAddress
+from carstage.catalog.migrating import bring_up_to_date, check_schema
 from carstage.errors import BadInputError, CatalogError, CatalogLostError
 
 if TYPE_CHECKING:
@@ -41,8 +44,6 @@ class Catalog:
         self.address = address
         self.engine = _engine(address, create=create)
         try:
-            from carstage.catalog.migrating import bring_up_to_date, check_schema
-
             with self._translated():
                 if create:
                     bring_up_to_date(self)
@@ -105,8 +106,6 @@ class Catalog:
     @contextmanager
     def _translated(self) -> Iterator[None]:
         """Errors of the database in our words, without what is secret."""
-        from sqlalchemy import exc
-
         try:
             yield
         except exc.OperationalError as error:
@@ -162,20 +161,18 @@ _REFUSALS = (
 
 
 def _engine(address: CatalogAddress, *, create: bool) -> Engine:
-    try:
-        from sqlalchemy import URL, create_engine, event, make_url
-        from sqlalchemy.exc import ArgumentError
-    except ImportError as error:
-        raise _missing("catalog") from error
     if address.file is None:
         try:
             import psycopg
         except ImportError as error:
-            raise _missing("postgres") from error
+            raise BadInputError(
+                "PostgreSQL needs a package that is not installed.",
+                "Install it: pip install 'carstage[postgres]'.",
+            ) from error
         del psycopg
         try:
             url = make_url(address.url)
-        except (ArgumentError, ValueError) as error:
+        except (exc.ArgumentError, ValueError) as error:
             raise BadInputError(
                 f"catalog: {address.shown} is no address of a database.",
                 "Write postgresql://USER@HOST:PORT/DATABASE.",
@@ -207,10 +204,3 @@ def _engine(address: CatalogAddress, *, create: bool) -> Engine:
         connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
     return engine
-
-
-def _missing(extra: str) -> BadInputError:
-    return BadInputError(
-        "The catalog needs a package that is not installed.",
-        f"Install it: pip install 'carstage[{extra}]'.",
-    )

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import FromClause, Select, func, select
 
-from carstage.catalog.conditions import EVERYTHING, OrderedJoin, PageFilter, conditions
+from carstage.catalog.conditions import OrderedJoin, conditions
+from carstage.catalog.filters import EVERYTHING, PageFilter
 from carstage.catalog.schema import (
     ARTIFACTS,
     ATTEMPTS,

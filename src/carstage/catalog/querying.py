@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from carstage.catalog.address import location_of
-from carstage.catalog.conditions import EVERYTHING, PageFilter
+from carstage.catalog.filters import EVERYTHING, PageFilter
 from carstage.catalog.listing import wanted_episodes
 from carstage.dataset import Dataset
 from carstage.dataset.querying import Answer, EpisodeTables, RangeFiles, query_episodes

@@ -331,11 +331,13 @@ def _ask_labels(dataset: str, url: str | None, sql: str, wanted: PageFilter) -> 
 
     # DuckDB reports objects that are still there at the end as a leak; see ``carstage.cli.main``.
     atexit.unregister(gc.freeze)
-    from carstage.catalog import query_labels
-    from carstage.dataset import Dataset as OpenDataset
-
     if wanted.is_empty:  # then no catalog is needed
-        return query_labels(OpenDataset(dataset), sql)
+        from carstage.dataset import Dataset as OpenDataset
+        from carstage.dataset.querying import query_episodes
+
+        return query_episodes([one.tables for one in OpenDataset(dataset).episodes], sql)
+    from carstage.catalog import query_labels
+
     opened, place = _open(dataset, url)
     with opened:
         return query_labels(place, sql, catalog=opened, wanted=wanted)

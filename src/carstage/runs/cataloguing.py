@@ -35,8 +35,7 @@ def run_catalog(given: str | None, out: Path, notice: Callable[[str], None]) -> 
     if not given and not os.environ.get(CATALOG_VARIABLE):
         yield lambda on_event, folder: on_event
         return
-    from carstage.catalog.following import CatalogFollower
-    from carstage.catalog.indexing import run_row
+    from carstage.catalog import CatalogFollower, run_row
 
     with CatalogFollower(catalog_address(given), out, notice) as follower:
 

@@ -149,3 +149,27 @@ def test_without_a_catalog_the_way_to_one_is_said(small: Path) -> None:
     assert "carstage catalog rebuild" in call("list", small, code=2).stderr
     assert not (small / "catalog.sqlite").exists()
     assert CATALOG_VARIABLE in call("list", code=2).stderr
+
+
+@pytest.mark.parametrize(
+    ("package", "words", "extra"),
+    [
+        ("sqlalchemy", ("list", "DATASET"), "catalog"),
+        ("alembic", ("rebuild", "DATASET"), "catalog"),
+        ("psycopg", ("list", "--catalog", "postgresql://u@127.0.0.1:1/x"), "postgres"),
+    ],
+)
+def test_a_package_that_is_missing_is_named(
+    small: Path, package: str, words: tuple[str, ...], extra: str
+) -> None:
+    program = (
+        f"import sys; sys.modules[{package!r}] = None; from carstage.cli import main; "
+        "sys.argv[0] = 'carstage'; main()"
+    )
+    given = [str(small) if word == "DATASET" else word for word in words]
+    done = subprocess.run(
+        [sys.executable, "-c", program, "catalog", *given],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert f"carstage[{extra}]" in done.stderr

@@ -15,7 +15,7 @@ _LOOP = "one compiled loop over shared locals; a function per step would pass al
 _OWNER = "puts its parts together: each parameter is one collaborator, all named at the call"
 _ROW = "the keys of one row of a table, in the table's order"
 _OPTIONS = "typer knows the options of a command by its signature"
-_CALL = "the public call: each keyword is one option of the command"
+_CALL = "the public call: each parameter is an option with a default, told in its docstring"
 _PARTS = "a list of parts with their places, read from top to bottom"
 
 REASONS = {

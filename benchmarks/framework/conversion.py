@@ -28,6 +28,7 @@ from carstage.conversion.sensors import RecordedSensor
 from carstage.files.hashing import hash_of
 from carstage.rawlog.format import KIND_DATA
 from carstage.rawlog.reader import EpisodeLog
+from carstage.storage import FolderFiles
 
 TARGET_RATIO = 1.25
 _CAMERA = "CAM"
@@ -80,7 +81,7 @@ def compare(raw: Path, camera_id: str, files: Path, rounds: int, progress: Progr
             codec.encode(meta, payload)
 
     def convert() -> None:
-        encode_segment(raw, files, sensor, 0)
+        encode_segment(raw, FolderFiles(files), sensor, 0)
 
     def contents() -> list[bytes]:
         return [path.read_bytes() for path in sorted(files.rglob("*.png"))]

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from benchmarks.framework.recorded import record
 from carstage import Dataset, export
@@ -75,10 +74,10 @@ def _differences_m(dataset: Path, exports: Path) -> Iterator[tuple[str, float]]:
     """Source and distance from where the snapshots have ego and sensor, for each frame."""
     episode = Dataset(dataset).episodes[0]
     reference = episode.document["geo_reference"]
-    ego = pq.read_table(episode.folder / "ego.parquet").to_pylist()
-    sensors = pq.read_table(episode.folder / "sensor_poses.parquet").to_pylist()
+    ego = episode.ego().to_pylist()
+    sensors = episode.sensor_poses().to_pylist()
     antenna = [row["location"] for row in sensors if row["sensor_id"] == "GNSS"]
-    readings = pq.read_table(episode.folder / "sensors" / "GNSS.parquet").to_pylist()
+    readings = episode.sensor("GNSS").table.to_pylist()
     for row, read, place in zip(ego, readings, antenna, strict=True):
         yield "ego_parquet", _off(_degrees(row), reference, "-y", row["location"])
         yield "gnss", _off(_degrees(read), reference, reference["gnss_north"], place)

@@ -79,13 +79,17 @@ from carstage.conversion.segment import encode_segment
 from carstage.conversion.sensors import RecordedSensor
 
 raw, files, repeats = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
+try:
+    from carstage.storage import FolderFiles as into
+except ImportError:  # of a version before
+    into = Path
 load_libraries(pictures=True)
 sensors = [RecordedSensor("CAM", "rgb", "png"), RecordedSensor("LIDAR", "lidar", "bin")]
 for repeat in range(1 + repeats):  # the first one warms up
     if repeat == 1:
         began = time.process_time()
     for sensor in sensors:
-        encode_segment(raw, files, sensor, 0)
+        encode_segment(raw, into(files), sensor, 0)
 spent = time.process_time() - began
 print(json.dumps(1e3 * spent / repeats / len(list(files.rglob("*.*")))))
 shutil.rmtree(files)

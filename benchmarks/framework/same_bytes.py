@@ -13,11 +13,10 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import pyarrow.parquet as pq
-
 from benchmarks.framework.recorded import hashes, record_demo
 from carstage import Dataset
 from carstage.bench.verdict import Figure, Verdict
+from carstage.dataset.tables import read_table
 
 TOWNS = ("Stage01", "Stage02", "Stage03")
 SECONDS = 1.0
@@ -50,7 +49,7 @@ def _differing_values(one: Path, other: Path, names: Sequence[str]) -> list[str]
     first, second = (Dataset(path).episodes[0].folder for path in (one, other))
     found = []
     for name in names:
-        left, right = pq.read_table(first / name), pq.read_table(second / name)
+        left, right = read_table(first / name), read_table(second / name)
         if left.column_names != right.column_names:
             found.append(f"{name}: columns")
             continue

@@ -102,6 +102,16 @@ class DiskFullError(StorageError):
     """There is no space left where the run writes; another attempt would end alike."""
 
 
+class StoreAccessError(StorageError, BadInputError):
+    """An object store lets this user do nothing: credentials, permission, bucket, or clock."""
+
+    exit_code = 2
+
+
+class UnsafeStoreError(StoreAccessError):
+    """A store replaces what exists without a word, so that commits could overwrite each other."""
+
+
 class EpisodeExistsError(StorageError, FileExistsError):
     """Somebody else committed this episode first; the attempt that lost is removed."""
 

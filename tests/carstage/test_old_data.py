@@ -73,7 +73,7 @@ def test_its_raw_log_is_converted_into_the_same_contents(old: Path, tmp_path: Pa
     anew = LocalStore(tmp_path / "anew")
     anew.initialise("anew")
     with ThreadPoolExecutor(2) as pool:
-        conversion = EpisodeConversion(raw, anew.attempt_folder(_WITH_RAW_LOG, "a1"), pool)
+        conversion = EpisodeConversion(raw, anew.attempt_files(_WITH_RAW_LOG, "a1"), pool)
         conversion.finish()
     anew.commit(_WITH_RAW_LOG, "a1", frames=_FRAMES, versions={})
     (old / "commits" / f"{_OTHER}.json").unlink()

@@ -15,7 +15,7 @@ import analytic_scene
 from carstage.conversion import EpisodeConversion
 from carstage.dataset.tables import read_table, write_table
 from carstage.files.hashing import hash_of
-from carstage.storage import LocalStore
+from carstage.storage import FolderFiles, LocalStore
 
 SIZE = (192, 128)
 VERSIONS = {"client": "0.9.16", "server": "0.9.16"}
@@ -24,7 +24,7 @@ VERSIONS = {"client": "0.9.16", "server": "0.9.16"}
 def convert(raw_folder: Path, attempt_folder: Path, **options: Any) -> EpisodeConversion:
     """Convert a whole raw log in threads."""
     with ThreadPoolExecutor(2) as pool:
-        conversion = EpisodeConversion(raw_folder, attempt_folder, pool, **options)
+        conversion = EpisodeConversion(raw_folder, FolderFiles(attempt_folder), pool, **options)
         conversion.finish()
     return conversion
 

@@ -301,7 +301,7 @@ def _misread(out: Path, known: frozenset[str], expected: Hashes) -> list[str]:
             found += _differently_listed(Dataset(out), markers)
         elif markers:
             found.append("there are episodes, and no dataset")
-        for run in left_runs(out):
+        for run in left_runs(out, open_store(out)):
             str(run.describe)
     except Exception as error:  # noqa: BLE001 - whatever a reader raises is a finding
         found.append(f"{type(error).__name__}: {error}")

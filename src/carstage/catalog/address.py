@@ -7,11 +7,12 @@ import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from carstage.cache import cache_folder
 from carstage.errors import BadInputError
+from carstage.storage import DatasetPath
 
 CATALOG_VARIABLE = "CARSTAGE_CATALOG"
 """Environment variable with the address of the catalog; the one place for a password in it."""
@@ -70,7 +71,7 @@ def masked(text: str) -> str:
     return _SECRET.sub(r"\1=***", _USER_INFO.sub(r"://\1:***@", text))
 
 
-def catalog_address(given: str | None, dataset: Any = None) -> CatalogAddress:
+def catalog_address(given: str | None, dataset: DatasetPath | None = None) -> CatalogAddress:
     """The catalog to use: the one that is given, else the environment's, else the dataset's own.
 
     Args:
@@ -93,7 +94,7 @@ def catalog_address(given: str | None, dataset: Any = None) -> CatalogAddress:
     return own_catalog(dataset)
 
 
-def own_catalog(dataset: Any) -> CatalogAddress:
+def own_catalog(dataset: DatasetPath) -> CatalogAddress:
     """The SQLite file that a dataset has where no other catalog is named.
 
     It lies in the dataset's folder. That of a dataset in a store lies in the user's cache folder.
@@ -104,7 +105,7 @@ def own_catalog(dataset: Any) -> CatalogAddress:
     return _file(cache_folder() / "catalogs" / f"{name}.sqlite")
 
 
-def location_of(dataset: Any, address: CatalogAddress) -> str:
+def location_of(dataset: DatasetPath, address: CatalogAddress) -> str:
     """By which name a catalog knows a dataset: its URL, or the absolute path of its folder."""
     if not isinstance(dataset, Path):
         return str(dataset)

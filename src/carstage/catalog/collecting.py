@@ -71,7 +71,7 @@ def leftovers(
         if marker is None and older_than_s is None:
             continue
         try:
-            found = store.attempt_files(episode_id, attempt)
+            found = store.attempt_size(episode_id, attempt)
         except StorageError:
             continue  # its holder has just removed it
         age_s = now_s - found.modified_s

@@ -16,6 +16,7 @@ from carstage.catalog.database import Catalog
 from carstage.catalog.indexing import record_episode, record_run
 from carstage.dataset import Dataset, Episode
 from carstage.errors import CarStageError, CatalogLostError
+from carstage.storage import DatasetPath
 from carstage.storage.marker import read_marker
 
 logger = logging.getLogger(__name__)
@@ -46,7 +47,7 @@ class CatalogFollower:
     def __init__(
         self,
         address: CatalogAddress,
-        place: Any,
+        place: DatasetPath,
         notice: Callable[[str], None],
         *,
         patience_s: float = _PATIENCE_S,

@@ -272,7 +272,7 @@ def _attempts(dataset: Dataset) -> list[Row]:
     """Every attempt that has files: the episode itself, overtaken by it, or open."""
     committed = {episode.id: episode.marker.attempt for episode in dataset.episodes}
     rows = []
-    for episode_id, attempt in open_store(str(dataset.path)).attempts():
+    for episode_id, attempt in open_store(dataset.path).attempts():
         winner = committed.get(episode_id)
         state = "open" if winner is None else "committed" if winner == attempt else "overtaken"
         rows.append({"episode_id": episode_id, "attempt": attempt, "state": state})

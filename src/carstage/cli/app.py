@@ -18,6 +18,7 @@ from carstage.cli.output import (
     Json,
     command,
     confirmed,
+    dataset_address,
     folder,
     note,
     result,
@@ -49,7 +50,22 @@ DEMO_FOLDER = Path("datasets/demo")
 
 Out = Annotated[
     Path,
-    typer.Option("--out", help="Folder of the dataset; created if missing.", callback=folder),
+    typer.Option(
+        "--out",
+        metavar="DIR|URL",
+        help="Folder of the dataset, or s3://, gs://, az:// and a bucket; created if missing.",
+        callback=dataset_address,
+    ),
+]
+Work = Annotated[
+    Path | None,
+    typer.Option(
+        "--work",
+        metavar="DIR",
+        help="Folder of this machine for raw recordings and logs. Default: that of --out, or one "
+        "in the user's cache.",
+        callback=folder,
+    ),
 ]
 Settings = Annotated[
     list[str] | None,
@@ -135,6 +151,7 @@ def run(
         str | None,
         typer.Option("--run-id", hidden=True, help="Name of the run's folder."),
     ] = None,
+    work: Work = None,
     debug: Debug = False,
 ) -> int:
     """Record a configuration into a dataset; the same command again continues where it ended."""
@@ -142,7 +159,7 @@ def run(
     import carstage
 
     configured = carstage.load_config(config, settings or ())
-    options = {"retries": retries, "append": append, "shard": shard, "run_id": run_id}
+    options = {"retries": retries, "append": append, "shard": shard, "run_id": run_id, "work": work}
     return _record(configured, out, json=json, report=False, catalog=catalog, **options)
 
 
@@ -269,7 +286,10 @@ def config_schema_(debug: Debug = False) -> None:
 
 
 Dataset = Annotated[
-    Path, typer.Argument(help="Folder of the dataset.", metavar="DIR", callback=folder)
+    Path,
+    typer.Argument(
+        help="Folder of the dataset, or its address.", metavar="DIR|URL", callback=dataset_address
+    ),
 ]
 
 
@@ -318,7 +338,11 @@ def report(
     dataset: Dataset,
     html: Annotated[
         Path | None,
-        typer.Option("--html", metavar="FILE", help="Where to; default DIR/report.html."),
+        typer.Option(
+            "--html",
+            metavar="FILE",
+            help="Where to; default DIR/report.html, of a remote dataset NAME-report.html here.",
+        ),
     ] = None,
     films: Annotated[
         bool, typer.Option("--films", help="Add films with boxes (needs the extra `video`).")
@@ -327,9 +351,9 @@ def report(
 ) -> None:
     """Write report.html: pictures with boxes, maps, LiDAR from above, statistics, validation."""
     del debug
-    from carstage.report import write_report
+    from carstage.report import report_file, write_report
 
-    target = html or dataset / "report.html"
+    target = html or report_file(dataset)
     _write(target, lambda: write_report(dataset, target, films=films))
     result(str(target))
 

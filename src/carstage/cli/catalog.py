@@ -265,17 +265,15 @@ def collect_garbage(
 ) -> int:
     """List or remove attempts that are no episode; a committed one is never removed."""
     del debug
-    from pathlib import Path
-
     from carstage import catalog as catalogs
     from carstage.dataset import Dataset as OpenDataset
-    from carstage.runs import held_attempts, size_text
+    from carstage.runs import held_attempts, size_text, work_folder
     from carstage.storage import open_store
 
     age_s = None if older_than is None else _age_s(older_than)
     place = OpenDataset(dataset)
-    store = open_store(str(place.path))
-    held = held_attempts(place.path) if isinstance(place.path, Path) else set()
+    store = open_store(place.path)
+    held = held_attempts(work_folder(place.path, None), store)
     found = list(catalogs.leftovers(store, older_than_s=age_s, held=held))
     kept = catalogs.collect(store, found) if yes else {}
     for leftover, reason in kept.items():

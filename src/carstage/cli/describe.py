@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from carstage.config import Config
+    from carstage.storage import DatasetPath
     from carstage.validation import Problem, ValidationReport
 
 
@@ -67,7 +67,7 @@ def describe_problem(problem: Problem) -> str:
     return f"{problem.severity}: {problem.check}: {problem.message}{where}"
 
 
-def describe_validation(dataset: Path, report: ValidationReport) -> str:
+def describe_validation(dataset: DatasetPath, report: ValidationReport) -> str:
     """The verdict in a line."""
     errors = sum(problem.severity == "error" for problem in report.problems)
     warnings = len(report.problems) - errors

@@ -191,7 +191,8 @@ def _interpreters() -> Iterator[Finding]:
 
 
 def _leftovers(out: Path) -> Iterator[Finding]:
-    for run in left_runs(out):
+    store = open_store(out)
+    for run in left_runs(out, store):
         if run.dead:
             text = f"{run.folder} was killed and left {len(run.attempts)} unfinished attempts."
             hint = "The next run into this dataset removes them."
@@ -202,7 +203,6 @@ def _leftovers(out: Path) -> Iterator[Finding]:
     for recording in pending_recordings(out):
         text = f"episode {recording.episode_id} is recorded and waits to be converted."
         yield Finding("pending recording", True, text, "The same command again goes on with it.")
-    store = open_store(out)
     try:
         lost = store.lost(store.committed().values())
     except CarStageError as error:

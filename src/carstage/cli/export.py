@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 
 import typer
 
-from carstage.cli.output import Debug, Json, command, folder, note, result, result_json
+from carstage.cli.output import (
+    Debug,
+    Json,
+    command,
+    dataset_address,
+    folder,
+    note,
+    result,
+    result_json,
+)
 from carstage.exporters.class_map import ClassMap, read_class_map
 from carstage.exporters.options import ExportOptions, flag_of
 
@@ -86,7 +95,10 @@ def export(
         str, typer.Argument(metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.")
     ],
     dataset: Annotated[
-        Path, typer.Argument(metavar="DATASET", help="Folder of the dataset.", callback=folder)
+        Path,
+        typer.Argument(
+            metavar="DATASET", help="Folder or address of the dataset.", callback=dataset_address
+        ),
     ],
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder to make.", callback=folder)],
     options: ExportOptions,

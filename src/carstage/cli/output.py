@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, ParamSpec
+from typing import Annotated, Any, ParamSpec, cast
 
 import typer
 
@@ -76,12 +76,28 @@ def confirmed(text: str, question: str) -> bool:
     return typer.confirm(question, err=True)
 
 
-def folder(address: Path) -> Path:
+def folder(address: Path | None) -> Path | None:
     """Callback of a parameter: the folder that was named, also as ``file://``."""
     from carstage.storage import local_folder
 
+    return None if address is None else _parsed(local_folder, address)
+
+
+def dataset_address(address: Path) -> Path:
+    """Callback of a parameter: a folder, or a place in an object store.
+
+    What is no folder passes through the type that the parameter is declared with: commands hand it
+    on to what takes either.
+    """
+    from carstage.storage import dataset_root
+
+    root: Any = _parsed(dataset_root, address)
+    return cast("Path", root)
+
+
+def _parsed(parse: Callable[[Path], Any], address: Path) -> Any:
     try:
-        return local_folder(address)
+        return parse(address)
     except BadInputError as error:
         note(f"Error: {error.message}\n{error.hint}")
         raise typer.Exit(error.exit_code) from error

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from carstage.cli.output import Debug, Json, command, folder, note, result, result_json
+from carstage.cli.output import Debug, Json, command, dataset_address, note, result, result_json
 
 if TYPE_CHECKING:
     from carstage.dataset import StoredSplits
@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 @command
 def split(
     dataset: Annotated[
-        Path, typer.Argument(metavar="DATASET", help="Folder of the dataset.", callback=folder)
+        Path,
+        typer.Argument(
+            metavar="DATASET", help="Folder or address of the dataset.", callback=dataset_address
+        ),
     ],
     val: Annotated[float, typer.Option("--val", help="Share of the episodes: validation.")] = 0.0,
     test: Annotated[float, typer.Option("--test", help="Share of the episodes: test.")] = 0.0,

@@ -33,10 +33,10 @@ from carstage.conversion.segment import (
 from carstage.conversion.sensors import SensorPlan, plan_sensors
 from carstage.dataset.tables import row_sensor, write_table
 from carstage.errors import ConversionError, ConverterDiedError
-from carstage.files.hashing import hash_of, hash_of_file
-from carstage.files.whole import write_whole
+from carstage.files.hashing import hash_of
 from carstage.rawlog.format import LEDGER, WORLD
 from carstage.rawlog.reader import EpisodeLog
+from carstage.storage.attempt_files import AttemptFiles, write_document
 from carstage.storage.marker import FileEntry
 
 _LABELS = ""
@@ -67,11 +67,11 @@ class EpisodeConversion:
     depend on the raw log and ``codecs`` alone: the same log gives the same bytes.
 
     Construct it when the raw log's ``episode.json`` is there or will be before the first segment
-    is announced. Until ``finish`` returns, the attempt's folder is incomplete.
+    is announced. Until ``finish`` returns, the attempt is incomplete.
 
     Args:
         raw_folder: folder of the attempt's raw log.
-        attempt_folder: folder below ``episodes/`` that receives the files.
+        attempt_files: receives the files.
         pool: where the work is done, see ``conversion_pool``; the caller shuts it down.
         codecs: name of the codec by sensor id, where it is not the default of the sensor's kind.
         progress: called whenever some work is done, well or not; from any thread.
@@ -80,14 +80,14 @@ class EpisodeConversion:
     def __init__(
         self,
         raw_folder: Path,
-        attempt_folder: Path,
+        attempt_files: AttemptFiles,
         pool: Executor,
         *,
         codecs: Mapping[str, str] = MappingProxyType({}),
         progress: Callable[[], None] = lambda: None,
     ) -> None:
         self.raw_folder = Path(raw_folder)
-        self.attempt_folder = Path(attempt_folder)
+        self.attempt_files = attempt_files
         self._pool = pool
         self._codecs = codecs
         self._progress = progress
@@ -194,18 +194,16 @@ class EpisodeConversion:
                 self._tasks[key] = task
 
     def _require_as_written(self, entry: FileEntry) -> None:
-        path = self.attempt_folder / entry.path
         try:
-            if not path.resolve().is_relative_to(self.attempt_folder.resolve()):
-                raise ValueError(f"{entry.path} is elsewhere")
-            with path.open("rb") as file:
-                same = hash_of_file(file, entry.hash) == (entry.hash, entry.bytes)
+            same = self.attempt_files.holds(entry)
         except OSError as error:
             raise ConversionError(
-                f"{path} cannot be read: {error.strerror}.", "Record the episode again."
+                f"{entry.path} cannot be read: {error.strerror}.", "Record the episode again."
             ) from error
         if not same:
-            raise ConversionError(f"{path} is not as it was written.", "Record the episode again.")
+            raise ConversionError(
+                f"{entry.path} is not as it was written.", "Record the episode again."
+            )
 
     def raise_if_failed(self) -> None:
         """Raise the first error of the work done so far, as ``finish`` would."""
@@ -251,7 +249,6 @@ class EpisodeConversion:
             self._drop_tasks()
             raise
         frames = sum(entry["k"] is not None for entry in ledger)
-        self.attempt_folder.mkdir(parents=True, exist_ok=True)
         self._write_row_sensors(self._segments(log))
         self._merge_labels(self._segments(log))
         actors = log.actors()
@@ -268,7 +265,7 @@ class EpisodeConversion:
             "calibration.json": calibration_document(log.spec, self._plan, ego),
         }
         for name, document in documents.items():
-            write_whole(self.attempt_folder / name, to_json(document))
+            write_document(self.attempt_files, name, to_json(document))
         self._write_table(ledger_table(log.header, log.spec, self._plan, ledger), "frames.parquet")
         self._remove_strays()
         shutil.rmtree(self.raw_folder / LABEL_PARTS)
@@ -289,16 +286,16 @@ class EpisodeConversion:
                 task.cancel()
 
     def cancel(self) -> None:
-        """Drop what is not done and remove the attempt's folder; waits for running work.
+        """Drop what is not done and remove the attempt's files; waits for running work.
 
         After ``finish`` has returned the files are the store's, and this does nothing.
         """
         self._drop_tasks()
         if self._finished:
             return
-        for folder in (self.attempt_folder, self.raw_folder / LABEL_PARTS):
-            with suppress(FileNotFoundError):
-                shutil.rmtree(folder)
+        self.attempt_files.discard()
+        with suppress(FileNotFoundError):
+            shutil.rmtree(self.raw_folder / LABEL_PARTS)
 
     def _load(self) -> EpisodeLog:
         if self._log is None:
@@ -317,7 +314,7 @@ class EpisodeConversion:
         for sensor in self._plan.written:
             if self._is_ready(segment, sensor.id, {sensor.id, LEDGER}):
                 self._tasks[segment, sensor.id] = self._submit(
-                    encode_segment, self.raw_folder, self.attempt_folder, sensor, segment
+                    encode_segment, self.raw_folder, self.attempt_files, sensor, segment
                 )
         if self._is_ready(segment, _LABELS, self._plan.label_streams):
             self._tasks[segment, _LABELS] = self._submit(label_segment, self.raw_folder, segment)
@@ -366,9 +363,8 @@ class EpisodeConversion:
         wait([task for task in tasks if not task.cancel()])
 
     def _write_table(self, table: pa.Table, name: str) -> None:
-        path = self.attempt_folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_table(table, path)
+        with self.attempt_files.whole(name) as path:
+            write_table(table, path)
 
     def _write_row_sensors(self, segments: range) -> None:
         for sensor in self._plan.written:
@@ -394,10 +390,16 @@ class EpisodeConversion:
             for sensor in self._plan.written
             if row_sensor(sensor.kind) is None
         }
-        for path in (self.attempt_folder / "sensors").glob("*/*"):
-            suffix = path.name[path.name.index(".") :] if path.name[0] != "." else ""
-            if suffix not in endings.get(path.parent.name, ()):
-                path.unlink()
+        strays = []
+        for name in self.attempt_files.names():
+            folder, _, file = name.rpartition("/")
+            top, _, sensor_id = folder.partition("/")
+            if top != "sensors" or not sensor_id:
+                continue
+            suffix = file[file.index(".") :] if file[0] != "." else ""
+            if suffix not in endings.get(sensor_id, ()):
+                strays.append(name)
+        self.attempt_files.remove(strays)
 
 
 def _is_well_done(task: Future[Any] | None) -> bool:

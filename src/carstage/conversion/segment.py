@@ -20,13 +20,12 @@ from carstage.conversion.sensors import RecordedSensor
 from carstage.conversion.tag_numbers import dataset_payload
 from carstage.dataset.tables import RowSensor, arrow_type, row_sensor
 from carstage.errors import ConversionError
-from carstage.files.hashing import hash_of
-from carstage.files.streaming import FileStream
 from carstage.files.whole import whole_file
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.format import KIND_DATA, LEDGER
 from carstage.rawlog.reader import EpisodeLog, Record
 from carstage.sensor_kinds.model import DETECTIONS, POINTS
+from carstage.storage.attempt_files import AttemptFiles
 from carstage.storage.marker import FileEntry
 
 LABEL_PARTS = ".labels"
@@ -57,7 +56,7 @@ class EncodedSegment:
 
 
 def encode_segment(
-    raw_folder: Path, attempt_folder: Path, sensor: RecordedSensor, segment: int
+    raw_folder: Path, attempt_files: AttemptFiles, sensor: RecordedSensor, segment: int
 ) -> EncodedSegment:
     """Write the files of one sensor for the saved ticks of one segment, or make its rows.
 
@@ -76,10 +75,9 @@ def encode_segment(
         )
     _, codec = codec_for(sensor.kind, sensor.codec)
     below = f"sensors/{sensor.id}"
-    (attempt_folder / below).mkdir(parents=True, exist_ok=True)
     server = str(log.header["server_version"])
     entries = []
-    with FileStream() as files:
+    with attempt_files.stream() as files:
         for record in records:
             try:
                 payload = dataset_payload(sensor.kind, server, record.payload)
@@ -88,9 +86,7 @@ def encode_segment(
                 raise _bad_record(sensor, record, str(error)) from error
             for suffix, content in zip(codec.suffixes, contents, strict=True):
                 name = f"{below}/{ticks[record.tick]:06d}{suffix}"
-                files.write(attempt_folder / name, content)
-                # From memory, while the file is being written.
-                entries.append(FileEntry(name, len(content), hash_of(content)))
+                entries.append(files.write(name, content))
     return EncodedSegment(files=tuple(entries))
 
 

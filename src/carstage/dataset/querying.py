@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import pyarrow as pa
 
 from carstage.errors import BadInputError, DatasetError
+from carstage.storage.remote_path import RemotePath
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
@@ -90,7 +91,8 @@ def query_episodes(
     Args:
         episodes: committed ones, one at least.
         query: DuckDB's SQL; tables are those of ``TABLES``.
-        files: reads the episodes' files; None: they are on this machine.
+        files: reads the episodes' files; None: they are on this machine, or in the object store
+            that their paths name.
 
     Raises:
         BadInputError: DuckDB is not installed, or refuses the query.
@@ -106,6 +108,8 @@ def query_episodes(
     if not episodes:
         raise BadInputError("The dataset has no episode to query.", "Record one: carstage run.")
     named = [name for name in TABLES if re.search(rf"\b{name}\b", query, re.IGNORECASE)]
+    if files is None and isinstance(episodes[0].folder, RemotePath):
+        files = _RemoteRanges(episodes[0].folder)
     with duckdb.connect() as connection:
         meter = _open_files(connection, files)
         before = meter.bytes_read()
@@ -150,6 +154,29 @@ def _rows_of(name: str, episodes: Iterable[EpisodeTables], prefix: str) -> str:
     episode_id = "regexp_extract(filename, 'episodes/([^/]+)/[^/]+/[^/]+$', 1)"
     own = ", episode_id" if name in _OWN_EPISODE_ID else ""
     return f"SELECT {episode_id} AS episode_id, * EXCLUDE (filename{own}) FROM {source}"
+
+
+class _RemoteRanges:
+    """Files of a dataset in an object store.
+
+    Args:
+        place: any in the dataset.
+    """
+
+    def __init__(self, place: RemotePath) -> None:
+        from carstage.storage.remote_files import remote_files
+
+        self._root = place.root
+        self._files = remote_files(place.root)
+
+    def size(self, path: str) -> int:
+        return self._files.stat(self._key(path)).st_size
+
+    def read(self, path: str, start: int, end: int) -> bytes:
+        return self._files.read_range(self._key(path), start, end)
+
+    def _key(self, path: str) -> str:
+        return path.removeprefix(f"{self._root}/")
 
 
 class _LocalMeter:

@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,11 +23,12 @@ from carstage.files.hashing import hash_of
 from carstage.geometry import GeoFrame, is_pinhole, pose_matrix
 from carstage.sensor_kinds import content_of
 from carstage.spec import EpisodeSpec, SpecError
-from carstage.storage.address import local_folder
+from carstage.storage.address import dataset_root
 from carstage.storage.description import read_description
-from carstage.storage.local import LocalStore
-from carstage.storage.maps import map_path
+from carstage.storage.maps import map_name
 from carstage.storage.marker import CommitMarker
+from carstage.storage.opening import open_store
+from carstage.storage.remote_path import DatasetPath
 
 EPISODE_FORMAT = 1
 CALIBRATION_FORMAT = 1
@@ -131,7 +131,7 @@ class Sensor:
 
     def __init__(
         self,
-        folder: Path,
+        folder: DatasetPath,
         calibration: SensorCalibration,
         poses: Callable[[str], Mapping[int, NDArray[np.float64]]],
     ) -> None:
@@ -170,12 +170,15 @@ class Sensor:
             raise DatasetError(f"sensor_poses.parquet has no row of {self.id} in frame {k}.")
         return replace(self.calibration, ego_from_sensor=pose)
 
-    def paths(self, k: int) -> tuple[Path, ...]:
+    def paths(self, k: int) -> tuple[DatasetPath, ...]:
         """The files of frame ``k``; of a row-wise sensor the table that holds it."""
-        sensors = self._folder / "sensors"
+        return tuple(self._folder / name for name in self.file_names(k))
+
+    def file_names(self, k: int) -> tuple[str, ...]:
+        """Paths of :meth:`paths` below the episode, as the commit marker lists them."""
         if self._codec is None:
-            return (sensors / f"{self.id}.parquet",)
-        return tuple(sensors / self.id / f"{k:06d}{suffix}" for suffix in self._codec.suffixes)
+            return (f"sensors/{self.id}.parquet",)
+        return tuple(f"sensors/{self.id}/{k:06d}{suffix}" for suffix in self._codec.suffixes)
 
     def read(self, k: int) -> NDArray[Any]:
         """The data of frame ``k``; the array may be read-only.
@@ -234,7 +237,7 @@ class Sensor:
 class Episode:
     """One committed episode; nothing is read before it is asked for."""
 
-    def __init__(self, folder: Path, marker: CommitMarker) -> None:
+    def __init__(self, folder: DatasetPath, marker: CommitMarker) -> None:
         self.folder = folder
         self.marker = marker
         self._sensors: dict[str, Sensor] = {}
@@ -279,7 +282,7 @@ class Episode:
             raise DatasetError(f"{self.folder / 'episode.json'} is damaged: {error}.") from error
 
     @property
-    def map_file(self) -> Path | None:
+    def map_file(self) -> DatasetPath | None:
         """The file with the town's OpenDRIVE text; ``None`` where it was not recorded.
 
         Raises:
@@ -289,7 +292,7 @@ class Episode:
         if named is None:
             return None
         try:
-            return map_path(self.folder.parents[2], named)
+            return self.folder.parents[2] / map_name(named)
         except (TypeError, ValueError) as error:
             raise DatasetError(f"{self.folder / 'episode.json'} is damaged: {error}.") from error
 
@@ -422,17 +425,21 @@ class Episode:
 
 
 class Dataset:
-    """A dataset in a folder.
+    """A dataset in a folder or an object store.
+
+    What is read from an object store is fetched once, into a bounded cache on this machine.
 
     Args:
-        path: the folder that was given as ``--out``.
+        path: what was given as ``--out``: a folder, or such as ``s3://bucket/prefix``.
 
     Raises:
-        DatasetError: the folder is no dataset, or of another format version.
+        BadInputError: the address is of no store that is known, or a package for it is missing.
+        DatasetError: the place holds no dataset, or one of another format version.
+        StoreAccessError: the object store lets nobody look.
     """
 
-    def __init__(self, path: str | Path) -> None:
-        self.path = local_folder(path)
+    def __init__(self, path: str | DatasetPath) -> None:
+        self.path = dataset_root(path)
         self.description = read_description(self.path / "dataset.json")
 
     @property
@@ -447,7 +454,7 @@ class Dataset:
         Raises:
             DatasetError: a commit marker is damaged.
         """
-        store = LocalStore(self.path)
+        store = open_store(self.path)
         return tuple(
             Episode(self.path / "episodes" / marker.episode_id / marker.attempt, marker)
             for marker in store.committed().values()
@@ -526,7 +533,7 @@ class Dataset:
         return query_episodes([episode.tables for episode in self.episodes], query).table
 
 
-def _read_document(path: Path, version: int) -> dict[str, Any]:
+def _read_document(path: DatasetPath, version: int) -> dict[str, Any]:
     try:
         document = json.loads(read_bounded(path, LARGEST_DOCUMENT_BYTES))
         found = document["format_version"]

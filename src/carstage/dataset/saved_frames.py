@@ -6,7 +6,6 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from carstage.dataset.ledger import recorded_frames, saved_times_s
 from carstage.errors import DatasetError
 from carstage.geometry import FloatArray, invert_pose, pose_matrix
+from carstage.storage.remote_path import DatasetPath
 
 if TYPE_CHECKING:
     from carstage.dataset.reading import Episode
@@ -59,7 +59,7 @@ class Frame:
         """The sensor's data, see ``Sensor.read``."""
         return self.episode.sensor(sensor_id).read(self.k)
 
-    def image_file(self, camera_id: str) -> Path:
+    def image_file(self, camera_id: str) -> DatasetPath:
         """The file of a camera's picture."""
         return self.episode.sensor(camera_id).paths(self.k)[0]
 

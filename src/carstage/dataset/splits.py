@@ -14,6 +14,7 @@ from typing import Any, Final, Literal, get_args
 
 from carstage.errors import BadInputError, DatasetError
 from carstage.files.bounded import read_bounded
+from carstage.storage.remote_path import DatasetPath
 
 Split = Literal["train", "val", "test"]
 Criterion = Literal["map", "weather"]
@@ -161,19 +162,21 @@ class StoredSplits:
         return (json.dumps(document, indent=1) + "\n").encode()
 
 
-def read_splits(folder: Path) -> StoredSplits | None:
+def read_splits(folder: DatasetPath) -> StoredSplits | None:
     """The splits of the dataset in ``folder``; ``None``: none were made.
 
     Raises:
         DatasetError: the file is too large, damaged, or of another format version.
     """
     path = folder / SPLITS_FILE
-    if not path.exists() and not path.is_symlink():
-        return None
     hint = "Make it again: carstage split DATASET --overwrite."
     try:
         content = read_bounded(path, _MOST_BYTES)
         return _parse(json.loads(content, object_pairs_hook=_object))
+    except FileNotFoundError as error:
+        if isinstance(path, Path) and path.is_symlink():
+            raise DatasetError(f"{path} is a link to nothing.", hint) from error
+        return None
     except OSError as error:
         reason = f"it is no file of a fitting size: {error.strerror}"
         raise DatasetError(f"{path} cannot be read: {reason}.", hint) from error

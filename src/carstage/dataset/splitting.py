@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from pathlib import Path
 
 from carstage.dataset.reading import Dataset, Episode
 from carstage.dataset.splits import SPLITS_FILE, Criterion, SplitRule, StoredSplits
 from carstage.errors import BadInputError
 from carstage.files.whole import write_whole
+from carstage.storage.remote_path import DatasetPath, RemotePath
 
 _OWN_WEATHER = "own"
 """Stratum of all weathers without a preset."""
 
 
-def split_dataset(path: str | Path, rule: SplitRule, *, overwrite: bool = False) -> StoredSplits:
+def split_dataset(
+    path: str | DatasetPath, rule: SplitRule, *, overwrite: bool = False
+) -> StoredSplits:
     """Draw the split of every committed episode and store it in the dataset.
 
     Args:
-        path: folder of the dataset.
+        path: folder or address of the dataset.
         rule: shares, seed, strata.
         overwrite: replace splits that the dataset has.
 
@@ -40,7 +42,10 @@ def split_dataset(path: str | Path, rule: SplitRule, *, overwrite: bool = False)
         )
     strata = {episode.id: stratum(episode, rule.stratify) for episode in dataset.episodes}
     stored = StoredSplits(rule, rule.draw(strata))
-    write_whole(target, stored.to_bytes())
+    if isinstance(target, RemotePath):
+        target.write_bytes(stored.to_bytes())
+    else:
+        write_whole(target, stored.to_bytes())
     return stored
 
 

@@ -21,6 +21,7 @@ from carstage.files.bounded import open_regular
 from carstage.files.whole import whole_file
 from carstage.sensor_kinds import known_kind
 from carstage.sensor_kinds.model import DETECTIONS
+from carstage.storage.remote_path import DatasetPath
 
 _COMPRESSION: Literal["zstd"] = "zstd"
 _COMPRESSION_LEVEL = 3
@@ -198,7 +199,7 @@ def _name_the_writer(path: Path) -> None:
         file.write(footer + _TRAILER.pack(len(footer), magic))
 
 
-def read_table(path: Path) -> pa.Table:
+def read_table(path: DatasetPath) -> pa.Table:
     """Read a Parquet file.
 
     Raises:

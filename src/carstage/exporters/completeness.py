@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 
 import pyarrow.compute as pc
 
@@ -19,6 +18,7 @@ from carstage.exporters.classes import CLASSES
 from carstage.files.bounded import open_regular
 from carstage.files.hashing import hash_of_file
 from carstage.storage.marker import FileEntry
+from carstage.storage.remote_path import DatasetPath
 from carstage.validation import Problem
 from carstage.validation.checks.files import DOCUMENTS, TABLES, check_file_list
 from carstage.validation.checks.findings import Findings
@@ -118,7 +118,7 @@ def _changed_files(
     return frozenset(changed)
 
 
-def _difference(folder: Path, entry: FileEntry) -> tuple[str, str] | None:
+def _difference(folder: DatasetPath, entry: FileEntry) -> tuple[str, str] | None:
     try:
         with os.fdopen(open_regular(folder / entry.path), "rb", buffering=0) as file:
             size = os.fstat(file.fileno()).st_size
@@ -142,8 +142,7 @@ def _damage(episode: Episode, changed: frozenset[str]) -> Damage:
     listed = {entry.path for entry in episode.marker.files} - changed
     for sensor in episode.sensors:
         for k in range(episode.frames):
-            names = {p.relative_to(episode.folder).as_posix() for p in sensor.paths(k)}
-            if not names <= listed:
+            if not listed.issuperset(sensor.file_names(k)):
                 damage.add((sensor.id, k))
     return frozenset(damage)
 

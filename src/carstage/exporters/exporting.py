@@ -24,7 +24,7 @@ from carstage.exporters.exporter import Exporter, FrameWriter, exporter_for
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.splits import ExportSplits, Split, splits_of_export
 from carstage.exporters.target import check_target, export_folder, write_document
-from carstage.storage import local_folder
+from carstage.storage import DatasetPath, local_folder
 from carstage.storage.marker import CommitMarker
 from carstage.validation import Problem
 
@@ -77,7 +77,7 @@ Phase = Literal["Checking", "Exporting"]
 
 def export_dataset(
     format_name: str,
-    dataset: str | Path,
+    dataset: str | DatasetPath,
     out: str | Path,
     options: ExportOptions | None = None,
     *,
@@ -90,7 +90,7 @@ def export_dataset(
 
     Args:
         format_name: one of ``exporters()``, such as ``coco``, ``kitti-object`` or ``nuscenes``.
-        dataset: folder of the dataset.
+        dataset: folder of the dataset, or its place in an object store.
         out: the folder to make; it exists when all is written, not before.
         options: choices; default: those of the format.
         overwrite: replace an export that stands there.
@@ -241,7 +241,7 @@ def _pool(workers: int | None) -> Iterator[Executor]:
 class _EpisodeTask:
     """An episode as workers get it: without its list of files."""
 
-    folder: Path
+    folder: DatasetPath
     episode_id: str
     attempt: str
     frames: int

@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from carstage.errors import BadInputError
+from carstage.storage.remote_path import DatasetPath
 
 DOCUMENT = "export.json"
 FORMAT_VERSION = 1
 
 
-def check_target(out: Path, dataset: Path, *, overwrite: bool) -> None:
+def check_target(out: Path, dataset: DatasetPath, *, overwrite: bool) -> None:
     """Refuse a folder that the export may not become.
 
     Raises:
@@ -24,7 +25,9 @@ def check_target(out: Path, dataset: Path, *, overwrite: bool) -> None:
             replaced, or the dataset and it lie in one another.
     """
     target, source = out.resolve(), dataset.resolve()
-    if target == source or target in source.parents or source in target.parents:
+    if isinstance(source, Path) and (
+        target == source or target in source.parents or source in target.parents
+    ):
         raise BadInputError(
             f"{out} and the dataset {dataset} lie in one another.", "Name another folder."
         )

@@ -9,11 +9,24 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
+from typing import Protocol
 
 LARGEST_DOCUMENT_BYTES = 1 << 28
 """Of a JSON document: markers list every file of an episode."""
 LARGEST_FILE_BYTES = 1 << 31
 """Of a picture, a sweep or a table."""
+
+
+class Openable(Protocol):
+    """A path that is not of this machine's file system."""
+
+    def opened(self, most_bytes: int) -> int:
+        """A file descriptor to read its content by.
+
+        Raises:
+            OSError: there is none, or it is larger.
+        """
+
 
 _within: ContextVar[tuple[Path, ...] | None] = ContextVar("within", default=None)
 
@@ -34,14 +47,14 @@ def reading_within(folders: Sequence[Path]) -> Iterator[None]:
         _within.reset(token)
 
 
-def read_bounded(path: Path, most_bytes: int = LARGEST_FILE_BYTES) -> bytes:
+def read_bounded(path: Path | Openable, most_bytes: int = LARGEST_FILE_BYTES) -> bytes:
     """The content of a regular file.
 
     Nothing is read of a FIFO, a socket or a device, nor of a file that is too large; opening one
     does not wait for anybody either.
 
     Args:
-        path: the file.
+        path: the file; one of an object store is fetched.
         most_bytes: the largest size that is read.
 
     Raises:
@@ -52,12 +65,14 @@ def read_bounded(path: Path, most_bytes: int = LARGEST_FILE_BYTES) -> bytes:
         return file.read()
 
 
-def open_regular(path: Path, most_bytes: int = LARGEST_FILE_BYTES) -> int:
+def open_regular(path: Path | Openable, most_bytes: int = LARGEST_FILE_BYTES) -> int:
     """A file descriptor to read a regular file with.
 
     Raises:
         OSError: it is no regular file, is larger, lies elsewhere than it may, or cannot be opened.
     """
+    if not isinstance(path, Path):
+        return path.opened(most_bytes)
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         found = os.fstat(descriptor)

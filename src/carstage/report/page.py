@@ -26,13 +26,14 @@ from carstage.report.statistics import (
     count_labels,
 )
 from carstage.report.verdict import badge, validation_section
+from carstage.storage import DatasetPath, RemotePath
 from carstage.validation.validator import ValidationReport, validate_dataset
 
 MOST_EPISODES_WITH_PICTURES = 6
 
 
 def write_report(
-    path: str | Path,
+    path: str | DatasetPath,
     out: Path | None = None,
     *,
     validation: ValidationReport | None = None,
@@ -72,10 +73,17 @@ def write_report(
         f"<footer>Written by Car-STAGE {escape(__version__)}. "
         "Pictures are scaled down; the dataset holds the originals.</footer>",
     ]
-    target = out if out is not None else dataset.path / "report.html"
+    target = out if out is not None else report_file(dataset.path)
     document = html.page(f"{dataset.name}: Car-STAGE dataset", "\n".join(sections))
     write_whole(target, document.encode())
     return target
+
+
+def report_file(dataset: DatasetPath) -> Path:
+    """Where the report goes when nobody says: into the dataset, or for a remote one to here."""
+    if isinstance(dataset, RemotePath):
+        return Path(f"{dataset.name}-report.html")
+    return dataset / "report.html"
 
 
 def _head(dataset: Dataset, verdict: ValidationReport) -> str:

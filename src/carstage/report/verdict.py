@@ -10,6 +10,7 @@ from carstage import __version__
 from carstage.dataset.reading import Dataset
 from carstage.files.whole import write_whole
 from carstage.report import html
+from carstage.storage import DatasetPath
 from carstage.validation.checks.catalogue import GROUPS
 from carstage.validation.checks.findings import Problem
 from carstage.validation.validator import ValidationReport
@@ -17,7 +18,7 @@ from carstage.validation.validator import ValidationReport
 _MOST_PROBLEMS = 200
 
 
-def write_validation(path: str | Path, report: ValidationReport, out: Path) -> Path:
+def write_validation(path: str | DatasetPath, report: ValidationReport, out: Path) -> Path:
     """Write a verdict as one self-contained HTML page.
 
     Args:

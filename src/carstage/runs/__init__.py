@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from carstage.runs.folder import CurrentEpisode, EpisodeCounts, RunStatus
     from carstage.runs.outcome import RunResult
     from carstage.runs.pending import pending_recordings
-    from carstage.runs.preflight import size_text
+    from carstage.runs.preflight import size_text, work_folder
     from carstage.runs.running import DEFAULT_RETRIES, ConfigSource, run
     from carstage.runs.selftesting import describe_verdict, examine_server
 
@@ -34,6 +34,7 @@ __all__ = [
     "pending_recordings",
     "run",
     "size_text",
+    "work_folder",
 ]
 
 __getattr__ = lazy_names(
@@ -43,7 +44,7 @@ __getattr__ = lazy_names(
         "folder": "CurrentEpisode EpisodeCounts RunStatus",
         "outcome": "RunResult",
         "pending": "pending_recordings",
-        "preflight": "size_text",
+        "preflight": "size_text work_folder",
         "running": "DEFAULT_RETRIES ConfigSource run",
         "selftesting": "describe_verdict examine_server",
     },

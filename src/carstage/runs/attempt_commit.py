@@ -82,7 +82,7 @@ class AttemptCommit:
         self._deferred = deferred
         self._conversion = EpisodeConversion(
             raw_folder,
-            store.attempt_folder(job.episode_id, attempt),
+            store.attempt_files(job.episode_id, attempt),
             pool,
             codecs=codecs,
             progress=progress,

@@ -7,7 +7,6 @@ it. The next one does, where the process is certainly gone, or where another att
 from __future__ import annotations
 
 import json
-import re
 import secrets
 import shutil
 import time
@@ -24,8 +23,7 @@ from carstage.runs.orphans import end_orphans
 from carstage.runs.pending import pending_of, pending_recordings
 from carstage.runs.reading import is_recent, read_document
 from carstage.storage import CommitMarker, Store
-
-_ATTEMPT = re.compile(r"a([1-9][0-9]*)")
+from carstage.storage.names import ATTEMPT
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +51,16 @@ class LeftRun:
         )
 
 
-def left_runs(out: Path) -> Iterator[LeftRun]:
+def left_runs(work: Path, store: Store) -> Iterator[LeftRun]:
     """The runs of a dataset that are dead, or silent where they cannot be seen.
 
     Known by ``status.json``; where a power cut has spoilt that, by ``process.json``.
+
+    Args:
+        work: what holds the folder ``runs``.
+        store: the dataset.
     """
-    for folder in sorted((out / "runs").glob("*")):
+    for folder in sorted((work / "runs").glob("*")):
         status = read_document(folder / "status.json")
         process = status or read_document(folder / PROCESS_FILE)
         if process is None or (status is not None and status.get("state") in FINAL_STATES):
@@ -66,30 +68,34 @@ def left_runs(out: Path) -> Iterator[LeftRun]:
         life = life_of(process)
         if life == "dead" or (life == "unknown" and not is_recent(process)):
             waiting = {(one.episode_id, one.attempt) for one in pending_of(folder)}
-            attempts = tuple(sorted(_begun(folder / "events.jsonl", out) - waiting))
+            attempts = tuple(sorted(_begun(folder / "events.jsonl", store) - waiting))
             yield LeftRun(folder, attempts, process, life == "dead")
 
 
-def dead_runs(out: Path) -> Iterator[LeftRun]:
+def dead_runs(work: Path, store: Store) -> Iterator[LeftRun]:
     """Those whose process is certainly gone."""
-    return (run for run in left_runs(out) if run.dead)
+    return (run for run in left_runs(work, store) if run.dead)
 
 
-def held_attempts(out: Path) -> set[tuple[str, str]]:
+def held_attempts(work: Path, store: Store) -> set[tuple[str, str]]:
     """Attempts (episode id, name) that somebody needs, marker or not.
 
     They are those of runs that go on, as far as can be seen, and those that only wait to be
     converted by the next run.
+
+    Args:
+        work: folder of the runs of this machine.
+        store: the dataset.
     """
-    needed = {(one.episode_id, one.attempt) for one in pending_recordings(out)}
-    for folder in sorted((out / "runs").glob("*")):
+    needed = {(one.episode_id, one.attempt) for one in pending_recordings(work)}
+    for folder in sorted((work / "runs").glob("*")):
         status = read_document(folder / "status.json")
         process = status or read_document(folder / PROCESS_FILE)
         if process is None or (status is not None and status.get("state") in FINAL_STATES):
             continue
         life = life_of(process)
         if life == "alive" or (life == "unknown" and is_recent(process)):
-            needed |= _begun(folder / "events.jsonl", out)
+            needed |= _begun(folder / "events.jsonl", store)
     return needed
 
 
@@ -149,34 +155,31 @@ def clear_up(run: LeftRun, store: Store) -> str:
     return f"Removed what the dead run {run.folder.name} had left."
 
 
-def sweep(out: Path, store: Store, markers: Mapping[str, CommitMarker]) -> None:
+def sweep(work: Path, store: Store, markers: Mapping[str, CommitMarker]) -> None:
     """Remove what runs that have ended could not remove; nothing while another run goes on.
 
     An attempt goes where another one is the episode, or where the run that holds its lease ended.
 
     Args:
-        out: folder of the dataset.
+        work: what holds the folder ``runs``.
         store: the dataset.
         markers: of its episodes.
     """
-    runs = sorted((out / "runs").glob("*"))
+    runs = sorted((work / "runs").glob("*"))
     ended = {run.name for run in runs if _has_ended(run)}
     if len(ended) < len(runs):
         return
-    pending = {(one.episode_id, one.attempt) for one in pending_recordings(out)}
-    for folder in sorted((out / "episodes").glob("*/*")):
-        episode_id, attempt = folder.parent.name, folder.name
-        number, marker = _ATTEMPT.fullmatch(attempt), markers.get(episode_id)
-        if number is None or (episode_id, attempt) in pending:
+    pending = {(one.episode_id, one.attempt) for one in pending_recordings(work)}
+    for left in store.unfinished(markers):
+        if (left.episode_id, left.attempt) in pending:
             continue
-        if marker is not None and marker.attempt == attempt:
-            continue
-        lease = read_document(out / "leases" / f"{episode_id}.{number[1]}")
-        over = marker is not None if lease is None else lease.get("run_id") in ended
+        over = left.episode_id in markers
+        if left.holder is not None:
+            over = left.holder.get("run_id") in ended
         if not over:
             continue
         with suppress(StorageError):  # it was committed after all: it stays
-            store.discard_attempt(episode_id, attempt)
+            store.discard_attempt(left.episode_id, left.attempt)
     for run in runs:
         kept = _kept_recordings(run, markers)
         for recording in (run / "raw").glob("*/*"):
@@ -200,13 +203,12 @@ def _kept_recordings(folder: Path, markers: Mapping[str, CommitMarker]) -> set[P
     return {folder / "raw" / marker.episode_id / marker.attempt for marker in markers.values()}
 
 
-def _begun(events: Path, out: Path) -> set[tuple[str, str]]:
+def _begun(events: Path, store: Store) -> set[tuple[str, str]]:
     """Attempts by the leases that the run holds, and by its events: old ones have no leases."""
     run_id, begun = events.parent.name, set[tuple[str, str]]()
-    for path in (out / "leases").glob("*.*"):
-        episode_id, _, number = path.name.rpartition(".")
-        if (read_document(path) or {}).get("run_id") == run_id:
-            begun.add((episode_id, f"a{number}"))
+    for left in store.unfinished({}):
+        if left.holder is not None and left.holder.get("run_id") == run_id:
+            begun.add((left.episode_id, left.attempt))
     with suppress(OSError):
         for line in events.read_text("utf-8", "replace").splitlines():
             with suppress(ValueError, KeyError, TypeError):
@@ -216,5 +218,5 @@ def _begun(events: Path, out: Path) -> set[tuple[str, str]]:
     return {
         (episode_id, attempt)
         for episode_id, attempt in begun
-        if _ATTEMPT.fullmatch(attempt) and (out / "episodes" / episode_id / attempt).is_dir()
+        if ATTEMPT.fullmatch(attempt) and store.has_attempt(episode_id, attempt)
     }

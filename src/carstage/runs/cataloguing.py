@@ -5,20 +5,22 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TypeAlias
 
 from carstage.catalog.address import CATALOG_VARIABLE, catalog_address
 from carstage.runs.events import EpisodeCommitted, OnEvent, RunEvent, RunFinished
 from carstage.runs.folder import RunFolder
 from carstage.runs.reading import read_document
+from carstage.storage import DatasetPath
 
 Follow: TypeAlias = Callable[[OnEvent | None, RunFolder], OnEvent | None]
 """Gives what a run has to call with its events, from what the caller wants to be called."""
 
 
 @contextmanager
-def run_catalog(given: str | None, out: Path, notice: Callable[[str], None]) -> Iterator[Follow]:
+def run_catalog(
+    given: str | None, out: DatasetPath, notice: Callable[[str], None]
+) -> Iterator[Follow]:
     """A stretch in which committed episodes are written to the catalog.
 
     Without a catalog nothing is done, and no database library is loaded.

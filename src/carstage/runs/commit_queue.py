@@ -137,7 +137,7 @@ class CommitQueue:
         """
         wanted = {job.episode_id: job for job in jobs}
         taken = set()
-        for recording in pending_recordings(self._folder.dataset):
+        for recording in pending_recordings(self._folder.work):
             pending, episode_id = recording.pending, recording.episode_id
             raw_folder = self._folder.raw_attempt(episode_id, recording.attempt)
             if (

@@ -13,6 +13,7 @@ from carstage import __version__
 from carstage.config import check_config, dump_config
 from carstage.errors import BadInputError, ConfigError
 from carstage.runs.reading import read_document
+from carstage.storage import DatasetPath
 
 #: Keys that say how much, where and by what means is recorded; episodes are the same without them.
 _MEANS = frozenset(
@@ -44,7 +45,8 @@ def environment_of(server: str, client: str) -> dict[str, str]:
 
 
 def refuse_to_mix(
-    out: Path,
+    dataset: DatasetPath,
+    work: Path,
     present: Collection[str],
     planned: Collection[str] | None,
     settings: Mapping[str, Any],
@@ -55,7 +57,8 @@ def refuse_to_mix(
     A dataset may have been recorded by several runs. It is enough that one of them was like this.
 
     Args:
-        out: folder of the dataset.
+        dataset: where it is, for messages.
+        work: what holds the folder ``runs``. Runs of other machines are not known here.
         present: ids of the episodes that it holds.
         planned: ids of the episodes that this run is about; None: not known yet.
         settings: the run's configuration, as ``dump_config`` gives it.
@@ -68,7 +71,7 @@ def refuse_to_mix(
     if not present:
         return
     found = sorted(
-        (differences(run, settings, environment) for run in _runs(out, present)), key=len
+        (differences(run, settings, environment) for run in _runs(work, present)), key=len
     )
     if found and not found[0]:
         return
@@ -82,7 +85,7 @@ def refuse_to_mix(
     else:
         why = "of other settings."
     raise OtherSettingsError(
-        f"output: {out} holds {count} {why}",
+        f"output: {dataset} holds {count} {why}",
         "Name another --out, or add --append to record into it all the same.",
     )
 
@@ -112,10 +115,10 @@ def differences(
     return found
 
 
-def _runs(out: Path, present: Collection[str]) -> Iterator[Mapping[str, Any]]:
+def _runs(work: Path, present: Collection[str]) -> Iterator[Mapping[str, Any]]:
     """The plans of the runs that were about some of the episodes."""
     wanted = set(present)
-    for path in sorted((out / "runs").glob("*/plan.json")):
+    for path in sorted((work / "runs").glob("*/plan.json")):
         plan = read_document(path) or {}
         episodes = plan.get("episodes")
         if not isinstance(episodes, list) or not isinstance(plan.get("config"), dict):

@@ -85,26 +85,26 @@ def new_run_id() -> str:
 
 
 class RunFolder:
-    """A new folder below ``OUT/runs``; a context manager that closes the event log.
+    """A new folder below ``runs``; a context manager that closes the event log.
 
     Which process the run is, is on the disk before anything else is.
 
     Args:
-        out: folder of the dataset.
+        work: what holds the folder ``runs``: the dataset's own, or one on this machine.
         run_id: its name, where whoever starts the run has to know it; by default a new one.
         process: which process the run is; default: this one.
     """
 
     def __init__(
-        self, out: Path, run_id: str | None = None, process: Mapping[str, Any] | None = None
+        self, work: Path, run_id: str | None = None, process: Mapping[str, Any] | None = None
     ) -> None:
         self.run_id = run_id or new_run_id()
         if not _RUN_ID.fullmatch(self.run_id):
             raise BadInputError(
                 f"{self.run_id!r} cannot be a run's name.", "Use letters and digits."
             )
-        self.dataset = out
-        self.path = out / "runs" / self.run_id
+        self.work = work
+        self.path = work / "runs" / self.run_id
         self.process = identify() if process is None else process
         self._torn = False
         try:

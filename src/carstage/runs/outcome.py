@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from carstage.runs.folder import State
+from carstage.storage import DatasetPath
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +17,7 @@ class RunResult:
 
     Attributes:
         run_id: name of the run's folder.
-        dataset: folder of the dataset.
+        dataset: folder of the dataset, or its place in an object store.
         folder: the run's folder with plan, status, events and logs.
         state: ``done``, ``failed`` or ``interrupted``.
         total: episodes that the configuration asks for.
@@ -27,7 +28,7 @@ class RunResult:
     """
 
     run_id: str
-    dataset: Path
+    dataset: DatasetPath
     folder: Path
     state: State
     total: int

@@ -109,9 +109,9 @@ def write_pending(raw_folder: Path, pending: Pending) -> None:
         raise disk_error(error, str(raw_folder)) from error
 
 
-def pending_recordings(out: Path) -> Iterator[PendingRecording]:
-    """The pending recordings of a dataset, of runs that have ended or are dead."""
-    for run in sorted((out / "runs").glob("*")):
+def pending_recordings(work: Path) -> Iterator[PendingRecording]:
+    """The pending recordings below ``work / "runs"``, of runs that have ended or are dead."""
+    for run in sorted((work / "runs").glob("*")):
         status = read_document(run / "status.json") or read_document(run / PROCESS_FILE) or {}
         if status.get("state") in FINAL_STATES or life_of(status) == "dead":
             yield from pending_of(run)
@@ -126,13 +126,13 @@ def pending_of(run: Path) -> Iterator[PendingRecording]:
                 yield PendingRecording(path.parent, Pending(**document))
 
 
-def drop_superseded(out: Path, markers: Mapping[str, CommitMarker], store: Store) -> None:
+def drop_superseded(work: Path, markers: Mapping[str, CommitMarker], store: Store) -> None:
     """Remove the pending recordings of episodes that are in the dataset by another attempt.
 
     Raises:
         StorageError: an attempt cannot be removed.
     """
-    for recording in pending_recordings(out):
+    for recording in pending_recordings(work):
         marker = markers.get(recording.episode_id)
         if marker is None:
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import resource
 import shutil
 import socket
@@ -10,11 +11,13 @@ import tempfile
 from pathlib import Path
 from typing import Literal
 
+from carstage.cache import cache_folder
 from carstage.config import Config
 from carstage.config.fields import unknown
 from carstage.config.scene import ReplayScenario
 from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError, ConfigError
+from carstage.files.hashing import hash_of
 from carstage.files.home import without_tilde
 from carstage.plan import Recording, RunEstimate, ServerFacts, plan_episodes
 from carstage.runs.server_lock import server_lock
@@ -25,6 +28,7 @@ from carstage.server.interpreters import AUTO, check_interpreter
 from carstage.server.ports import BLOCK
 from carstage.server.release import find_script
 from carstage.spec import EpisodeSpec
+from carstage.storage import DatasetPath, RemotePath, local_folder
 
 _RESERVE = 1.1
 _OPEN_FILES = 1024
@@ -127,18 +131,44 @@ def check_open_files() -> None:
         )
 
 
-def check_disk(out: Path, estimate: RunEstimate) -> None:
+def work_folder(root: DatasetPath, work: Path | str | None) -> Path:
+    """The folder of this machine for raw recordings, logs and the state of runs.
+
+    Args:
+        root: of the dataset.
+        work: what the user chose; None: the dataset's folder, or for an object store one in the
+            user's cache, which is the same one every time.
+
+    Raises:
+        BadInputError: ``work`` is no folder of this machine.
+    """
+    if work is not None:
+        return local_folder(work).absolute()
+    if isinstance(root, RemotePath):
+        readable = re.sub(r"[^A-Za-z0-9]+", "-", root.root)[:60]
+        return cache_folder() / "runs" / f"{readable}-{hash_of(root.root.encode())[-12:]}"
+    return root.absolute()
+
+
+def check_disk(work: Path, estimate: RunEstimate, *, dataset_elsewhere: bool = False) -> None:
     """Refuse a run that will not fit on the disk.
+
+    Args:
+        work: folder of the run.
+        estimate: of the run.
+        dataset_elsewhere: only raw recordings need room here.
 
     Raises:
         BadInputError: the estimate is above the free space.
     """
-    free_bytes = shutil.disk_usage(_existing(out)).free
-    if estimate.peak_bytes * _RESERVE > free_bytes:
+    free_bytes = shutil.disk_usage(_existing(work)).free
+    dataset_bytes = 0 if dataset_elsewhere else estimate.dataset_bytes
+    peak_bytes = estimate.peak_bytes - estimate.dataset_bytes + dataset_bytes
+    if peak_bytes * _RESERVE > free_bytes:
         raise BadInputError(
-            f"output: the run needs about {size_text(estimate.peak_bytes)} "
-            f"({size_text(estimate.dataset_bytes)} of them for the dataset), but only "
-            f"{size_text(free_bytes)} are free at {out}.",
+            f"output: the run needs about {size_text(peak_bytes)} "
+            f"({size_text(dataset_bytes)} of them for the dataset), but only "
+            f"{size_text(free_bytes)} are free at {work}.",
             "Record fewer or shorter episodes or smaller images, or choose another --out.",
         )
 

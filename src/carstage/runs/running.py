@@ -26,6 +26,7 @@ from carstage.runs.preflight import (
     check_open_files,
     check_output,
     recording_of,
+    work_folder,
 )
 from carstage.runs.record import RunRecord
 from carstage.runs.server_lock import server_lock
@@ -33,7 +34,7 @@ from carstage.runs.servers import ServerSetup
 from carstage.runs.session import Session
 from carstage.runs.wakeup_pipe import WakeupPipe
 from carstage.spec import EpisodeSpec
-from carstage.storage import Store, local_folder, open_store
+from carstage.storage import RemotePath, Store, open_store
 
 DEFAULT_RETRIES = 2
 
@@ -52,6 +53,7 @@ def run(
     append: bool = False,
     shard: str | None = None,
     catalog: str | None = None,
+    work: Path | str | None = None,
 ) -> RunResult:
     """Record a configuration's episodes into a dataset; those that it has already are skipped.
 
@@ -67,7 +69,8 @@ def run(
     Args:
         config: what to record: a ``Config``, the path of a YAML file, or a mapping of plain values
             as in that file.
-        out: folder of the dataset; it is made if missing.
+        out: folder of the dataset, or its place in an object store, such as
+            ``s3://bucket/prefix``; it is made if missing.
         on_event: called with each typed event of ``carstage.runs.events``.
         retries: further attempts of an episode that fails.
         executor: where episodes are recorded; default: one worker on this machine.
@@ -77,6 +80,8 @@ def run(
             machines, which may fill the same dataset at the same time. Default: all.
         catalog: also write what is committed to this catalog, ``postgresql://…`` or an SQLite
             file. Default: the one that ``CARSTAGE_CATALOG`` names, if it is set.
+        work: folder of this machine for raw recordings, logs and the run's state. Default: the
+            dataset's folder; for an object store one in the user's cache.
 
     Returns:
         How the run ended. Failed episodes are in ``failures``; they raise nothing.
@@ -86,6 +91,7 @@ def run(
         OtherSettingsError: ``out`` holds episodes of other settings; see ``append``.
         BadInputError: something cannot be, or another run uses the server; nothing was started.
         ServerError: the server cannot be started, or fails a self-test that it must pass.
+        StoreAccessError: the object store lets this user do nothing, or cannot hold a dataset.
         StorageError: the dataset cannot be written, for example as the disk is full.
         CatalogError: the catalog cannot be opened; nothing was started.
         KeyboardInterrupt: a signal came before the first episode was planned, or a second one.
@@ -98,30 +104,30 @@ def run(
     """
     config = _checked(config)
     share = Shard(1, 1) if shard is None else Shard.parse(shard)
-    out = local_folder(out).absolute()
+    store = open_store(out)
+    place = work_folder(store.root, work)
     notice = _noticing(on_event)
     with Interruption(notice) as interruption, ExitStack() as stack:
-        _check(config, out, notice)
-        follow = stack.enter_context(run_catalog(catalog, out, notice))
-        store = open_store(out)
-        present = _take_over(out, store, notice)
+        _check(config, place, store, notice)
+        follow = stack.enter_context(run_catalog(catalog, store.root, notice))
+        present = _take_over(place, store, notice)
         settings = dump_config(config)
         if not append:  # as far as it is known without the server
-            refuse_to_mix(out, present, None, settings)
+            refuse_to_mix(store.root, place, present, None, settings)
         setup = ServerSetup(config)
         with server_lock(config), setup.facts() as facts:
             episodes = plan_episodes(config, facts, recording_of(config))
             environment = environment_of(facts.dialect, setup.client.client)
             if not append:
-                refuse_to_mix(out, present, _ids(episodes), settings, environment)
+                refuse_to_mix(store.root, place, present, _ids(episodes), settings, environment)
             episodes = share.share(episodes)
             todo = [spec for spec in episodes if spec.episode_id not in present]
             estimate = estimate_run(config, todo)
-            check_disk(out, estimate)
+            check_disk(place, estimate, dataset_elsewhere=isinstance(store.root, RemotePath))
             store.initialise(config.name)
             if on_event is not None:
                 on_event(RunPlanned(estimate, len(todo), len(episodes) - len(todo)))
-            with RunFolder(out, run_id) as folder, marked(folder.run_id), WakeupPipe() as wakeup:
+            with RunFolder(place, run_id) as folder, marked(folder.run_id), WakeupPipe() as wakeup:
                 folder.write_plan(config, episodes, environment, shard)
                 record = RunRecord(folder, interruption, follow(on_event, folder))
                 session = Session(
@@ -138,31 +144,32 @@ def _noticing(on_event: OnEvent | None) -> Callable[[str], None]:
     return notice
 
 
-def _check(config: Config, out: Path, notice: Callable[[str], None]) -> None:
+def _check(config: Config, work: Path, store: Store, notice: Callable[[str], None]) -> None:
     for warning in config.warnings():
         notice(warning)
-    check_output(out)
+    check_output(work)
     check_open_files()
     check_before_server(config)
+    store.check()
 
 
 def _ids(episodes: Iterable[EpisodeSpec]) -> list[str]:
     return [spec.episode_id for spec in episodes]
 
 
-def _take_over(out: Path, store: Store, notice: Callable[[str], None]) -> Collection[str]:
+def _take_over(work: Path, store: Store, notice: Callable[[str], None]) -> Collection[str]:
     """Clear up after earlier runs; returns the ids of the episodes that the dataset has.
 
     It comes first, as what they left takes space on the disk.
     """
-    for left in left_runs(out):
+    for left in left_runs(work, store):
         if done := clear_up(left, store):
             notice(done)
-    if not (out / "dataset.json").exists():
+    if not store.exists():
         return ()
     present = store.committed()
-    drop_superseded(out, present, store)
-    sweep(out, store, present)
+    drop_superseded(work, present, store)
+    sweep(work, store, present)
     for marker in store.lost(present.values()):
         store.retire(marker)
         del present[marker.episode_id]

@@ -143,7 +143,7 @@ class Session:
                 self._finish(state)
         return RunResult(
             run_id=self._folder.run_id,
-            dataset=self._folder.dataset,
+            dataset=self._store.root,
             folder=self._folder.path,
             state=state,
             total=len(episodes),

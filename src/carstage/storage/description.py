@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 from carstage import __version__
 from carstage.errors import DatasetError
 from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
+from carstage.storage.remote_path import DatasetPath
 from carstage.tags import TAGS_0_9_14
 
 FORMAT_VERSION = 1
@@ -28,27 +28,49 @@ def describe_dataset(name: str) -> bytes:
     return (json.dumps(document, indent=1) + "\n").encode()
 
 
-def read_description(path: Path) -> dict[str, Any]:
+def read_description(path: DatasetPath) -> dict[str, Any]:
     """The content of an existing ``dataset.json``.
 
     Raises:
         DatasetError: there is none, it is damaged, or its format version is not ours.
+        StoreAccessError: the store lets nobody look.
     """
     try:
-        document = json.loads(read_bounded(path, LARGEST_DOCUMENT_BYTES))
-        version = document["format_version"]
+        content = read_bounded(path, LARGEST_DOCUMENT_BYTES)
     except FileNotFoundError as error:
         raise DatasetError(
             f"{path.parent} is no Car-STAGE dataset: it has no {path.name}.",
-            "Name the folder that was given as --out.",
+            "Name what was given as --out.",
         ) from error
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise DatasetError(
-            f"{path} cannot be read: {error}.", "Name another folder or restore the file."
-        ) from error
+    except OSError as error:
+        raise _unreadable(str(path), error) from error
+    return parse_description(content, str(path))
+
+
+def parse_description(content: bytes, source: str) -> dict[str, Any]:
+    """The document in the content of a ``dataset.json``.
+
+    Args:
+        content: bytes of the file.
+        source: its name, for messages.
+
+    Raises:
+        DatasetError: it is damaged, or its format version is not ours.
+    """
+    try:
+        document = json.loads(content)
+        version = document["format_version"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise _unreadable(source, error) from error
     if version != FORMAT_VERSION:
         raise DatasetError(
-            f"{path} has format version {version!r}; this Car-STAGE knows {FORMAT_VERSION}.",
+            f"{source} has format version {version!r}; this Car-STAGE knows {FORMAT_VERSION}.",
             "Install the version of Car-STAGE that wrote it.",
         )
     return dict(document)
+
+
+def _unreadable(source: str, error: Exception) -> DatasetError:
+    return DatasetError(
+        f"{source} cannot be read: {error}.", "Name another dataset or restore the file."
+    )

@@ -16,17 +16,18 @@ from pathlib import Path
 from typing import Any
 
 from carstage import __version__
-from carstage.errors import DatasetError, EpisodeExistsError, StorageError
+from carstage.errors import DatasetError, EpisodeExistsError, StorageError, UnsafeStoreError
+from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
 from carstage.files.hashing import hash_of, hash_of_file
 from carstage.files.whole import flush_folder, make_folders
+from carstage.storage.attempt_files import FolderFiles
 from carstage.storage.description import describe_dataset, read_description
 from carstage.storage.disk import disk_error
-from carstage.storage.maps import map_path
+from carstage.storage.maps import map_name
 from carstage.storage.marker import CommitMarker, FileEntry, read_marker
-from carstage.storage.store import AttemptFiles, Store
+from carstage.storage.names import ATTEMPT, NAME, check_attempt
+from carstage.storage.store import AttemptSize, Lease, Store
 
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-_ATTEMPT = re.compile(r"a([1-9][0-9]*)")
 _LEASE = re.compile(r".*\.([1-9][0-9]*)")
 _FLUSH_THREADS = 4
 _MOST_TRIES = 100
@@ -43,7 +44,16 @@ class LocalStore(Store):
     """
 
     def __init__(self, root: Path) -> None:
-        self.root = root
+        self._root = root
+
+    @property
+    def root(self) -> Path:
+        """The folder."""
+        return self._root
+
+    def exists(self) -> bool:
+        """Whether the folder holds ``dataset.json``; see ``Store.exists``."""
+        return (self.root / "dataset.json").exists()
 
     def initialise(self, name: str) -> None:
         """Create the folders and ``dataset.json``; see ``Store.initialise``."""
@@ -99,6 +109,28 @@ class LocalStore(Store):
             ) from error
         return f"a{number}"
 
+    def unfinished(self, markers: Mapping[str, CommitMarker]) -> list[Lease]:
+        """By folders, with their leases; see ``Store.unfinished``."""
+        found = []
+        for folder in sorted((self.root / "episodes").glob("*/*")):
+            episode_id, number = folder.parent.name, ATTEMPT.fullmatch(folder.name)
+            marker = markers.get(episode_id)
+            if number is None or (marker is not None and marker.attempt == folder.name):
+                continue
+            found.append(Lease(episode_id, folder.name, self._holder(f"{episode_id}.{number[1]}")))
+        return found
+
+    def has_attempt(self, episode_id: str, attempt: str) -> bool:
+        """Whether its folder is there; see ``Store.has_attempt``."""
+        return self._attempt(episode_id, attempt).is_dir()
+
+    def _holder(self, lease: str) -> Mapping[str, Any] | None:
+        try:
+            found = json.loads(read_bounded(self._leases / lease, LARGEST_DOCUMENT_BYTES))
+        except (OSError, ValueError):
+            return None
+        return found if isinstance(found, dict) else None
+
     def lost(self, markers: Iterable[CommitMarker]) -> list[CommitMarker]:
         """One look at a file of each episode, where it is there; see ``Store.lost``."""
         return [
@@ -128,8 +160,12 @@ class LocalStore(Store):
         except OSError as error:
             raise disk_error(error, str(aside)) from error
 
+    def attempt_files(self, episode_id: str, attempt: str) -> FolderFiles:
+        """In :meth:`attempt_folder`; see ``Store.attempt_files``."""
+        return FolderFiles(self._attempt(episode_id, attempt))
+
     def attempt_folder(self, episode_id: str, attempt: str) -> Path:
-        """``episodes/<episode_id>/<attempt>`` below the root."""
+        """``episodes/<episode_id>/<attempt>`` below the root; made if it is missing."""
         folder = self._attempt(episode_id, attempt)
         folder.mkdir(parents=True, exist_ok=True)
         return folder
@@ -196,7 +232,7 @@ class LocalStore(Store):
     def keep_map(self, opendrive: bytes) -> str:
         """``maps/<digest>.xodr`` by a link from a whole file; see ``Store.keep_map``."""
         named = hash_of(opendrive)
-        path = map_path(self.root, named)
+        path = self.root / map_name(named)
         if not path.exists():
             try:
                 path.parent.mkdir(exist_ok=True)
@@ -223,11 +259,11 @@ class LocalStore(Store):
         """The folders below ``episodes``; see ``Store.attempts``."""
         for episode in _inside(self.root / "episodes"):
             for attempt in _inside(episode):
-                if _NAME.fullmatch(episode.name) and _NAME.fullmatch(attempt.name):
+                if NAME.fullmatch(episode.name) and NAME.fullmatch(attempt.name):
                     yield episode.name, attempt.name
 
-    def attempt_files(self, episode_id: str, attempt: str) -> AttemptFiles:
-        """One look at every file; see ``Store.attempt_files``."""
+    def attempt_size(self, episode_id: str, attempt: str) -> AttemptSize:
+        """One look at every file; see ``Store.attempt_size``."""
         folder = self._attempt(episode_id, attempt)
         try:
             newest_s, count, size = folder.stat().st_mtime, 0, 0
@@ -240,7 +276,7 @@ class LocalStore(Store):
                 f"Attempt {attempt} of episode {episode_id} cannot be looked at: {error.strerror}.",
                 "Another process may have just removed it: try again.",
             ) from error
-        return AttemptFiles(count, size, newest_s)
+        return AttemptSize(count, size, newest_s)
 
     @property
     def _commits(self) -> Path:
@@ -252,9 +288,11 @@ class LocalStore(Store):
 
     def _last_attempt(self, episode: Path) -> int:
         """The highest number that an attempt of an episode has, or had before it was removed."""
-        folders = (_ATTEMPT.fullmatch(path.name) for path in episode.glob("a*"))
+        folders = (ATTEMPT.fullmatch(path.name) for path in episode.glob("a*"))
         leases = (_LEASE.fullmatch(path.name) for path in self._leases.glob(f"{episode.name}.*"))
-        return max((int(found[1]) for found in (*folders, *leases) if found), default=0)
+        lost = (self.root / "lost").glob(f"{episode.name}.a*.json")
+        retired = (ATTEMPT.fullmatch(path.stem.rpartition(".")[2]) for path in lost)
+        return max((int(found[1]) for found in (*folders, *leases, *retired) if found), default=0)
 
     def _took_lease(self, name: str, content: bytes) -> bool:
         """Create a lease; False where somebody has it."""
@@ -277,12 +315,7 @@ class LocalStore(Store):
             self._leases.rmdir()
 
     def _attempt(self, episode_id: str, attempt: str) -> Path:
-        for what, name in (("episode id", episode_id), ("attempt", attempt)):
-            if not _NAME.fullmatch(name):
-                raise StorageError(
-                    f"{name!r} cannot be the name of a folder ({what}).",
-                    "Use letters, digits, '_', '.' and '-'.",
-                )
+        check_attempt(episode_id, attempt)
         return self.root / "episodes" / episode_id / attempt
 
     def _yield_to_winner(self, episode_id: str, attempt: str, marker_path: Path) -> None:
@@ -331,13 +364,13 @@ class LocalStore(Store):
                 os.link(source, probe)
             except FileExistsError:
                 return
-            raise StorageError(
+            raise UnsafeStoreError(
                 f"The file system of {self.root} silently replaces files that exist.",
                 "Choose a folder on another disk: an episode could overwrite another one here.",
             )
         except OSError as error:
             if error.errno in (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS):
-                raise StorageError(
+                raise UnsafeStoreError(
                     f"The file system of {self.root} has no hard links, "
                     "by which a commit is made atomic.",
                     "Choose a folder on another disk (ext4, xfs, btrfs, NFS, …).",

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 _HASH = re.compile(r"blake3:([0-9a-f]{64})")
 
 
-def map_path(root: Path, named_hash: str) -> Path:
-    """The file of an OpenDRIVE text, ``maps/<digest>.xodr``.
+def map_name(named_hash: str) -> str:
+    """The path of an OpenDRIVE text below the dataset's root, ``maps/<digest>.xodr``.
 
     Args:
-        root: folder of the dataset.
         named_hash: ``blake3:<hex>``, as ``episode.json`` has it.
 
     Raises:
@@ -21,4 +19,4 @@ def map_path(root: Path, named_hash: str) -> Path:
     found = _HASH.fullmatch(named_hash)
     if found is None:
         raise ValueError(f"{named_hash!r} is no BLAKE3 hash of a map")
-    return root / "maps" / f"{found[1]}.xodr"
+    return f"maps/{found[1]}.xodr"

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from carstage.errors import DatasetError
 from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
 from carstage.files.hashing import UnknownAlgorithmError, check_hash
+from carstage.storage.remote_path import DatasetPath
 
 FORMAT_VERSION = 2
 _SHA256_VERSION = 1
@@ -125,7 +125,7 @@ def _named_hash(entry: Mapping[str, Any], version: int) -> str:
     return check_hash(str(entry["hash"]))
 
 
-def read_marker(path: Path) -> CommitMarker:
+def read_marker(path: DatasetPath) -> CommitMarker:
     """Read a commit marker.
 
     Raises:

@@ -3,35 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from urllib.parse import unquote
 
-from carstage.errors import BadInputError
-from carstage.files.home import without_tilde
+from carstage.storage.address import dataset_root
 from carstage.storage.local import LocalStore
+from carstage.storage.remote_path import RemotePath
 from carstage.storage.store import Store
 
 
-def open_store(out: str | Path) -> Store:
-    """The store that a path or URL names.
+def open_store(address: str | Path | RemotePath) -> Store:
+    """The store that an address names; nothing is asked of it yet.
 
     Args:
-        out: a folder, or a URL; ``file://`` URLs are folders.
+        address: a folder, or a URL, see ``dataset_root``.
 
     Raises:
-        BadInputError: the URL's scheme is of no store that is built in, or a ``file://`` URL names
-            another machine.
+        BadInputError: the address is of no store that is built in, or a package for it is missing.
+        StoreAccessError: the environment's settings for the store cannot be used.
     """
-    text = str(out)
-    scheme, separator, rest = text.partition("://")
-    if not separator:
-        return LocalStore(without_tilde(text))
-    if scheme == "file":
-        host, slash, path = rest.partition("/")
-        if host not in ("", "localhost"):
-            raise BadInputError(
-                f"output: {text} is on another machine, {host}.", "Write file:///folder."
-            )
-        return LocalStore(Path(unquote(slash + path)))
-    raise BadInputError(
-        f"output: no store for {scheme}:// addresses.", "Give a folder on a local disk."
-    )
+    root = dataset_root(address)
+    if isinstance(root, RemotePath):
+        from carstage.storage.objects import ObjectStore
+
+        return ObjectStore(root)
+    return LocalStore(root)

@@ -4,15 +4,31 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any
 
+from carstage.storage.attempt_files import AttemptFiles
 from carstage.storage.marker import CommitMarker, FileEntry
+from carstage.storage.remote_path import DatasetPath
 
 
 @dataclass(frozen=True, slots=True)
-class AttemptFiles:
+class Lease:
+    """An attempt that somebody holds or held.
+
+    Attributes:
+        episode_id: id of the episode.
+        attempt: ``a<number>``.
+        holder: as ``reserve_attempt`` was given it; None where no lease is there.
+    """
+
+    episode_id: str
+    attempt: str
+    holder: Mapping[str, Any] | None = field(default=None)
+
+
+@dataclass(frozen=True, slots=True)
+class AttemptSize:
     """What an attempt has written.
 
     Attributes:
@@ -40,6 +56,28 @@ class Store(ABC):
     * A town's OpenDRIVE text stands once, under its hash, however many episodes are of the town.
     """
 
+    @property
+    @abstractmethod
+    def root(self) -> DatasetPath:
+        """Where it is: a folder, or a place in an object store."""
+
+    def check(self) -> None:  # noqa: B027 - a folder is looked at by who writes into it
+        """Refuse a place that cannot hold a dataset; leaves nothing behind.
+
+        Raises:
+            StoreAccessError: no such bucket, or the credentials do not permit what is needed.
+            UnsafeStoreError: creating a name twice silently overwrites.
+            StorageError: the store cannot be reached.
+        """
+
+    @abstractmethod
+    def exists(self) -> bool:
+        """Whether there is a dataset already, by its ``dataset.json``.
+
+        Raises:
+            StoreAccessError: the store lets nobody look.
+        """
+
     @abstractmethod
     def initialise(self, name: str) -> None:
         """Make the place ready for episodes; safe to call again and from several processes.
@@ -51,7 +89,8 @@ class Store(ABC):
             name: name of the dataset, for a new one.
 
         Raises:
-            StorageError: not writable, or creating a name twice silently overwrites.
+            StorageError: not writable.
+            UnsafeStoreError: creating a name twice silently overwrites.
             DatasetError: another format version, or the folder holds something else.
         """
 
@@ -81,11 +120,26 @@ class Store(ABC):
             first: lowest number to use.
 
         Returns:
-            ``a<number>``; its folder exists.
+            ``a<number>``.
 
         Raises:
             StorageError: it cannot be created.
         """
+
+    @abstractmethod
+    def unfinished(self, markers: Mapping[str, CommitMarker]) -> list[Lease]:
+        """Attempts that were begun and are not the episode, as far as can be seen at little cost.
+
+        A folder on a disk tells of those without a lease, too. In an object store only leases are
+        looked at: an attempt whose episode is there by another one has none any more.
+
+        Args:
+            markers: as ``committed`` gave them.
+        """
+
+    @abstractmethod
+    def has_attempt(self, episode_id: str, attempt: str) -> bool:
+        """Whether anything of an attempt is there."""
 
     @abstractmethod
     def lost(self, markers: Iterable[CommitMarker]) -> list[CommitMarker]:
@@ -107,8 +161,12 @@ class Store(ABC):
         """
 
     @abstractmethod
-    def attempt_folder(self, episode_id: str, attempt: str) -> Path:
-        """The local folder that an attempt writes its files below; created if it is missing."""
+    def attempt_files(self, episode_id: str, attempt: str) -> AttemptFiles:
+        """Where the files of an attempt go.
+
+        Raises:
+            StorageError: a name cannot be used.
+        """
 
     @abstractmethod
     def commit(
@@ -152,7 +210,7 @@ class Store(ABC):
             opendrive: the text as it stands in the file.
 
         Returns:
-            Its named hash, ``blake3:<hex>``; see ``map_path`` for the place.
+            Its named hash, ``blake3:<hex>``; see ``map_name`` for the place.
 
         Raises:
             StorageError: writing failed.
@@ -180,7 +238,7 @@ class Store(ABC):
         """
 
     @abstractmethod
-    def attempt_files(self, episode_id: str, attempt: str) -> AttemptFiles:
+    def attempt_size(self, episode_id: str, attempt: str) -> AttemptSize:
         """How much an attempt has written, and when last.
 
         Raises:

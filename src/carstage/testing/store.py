@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-import shutil
+import pickle
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -13,10 +13,14 @@ from pathlib import Path
 import pytest
 
 from carstage.errors import EpisodeExistsError, StorageError
+from carstage.files.bounded import read_bounded
+from carstage.files.hashing import hash_of
 from carstage.storage import Store
+from carstage.storage.attempt_files import write_document
 from carstage.storage.marker import FileEntry
 
 _EPISODE = "0123456789abcdef"
+_PICTURE = "sensors/CAM/000000.png"
 _VERSIONS = {"client": "0.9.16", "server": "0.9.16"}
 
 
@@ -42,13 +46,20 @@ class StoreTests:
         store.initialise("test")
         return store
 
-    def write(self, store: Store, attempt: str, text: str = "content") -> Path:
-        """Write the files of an attempt; returns its folder."""
-        folder = store.attempt_folder(_EPISODE, attempt)
-        (folder / "sensors" / "CAM").mkdir(parents=True, exist_ok=True)
-        (folder / "episode.json").write_text("{}")
-        (folder / "sensors" / "CAM" / "000000.png").write_text(text)
-        return folder
+    def write(self, store: Store, attempt: str, text: str = "content") -> None:
+        """Write the files of an attempt."""
+        files = store.attempt_files(_EPISODE, attempt)
+        write_document(files, "episode.json", b"{}")
+        with files.stream() as stream:
+            stream.write(_PICTURE, text.encode())
+
+    def read(self, store: Store, attempt: str, name: str = _PICTURE) -> bytes:
+        """The content of an attempt's file."""
+        return read_bounded(store.root / "episodes" / _EPISODE / attempt / name)
+
+    def names(self, store: Store, attempt: str) -> list[str]:
+        """Names of the files of an attempt."""
+        return store.attempt_files(_EPISODE, attempt).names()
 
     def test_a_map_is_kept_once_under_its_hash(self, place: Path, store: Store) -> None:
         named = store.keep_map(b"abc")
@@ -109,12 +120,14 @@ class StoreTests:
         assert not store.has(_EPISODE)
 
     def test_a_marker_without_any_file_is_set_aside(self, place: Path, store: Store) -> None:
-        folder = self.write(store, store.reserve_attempt(_EPISODE, {}))
-        store.commit(_EPISODE, folder.name, frames=1, versions=_VERSIONS)
-        (folder / "episode.json").unlink()
+        attempt = store.reserve_attempt(_EPISODE, {})
+        self.write(store, attempt)
+        store.commit(_EPISODE, attempt, frames=1, versions=_VERSIONS)
+        files = store.attempt_files(_EPISODE, attempt)
+        files.remove(["episode.json"])
         markers = store.committed().values()
         assert store.lost(markers) == []  # one file is still there
-        shutil.rmtree(folder)
+        files.discard()
         (marker,) = store.lost(markers)
         assert marker.episode_id == _EPISODE
         self.open(place).retire(marker)
@@ -125,14 +138,76 @@ class StoreTests:
     def test_who_retires_a_marker_late_takes_no_new_one_away(
         self, place: Path, store: Store
     ) -> None:
-        folder = self.write(store, store.reserve_attempt(_EPISODE, {}))
-        gone = store.commit(_EPISODE, folder.name, frames=1, versions=_VERSIONS)
-        shutil.rmtree(folder)
+        attempt = store.reserve_attempt(_EPISODE, {})
+        self.write(store, attempt)
+        gone = store.commit(_EPISODE, attempt, frames=1, versions=_VERSIONS)
+        store.attempt_files(_EPISODE, attempt).discard()
         self.open(place).retire(gone)
-        self.write(store, store.reserve_attempt(_EPISODE, {}, first=2))
-        again = store.commit(_EPISODE, "a2", frames=1, versions=_VERSIONS)
+        another = store.reserve_attempt(_EPISODE, {})
+        assert another != attempt  # what was read of the one is never taken for the other
+        self.write(store, another)
+        again = store.commit(_EPISODE, another, frames=1, versions=_VERSIONS)
         self.open(place).retire(gone)
         assert store.committed() == {_EPISODE: again}
+
+    def test_attempts_that_were_begun_are_told_with_who_holds_them(self, store: Store) -> None:
+        attempt = store.reserve_attempt(_EPISODE, {"run_id": "one"})
+        assert not store.attempt_files(_EPISODE, attempt).names()
+        self.write(store, attempt)
+        (left,) = store.unfinished({})
+        assert (left.episode_id, left.attempt) == (_EPISODE, attempt)
+        assert left.holder is not None
+        assert left.holder["run_id"] == "one"
+        assert store.has_attempt(_EPISODE, attempt)
+        marker = store.commit(_EPISODE, attempt, frames=1, versions=_VERSIONS)
+        assert store.unfinished({_EPISODE: marker}) == []
+        assert not store.has_attempt(_EPISODE, "a7")
+
+    def test_there_is_a_dataset_once_it_was_initialised(self, place: Path, store: Store) -> None:
+        assert self.open(place).exists()
+        store.check()
+        assert store.committed() == {}
+
+    def test_files_are_told_removed_and_compared(self, store: Store) -> None:
+        self.write(store, "a1", "abc")
+        files = store.attempt_files(_EPISODE, "a1")
+        assert files.names() == ["episode.json", _PICTURE]
+        same = FileEntry(_PICTURE, 3, hash_of(b"abc"))
+        assert files.holds(same)
+        assert not files.holds(FileEntry(_PICTURE, 3, hash_of(b"abd")))
+        files.remove([_PICTURE, "sensors/CAM/000009.png"])
+        assert files.names() == ["episode.json"]
+        files.discard()
+        assert files.names() == []
+        files.discard()
+
+    def test_files_can_be_handed_to_another_process(self, store: Store) -> None:
+        files = pickle.loads(pickle.dumps(store.attempt_files(_EPISODE, "a1")))
+        with files.stream() as stream:
+            entry = stream.write("a/b.bin", memoryview(b"abc"))
+        assert entry == FileEntry("a/b.bin", 3, hash_of(b"abc"))
+        assert self.read(store, "a1", "a/b.bin") == b"abc"
+
+    def test_a_large_file_and_many_small_ones_arrive_whole(self, store: Store) -> None:
+        large = bytes(range(256)) * 80_000  # larger than a part
+        with store.attempt_files(_EPISODE, "a1").stream() as stream:
+            stream.write("large.bin", large)
+            for k in range(40):
+                stream.write(f"sensors/CAM/{k:06d}.png", b"%d" % k)
+        assert self.read(store, "a1", "large.bin") == large
+        assert self.read(store, "a1", "sensors/CAM/000039.png") == b"39"
+        assert len(self.names(store, "a1")) == 41
+
+    def test_a_file_whose_writing_breaks_off_does_not_appear(self, store: Store) -> None:
+        files = store.attempt_files(_EPISODE, "a1")
+
+        def fail() -> None:
+            with files.whole("labels.parquet"):
+                raise KeyError
+
+        with pytest.raises(KeyError):
+            fail()
+        assert files.names() == []
 
     def test_an_uncommitted_attempt_is_no_episode(self, store: Store) -> None:
         self.write(store, "a1")
@@ -181,16 +256,15 @@ class StoreTests:
         with pytest.raises(EpisodeExistsError):
             store.commit(_EPISODE, "a2", frames=1, versions=_VERSIONS)
         assert store.committed() == {_EPISODE: first}
-        assert not (store.attempt_folder(_EPISODE, "a2") / "episode.json").exists()
-        kept = store.attempt_folder(_EPISODE, "a1") / "sensors" / "CAM" / "000000.png"
-        assert kept.read_text() == "content"
+        assert self.names(store, "a2") == []
+        assert self.read(store, "a1") == b"content"
 
     def test_committing_the_committed_attempt_again_keeps_its_files(self, store: Store) -> None:
-        folder = self.write(store, "a1")
+        self.write(store, "a1")
         store.commit(_EPISODE, "a1", frames=1, versions=_VERSIONS)
         with pytest.raises(EpisodeExistsError):
             store.commit(_EPISODE, "a1", frames=1, versions=_VERSIONS)
-        assert (folder / "episode.json").exists()
+        assert self.read(store, "a1", "episode.json") == b"{}"
 
     def test_of_many_concurrent_commits_exactly_one_wins(self, place: Path, store: Store) -> None:
         attempts = [f"a{number}" for number in range(6)]
@@ -218,35 +292,34 @@ class StoreTests:
         assert sorted(won + lost) == attempts
         marker = store.committed()[_EPISODE]
         assert marker.attempt == won[0]
-        kept = store.attempt_folder(_EPISODE, won[0]) / "sensors" / "CAM" / "000000.png"
-        assert kept.read_text() == won[0]
+        assert self.read(store, won[0]).decode() == won[0]
 
     def test_an_attempt_without_files_cannot_be_committed(self, store: Store) -> None:
-        store.attempt_folder(_EPISODE, "a1")
         with pytest.raises(StorageError):
             store.commit(_EPISODE, "a1", frames=0, versions=_VERSIONS)
         assert store.committed() == {}
 
     def test_an_attempt_with_temporary_files_cannot_be_committed(self, store: Store) -> None:
-        (self.write(store, "a1") / ".episode.json").write_text("half")
+        self.write(store, "a1")
+        write_document(store.attempt_files(_EPISODE, "a1"), "sensors/.half", b"half")
         with pytest.raises(StorageError):
             store.commit(_EPISODE, "a1", frames=1, versions=_VERSIONS)
         assert store.committed() == {}
 
     def test_discarding_removes_an_attempt_and_nothing_else(self, store: Store) -> None:
         self.write(store, "a1")
-        kept = self.write(store, "a2")
+        self.write(store, "a2")
         store.discard_attempt(_EPISODE, "a1")
         store.discard_attempt(_EPISODE, "never-written")
-        assert not (store.attempt_folder(_EPISODE, "a1") / "episode.json").exists()
-        assert (kept / "episode.json").exists()
+        assert self.names(store, "a1") == []
+        assert self.read(store, "a2", "episode.json") == b"{}"
 
     def test_the_committed_attempt_cannot_be_discarded(self, store: Store) -> None:
-        folder = self.write(store, "a1")
+        self.write(store, "a1")
         store.commit(_EPISODE, "a1", frames=1, versions=_VERSIONS)
         with pytest.raises(StorageError):
             store.discard_attempt(_EPISODE, "a1")
-        assert (folder / "episode.json").exists()
+        assert self.read(store, "a1", "episode.json") == b"{}"
 
     def test_every_attempt_that_has_files_is_listed(self, store: Store) -> None:
         assert list(store.attempts()) == []
@@ -259,15 +332,15 @@ class StoreTests:
     def test_an_attempts_files_are_counted_and_dated(self, store: Store) -> None:
         before_s = time.time()
         self.write(store, "a1", "abc")
-        found = store.attempt_files(_EPISODE, "a1")
+        found = store.attempt_size(_EPISODE, "a1")
         assert (found.files, found.bytes) == (2, 5)
         assert abs(found.modified_s - before_s) < 3600.0  # the store's clock may be another one
         with pytest.raises(StorageError):
-            store.attempt_files(_EPISODE, "a2")
+            store.attempt_size(_EPISODE, "a2")
 
     @pytest.mark.parametrize("name", ["", "..", "a/b", ".hidden", "ü"])
     def test_names_that_leave_the_place_are_refused(self, store: Store, name: str) -> None:
         with pytest.raises(StorageError):
-            store.attempt_folder(_EPISODE, name)
+            store.attempt_files(_EPISODE, name)
         with pytest.raises(StorageError):
-            store.attempt_folder(name, "a1")
+            store.attempt_files(name, "a1")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 from carstage.dataset.reading import Dataset
 from carstage.errors import CarStageError
+from carstage.storage.remote_path import DatasetPath
 from carstage.validation.checks.catalogue import RULES
 from carstage.validation.checks.episode import EpisodeChecks, Figures
 from carstage.validation.checks.findings import Findings, Problem, Severity
@@ -66,7 +66,7 @@ class ValidationReport:
 
 
 def validate_dataset(
-    path: str | Path, *, progress: Callable[[int, int], None] | None = None
+    path: str | DatasetPath, *, progress: Callable[[int, int], None] | None = None
 ) -> ValidationReport:
     """Check every committed episode; what is not committed is not looked at.
 
@@ -74,7 +74,7 @@ def validate_dataset(
     ``docs/formats/dataset.md``.
 
     Args:
-        path: folder of the dataset.
+        path: folder of the dataset, or its place in an object store.
         progress: called with (frames checked, frames in all).
 
     Raises:

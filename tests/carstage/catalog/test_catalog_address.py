@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import pytest
 
@@ -10,6 +10,7 @@ from carstage.cache import CACHE_VARIABLE
 from carstage.catalog import CATALOG_VARIABLE, catalog_address
 from carstage.catalog.address import location_of, masked, own_catalog, parse_address
 from carstage.errors import BadInputError
+from carstage.storage import RemotePath
 
 SECRET = "s3cr3t"
 
@@ -83,8 +84,8 @@ def test_the_catalog_of_a_dataset_elsewhere_is_in_the_cache(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
-    places = [PurePosixPath("bucket/one"), PurePosixPath("bucket/two")]  # as a store's place
+    places = [RemotePath("s3://bucket/one"), RemotePath("s3://bucket/two")]
     files = [own_catalog(place).file for place in places]
     assert [file.parent for file in files if file] == [tmp_path / "catalogs"] * 2
     assert files[0] != files[1]
-    assert location_of(places[0], own_catalog(places[0])) == "bucket/one"
+    assert location_of(places[0], own_catalog(places[0])) == "s3://bucket/one"

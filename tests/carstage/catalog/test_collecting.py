@@ -82,11 +82,11 @@ def test_what_a_living_run_holds_is_never_left_over(dataset: Path) -> None:
     (run / "status.json").write_text(json.dumps({"state": "recording", **identify()}))
     (dataset / "leases").mkdir(exist_ok=True)
     (dataset / "leases" / f"{OPEN}.1").write_text(json.dumps({"run_id": "now"}))
-    held = held_attempts(dataset)
+    held = held_attempts(dataset, LocalStore(dataset))
     assert held == {(OPEN, "a1")}
     assert found(dataset, HOUR_S, held=held) == {f"{DONE}/a1 overtaken"}
     (run / "status.json").write_text(json.dumps({"state": "done", **identify()}))
-    assert held_attempts(dataset) == set()
+    assert held_attempts(dataset, LocalStore(dataset)) == set()
 
 
 def test_nothing_is_removed_where_a_marker_cannot_be_read(dataset: Path) -> None:

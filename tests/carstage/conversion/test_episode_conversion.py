@@ -35,6 +35,7 @@ from carstage.dataset.tables import read_table
 from carstage.errors import BadInputError, ConversionError, RawLogError
 from carstage.rawlog.reader import EpisodeLog
 from carstage.spec import EpisodeSpec
+from carstage.storage import FolderFiles
 from carstage.validation import validate_dataset
 
 
@@ -79,7 +80,7 @@ def test_announced_in_any_order_the_bytes_are_the_same(
     seals = [(s, i) for s in log.streams for i in log.sealed_segments(s)] * 2
     random.Random(3).shuffle(seals)
     with ThreadPoolExecutor(3) as pool:
-        conversion = EpisodeConversion(raw, tmp_path / "other", pool)
+        conversion = EpisodeConversion(raw, FolderFiles(tmp_path / "other"), pool)
         done = [conversion.frames_done]
         for stream, segment in seals:
             conversion.segment_sealed(stream, segment)
@@ -107,7 +108,7 @@ def test_what_is_converted_may_go_and_the_bytes_are_the_same(
             return super().submit(lambda: (self.go.wait(), function(*arguments))[1])
 
     with Held() as pool:
-        conversion = EpisodeConversion(log.folder, tmp_path / "other", pool)
+        conversion = EpisodeConversion(log.folder, FolderFiles(tmp_path / "other"), pool)
         conversion.remove_converted()
         conversion.scan()
         conversion.remove_converted()
@@ -128,7 +129,7 @@ def test_what_could_not_be_converted_stays(raw: Path, tmp_path: Path) -> None:
     path = tmp_path / "raw/CAM_FRONT/000000.seg"
     path.write_bytes(path.read_bytes()[:-100])
     with ThreadPoolExecutor(1) as pool:
-        conversion = EpisodeConversion(tmp_path / "raw", tmp_path / "out", pool)
+        conversion = EpisodeConversion(tmp_path / "raw", FolderFiles(tmp_path / "out"), pool)
         conversion.scan()
         with pytest.raises(RawLogError):
             conversion.finish()
@@ -141,7 +142,7 @@ def test_what_could_not_be_converted_stays(raw: Path, tmp_path: Path) -> None:
 def test_another_attempt_in_processes_gives_the_same_bytes(converted: Path, tmp_path: Path) -> None:
     analytic_scene.write_raw_log(tmp_path / "raw", attempt="a7")
     with conversion_pool(2) as pool:
-        EpisodeConversion(tmp_path / "raw", tmp_path / "a7", pool).finish()
+        EpisodeConversion(tmp_path / "raw", FolderFiles(tmp_path / "a7"), pool).finish()
     assert contents(tmp_path / "a7") == contents(converted)
 
 
@@ -193,7 +194,7 @@ def test_an_open_segment_is_left_alone(raw: Path, tmp_path: Path) -> None:
             return Future()
 
     with Recorder(1) as pool:
-        conversion = EpisodeConversion(raw, tmp_path / "out", pool)
+        conversion = EpisodeConversion(raw, FolderFiles(tmp_path / "out"), pool)
         conversion.segment_sealed("CAM_FRONT", 0)
         assert submitted == []
         conversion.segment_sealed("ledger", 0)
@@ -210,7 +211,7 @@ def test_a_damaged_segment_fails_with_its_name(tmp_path: Path) -> None:
     segment = tmp_path / "raw" / "LIDAR_TOP" / "000001.seg"
     segment.write_bytes(segment.read_bytes()[:-100])
     with ThreadPoolExecutor(2) as pool:
-        conversion = EpisodeConversion(tmp_path / "raw", tmp_path / "out", pool)
+        conversion = EpisodeConversion(tmp_path / "raw", FolderFiles(tmp_path / "out"), pool)
         with pytest.raises(RawLogError, match=r"LIDAR_TOP/000001\.seg"):
             conversion.finish()
         with pytest.raises(RawLogError):
@@ -221,7 +222,10 @@ def test_progress_is_told_for_all_work_when_it_is_done(raw: Path, tmp_path: Path
     done: list[int] = []
     with ThreadPoolExecutor(2) as pool:
         conversion = EpisodeConversion(
-            raw, tmp_path / "out", pool, progress=lambda: done.append(conversion.frames_done)
+            raw,
+            FolderFiles(tmp_path / "out"),
+            pool,
+            progress=lambda: done.append(conversion.frames_done),
         )
         conversion.finish()
     segments = len(list((raw / "ledger").glob("*.seg")))
@@ -244,7 +248,10 @@ def test_progress_may_be_asked_for_by_a_task_that_is_done_at_once(
 ) -> None:
     done: list[int] = []
     conversion = EpisodeConversion(
-        raw, tmp_path / "out", AtOnce(), progress=lambda: done.append(conversion.frames_done)
+        raw,
+        FolderFiles(tmp_path / "out"),
+        AtOnce(),
+        progress=lambda: done.append(conversion.frames_done),
     )
     conversion.finish()
     assert done
@@ -257,7 +264,7 @@ def test_label_part_that_is_gone_or_damaged_is_told(
     damage: Callable[[Path], object], raw: Path, tmp_path: Path
 ) -> None:
     with ThreadPoolExecutor(2) as pool:
-        conversion = EpisodeConversion(raw, tmp_path / "out", pool)
+        conversion = EpisodeConversion(raw, FolderFiles(tmp_path / "out"), pool)
         conversion.scan()
     damage(next((raw / ".labels").glob("000001.objects*")))
     with pytest.raises(ConversionError, match="label part"):
@@ -267,7 +274,7 @@ def test_label_part_that_is_gone_or_damaged_is_told(
 
 def test_cancelling_removes_the_attempt_and_the_label_parts(raw: Path, tmp_path: Path) -> None:
     with ThreadPoolExecutor(1) as pool:
-        conversion = EpisodeConversion(raw, tmp_path / "out", pool)
+        conversion = EpisodeConversion(raw, FolderFiles(tmp_path / "out"), pool)
         conversion.scan()
         conversion.cancel()
         conversion.cancel()
@@ -286,7 +293,7 @@ def test_cancelling_does_not_wait_for_what_a_killed_pool_never_began(
 ) -> None:
     pool = conversion_pool(1)
     pool.submit(time.sleep, 60)
-    conversion = EpisodeConversion(raw, tmp_path / "out", pool)
+    conversion = EpisodeConversion(raw, FolderFiles(tmp_path / "out"), pool)
     conversion.scan()
     pool.kill()
     conversion.cancel()
@@ -311,7 +318,7 @@ def test_another_conversion_goes_on_where_one_was_stopped(
 ) -> None:
     analytic_scene.write_raw_log(tmp_path / "raw")
     with Some(count) as pool:
-        conversion = EpisodeConversion(tmp_path / "raw", tmp_path / "out", pool)
+        conversion = EpisodeConversion(tmp_path / "raw", FolderFiles(tmp_path / "out"), pool)
         conversion.scan()
     conversion.remove_converted()
     conversion.stop()
@@ -319,7 +326,7 @@ def test_another_conversion_goes_on_where_one_was_stopped(
     assert len(done) == min(count, len(conversion._tasks))
     (tmp_path / "raw").rename(tmp_path / "elsewhere")
     with Some(100) as pool:
-        another = EpisodeConversion(tmp_path / "elsewhere", tmp_path / "out", pool)
+        another = EpisodeConversion(tmp_path / "elsewhere", FolderFiles(tmp_path / "out"), pool)
         another.go_on(json.loads(json.dumps(done)))
         another.finish()
     assert contents(tmp_path / "out") == contents(converted)
@@ -329,7 +336,7 @@ def test_another_conversion_goes_on_where_one_was_stopped(
 def test_what_is_not_as_it_was_written_is_not_gone_on_with(change: str, tmp_path: Path) -> None:
     analytic_scene.write_raw_log(tmp_path / "raw")
     with ThreadPoolExecutor(1) as pool:
-        conversion = EpisodeConversion(tmp_path / "raw", tmp_path / "out", pool)
+        conversion = EpisodeConversion(tmp_path / "raw", FolderFiles(tmp_path / "out"), pool)
         conversion.scan()
     done: list[Any] = conversion.converted()
     files = [file for entry in done for file in entry.get("files", ())]
@@ -348,7 +355,7 @@ def test_what_is_not_as_it_was_written_is_not_gone_on_with(change: str, tmp_path
     else:
         done[0] = 7
     with ThreadPoolExecutor(1) as pool:
-        another = EpisodeConversion(tmp_path / "raw", tmp_path / "out", pool)
+        another = EpisodeConversion(tmp_path / "raw", FolderFiles(tmp_path / "out"), pool)
         with pytest.raises(ConversionError):
             another.go_on(done)
 
@@ -357,7 +364,7 @@ def test_a_pool_whose_process_died_is_a_conversion_error(raw: Path, tmp_path: Pa
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         with pytest.raises(BrokenExecutor):
             pool.submit(os._exit, 1).result()
-        conversion = EpisodeConversion(raw, tmp_path / "out", pool)
+        conversion = EpisodeConversion(raw, FolderFiles(tmp_path / "out"), pool)
         with pytest.raises(ConversionError, match="died"):
             conversion.finish()
 

@@ -18,7 +18,7 @@ from carstage.runs.folder import EpisodeCounts, RunFolder, RunStatus
 from carstage.runs.identity import identify, is_alive
 from carstage.runs.orphans import marked
 from carstage.runs.pending import Pending, write_pending
-from carstage.storage import open_store
+from carstage.storage import LocalStore, open_store
 
 EPISODE = "00112233aabbccdd"
 NO_SUCH_PID = 2**22 + 1  # above the kernel's largest pid
@@ -56,7 +56,7 @@ def begin_run(
 
 
 def dead_run(out: Path) -> LeftRun:
-    (run,) = left_runs(out)
+    (run,) = left_runs(out, LocalStore(out))
     assert run.dead
     return run
 
@@ -71,7 +71,7 @@ def test_run_of_a_process_that_is_gone_is_dead_and_is_cleared(tmp_path: Path) ->
     assert not (folder / "raw").exists()
     assert not (tmp_path / "episodes" / EPISODE).exists()
     assert json.loads((folder / "status.json").read_bytes())["state"] == "interrupted"
-    assert list(left_runs(tmp_path)) == []
+    assert list(left_runs(tmp_path, LocalStore(tmp_path))) == []
 
 
 def test_pid_that_another_process_has_now_is_a_dead_run(tmp_path: Path) -> None:
@@ -81,18 +81,18 @@ def test_pid_that_another_process_has_now_is_a_dead_run(tmp_path: Path) -> None:
 
 def test_run_that_lives_is_left_alone_however_long_it_is_silent(tmp_path: Path) -> None:
     begin_run(tmp_path, identify(), silent_s=1e6)
-    assert list(left_runs(tmp_path)) == []
+    assert list(left_runs(tmp_path, LocalStore(tmp_path))) == []
 
 
 def test_setting_the_clock_makes_no_living_run_dead(tmp_path: Path) -> None:
     begin_run(tmp_path, {**identify(), "pid_started": 1.0}, silent_s=-1e6)
-    assert list(left_runs(tmp_path)) == []
+    assert list(left_runs(tmp_path, LocalStore(tmp_path))) == []
 
 
 @pytest.mark.parametrize("state", ["done", "failed", "interrupted"])
 def test_run_that_ended_is_not_dead(tmp_path: Path, state: str) -> None:
     begin_run(tmp_path, gone(), state=state)
-    assert list(left_runs(tmp_path)) == []
+    assert list(left_runs(tmp_path, LocalStore(tmp_path))) == []
 
 
 ELSEWHERE = {
@@ -111,9 +111,9 @@ def test_run_that_cannot_be_seen_is_left_and_named_once_it_is_silent(
     store.initialise("test")
     now = {"pid_started": time.time()}
     begin_run(tmp_path, gone(**{**now, **changes}))
-    assert list(left_runs(tmp_path)) == []  # its heartbeat is fresh
+    assert list(left_runs(tmp_path, LocalStore(tmp_path))) == []  # its heartbeat is fresh
     folder = begin_run(tmp_path, gone(**{**now, **changes}), silent_s=3600.0)
-    (silent,) = left_runs(tmp_path)
+    (silent,) = left_runs(tmp_path, LocalStore(tmp_path))
     assert (silent.folder, silent.dead) == (folder, False)
     told = clear_up(silent, store)
     assert folder.name in told
@@ -126,7 +126,8 @@ LOOK = """
 import sys
 from pathlib import Path
 from carstage.runs import left_runs
-print([run.dead for run in left_runs(Path(sys.argv[1]))])
+from carstage.storage import LocalStore
+print([run.dead for run in left_runs(Path(sys.argv[1]), LocalStore(Path(sys.argv[1])))])
 """
 
 
@@ -138,7 +139,7 @@ def test_run_in_another_container_on_this_machine_is_not_taken_for_dead(tmp_path
     command = [*container, sys.executable, "-c", LOOK, str(tmp_path)]
     assert subprocess.run(command, capture_output=True, check=True).stdout == b"[False]\n"
     begin_run(tmp_path, gone(), silent_s=3600.0)
-    assert [run.dead for run in left_runs(tmp_path)] == [True]
+    assert [run.dead for run in left_runs(tmp_path, LocalStore(tmp_path))] == [True]
 
 
 def test_silent_run_loses_what_can_never_be_committed(tmp_path: Path) -> None:
@@ -148,7 +149,7 @@ def test_silent_run_loses_what_can_never_be_committed(tmp_path: Path) -> None:
     winner = store.reserve_attempt(EPISODE, {})
     (tmp_path / "episodes" / EPISODE / winner / "frames.parquet").write_bytes(b"whole")
     store.commit(EPISODE, winner, frames=1, versions={})
-    (silent,) = left_runs(tmp_path)
+    (silent,) = left_runs(tmp_path, LocalStore(tmp_path))
     assert clear_up(silent, store) == ""
     assert not (tmp_path / "episodes" / EPISODE / "a1").exists()
     assert not (folder / "raw" / EPISODE / "a1").exists()
@@ -166,7 +167,7 @@ def test_run_of_before_the_machine_was_started_anew_is_dead(tmp_path: Path) -> N
 
 def test_run_with_a_heartbeat_since_the_boot_was_on_another_machine(tmp_path: Path) -> None:
     begin_run(tmp_path, gone(boot_id="another machine's"), silent_s=61.0)
-    (run,) = left_runs(tmp_path)
+    (run,) = left_runs(tmp_path, LocalStore(tmp_path))
     assert not run.dead
 
 
@@ -181,7 +182,7 @@ def test_status_that_a_power_cut_spoilt_hides_no_dead_run(tmp_path: Path, conten
     assert dead.attempts == ((EPISODE, "a1"),)
     clear_up(dead, store)
     assert not (folder / "raw").exists()
-    assert list(left_runs(tmp_path)) == []
+    assert list(left_runs(tmp_path, LocalStore(tmp_path))) == []
 
 
 def test_processes_that_a_dead_run_left_are_ended_before_its_files(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ def earlier_run(
 
 
 def go_on(out: Path, environment: dict[str, str] | None = ENVIRONMENT, **changes: Any) -> None:
-    refuse_to_mix(out, [EPISODE], [EPISODE], settings(**changes), environment)
+    refuse_to_mix(out, out, [EPISODE], [EPISODE], settings(**changes), environment)
 
 
 def test_equal_settings_go_on_without_a_question(tmp_path: Path) -> None:
@@ -123,13 +123,13 @@ def test_the_most_similar_run_is_the_one_compared_with(tmp_path: Path) -> None:
 
 def test_only_runs_whose_episodes_are_there_count(tmp_path: Path) -> None:
     earlier_run(tmp_path, fps=20)
-    refuse_to_mix(tmp_path, [], [EPISODE], settings(), ENVIRONMENT)
+    refuse_to_mix(tmp_path, tmp_path, [], [EPISODE], settings(), ENVIRONMENT)
 
 
 def test_without_the_folders_of_runs_the_ids_of_episodes_tell(tmp_path: Path) -> None:
-    refuse_to_mix(tmp_path, [EPISODE], [EPISODE], settings(), ENVIRONMENT)
+    refuse_to_mix(tmp_path, tmp_path, [EPISODE], [EPISODE], settings(), ENVIRONMENT)
     with pytest.raises(OtherSettingsError, match="holds 1 episode of other settings"):
-        refuse_to_mix(tmp_path, [EPISODE], ["f" * 16], settings(), ENVIRONMENT)
+        refuse_to_mix(tmp_path, tmp_path, [EPISODE], ["f" * 16], settings(), ENVIRONMENT)
 
 
 def test_many_differences_are_counted(tmp_path: Path) -> None:

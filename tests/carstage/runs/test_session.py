@@ -164,7 +164,7 @@ def test_attempt_without_a_place_for_its_recording_leaves_no_folder(
     folder.raw.write_text("in the way")
     with pytest.raises(NotADirectoryError):
         session.begin(Job(spec, spec.episode_id))
-    assert list(folder.dataset.glob("episodes/*")) == []
+    assert list(folder.work.glob("episodes/*")) == []
 
 
 def test_start_that_was_killed_takes_one_of_the_tries(made: Made, spec: EpisodeSpec) -> None:

@@ -172,14 +172,14 @@ class EpisodeChecks:
         episode, findings = self._episode, self._findings
         self._files.find_all()
         for name in (*DOCUMENTS, *TABLES):
-            self._files.read(episode.folder / name)
+            self._files.read(name)
         ledger = episode.ledger()
         recorded = recorded_frames(episode.calibration.sensors, ledger)
         check_file_list(episode, recorded, findings)
         check_ledger(episode, ledger, findings)
         for sensor in episode.sensors:
             if sensor.content in ROWS:
-                self._files.read(sensor.paths(0)[0], sensor=sensor.id)
+                self._files.read(sensor.file_names(0)[0], sensor=sensor.id)
         check_row_sensors(episode, ledger, recorded, findings)
         check_self_test(episode, findings)
         tables = LabelTables.load(episode)
@@ -266,7 +266,8 @@ class EpisodeChecks:
         figures.bytes += self._files.bytes
 
     def _decoded(self, sensor: Sensor, k: int) -> NDArray[Any] | None:
-        contents = [self._files.read(path, frame=k, sensor=sensor.id) for path in sensor.paths(k)]
+        names = sensor.file_names(k)
+        contents = [self._files.read(name, frame=k, sensor=sensor.id) for name in names]
         whole = [content for content in contents if content is not None]
         if len(whole) != len(contents):
             return None

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 from typing import TypedDict
 
 from carstage.dataset.reading import Episode
 from carstage.dataset.tables import row_sensor
 from carstage.files.bounded import read_bounded
 from carstage.files.hashing import hash_of
+from carstage.storage import DatasetPath, RemotePath
 from carstage.validation.checks.findings import Findings
 
 DOCUMENTS = ("episode.json", "calibration.json")
@@ -45,17 +46,18 @@ class VerifiedFiles:
 
     def find_all(self) -> None:
         """Name the files of the marker that are not there, whatever else goes wrong later."""
+        present = _present(self._folder)
         for name in self._entries:
-            if not (self._folder / name).is_file():
+            if name not in present:
                 self._missing.add(name)
                 message = f"{name} is missing, or no regular file"
                 self._findings.add("file_missing", message, **_place_of(name))
 
     def read(
-        self, path: Path, *, frame: int | None = None, sensor: str | None = None
+        self, name: str, *, frame: int | None = None, sensor: str | None = None
     ) -> bytes | None:
-        """The content of a file; ``None`` when it cannot be read."""
-        name = path.relative_to(self._folder).as_posix()
+        """The content of a file, by its path below the episode; ``None``: it cannot be read."""
+        path = self._folder / name
         problem: tuple[str, str] | None = None
         content: bytes | None = None
         if name in self._missing:
@@ -89,6 +91,14 @@ class VerifiedFiles:
         return None
 
 
+def _present(folder: DatasetPath) -> frozenset[str]:
+    """Paths of the regular files below a folder."""
+    if isinstance(folder, RemotePath):
+        return frozenset(p.relative_to(folder).as_posix() for p in folder.rglob("*"))
+    found = (p for p in folder.rglob("*") if p.is_file())
+    return frozenset(p.relative_to(folder).as_posix() for p in found)
+
+
 def _place_of(name: str) -> _Place:
     """Sensor and frame that a file below ``sensors`` is of."""
     parts = PurePosixPath(name).parts
@@ -117,12 +127,8 @@ def check_file_list(
             promised.add(f"sensors/{sensor.id}.parquet")
             continue
         for k in recorded[sensor.id]:
-            promised |= {p.relative_to(episode.folder).as_posix() for p in sensor.paths(k)}
-    present = {
-        path.relative_to(episode.folder).as_posix()
-        for path in episode.folder.rglob("*")
-        if path.is_file()
-    }
+            promised.update(sensor.file_names(k))
+    present = _present(episode.folder)
     for name in sorted(promised - listed):
         findings.add("file_unlisted", f"{name} is promised by the spec, but was not committed")
     for name in sorted(listed - promised):

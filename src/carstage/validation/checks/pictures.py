@@ -160,7 +160,7 @@ def check_repeated_episodes(episodes: tuple[Episode, ...], findings: Findings) -
 def _content(
     episode: Episode, sensor: Sensor, k: int, hashes: Mapping[str, str]
 ) -> tuple[str, ...] | None:
-    names = [path.relative_to(episode.folder).as_posix() for path in sensor.paths(k)]
+    names = sensor.file_names(k)
     found = tuple(hashes[name] for name in names if name in hashes)
     return found if len(found) == len(names) else None
 

@@ -261,7 +261,7 @@ def _refuse_to_mix(out: Path, settings: Document) -> None:
     from carstage.storage import open_store
 
     try:
-        refuse_to_mix(out, open_store(out).committed(), None, settings)
+        refuse_to_mix(out, out, open_store(out).committed(), None, settings)
     except OtherSettingsError as error:
         hint = "Record it all the same, or name another folder."
         raise WebError(409, error.message, hint, code="other_settings") from error

@@ -22,6 +22,8 @@ REASONS = {
     "carstage/annotation/object_rows.py object_rows": _ROW,
     "carstage/annotation/pixel_kernel.py classify": _LOOP,
     "carstage/cli/app.py run": _OPTIONS,
+    "carstage/cli/catalog.py list_": _OPTIONS,
+    "carstage/cli/catalog.py query": _OPTIONS,
     "carstage/cli/comparison.py run": _OPTIONS,
     "carstage/cli/estimate.py estimate": _OPTIONS,
     "carstage/cli/export.py export": _OPTIONS,

@@ -416,3 +416,19 @@ def object_store(
     with watch_steps("Episodes", "episodes") as progress:
         verdict = measure_object_store(rounds, seconds, progress)
     return report(verdict, json)
+
+
+@benchmark("catalog", takes="6 minutes")
+def catalog(
+    episodes: Annotated[int, typer.Option(min=1000, help="Of the catalog.")] = 1_000_000,
+    labelled: Annotated[int, typer.Option(min=1, help="Of them, with label tables.")] = 1000,
+    scratch: Scratch = None,
+    json: Json = False,
+) -> int:
+    """How fast a catalog of a million episodes lists a page and answers a label query."""
+    from benchmarks.framework.catalog import measure_catalog
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Databases", "databases") as progress:
+        verdict = measure_catalog(episodes, labelled, scratch, progress)
+    return report(verdict, json)

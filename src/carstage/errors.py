@@ -120,3 +120,15 @@ class DatasetError(CarStageError, ValueError):
     """A dataset is not readable: missing, damaged, or of an unknown format version (code 2)."""
 
     exit_code = 2
+
+
+class CatalogError(CarStageError, RuntimeError):
+    """A catalog cannot be used: unreachable, refused, of a newer schema (exit code 2)."""
+
+    exit_code = 2
+
+
+class CatalogLostError(CatalogError):
+    """The connection to a catalog broke while it was used; another try may succeed."""
+
+    exit_code = 1

@@ -11,6 +11,7 @@ import typer
 from carstage.cli import comparison  # noqa: F401 - adds its commands to bench_app
 from carstage.cli.bench import bench_app
 from carstage.cli.campaign import campaign_app
+from carstage.cli.catalog import catalog_app
 from carstage.cli.estimate import estimate
 from carstage.cli.export import export
 from carstage.cli.gui import gui
@@ -44,6 +45,7 @@ app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
 app.add_typer(campaign_app, name="campaign")
 app.command()(estimate)
+app.add_typer(catalog_app, name="catalog")
 app.command()(export)
 app.command()(gui)
 app.command()(split)
@@ -141,6 +143,14 @@ def run(
             help="Record the I-th of N shares of the episodes alone, for one of N machines.",
         ),
     ] = None,
+    catalog: Annotated[
+        str | None,
+        typer.Option(
+            "--catalog",
+            metavar="URL",
+            help="Also write what is committed to this catalog; default: CARSTAGE_CATALOG, if set.",
+        ),
+    ] = None,
     run_id: Annotated[
         str | None,
         typer.Option("--run-id", hidden=True, help="Name of the run's folder."),
@@ -154,7 +164,7 @@ def run(
 
     configured = carstage.load_config(config, settings or ())
     options = {"retries": retries, "append": append, "shard": shard, "run_id": run_id, "work": work}
-    return _record(configured, out, json=json, report=False, **options)
+    return _record(configured, out, json=json, report=False, catalog=catalog, **options)
 
 
 def _record(config: Config, out: Path, *, json: bool, report: bool, **options: Any) -> int:

@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from carstage.codecs import codec_for
-from carstage.dataset.querying import query_episodes
+from carstage.dataset.querying import EpisodeTables, query_episodes
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.dataset.splits import Split, StoredSplits, read_splits
 from carstage.dataset.tables import read_table, require_columns, row_sensor
@@ -29,7 +28,7 @@ from carstage.storage.description import read_description
 from carstage.storage.maps import map_name
 from carstage.storage.marker import CommitMarker
 from carstage.storage.opening import open_store
-from carstage.storage.remote_path import DatasetPath, RemotePath
+from carstage.storage.remote_path import DatasetPath
 
 EPISODE_FORMAT = 1
 CALIBRATION_FORMAT = 1
@@ -410,6 +409,11 @@ class Episode:
         """``frames.parquet``: one row per tick."""
         return read_table(self.folder / "frames.parquet")
 
+    @property
+    def tables(self) -> EpisodeTables:
+        """Where its tables are, for queries in SQL."""
+        return EpisodeTables(self.folder, self.marker.versions.get("carstage"))
+
     def iter_frames(self) -> Iterator[Frame]:
         """The frames one after the other; sensors are read when they are asked for.
 
@@ -526,10 +530,7 @@ class Dataset:
             BadInputError: DuckDB is not installed, or refuses the query.
             DatasetError: a table is missing or damaged.
         """
-        if isinstance(self.path, RemotePath):
-            raise BadInputError("SQL over object stores is not there yet.", "Copy the dataset.")
-        folders = [episode.folder for episode in self.episodes]
-        return query_episodes([folder for folder in folders if isinstance(folder, Path)], query)
+        return query_episodes([episode.tables for episode in self.episodes], query).table
 
 
 def _read_document(path: DatasetPath, version: int) -> dict[str, Any]:

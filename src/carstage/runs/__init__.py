@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 from carstage.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from carstage.runs.attempts import LeftRun, left_runs
+    from carstage.runs.attempts import LeftRun, held_attempts, left_runs
     from carstage.runs.folder import CurrentEpisode, EpisodeCounts, RunStatus
     from carstage.runs.outcome import RunResult
     from carstage.runs.pending import pending_recordings
-    from carstage.runs.preflight import size_text
+    from carstage.runs.preflight import size_text, work_folder
     from carstage.runs.running import DEFAULT_RETRIES, ConfigSource, run
     from carstage.runs.selftesting import describe_verdict, examine_server
 
@@ -29,20 +29,22 @@ __all__ = [
     "RunStatus",
     "describe_verdict",
     "examine_server",
+    "held_attempts",
     "left_runs",
     "pending_recordings",
     "run",
     "size_text",
+    "work_folder",
 ]
 
 __getattr__ = lazy_names(
     __name__,
     {
-        "attempts": "LeftRun left_runs",
+        "attempts": "LeftRun held_attempts left_runs",
         "folder": "CurrentEpisode EpisodeCounts RunStatus",
         "outcome": "RunResult",
         "pending": "pending_recordings",
-        "preflight": "size_text",
+        "preflight": "size_text work_folder",
         "running": "DEFAULT_RETRIES ConfigSource run",
         "selftesting": "describe_verdict examine_server",
     },

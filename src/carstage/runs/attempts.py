@@ -77,6 +77,28 @@ def dead_runs(work: Path, store: Store) -> Iterator[LeftRun]:
     return (run for run in left_runs(work, store) if run.dead)
 
 
+def held_attempts(work: Path, store: Store) -> set[tuple[str, str]]:
+    """Attempts (episode id, name) that somebody needs, marker or not.
+
+    They are those of runs that go on, as far as can be seen, and those that only wait to be
+    converted by the next run.
+
+    Args:
+        work: folder of the runs of this machine.
+        store: the dataset.
+    """
+    needed = {(one.episode_id, one.attempt) for one in pending_recordings(work)}
+    for folder in sorted((work / "runs").glob("*")):
+        status = read_document(folder / "status.json")
+        process = status or read_document(folder / PROCESS_FILE)
+        if process is None or (status is not None and status.get("state") in FINAL_STATES):
+            continue
+        life = life_of(process)
+        if life == "alive" or (life == "unknown" and is_recent(process)):
+            needed |= _begun(folder / "events.jsonl", store)
+    return needed
+
+
 def clear_up(run: LeftRun, store: Store) -> str:
     """Remove what a run has left, as far as that is safe; says what was done.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -11,6 +12,7 @@ from carstage.config import Config, check_config, dump_config, load_config
 from carstage.execution import Executor, InlineExecutor
 from carstage.plan import Shard, estimate_run, plan_episodes
 from carstage.runs.attempts import clear_up, left_runs, sweep
+from carstage.runs.cataloguing import run_catalog
 from carstage.runs.continuing import environment_of, refuse_to_mix
 from carstage.runs.enough import QuotaWatch
 from carstage.runs.events import Notice, OnEvent, RunPlanned
@@ -50,6 +52,7 @@ def run(
     run_id: str | None = None,
     append: bool = False,
     shard: str | None = None,
+    catalog: str | None = None,
     work: Path | str | None = None,
 ) -> RunResult:
     """Record a configuration's episodes into a dataset; those that it has already are skipped.
@@ -75,6 +78,8 @@ def run(
         append: record also beside episodes of other settings, of another version or environment.
         shard: record this share of the episodes alone, as ``"2/8"``; the others are for other
             machines, which may fill the same dataset at the same time. Default: all.
+        catalog: also write what is committed to this catalog, ``postgresql://…`` or an SQLite
+            file. Default: the one that ``CARSTAGE_CATALOG`` names, if it is set.
         work: folder of this machine for raw recordings, logs and the run's state. Default: the
             dataset's folder; for an object store one in the user's cache.
 
@@ -88,6 +93,7 @@ def run(
         ServerError: the server cannot be started, or fails a self-test that it must pass.
         StoreAccessError: the object store lets this user do nothing, or cannot hold a dataset.
         StorageError: the dataset cannot be written, for example as the disk is full.
+        CatalogError: the catalog cannot be opened; nothing was started.
         KeyboardInterrupt: a signal came before the first episode was planned, or a second one.
 
     Example:
@@ -101,8 +107,9 @@ def run(
     store = open_store(out)
     place = work_folder(store.root, work)
     notice = _noticing(on_event)
-    with Interruption(notice) as interruption:
+    with Interruption(notice) as interruption, ExitStack() as stack:
         _check(config, place, store, notice)
+        follow = stack.enter_context(run_catalog(catalog, store.root, notice))
         present = _take_over(place, store, notice)
         settings = dump_config(config)
         if not append:  # as far as it is known without the server
@@ -126,7 +133,8 @@ def run(
                 on_event(RunPlanned(estimate, len(todo), len(episodes) - len(todo)))
             with RunFolder(place, run_id) as folder, marked(folder.run_id), WakeupPipe() as wakeup:
                 folder.write_plan(config, episodes, environment, shard)
-                record = RunRecord(folder, interruption, quotas.listening(on_event))
+                listener = quotas.listening(follow(on_event, folder))
+                record = RunRecord(folder, interruption, listener)
                 session = Session(
                     config, setup, store, record, interruption, wakeup, retries, environment
                 )

@@ -10,10 +10,11 @@ from carstage.storage.local import LocalStore
 from carstage.storage.marker import CommitMarker, FileEntry
 from carstage.storage.opening import open_store
 from carstage.storage.remote_path import DatasetPath, RemotePath
-from carstage.storage.store import Lease, Store
+from carstage.storage.store import AttemptSize, Lease, Store
 
 __all__ = [
     "AttemptFiles",
+    "AttemptSize",
     "CommitMarker",
     "DatasetPath",
     "FileEntry",

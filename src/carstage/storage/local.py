@@ -8,7 +8,7 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from itertools import chain
@@ -25,8 +25,8 @@ from carstage.storage.description import describe_dataset, read_description
 from carstage.storage.disk import disk_error
 from carstage.storage.maps import map_name
 from carstage.storage.marker import CommitMarker, FileEntry, read_marker
-from carstage.storage.names import ATTEMPT, check_attempt
-from carstage.storage.store import Lease, Store
+from carstage.storage.names import ATTEMPT, NAME, check_attempt
+from carstage.storage.store import AttemptSize, Lease, Store
 
 _LEASE = re.compile(r".*\.([1-9][0-9]*)")
 _FLUSH_THREADS = 4
@@ -255,6 +255,29 @@ class LocalStore(Store):
                 )
         self._remove_attempt(episode_id, attempt)
 
+    def attempts(self) -> Iterator[tuple[str, str]]:
+        """The folders below ``episodes``; see ``Store.attempts``."""
+        for episode in _inside(self.root / "episodes"):
+            for attempt in _inside(episode):
+                if NAME.fullmatch(episode.name) and NAME.fullmatch(attempt.name):
+                    yield episode.name, attempt.name
+
+    def attempt_size(self, episode_id: str, attempt: str) -> AttemptSize:
+        """One look at every file; see ``Store.attempt_size``."""
+        folder = self._attempt(episode_id, attempt)
+        try:
+            newest_s, count, size = folder.stat().st_mtime, 0, 0
+            for name in _below(folder)[0]:
+                found = (folder / name).lstat()
+                newest_s = max(newest_s, found.st_mtime)
+                count, size = count + 1, size + found.st_size
+        except OSError as error:
+            raise StorageError(
+                f"Attempt {attempt} of episode {episode_id} cannot be looked at: {error.strerror}.",
+                "Another process may have just removed it: try again.",
+            ) from error
+        return AttemptSize(count, size, newest_s)
+
     @property
     def _commits(self) -> Path:
         return self.root / "commits"
@@ -360,6 +383,18 @@ class LocalStore(Store):
             with suppress(OSError):
                 probe.unlink(missing_ok=True)
                 source.unlink(missing_ok=True)
+
+
+def _inside(folder: Path) -> list[Path]:
+    """What a folder holds, sorted; nothing where another process has just removed it."""
+    try:
+        return sorted(folder.iterdir())
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    except OSError as error:
+        raise StorageError(
+            f"The folder {folder} cannot be listed: {error.strerror}.", "Check its permissions."
+        ) from error
 
 
 def _below(folder: Path) -> tuple[list[str], list[Path]]:

@@ -8,7 +8,8 @@ from carstage.errors import StorageError
 
 ATTEMPT = re.compile(r"a([1-9][0-9]*)")
 """Name of an attempt; its number."""
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+"""Of an episode or an attempt: it cannot lead out of the dataset."""
 
 
 def check_attempt(episode_id: str, attempt: str) -> None:
@@ -18,7 +19,7 @@ def check_attempt(episode_id: str, attempt: str) -> None:
         StorageError: one cannot be the name of a folder.
     """
     for what, name in (("episode id", episode_id), ("attempt", attempt)):
-        if not _NAME.fullmatch(name):
+        if not NAME.fullmatch(name):
             raise StorageError(
                 f"{name!r} cannot be the name of a folder ({what}).",
                 "Use letters, digits, '_', '.' and '-'.",

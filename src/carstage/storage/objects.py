@@ -27,7 +27,7 @@ from carstage.storage.marker import CommitMarker, FileEntry
 from carstage.storage.names import ATTEMPT, check_attempt
 from carstage.storage.remote_files import RemoteFiles, remote_files
 from carstage.storage.remote_path import RemotePath
-from carstage.storage.store import Lease, Store
+from carstage.storage.store import AttemptSize, Lease, Store
 
 _READERS = 32
 _UPLOADS = 8
@@ -222,6 +222,26 @@ class ObjectStore(Store):
                     "Remove its marker first if the episode shall go.",
                 )
         self._files.delete(found.key for found in self._files.below(prefix))
+
+    def attempts(self) -> Iterator[tuple[str, str]]:
+        """One listing for each episode, many at a time; see ``Store.attempts``."""
+        with ThreadPoolExecutor(_READERS) as threads:
+            episodes = self._files.folders("episodes")
+            inside = threads.map(lambda name: self._files.folders(f"episodes/{name}"), episodes)
+            for episode_id, attempts in zip(episodes, inside, strict=True):
+                for attempt in attempts:
+                    yield episode_id, attempt
+
+    def attempt_size(self, episode_id: str, attempt: str) -> AttemptSize:
+        """By one listing; see ``Store.attempt_size``."""
+        found = self._files.below(_prefix(episode_id, attempt))
+        if not found:
+            raise StorageError(
+                f"Attempt {attempt} of episode {episode_id} has no files.",
+                "Another process may have just removed it: try again.",
+            )
+        newest_s = max(one.modified_s for one in found)
+        return AttemptSize(len(found), sum(one.bytes for one in found), newest_s)
 
     def _marker_of(self, name: str) -> bytes | None:
         try:

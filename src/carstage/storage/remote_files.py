@@ -44,10 +44,12 @@ class RemoteObject:
     Attributes:
         key: path below the root of the dataset.
         bytes: its size.
+        modified_s: when it was written, Unix time of the store's clock.
     """
 
     key: str
     bytes: int
+    modified_s: float
 
 
 class RemoteFiles:
@@ -77,6 +79,19 @@ class RemoteFiles:
         import obstore
 
         return self._ask("reading", lambda: bytes(obstore.get(self.store, key).bytes()), key)
+
+    def read_range(self, key: str, start: int, end: int) -> bytes:
+        """The bytes of an object from ``start`` to before ``end``.
+
+        Raises:
+            FileNotFoundError: there is none.
+        """
+        import obstore
+
+        def fetch() -> bytes:
+            return bytes(obstore.get_range(self.store, key, start=start, end=end))
+
+        return self._ask("reading", fetch, key)
 
     def read_into(self, key: str, path: Path, most_bytes: int) -> None:
         """Write the content of an object to a local file, piece by piece.
@@ -171,7 +186,11 @@ class RemoteFiles:
 
         def listed() -> list[RemoteObject]:
             pages = obstore.list(self.store, key or None, chunk_size=1000)
-            return [RemoteObject(one["path"], int(one["size"])) for page in pages for one in page]
+            return [
+                RemoteObject(one["path"], int(one["size"]), one["last_modified"].timestamp())
+                for page in pages
+                for one in page
+            ]
 
         return sorted(self._ask("listing", listed, key), key=lambda found: found.key)
 

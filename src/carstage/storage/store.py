@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,6 +25,22 @@ class Lease:
     episode_id: str
     attempt: str
     holder: Mapping[str, Any] | None = field(default=None)
+
+
+@dataclass(frozen=True, slots=True)
+class AttemptSize:
+    """What an attempt has written.
+
+    Attributes:
+        files: how many there are.
+        bytes: of all together.
+        modified_s: Unix time at which the newest was written, by the store's clock; where there is
+            none, that of the folder.
+    """
+
+    files: int
+    bytes: int
+    modified_s: float
 
 
 class Store(ABC):
@@ -209,4 +225,22 @@ class Store(ABC):
 
         Raises:
             StorageError: the attempt is the committed one.
+        """
+
+    @abstractmethod
+    def attempts(self) -> Iterator[tuple[str, str]]:
+        """Episode id and name of every attempt of which anything is there, in any order.
+
+        Those of committed episodes are among them.
+
+        Raises:
+            StorageError: they cannot be listed.
+        """
+
+    @abstractmethod
+    def attempt_size(self, episode_id: str, attempt: str) -> AttemptSize:
+        """How much an attempt has written, and when last.
+
+        Raises:
+            StorageError: it has no files, or they cannot be looked at.
         """

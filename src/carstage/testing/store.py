@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import pickle
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -319,6 +320,23 @@ class StoreTests:
         with pytest.raises(StorageError):
             store.discard_attempt(_EPISODE, "a1")
         assert self.read(store, "a1", "episode.json") == b"{}"
+
+    def test_every_attempt_that_has_files_is_listed(self, store: Store) -> None:
+        assert list(store.attempts()) == []
+        for attempt in ("a1", "a2", "a3"):
+            self.write(store, attempt)
+        store.commit(_EPISODE, "a1", frames=1, versions=_VERSIONS)
+        store.discard_attempt(_EPISODE, "a3")
+        assert sorted(store.attempts()) == [(_EPISODE, "a1"), (_EPISODE, "a2")]
+
+    def test_an_attempts_files_are_counted_and_dated(self, store: Store) -> None:
+        before_s = time.time()
+        self.write(store, "a1", "abc")
+        found = store.attempt_size(_EPISODE, "a1")
+        assert (found.files, found.bytes) == (2, 5)
+        assert abs(found.modified_s - before_s) < 3600.0  # the store's clock may be another one
+        with pytest.raises(StorageError):
+            store.attempt_size(_EPISODE, "a2")
 
     @pytest.mark.parametrize("name", ["", "..", "a/b", ".hidden", "ü"])
     def test_names_that_leave_the_place_are_refused(self, store: Store, name: str) -> None:

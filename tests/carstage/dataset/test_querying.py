@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import obstore
+import obstore.store
 import pytest
 
 from analytic_dataset import attempt_of, make_dataset
 from carstage.dataset import Dataset
+from carstage.dataset.querying import EpisodeTables, query_episodes
+from carstage.dataset.tables import read_table, write_table
 from carstage.errors import BadInputError, DatasetError
+from small_episodes import add_episode
 
 pytest.importorskip("duckdb", reason="the extra sql is not installed")
 
@@ -58,4 +64,99 @@ def test_a_damaged_table_is_named(tmp_path: Path) -> None:
     folder = make_dataset(tmp_path / "out", tmp_path / "raw", steps=1)
     (attempt_of(folder) / "ego.parquet").write_bytes(b"no table")
     with pytest.raises(DatasetError, match=r"ego\.parquet"):
-        Dataset(folder).sql("SELECT 1")
+        Dataset(folder).sql("SELECT count(*) FROM ego")
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Twelve episodes; the tables of objects of the last one have some ten row groups."""
+    folder = tmp_path_factory.mktemp("many") / "out"
+    for number in range(11):
+        add_episode(folder, f"{number:016x}", objects={"car": 40})
+    add_episode(folder, f"{11:016x}", objects={"car": 9000}, rows_of_group=3700)
+    return folder
+
+
+class MemoryFiles:
+    """A dataset in an object store, read in ranges by ``obstore``."""
+
+    def __init__(self, folder: Path) -> None:
+        self.store = obstore.store.MemoryStore()
+        self.opened: set[str] = set()
+        self.ranges: list[tuple[int, int]] = []
+        for path in folder.rglob("*.parquet"):
+            obstore.put(self.store, str(path), path)
+
+    def size(self, path: str) -> int:
+        return int(obstore.head(self.store, path)["size"])
+
+    def read(self, path: str, start: int, end: int) -> bytes:
+        self.opened.add(path)
+        self.ranges.append((start, end))
+        return bytes(obstore.get_range(self.store, path, start=start, end=end))
+
+
+@pytest.fixture(params=["here", "elsewhere"])
+def files(request: pytest.FixtureRequest, many: Path) -> MemoryFiles | None:
+    return MemoryFiles(many) if request.param == "elsewhere" else None
+
+
+def tables_of(folder: Path) -> list[EpisodeTables]:
+    return [episode.tables for episode in Dataset(folder).episodes]
+
+
+def read_bytes(many: Path, query: str, files: MemoryFiles | None) -> tuple[object, int]:
+    answer = query_episodes(tables_of(many), query, files=files)
+    assert answer.bytes_read is not None
+    (value,) = answer.table.to_pylist()[0].values()
+    return value, answer.bytes_read
+
+
+def test_only_files_of_the_episodes_that_are_asked_for_are_opened(
+    many: Path, files: MemoryFiles | None
+) -> None:
+    everything = read_bytes(many, "SELECT count(k) FROM objects", files)
+    assert everything[0] == 11 * 4 * 41 + 4 * 9001
+    if files is not None:
+        assert len(files.opened) == 12
+        files.opened.clear()
+    one = "SELECT count(k) FROM objects WHERE episode_id = '0000000000000003'"
+    found, some = read_bytes(many, one, files)
+    assert found == 4 * 41
+    assert some < everything[1] / 2
+    if files is not None:  # the first file tells the columns
+        assert {Path(path).parts[-3] for path in files.opened} <= {f"{0:016x}", f"{3:016x}"}
+
+
+def test_only_row_groups_that_may_fit_are_read(many: Path, files: MemoryFiles | None) -> None:
+    of_one = "SELECT sum(distance_ego) FROM objects WHERE episode_id = '000000000000000b'"
+    _, whole = read_bytes(many, of_one, files)
+    _, some = read_bytes(many, f"{of_one} AND k = 2", files)
+    assert some < 0.8 * whole
+
+
+def test_only_tables_that_are_named_are_read(many: Path, files: MemoryFiles | None) -> None:
+    answer = query_episodes(tables_of(many), "SELECT count(*) FROM ego", files=files)
+    assert answer.files == 12
+    if files is not None:
+        assert {Path(path).name for path in files.opened} == {"ego.parquet"}
+
+
+def test_a_file_that_is_missing_elsewhere_is_named(many: Path) -> None:
+    files = MemoryFiles(many)
+    obstore.delete(files.store, str(many / "episodes" / f"{5:016x}" / "a1" / "ego.parquet"))
+    with pytest.raises(DatasetError, match=f"{5:016x}"):
+        query_episodes(tables_of(many), "SELECT sum(speed) FROM ego", files=files)
+
+
+def test_episodes_of_several_versions_are_joined_by_the_names_of_columns(tmp_path: Path) -> None:
+    for number in range(2):
+        add_episode(tmp_path / "out", f"{number:016x}")
+    marker = tmp_path / "out" / "commits" / f"{0:016x}.json"
+    document = json.loads(marker.read_text())
+    document["versions"]["carstage"] = "0.0.9"
+    marker.write_text(json.dumps(document))
+    older = tmp_path / "out" / "episodes" / f"{0:016x}" / "a1" / "objects.parquet"
+    write_table(read_table(older).drop_columns(["distance_ego"]), older)
+    found = Dataset(tmp_path / "out").sql("SELECT count(distance_ego) AS n FROM objects")
+    assert found.to_pylist() == [{"n": 8}]

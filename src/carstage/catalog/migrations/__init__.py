@@ -1,0 +1,1 @@
+"""The schema of the catalog, version by version."""

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import Result
+from typer.testing import CliRunner
 
 from carstage.catalog import CATALOG_VARIABLE, Catalog
 from carstage.catalog.address import parse_address
 from carstage.catalog.migrating import VERSION_TABLE
+from carstage.cli.app import app
 from postgres_servers import PASSWORD_IN_ADDRESS, PostgresServer
 from small_episodes import add_episode
 
@@ -22,13 +24,10 @@ CLEAR, WET, NIGHT = "00000000000000c1", "00000000000000c2", "00000000000000c3"
 pytestmark = pytest.mark.xdist_group("postgres")
 
 
-def call(*words: str | Path, code: int = 0, **environment: str) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
-        [sys.executable, "-m", "carstage.cli", "catalog", *map(str, words)],
-        env={**os.environ, **environment}, stdin=subprocess.DEVNULL,
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
-    assert done.returncode == code, done.stderr
+def call(*words: str | Path, code: int = 0, **environment: str) -> Result:
+    """Give a command in this process; a process of its own takes seconds to start."""
+    done = CliRunner().invoke(app, ["catalog", *map(str, words)], env=environment)
+    assert done.exit_code == code, done.output
     assert "Traceback" not in done.stderr
     return done
 
@@ -69,7 +68,11 @@ def test_a_query_says_what_it_read(small: Path) -> None:
     few = json_of("query", small, words, "--town", "Stage02")
     assert few["rows"] == [{"class": "car", "n": 4}, {"class": "walker_adult", "n": 20}]
     assert few["files"] == 1
-    shown = call("query", small, words, "--town", "Stage02")
+    shown = subprocess.run(
+        [sys.executable, "-m", "carstage.cli", "catalog", "query", small, words,
+         "--town", "Stage02"],
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
     assert shown.stdout.splitlines()[0].split() == ["class", "n"]
     assert "1 files" in shown.stderr
     assert "leak" not in shown.stderr

@@ -432,3 +432,20 @@ def catalog(
     with watch_steps("Databases", "databases") as progress:
         verdict = measure_catalog(episodes, labelled, scratch, progress)
     return report(verdict, json)
+
+
+@benchmark("chaos", takes="20 minutes")
+def chaos(
+    episodes: Annotated[int, typer.Option(min=1, help="Short ones.")] = 60,
+    workers: Annotated[int, typer.Option(min=1, help="Of the run.")] = 4,
+    seed: Annotated[int, typer.Option(help="Of the faults.")] = 1,
+    every_s: Annotated[float, typer.Option(min=1.0, help="Mean seconds between kills.")] = 12.0,
+    json: Json = False,
+) -> int:
+    """Whether many workers fill an object store exactly once while everything breaks."""
+    from benchmarks.framework.chaos import measure_chaos
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Episodes", "episodes") as progress:
+        verdict = measure_chaos(episodes, workers, seed, every_s, progress)
+    return report(verdict, json)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from math import prod
 from typing import Any
 
@@ -96,9 +97,7 @@ class Variants:
         base = config.model_dump(mode="json")
         self._base = {key: base[key] for key in keys}
         self._alone = _ALONE.issuperset(keys)
-        known = Config.model_fields
-        fields: dict[str, Any] = {key: (known[key].annotation, known[key]) for key in keys}
-        self._model = create_model("Varied", __base__=Section, **fields)
+        self._model = _sections_model(tuple(keys))
 
     def with_values(self, values: Mapping[Path, Any]) -> Config:
         """The configuration with some values.
@@ -127,6 +126,15 @@ class Variants:
             found = (tuple(context["path"]), context["sentence"], context["hint"])
             raise error_of([found]) from error
         return made
+
+
+@cache
+def _sections_model(keys: tuple[str, ...]) -> type[Section]:
+    """A model of some keys of the configuration alone."""
+    known = Config.model_fields
+    fields: dict[str, Any] = {key: (known[key].annotation, known[key]) for key in keys}
+    made: type[Section] = create_model("Varied", __base__=Section, **fields)
+    return made
 
 
 def take_samples(document: dict[str, Any]) -> Callable[[ConfigError], ConfigError]:

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from carstage.config import Config
-from carstage.config.sampling import Dimension, Path, crossed
+from carstage.config.dimensions import Dimension, Path, crossed
 from carstage.dataset.quotas import QuotaCounts
 from carstage.dataset.reading import Dataset
 from carstage.plan import PlanMatcher

@@ -9,9 +9,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from carstage.config import Config
+from carstage.config.dimensions import Variants, dimensions
 from carstage.config.fields import unknown
 from carstage.config.labels import Labels
-from carstage.config.sampling import Variants, dimensions
 from carstage.config.scene import Stand as ConfiguredStand
 from carstage.config.timing import Timing
 from carstage.config.traffic import Vehicles

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.config import Config
-from carstage.config.sampling import Dimension, Path, Variants, crossed, dimensions
+from carstage.config.dimensions import Dimension, Path, Variants, crossed, dimensions
 from carstage.errors import ConfigError
 from carstage.plan.draws import Draws, seed_words
 

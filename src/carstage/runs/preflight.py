@@ -13,8 +13,8 @@ from typing import Literal
 
 from carstage.cache import cache_folder
 from carstage.config import Config
+from carstage.config.dimensions import maps_of
 from carstage.config.fields import unknown
-from carstage.config.sampling import maps_of
 from carstage.config.scene import ReplayScenario
 from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError, ConfigError

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from carstage.annotation.classes import VEHICLE_CLASSES, WALKER_CLASSES
 from carstage.config import Config, check_config, dump_config, parse_config
 from carstage.config.campaign import OBJECT_GROUPS
-from carstage.config.sampling import crossed, dimensions, maps_of
+from carstage.config.dimensions import crossed, dimensions, maps_of
 from carstage.errors import ConfigError
 
 WHOLE = """

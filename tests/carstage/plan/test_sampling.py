@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from carstage.config import Config, check_config, dump_config, parse_config
+from carstage.config.dimensions import dimensions
 from carstage.config.paths import place_value
-from carstage.config.sampling import dimensions
 from carstage.errors import ConfigError
 from carstage.plan import ServerFacts, Shard, plan_episodes
 from carstage.plan.sampling import Sampling, value_at

@@ -59,7 +59,7 @@ def test_the_page_reads_both(tmp_path: Path, plan: EpisodePlan, count: int) -> N
 def test_a_run_goes_on_with_both(tmp_path: Path, plan: EpisodePlan, count: int) -> None:
     written(tmp_path, plan[:count])
     present = [plan.ids[2]]
-    refuse_to_mix(tmp_path, present, plan.ids, dump_config(CONFIG), ENVIRONMENT)
+    refuse_to_mix(tmp_path, tmp_path, present, plan.ids, dump_config(CONFIG), ENVIRONMENT)
     other = dump_config(check_config({"fps": 20}))
     with pytest.raises(OtherSettingsError, match="fps is 20"):
-        refuse_to_mix(tmp_path, present, plan.ids, other, ENVIRONMENT)
+        refuse_to_mix(tmp_path, tmp_path, present, plan.ids, other, ENVIRONMENT)

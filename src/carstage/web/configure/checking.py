@@ -64,7 +64,7 @@ class ConfigChecker:
             ConfigError: the embedded simulator lacks a map, a blueprint or an attribute.
             BadInputError: the episode to replay cannot be read.
         """
-        from carstage.config.sampling import maps_of
+        from carstage.config.dimensions import maps_of
         from carstage.plan import estimate_run, plan_episodes
         from carstage.runs.preflight import check_codecs, recording_of
 

@@ -121,6 +121,14 @@ def run(
             help="Record the I-th of N shares of the episodes alone, for one of N machines.",
         ),
     ] = None,
+    workers: Annotated[
+        str,
+        typer.Option(
+            "--workers",
+            metavar="N|auto",
+            help="Servers on this machine, each recording an episode; the bytes stay the same.",
+        ),
+    ] = "1",
     run_id: Annotated[
         str | None,
         typer.Option("--run-id", hidden=True, help="Name of the run's folder."),
@@ -130,9 +138,11 @@ def run(
     """Record a configuration into a dataset; the same command again continues where it ended."""
     del debug
     import carstage
+    from carstage.runs.allotment import parse_workers
 
     configured = carstage.load_config(config, settings or ())
     options = {"retries": retries, "append": append, "shard": shard, "run_id": run_id}
+    options["workers"] = parse_workers(workers)
     return _record(configured, out, json=json, report=False, **options)
 
 

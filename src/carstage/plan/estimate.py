@@ -42,11 +42,12 @@ class RunEstimate:
     duration_s: float
 
 
-def estimate_run(config: Config, episodes: Sequence[EpisodeSpec]) -> RunEstimate:
-    """Estimate the episodes that are still to be recorded."""
+def estimate_run(config: Config, episodes: Sequence[EpisodeSpec], workers: int = 1) -> RunEstimate:
+    """Estimate the episodes that are still to be recorded, by so many workers on one disk."""
     raw = [_raw_bytes(spec) for spec in episodes]
     dataset_bytes = sum(_dataset_bytes(spec) for spec in episodes)
-    kept_at_once = len(raw) if config.output.keep_raw or config.conversion.mode == "deferred" else 2
+    kept = config.output.keep_raw or config.conversion.mode == "deferred"
+    kept_at_once = len(raw) if kept else 2 * workers
     return RunEstimate(
         dataset_bytes=dataset_bytes,
         raw_bytes=sum(raw),

@@ -8,11 +8,20 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from carstage.config import Config, check_config, dump_config, load_config
-from carstage.execution import Executor, InlineExecutor
+from carstage.config.servers import CarlaServerConfig
+from carstage.execution import Executor, InlineExecutor, LocalProcesses, SlotProgram
 from carstage.plan import Shard, estimate_run, plan_episodes
+from carstage.runs.allotment import (
+    Machine,
+    Workers,
+    check_ports,
+    config_of_worker,
+    number_of_workers,
+)
 from carstage.runs.attempts import clear_up, left_runs, sweep
 from carstage.runs.continuing import environment_of, refuse_to_mix
 from carstage.runs.events import Notice, OnEvent, RunPlanned
+from carstage.runs.fleet import Fleet
 from carstage.runs.folder import RunFolder
 from carstage.runs.interruption import Interruption
 from carstage.runs.orphans import marked
@@ -26,10 +35,13 @@ from carstage.runs.preflight import (
     recording_of,
 )
 from carstage.runs.record import RunRecord
+from carstage.runs.run_session import RunSession
 from carstage.runs.server_lock import server_lock
 from carstage.runs.servers import ServerSetup
 from carstage.runs.session import Session
+from carstage.runs.slot import slot_program
 from carstage.runs.wakeup_pipe import WakeupPipe
+from carstage.server import ClientPython
 from carstage.spec import EpisodeSpec
 from carstage.storage import Store, local_folder, open_store
 
@@ -49,6 +61,7 @@ def run(
     run_id: str | None = None,
     append: bool = False,
     shard: str | None = None,
+    workers: Workers = 1,
 ) -> RunResult:
     """Record a configuration's episodes into a dataset; those that it has already are skipped.
 
@@ -67,11 +80,14 @@ def run(
         out: folder of the dataset; it is made if missing.
         on_event: called with each typed event of ``carstage.runs.events``.
         retries: further attempts of an episode that fails.
-        executor: where episodes are recorded; default: one worker on this machine.
+        executor: where episodes are recorded; default: on this machine, by ``workers`` workers.
         run_id: name of the run's folder; default: a new one.
         append: record also beside episodes of other settings, of another version or environment.
         shard: record this share of the episodes alone, as ``"2/8"``; the others are for other
             machines, which may fill the same dataset at the same time. Default: all.
+        workers: how many servers record at the same time on this machine, each an episode of its
+            own; ``"auto"``: as many as its cores and memory (with CARLA, its graphics cards) are
+            good for. The bytes do not depend on it.
 
     Returns:
         How the run ended. Failed episodes are in ``failures``; they raise nothing.
@@ -94,8 +110,10 @@ def run(
     share = Shard(1, 1) if shard is None else Shard.parse(shard)
     out = local_folder(out).absolute()
     notice = _noticing(on_event)
+    count = number_of_workers(config, workers) if executor is None else 1
+    executor = executor or (InlineExecutor() if count == 1 else LocalProcesses(count))
     with Interruption(notice) as interruption:
-        _check(config, out, notice)
+        _check(config, out, notice, count)
         store = open_store(out)
         present = _take_over(out, store, notice)
         settings = dump_config(config)
@@ -109,7 +127,7 @@ def run(
                 refuse_to_mix(out, present, _ids(episodes), settings, environment)
             episodes = share.share(episodes)
             todo = [spec for spec in episodes if spec.episode_id not in present]
-            estimate = estimate_run(config, todo)
+            estimate = estimate_run(config, todo, count)
             check_disk(out, estimate)
             store.initialise(config.name)
             if on_event is not None:
@@ -117,10 +135,33 @@ def run(
             with RunFolder(out, run_id) as folder, marked(folder.run_id), WakeupPipe() as wakeup:
                 folder.write_plan(config, episodes, environment, shard)
                 record = RunRecord(folder, interruption, on_event)
-                session = Session(
-                    config, setup, store, record, interruption, wakeup, retries, environment
-                )
-                return session.run(episodes, todo, executor or InlineExecutor())
+                if executor.in_process:
+                    session: RunSession = Session(
+                        config, setup, store, record, interruption, wakeup, retries, environment
+                    )
+                else:
+                    setup.cool_down()
+                    slots = (folder, config, setup.client, environment, retries, count)
+                    session = Fleet(store, record, interruption, retries, _programs(*slots))
+                return session.run(episodes, todo, executor)
+
+
+def _programs(
+    folder: RunFolder,
+    config: Config,
+    client: ClientPython,
+    environment: Mapping[str, str],
+    retries: int,
+    count: int,
+) -> Callable[[int], SlotProgram]:
+    """What each of several workers is to run."""
+    machine = Machine.here(cards=isinstance(config.server, CarlaServerConfig))
+
+    def program(number: int) -> SlotProgram:
+        own = config_of_worker(config, number, count, machine)
+        return slot_program(folder, number, count, own, client, environment, retries)
+
+    return program
 
 
 def _noticing(on_event: OnEvent | None) -> Callable[[str], None]:
@@ -131,12 +172,14 @@ def _noticing(on_event: OnEvent | None) -> Callable[[str], None]:
     return notice
 
 
-def _check(config: Config, out: Path, notice: Callable[[str], None]) -> None:
+def _check(config: Config, out: Path, notice: Callable[[str], None], workers: int) -> None:
     for warning in config.warnings():
         notice(warning)
     check_output(out)
     check_open_files()
     check_before_server(config)
+    if workers > 1:
+        check_ports(config, workers)
 
 
 def _ids(episodes: Iterable[EpisodeSpec]) -> list[str]:

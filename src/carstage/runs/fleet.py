@@ -35,7 +35,6 @@ from carstage.spec import EpisodeSpec
 from carstage.storage import Store
 
 _FINISHED = ("episode_committed", "episode_failed", "episode_skipped")
-_MOST_SHOWN = 10.0
 
 
 class Fleet(RunSession):
@@ -245,6 +244,11 @@ class Fleet(RunSession):
     def _clear_up(self, slot: int, *, keep_pending: bool) -> None:
         """End what a slot has left running, and remove what it has not finished."""
         end_orphans_of_worker(self._folder.run_id, slot, self._folder.process)
+        own = self._folder.raw / f"worker-{slot}"
+        if not keep_pending:
+            shutil.rmtree(own, ignore_errors=True)
+        with suppress(OSError):  # none, or a failed self-test's recording, which is kept
+            own.rmdir()
         for episode_id, attempt in self._begun.pop(slot, {}).items():
             raw = self._folder.raw_attempt(episode_id, attempt)
             if keep_pending and (raw / PENDING_FILE).exists():

@@ -129,6 +129,22 @@ def run(
             help="Servers on this machine, each recording an episode; the bytes stay the same.",
         ),
     ] = "1",
+    ray_address: Annotated[
+        str | None,
+        typer.Option(
+            "--ray-address",
+            metavar="ADDRESS|auto|local",
+            help="Workers on the nodes of this Ray cluster (needs the extra `ray`).",
+        ),
+    ] = None,
+    ray_resources: Annotated[
+        str,
+        typer.Option(
+            "--ray-resources",
+            metavar="JSON",
+            help='What each worker takes of the Ray cluster, such as {"CPU": 2, "GPU": 0.5}.',
+        ),
+    ] = "{}",
     run_id: Annotated[
         str | None,
         typer.Option("--run-id", hidden=True, help="Name of the run's folder."),
@@ -141,8 +157,16 @@ def run(
     from carstage.runs.allotment import parse_workers
 
     configured = carstage.load_config(config, settings or ())
-    options = {"retries": retries, "append": append, "shard": shard, "run_id": run_id}
-    options["workers"] = parse_workers(workers)
+    options: dict[str, Any] = {"retries": retries, "append": append}
+    options |= {"shard": shard, "run_id": run_id}
+    if ray_address is None:
+        options["workers"] = parse_workers(workers)
+    else:
+        from carstage.execution.ray_slots import RayExecutor, parse_resources
+
+        wanted = parse_workers(workers)
+        count = None if wanted == "auto" else wanted
+        options["executor"] = RayExecutor(count, ray_address, parse_resources(ray_resources))
     return _record(configured, out, json=json, report=False, **options)
 
 

@@ -162,7 +162,7 @@ def _line_of_workers(progress: events.Progress) -> str:
     counts = progress.episodes
     parts = [f"{counts.committed + counts.skipped + counts.failed} of {counts.total} episodes"]
     for one in progress.workers:
-        what = one.state
+        what: str = one.state
         if one.current is not None:
             steps = f"{one.current.ticks_done}/{one.current.ticks_total} steps"
             what = f"episode {one.current.index + 1}, {steps}"

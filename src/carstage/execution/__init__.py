@@ -3,7 +3,7 @@
 from carstage.execution.collector_process import CollectorProcess, InterpreterError
 from carstage.execution.executor import Executor, InlineExecutor, InlineWork, Worker
 from carstage.execution.local_processes import LocalProcesses
-from carstage.execution.slots import Slot, SlotProgram, SlotsExecutor, SlotWork
+from carstage.execution.slots import Slot, SlotEnd, SlotProgram, SlotsExecutor, SlotWork
 
 __all__ = [
     "CollectorProcess",
@@ -13,6 +13,7 @@ __all__ = [
     "InterpreterError",
     "LocalProcesses",
     "Slot",
+    "SlotEnd",
     "SlotProgram",
     "SlotWork",
     "SlotsExecutor",

@@ -9,7 +9,7 @@ Ray cluster (``ray_slots``). The last two open **slots**, each a process that is
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any, ClassVar, Protocol, TypeVar
 
 Job = TypeVar("Job")
@@ -47,6 +47,19 @@ class Executor(Protocol):
 
     in_process: ClassVar[bool]
     """Whether it takes an ``InlineWork``; else it takes a ``slots.SlotWork``."""
+    count: int
+    """How many workers there are at most; known while it is opened."""
+
+    @property
+    def cores_per_worker(self) -> int | None:
+        """Cores of each worker; None: a share of this machine."""
+
+    def opened(self) -> AbstractContextManager[None]:
+        """A stretch in which it may ``execute``.
+
+        Raises:
+            BadInputError: what it needs is not there.
+        """
 
     def execute(self, work: Any) -> None:
         """Do every job of ``work``.
@@ -61,6 +74,16 @@ class InlineExecutor:
     """One worker, one episode after the other."""
 
     in_process: ClassVar[bool] = True
+    count = 1
+
+    @property
+    def cores_per_worker(self) -> None:
+        """All of this machine's, as far as the server takes them."""
+        return None
+
+    def opened(self) -> AbstractContextManager[None]:
+        """See ``Executor.opened``."""
+        return nullcontext()
 
     def execute(self, work: InlineWork[Any]) -> None:
         """See ``Executor.execute``."""

@@ -12,7 +12,7 @@ from contextlib import suppress
 from typing import Any
 
 from carstage.errors import WorkerLostError
-from carstage.execution.slots import LineBuffer, Slot, SlotProgram, SlotsExecutor
+from carstage.execution.slots import LineBuffer, Slot, SlotEnd, SlotProgram, SlotsExecutor
 
 _READ_BYTES = 1 << 16
 _TAIL_BYTES = 2000
@@ -83,7 +83,7 @@ class SlotProcess(Slot):
         """Send it SIGKILL; what it has started ends with it, as its line breaks."""
         self._process.kill()
 
-    def close(self) -> str:
+    def close(self) -> SlotEnd:
         """See ``Slot.close``."""
         try:
             self._process.wait(_LAST_S)
@@ -96,7 +96,7 @@ class SlotProcess(Slot):
                 stream.close()
         code = self._process.returncode
         how = f"exit status {code}." if code >= 0 else f"signal {-code}."
-        return " ".join(filter(None, (how, self._log_tail())))
+        return SlotEnd(" ".join(filter(None, (how, self._log_tail()))), certain=True)
 
     def _log_tail(self) -> str:
         with suppress(OSError), self._log_path.open("rb") as log:

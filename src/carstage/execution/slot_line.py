@@ -28,6 +28,9 @@ class SlotLine:
     """
 
     def __init__(self) -> None:
+        # Whoever has started it may ignore or block the signal, as Ray's processes do.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
         self._output = os.dup(sys.stdout.fileno())  # no child inherits it
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
         self._lock = threading.Lock()

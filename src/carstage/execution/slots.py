@@ -19,7 +19,7 @@ import time
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Mapping
-from contextlib import nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
@@ -32,6 +32,7 @@ POLL_S = 0.2
 SILENCE_S = 600.0
 """A slot that says nothing for so long is taken for dead; one that lives says something each
 second, but while it commits a large episode."""
+MOST_WORKERS = 256
 _DEATHS = 3
 """A slot that dies so often without finishing a job in between is not started again."""
 _END_S = 60.0
@@ -55,11 +56,26 @@ class SlotProgram:
     environment: Mapping[str, str] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, slots=True)
+class SlotEnd:
+    """How a slot has ended.
+
+    Attributes:
+        reason: such as its exit status and the last lines of its log.
+        certain: its process is gone. One on a node that does not answer may still live.
+    """
+
+    reason: str
+    certain: bool
+
+
 class Slot(ABC):
     """A process that is a worker, here or elsewhere."""
 
     ended: bool = False
     """Whether its line is closed: nothing more comes."""
+    waiting: bool = False
+    """Whether there is no place for it yet."""
 
     @abstractmethod
     def fileno(self) -> int:
@@ -82,12 +98,8 @@ class Slot(ABC):
         """End its process, whatever it does."""
 
     @abstractmethod
-    def close(self) -> str:
-        """Give everything back; kills what still runs.
-
-        Returns:
-            How it ended, such as its exit status and the last lines of its log.
-        """
+    def close(self) -> SlotEnd:
+        """Give everything back; kills what still runs."""
 
 
 class SlotWork(Protocol[Job]):
@@ -126,13 +138,14 @@ class SlotWork(Protocol[Job]):
     def heard(self, slot: int, message: Mapping[str, Any]) -> None:
         """A slot has said something that is none of the executor's business."""
 
-    def lost(self, slot: int, jobs: list[Job], reason: str, *, blame: bool) -> None:
+    def lost(self, slot: int, jobs: list[Job], end: SlotEnd, *, blame: bool) -> None:
         """A slot is gone; what it has left is to be removed, and its jobs may wait again.
 
         Args:
             slot: which one.
             jobs: what it had taken and not finished.
-            reason: how it ended.
+            end: how it ended. Where that is not certain, nothing may be removed that it could
+                still commit.
             blame: the jobs may be to blame: this counts as a try of them.
         """
 
@@ -197,6 +210,19 @@ class SlotsExecutor(ABC):
         if count < 1:
             raise BadInputError(f"workers: {count} is not a number of workers.", "Give 1 or more.")
         self.count = count
+
+    @property
+    def cores_per_worker(self) -> int | None:
+        """Cores of each worker; None: a share of this machine."""
+        return None
+
+    def opened(self) -> AbstractContextManager[None]:
+        """A stretch in which it may ``execute``, and ``count`` is known.
+
+        Raises:
+            BadInputError: what it needs is not there.
+        """
+        return nullcontext()
 
     @abstractmethod
     def open_slot(self, number: int, program: SlotProgram) -> Slot:
@@ -322,18 +348,21 @@ class _Crew:
     def _remove(self, number: int, *, blame: bool, why: str = "") -> None:
         """Take leave of a slot that has ended, or is to end now."""
         member = self._members.pop(number)
-        ending = member.slot.close()
-        reason = f"Worker {number} is gone: {why or ending}"
+        end = member.slot.close()
+        reason = f"Worker {number} is gone: {why or end.reason}"
         if blame:
             self._deaths[number] += 1
             if self._deaths[number] >= _DEATHS:
                 self._given_up[number] = WorkerLostError(
                     f"{reason} It has died {_DEATHS} times in a row.", "See its log."
                 )
-        self._work.lost(number, list(member.jobs.values()), reason, blame=blame)
+        jobs = list(member.jobs.values())
+        self._work.lost(number, jobs, SlotEnd(reason, end.certain), blame=blame)
 
     def _end_silent(self) -> None:
         for number, member in list(self._members.items()):
-            if time.monotonic() - member.heard_s > SILENCE_S:
+            if member.slot.waiting:
+                member.heard_s = time.monotonic()
+            elif time.monotonic() - member.heard_s > SILENCE_S:
                 member.slot.kill()
                 self._remove(number, blame=True, why=f"it was silent for {SILENCE_S:.0f} s.")

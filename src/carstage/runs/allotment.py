@@ -12,12 +12,12 @@ import psutil
 from carstage.config import Config, check_config, dump_config
 from carstage.config.servers import CarlaServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError
+from carstage.execution.slots import MOST_WORKERS
 from carstage.server import check_ports_free
 from carstage.server.graphics import ADAPTER_OPTION, graphics_cards, wanted_card
 from carstage.server.ports import BLOCK
 
 Workers: TypeAlias = "int | Literal['auto']"
-MOST_WORKERS = 256
 _MOST_CONVERTERS = 8
 _WORKER_BYTES = 1_500_000_000
 """Of a worker with the embedded simulator: server, collector and converters, with room to spare."""

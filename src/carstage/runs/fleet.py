@@ -14,8 +14,8 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from carstage.errors import CarStageError, StorageError
-from carstage.execution import Executor, SlotProgram
+from carstage.errors import StorageError
+from carstage.execution import Executor, SlotEnd, SlotProgram
 from carstage.runs.attempt_commit import Job
 from carstage.runs.events import (
     EpisodeCommitted,
@@ -26,6 +26,7 @@ from carstage.runs.events import (
     WorkerStarted,
 )
 from carstage.runs.folder import CurrentEpisode, State, WorkerStatus
+from carstage.runs.identity import life_of
 from carstage.runs.interruption import Interruption
 from carstage.runs.orphans import end_orphans_of_worker
 from carstage.runs.pending import PENDING_FILE, pending_recordings
@@ -64,6 +65,7 @@ class Fleet(RunSession):
         self._tries: dict[str, Job] = {}
         self._recorded: set[str] = set()
         self._begun: dict[int, dict[str, str]] = {}
+        self._silent: list[tuple[str, str]] = []
         self._frames = 0
         self._steps = 0
         self._began_s: float | None = None
@@ -93,6 +95,12 @@ class Fleet(RunSession):
     def _give_back(self) -> None:
         for worker in list(self._begun):
             self._clear_up(worker, keep_pending=True)
+        if self._silent:
+            # A worker that only seems dead may still commit: what it has goes where it cannot.
+            markers = self._store.committed()
+            for episode_id, attempt in self._silent:
+                if episode_id in markers and markers[episode_id].attempt != attempt:
+                    self._remove(episode_id, attempt)
 
     # What the executor asks.
 
@@ -166,11 +174,17 @@ class Fleet(RunSession):
             case "notice":
                 self._record.notice(f"Worker {slot}: {message['sentence']}")
 
-    def lost(self, slot: int, jobs: list[Job], reason: str, *, blame: bool) -> None:
+    def lost(self, slot: int, jobs: list[Job], end: SlotEnd, *, blame: bool) -> None:
         """Clear up after a slot that is gone, and let its jobs wait again."""
+        reason = end.reason
+        certain = end.certain or any(
+            life_of(one.process) == "dead" for one in self._status.workers if one.worker == slot
+        )
         self._status.workers = [one for one in self._status.workers if one.worker != slot]
         begun = dict(self._begun.get(slot, {}))
-        if blame or not self._interruption.requested:
+        if not certain:
+            self._silent += self._begun.pop(slot, {}).items()
+        elif blame or not self._interruption.requested:
             self._clear_up(slot, keep_pending=not blame)
         if blame:
             self._write(slot, WorkerLost(worker=slot, reason=reason))
@@ -253,15 +267,16 @@ class Fleet(RunSession):
             raw = self._folder.raw_attempt(episode_id, attempt)
             if keep_pending and (raw / PENDING_FILE).exists():
                 continue
-            try:
-                with suppress(StorageError):  # it was committed after all: it stays
-                    self._store.discard_attempt(episode_id, attempt)
-            except (CarStageError, OSError) as error:
-                folder = f"episodes/{episode_id}/{attempt}"
-                self._record.notice(f"{folder} could not be removed and is no part of it: {error}")
-            shutil.rmtree(raw, ignore_errors=True)
-            with suppress(OSError):  # other attempts may stand beside it
-                raw.parent.rmdir()
+            self._remove(episode_id, attempt)
+
+    def _remove(self, episode_id: str, attempt: str) -> None:
+        """Remove an attempt and its raw recording; a committed one stays."""
+        with suppress(StorageError):
+            self._store.discard_attempt(episode_id, attempt)
+        raw = self._folder.raw_attempt(episode_id, attempt)
+        shutil.rmtree(raw, ignore_errors=True)
+        with suppress(OSError):  # other attempts may stand beside it
+            raw.parent.rmdir()
 
     def _eta_s(self) -> float | None:
         """What the rest takes at the pace since the first episode began."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -80,7 +82,8 @@ def run(
         out: folder of the dataset; it is made if missing.
         on_event: called with each typed event of ``carstage.runs.events``.
         retries: further attempts of an episode that fails.
-        executor: where episodes are recorded; default: on this machine, by ``workers`` workers.
+        executor: where episodes are recorded, such as ``carstage.execution.ray_slots.RayExecutor``;
+            default: on this machine, by ``workers`` workers.
         run_id: name of the run's folder; default: a new one.
         append: record also beside episodes of other settings, of another version or environment.
         shard: record this share of the episodes alone, as ``"2/8"``; the others are for other
@@ -110,10 +113,14 @@ def run(
     share = Shard(1, 1) if shard is None else Shard.parse(shard)
     out = local_folder(out).absolute()
     notice = _noticing(on_event)
-    count = number_of_workers(config, workers) if executor is None else 1
-    executor = executor or (InlineExecutor() if count == 1 else LocalProcesses(count))
-    with Interruption(notice) as interruption:
-        _check(config, out, notice, count)
+    executor = executor or _local_executor(number_of_workers(config, workers))
+    if not executor.in_process:
+        number_of_workers(config, 2)  # each needs a server of its own
+    with Interruption(notice) as interruption, ExitStack() as stack:
+        _check(config, out, notice)
+        stack.enter_context(executor.opened())
+        if executor.count > 1:
+            check_ports(config, executor.count)
         store = open_store(out)
         present = _take_over(out, store, notice)
         settings = dump_config(config)
@@ -127,7 +134,7 @@ def run(
                 refuse_to_mix(out, present, _ids(episodes), settings, environment)
             episodes = share.share(episodes)
             todo = [spec for spec in episodes if spec.episode_id not in present]
-            estimate = estimate_run(config, todo, count)
+            estimate = estimate_run(config, todo, executor.count)
             check_disk(out, estimate)
             store.initialise(config.name)
             if on_event is not None:
@@ -141,8 +148,8 @@ def run(
                     )
                 else:
                     setup.cool_down()
-                    slots = (folder, config, setup.client, environment, retries, count)
-                    session = Fleet(store, record, interruption, retries, _programs(*slots))
+                    given = (folder, config, setup.client, environment, retries, executor)
+                    session = Fleet(store, record, interruption, retries, _programs(*given))
                 return session.run(episodes, todo, executor)
 
 
@@ -152,10 +159,13 @@ def _programs(
     client: ClientPython,
     environment: Mapping[str, str],
     retries: int,
-    count: int,
+    executor: Executor,
 ) -> Callable[[int], SlotProgram]:
     """What each of several workers is to run."""
-    machine = Machine.here(cards=isinstance(config.server, CarlaServerConfig))
+    count, cores = executor.count, executor.cores_per_worker
+    machine = Machine.here(cards=cores is None and isinstance(config.server, CarlaServerConfig))
+    if cores is not None:
+        machine = replace(machine, cores=cores * count)
 
     def program(number: int) -> SlotProgram:
         own = config_of_worker(config, number, count, machine)
@@ -172,14 +182,16 @@ def _noticing(on_event: OnEvent | None) -> Callable[[str], None]:
     return notice
 
 
-def _check(config: Config, out: Path, notice: Callable[[str], None], workers: int) -> None:
+def _local_executor(workers: int) -> Executor:
+    return InlineExecutor() if workers == 1 else LocalProcesses(workers)
+
+
+def _check(config: Config, out: Path, notice: Callable[[str], None]) -> None:
     for warning in config.warnings():
         notice(warning)
     check_output(out)
     check_open_files()
     check_before_server(config)
-    if workers > 1:
-        check_ports(config, workers)
 
 
 def _ids(episodes: Iterable[EpisodeSpec]) -> list[str]:

@@ -17,21 +17,23 @@ from typing import Any
 
 from carstage.config import Config, check_config, dump_config
 from carstage.config.servers import CarlaServerConfig
-from carstage.errors import CarStageError, WorkerLostError
+from carstage.errors import BadInputError, CarStageError, WorkerLostError
 from carstage.execution import InlineExecutor, SlotProgram
+from carstage.execution.ray_slots import CARD_VARIABLE
 from carstage.execution.slot_line import SlotLine
 from carstage.runs.attempt_commit import Job
 from carstage.runs.events import GraphicsCardChecked, Notice, RunEvent
-from carstage.runs.folder import RunFolder, RunStatus
+from carstage.runs.folder import PROCESS_FILE, RunFolder, RunStatus
 from carstage.runs.identity import identify
 from carstage.runs.interruption import EXIT_CODE, Interruption
 from carstage.runs.orphans import WORKER_VARIABLE, worker_mark
+from carstage.runs.reading import read_document
 from carstage.runs.record import RunRecord
 from carstage.runs.servers import ServerSetup, make_server
 from carstage.runs.session import Session
 from carstage.runs.wakeup_pipe import WakeupPipe
 from carstage.server import ClientPython, Endpoint, PortRange, Server
-from carstage.server.graphics import describe_card, wanted_card
+from carstage.server.graphics import ADAPTER_OPTION, describe_card, wanted_card
 from carstage.spec import EpisodeSpec
 from carstage.storage import open_store
 
@@ -96,6 +98,11 @@ class SlotFolder(RunFolder):
         self.path = self.dataset / "runs" / self.run_id
         self.process = setup["process"]
         self._own = identify()
+        if read_document(self.path / PROCESS_FILE) != dict(self.process):
+            raise BadInputError(
+                f"The run's folder {self.path} is not seen on {self._own['host']}.",
+                "Give an --out that all nodes of the cluster see at the same path.",
+            )
         for folder in (self.logs, self.raw):
             folder.mkdir(parents=True, exist_ok=True)
 
@@ -183,9 +190,21 @@ def _job(given: Mapping[str, Any]) -> tuple[Job, bool]:
     return Job(spec, str(given["episode_id"]), tries, first), bool(given["recorded"])
 
 
+def _with_card(config: Config) -> Config:
+    """The configuration, with the graphics card that Ray has allotted to this slot."""
+    card, server = os.environ.get(CARD_VARIABLE), config.server
+    if card is None or not isinstance(server, CarlaServerConfig):
+        return config
+    if wanted_card(server.arguments) is not None:
+        return config
+    document = dump_config(config)
+    document["server"]["arguments"] = [*server.arguments, f"{ADAPTER_OPTION}{card}"]
+    return check_config(document)
+
+
 def _work(line: SlotLine, setup: Mapping[str, Any], interruption: Interruption) -> None:
     """Record what the run hands out, until it says that this is all."""
-    config = check_config(setup["config"])
+    config = _with_card(check_config(setup["config"]))
     folder = SlotFolder(line, setup)
 
     def tell(event: RunEvent) -> None:

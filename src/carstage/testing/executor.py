@@ -17,7 +17,7 @@ import psutil
 import pytest
 
 from carstage.errors import DiskFullError, ServerError
-from carstage.execution import Executor, SlotProgram
+from carstage.execution import Executor, SlotEnd, SlotProgram
 from carstage.testing.toy_worker import do
 
 ToyJob = dict[str, str]
@@ -128,9 +128,9 @@ class ToyWork:
             assert message["key"] not in self.results, "a job is done once"
             self.results[str(message["key"])] = int(message["value"])
 
-    def lost(self, slot: int, jobs: list[ToyJob], reason: str, *, blame: bool) -> None:
+    def lost(self, slot: int, jobs: list[ToyJob], end: SlotEnd, *, blame: bool) -> None:
         """See ``SlotWork.lost``."""
-        self.lost_slots.append((slot, blame, reason))
+        self.lost_slots.append((slot, blame, end.reason))
         for job in jobs:
             self._tries[job["key"]] += blame
             if self._tries[job["key"]] < _MOST_TRIES:
@@ -157,7 +157,9 @@ class ExecutorTests:
     def run(self, work: ToyWork, workers: int = 2) -> None:
         """Do the work; no worker is left then."""
         try:
-            self.executor(workers).execute(work)
+            executor = self.executor(workers)
+            with executor.opened():
+                executor.execute(work)
         finally:
             work.close()
             alive = [pid for pid in work.pids if psutil.pid_exists(pid)]

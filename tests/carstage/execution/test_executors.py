@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from carstage.errors import BadInputError, StorageError, WorkerLostError
-from carstage.execution import Executor, InlineExecutor, LocalProcesses, SlotProgram
+from carstage.execution import Executor, InlineExecutor, LocalProcesses, SlotEnd, SlotProgram
 from carstage.execution.slots import LineBuffer, error_of
 from carstage.testing.executor import ExecutorTests, ToyWork, toy_jobs
 
@@ -34,9 +34,9 @@ class TestLocalProcesses(ExecutorTests):
         self, folder: Path
     ) -> None:
         class Deadly(ToyWork):
-            def lost(self, slot: int, jobs: Any, reason: str, *, blame: bool) -> None:
+            def lost(self, slot: int, jobs: Any, end: SlotEnd, *, blame: bool) -> None:
                 (folder / "began-1").unlink(missing_ok=True)  # it kills the next one, too
-                super().lost(slot, jobs, reason, blame=blame)
+                super().lost(slot, jobs, end, blame=blame)
 
         work = Deadly(toy_jobs("square", "die", "square", "square"), folder)
         self.run(work)

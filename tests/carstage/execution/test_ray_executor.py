@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.loopback_only import ALONE
 from carstage.errors import BadInputError
 from carstage.execution import ray_slots
 from carstage.execution.ray_slots import RayExecutor, parse_resources
 
 ROOT = Path(__file__).parents[3]
-ALONE = [sys.executable, str(ROOT / "tests/support/loopback_only.py")]
 SUITE = "tests/carstage/execution/ray_cluster_suite.py"
 
 

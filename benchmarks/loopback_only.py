@@ -1,6 +1,6 @@
 """Runs a command in a network namespace of its own with nothing but loopback; for root alone.
 
-    python loopback_only.py COMMAND...
+    python benchmarks/loopback_only.py COMMAND...
 
 What it listens on, on whatever address, nobody outside can reach, and nothing leaves.
 """
@@ -13,7 +13,10 @@ import os
 import socket
 import struct
 import sys
+from pathlib import Path
 
+ALONE = (sys.executable, str(Path(__file__).resolve()))
+"""Begins a command that is to run so."""
 _CLONE_NEWNET = 0x40000000
 _SIOCSIFFLAGS = 0x8914
 _IFF_UP = 1

@@ -21,27 +21,32 @@ from carstage.cli.app import app
 DEPLOY = Path(__file__).parents[2] / "deploy"
 PROGRAMS = Path(sys.executable).parent
 
-#: Fields of KubeRay's RayJob, ray.io/v1, as its CustomResourceDefinition lists them.
-RAY_JOB = set(
-    "activeDeadlineSeconds backoffLimit clusterSelector deletionStrategy entrypoint "
-    "entrypointNumCpus entrypointNumGpus entrypointResources jobId managedBy metadata "
-    "preRunningDeadlineSeconds rayClusterSpec runtimeEnvYAML shutdownAfterJobFinishes "
-    "submissionMode submitterConfig submitterPodTemplate suspend ttlSecondsAfterFinished".split()
-)
-RAY_CLUSTER = set(
-    "authOptions autoscalerOptions enableInTreeAutoscaling gcsFaultToleranceOptions headGroupSpec "
-    "headServiceAnnotations managedBy rayVersion suspend upgradeStrategy workerGroupSpecs".split()
-)
-HEAD_GROUP = set(
-    "enableIngress headService labels rayStartParams resources serviceType template".split()
-)
-WORKER_GROUP = set(
-    "groupName idleTimeoutSeconds labels maxReplicas minReplicas numOfHosts rayStartParams replicas "
-    "resources scaleStrategy suspend template".split()
-)
+#: Fields that the definitions of KubeRay (ray.io/v1) list, and of Argo's those in use.
+FIELDS = {
+    "RayJob": """
+        activeDeadlineSeconds backoffLimit clusterSelector deletionStrategy entrypoint
+        entrypointNumCpus entrypointNumGpus entrypointResources jobId managedBy metadata
+        preRunningDeadlineSeconds rayClusterSpec runtimeEnvYAML shutdownAfterJobFinishes
+        submissionMode submitterConfig submitterPodTemplate suspend ttlSecondsAfterFinished
+    """,
+    "RayCluster": """
+        authOptions autoscalerOptions enableInTreeAutoscaling gcsFaultToleranceOptions headGroupSpec
+        headServiceAnnotations managedBy rayVersion suspend upgradeStrategy workerGroupSpecs
+    """,
+    "HeadGroup": """
+        enableIngress headService labels rayStartParams resources serviceType template
+    """,
+    "WorkerGroup": """
+        groupName idleTimeoutSeconds labels maxReplicas minReplicas numOfHosts rayStartParams
+        replicas resources scaleStrategy suspend template
+    """,
+    "Template": "name steps inputs retryStrategy container",
+}
 WORKER_GROUP_NEEDS = {"groupName", "maxReplicas", "minReplicas", "template"}
-#: Fields of Argo's templates that the workflow uses.
-ARGO_TEMPLATE = {"name", "steps", "inputs", "retryStrategy", "container"}
+
+
+def fields(kind: str) -> set[str]:
+    return set(FIELDS[kind].split())
 
 
 def documents(name: str) -> list[dict[str, Any]]:
@@ -139,14 +144,14 @@ def test_a_pod_of_the_job_records_its_share(
 def test_the_job_of_ray_has_the_fields_of_its_definition() -> None:
     (job,) = documents("ray-job.yaml")
     assert (job["apiVersion"], job["kind"]) == ("ray.io/v1", "RayJob")
-    assert set(job["spec"]) <= RAY_JOB
+    assert set(job["spec"]) <= fields("RayJob")
     assert job["spec"]["submissionMode"] in {"K8sJobMode", "HTTPMode", "SidecarMode"}
     cluster = job["spec"]["rayClusterSpec"]
-    assert set(cluster) <= RAY_CLUSTER
+    assert set(cluster) <= fields("RayCluster")
     groups = [cluster["headGroupSpec"], *cluster["workerGroupSpecs"]]
-    assert set(groups[0]) <= HEAD_GROUP
+    assert set(groups[0]) <= fields("HeadGroup")
     for group in groups[1:]:
-        assert WORKER_GROUP_NEEDS <= set(group) <= WORKER_GROUP
+        assert WORKER_GROUP_NEEDS <= set(group) <= fields("WorkerGroup")
         assert group["minReplicas"] <= group["replicas"] <= group["maxReplicas"]
     for group in groups:
         assert all(isinstance(value, str) for value in group["rayStartParams"].values())
@@ -172,7 +177,7 @@ def test_the_workflow_of_argo_is_whole() -> None:
     templates = {one["name"]: one for one in flow["spec"]["templates"]}
     assert flow["spec"]["entrypoint"] in templates
     for template in templates.values():
-        assert set(template) <= ARGO_TEMPLATE
+        assert set(template) <= fields("Template")
         for step in (one for group in template.get("steps", ()) for one in group):
             assert step["template"] in templates
     record = templates["record"]

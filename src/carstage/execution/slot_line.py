@@ -52,7 +52,7 @@ class SlotLine:
         """The messages that have come."""
         return [self._messages.get() for _ in range(self._messages.qsize())]
 
-    def say(self, what: str, **fields: Any) -> None:
+    def send(self, what: str, **fields: Any) -> None:
         """Tell the run something; from any thread.
 
         Raises:
@@ -66,12 +66,12 @@ class SlotLine:
             except OSError as error:
                 raise WorkerLostError("The run of this worker is gone.") from error
 
-    def say_error(self, error: CarStageError) -> None:
+    def send_error(self, error: CarStageError) -> None:
         """Tell what ends the run."""
         kind = type(error)
         while kind.__module__ != CarStageError.__module__:  # of a module of its own
             kind = kind.__mro__[1]
-        self.say("error", kind=kind.__name__, message=error.message, hint=error.hint)
+        self.send("error", kind=kind.__name__, message=error.message, hint=error.hint)
 
     def _read(self) -> None:
         buffer = LineBuffer()

@@ -135,7 +135,7 @@ class SlotWork(Protocol[Job]):
     def program(self, slot: int) -> SlotProgram:
         """What a slot runs; slots are numbered from 1."""
 
-    def heard(self, slot: int, message: Mapping[str, Any]) -> None:
+    def on_message(self, slot: int, message: Mapping[str, Any]) -> None:
         """A slot has said something that is none of the executor's business."""
 
     def lost(self, slot: int, jobs: list[Job], end: SlotEnd, *, blame: bool) -> None:
@@ -341,7 +341,7 @@ class _Crew:
                 else:  # this place has no server; others may
                     self._given_up[number] = error
             else:
-                self._work.heard(number, message)
+                self._work.on_message(number, message)
         if member.slot.ended:
             self._remove(number, blame=not ending and number not in self._given_up)
 

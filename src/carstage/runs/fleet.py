@@ -160,7 +160,7 @@ class Fleet(RunSession):
         """What a slot runs."""
         return self._program(slot)
 
-    def heard(self, slot: int, message: Mapping[str, Any]) -> None:
+    def on_message(self, slot: int, message: Mapping[str, Any]) -> None:
         """Take an event, a status or a sentence of a slot into the run's folder."""
         match message.get("say"):
             case "event":

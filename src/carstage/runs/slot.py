@@ -122,16 +122,16 @@ class SlotFolder(RunFolder):
         """Tell an event to the run."""
         line = {"event": event, **fields}
         if event not in _RUNS_OWN:
-            self._line.say("event", line=line)
+            self._line.send("event", line=line)
         if event in ("episode_committed", "episode_failed", "episode_skipped"):
-            self._line.say("done", key=line["episode_id"])
+            self._line.send("done", key=line["episode_id"])
         return line
 
     def write_status(self, status: RunStatus, *, durable: bool = False) -> None:
         """Tell the run what this slot does."""
         del durable
         current = status.to_json()["current"]
-        self._line.say("status", state=status.state, current=current, process=self._own)
+        self._line.send("status", state=status.state, current=current, process=self._own)
 
 
 class _SlotServer(ServerSetup):
@@ -169,7 +169,7 @@ class _Jobs:
         """See ``JobSource.ask``."""
         if not self._asked and not self.over:
             self._asked = True
-            self._line.say("want")
+            self._line.send("want")
 
     def received(self) -> list[tuple[Job, bool]]:
         """See ``JobSource.received``."""
@@ -209,7 +209,7 @@ def _work(line: SlotLine, setup: Mapping[str, Any], interruption: Interruption) 
 
     def tell(event: RunEvent) -> None:
         if isinstance(event, Notice):
-            line.say("notice", sentence=event.sentence)
+            line.send("notice", sentence=event.sentence)
 
     path = sys.executable if setup["client"] == _OWN_PYTHON else setup["client"]
     ports = PortRange().share(int(setup["number"]), int(setup["count"]))
@@ -252,7 +252,7 @@ def main() -> int:
         except WorkerLostError:
             return EXIT_CODE  # nobody is left to be told
         except CarStageError as error:
-            line.say_error(error)
+            line.send_error(error)
             return error.exit_code
         return EXIT_CODE if interruption.requested else 0
 

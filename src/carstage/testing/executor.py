@@ -117,7 +117,7 @@ class ToyWork:
             environment={"CARSTAGE_TOY": str(slot)},
         )
 
-    def heard(self, slot: int, message: Mapping[str, Any]) -> None:
+    def on_message(self, slot: int, message: Mapping[str, Any]) -> None:
         """See ``SlotWork.heard``."""
         del slot
         if message["say"] == "here":

@@ -47,22 +47,22 @@ def main() -> int:
     """Be a slot; returns the exit status."""
     line = SlotLine()
     folder = Path(line.next()["setup"]["folder"])
-    line.say("here", pid=os.getpid())
+    line.send("here", pid=os.getpid())
     print("What a worker prints does not get into its line.")  # noqa: T201
-    line.say("want")
+    line.send("want")
     while "end" not in (message := line.next()):
         if "job" not in message:
             continue
         job = message["job"]
-        line.say("began", key=job["key"])
+        line.send("began", key=job["key"])
         try:
             result = do(job, folder)
         except (DiskFullError, ServerError) as error:
-            line.say_error(error)
+            line.send_error(error)
             return 1
-        line.say("result", key=job["key"], value=result)
-        line.say("done", key=job["key"])
-        line.say("want")
+        line.send("result", key=job["key"], value=result)
+        line.send("done", key=job["key"])
+        line.send("want")
     return 0
 
 

@@ -84,13 +84,7 @@ class Fleet(RunSession):
             executor.execute(self)
 
     def _interrupted(self) -> None:
-        """All slots have ended by now, and kept what they could."""
-        kept = len(list(self._folder.raw.glob(f"*/*/{PENDING_FILE}")))
-        if kept:
-            self._record.notice(
-                f"{kept} recorded episode{'s' if kept > 1 else ''} not yet converted: "
-                "the next run of the same command does it."
-            )
+        """Nothing: all slots have ended by now, kept what they could, and said so."""
 
     def _give_back(self) -> None:
         for worker in list(self._begun):

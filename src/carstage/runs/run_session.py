@@ -99,6 +99,8 @@ class RunSession(ABC):
 
     def _tell_how_to_go_on(self) -> None:
         counts = self._status.episodes
+        if not counts.total:
+            return  # of several workers, the run itself says it
         self._record.notice(
             f"{counts.committed + counts.skipped} of {counts.total} episodes are in the dataset. "
             "The same command again continues with the rest."

@@ -27,6 +27,9 @@ LOCAL = "local"
 DEFAULT_RESOURCES: Mapping[str, float] = {"CPU": 1.0}
 CARD_VARIABLE = "CARSTAGE_GRAPHICS_CARD"
 """The graphics card that Ray has allotted to a slot."""
+_OFF = ("RAY_USAGE_STATS_ENABLED", "RAY_ENABLE_UV_RUN_RUNTIME_ENV")
+"""What Ray would do unasked: tell its makers of its use; and, below ``uv run``, make every process
+on the nodes begin by ``uv run``, in a copy of this folder."""
 _READ_S = 1.0
 _CONNECT_S = 10.0
 _END_S = 20.0
@@ -82,6 +85,8 @@ class RayExecutor(SlotsExecutor):
         self._wanted = count
         self._address = address
         self._resources = dict(resources)
+        for name in _OFF:
+            os.environ.setdefault(name, "0")  # read by Ray's import
         try:
             self._ray: Any = importlib.import_module("ray")
         except ImportError as error:
@@ -102,7 +107,6 @@ class RayExecutor(SlotsExecutor):
             BadInputError: there is no such cluster, or no node has room for a worker.
         """
         self._check_address()
-        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         local = self._address == LOCAL
         options = {"include_dashboard": False, "_node_ip_address": "127.0.0.1"} if local else {}
         in_main = threading.current_thread() is threading.main_thread()

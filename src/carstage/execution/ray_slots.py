@@ -27,7 +27,7 @@ LOCAL = "local"
 DEFAULT_RESOURCES: Mapping[str, float] = {"CPU": 1.0}
 CARD_VARIABLE = "CARSTAGE_GRAPHICS_CARD"
 """The graphics card that Ray has allotted to a slot."""
-_OFF = ("RAY_USAGE_STATS_ENABLED", "RAY_ENABLE_UV_RUN_RUNTIME_ENV")
+OFF = ("RAY_USAGE_STATS_ENABLED", "RAY_ENABLE_UV_RUN_RUNTIME_ENV")
 """What Ray would do unasked: tell its makers of its use; and, below ``uv run``, make every process
 on the nodes begin by ``uv run``, in a copy of this folder."""
 _READ_S = 1.0
@@ -85,7 +85,7 @@ class RayExecutor(SlotsExecutor):
         self._wanted = count
         self._address = address
         self._resources = dict(resources)
-        for name in _OFF:
+        for name in OFF:
             os.environ.setdefault(name, "0")  # read by Ray's import
         try:
             self._ray: Any = importlib.import_module("ray")

@@ -29,16 +29,16 @@ def why_not() -> str:
     return ""
 
 
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(900)
 def test_the_ray_executor_keeps_the_rules_on_two_nodes(tmp_path: Path) -> None:
     reason = why_not()
     if reason:
         pytest.skip(reason)
     options = ["-q", "-n", "0", "-p", "no:cacheprovider", "--basetemp", str(tmp_path / "suite")]
     ended = subprocess.run(
-        [*ALONE, sys.executable, "-m", "pytest", *options, "--timeout", "400", SUITE],
+        [*ALONE, sys.executable, "-m", "pytest", *options, "--timeout", "300", SUITE],
         cwd=ROOT,
-        env={**os.environ, "RAY_USAGE_STATS_ENABLED": "0", "RAY_TMPDIR": "/tmp"},
+        env={**os.environ, **dict.fromkeys(ray_slots.OFF, "0"), "RAY_TMPDIR": "/tmp"},
         capture_output=True,
         text=True,
     )

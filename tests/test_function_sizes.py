@@ -32,6 +32,8 @@ REASONS = {
     "carstage/collector/processing.py __init__": _OWNER,
     "carstage/runs/attempt_commit.py __init__": _OWNER,
     "carstage/runs/running.py run": _CALL,
+    "carstage/runs/session.py __init__": _OWNER,
+    "carstage/server/embedded.py __init__": "the options of its command line, all with defaults",
     "carstage/validation/checks/completeness.py check_missing_rows": _OWNER,
     "carstage_sim/cli.py _parser": _OPTIONS,
     "carstage_sim/content/two_wheelers.py _add_motorcycle": _PARTS,

@@ -353,6 +353,39 @@ def two_hosts(
     return report(verdict, json)
 
 
+@benchmark("scale", takes="10 minutes")
+def scale(
+    workers: Annotated[
+        list[int] | None, typer.Option("--workers", min=1, help="Beside one. Repeatable.")
+    ] = None,
+    episodes: Annotated[int, typer.Option(min=1, help="Of each worker in each round.")] = 2,
+    duration_s: Annotated[float, typer.Option(min=1.0, help="Of an episode, simulated.")] = 20.0,
+    threads: Annotated[int, typer.Option(min=1, help="Of each worker's simulator.")] = 1,
+    rounds: Annotated[int, typer.Option(min=1, help="How often each has its turn.")] = 3,
+    ray: Annotated[
+        bool, typer.Option("--ray", help="Compare local processes with Ray instead (as root).")
+    ] = False,
+    scratch: Scratch = None,
+    json: Json = False,
+) -> int:
+    """How much more several workers record than one, and what Ray costs over local processes."""
+    from benchmarks.framework.scale import measure_scale
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Campaigns", "campaigns") as progress:
+        verdict = measure_scale(
+            workers or [2],
+            episodes=episodes,
+            duration_s=duration_s,
+            threads=threads,
+            rounds=rounds,
+            ray=ray,
+            scratch=scratch,
+            progress=progress,
+        )
+    return report(verdict, json)
+
+
 @benchmark("globe", takes="3 minutes")
 def globe(
     town: Annotated[

@@ -74,6 +74,10 @@ class CollectorError(CarStageError, RuntimeError):
     """Recording an episode failed."""
 
 
+class WorkerLostError(CarStageError, RuntimeError):
+    """A worker's process died, or could not be started."""
+
+
 class RawLogError(CarStageError, ValueError):
     """A raw log is damaged or of an unknown version."""
 

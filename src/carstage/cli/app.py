@@ -151,6 +151,30 @@ def run(
             help="Also write what is committed to this catalog; default: CARSTAGE_CATALOG, if set.",
         ),
     ] = None,
+    workers: Annotated[
+        str,
+        typer.Option(
+            "--workers",
+            metavar="N|auto",
+            help="Servers on this machine, each recording an episode; the bytes stay the same.",
+        ),
+    ] = "1",
+    ray_address: Annotated[
+        str | None,
+        typer.Option(
+            "--ray-address",
+            metavar="ADDRESS|auto|local",
+            help="Workers on the nodes of this Ray cluster (needs the extra `ray`).",
+        ),
+    ] = None,
+    ray_resources: Annotated[
+        str,
+        typer.Option(
+            "--ray-resources",
+            metavar="JSON",
+            help='What each worker takes of the Ray cluster, such as {"CPU": 2, "GPU": 0.5}.',
+        ),
+    ] = "{}",
     run_id: Annotated[
         str | None,
         typer.Option("--run-id", hidden=True, help="Name of the run's folder."),
@@ -161,10 +185,20 @@ def run(
     """Record a configuration into a dataset; the same command again continues where it ended."""
     del debug
     import carstage
+    from carstage.runs.allotment import parse_workers
 
     configured = carstage.load_config(config, settings or ())
-    options = {"retries": retries, "append": append, "shard": shard, "run_id": run_id, "work": work}
-    return _record(configured, out, json=json, report=False, catalog=catalog, **options)
+    options: dict[str, Any] = {"retries": retries, "append": append}
+    options |= {"shard": shard, "run_id": run_id, "work": work, "catalog": catalog}
+    if ray_address is None:
+        options["workers"] = parse_workers(workers)
+    else:
+        from carstage.execution.ray_slots import RayExecutor, parse_resources
+
+        wanted = parse_workers(workers)
+        count = None if wanted == "auto" else wanted
+        options["executor"] = RayExecutor(count, ray_address, parse_resources(ray_resources))
+    return _record(configured, out, json=json, report=False, **options)
 
 
 def _record(config: Config, out: Path, *, json: bool, report: bool, **options: Any) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from datetime import timedelta
 
@@ -21,7 +21,7 @@ from rich.progress import (
 from rich.text import Text
 
 from carstage.cli.output import note
-from carstage.runs import events, size_text
+from carstage.runs import CurrentEpisode, events, size_text
 
 _PLAIN_EVERY_S = 5.0
 _STEPS_EVERY_S = 15.0
@@ -106,7 +106,9 @@ class BarProgress:
         done = counts.committed + counts.skipped + counts.failed
         self._progress.update(self._episodes, total=counts.total, completed=done)
         current = progress.current
-        if current is None:
+        if progress.workers:
+            self._move_workers([one.current for one in progress.workers if one.current])
+        if current is None or progress.workers:
             return
         if current.attempt + current.episode_id != self._shown:
             self._shown = current.attempt + current.episode_id
@@ -116,6 +118,14 @@ class BarProgress:
         self._progress.update(
             self._frames, total=current.frames_total, completed=current.frames_converted
         )
+
+    def _move_workers(self, shown: Sequence[CurrentEpisode]) -> None:
+        """What all workers are at, in sum."""
+        done, total = sum(one.ticks_done for one in shown), sum(one.ticks_total for one in shown)
+        self._progress.update(self._steps, total=total, completed=done)
+        done = sum(one.frames_converted for one in shown)
+        total = sum(one.frames_total for one in shown)
+        self._progress.update(self._frames, total=total, completed=done)
 
 
 class LineProgress:
@@ -138,11 +148,28 @@ class LineProgress:
         if current is None or now_s < self._next_s:
             return
         self._next_s = now_s + _PLAIN_EVERY_S
+        if event.workers:
+            self._write(_line_of_workers(event))
+            return
         self._write(
             f"Episode {current.index + 1} of {event.episodes.total}: "
             f"recorded {current.ticks_done}/{current.ticks_total} steps, "
             f"converted {current.frames_converted}/{current.frames_total} frames."
         )
+
+
+def _line_of_workers(progress: events.Progress) -> str:
+    counts = progress.episodes
+    parts = [f"{counts.committed + counts.skipped + counts.failed} of {counts.total} episodes"]
+    for one in progress.workers:
+        what: str = one.state
+        if one.current is not None:
+            steps = f"{one.current.ticks_done}/{one.current.ticks_total} steps"
+            what = f"episode {one.current.index + 1}, {steps}"
+        parts.append(f"worker {one.worker}: {what}")
+    if progress.eta_s is not None:
+        parts.append(f"about {timedelta(seconds=round(progress.eta_s))} left")
+    return "; ".join(parts) + "."
 
 
 def watch_run() -> AbstractContextManager[events.OnEvent]:

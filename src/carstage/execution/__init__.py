@@ -1,6 +1,21 @@
-"""Where episodes are recorded: the executor's seam, and a collector as a child process."""
+"""Where episodes are recorded: the executors' seam, and a collector as a child process."""
 
 from carstage.execution.collector_process import CollectorProcess, InterpreterError
-from carstage.execution.executor import Executor, InlineExecutor, Worker
+from carstage.execution.executor import Executor, InlineExecutor, InlineWork, Worker
+from carstage.execution.local_processes import LocalProcesses
+from carstage.execution.slots import Slot, SlotEnd, SlotProgram, SlotsExecutor, SlotWork
 
-__all__ = ["CollectorProcess", "Executor", "InlineExecutor", "InterpreterError", "Worker"]
+__all__ = [
+    "CollectorProcess",
+    "Executor",
+    "InlineExecutor",
+    "InlineWork",
+    "InterpreterError",
+    "LocalProcesses",
+    "Slot",
+    "SlotEnd",
+    "SlotProgram",
+    "SlotWork",
+    "SlotsExecutor",
+    "Worker",
+]

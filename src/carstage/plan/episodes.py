@@ -36,6 +36,13 @@ class EpisodePlan(Sequence[EpisodeSpec]):
         self.ids = ids
         self.costs = costs
 
+    @classmethod
+    def empty(cls) -> EpisodePlan:
+        """A plan of no episode."""
+        from carstage.plan.estimate import costs_of
+
+        return cls(_no_episode, np.zeros(0, np.int64), (), costs_of(()))
+
     def __len__(self) -> int:
         return len(self.ids)
 
@@ -92,3 +99,7 @@ class EpisodePlan(Sequence[EpisodeSpec]):
     def frames(self) -> int:
         """Saved frames of all episodes."""
         return int(self.costs["frames"].sum())
+
+
+def _no_episode(index: int) -> EpisodeSpec:
+    raise IndexError(f"an empty plan has no episode {index}")

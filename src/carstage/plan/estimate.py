@@ -58,16 +58,18 @@ class RunEstimate:
     duration_s: float
 
 
-def estimate_run(config: Config, episodes: Sequence[EpisodeSpec]) -> RunEstimate:
+def estimate_run(config: Config, episodes: Sequence[EpisodeSpec], workers: int = 1) -> RunEstimate:
     """Estimate the episodes that are still to be recorded.
 
     Args:
         config: says what is kept on the way.
         episodes: a plan, which knows its costs, or specifications.
+        workers: which record at the same time on one disk.
     """
     costs = costs_of(episodes)
     raw = costs["raw_bytes"]
-    kept_at_once = len(raw) if config.output.keep_raw or config.conversion.mode == "deferred" else 2
+    kept = config.output.keep_raw or config.conversion.mode == "deferred"
+    kept_at_once = len(raw) if kept else 2 * workers
     dataset_bytes = int(costs["dataset_bytes"].sum())
     return RunEstimate(
         dataset_bytes=dataset_bytes,

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from carstage.plan import RunEstimate
-from carstage.runs.folder import CurrentEpisode, EpisodeCounts, State
+from carstage.runs.folder import CurrentEpisode, EpisodeCounts, State, WorkerStatus
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +69,15 @@ class Progress(RunEvent):
         state: what the run does.
         episodes: how many episodes are in which state.
         current: the episode that is recorded or converted; None between two.
+        workers: what each of several workers does; empty where there is one.
+        eta_s: seconds that the rest will take, as far as that is known of several workers.
     """
 
     state: State
     episodes: EpisodeCounts
     current: CurrentEpisode | None
+    workers: tuple[WorkerStatus, ...] = ()
+    eta_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +120,23 @@ class RunFinished(RunEvent):
 
 
 @dataclass(frozen=True, slots=True)
+class WorkerStarted(RunEvent):
+    """One of several workers is there; its server is not up yet."""
+
+    worker: int
+    host: str
+    pid: int
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerLost(RunEvent):
+    """One of several workers has died; its episodes are recorded again by others."""
+
+    worker: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class ServerStarted(RunEvent):
     """A server is up; ``pid`` is None where we did not start it."""
 
@@ -123,6 +144,19 @@ class ServerStarted(RunEvent):
     host: str
     port: int
     pid: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class GraphicsCardChecked(RunEvent):
+    """On which graphics card a server runs.
+
+    Attributes:
+        wanted: the card that it was to use, as CARLA counts them.
+        found: the one that ``nvidia-smi`` shows it on; None where that cannot be seen.
+    """
+
+    wanted: int
+    found: int | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,7 +290,10 @@ _WRITTEN: dict[str, type[RunEvent]] = {
     for kind in (
         RunStarted,
         RunFinished,
+        WorkerStarted,
+        WorkerLost,
         ServerStarted,
+        GraphicsCardChecked,
         ServerLost,
         ServerStopped,
         ServerTested,

@@ -9,7 +9,7 @@ import secrets
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
@@ -61,12 +61,31 @@ class CurrentEpisode:
 
 
 @dataclass(slots=True)
+class WorkerStatus:
+    """One of several workers of a run.
+
+    Attributes:
+        worker: its number, from 1.
+        state: what it does.
+        process: which process it is, see ``identity.identify``.
+        current: the episode that it records or converts.
+    """
+
+    worker: int
+    state: State
+    process: Mapping[str, Any]
+    current: CurrentEpisode | None = None
+
+
+@dataclass(slots=True)
 class RunStatus:
     """What ``status.json`` says.
 
     Attributes:
         process: which process the run is, see ``identity.identify``.
         heartbeat: Unix time of the last write.
+        workers: each of several workers; empty where the run itself records.
+        eta_s: seconds that the rest will take at the pace so far; None: not known, or one worker.
     """
 
     run_id: str
@@ -76,6 +95,8 @@ class RunStatus:
     episodes: EpisodeCounts
     current: CurrentEpisode | None = None
     message: str | None = None
+    workers: list[WorkerStatus] = field(default_factory=list)
+    eta_s: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The content of the file."""

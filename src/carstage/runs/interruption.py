@@ -31,10 +31,14 @@ class Interruption:
 
     Args:
         notify: called with a sentence for the user at the first signal.
+        end_s: seconds from the first signal in which all has to end.
     """
 
-    def __init__(self, notify: Callable[[str], None] = lambda _: None) -> None:
+    def __init__(
+        self, notify: Callable[[str], None] = lambda _: None, *, end_s: float = END_S
+    ) -> None:
         self.requested = False
+        self._within_s = end_s
         self._end_s = float("inf")
         self._notify = notify
         self._deferring = 0
@@ -100,8 +104,8 @@ class Interruption:
                 raise KeyboardInterrupt
             os._exit(EXIT_CODE)
         self.requested = True
-        self._end_s = time.monotonic() + END_S
+        self._end_s = time.monotonic() + self._within_s
         self._wakeup.notify()
-        self._notify(f"Ending within {END_S:.0f} s; press Ctrl-C again to end at once.")
+        self._notify(f"Ending within {self._within_s:.0f} s; press Ctrl-C again to end at once.")
         if not self._deferring:
             raise KeyboardInterrupt

@@ -54,6 +54,10 @@ class JobQueue:
         """Make a job the next one."""
         self._again.appendleft(job)
 
+    def append(self, job: Job) -> None:
+        """Add a job that comes after those that came back."""
+        self._again.append(job)
+
     def leave_out(self, ids: Collection[str]) -> None:
         """Drop the jobs of some episodes, all of which are in the queue for the first time.
 

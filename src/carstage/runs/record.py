@@ -54,7 +54,11 @@ class RunRecord:
     def copy_event(self, line: Mapping[str, Any]) -> None:
         """Write an event of the collector as it came, and follow its ticks."""
         current = self.status.current
-        if line["event"] == "tick" and current is not None:
+        if (
+            line["event"] == "tick"
+            and current is not None
+            and line["episode_id"] == current.episode_id
+        ):
             current.ticks_done = int(line["tick"]) + 1
         self._write(line, None)
 
@@ -112,4 +116,6 @@ class RunRecord:
         if self._on_event is not None:
             status = self.status
             current = None if status.current is None else replace(status.current)
-            self._on_event(Progress(status.state, replace(status.episodes), current))
+            workers = tuple(replace(one) for one in status.workers)
+            counts = replace(status.episodes)
+            self._on_event(Progress(status.state, counts, current, workers, status.eta_s))

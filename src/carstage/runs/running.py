@@ -5,17 +5,27 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from carstage.config import Config, check_config, dump_config, load_config
-from carstage.execution import Executor, InlineExecutor
+from carstage.config.servers import CarlaServerConfig
+from carstage.execution import Executor, InlineExecutor, LocalProcesses, SlotProgram
 from carstage.plan import Shard, estimate_run, plan_episodes
+from carstage.runs.allotment import (
+    Machine,
+    Workers,
+    check_ports,
+    config_of_worker,
+    number_of_workers,
+)
 from carstage.runs.attempts import clear_up, left_runs, sweep
 from carstage.runs.cataloguing import run_catalog
 from carstage.runs.continuing import environment_of, refuse_to_mix
 from carstage.runs.enough import QuotaWatch
 from carstage.runs.events import Notice, OnEvent, RunPlanned
+from carstage.runs.fleet import Fleet
 from carstage.runs.folder import RunFolder
 from carstage.runs.interruption import Interruption
 from carstage.runs.orphans import marked
@@ -30,10 +40,13 @@ from carstage.runs.preflight import (
     work_folder,
 )
 from carstage.runs.record import RunRecord
+from carstage.runs.run_session import ENOUGH, RunSession
 from carstage.runs.server_lock import server_lock
 from carstage.runs.servers import ServerSetup
-from carstage.runs.session import ENOUGH, Session
+from carstage.runs.session import Session
+from carstage.runs.slot import slot_program
 from carstage.runs.wakeup_pipe import WakeupPipe
+from carstage.server import ClientPython
 from carstage.storage import RemotePath, Store, open_store
 
 DEFAULT_RETRIES = 2
@@ -54,6 +67,7 @@ def run(
     shard: str | None = None,
     catalog: str | None = None,
     work: Path | str | None = None,
+    workers: Workers = 1,
 ) -> RunResult:
     """Record a configuration's episodes into a dataset; those that it has already are skipped.
 
@@ -73,7 +87,8 @@ def run(
             ``s3://bucket/prefix``; it is made if missing.
         on_event: called with each typed event of ``carstage.runs.events``.
         retries: further attempts of an episode that fails.
-        executor: where episodes are recorded; default: one worker on this machine.
+        executor: where episodes are recorded, such as ``carstage.execution.ray_slots.RayExecutor``;
+            default: on this machine, by ``workers`` workers.
         run_id: name of the run's folder; default: a new one.
         append: record also beside episodes of other settings, of another version or environment.
         shard: record this share of the episodes alone, as ``"2/8"``; the others are for other
@@ -82,6 +97,9 @@ def run(
             file. Default: the one that ``CARSTAGE_CATALOG`` names, if it is set.
         work: folder of this machine for raw recordings, logs and the run's state. Default: the
             dataset's folder; for an object store one in the user's cache.
+        workers: how many servers record at the same time on this machine, each an episode of its
+            own; ``"auto"``: as many as its cores and memory (with CARLA, its graphics cards) are
+            good for. The bytes do not depend on it.
 
     Returns:
         How the run ended. Failed episodes are in ``failures``; they raise nothing.
@@ -107,9 +125,15 @@ def run(
     store = open_store(out)
     place = work_folder(store.root, work)
     notice = _noticing(on_event)
+    executor = executor or _local_executor(number_of_workers(config, workers))
+    if not executor.in_process:
+        number_of_workers(config, 2)  # each needs a server of its own
     with Interruption(notice) as interruption, ExitStack() as stack:
         _check(config, place, store, notice)
         follow = stack.enter_context(run_catalog(catalog, store.root, notice))
+        stack.enter_context(executor.opened())
+        if executor.count > 1:
+            check_ports(config, executor.count)
         present = _take_over(place, store, notice)
         settings = dump_config(config)
         if not append:  # as far as it is known without the server
@@ -126,7 +150,7 @@ def run(
             if quotas.met():
                 notice(ENOUGH % len(todo))
                 episodes, todo = episodes.without(set(todo.ids)), todo[:0]
-            estimate = estimate_run(config, todo)
+            estimate = estimate_run(config, todo, executor.count)
             check_disk(place, estimate, dataset_elsewhere=isinstance(store.root, RemotePath))
             store.initialise(config.name)
             if on_event is not None:
@@ -135,11 +159,38 @@ def run(
                 folder.write_plan(config, episodes, environment, shard)
                 listener = quotas.listening(follow(on_event, folder))
                 record = RunRecord(folder, interruption, listener)
-                session = Session(
-                    config, setup, store, record, interruption, wakeup, retries, environment
-                )
+                if executor.in_process:
+                    session: RunSession = Session(
+                        config, setup, store, record, interruption, wakeup, retries, environment
+                    )
+                else:
+                    setup.cool_down()
+                    given = (folder, store, config, setup.client, environment, retries, executor)
+                    session = Fleet(store, record, interruption, retries, _programs(*given))
                 session.enough = quotas.met
-                return session.run(episodes, todo, executor or InlineExecutor())
+                return session.run(episodes, todo, executor)
+
+
+def _programs(
+    folder: RunFolder,
+    store: Store,
+    config: Config,
+    client: ClientPython,
+    environment: Mapping[str, str],
+    retries: int,
+    executor: Executor,
+) -> Callable[[int], SlotProgram]:
+    """What each of several workers is to run."""
+    count, cores = executor.count, executor.cores_per_worker
+    machine = Machine.here(cards=cores is None and isinstance(config.server, CarlaServerConfig))
+    if cores is not None:
+        machine = replace(machine, cores=cores * count)
+
+    def program(number: int) -> SlotProgram:
+        own = config_of_worker(config, number, count, machine)
+        return slot_program(folder, store.root, number, count, own, client, environment, retries)
+
+    return program
 
 
 def _noticing(on_event: OnEvent | None) -> Callable[[str], None]:
@@ -148,6 +199,10 @@ def _noticing(on_event: OnEvent | None) -> Callable[[str], None]:
             on_event(Notice(sentence))
 
     return notice
+
+
+def _local_executor(workers: int) -> Executor:
+    return InlineExecutor() if workers == 1 else LocalProcesses(workers)
 
 
 def _check(config: Config, work: Path, store: Store, notice: Callable[[str], None]) -> None:

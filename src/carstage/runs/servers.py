@@ -16,10 +16,12 @@ from carstage.plan import ServerFacts
 from carstage.releases import refusal
 from carstage.runs.asking import ask_server
 from carstage.server import (
+    ANY_PORTS,
     CarlaServer,
     ClientPython,
     EmbeddedServer,
     Endpoint,
+    PortRange,
     RemoteServer,
     Server,
     describe_embedded,
@@ -31,8 +33,14 @@ from carstage.server import (
 _EMBEDDED_SENSOR_WARMUP_TICKS = 2
 
 
-def make_server(config: Config, log_path: Path | None) -> Server:
-    """The server of a configuration, not started."""
+def make_server(config: Config, log_path: Path | None, ports: PortRange = ANY_PORTS) -> Server:
+    """The server of a configuration, not started.
+
+    Args:
+        config: the configuration.
+        log_path: of the server's log.
+        ports: where to look for free ones.
+    """
     server = config.server
     if isinstance(server, EmbeddedServerConfig):
         return EmbeddedServer(
@@ -40,6 +48,7 @@ def make_server(config: Config, log_path: Path | None) -> Server:
             threads=None if server.threads == "auto" else server.threads,
             log_path=log_path,
             arguments=("--protocol", server.carla_version),
+            traffic_manager_ports=ports,
         )
     if isinstance(server, CarlaServerConfig):
         return CarlaServer(
@@ -47,6 +56,7 @@ def make_server(config: Config, log_path: Path | None) -> Server:
             port=None if server.port == "auto" else server.port,
             arguments=server.arguments,
             log_path=log_path,
+            ports=ports,
         )
     return RemoteServer(server.host, server.port)
 
@@ -75,16 +85,20 @@ class ServerSetup:
     Args:
         config: the configuration.
         make: makes a server that is not started, given the path of its log.
+        client: the Python that the collector runs with; None: ``facts`` finds it.
     """
 
     def __init__(
-        self, config: Config, make: Callable[[Config, Path | None], Server] = make_server
+        self,
+        config: Config,
+        make: Callable[[Config, Path | None], Server] = make_server,
+        client: ClientPython | None = None,
     ) -> None:
         self._config = config
         self._make = make
         self._warm: Server | None = None
         self._remote: RemoteServer | None = None
-        self._client: ClientPython | None = None
+        self._client = client
 
     @property
     def supervision(self) -> Supervision:
@@ -194,6 +208,12 @@ class ServerSetup:
             self._warm = self._new(log_path)
             self._warm.start()
         return self._warm.endpoint
+
+    def cool_down(self) -> None:
+        """Stop a server that was started ahead: others will take its place."""
+        server, self._warm = self._warm, None
+        if server is not None:
+            server.stop()
 
     @property
     def has_ended(self) -> bool:

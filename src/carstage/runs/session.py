@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import selectors
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 from carstage.config import Config
 from carstage.errors import (
@@ -15,8 +16,6 @@ from carstage.errors import (
     ConverterDiedError,
     DiskFullError,
     ServerEndedError,
-    ServerError,
-    StorageError,
 )
 from carstage.execution import Executor
 from carstage.plan import EpisodePlan
@@ -27,28 +26,38 @@ from carstage.runs.events import (
     EpisodeFailed,
     EpisodeRetried,
     EpisodeSkipped,
-    RunFinished,
-    RunStarted,
     ServerTested,
 )
-from carstage.runs.folder import CurrentEpisode, State
+from carstage.runs.folder import CurrentEpisode
 from carstage.runs.interruption import Interruption
 from carstage.runs.jobs import JobQueue
-from carstage.runs.outcome import RunResult
 from carstage.runs.record import RunRecord
+from carstage.runs.run_session import RunSession
 from carstage.runs.selftesting import describe_verdict, refuse, run_self_test
 from carstage.runs.server_worker import POLL_S, ServerWorker
 from carstage.runs.servers import ServerSetup
 from carstage.runs.wakeup_pipe import WakeupPipe
 from carstage.selftest import Verdict
 from carstage.storage import Store
-from carstage.storage.disk import disk_error
-
-ENOUGH = "All quotas are met: %d planned episodes are not recorded."
 
 
-class Session:
-    """The state of a run between its plan and its end; the host of its workers.
+class JobSource(Protocol):
+    """Hands out jobs one by one, where the run itself is another process."""
+
+    over: bool
+    """Whether none comes any more."""
+    idle: bool
+    """Whether there is none at present; one may come."""
+
+    def ask(self) -> None:
+        """Ask for a job, unless one is asked for."""
+
+    def received(self) -> list[tuple[Job, bool]]:
+        """Jobs that have come, and of each whether it may be recorded already."""
+
+
+class Session(RunSession):
+    """A run, or a slot of one, that records in this process; the host of its worker.
 
     Args:
         config: what is recorded.
@@ -59,6 +68,8 @@ class Session:
         wakeup: wakes the run when something is converted.
         retries: further attempts of an episode that fails.
         environment: what is recorded with, by version.
+        source: where jobs come from besides those of ``run``.
+        self_test_folder: where the raw recording of a self-test lies; default: with the others.
     """
 
     def __init__(
@@ -71,14 +82,14 @@ class Session:
         wakeup: WakeupPipe,
         retries: int,
         environment: Mapping[str, str],
+        source: JobSource | None = None,
+        self_test_folder: Path | None = None,
     ) -> None:
+        super().__init__(store, record, interruption)
+        self._source = source
+        self._self_test_folder = self_test_folder or record.folder.raw
         self._config = config
         self._setup = setup
-        self._store = store
-        self._record = record
-        self._folder = record.folder
-        self._status = record.status
-        self._interruption = interruption
         self._wakeup = wakeup
         self._retries = retries
         self._self_test: Mapping[str, Any] | None = None
@@ -93,88 +104,28 @@ class Session:
         )
         self._jobs = JobQueue()
         self._recording: AttemptCommit | None = None
-        self._failures: dict[str, str] = {}
-        self._attempted = False
-        self.enough: Callable[[], bool] = lambda: False
-        """Whether no further episode need begin, though more are planned."""
 
-    def run(self, episodes: EpisodePlan, todo: EpisodePlan, executor: Executor) -> RunResult:
-        """Record ``todo``; the other episodes are in the dataset already."""
-        missing = set(todo.ids)
-        self._status.episodes.total = len(episodes)
-        self._status.episodes.skipped = len(episodes) - len(todo)
+    @property
+    def frames(self) -> int:
+        """Frames of the episodes that were committed."""
+        return self._queue.frames
+
+    def _execute(self, todo: EpisodePlan, executor: Executor) -> None:
         self._jobs = JobQueue(todo)
-        state: State = "failed"
-        try:
-            self._record.event(RunStarted(run_id=self._folder.run_id))
-            for episode_id in episodes.ids:
-                if episode_id not in missing:
-                    reason = "it is in the dataset already"
-                    self._record.event(EpisodeSkipped(episode_id=episode_id, reason=reason))
-            self._record.enter("starting")
-            if todo:
-                with self._interruption.deferred():  # no pool that nobody knows of
-                    self._queue.converters.pool()  # they load while the server starts
-                    taken = self._queue.take_pending(self._jobs)
-                self._jobs.leave_out(taken)
-                self._interruption.check()
-            if self._jobs:
-                self._test_server()
-            executor.execute(self._take, self._open_worker)
-            state = "done" if not self._failures else "failed"
-        except KeyboardInterrupt:
-            state = "interrupted"
-            self._status.message = "Interrupted; the same command again continues."
-            with self._interruption.deferred():
-                if self._recording is not None:
-                    self._recording.cancel()  # for the sake of what is wholly recorded
-                self._queue.use_the_time_left(self._interruption)
-        except CarStageError as error:
-            self._status.message = str(error)
-            if isinstance(error, ServerError) and self._attempted:
-                self._tell_how_to_go_on()
-            raise
-        except OSError as error:
-            failure = disk_error(error, f"in {self._folder.path}")
-            self._status.message = str(failure)
-            raise failure from error
-        finally:
-            with self._interruption.deferred():
-                self._give_back()
-                self._status.current = None
-                self._finish(state)
-        return RunResult(
-            run_id=self._folder.run_id,
-            dataset=self._store.root,
-            folder=self._folder.path,
-            state=state,
-            total=self._status.episodes.total,
-            committed=self._status.episodes.committed,
-            skipped=self._status.episodes.skipped,
-            frames=self._queue.frames,
-            failures=self._failures,
-        )
+        if todo or self._source is not None:
+            with self._interruption.deferred():  # no pool that nobody knows of
+                self._queue.converters.pool()  # they load while the server starts
+                taken = self._queue.take_pending(self._jobs) if todo else set()
+            self._jobs.leave_out(taken)
+            self._interruption.check()
+        if self._jobs or self._source is not None:
+            self._test_server()
+        executor.execute(self)
 
-    def _tell_how_to_go_on(self) -> None:
-        counts = self._status.episodes
-        self._record.notice(
-            f"{counts.committed + counts.skipped} of {counts.total} episodes are in the dataset. "
-            "The same command again continues with the rest."
-        )
-
-    def _finish(self, state: State) -> None:
-        """Write down how it ended, where the disk lets us: a full one must not hide why."""
-        counts = self._status.episodes
-        try:
-            try:
-                self._record.enter(state)
-            except StorageError:  # once more: a run without its last state looks like a dead one
-                self._record.enter(state)
-            self._record.event(
-                RunFinished(state=state, committed=counts.committed, failed=counts.failed)
-            )
-        except StorageError as error:
-            self._record.notice(f"{error.message} The next run on this dataset clears up.")
+    def _interrupted(self) -> None:
+        if self._recording is not None:
+            self._recording.cancel()  # for the sake of what is wholly recorded
+        self._queue.use_the_time_left(self._interruption)
 
     # What the workers call.
 
@@ -292,7 +243,8 @@ class Session:
 
     # What the executor calls.
 
-    def _open_worker(self) -> ServerWorker:
+    def open_worker(self) -> ServerWorker:
+        """See ``InlineWork.open_worker``."""
         python = str(self._setup.client.path)
         return ServerWorker(self._setup, self, self._folder, self._interruption, python=python)
 
@@ -319,7 +271,7 @@ class Session:
             verdict = run_self_test(
                 self._setup.warm_up(self._folder.logs / "server.log"),
                 self._setup.client,
-                self._folder.raw,
+                self._self_test_folder,
                 self._interruption,
                 sensor_warmup_ticks=self._setup.sensor_warmup_ticks,
             )
@@ -331,13 +283,14 @@ class Session:
         self._record.notice("The server ended before it was tested. It is started again.")
         return self._verdict(retries - 1)
 
-    def _take(self) -> Job | None:
+    def take(self) -> Job | None:
         """The next episode; waits while conversions lag behind or may have to be repeated."""
         while True:
             self._wakeup.clear()
             with self._interruption.deferred():
                 self.poll()
             self._interruption.check()
+            self._fetch()
             if self._jobs and self.enough():
                 self._drop_jobs()
             if self._jobs and not self._queue.full:
@@ -346,21 +299,30 @@ class Session:
                     return job
                 self._skip(job)
                 continue
-            if not self._jobs and not self._queue.under_way:
-                if self._queue.empty:
-                    return None
+            over = self._source is None or self._source.over
+            none_now = over or (self._source is not None and self._source.idle)
+            if over and not self._jobs and self._queue.empty:
+                return None
+            if none_now and not (self._jobs or self._queue.under_way or self._queue.empty):
                 with self._interruption.deferred():
                     self._queue.begin_next()
             if not self._jobs and self._queue.under_way:
                 self._show_conversion()
             self._wait()
 
-    def _drop_jobs(self) -> None:
-        """Record nothing further: what is under way is still converted and committed."""
-        left = self._jobs.clear()
-        self._status.episodes.total -= left
-        self._status.message = ENOUGH % left
-        self._record.notice(self._status.message)
+    def _fetch(self) -> None:
+        """Take what the source has handed out; ask for more where there is room."""
+        if self._source is None:
+            return
+        for job, recorded in self._source.received():
+            if not recorded:
+                self._jobs.append(job)
+                continue
+            with self._interruption.deferred():
+                if not self._queue.take_pending([job]):
+                    self._jobs.append(job)
+        if not self._jobs and not self._queue.full:
+            self._source.ask()
 
     def _skip(self, job: Job) -> None:
         """Another run on the dataset has committed the episode since this one began."""

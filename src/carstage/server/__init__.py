@@ -13,18 +13,27 @@ from carstage.server.description import (
 )
 from carstage.server.embedded import EmbeddedServer
 from carstage.server.interpreters import ClientPython, find_client
-from carstage.server.ports import PortBlock, allot_ports, check_ports_free, free_port
+from carstage.server.ports import (
+    ANY_PORTS,
+    PortBlock,
+    PortRange,
+    allot_ports,
+    check_ports_free,
+    free_port,
+)
 from carstage.server.probe import probe_version
 from carstage.server.release import CarlaServer
 from carstage.server.remote import RemoteServer
 
 __all__ = [
+    "ANY_PORTS",
     "BlueprintDescription",
     "CarlaServer",
     "ClientPython",
     "EmbeddedServer",
     "Endpoint",
     "PortBlock",
+    "PortRange",
     "RemoteServer",
     "Server",
     "SimulatorDescription",

@@ -14,7 +14,7 @@ from carstage.errors import ServerEndedError, ServerError
 from carstage.sensor_kinds import simulator_plugins
 from carstage.server.base import TAIL_LINES, Endpoint
 from carstage.server.owned import OwnedServer
-from carstage.server.ports import check_ports_free, free_port
+from carstage.server.ports import ANY_PORTS, PortRange, check_ports_free, free_port
 from carstage.server.process import ServerProcess
 
 MODULE = "carstage_sim"
@@ -47,6 +47,7 @@ class EmbeddedServer(OwnedServer):
         timeout_s: how long it may take until it is ready.
         environment: added to its environment.
         arguments: further ones of ``carstage sim``, such as ``("--loop", "2")``.
+        traffic_manager_ports: where to look for the port of the client's Traffic Manager.
     """
 
     kind: ClassVar[str] = "embedded"
@@ -62,6 +63,7 @@ class EmbeddedServer(OwnedServer):
         timeout_s: float = START_S,
         environment: Mapping[str, str] | None = None,
         arguments: Sequence[str] = (),
+        traffic_manager_ports: PortRange = ANY_PORTS,
     ) -> None:
         super().__init__()
         self._map_name = map_name
@@ -72,6 +74,7 @@ class EmbeddedServer(OwnedServer):
         self._timeout_s = timeout_s
         self._environment = environment
         self._arguments = tuple(arguments)
+        self._traffic_manager_ports = traffic_manager_ports
 
     def start(self) -> Endpoint:
         """Start it and wait for its ready line."""
@@ -91,7 +94,7 @@ class EmbeddedServer(OwnedServer):
             self._endpoint = Endpoint(
                 host=ready["host"],
                 port=int(ready["port"]),
-                traffic_manager_port=free_port(),
+                traffic_manager_port=free_port(within=self._traffic_manager_ports),
                 version=ready["version"],
                 pid=self._process.pid,
             )

@@ -19,6 +19,8 @@ BLOCK = 3
 """Ports of a CARLA release: RPC, streaming and secondary, in a row."""
 
 _TRIES = 200
+_FEWEST = 8
+"""Ports of the smallest range: a block, the Traffic Manager's, and some that are taken."""
 _ANY_ADDRESS = "0.0.0.0"
 
 
@@ -40,12 +42,37 @@ class PortBlock:
         return self.rpc + 2
 
 
-def allot_ports(rpc: int | None = None, host: str = "127.0.0.1") -> PortBlock:
+@dataclass(frozen=True, slots=True)
+class PortRange:
+    """Ports that may be taken, the last one included.
+
+    Two servers that look for ports at the same time never take each other's where they look in
+    ranges of their own: between a look and the server's bind a range has no other user.
+    """
+
+    first: int = FIRST_PORT
+    last: int = LAST_PORT
+
+    def share(self, number: int, count: int) -> PortRange:
+        """The ``number``-th of ``count`` equal parts, from 1; parts of fewer than 8 are shared."""
+        count = max(1, min(count, (self.last - self.first + 1) // _FEWEST))
+        size = (self.last - self.first + 1) // count
+        first = self.first + (number - 1) % count * size
+        return PortRange(first, first + size - 1)
+
+
+ANY_PORTS = PortRange()
+
+
+def allot_ports(
+    rpc: int | None = None, host: str = "127.0.0.1", within: PortRange = ANY_PORTS
+) -> PortBlock:
     """Find the ports of a server: ``rpc`` and the two after it, and one for the Traffic Manager.
 
     Args:
         rpc: the wanted RPC port; None finds a free block.
         host: the address that the server will listen on.
+        within: where to look for a free block, and for the Traffic Manager's port.
 
     Raises:
         BadInputError: ``rpc`` or one of the two after it is taken; names ``server.port``.
@@ -53,21 +80,25 @@ def allot_ports(rpc: int | None = None, host: str = "127.0.0.1") -> PortBlock:
     """
     if rpc is not None:
         check_ports_free(range(rpc, rpc + BLOCK), host)
-        return PortBlock(rpc, free_port(exclude=range(rpc, rpc + BLOCK)))
+        return PortBlock(rpc, free_port(exclude=range(rpc, rpc + BLOCK), within=within))
     chance = random.SystemRandom()
     for _ in range(_TRIES):
-        first = chance.randrange(FIRST_PORT, LAST_PORT - BLOCK + 1)
+        first = chance.randrange(within.first, within.last - BLOCK + 2)
         block = range(first, first + BLOCK)
         if _taken(block, host) is None and _taken(block, _ANY_ADDRESS) is None:
-            return PortBlock(first, free_port(exclude=block))
+            return PortBlock(first, free_port(exclude=block, within=within))
     raise ServerError(
-        f"No three free ports in a row between {FIRST_PORT} and {LAST_PORT}.",
+        f"No three free ports in a row between {within.first} and {within.last}.",
         "End some of the servers on this machine.",
     )
 
 
-def free_port(exclude: Iterable[int] = ()) -> int:
+def free_port(exclude: Iterable[int] = (), within: PortRange = ANY_PORTS) -> int:
     """A port that nobody on this machine listens on.
+
+    Args:
+        exclude: ports that are not to be taken.
+        within: where to look.
 
     Raises:
         ServerError: none was found.
@@ -75,11 +106,11 @@ def free_port(exclude: Iterable[int] = ()) -> int:
     chance = random.SystemRandom()
     excluded = set(exclude)
     for _ in range(_TRIES):
-        port = chance.randint(FIRST_PORT, LAST_PORT)
+        port = chance.randint(within.first, within.last)
         if port not in excluded and _taken([port], _ANY_ADDRESS) is None:
             return port
     raise ServerError(
-        f"No free port between {FIRST_PORT} and {LAST_PORT}.",
+        f"No free port between {within.first} and {within.last}.",
         "End some of the servers on this machine.",
     )
 

@@ -13,7 +13,7 @@ from typing import ClassVar
 from carstage.errors import BadInputError, ServerEndedError, ServerError
 from carstage.server.base import TAIL_LINES, Endpoint
 from carstage.server.owned import OwnedServer
-from carstage.server.ports import allot_ports
+from carstage.server.ports import ANY_PORTS, PortRange, allot_ports
 from carstage.server.probe import wait_for_version, wait_for_world
 from carstage.server.process import ServerProcess
 
@@ -50,6 +50,7 @@ class CarlaServer(OwnedServer):
         log_path: file that its output is appended to; None uses a temporary one.
         timeout_s: how long it may take until it answers.
         environment: added to its environment.
+        ports: where to look for free ones.
 
     Raises:
         BadInputError: there is no CARLA server at ``path``.
@@ -67,8 +68,10 @@ class CarlaServer(OwnedServer):
         log_path: Path | None = None,
         timeout_s: float = START_S,
         environment: Mapping[str, str] | None = None,
+        ports: PortRange = ANY_PORTS,
     ) -> None:
         super().__init__()
+        self._ports = ports
         self._script = find_script(path)
         self._port = port
         self._arguments = tuple(arguments)
@@ -88,7 +91,7 @@ class CarlaServer(OwnedServer):
     def start(self) -> Endpoint:
         """Start it and ask for its version, then for its world, until it answers."""
         host = "127.0.0.1"
-        ports = allot_ports(self._port, host)
+        ports = allot_ports(self._port, host, self._ports)
         command = [
             *(sys.executable, "-m", "carstage.server.parent_watch"),
             str(self._script.resolve()),

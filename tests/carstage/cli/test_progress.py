@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 from rich.console import Console
 
 from carstage.cli.progress import BarProgress, LineProgress, StepLines
 from carstage.plan import RunEstimate
 from carstage.runs import CurrentEpisode, EpisodeCounts, events
+from carstage.runs.folder import WorkerStatus
 
 
 def progress_of(ticks: int, frames: int) -> events.Progress:
@@ -55,6 +57,35 @@ def test_terminal_shows_episodes_steps_and_frames() -> None:
     text = screen.getvalue()
     for part in ("Episodes", "1/3", "Recording", "20/50", "Conversion", "10/50", "[with]"):
         assert part in text
+
+
+def progress_of_workers() -> events.Progress:
+    one = CurrentEpisode("e", 1, "a1", 20, 50, 10, 50)
+    workers = (
+        WorkerStatus(1, "recording", {}, one),
+        WorkerStatus(2, "starting", {}),
+        WorkerStatus(4, "recording", {}, replace(one, index=4, ticks_done=5)),
+    )
+    counts = EpisodeCounts(total=60, committed=3, skipped=1, failed=1)
+    return events.Progress("recording", counts, one, workers, 83.4)
+
+
+def test_a_line_of_several_workers_says_what_each_does_and_the_time_left() -> None:
+    lines: list[str] = []
+    LineProgress(lines.append)(progress_of_workers())
+    assert lines == [
+        "5 of 60 episodes; worker 1: episode 2, 20/50 steps; worker 2: starting; "
+        "worker 4: episode 5, 5/50 steps; about 0:01:23 left."
+    ]
+
+
+def test_bars_show_what_several_workers_do_in_sum() -> None:
+    screen = io.StringIO()
+    console = Console(file=screen, force_terminal=True, width=100, color_system=None)
+    with BarProgress(console) as progress:
+        progress(progress_of_workers())
+    for part in ("5/60", "25/100", "20/100"):
+        assert part in screen.getvalue()
 
 
 def test_a_measurement_says_now_and_then_how_long_the_rest_will_take() -> None:

@@ -14,7 +14,7 @@ import psutil
 import pytest
 
 from carstage.errors import CollectorError
-from carstage.execution import CollectorProcess, InlineExecutor
+from carstage.execution import CollectorProcess
 
 DEADLINE_S = 60.0
 
@@ -117,13 +117,6 @@ def test_exit_code_names_the_signal(tmp_path: Path) -> None:
 def test_use_before_the_start_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(CollectorError, match="not started"):
         _ = process(tmp_path, "").pid
-
-
-def test_inline_executor_opens_no_lane_without_a_job() -> None:
-    def open_worker() -> Any:
-        raise AssertionError("a server would start for nothing")
-
-    InlineExecutor().execute(lambda: None, open_worker)
 
 
 def wait_for_first(collector: CollectorProcess) -> str:

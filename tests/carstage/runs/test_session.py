@@ -67,8 +67,10 @@ class Execute:
     def __init__(self, error: BaseException) -> None:
         self._error = error
 
-    def execute(self, take: Any, open_worker: Any) -> None:
-        del take, open_worker
+    in_process = True
+
+    def execute(self, work: Any) -> None:
+        del work
         raise self._error
 
 
@@ -177,7 +179,7 @@ def test_start_that_was_killed_takes_one_of_the_tries(made: Made, spec: EpisodeS
     job = Job(spec, spec.episode_id)
     for tries in range(RETRIES):
         assert session.start_failed(job, killed)
-        taken = session._take()
+        taken = session.take()
         assert taken is not None
         assert (taken.tries, taken.first_attempt) == (tries + 1, 1)
         job = taken
@@ -198,7 +200,7 @@ def test_deferred_recording_that_cannot_be_converted_is_recorded_again(
     first, second = Dead(spec, 0), Dead(spec, 1)
     for attempt_commit in (first, second):
         session._queue._later.append(attempt_commit)  # type: ignore[arg-type]
-    job = session._take()
+    job = session.take()
     assert job is not None
     assert (job.tries, first.given_up) == (1, True)
     assert not second.given_up
@@ -243,10 +245,10 @@ def test_a_server_lost_on_the_way_says_how_to_go_on(
     spec = plan[0]
 
     class Lose(Execute):
-        def execute(self, take: Any, open_worker: Any) -> None:
+        def execute(self, work: Any) -> None:
             if begun:
                 session.begin(Job(spec, spec.episode_id))
-            super().execute(take, open_worker)
+            super().execute(work)
 
     with pytest.raises(ServerError, match="No CARLA server"):
         session.run(plan, plan[:0], Lose(ServerError("No CARLA server answers.")))
@@ -263,9 +265,9 @@ def test_disk_that_refuses_the_last_words_does_not_hide_why_the_run_ended(
         raise StorageError("Writing status.json failed: No space left on device.")
 
     class Fail(Execute):
-        def execute(self, take: Any, open_worker: Any) -> None:
+        def execute(self, work: Any) -> None:
             monkeypatch.setattr(folder, "write_status", refuse)
-            super().execute(take, open_worker)
+            super().execute(work)
 
     with pytest.raises(CollectorError, match="It broke"):
         session.run(plan[:0], plan[:0], Fail(CollectorError("It broke.")))

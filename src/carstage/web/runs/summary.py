@@ -72,7 +72,7 @@ def summary_of_record(
         message=_shortened(status.get("message")),
         progress=1.0 if state == "done" else min(1.0, done / total) if total else 0.0,
         rate_ticks_s=None if over else rate_ticks_s,
-        eta_s=None if over else _time_left_s(counts, current, plan, rate_ticks_s),
+        eta_s=None if over else _time_left_s(status, counts, current, plan, rate_ticks_s),
         disk_free_bytes=free_bytes,
         started=_time(status.get("pid_started")),
         ended=_time(heartbeat) if over else None,
@@ -108,12 +108,19 @@ def _work(
 
 
 def _time_left_s(
+    status: Mapping[str, Any],
     counts: EpisodeCountsMessage,
     current: CurrentEpisodeMessage | None,
     plan: RunPlan | None,
     rate_ticks_s: float | None,
 ) -> float | None:
-    """From the steps that are left and the rate lately; None before there is one."""
+    """From the steps that are left and the rate lately; None before there is one.
+
+    A run with several workers says it itself.
+    """
+    told = status.get("eta_s")
+    if isinstance(told, int | float):
+        return float(told)
     if plan is None or not plan.episodes or not rate_ticks_s:
         return None
     finished = counts.committed + counts.skipped + counts.failed

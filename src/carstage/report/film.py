@@ -49,11 +49,13 @@ def film(pictures: Iterable[tuple[int, Image.Image]], frames_per_s: float) -> st
         stream = container.add_stream("libx264", rate=rate)
         stream.pix_fmt, stream.options = "yuv420p", dict(_OPTIONS)
         stream.time_base = stream.codec_context.time_base = 1 / rate
+        size: tuple[int, int] | None = None
         for k, picture in pictures:
-            scale = min(1.0, _MOST_WIDTH / picture.width)
-            size = tuple(max(2, int(side * scale) // 2 * 2) for side in picture.size)
-            stream.width, stream.height = size
-            small = picture.resize((size[0], size[1]), Image.Resampling.LANCZOS)
+            if size is None:  # PyAV takes it before the first picture alone
+                scale = min(1.0, _MOST_WIDTH / picture.width)
+                width, height = (max(2, int(side * scale) // 2 * 2) for side in picture.size)
+                size = stream.width, stream.height = width, height
+            small = picture.resize(size, Image.Resampling.LANCZOS)
             frame = av.VideoFrame.from_ndarray(np.asarray(small), format="rgb24")
             frame.pts, frame.time_base = k, 1 / rate
             container.mux(stream.encode(frame))

@@ -72,6 +72,8 @@ class ServerProcess:
     @property
     def exit_code(self) -> int | None:
         """Its exit status, None while it runs."""
+        if not self._ended.is_set() and self._is_over():
+            self._ended.wait(KILL_S)  # the thread that waits for its end is about to say so
         return self._process.returncode if self._ended.is_set() else None
 
     def wait_line(self, timeout_s: float) -> str:
@@ -124,11 +126,19 @@ class ServerProcess:
         with suppress(ProcessLookupError):
             os.killpg(self._process.pid, number)
 
+    def _is_over(self) -> bool:
+        try:
+            found = os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        except ChildProcessError:  # reaped
+            return True
+        return found is not None
+
     def _await_end(self) -> None:
         # Seen, not yet reaped: its id, and with it the id of its group, is still its own. What it
         # leaves behind in the group goes with it.
-        os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOWAIT)
-        self._signal(signal.SIGKILL)
+        with suppress(ChildProcessError):  # somebody else in this process has reaped it
+            os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOWAIT)
+            self._signal(signal.SIGKILL)
         self._process.wait()
         self._ended.set()
 

@@ -7,12 +7,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from carstage.files.hashing import hash_of, hash_of_file
-from carstage.files.streaming import FileStream
 from carstage.files.whole import whole_file
 from carstage.storage.marker import FileEntry
+
+if TYPE_CHECKING:
+    from carstage.files.streaming import FileStream
 
 
 class FileWriter(Protocol):
@@ -85,6 +87,8 @@ class FolderFiles(AttemptFiles):
     @contextmanager
     def stream(self) -> Iterator[FileWriter]:
         """See ``AttemptFiles.stream``; large files go past the page cache."""
+        from carstage.files.streaming import FileStream  # loads numpy
+
         with FileStream() as files:
             yield _FolderWriter(self.folder, files)
 

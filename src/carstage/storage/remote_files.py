@@ -24,7 +24,7 @@ _CONNECT_S = 5
 _RETRIES = 8
 _RETRY_FOR_S = 90
 _FIRST_BACKOFF_S, _MOST_BACKOFF_S = 0.1, 8
-_CREATE_TRIES = 6
+_TRIES = 6
 _PART_BYTES = 8 << 20
 """Larger files go up in parts, several at a time."""
 _DELETED_AT_ONCE = 1000
@@ -142,7 +142,7 @@ class RemoteFiles:
         from obstore.exceptions import AlreadyExistsError, BaseError, PreconditionError
 
         pause_s = _FIRST_BACKOFF_S
-        for tries_left in range(_CREATE_TRIES - 1, -1, -1):
+        for tries_left in range(_TRIES - 1, -1, -1):
             try:
                 obstore.put(self.store, key, content, mode="create", use_multipart=False)
             except (AlreadyExistsError, PreconditionError):
@@ -226,10 +226,13 @@ class RemoteFiles:
         return sorted(prefix.rstrip("/").rpartition("/")[2] for prefix in found["common_prefixes"])
 
     def delete(self, keys: Iterable[str]) -> None:
-        """Remove objects; those that are not there are none too many."""
+        """Remove objects; those that are not there are none too many.
+
+        Many go in one request, which the library does not repeat; to repeat it does no harm.
+        """
         import obstore
 
-        left = list(keys)
+        left, tries_left = list(keys), _TRIES
         while left:
             some, left = left[:_DELETED_AT_ONCE], left[_DELETED_AT_ONCE:]
             try:
@@ -237,9 +240,14 @@ class RemoteFiles:
             except Exception as error:  # noqa: BLE001 - all of the library's are explained
                 if is_missing_object(error):
                     continue
-                if not is_unsupported(error):
-                    raise explain(error, self.root, "removing", some[0]) from None
-                self.store = self._opened(bulk_delete=False)
+                if is_unsupported(error):
+                    self.store = self._opened(bulk_delete=False)
+                else:
+                    tries_left -= 1
+                    failure = explain(error, self.root, "removing", some[0])
+                    if not tries_left or isinstance(failure, BadInputError):
+                        raise failure from None
+                    _pause(_FIRST_BACKOFF_S * (_TRIES - tries_left))
                 left = some + left
 
     def _ask(self, doing: str, question: Callable[[], Result], key: str) -> Result:

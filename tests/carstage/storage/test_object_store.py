@@ -195,7 +195,7 @@ def test_a_server_that_is_gone_is_told_in_time(
     tmp_path: Path, use: Callable[[ObjectServer], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("carstage.storage.remote_files._RETRIES", 1)
-    monkeypatch.setattr("carstage.storage.remote_files._CREATE_TRIES", 2)
+    monkeypatch.setattr("carstage.storage.remote_files._TRIES", 2)
     with localbucket(tmp_path / "server") as server:
         address = use(server)
     with pytest.raises(Exception, match="cannot be reached") as caught:

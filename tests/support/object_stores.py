@@ -136,14 +136,15 @@ def _server(
             env={**os.environ, **(environment or {})},
         )
     try:
-        _wait_until_up(process, port, folder / "server.log")
+        wait_until_up(process, port, folder / "server.log")
         yield process, port
     finally:
         process.kill()
         process.wait()
 
 
-def _wait_until_up(process: subprocess.Popen[bytes], port: int, log: Path) -> None:
+def wait_until_up(process: subprocess.Popen[bytes], port: int, log: Path) -> None:
+    """Wait until a server answers whatever it may be asked."""
     deadline_s = time.monotonic() + _START_S
     while time.monotonic() < deadline_s:
         assert process.poll() is None, log.read_text("utf-8", "replace")[-2000:]

@@ -68,6 +68,7 @@ class RemoteFiles:
 
     def __init__(self, root: str) -> None:
         self.root = root
+        self._bulk_delete = True
         self.store = self._opened(bulk_delete=True)
 
     def read(self, key: str) -> bytes:
@@ -240,7 +241,8 @@ class RemoteFiles:
             except Exception as error:  # noqa: BLE001 - all of the library's are explained
                 if is_missing_object(error):
                     continue
-                if is_unsupported(error):
+                if is_unsupported(error) and self._bulk_delete:
+                    self._bulk_delete = False
                     self.store = self._opened(bulk_delete=False)
                 else:
                     tries_left -= 1

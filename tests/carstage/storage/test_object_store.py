@@ -15,6 +15,7 @@ from carstage.errors import BadInputError, DatasetError, StoreAccessError, Unsaf
 from carstage.storage import Store, open_store
 from carstage.storage.remote_files import remote_files
 from carstage.testing.store import StoreTests
+from gcs_server import fake_gcs, fake_gcs_is_here
 from object_stores import (
     ObjectServer,
     azurite,
@@ -111,6 +112,19 @@ class TestAzurite(ObjectStoreTests):
     @pytest.fixture
     def server(self, azurite_server: ObjectServer) -> ObjectServer:
         return azurite_server
+
+
+@pytest.fixture(scope="module")
+def gcs_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ObjectServer]:
+    with fake_gcs(tmp_path_factory.mktemp("gcs")) as server:
+        yield server
+
+
+@pytest.mark.skipif(not fake_gcs_is_here(), reason="the dev extra's fake-gcs-server is missing")
+class TestGoogle(ObjectStoreTests):
+    @pytest.fixture
+    def server(self, gcs_server: ObjectServer) -> ObjectServer:
+        return gcs_server
 
 
 @pytest.fixture(scope="module")

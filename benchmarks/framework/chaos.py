@@ -26,6 +26,7 @@ from typing import Any
 import psutil
 
 from benchmarks.framework.object_store import s3_server
+from benchmarks.framework.recorded import run_carstage
 from carstage.bench.verdict import Figure, Verdict
 from carstage.files.hashing import hash_of
 from carstage.storage import open_store
@@ -179,8 +180,8 @@ def measure_chaos(
                     progress(len(open_store(address).committed()), episodes)
             output = (scratch / "run.log").read_text("utf-8", "replace")
             done_s = time.monotonic() - began_s
-            collected = _carstage(["catalog", "gc", address, "--yes"], environment)
-            figures = _compare(address, config, scratch, environment)
+            collected = run_carstage("catalog", "gc", address, "--yes", environment=environment)
+            figures = _compare(address, config, scratch)
     notes = [f"killed: {dict(killed)}", f"answers spoilt: {dict(proxy.spoilt)}"]
     notes += [f"exit codes of the runs: {codes}", f"catalog gc: {collected[-300:].strip()}"]
     if codes[-1]:
@@ -262,9 +263,7 @@ def _kind(process: psutil.Process) -> str:
     return "another"
 
 
-def _compare(
-    address: str, config: Path, scratch: Path, environment: Mapping[str, str]
-) -> dict[str, int]:
+def _compare(address: str, config: Path, scratch: Path) -> dict[str, int]:
     """What of the dataset is not as it should be."""
     files = remote_files(address)
     markers = open_store(address).committed()
@@ -281,26 +280,11 @@ def _compare(
     found["orphans"] = len(present - listed) + len(files.below("leases"))
     undisturbed = scratch / "undisturbed"
     few = ["--set", f"episodes={_COMPARED}"]
-    _carstage(["run", str(config), "--out", str(undisturbed), *few], environment)
+    run_carstage("run", str(config), "--out", str(undisturbed), *few)
     for episode_id, marker in open_store(undisturbed).committed().items():
         other = markers.get(episode_id)
         found["others"] += other is None or other.files != marker.files
     return {key: found[key] for key in ("committed", "files", "differ", "orphans", "others")}
-
-
-def _carstage(words: list[str], environment: Mapping[str, str]) -> str:
-    """Run a command; what it said."""
-    done = subprocess.run(
-        [sys.executable, "-m", "carstage.cli", *words],
-        env={**os.environ, **environment},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode:
-        raise RuntimeError(f"carstage {' '.join(words)}: {done.stderr[-2000:]}")
-    return done.stdout + done.stderr
 
 
 @contextmanager

@@ -8,7 +8,6 @@ commit. The server works on the same cores, as it would not in earnest.
 from __future__ import annotations
 
 import json
-import os
 import statistics
 import subprocess
 import sys
@@ -19,6 +18,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from benchmarks.framework.recorded import run_carstage
 from carstage.bench.verdict import Figure, Verdict
 from carstage.server.ports import free_port
 
@@ -113,17 +113,8 @@ def measure_object_store(
 
 def _episode_s(config: Path, out: str, work: Path, environment: Mapping[str, str]) -> float:
     """Seconds from the reservation of the episode's attempt to its commit."""
-    words = ["run", str(config), "--out", out, "--work", str(work)]
-    done = subprocess.run(
-        [sys.executable, "-m", "carstage.cli", *words],
-        env={**os.environ, **environment},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode:
-        raise RuntimeError(f"carstage {' '.join(words)}: {done.stderr[-2000:]}")
+    words = ("run", str(config), "--out", out, "--work", str(work))
+    run_carstage(*words, environment=environment)
     (events,) = work.glob("runs/*/events.jsonl")
     times = {e["event"]: e["time"] for e in map(json.loads, events.read_text().splitlines())}
     return float(times["episode_committed"] - times["attempt_reserved"])

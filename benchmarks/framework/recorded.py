@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -24,7 +25,7 @@ def record_demo(out: Path, seconds: float, python: str = sys.executable) -> Epis
     Raises:
         RuntimeError: the command failed; with the end of what it said.
     """
-    _carstage(python, "demo", "--out", str(out), "--set", f"duration_s={seconds}")
+    run_carstage("demo", "--out", str(out), "--set", f"duration_s={seconds}", python=python)
     (episode,) = Dataset(out).episodes
     return episode
 
@@ -37,7 +38,7 @@ def record(config: Mapping[str, Any], folder: Path) -> Path:
     """
     path, out = folder / "config.yaml", folder / "dataset"
     path.write_text(yaml.safe_dump(dict(config)))
-    _carstage(sys.executable, "run", str(path), "--out", str(out))
+    run_carstage("run", str(path), "--out", str(out))
     return out
 
 
@@ -46,8 +47,27 @@ def hashes(episode: Episode) -> dict[str, str]:
     return {entry.path: entry.hash for entry in episode.marker.files}
 
 
-def _carstage(python: str, *arguments: str) -> None:
-    command = [python, "-m", "carstage.cli", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+def run_carstage(
+    *arguments: str, python: str = sys.executable, environment: Mapping[str, str] | None = None
+) -> str:
+    """Run a command of Car-STAGE in a process of its own; what it said.
+
+    Args:
+        arguments: its words.
+        python: in whose environment Car-STAGE is installed.
+        environment: variables beside this process's.
+
+    Raises:
+        RuntimeError: the command failed; with the end of what it said.
+    """
+    done = subprocess.run(
+        [python, "-m", "carstage.cli", *arguments],
+        env={**os.environ, **(environment or {})},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     if done.returncode:
         raise RuntimeError(f"carstage {' '.join(arguments)}: {done.stderr[-2000:]}")
+    return done.stdout + done.stderr

@@ -49,7 +49,9 @@ class FakeRun:
         (out / "commits").mkdir(exist_ok=True)
         description = {"format_version": 1, "name": "fake", "created_by": "a test", "tags": []}
         (out / "dataset.json").write_text(json.dumps(description))
-        self.process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+        # A shell may have started the tests with SIGINT ignored, which children inherit.
+        program = "import signal, time; signal.signal(signal.SIGINT, signal.SIG_DFL)"
+        self.process = subprocess.Popen([sys.executable, "-c", f"{program}; time.sleep(600)"])
         self._status = {
             "format_version": 1,
             "run_id": run_id,

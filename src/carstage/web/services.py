@@ -16,6 +16,7 @@ from carstage.web.configure.texts import ConfigTexts
 from carstage.web.datasets.catalogue import Catalogue
 from carstage.web.datasets.episodes import EpisodeService
 from carstage.web.datasets.frame_values import FrameService
+from carstage.web.datasets.history import HistoryService
 from carstage.web.datasets.jobs import JobService
 from carstage.web.datasets.label_tables import LabelTables
 from carstage.web.datasets.pictures import Pictures
@@ -50,6 +51,7 @@ class Services:
         self.jobs = JobService(settings.state, roots)
         self.datasets = Catalogue(roots, self.jobs)
         self.episodes = EpisodeService(self.datasets, self.description)
+        self.history = HistoryService(self.datasets)
         self.frames = FrameService(self.datasets)
         self.pictures = Pictures(self.frames)
         self.tables = LabelTables(self.datasets, roots)

@@ -9,16 +9,16 @@ export function EpisodeList({ dataset, episodes }: { dataset: string; episodes: 
   if (episodes.length === 0) return <p className="empty">No episode has been committed yet.</p>;
   return (
     <ul className="episode-cards">
-      {episodes.map((episode) => (
+      {episodes.map((episode, position) => (
         <li key={episode.episode_id}>
-          <EpisodeCard dataset={dataset} episode={episode} />
+          <EpisodeCard dataset={dataset} episode={episode} number={position + 1} />
         </li>
       ))}
     </ul>
   );
 }
 
-function EpisodeCard({ dataset, episode }: { dataset: string; episode: EpisodeSummary }) {
+function EpisodeCard({ dataset, episode, number }: { dataset: string; episode: EpisodeSummary; number: number }) {
   const base = `/datasets/${encodeURIComponent(dataset)}/episodes/${episode.episode_id}`;
   const detail = useAnswer<EpisodeDetail>(base);
   const pictures = detail.data?.sensors.filter((sensor) => sensor.data === "image") ?? [];
@@ -35,7 +35,7 @@ function EpisodeCard({ dataset, episode }: { dataset: string; episode: EpisodeSu
         <span className="card-blank" />
       )}
       <span className="card-text">
-        <b>Episode {episode.index + 1}</b>
+        <b>Episode {number}</b>
         <span className="muted">
           {episode.map.split("/").at(-1)}, {episode.weather}
         </span>

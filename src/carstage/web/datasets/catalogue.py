@@ -60,14 +60,34 @@ class Catalogue:
         from carstage.report.drawing import CLASS_COLOURS
 
         found = self._roots.dataset(dataset)
-        description = read_description(found.path / "dataset.json")
         episodes = [self.episode_summary(self.episode(dataset, id_)) for id_ in _ids(found.path)]
         return DatasetDetail(
             summary=self._summary(found),
             episodes=sorted(episodes, key=lambda episode: (episode.index, episode.episode_id)),
-            tags=[Tag.model_validate(tag) for tag in description.get("tags", ())],
+            tags=self.tags(dataset),
             class_colours={name: list(colour) for name, colour in CLASS_COLOURS.items()},
         )
+
+    def tags(self, dataset: str) -> list[Tag]:
+        """The semantic tags of a dataset.
+
+        Raises:
+            WebError: there is none of that id.
+            DatasetError: it cannot be read.
+        """
+        description = read_description(self._roots.dataset(dataset).path / "dataset.json")
+        return [Tag.model_validate(tag) for tag in description.get("tags", ())]
+
+    def number(self, dataset: str, episode_id: str) -> int:
+        """The place of an episode in its dataset, from 1, in the order of :meth:`detail`.
+
+        Raises:
+            WebError: there is no such dataset or episode.
+            DatasetError: a marker is damaged.
+        """
+        order = [(e.spec.index, e.id) for e in self.episodes(dataset)]
+        own = self.episode(dataset, episode_id)
+        return 1 + sorted(order).index((own.spec.index, own.id))
 
     def episode(self, dataset: str, episode: str) -> Episode:
         """One committed episode.

@@ -880,7 +880,8 @@ export interface components {
         };
         /**
          * ConfigImportRequest
-         * @description A text to read: a configuration as YAML, or a CARLA-style JSON list of sensors.
+         * @description A text to read: a configuration as YAML, a CARLA-style JSON list of sensors, or a calibration
+         *     of KITTI, nuScenes or ROS.
          *
          *     Attributes:
          *         base: for a list of sensors: the configuration whose rig they replace.
@@ -893,7 +894,7 @@ export interface components {
              * @default yaml
              * @enum {string}
              */
-            format: "yaml" | "carla-json";
+            format: "yaml" | "carla-json" | "calibration";
             /** Base */
             base?: {
                 [key: string]: unknown;

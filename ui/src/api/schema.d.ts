@@ -1280,6 +1280,7 @@ export interface components {
          *
          *     Attributes:
          *         saved_fps: saved frames per simulated second.
+         *         thumbnail: a camera whose pictures show it.
          */
         EpisodeSummary: {
             /** Episode Id */
@@ -1300,6 +1301,8 @@ export interface components {
             bytes: number;
             /** Sensors */
             sensors: number;
+            /** Thumbnail */
+            thumbnail?: string | null;
         };
         /**
          * ErrorMessage

@@ -124,9 +124,6 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
           schema={schema}
           coverage={coverage}
           onCoverage={setCoverage}
-          onTrueRanges={() => setTrueRanges(!trueRanges)}
-          comparing={comparing}
-          onCompare={() => setComparing(!comparing)}
           onPreset={(name) =>
             edit((now) => setAt(setAt(now, ["rig", "sensors"], []), ["rig", "preset"], name))
           }
@@ -137,6 +134,15 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
             <header className="view-head">
               <h3>3D</h3>
               <span className="spacer" />
+              <button
+                type="button"
+                className="button small"
+                aria-pressed={trueRanges}
+                title="Draw fields of view as far as they reach, in all views"
+                onClick={() => setTrueRanges(!trueRanges)}
+              >
+                True ranges
+              </button>
               <div className="segments small" role="group" aria-label="Gizmo">
                 {(["translate", "rotate"] as const).map((one) => (
                   <button
@@ -170,6 +176,9 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
           <span className="muted">{sensors.length}</span>
           {typeof named === "string" && <span className="badge">preset {named}</span>}
           <span className="spacer" />
+          <button type="button" className="button small" aria-pressed={comparing} title="Another rig beside this one" onClick={() => setComparing(!comparing)}>
+            Compare
+          </button>
           <SensorLists />
         </header>
         <SensorList />

@@ -13,14 +13,11 @@ interface Props {
   schema: SchemaMessage;
   coverage: CoverageChoice;
   onCoverage(choice: CoverageChoice): void;
-  onTrueRanges(): void;
-  comparing: boolean;
-  onCompare(): void;
   onPreset(name: string): void;
 }
 
 /** Presets, new sensors, changes of what is chosen, and how fields of view are drawn. */
-export function RigToolbar({ schema, coverage, onCoverage, onTrueRanges, comparing, onCompare, onPreset }: Props) {
+export function RigToolbar({ schema, coverage, onCoverage, onPreset }: Props) {
   const rig = useRig();
   const { kinds, modalities } = useStore(kindTable, (now) => now);
   const common = commonKinds();
@@ -98,9 +95,6 @@ export function RigToolbar({ schema, coverage, onCoverage, onTrueRanges, compari
         Place by click
       </button>
       <span className="spacer" />
-      <button type="button" className="button small" aria-pressed={comparing} title="Another rig beside this one" onClick={onCompare}>
-        Compare
-      </button>
       <label className="inline-label">
         <span className="sr-only">Coverage of the ground</span>
         <select
@@ -119,15 +113,6 @@ export function RigToolbar({ schema, coverage, onCoverage, onTrueRanges, compari
           ))}
         </select>
       </label>
-      <button
-        type="button"
-        className="button small"
-        aria-pressed={rig.trueRanges}
-        title="Draw fields of view as far as they reach"
-        onClick={onTrueRanges}
-      >
-        True ranges
-      </button>
     </header>
   );
 }

@@ -53,6 +53,7 @@ class EpisodeSummary(Message):
 
     Attributes:
         saved_fps: saved frames per simulated second.
+        thumbnail: a camera whose pictures show it.
     """
 
     episode_id: Name
@@ -64,6 +65,7 @@ class EpisodeSummary(Message):
     duration_s: float
     bytes: int
     sensors: int
+    thumbnail: Name | None = None
 
 
 class Tag(Message):

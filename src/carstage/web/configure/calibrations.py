@@ -215,8 +215,8 @@ def _camera_info(info: Mapping[str, Any], number: int) -> tuple[Document, list[s
     import numpy as np
 
     size = (
-        int(info.get("image_width", info.get("width"))),  # type: ignore[arg-type]
-        int(info.get("image_height", info.get("height"))),  # type: ignore[arg-type]
+        int(info.get("image_width", info.get("width"))),
+        int(info.get("image_height", info.get("height"))),
     )
     given = info.get("camera_matrix", info.get("K", info.get("k")))
     values = given["data"] if isinstance(given, dict) else given

@@ -202,7 +202,7 @@ def _classes(table: pa.Table) -> dict[str, int]:
     """Rows by class, the most frequent first; empty where rows have none."""
     if "class" not in table.column_names:
         return {}
-    counted: Any = table["class"].value_counts().to_pylist()
+    counted: list[Any] = [entry.as_py() for entry in table["class"].value_counts()]
     rows = {entry["values"]: entry["counts"] for entry in counted if entry["values"]}
     return dict(sorted(rows.items(), key=lambda entry: -entry[1]))
 

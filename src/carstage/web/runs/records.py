@@ -102,7 +102,7 @@ def _record(folder: Path, dataset: str) -> RunRecord | None:
     return RunRecord(folder.name, dataset, folder, status, liveness(status))
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=512)
 def read_plan(path: Path, _changed_ns: int) -> RunPlan | None:
     """What ``plan.json`` fixes; kept by the file's time."""
     document = read_document(path)

@@ -162,7 +162,7 @@ def runs_of(root: Path, runs: int = RUNS) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Opened:
+class OpenTimes:
     """Seconds until a large dataset shows its episodes, and until all runs are listed."""
 
     first_s: float
@@ -172,7 +172,7 @@ class Opened:
     runs_s: list[float]
 
 
-def open_large(browser: Browser, root: Path, times: int) -> Opened:
+def open_large(browser: Browser, root: Path, times: int) -> OpenTimes:
     """Open a dataset of a million frames: the first time ever, again, and after a new start."""
     large_dataset(root / "large")
     runs_of(root)
@@ -187,7 +187,7 @@ def open_large(browser: Browser, root: Path, times: int) -> Opened:
             listed_s.append(_list_runs(browser, served))
     with interface(root) as served:
         restarted_s = _open(browser, served)
-    return Opened(first_s, again_s, restarted_s, answers_s, listed_s)
+    return OpenTimes(first_s, again_s, restarted_s, answers_s, listed_s)
 
 
 def _open(browser: Browser, served: Interface) -> float:

@@ -24,7 +24,7 @@ from benchmarks.framework.gui.looking import (
     FRAMES,
     POINTS,
     RUNS,
-    Opened,
+    OpenTimes,
     Scrubbed,
     open_large,
     scrub,
@@ -119,7 +119,7 @@ def _editing(loads_s: list[float], followed: Followed, looked: Looked) -> tuple[
     )
 
 
-def _looking(scrubbed: Scrubbed, opened: Opened) -> tuple[Figure, ...]:
+def _looking(scrubbed: Scrubbed, opened: OpenTimes) -> tuple[Figure, ...]:
     return (
         Figure("scrub_points", scrubbed.points, ">=", POINTS),
         Figure("scrub_frames_per_s", scrubbed.per_s, ">=", FRAMES_PER_S),

@@ -95,8 +95,7 @@ def export_dataset(
         out: the folder to make, or a place in an object store; it is there when all is written.
         options: choices; default: those of the format.
         overwrite: replace an export that stands there.
-        allow_incomplete: go on although frames, files or episodes are missing or damaged; they are
-            left out.
+        allow_incomplete: leave frames, files and episodes out that are missing or damaged.
         workers: number of processes; 0: none but this one; default: the number of CPU cores.
         progress: called with what is done, frames done, frames in all.
 

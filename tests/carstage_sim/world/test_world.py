@@ -378,3 +378,22 @@ def test_only_walkers_can_be_killed(world: World, stage01: Town) -> None:
     car = world.spawn(CAR, {}, place(stage01, 0))
     with pytest.raises(ActorTypeError):
         world.kill_walker(car.actor_id)
+
+
+@pytest.mark.parametrize("type_id", ["util.actor.empty", "static.prop.mesh"])
+def test_what_has_no_shape_carries_sensors_and_stops_nobody(
+    world: World, stage01: Town, type_id: str
+) -> None:
+    x, y, z, _, yaw, _ = stage01.spawn_points[0].tolist()
+    way = np.radians(yaw)
+    ahead = Pose((x + 8.0 * np.cos(way), y + 8.0 * np.sin(way), z), (0.0, yaw, 0.0))
+    mount = world.spawn(type_id, {}, ahead)
+    camera = world.spawn(CAMERA, {}, Pose((1.0, 0.0, 2.0)), parent_id=mount.actor_id)
+    assert world.actors.pose(camera.actor_id).location == pytest.approx(
+        (x + 9.0 * np.cos(way), y + 9.0 * np.sin(way), z + 2.0), abs=1e-5
+    )
+    car = world.spawn(CAR, {}, place(stage01))
+    world.control_vehicle(car.actor_id, VehicleControl(throttle=1.0))
+    ticks(world, 60)
+    driven = np.subtract(world.actors.pose(car.actor_id).location, (x, y, z))
+    assert np.hypot(driven[0], driven[1]) > 10.0

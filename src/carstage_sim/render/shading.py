@@ -17,21 +17,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, inlined, kernel
+from carstage_sim.render.arithmetic import exp_down, power_of_slant
 from carstage_sim.render.cast import NOTHING, Scene, trace
 from carstage_sim.render.detail import hash_unit, noise
 from carstage_sim.render.incoming_light import (
     OVER_PI,
+    OVERHANG_M,
+    RAY_NEAR_M,
+    SHADOW_M,
     openness,
+    overhang_share,
+    overhang_way,
     sees_sun,
     sky_irradiance,
     sky_radiance,
     sun_is_up,
+    sun_may_reach,
+    sun_start,
     under_overhang,
 )
 from carstage_sim.render.lamps import Lamps, glow, lamp_light
 from carstage_sim.render.materials import Glow, MaterialTable
 from carstage_sim.render.object_appearance import ObjectAppearance
+from carstage_sim.render.packets import PacketScratch, new_packet_scratch
 from carstage_sim.render.scene import Surfaces
+from carstage_sim.render.shafts import trace_along
+from carstage_sim.render.simd import PACKET
 from carstage_sim.render.sky import Lighting
 from carstage_sim.render.surface import facing_normals, is_leaf, surface_material, water
 from carstage_sim.render.weathering import fog_share, rain_share
@@ -42,14 +53,12 @@ _HALF: Any = np.float32(0.5)
 _STREET_LAMP = int(Glow.STREET_LAMP)
 _SUN_DISC_COS: Any = np.float32(0.99996)
 """Cosine of the sun disc's angular radius, half a degree: twice the real one."""
-_SUN_DISC_GAIN = 40
+_SUN_DISC_GAIN: Any = np.float32(40)
 """Radiance of the disc for each unit of the sun's irradiance."""
 _SKY_M: Any = np.float32(2500.0)
 """Length of air between the camera and the sky, for fog and rain."""
 _LEAST_FACING: Any = np.float32(0.06)
 """Least cosine at which a pixel's footprint on a surface is measured."""
-_FOOTPRINT_POWER: Any = np.float32(0.7)
-"""How a footprint grows with the slant: between its two sides, 0 and 1."""
 _MIRROR_NEAR_M: Any = np.float32(1e-3)
 _MIRROR_M: Any = np.float32(150.0)
 """What is farther is not mirrored, but the sky."""
@@ -79,12 +88,11 @@ _LEVEL_GROUND: Any = np.float32(0.7)
 """Upward part of a normal from which a surface is ground under an overhang."""
 _WET_GROUND: Any = np.float32(0.5)
 """Upward part of a normal above which a surface holds water."""
+_RIPPLES_PER_M: Any = np.float32(23)
 _WATER_ROUGHNESS: Any = np.float32(0.06)
 _LIFT_M: Any = np.float32(2e-3)
 _LIFT_PER_M: Any = np.float32(2e-4)
 """How far above a surface rays from it begin, and its growth with the distance."""
-_LEAF_LIFT_M: Any = np.float32(0.25)
-"""Rays to the sun leave a crown's outer leaves so far ahead."""
 _LAMP_RADIANCE: Any = np.float32(6.0)
 """Radiance of a street lamp of full power."""
 _ROOM_RADIANCE: Any = np.float32(1.1)
@@ -145,7 +153,7 @@ class RayHits(NamedTuple):
 @device
 def _film(value):  # type: ignore[no-untyped-def]
     """Exposed light as display light, 0-1: linear in the dark, saturating like film."""
-    return _ONE - math.exp(-max(value, _ZERO))
+    return _ONE - exp_down(max(value, _ZERO))
 
 
 @inlined
@@ -224,7 +232,7 @@ def _mirrored_sky(light, rx, ry, rz):  # type: ignore[no-untyped-def]
     if rz < _TOWN_HORIZON:
         # Near and below the horizon the town reflects, not the sky.
         a = light.ambient
-        ground = min(max((_TOWN_HORIZON - rz) * 5, _ZERO), _ONE)
+        ground = min(max((_TOWN_HORIZON - rz) * np.float32(5), _ZERO), _ONE)
         r += (a[2, 0] * OVER_PI - r) * ground
         g += (a[2, 1] * OVER_PI - g) * ground
         b += (a[2, 2] * OVER_PI - b) * ground
@@ -234,9 +242,14 @@ def _mirrored_sky(light, rx, ry, rz):  # type: ignore[no-untyped-def]
 @device
 def _glint(towards_sun, rough, fresnel):  # type: ignore[no-untyped-def]
     """Sun's reflection for each unit of its irradiance, where a mirror ray meets that cosine."""
-    shine = max(towards_sun, _ZERO)
-    power = min(2 / max(rough**4, np.float32(1e-3)), _SHARPEST_GLINT)
-    return shine**power * (power + 2) * _GLINT * fresnel
+    if towards_sun <= 0:
+        return _ZERO
+    square = rough * rough
+    power = min(np.float32(2) / max(square * square, np.float32(1e-3)), _SHARPEST_GLINT)
+    # (1 - x) ** n is about exp(-n * (x + x^2 / 2 + x^3 / 3 + x^4 / 4)); what is off is dark.
+    x = max(_ONE - towards_sun, _ZERO)
+    fall = x * (_ONE + x * (_HALF + x * (np.float32(1 / 3) + x * np.float32(1 / 4))))
+    return exp_down(power * fall) * (power + np.float32(2)) * _GLINT * fresnel
 
 
 @inlined
@@ -246,46 +259,84 @@ def _water_on(light, pool, rough, p, n, pixel):  # type: ignore[no-untyped-def]
     rough_water = (_ONE - pool) * _WATER_ROUGHNESS + light.rain * np.float32(0.02)
     tremble = rough_water * min(np.float32(0.05) / pixel, _ONE)
     return (
-        rough + (_WATER_ROUGHNESS - rough) * min(pool * 2, _ONE),
-        n[0] + tremble * noise(p[0] * 23, p[1] * 23, 31),
-        n[1] + tremble * noise(p[0] * 23, p[1] * 23, 32),
+        rough + (_WATER_ROUGHNESS - rough) * min(pool + pool, _ONE),
+        n[0] + tremble * noise(p[0] * _RIPPLES_PER_M, p[1] * _RIPPLES_PER_M, 31),
+        n[1] + tremble * noise(p[0] * _RIPPLES_PER_M, p[1] * _RIPPLES_PER_M, 32),
     )
+
+
+@inlined
+def _is_covered_ground(row, g, distance):  # type: ignore[no-untyped-def]
+    """Whether what may stand right above a surface takes light of the sky from it."""
+    return row < 0 and g[2] > _LEVEL_GROUND and distance < _OVERHANG_WITHIN_M
+
+
+@inlined
+def _feels_sky(leaves, distance):  # type: ignore[no-untyped-def]
+    """Whether a surface's sky is felt by rays, where the picture is worth them."""
+    return not leaves and distance < _OPENNESS_WITHIN_M
 
 
 @inlined
 def _uncovered(frame, scratch, skip, epic, o, g, distance, kinds):  # type: ignore[no-untyped-def]
     """Share of the sky's light that is left; ``kinds``: instance row, whether it is leaves."""
-    if epic and not kinds[1] and distance < _OPENNESS_WITHIN_M:
+    if epic and _feels_sky(kinds[1], distance):
         return openness(frame.scene, scratch, o, g[0], g[1], g[2], skip)
-    if kinds[0] < 0 and g[2] > _LEVEL_GROUND and distance < _OVERHANG_WITHIN_M:
+    if _is_covered_ground(kinds[0], g, distance):
         return under_overhang(frame.scene, scratch, o, skip)
     return _ONE
 
 
 @inlined
-def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance):  # type: ignore[no-untyped-def]
-    """Radiance of what ray ``i`` of unit direction ``d`` met, without the air between."""
-    light, materials = frame.light, frame.materials
+def _lifted(p, g, distance):  # type: ignore[no-untyped-def]
+    """Where rays from a surface begin."""
+    lift = _LIFT_M + distance * _LIFT_PER_M
+    return p[0] + g[0] * lift, p[1] + g[1] * lift, p[2] + g[2] * lift
+
+
+@inlined
+def _place_met(rays, d, distance):  # type: ignore[no-untyped-def]
+    """Where a ray of unit direction ``d`` ends."""
+    o = rays.origin
+    return o[0] + d[0] * distance, o[1] + d[1] * distance, o[2] + d[2] * distance
+
+
+@inlined
+def _normals_met(frame, rays, i, d):  # type: ignore[no-untyped-def]
+    """Shading normal and triangle's normal where ray ``i`` ends, and whether it met leaves."""
+    row, number = rays.row[i], rays.triangle[i]
+    surfaces = frame.static if row < 0 else frame.actors
+    leaves = is_leaf(frame.materials.detail[surfaces.material[number]])
+    nx, ny, nz, gx, gy, gz = facing_normals(
+        frame.scene, surfaces, row, number, rays.weights[i, 0], rays.weights[i, 1], leaves,
+        d[0], d[1], d[2],
+    )  # fmt: skip
+    return nx, ny, nz, gx, gy, gz, leaves
+
+
+@inlined
+def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance, normals, free, sunlit):  # type: ignore[no-untyped-def]
+    """Radiance of what ray ``i`` of unit direction ``d`` met, without the air between.
+
+    ``normals``: see :func:`_normals_met`. ``free``: share of the sky's light. ``sunlit``: whether
+    the sun reaches the place, if it is turned to it.
+    """
+    light = frame.light
     lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
     dx, dy, dz = d
-    px = rays.origin[0] + dx * distance
-    py = rays.origin[1] + dy * distance
-    pz = rays.origin[2] + dz * distance
+    px, py, pz = _place_met(rays, d, distance)
     hit_actor, number, u, v = rays.row[i], rays.triangle[i], rays.weights[i, 0], rays.weights[i, 1]
     surfaces = frame.static if hit_actor < 0 else frame.actors
     m = surfaces.material[number]
-    leaves = is_leaf(materials.detail[m])
-    nx, ny, nz, gx, gy, gz = facing_normals(
-        frame.scene, surfaces, hit_actor, number, u, v, leaves, dx, dy, dz
-    )
-    slant = max(abs(dx * gx + dy * gy + dz * gz), _LEAST_FACING) ** _FOOTPRINT_POWER
+    nx, ny, nz, gx, gy, gz, leaves = normals
+    slant = power_of_slant(min(max(abs(dx * gx + dy * gy + dz * gz), _LEAST_FACING), _ONE))
     pixel = distance * rays.pixel_angle / slant
     kind, cr, cg, cb, rough, f0, emitted = surface_material(
         frame, surfaces, (hit_actor, number, u, v), (px, py, pz), (nx, ny, nz), pixel
     )
     if is_leaf(kind) and light.wind > 0:
         # Wind turns leaves to and from the light.
-        beat = math.sin(light.time_s * 9 + hash_unit(number, 5, 77) * 40)
+        beat = math.sin(light.time_s * np.float32(9) + hash_unit(number, 5, 77) * np.float32(40))
         flutter = _ONE + np.float32(0.4) * light.wind * beat
         cr, cg, cb = cr * flutter, cg * flutter, cb * flutter
     pool = _ZERO
@@ -294,12 +345,7 @@ def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance):  # type
         soaked = _ONE - np.float32(0.5) * light.wetness
         cr, cg, cb = cr * soaked, cg * soaked, cb * soaked
         rough, nx, ny = _water_on(light, pool, rough, (px, py), (nx, ny), pixel)
-    lift = _LIFT_M + distance * _LIFT_PER_M
-    o = (px + gx * lift, py + gy * lift, pz + gz * lift)
     er, eg, eb = sky_irradiance(light, nx, ny, nz)
-    free = _uncovered(
-        frame, scratch, rays.skip, epic, o, (gx, gy, gz), distance, (hit_actor, leaves)
-    )
     er, eg, eb = er * free, eg * free, eb * free
     sunny = nx * lx + ny * ly + nz * lz
     if leaves:
@@ -307,10 +353,7 @@ def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance):  # type
         sunny = max(sunny * np.float32(0.7) + np.float32(0.3), np.float32(0.12))
     lit = False
     if sun_is_up(light) and sunny > 0 and (leaves or gx * lx + gy * ly + gz * lz > 0):
-        start = o
-        if leaves:
-            start = (px + lx * _LEAF_LIFT_M, py + ly * _LEAF_LIFT_M, pz + lz * _LEAF_LIFT_M)
-        lit = sees_sun(frame.scene, scratch, light, start, rays.skip)
+        lit = sunlit
         if lit:
             er += light.sun[0] * sunny
             eg += light.sun[1] * sunny
@@ -326,11 +369,14 @@ def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance):  # type
     if rough < _MATT_ROUGHNESS:
         smooth = _ONE - rough
         facing = min(abs(dx * nx + dy * ny + dz * nz), _ONE)
-        fresnel = f0 + (_ONE - f0) * (_ONE - facing) ** 5 * smooth * smooth
-        back = 2 * (dx * nx + dy * ny + dz * nz)
+        grazing = _ONE - facing
+        square = grazing * grazing
+        fresnel = f0 + (_ONE - f0) * (square * square * grazing) * smooth * smooth
+        back = np.float32(2) * (dx * nx + dy * ny + dz * nz)
         rx, ry, rz = dx - back * nx, dy - back * ny, dz - back * nz
         glossy = pool > _MIRRORING_WATER or (epic and rough < _MIRRORING_ROUGHNESS)
         if glossy and fresnel > _LEAST_FRESNEL and distance < _MIRRORING_M:
+            o = _lifted((px, py, pz), (gx, gy, gz), distance)
             sr, sg, sb = _mirrored(frame, scratch, rays.skip, o, (rx, ry, rz), lamps_on)
         else:
             sr, sg, sb = _mirrored_sky(light, rx, ry, rz)
@@ -351,7 +397,10 @@ def _through_air(light, rays, d, distance, colour):  # type: ignore[no-untyped-d
     r, g, b = colour
     fog = fog_share(light, rays.origin[2], d[2], distance)
     if fog > 0:
-        halo = max(d[0] * lx + d[1] * ly + d[2] * lz, _ZERO) ** 8
+        halo = max(d[0] * lx + d[1] * ly + d[2] * lz, _ZERO)
+        halo = halo * halo
+        halo = halo * halo
+        halo = halo * halo
         r += (light.fog[0] + light.fog_glow[0] * halo - r) * fog
         g += (light.fog[1] + light.fog_glow[1] * halo - g) * fog
         b += (light.fog[2] + light.fog_glow[2] * halo - b) * fog
@@ -364,9 +413,38 @@ def _through_air(light, rays, d, distance, colour):  # type: ignore[no-untyped-d
     return r, g, b
 
 
+@inlined
+def _lamps_on(frame):  # type: ignore[no-untyped-def]
+    """Whether any lamp shines."""
+    lamps = frame.lamps
+    on = frame.light.night > 0
+    for k in range(lamps.power.shape[0]):
+        on = on or lamps.power[k, 0] + lamps.power[k, 1] + lamps.power[k, 2] > 0
+    return on
+
+
+@inlined
+def _sky_met(light, d):  # type: ignore[no-untyped-def]
+    """Radiance of the sky and the sun's disc in a unit direction."""
+    r, g, b = sky_radiance(light, d[0], d[1], d[2])
+    s = light.sun_direction
+    if sun_is_up(light) and d[0] * s[0] + d[1] * s[1] + d[2] * s[2] > _SUN_DISC_COS:
+        r += light.sun[0] * _SUN_DISC_GAIN
+        g += light.sun[1] * _SUN_DISC_GAIN
+        b += light.sun[2] * _SUN_DISC_GAIN
+    return r, g, b
+
+
+@inlined
+def _exposed(light, rays, d, distance, colour):  # type: ignore[no-untyped-def]
+    """Display light of a ray's colour."""
+    r, g, b = _through_air(light, rays, d, distance, colour)
+    return _film(r * light.exposure), _film(g * light.exposure), _film(b * light.exposure)
+
+
 @kernel
 def shade_rays(frame, rays, scratch, epic, first, last, out):  # type: ignore[no-untyped-def]
-    """Colours of hits: linear display light, 0-1.
+    """Colours of hits: linear display light, 0-1. The card's shaders are made from this.
 
     Args:
         frame: a :class:`ShadedFrame`.
@@ -376,27 +454,173 @@ def shade_rays(frame, rays, scratch, epic, first, last, out):  # type: ignore[no
         first, last: half-open range of rays.
         out: ``(N, 3)`` float32, to be filled.
     """
-    light, lamps = frame.light, frame.lamps
-    lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
-    lamps_on = light.night > 0
-    for k in range(lamps.power.shape[0]):
-        lamps_on = lamps_on or lamps.power[k, 0] + lamps.power[k, 1] + lamps.power[k, 2] > 0
+    light = frame.light
+    lamps_on = _lamps_on(frame)
     for i in range(first, last):
         dx, dy, dz = rays.directions[i, 0], rays.directions[i, 1], rays.directions[i, 2]
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
-        dx, dy, dz = dx / length, dy / length, dz / length
-        d = (dx, dy, dz)
+        d = (dx / length, dy / length, dz / length)
         if rays.row[i] == NOTHING:
-            r, g, b = sky_radiance(light, dx, dy, dz)
-            if sun_is_up(light) and dx * lx + dy * ly + dz * lz > _SUN_DISC_COS:
-                r += light.sun[0] * _SUN_DISC_GAIN
-                g += light.sun[1] * _SUN_DISC_GAIN
-                b += light.sun[2] * _SUN_DISC_GAIN
             distance = _SKY_M
+            r, g, b = _sky_met(light, d)
         else:
             distance = rays.t[i] * length
-            r, g, b = _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance)
-        r, g, b = _through_air(light, rays, d, distance, (r, g, b))
-        out[i, 0] = _film(r * light.exposure)
-        out[i, 1] = _film(g * light.exposure)
-        out[i, 2] = _film(b * light.exposure)
+            normals = _normals_met(frame, rays, i, d)
+            n, way = (normals[0], normals[1], normals[2]), (normals[3], normals[4], normals[5])
+            leaves = normals[6]
+            p = _place_met(rays, d, distance)
+            o = _lifted(p, way, distance)
+            free = _uncovered(
+                frame, scratch, rays.skip, epic, o, way, distance, (rays.row[i], leaves)
+            )
+            sunlit = False
+            if sun_may_reach(light, n, way, leaves):
+                start = sun_start(light, p, o, leaves)
+                sunlit = sees_sun(frame.scene, scratch, light, start, rays.skip)
+            r, g, b = _hit_radiance(
+                frame, rays, scratch, epic, lamps_on, i, d, distance, normals, free, sunlit
+            )
+        r, g, b = _exposed(light, rays, d, distance, (r, g, b))
+        out[i, 0], out[i, 1], out[i, 2] = r, g, b
+
+
+class ShadeScratch(NamedTuple):
+    """Working memory of one thread for packets of rays.
+
+    Attributes:
+        packet: of the rays that are traced.
+        normals: ``(6, 64)`` float32 see :func:`_normals_met`.
+        free: ``(64,)`` float32 share of the sky's light that comes to what each ray met.
+        leaves, sunlit, covered: ``(64,)`` bool: whether it is leaves, whether the sun reaches it,
+            whether something may stand right above it.
+        which: ``(64,)`` int32 rays for which others are traced.
+    """
+
+    packet: PacketScratch
+    normals: NDArray[np.float32]
+    free: NDArray[np.float32]
+    leaves: NDArray[np.bool_]
+    sunlit: NDArray[np.bool_]
+    covered: NDArray[np.bool_]
+    which: NDArray[np.int32]
+
+
+def new_shade_scratch() -> ShadeScratch:
+    """Working memory for one thread."""
+    return ShadeScratch(
+        new_packet_scratch(),
+        np.empty((6, PACKET), np.float32),
+        np.empty(PACKET, np.float32),
+        np.empty(PACKET, np.bool_),
+        np.empty(PACKET, np.bool_),
+        np.empty(PACKET, np.bool_),
+        np.empty(PACKET, np.int32),
+    )
+
+
+@device
+def _want(packet, which, i, start):  # type: ignore[no-untyped-def]
+    """Put down that a ray from a place is wanted for ray ``i``."""
+    k = packet.wanted[0]
+    packet.from_[0, k], packet.from_[1, k], packet.from_[2, k] = start[0], start[1], start[2]
+    which[k] = i
+    packet.wanted[0] = k + 1
+
+
+@device
+def _find_light(frame, rays, memory, order, begin, count, epic):  # type: ignore[no-untyped-def]
+    """What comes of sun and sky to the places that a packet met, into ``memory``."""
+    light, packet, which = frame.light, memory.packet, memory.which
+    nearest = _SKY_M
+    packet.wanted[0] = 0
+    for i in range(count):
+        ray = order[begin + i]
+        memory.sunlit[i] = False
+        memory.covered[i] = False
+        if rays.row[ray] == NOTHING:
+            continue
+        dx, dy, dz = rays.directions[ray, 0], rays.directions[ray, 1], rays.directions[ray, 2]
+        length = math.sqrt(dx * dx + dy * dy + dz * dz)
+        d = (dx / length, dy / length, dz / length)
+        distance = rays.t[ray] * length
+        nearest = min(nearest, distance)
+        normals = _normals_met(frame, rays, ray, d)
+        n, way = (normals[0], normals[1], normals[2]), (normals[3], normals[4], normals[5])
+        leaves = normals[6]
+        for k in range(3):
+            memory.normals[k, i] = n[k]
+            memory.normals[3 + k, i] = way[k]
+        memory.leaves[i] = leaves
+        memory.free[i] = _ONE
+        p = _place_met(rays, d, distance)
+        o = _lifted(p, way, distance)
+        if epic and _feels_sky(leaves, distance):
+            memory.free[i] = openness(
+                frame.scene, packet.single, o, way[0], way[1], way[2], rays.skip
+            )
+        else:
+            memory.covered[i] = _is_covered_ground(rays.row[ray], way, distance)
+        if sun_may_reach(light, n, way, leaves):
+            _want(packet, which, i, sun_start(light, p, o, leaves))
+    s = light.sun_direction
+    trace_along(
+        frame.scene, packet, (s[0], s[1], s[2]), RAY_NEAR_M, SHADOW_M, rays.skip, True, nearest
+    )
+    for k in range(packet.wanted[0]):
+        memory.sunlit[which[k]] = packet.met[k] < _ZERO
+    packet.wanted[0] = 0
+    for i in range(count):
+        if not memory.covered[i]:
+            continue
+        ray = order[begin + i]
+        dx, dy, dz = rays.directions[ray, 0], rays.directions[ray, 1], rays.directions[ray, 2]
+        length = math.sqrt(dx * dx + dy * dy + dz * dz)
+        d = (dx / length, dy / length, dz / length)
+        distance = rays.t[ray] * length
+        way = (memory.normals[3, i], memory.normals[4, i], memory.normals[5, i])
+        _want(packet, which, i, _lifted(_place_met(rays, d, distance), way, distance))
+    trace_along(
+        frame.scene, packet, overhang_way(), RAY_NEAR_M, OVERHANG_M, rays.skip, False, nearest
+    )
+    for k in range(packet.wanted[0]):
+        if packet.met[k] >= _ZERO:
+            memory.free[which[k]] = overhang_share(packet.met[k])
+
+
+@kernel
+def shade_packets(frame, rays, memory, epic, order, starts, first, last, out):  # type: ignore[no-untyped-def]
+    """As :func:`shade_rays`, of rays that run side by side.
+
+    Args:
+        frame, rays, epic, out: as there.
+        memory: a :class:`ShadeScratch` of this thread.
+        order, starts: packets, see :func:`carstage_sim.render.packets.cast_packets`.
+        first, last: half-open range of packets.
+    """
+    light = frame.light
+    lamps_on = _lamps_on(frame)
+    for number in range(first, last):
+        begin = starts[number]
+        count = starts[number + 1] - begin
+        _find_light(frame, rays, memory, order, begin, count, epic)
+        for k in range(count):
+            i = order[begin + k]
+            dx, dy, dz = rays.directions[i, 0], rays.directions[i, 1], rays.directions[i, 2]
+            length = math.sqrt(dx * dx + dy * dy + dz * dz)
+            d = (dx / length, dy / length, dz / length)
+            if rays.row[i] == NOTHING:
+                distance = _SKY_M
+                r, g, b = _sky_met(light, d)
+            else:
+                distance = rays.t[i] * length
+                met = memory.normals
+                normals = (
+                    met[0, k], met[1, k], met[2, k], met[3, k], met[4, k], met[5, k],
+                    memory.leaves[k],
+                )  # fmt: skip
+                r, g, b = _hit_radiance(
+                    frame, rays, memory.packet.single, epic, lamps_on, i, d, distance, normals,
+                    memory.free[k], memory.sunlit[k],
+                )  # fmt: skip
+            r, g, b = _exposed(light, rays, d, distance, (r, g, b))
+            out[i, 0], out[i, 1], out[i, 2] = r, g, b

@@ -271,6 +271,27 @@ def test_who_is_told_to_let_others_pass_sees_red_and_no_light(world: World, stag
     assert columns.light_state.tolist() == [TrafficLightState.GREEN, TrafficLightState.RED]
 
 
+@pytest.mark.parametrize(("sticky", "at_the_end"), [("true", 1.0), ("false", 0.0)])
+def test_control_that_is_not_sticky_lasts_for_one_tick(
+    world: World, stage01: Town, sticky: str, at_the_end: float
+) -> None:
+    car = world.spawn(CAR, {"sticky_control": sticky}, place(stage01))
+    ticks(world, 2)
+    world.control_vehicle(car.actor_id, VehicleControl(throttle=1.0))
+    ticks(world, 1)
+    assert world.motion(car).throttle == 1.0
+    ticks(world, 1)
+    assert world.motion(car).throttle == at_the_end
+    # Who sets it each tick drives all the same.
+    for _ in range(20):
+        world.control_vehicle(car.actor_id, VehicleControl(throttle=1.0))
+        ticks(world, 1)
+    assert world.motion(car).speed > 1.0
+    world.control_ackermann(car.actor_id, AckermannControl(speed=5.0, acceleration=2.0))
+    ticks(world, 40)
+    assert world.motion(car).speed > 3.0
+
+
 def test_speed_limit_is_that_of_the_last_sign_passed(world: World, stage01: Town) -> None:
     lanes = stage01.lanes
 

@@ -1,8 +1,9 @@
 """The server: sockets on one side, the simulation on the other, one thread in between.
 
 :meth:`Server.run` is the simulation thread. It alone touches the world; the socket threads move
-bytes. In synchronous mode it serves calls until one of them is a tick; otherwise it ticks by the
-wall clock and serves calls in between.
+bytes, and one more draws pictures of frames that are frozen. In synchronous mode it serves calls
+until one of them is a tick, for which it waits until the last frame is drawn; otherwise it ticks by
+the wall clock, whatever the pictures take, and serves calls in between.
 """
 
 from __future__ import annotations
@@ -14,12 +15,14 @@ import os
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future
 from contextlib import ExitStack
 from types import TracebackType
 from typing import Any
 
-from carstage_sim.simulation import Simulation
+from carstage_sim.simulation import CapturedFrame, Scene, Simulation
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.handlers import Session, TickRequest, serve
 from carstage_sim.wire.payloads import encode_frame, sensor_header
@@ -83,6 +86,8 @@ class Server:
         self._older_streams: list[int] = []
         self._tick_requests: list[TickRequest] = []
         self._later: list[tuple[float, int, Callable[[], None]]] = []
+        self._finished: deque[Callable[[], None]] = deque()
+        self._drawn: Future[None] | None = None
         self._order = itertools.count()
         with ExitStack() as resources:
             rpc_loop = resources.enter_context(SocketLoop("rpc sockets"))
@@ -101,6 +106,7 @@ class Server:
             request_tick=self._tick_requests.append,
             episode_began=self._episode_began,
             after=self._after,
+            when_done=self._when_done,
             expect_subscriber=self._streams.expect,
         )
 
@@ -123,6 +129,13 @@ class Server:
     def run(self) -> None:
         """Serve until :meth:`stop`. The calling thread becomes the simulation thread."""
         self._episode_began()
+        try:
+            self._run()
+        finally:
+            if self._drawn is not None:
+                self._drawn.exception()  # what is drawn is published here
+
+    def _run(self) -> None:
         while not self._stop.is_set():
             if self._simulation.settings.synchronous_mode:
                 self._run_when_told()
@@ -135,16 +148,22 @@ class Server:
                 return
 
     def _run_when_told(self) -> None:
-        if self._due_requests():
+        if self._is_drawing:
+            wait_s = _POLL_S
+        elif self._due_requests():
             wait_s = self._paced_until_s - time.monotonic()
         else:
             wait_s = _SUBSCRIPTION_POLL_S if self._tick_requests else _POLL_S
         if wait_s > 0.0:
             self._serve_one(min(wait_s, _POLL_S))
         now_s = time.monotonic()
-        if self._due_requests() and now_s >= self._paced_until_s:
+        if not self._is_drawing and self._due_requests() and now_s >= self._paced_until_s:
             self._paced_until_s = now_s + self._shortest_tick_s
             self._tick()
+
+    @property
+    def _is_drawing(self) -> bool:
+        return self._drawn is not None and not self._drawn.done()
 
     def _due_requests(self) -> list[TickRequest]:
         """Who wants a tick; not those that would miss it, because they subscribe still."""
@@ -161,7 +180,9 @@ class Server:
             if not self._serve_one(0.0):
                 break
         if not self._simulation.settings.synchronous_mode:
-            self._next_tick_s = max(self._next_tick_s + self._period_s, time.monotonic())
+            # A fixed step is as long in simulated time as between two ticks.
+            period_s = self._simulation.settings.fixed_delta_seconds or self._period_s
+            self._next_tick_s = max(self._next_tick_s + period_s, time.monotonic())
             self._tick()
 
     def _serve_one(self, timeout_s: float) -> bool:
@@ -199,7 +220,7 @@ class Server:
         """One frame: step, publish the snapshot, answer, then the sensors that look at it.
 
         The answer must not wait for the sensors: a client that calls while it holds Python's lock
-        cannot take their data before it has its answer.
+        cannot take their data before it has its answer. Pictures are drawn while calls are served.
         """
         self._streams.begin_frame()
         due = self._due_requests()
@@ -242,31 +263,41 @@ class Server:
         return self._older_streams
 
     def _publish_sensors(self, snapshot: Snapshot) -> None:
-        state = snapshot.state
-        captured = self._simulation.capture(
+        scene = self._simulation.scene(
             snapshot, lambda stream_id: self._streams.listeners(stream_id) > 0
         )
-        for item in captured:
-            type_id = sent_as(item.sensor.type_id)
-            header = sensor_header(
-                self._dialect.sensors.index(type_id),
-                state.frame,
-                state.timestamp_s,
-                item.pose,
-            )
-            frame = self._relabelled(type_id, item.frame)
-            self._streams.publish(
-                item.sensor.stream_id,
-                [header, *encode_frame(frame, self._described)],
-                wait=self._simulation.settings.synchronous_mode,
-            )
+        if scene is None:
+            return
+        wait = self._simulation.settings.synchronous_mode
 
-    def _described(self, actor_id: int, label: int) -> list[Any]:
-        """An actor, or with id 0 a part of the town, as this server's clients want it."""
-        if not actor_id:
-            return encode_scenery(label, self._dialect)
-        actor = self._simulation.world.live_or_dead(actor_id)
-        return encode_actor(actor, self._dialect, self._streams.port)
+        def publish(captured: CapturedFrame) -> None:
+            self._publish_captured(scene, captured, wait=wait)
+
+        for captured in self._simulation.measure(scene):
+            publish(captured)
+        drawn = self._simulation.draw(scene, publish, may_skip=not wait)
+        if drawn is not None:
+            self._drawn = drawn
+            drawn.add_done_callback(lambda _: self._rpc.wake())
+
+    def _publish_captured(self, scene: Scene, captured: CapturedFrame, *, wait: bool) -> None:
+        """Send a sensor's data; in the simulation's thread or in the one that draws."""
+        state, sensor = scene.state, captured.sensor
+        type_id = sent_as(sensor.type_id)
+        header = sensor_header(
+            self._dialect.sensors.index(type_id), state.frame, state.timestamp_s, captured.pose
+        )
+        frame = self._relabelled(type_id, captured.frame)
+
+        def described(actor_id: int, label: int) -> list[Any]:
+            """An actor, or with id 0 a part of the town, as this server's clients want it."""
+            if not actor_id:
+                return encode_scenery(label, self._dialect)
+            return encode_actor(scene.actors[actor_id], self._dialect, self._streams.port)
+
+        self._streams.publish(
+            sensor.stream_id, [header, *encode_frame(frame, described)], wait=wait
+        )
 
     def _episode_began(self, quiet_s: float = 0.0) -> None:
         self._next_tick_s = time.monotonic() + max(quiet_s, self._period_s)
@@ -276,7 +307,16 @@ class Server:
     def _after(self, delay_s: float, action: Callable[[], None]) -> None:
         heapq.heappush(self._later, (time.monotonic() + delay_s, next(self._order), action))
 
+    def _when_done(self, future: Future[Any], action: Callable[[], None]) -> None:
+        def done(_: Future[Any]) -> None:
+            self._finished.append(action)
+            self._rpc.wake()
+
+        future.add_done_callback(done)
+
     def _run_due(self) -> None:
+        while self._finished:
+            self._guarded(self._finished.popleft())
         while self._later and self._later[0][0] <= time.monotonic():
             _, _, action = heapq.heappop(self._later)
             before = self._simulation.settings

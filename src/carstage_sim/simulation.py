@@ -1,17 +1,21 @@
 """The simulation: the current episode, its settings, and the sensors that look at it.
 
-One thread owns it and everything below it; nothing here knows sockets or bytes.
+One thread owns the world. Pictures are drawn by another from what a frame was frozen to, so that
+the world can go on meanwhile; nothing here knows sockets or bytes.
 """
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from contextlib import ExitStack
 from dataclasses import dataclass
 from types import TracebackType
 
+from carstage_sim.drawing import DrawingThread
 from carstage_sim.maps import BackgroundBakes, Bake, MapCatalogue, Town
 from carstage_sim.recording import RecorderController, RecordingsFolder
 from carstage_sim.render.gpu.device import Choice, chosen_gpu
@@ -27,7 +31,7 @@ from carstage_sim.world.errors import SpawnError
 from carstage_sim.world.kernel_warmup import warm_up_mechanics
 from carstage_sim.world.pose import ZERO, Pose, Vector3
 from carstage_sim.world.snapshot import Snapshot
-from carstage_sim.world.state import ActorKind
+from carstage_sim.world.state import ActorKind, WorldState
 from carstage_sim.world.world import World
 
 logger = logging.getLogger(__name__)
@@ -35,6 +39,8 @@ logger = logging.getLogger(__name__)
 _SHORTEST_STEP_S = 0.001
 _LONGEST_STEP_S = 0.1
 _STANDARD_GRAVITY = 9.81
+_MOST_MISSED = 1024
+"""Frames that sensors hear of later because pictures are drawn; older ones are forgotten."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +52,30 @@ class CapturedFrame:
     frame: SensorFrame
 
 
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A frame as sensors see it; nothing of it changes when the world goes on.
+
+    Attributes:
+        state: the frame.
+        instant: the sensors that measure without a look at the world.
+        looking: the others.
+        watched: each one's actor and pose, by actor id.
+        actors: what events may name, by actor id; those that were destroyed a while ago, too.
+    """
+
+    state: WorldState
+    instant: Sequence[SensorRequest]
+    looking: Sequence[SensorRequest]
+    watched: Mapping[int, tuple[Actor, Pose]]
+    actors: Mapping[int, Actor]
+
+
 class Simulation:
     """Runs one episode after another.
+
+    One thread calls it. It alone touches the world, and while no picture is drawn the renderer,
+    too; pictures of a :class:`Scene` are drawn by a thread of the simulation.
 
     Args:
         town_name: the map to begin with.
@@ -95,6 +123,8 @@ class Simulation:
         self._projection = projection
         self._quality = quality
         self._watched_before = False
+        self._drawing = DrawingThread()
+        self._missed: deque[Scene] = deque(maxlen=_MOST_MISSED)
         self._stepped_at_s = time.monotonic()
         self._source = self.maps.source(town_name)
         self._town = self.maps.load(town_name)
@@ -111,7 +141,8 @@ class Simulation:
         _traceback: TracebackType | None,
     ) -> None:
         with ExitStack() as resources:
-            resources.callback(self._sensors.close)
+            resources.callback(lambda: self._sensors.close())
+            resources.callback(self._drawing.close)
             resources.callback(self.recordings.end_episode)
             resources.callback(self.bakes.close)
 
@@ -141,6 +172,7 @@ class Simulation:
             MapFileError: its file cannot be read.
             MapSamplingError: nothing can be made of it.
         """
+        self._drawing.finish()
         source = self.maps.source(town_name)
         number = self.world.episode_id + 1
         if source == self._source and town_name == self._town.name:
@@ -159,6 +191,7 @@ class Simulation:
             self._sensors.close()
             self._town, self._source, self._sensors = town, source, sensors
         self.world = world
+        self._missed.clear()
         if reset_settings:
             self.settings = EpisodeSettings()
         logger.info("episode %d on %s", self.world.episode_id, self._town.name)
@@ -196,21 +229,26 @@ class Simulation:
 
     def segment_hits(
         self, start: Vector3, end: Vector3, at_most: int = 256
-    ) -> list[tuple[Vector3, int]]:
-        """Surfaces of town and actors that a segment meets now, nearest first, with their label."""
-        return self._sensors.segment_hits(self.world.freeze(0.0).state, start, end, at_most)
+    ) -> Future[list[tuple[Vector3, int]]]:
+        """Surfaces of town and actors that a segment meets now, nearest first, with their label.
 
-    def capture(
-        self, snapshot: Snapshot, is_watched: Callable[[int], bool]
-    ) -> Iterator[CapturedFrame]:
-        """Data of every sensor that somebody listens to and whose turn it is, one after the other.
+        They are there at once unless pictures are drawn, which come first.
+        """
+        state = self.world.freeze(0.0).state
+        return self._drawing.at_once_or_later(
+            self._sensors.segment_hits, state, start, end, at_most
+        )
+
+    def scene(self, snapshot: Snapshot, is_watched: Callable[[int], bool]) -> Scene | None:
+        """A frame for the sensors that somebody listens to, None if nobody does.
 
         Args:
             snapshot: the frame to look at.
             is_watched: tells by stream number whether anybody listens.
         """
         without_cameras = self.settings.no_rendering_mode
-        requests: list[SensorRequest] = []
+        instant: list[SensorRequest] = []
+        looking: list[SensorRequest] = []
         watched: dict[int, tuple[Actor, Pose]] = {}
         for sensor in self.world.actors.of_kind(ActorKind.SENSOR):
             if not is_watched(sensor.stream_id):
@@ -219,12 +257,52 @@ class Simulation:
                 continue
             pose = self.world.actors.pose(sensor.actor_id)
             watched[sensor.actor_id] = (sensor, pose)
-            requests.append(_request(sensor, pose, self.imu_gravity, self._projection))
-        if not requests and not self._watched_before:
-            return
-        self._watched_before = bool(requests)  # one capture of nothing lets the sensors forget
-        for sensor_id, frame in self._sensors.frames(snapshot.state, requests):
-            yield CapturedFrame(*watched[sensor_id], frame)
+            request = _request(sensor, pose, self.imu_gravity, self._projection)
+            (looking if SensorRegistry.looks(sensor.type_id) else instant).append(request)
+        if not watched and not self._watched_before:
+            return None
+        self._watched_before = bool(watched)  # one capture of nothing lets the sensors forget
+        actors = self.world.known_actors() if watched else {}
+        return Scene(snapshot.state, instant, looking, watched, actors)
+
+    def measure(self, scene: Scene) -> Iterator[CapturedFrame]:
+        """Data of the sensors that need no look at the world and whose turn it is."""
+        for sensor_id, frame in self._sensors.instant.frames(scene.state, scene.instant):
+            yield CapturedFrame(*scene.watched[sensor_id], frame)
+
+    def draw(
+        self, scene: Scene, publish: Callable[[CapturedFrame], None], *, may_skip: bool
+    ) -> Future[None] | None:
+        """Begin to draw what the other sensors see.
+
+        Args:
+            scene: the frame.
+            publish: called with the data of one sensor after the other, in the drawing thread.
+            may_skip: leave the frame out if another is still drawn.
+
+        Returns:
+            What is done when all of it is published; None where nothing is drawn.
+        """
+        if self._drawing.busy and (may_skip or not scene.looking):
+            self._missed.append(scene)
+            return None
+        missed = tuple(self._missed)
+        self._missed.clear()
+        sensors = self._sensors
+
+        def drawn() -> None:
+            try:
+                for one in missed:
+                    sensors.miss(one.state, one.looking)
+                for sensor_id, frame in sensors.frames(scene.state, scene.looking):
+                    publish(CapturedFrame(*scene.watched[sensor_id], frame))
+            except Exception:
+                logger.exception("sensors of frame %d failed", scene.state.frame)
+
+        if not scene.looking:
+            drawn()
+            return None
+        return self._drawing.submit(drawn)
 
     def _before_spawn(self, type_id: str, attributes: Mapping[str, str]) -> None:
         """Refuse a sensor that could not be captured, before it is in the world.
@@ -235,13 +313,19 @@ class Simulation:
             SpawnError: an attribute has an impossible value.
         """
         if not type_id.startswith("sensor."):
-            self._sensors.expect(type_id)
+            self._drawing.at_once_or_later(self._expect, type_id)
             return
         request = SensorRequest(0, type_id, attributes, ZERO, ZERO, 0)
         try:
             SensorRegistry.make(request, self._town)
         except SensorAttributeError as error:
             raise SpawnError(f"{type_id}: {error}") from error
+
+    def _expect(self, type_id: str) -> None:
+        try:
+            self._sensors.expect(type_id)
+        except Exception:
+            logger.exception("the shape of %s cannot be made", type_id)
 
 
 def _request(sensor: Actor, pose: Pose, gravity: float, projection: GeoProjection) -> SensorRequest:

@@ -14,6 +14,8 @@ from carstage_sim.world.state import WorldState
 class CollisionSensor(Sensor):
     """One event per tick for each thing that the carrier touches (``CollisionSensor.cpp``)."""
 
+    looks = False
+
     def report(
         self, state: WorldState, request: SensorRequest, view: View
     ) -> Sequence[SensorFrame]:
@@ -35,6 +37,8 @@ class CollisionSensor(Sensor):
 @SensorRegistry.register("sensor.other.lane_invasion")
 class LaneInvasionSensor(Sensor):
     """Nothing is sent: clients find crossed markings themselves, from snapshots and the map."""
+
+    looks = False
 
     def report(
         self, state: WorldState, request: SensorRequest, view: View

@@ -32,6 +32,8 @@ def compass_rad(yaw_deg: float) -> float:
 class Imu(MeasuringSensor):
     """Accelerometer, gyroscope and compass."""
 
+    looks = False
+
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)
         a = request.attributes
@@ -88,6 +90,8 @@ class Imu(MeasuringSensor):
 @SensorRegistry.register("sensor.other.gnss")
 class Gnss(MeasuringSensor):
     """Geographic position of the sensor."""
+
+    looks = False
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)

@@ -22,7 +22,13 @@ class Sensor(ABC):
     Args:
         request: the sensor's first request; its attributes hold for the sensor's life.
         town: the map, for sensors that know where on Earth they are.
+
+    Attributes:
+        looks: whether it asks the view for anything. One that does not measures in every tick,
+            however long pictures take.
     """
+
+    looks: ClassVar[bool] = True
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
         self.request = request
@@ -103,6 +109,11 @@ class SensorRegistry:
     def known(cls) -> tuple[str, ...]:
         """Blueprint ids that can be made, sorted."""
         return tuple(sorted(cls._classes))
+
+    @classmethod
+    def looks(cls, type_id: str) -> bool:
+        """Whether sensors of a blueprint id need to see the town and the actors."""
+        return type_id not in cls._classes or cls._classes[type_id].looks
 
     @classmethod
     def make(cls, request: SensorRequest, town: Town) -> Sensor:

@@ -30,9 +30,9 @@ from carstage_sim.sensors import (  # noqa: F401 - they register themselves
     radar,
 )
 from carstage_sim.sensors.actors import ActorModels
-from carstage_sim.sensors.looping import Looping, LoopingSensor
+from carstage_sim.sensors.known_sensors import KnownSensors
+from carstage_sim.sensors.looping import Looping
 from carstage_sim.sensors.measurements import SensorFrame, SensorRequest
-from carstage_sim.sensors.sensor import Sensor, SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.pose import Vector3
 from carstage_sim.world.state import Weather, WorldState
@@ -65,8 +65,6 @@ class WorldSensors:
         quality: Quality = Quality.LOW,
         gpu: Gpu | None = None,
     ) -> None:
-        self._town = town
-        self._loop = loop
         self._caster = RayCaster(threads)
         self._cameras: GpuCameras | None = None
         if gpu is not None:
@@ -76,8 +74,9 @@ class WorldSensors:
         self._models = ActorModels(town, meshes, cache=folder / "meshes")
         self._store = SceneStore(town.static_mesh, self._models.mesh, cache=folder / "trees")
         self._pictures = PictureMaker(self._caster, quality)
-        self._sensors: dict[int, Sensor] = {}
-        self._last_frame = -1
+        self._known = KnownSensors(town, loop)
+        self.instant = InstantSensors(KnownSensors(town, loop), self._view)
+        """Those that another thread may ask."""
         self.last_cast_count = 0
         """Ray casts of the last capture; sensors of one pose and one set of intrinsics share."""
         self.last_ray_count = 0
@@ -106,8 +105,8 @@ class WorldSensors:
 
     def reset(self) -> None:
         """Forget all sensors: a new episode counts actor ids and frames anew."""
-        self._sensors.clear()
-        self._last_frame = -1
+        self._known.reset()
+        self.instant.reset()
 
     def capture(
         self, state: WorldState, requests: Sequence[SensorRequest]
@@ -126,21 +125,11 @@ class WorldSensors:
         self, state: WorldState, requests: Sequence[SensorRequest]
     ) -> Iterator[tuple[int, SensorFrame]]:
         """As :meth:`capture`, one after the other: a card makes the next while one is sent."""
-        if state.frame <= self._last_frame:
-            self.reset()
-        self._last_frame = state.frame
         view = self._view(state)
         views = {frozenset[int](): view}
         rays_before = self._caster.ray_count
-        due: list[tuple[SensorRequest, Sensor]] = []
-        for request in requests:
-            sensor = self._sensors.get(request.sensor_id)
-            if sensor is None or not sensor.answers(request):
-                sensor = self._sensors[request.sensor_id] = self._made(request)
-            if not sensor.is_due(state.timestamp_s):
-                sensor.observe(state, request)
-                continue
-            due.append((request, sensor))
+        due = self._known.due(state, requests)
+        for request, sensor in due:
             if request.ignored not in views:
                 views[request.ignored] = self._view(state, view, request.ignored)
             sensor.announce(request, views[request.ignored])
@@ -148,9 +137,12 @@ class WorldSensors:
             reported = sensor.report(state, request, views[request.ignored])
             for frame in reported:
                 yield request.sensor_id, frame
-        self._forget_absent({request.sensor_id for request in requests})
         self.last_cast_count = sum(one.cast_count for one in views.values())
         self.last_ray_count = self._caster.ray_count - rays_before
+
+    def miss(self, state: WorldState, requests: Sequence[SensorRequest]) -> None:
+        """Let the sensors see a tick of which there are no frames."""
+        self._known.miss(state, requests)
 
     def frame_of(self, state: WorldState) -> Frame:
         """The scene that rays of a tick meet."""
@@ -186,12 +178,6 @@ class WorldSensors:
             passed += float(hits.t[0])
         return found
 
-    def _made(self, request: SensorRequest) -> Sensor:
-        sensor = SensorRegistry.make(request, self._town)
-        if self._loop is None:
-            return sensor
-        return LoopingSensor(sensor, request, self._town, self._loop)
-
     def _view(
         self,
         state: WorldState,
@@ -213,6 +199,28 @@ class WorldSensors:
             self._cameras,
         )
 
-    def _forget_absent(self, present: set[int]) -> None:
-        for sensor_id in [known for known in self._sensors if known not in present]:
-            del self._sensors[sensor_id]
+
+class InstantSensors:
+    """Captures what needs no look at the world: motion, places, collisions.
+
+    Args:
+        known: the sensors.
+        view: gives the view of a tick, of which nothing is asked.
+    """
+
+    def __init__(self, known: KnownSensors, view: Callable[[WorldState], View]) -> None:
+        self._known = known
+        self._view = view
+
+    def frames(
+        self, state: WorldState, requests: Sequence[SensorRequest]
+    ) -> Iterator[tuple[int, SensorFrame]]:
+        """As :meth:`WorldSensors.frames`."""
+        view = self._view(state)
+        for request, sensor in self._known.due(state, requests):
+            for frame in sensor.report(state, request, view):
+                yield request.sensor_id, frame
+
+    def reset(self) -> None:
+        """Forget all sensors."""
+        self._known.reset()

@@ -188,10 +188,17 @@ class RpcServer:
         self._loop = loop
         self._queue: deque[_Queued] = deque()
         self._filled = threading.Condition()
+        self._woken = False
         self._unfinished_bytes = 0
         self._warnings = ThrottledWarnings(logger)
         self.port = int(sock.getsockname()[1])
         loop.listen(sock, self._accept)
+
+    def wake(self) -> None:
+        """Let :meth:`next_event` return at once, or its next call; from any thread."""
+        with self._filled:
+            self._woken = True
+            self._filled.notify()
 
     @property
     def waiting(self) -> int:
@@ -199,10 +206,11 @@ class RpcServer:
         return len(self._queue)
 
     def next_event(self, timeout_s: float) -> Event | None:
-        """The oldest event that is not served yet, or None when none came in time."""
+        """The oldest event that is not served yet; None when none came in time, or if woken."""
         with self._filled:
             if not self._queue and timeout_s > 0.0:
-                self._filled.wait_for(lambda: self._queue, timeout_s)
+                self._filled.wait_for(lambda: self._queue or self._woken, timeout_s)
+            self._woken = False
             queued = self._next()
             if queued is None:
                 return None

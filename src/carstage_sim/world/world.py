@@ -205,6 +205,10 @@ class World:
             raise ActorNotFoundError(actor_id)
         return actor
 
+    def known_actors(self) -> dict[int, Actor]:
+        """What :meth:`live_or_dead` finds now, by actor id."""
+        return {**self._dead, **{actor.actor_id: actor for actor in self.actors}}
+
     # Spawning and destroying ---------------------------------------------------------------------
 
     def spawn(

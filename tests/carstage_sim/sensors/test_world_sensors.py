@@ -134,6 +134,39 @@ def test_a_frame_number_that_goes_back_forgets_the_sensors(sensors):
     assert angles[2] != angles[0]
 
 
+def test_a_lidar_turns_on_over_frames_that_are_left_out(sensors):
+    sensor = request("lidar.ray_cast", 20, **_LIDAR, rotation_frequency=2.5)
+    angles = {}
+    for k in (1, 2, 3, 4):
+        ((_, frame),) = sensors.capture(state(k), [sensor])
+        angles[k] = frame.horizontal_angle_rad
+    sensors.reset()
+    sensors.miss(state(1), [sensor])  # nobody knows it yet: it begins with its first frame
+    ((_, first),) = sensors.capture(state(2), [sensor])
+    assert first.horizontal_angle_rad == angles[1]
+    sensors.miss(state(3), [sensor])
+    sensors.miss(state(4), [sensor])
+    sensors.miss(state(4), [sensor])
+    ((_, last),) = sensors.capture(state(5), [sensor])
+    assert last.horizontal_angle_rad == pytest.approx(angles[4])
+
+
+def test_sensors_that_look_at_nothing_measure_without_a_scene(trees):
+    looking = {kind: SensorRegistry.looks(kind) for kind in SensorRegistry.known()}
+    assert {kind for kind, looks in looking.items() if not looks} == {
+        "sensor.other.imu",
+        "sensor.other.gnss",
+        "sensor.other.collision",
+        "sensor.other.lane_invasion",
+    }
+    kinds = [kind.removeprefix("sensor.") for kind in looking if not looking[kind]]
+    requests = [request(kind, 9 + place) for place, kind in enumerate(kinds)]
+    with WorldSensors(town(GROUND), threads=1, cache=trees) as sensors:
+        sensors.frame_of = None  # none may ask for it
+        frames = list(sensors.instant.frames(state(1), requests))
+    assert {type(frame).__name__ for _, frame in frames} == {"ImuFrame", "GnssFrame"}
+
+
 def test_a_new_episode_starts_with_new_sensors(sensors):
     sensor = request("lidar.ray_cast", 20, **_LIDAR, rotation_frequency=2.5)
     first = sensors.capture(state(1), [sensor])[0][1].horizontal_angle_rad

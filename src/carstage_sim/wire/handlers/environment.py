@@ -11,7 +11,7 @@ from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 from carstage_sim.wire.scenery import light_heads, light_masts, sign_faces
-from carstage_sim.world.pose import Pose, compose
+from carstage_sim.world.pose import Pose, Vector3, compose
 from carstage_sim.world.signals.traffic_light_actors import head_boxes
 from carstage_sim.world.state import ActorKind
 
@@ -94,23 +94,27 @@ def _enable_environment_objects(call: Call, object_ids: list[int], enabled: bool
 
 
 @handles("project_point")
-def _project_point(
-    call: Call, origin: list[float], direction: list[float], range_m: float
-) -> list[Any]:
+def _project_point(call: Call, origin: list[float], direction: list[float], range_m: float) -> Any:
     start = values.vector(origin)
     end = tuple(o + d * range_m for o, d in zip(start, values.vector(direction), strict=True))
+
+    def encode(hits: list[tuple[Vector3, int]]) -> list[Any]:
+        if not hits:
+            return [False, [[0.0, 0.0, 0.0], 0]]
+        location, label = hits[0]
+        return [True, [list(location), call.session.dialect.label(label)]]
+
     hits = call.simulation.segment_hits(start, values.vector(end), at_most=1)
-    if not hits:
-        return [False, [[0.0, 0.0, 0.0], 0]]
-    location, label = hits[0]
-    return [True, [list(location), call.session.dialect.label(label)]]
+    return call.once_done(hits, encode)
 
 
 @handles("cast_ray")
-def _cast_ray(call: Call, start: list[float], end: list[float]) -> list[Any]:
-    hits = call.simulation.segment_hits(values.vector(start), values.vector(end))
+def _cast_ray(call: Call, start: list[float], end: list[float]) -> Any:
     number = call.session.dialect.label
-    return [[list(location), number(label)] for location, label in hits]
+    return call.once_done(
+        call.simulation.segment_hits(values.vector(start), values.vector(end)),
+        lambda hits: [[list(location), number(label)] for location, label in hits],
+    )
 
 
 @handles_void("apply_color_texture_to_objects")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Final, NamedTuple, TypeVar
@@ -31,6 +32,7 @@ _UNFIT = (TypeError, ValueError, LookupError, ArithmeticError, AttributeError)
 
 Handler = Callable[..., Any]
 _H = TypeVar("_H", bound=Handler)
+_T = TypeVar("_T")
 
 
 class _Later(Enum):
@@ -58,6 +60,7 @@ class Session:
         episode_began: publishes the first frame of a new episode; the free run pauses for some
             seconds after it.
         after: runs something in the simulation thread, after some seconds.
+        when_done: runs something in the simulation thread when a result of another is there.
         expect_subscriber: tells that a client is about to subscribe to a stream, and within how
             many seconds; its tick waits for that.
         packed: results that were packed once, with what they were made of; see
@@ -71,6 +74,7 @@ class Session:
     request_tick: Callable[[TickRequest], None]
     episode_began: Callable[[float], None]
     after: Callable[[float, Callable[[], None]], None]
+    when_done: Callable[[Future[Any], Callable[[], None]], None]
     expect_subscriber: Callable[[int, float, Connection], None]
     packed: dict[str, tuple[object, Packed]] = field(default_factory=dict)
 
@@ -128,6 +132,13 @@ class Call:
                 self.answer(value)
         except Exception as error:  # noqa: BLE001 - every failure becomes a reply
             self.fail(refusal(self.request.name, error, self.request.arguments))
+
+    def once_done(self, future: Future[_T], encode: Callable[[_T], Any]) -> Any:
+        """Answer with an encoded result, at once or when it is there; for a handler to return."""
+        if future.done():
+            return encode(future.result())
+        self.session.when_done(future, lambda: self.conclude(lambda: encode(future.result())))
+        return LATER
 
     def answer(self, value: Any) -> None:
         """Send a value as this call's reply."""

@@ -1,0 +1,245 @@
+"""While pictures are drawn, the world goes on and calls are answered."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+import pytest
+
+from carstage_sim.sensors.cameras import HitCamera
+from carstage_sim.server import Server
+from carstage_sim.simulation import Simulation
+from carstage_sim.wire.dialect import dialect
+from carstage_sim.wire.socket_loop import bind
+from carstage_sim.world.actors import Actor
+from carstage_sim.world.controls import EpisodeSettings
+from carstage_sim.world.pose import Pose
+from raw_client import RawClient, read_message, subscribe
+from waiting import await_that, holds_for
+
+pytestmark = pytest.mark.xdist_group("kernels")
+
+SIZE = {"image_size_x": "16", "image_size_y": "9"}
+SYNCHRONOUS = EpisodeSettings(synchronous_mode=True, fixed_delta_seconds=0.05)
+
+
+class Gate:
+    """Lets cameras draw only while it is open; counts those that came to it."""
+
+    def __init__(self) -> None:
+        self.open = threading.Event()
+        self.open.set()
+        self.came = 0
+        self.threads: set[str] = set()
+
+    def pass_through(self) -> None:
+        self.came += 1
+        self.threads.add(threading.current_thread().name)
+        assert self.open.wait(60.0)
+
+
+@pytest.fixture
+def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
+    gate, measure = Gate(), HitCamera.measure
+
+    def gated(*arguments: Any) -> Any:
+        gate.pass_through()
+        return measure(*arguments)
+
+    monkeypatch.setattr(HitCamera, "measure", gated)
+    yield gate
+    gate.open.set()
+
+
+@contextmanager
+def serving(simulation: Simulation) -> Iterator[Server]:
+    """A server of the simulation in a thread of its own; it ends with the block."""
+    with (
+        bind("127.0.0.1", 0) as rpc_socket,
+        bind("127.0.0.1", 0) as streaming_socket,
+        Server(
+            simulation,
+            dialect("0.9.16"),
+            rpc_socket=rpc_socket,
+            streaming_socket=streaming_socket,
+            frames_per_s=50.0,
+        ) as server,
+    ):
+        thread = threading.Thread(target=server.run)
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.stop()
+            thread.join()
+
+
+class Rig:
+    """A served simulation with a depth camera and an IMU, and clients of it."""
+
+    def __init__(self, simulation: Simulation, resources: ExitStack) -> None:
+        world = simulation.world
+        self.camera = world.spawn("sensor.camera.depth", SIZE, Pose((0.0, 0.0, 3.0)))
+        self.imu = world.spawn("sensor.other.imu", {}, Pose((0.0, 0.0, 3.0)))
+        server = resources.enter_context(serving(simulation))
+        self.client, self.other = (
+            resources.enter_context(RawClient("127.0.0.1", server.rpc_port)) for _ in range(2)
+        )
+        self._port = server.streaming_port
+        self._resources = resources
+
+    def subscribed(self, sensor: Actor) -> socket.socket:
+        """A stream of a sensor, which the server knows of when it answers the next call."""
+        self.client.value("get_sensor_token", sensor.stream_id)
+        stream = subscribe("127.0.0.1", self._port, sensor.stream_id)
+        return self._resources.enter_context(stream)
+
+    def asking(self, name: str, *arguments: Any) -> Callable[[], Any]:
+        """Call in the other client's thread; gives what is there of the answer."""
+        answers: list[Any] = []
+        thread = threading.Thread(target=lambda: answers.append(self.other.value(name, *arguments)))
+        thread.start()
+        self._resources.callback(thread.join)
+        return lambda: answers[0] if answers else None
+
+
+def frame_of(message: bytes) -> int:
+    (frame,) = struct.unpack_from("<Q", message, 8)
+    return int(frame)
+
+
+@pytest.fixture
+def simulation() -> Iterator[Simulation]:
+    with Simulation("Stage01", threads=1) as running:
+        running.warm_up()
+        yield running
+
+
+@pytest.fixture
+def rig(simulation: Simulation, gate: Gate) -> Iterator[Rig]:
+    with ExitStack() as resources:
+        resources.callback(gate.open.set)
+        simulation.apply_settings(SYNCHRONOUS)
+        yield Rig(simulation, resources)
+
+
+def test_calls_are_answered_while_a_picture_is_drawn_and_the_next_tick_waits_for_it(
+    rig: Rig, gate: Gate
+) -> None:
+    stream = rig.subscribed(rig.camera)
+    gate.open.clear()
+    first = rig.client.value("tick_cue")
+    await_that(lambda: gate.came == 1)
+    assert rig.client.value("version") == "0.9.16"
+    assert rig.client.value("get_episode_settings")[0] is True
+
+    second = rig.asking("tick_cue")
+    assert holds_for(0.3, lambda: second() is None)
+    assert rig.client.value("version") == "0.9.16"
+    gate.open.set()
+    await_that(lambda: second() == first + 1)
+    assert [frame_of(read_message(stream)) for _ in range(2)] == [first, first + 1]
+    assert {name.partition("_")[0] for name in gate.threads} == {"drawing"}
+
+
+def test_what_a_call_changes_while_a_frame_is_drawn_is_not_in_that_frame(
+    rig: Rig, gate: Gate
+) -> None:
+    stream = rig.subscribed(rig.camera)
+    rig.client.value("tick_cue")
+    still = read_message(stream)[48:]
+    gate.open.clear()
+    rig.client.value("tick_cue")
+    await_that(lambda: gate.came == 2)
+    rig.client.value("set_actor_transform", rig.camera.actor_id, [[60.0, 40.0, 9.0], [0, 70, 0]])
+    gate.open.set()
+    assert read_message(stream)[48:] == still
+    rig.client.value("tick_cue")
+    assert read_message(stream)[48:] != still
+
+
+def test_rays_of_a_client_come_after_the_picture_and_the_others_do_not_wait_for_them(
+    rig: Rig, gate: Gate
+) -> None:
+    rig.subscribed(rig.camera)
+    segment = ([0.0, 0.0, 50.0], [0.0, 0.0, -50.0])
+    hits = rig.client.value("cast_ray", *segment)
+    assert hits
+    gate.open.clear()
+    rig.client.value("tick_cue")
+    await_that(lambda: gate.came == 1)
+    later = rig.asking("cast_ray", *segment)
+    assert holds_for(0.3, lambda: later() is None)
+    assert rig.client.value("version") == "0.9.16"
+    gate.open.set()
+    await_that(lambda: later() == hits)
+
+
+def test_a_map_is_loaded_when_the_picture_of_the_old_one_is_out(
+    rig: Rig, gate: Gate, simulation: Simulation
+) -> None:
+    stream = rig.subscribed(rig.camera)
+    gate.open.clear()
+    frame = rig.client.value("tick_cue")
+    await_that(lambda: gate.came == 1)
+    loaded = rig.asking("load_new_episode", "", True, 0xFFFF)
+    assert holds_for(0.3, lambda: simulation.world.episode_id == 1)
+    gate.open.set()
+    assert frame_of(read_message(stream)) == frame
+    await_that(lambda: simulation.world.episode_id == 2)
+    del loaded
+
+
+def test_an_asynchronous_world_goes_on_and_a_camera_that_is_not_ready_skips_frames(
+    rig: Rig, gate: Gate, simulation: Simulation
+) -> None:
+    pictures, motion = rig.subscribed(rig.camera), rig.subscribed(rig.imu)
+    gate.open.clear()
+    settings = rig.client.value("get_episode_settings")
+    rig.client.value("set_episode_settings", [False, *settings[1:]])
+    await_that(lambda: gate.came == 1)
+    moving = [frame_of(read_message(motion)) for _ in range(10)]
+    assert moving == list(range(moving[0], moving[0] + 10))
+    assert gate.came == 1
+    gate.open.set()
+    first, second = (frame_of(read_message(pictures)) for _ in range(2))
+    assert first < moving[-1] < second
+
+
+def test_a_fixed_step_lasts_as_long_as_it_simulates_in_asynchronous_mode(
+    monkeypatch: pytest.MonkeyPatch, simulation: Simulation
+) -> None:
+    with (
+        bind("127.0.0.1", 0) as rpc_socket,
+        bind("127.0.0.1", 0) as streaming_socket,
+        Server(
+            simulation,
+            dialect("0.9.16"),
+            rpc_socket=rpc_socket,
+            streaming_socket=streaming_socket,
+            frames_per_s=50.0,
+        ) as server,
+    ):
+        clock_s, ticks = [100.0], []
+
+        def serve_one(timeout_s: float) -> bool:
+            clock_s[0] += timeout_s
+            return False
+
+        monkeypatch.setattr("carstage_sim.server.time.monotonic", lambda: clock_s[0])
+        monkeypatch.setattr(server, "_serve_one", serve_one)
+        monkeypatch.setattr(server, "_tick", lambda: ticks.append(clock_s[0] - 100.0))
+        server._next_tick_s = clock_s[0]
+        for delta_s in (0.08, None):
+            simulation.apply_settings(EpisodeSettings(fixed_delta_seconds=delta_s))
+            ticks.clear()
+            start_s = server._next_tick_s - 100.0
+            while len(ticks) < 3:
+                server._run_freely()
+            period_s = delta_s or 0.02
+            assert ticks == pytest.approx([start_s + k * period_s for k in range(3)])

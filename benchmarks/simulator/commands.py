@@ -258,9 +258,7 @@ def picture(
 
     return _report(
         "picture",
-        lambda: check_picture(
-            town=map, vehicles=vehicles, weather=weather, tries=tries, seed=seed
-        ),
+        lambda: check_picture(town=map, vehicles=vehicles, weather=weather, tries=tries, seed=seed),
         json,
     )
 

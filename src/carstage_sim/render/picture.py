@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.render.bvh import build_tree
 from carstage_sim.render.cast import new_scratch
-from carstage_sim.render.caster import Hits, RayCaster
+from carstage_sim.render.caster import Hits, RayCaster, picture_packets
 from carstage_sim.render.edges import rough_pixels
 from carstage_sim.render.film import Film
 from carstage_sim.render.materials import material_table
@@ -72,6 +72,9 @@ class PictureMaker:
         frame = store.frame([])
         rays = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], np.float32)
         hits = self._caster.cast(frame.scene, np.zeros(3), rays, low=0.1, high=1000.0)
+        self._caster.cast_together(
+            frame.scene, np.zeros(3), rays, picture_packets(2, 1), low=0.1, high=1000.0
+        )
         self._shade(frame, hits, -1, 1e-3, self.sky.lighting(Weather(), 0.0))
         smooth_normals(self._caster, frame, hits)
         nowhere = (np.zeros(2), np.zeros(2))

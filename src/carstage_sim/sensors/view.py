@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.render.cast import STATIC
-from carstage_sim.render.caster import Hits, RayCaster
+from carstage_sim.render.caster import Hits, RayCaster, picture_packets
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import GpuCameras, Pending, Product, Shot
 from carstage_sim.render.motion import Motions
@@ -208,10 +208,11 @@ class View:
         hits = self._casts.get(camera)
         if hits is None:
             self.cast_count += 1
-            hits = self._caster.cast(
+            hits = self._caster.cast_together(
                 self.frame.scene,
                 np.asarray(camera.location),
                 pixel_rays(camera),
+                picture_packets(camera.width, camera.height),
                 low=NEAR_M,
                 high=FAR_M,
                 skip_row=self.skipped_row(camera.owner_id, camera.location),

@@ -289,11 +289,15 @@ class View:
 
     def colours(self, camera: Camera, film: Film) -> NDArray[np.uint8]:
         """``(H, W, 3)`` uint8 sRGB picture, shaded once per tick, camera and film."""
+        return self.pixels(camera, film)[..., 2::-1]
+
+    def pixels(self, camera: Camera, film: Film) -> NDArray[np.uint8]:
+        """As :meth:`colours`, ``(H, W, 4)`` BGRA."""
         made = self.on_card(camera, Product.COLOURS, film)
         if made is not None:
-            return made[..., 2::-1]
-        colours = self._colours.get((camera, film))
-        if colours is None:
+            return made
+        pixels = self._colours.get((camera, film))
+        if pixels is None:
             picture = Picture(
                 width=camera.width,
                 height=camera.height,
@@ -307,9 +311,9 @@ class View:
                 film=film,
             )
             light = self._pictures.sky.lighting(self._weather, self._time_s)
-            colours = self._pictures.paint(self.frame, picture, light)
-            self._colours[camera, film] = colours
-        return colours
+            pixels = self._pictures.pixels(self.frame, picture, light)
+            self._colours[camera, film] = pixels
+        return pixels
 
     def tags(self, hits: Hits) -> NDArray[np.uint8]:
         """``(N,)`` uint8 semantic tag of each ray; the sky's for rays that met nothing."""

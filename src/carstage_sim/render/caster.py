@@ -165,8 +165,12 @@ class RayCaster:
                 hits.t, hits.row, hits.triangle, hits.weights,
             )  # fmt: skip
 
-        self.in_bands(len(packets.starts) - 1, work, _PACKETS)
+        self.in_packets(packets, work)
         return hits
+
+    def in_packets(self, packets: Packets, work: Callable[[int, int], None]) -> None:
+        """As :meth:`in_bands`, of packets."""
+        self.in_bands(len(packets.starts) - 1, work, _PACKETS)
 
 
 def _no_hits(origin: NDArray[np.floating], directions: NDArray[np.float32]) -> Hits:

@@ -48,8 +48,13 @@ class PacketScratch(NamedTuple):
         triangle: ``(64,)`` int32 what they met, -1 for nothing.
         beam: ``(19,)`` float32; see :func:`carstage_sim.render.simd.boxes_in_beam`.
         axes: ``(13,)`` float32; see :func:`carstage_sim.render.simd.triangles_in_beam`.
-        slopes: ``(2, 8)`` float32 least and largest slope of each row of eight rays.
-        places: ``(16,)`` float32 slopes of eight triangles.
+        slopes: ``(4, 8)`` float32 least and largest slope of each row of eight rays.
+        places: ``(32,)`` float32 slopes of eight triangles.
+        starts: ``(3, 64)`` float32 origins of parallel rays.
+        from_: ``(3, 64)`` float32 places that parallel rays are wanted from.
+        wanted: ``(1,)`` int32 how many of them.
+        met: ``(64,)`` float32 how far what they met is, negative for nothing.
+        open, group: ``(64,)`` int32 places not traced yet, and those being traced.
     """
 
     single: Scratch
@@ -61,6 +66,12 @@ class PacketScratch(NamedTuple):
     axes: NDArray[np.float32]
     slopes: NDArray[np.float32]
     places: NDArray[np.float32]
+    starts: NDArray[np.float32]
+    from_: NDArray[np.float32]
+    wanted: NDArray[np.int32]
+    met: NDArray[np.float32]
+    open: NDArray[np.int32]
+    group: NDArray[np.int32]
 
 
 def new_packet_scratch() -> PacketScratch:
@@ -73,8 +84,14 @@ def new_packet_scratch() -> PacketScratch:
         np.empty(PACKET, np.int32),
         np.empty(19, np.float32),
         np.empty(13, np.float32),
-        np.empty((2, _ROWS), np.float32),
-        np.empty(2 * LANES, np.float32),
+        np.empty((4, _ROWS), np.float32),
+        np.empty(4 * LANES, np.float32),
+        np.empty((3, PACKET), np.float32),
+        np.empty((3, PACKET), np.float32),
+        np.zeros(1, np.int32),
+        np.empty(PACKET, np.float32),
+        np.empty(PACKET, np.int32),
+        np.empty(PACKET, np.int32),
     )
 
 

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.render.bvh import build_tree
-from carstage_sim.render.cast import new_scratch
-from carstage_sim.render.caster import Hits, RayCaster, picture_packets
+from carstage_sim.render.caster import Hits, Packets, RayCaster, picture_packets
 from carstage_sim.render.edges import rough_pixels, sampled_again
 from carstage_sim.render.film import Film, develop, develop_means, film_codes
 from carstage_sim.render.materials import material_table
@@ -18,7 +17,7 @@ from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.overlay import draw_shapes
 from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame, SceneStore
-from carstage_sim.render.shading import RayHits, ShadedFrame, shade_rays
+from carstage_sim.render.shading import RayHits, ShadedFrame, new_shade_scratch, shade_packets
 from carstage_sim.render.sky import Lighting, SkyModel
 from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.state import Weather
@@ -74,7 +73,7 @@ class PictureMaker:
         hits = self._caster.cast(frame.scene, np.zeros(3), rays, low=0.1, high=1000.0)
         packets = picture_packets(2, 1)
         self._caster.cast_together(frame.scene, np.zeros(3), rays, packets, low=0.1, high=1000.0)
-        self._shade(frame, hits, -1, 1e-3, self.sky.lighting(Weather(), 0.0))
+        self._shade(frame, hits, packets, -1, 1e-3, self.sky.lighting(Weather(), 0.0))
         smooth_normals(self._caster, frame, hits)
         nowhere = (np.zeros(2), np.zeros(2))
         earlier_places(no_motion(0), hits, nowhere, (1.0, 1.0))
@@ -92,7 +91,13 @@ class PictureMaker:
         )  # fmt: skip
 
     def _shade(
-        self, frame: Frame, hits: Hits, skip_row: int, pixel_angle: float, light: Lighting
+        self,
+        frame: Frame,
+        hits: Hits,
+        packets: Packets,
+        skip_row: int,
+        pixel_angle: float,
+        light: Lighting,
     ) -> NDArray[np.float32]:
         colours = np.empty((len(hits.t), 3), np.float32)
         shaded = ShadedFrame(
@@ -105,9 +110,12 @@ class PictureMaker:
         )  # fmt: skip
 
         def work(first: int, last: int) -> None:
-            shade_rays(shaded, rays, new_scratch(), self._epic, first, last, colours)
+            shade_packets(
+                shaded, rays, new_shade_scratch(), self._epic, packets.order, packets.starts,
+                first, last, colours,
+            )  # fmt: skip
 
-        self._caster.in_bands(len(colours), work)
+        self._caster.in_packets(packets, work)
         return colours
 
     def paint(self, frame: Frame, picture: Picture, light: Lighting) -> NDArray[np.uint8]:
@@ -118,7 +126,8 @@ class PictureMaker:
         """As :meth:`paint`, ``(H, W, 4)`` BGRA with alpha 255."""
         angle = 2.0 * np.tan(np.radians(picture.fov_deg) / 2.0) / picture.width
         light = picture.film.exposed(light)
-        colours = self._shade(frame, picture.hits, picture.skip_row, angle, light)
+        packets = picture_packets(picture.width, picture.height)
+        colours = self._shade(frame, picture.hits, packets, picture.skip_row, angle, light)
         pixels = np.empty((picture.height, picture.width, 4), np.uint8)
         self._develop(picture.film, colours, pixels)
         strong, weak, places = self._sampling.strong, self._sampling.weak, self._sampling.offsets
@@ -141,7 +150,7 @@ class PictureMaker:
                 high=picture.high,
                 skip_row=picture.skip_row,
             )
-            again = self._shade(frame, hits, picture.skip_row, angle, light)
+            again = self._shade(frame, hits, packets, picture.skip_row, angle, light)
             self._develop_means(picture.film, colours, again, edges, pixels)
         if picture.shapes is not None:
             _draw(picture.shapes, picture, pixels[..., 2::-1])

@@ -233,6 +233,13 @@ def _dot(builder: Any, vector: Any, point: Any) -> Any:
     return builder.fadd(builder.fadd(x, y), z)
 
 
+def _corner(builder: Any, data: Any, first: Any, axis: Any, corner: int) -> Any:
+    """A coordinate of a triangle's corner; ``first`` is where the triangle's lane begins."""
+    row = builder.add(axis, ir.Constant(_I64, 3 * corner))
+    place = builder.add(first, builder.mul(row, ir.Constant(_I64, LANES)))
+    return builder.load(builder.gep(data, [place]))
+
+
 @_intrinsic
 def boxes_in_beam(typing_context, planes, node, beam, farthest, entry):  # type: ignore[no-untyped-def]
     """Which of a node's eight boxes a beam of rays may meet.
@@ -429,26 +436,7 @@ def rays_hit(  # type: ignore[no-untyped-def]
         xs, ys, zs = [], [], []
         for corner in range(3):
             x, y, z = (
-                _splat(
-                    builder,
-                    builder.fsub(
-                        builder.load(
-                            builder.gep(
-                                data,
-                                [
-                                    builder.add(
-                                        first,
-                                        builder.mul(
-                                            builder.add(axis, ir.Constant(_I64, 3 * corner)),
-                                            ir.Constant(_I64, LANES),
-                                        ),
-                                    )
-                                ],
-                            )
-                        ),
-                        start,
-                    ),
-                )
+                _splat(builder, builder.fsub(_corner(builder, data, first, axis, corner), start))
                 for axis, start in zip(axes, origin, strict=True)
             )
             xs.append(builder.fsub(x, builder.fmul(shear_x, z)))
@@ -478,5 +466,192 @@ def largest(typing_context, rays, row, groups):  # type: ignore[no-untyped-def]
             mask = ir.Constant(ir.VectorType(_I32, LANES), order)
             vector = _larger(builder, vector, builder.shuffle_vector(vector, undefined, mask))
         return builder.extract_element(vector, ir.Constant(_I32, 0))
+
+    return signature, codegen
+
+
+def _numbers(builder: Any, array: Any, places: range) -> list[Any]:
+    """Numbers of a float32 array, each eight times."""
+    return [
+        _splat(builder, builder.load(builder.gep(array, [ir.Constant(_I64, place)])))
+        for place in places
+    ]
+
+
+def _span(builder: Any, normal: list[Any], low: list[Any], high: list[Any]) -> tuple[Any, Any]:
+    """Least and largest place of eight boxes along a direction, with room for rounding."""
+    zero = _constant(0.0)
+    sums: list[Any] = [None, None]
+    sizes: list[Any] = [None, None]
+    for axis in range(3):
+        up = builder.fcmp_ordered(">=", normal[axis], zero)
+        for k, corner in enumerate(
+            (
+                builder.select(up, low[axis], high[axis]),
+                builder.select(up, high[axis], low[axis]),
+            )
+        ):
+            part = builder.fmul(normal[axis], corner)
+            reach = _magnitude(builder, part)
+            held, size = sums[k], sizes[k]
+            sums[k] = part if held is None else builder.fadd(held, part)
+            sizes[k] = reach if size is None else builder.fadd(size, reach)
+    slack = _constant(1e-6)
+    return (
+        builder.fsub(sums[0], builder.fmul(sizes[0], slack)),
+        builder.fadd(sums[1], builder.fmul(sizes[1], slack)),
+    )
+
+
+def _overlap(builder: Any, spans: list[tuple[Any, Any]], bounds: list[Any]) -> Any:
+    """Where all intervals meet theirs of ``bounds``: least, largest, least, largest, ..."""
+    met = None
+    for k, (low, high) in enumerate(spans):
+        both = builder.and_(
+            builder.fcmp_ordered("<=", low, bounds[2 * k + 1]),
+            builder.fcmp_ordered(">=", high, bounds[2 * k]),
+        )
+        met = both if met is None else builder.and_(met, both)
+    return met
+
+
+@_intrinsic
+def boxes_in_shaft(typing_context, planes, node, shaft, entry):  # type: ignore[no-untyped-def]
+    """Which of a node's eight boxes parallel rays may meet.
+
+    Args:
+        typing_context: numba's.
+        planes, node: as for :func:`box_hits`.
+        shaft: ``(>= 18,)`` float32: a place near all origins; two directions across the rays and
+            their own; the least and largest place along each of the three that they reach.
+        entry: ``(>= 8,)`` float32, receives where each box begins along the rays.
+
+    Returns:
+        int64 whose bit ``k`` says that box ``k`` may be met.
+    """
+    signature = types.int64(planes, node, shaft, entry)
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        data, row, numbers, out = _unpack(context, builder, signature, args)
+        first = builder.mul(row, ir.Constant(_I64, 6))
+        origin = _numbers(builder, numbers, range(3))
+        sides = [
+            builder.fsub(
+                _load(builder, data, builder.add(first, ir.Constant(_I64, k))), origin[k % 3]
+            )
+            for k in range(6)
+        ]
+        spans = [
+            _span(builder, _numbers(builder, numbers, range(k, k + 3)), sides[:3], sides[3:])
+            for k in (3, 6, 9)
+        ]
+        _store(builder, spans[2][0], out, 0)
+        return _bits(builder, _overlap(builder, spans, _numbers(builder, numbers, range(12, 18))))
+
+    return signature, codegen
+
+
+@_intrinsic
+def triangles_in_shaft(typing_context, corners, block, shaft, places):  # type: ignore[no-untyped-def]
+    """Which of a block's eight triangles parallel rays may meet, and where across them they are.
+
+    Args:
+        typing_context: numba's.
+        corners, block: as for :func:`triangle_hits`.
+        shaft: as for :func:`boxes_in_shaft`.
+        places: ``(>= 32,)`` float32, receives the least and the largest place of each triangle
+            along the first and along the second direction.
+
+    Returns:
+        int64 whose bit ``k`` says that triangle ``k`` may be met.
+    """
+    signature = types.int64(corners, block, shaft, places)
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        data, row, numbers, out = _unpack(context, builder, signature, args)
+        origin = _numbers(builder, numbers, range(3))
+        vectors = [_numbers(builder, numbers, range(k, k + 3)) for k in (3, 6, 9)]
+        first = builder.mul(row, ir.Constant(_I64, 9))
+        least: list[Any] = [None] * 3
+        most: list[Any] = [None] * 3
+        slack = None
+        for corner in range(3):
+            point = [
+                builder.fsub(
+                    _load(builder, data, builder.add(first, ir.Constant(_I64, 3 * corner + axis))),
+                    origin[axis],
+                )
+                for axis in range(3)
+            ]
+            size = builder.fadd(
+                builder.fadd(_magnitude(builder, point[0]), _magnitude(builder, point[1])),
+                _magnitude(builder, point[2]),
+            )
+            slack = size if slack is None else _larger(builder, slack, size)
+            for k, vector in enumerate(vectors):
+                value = _dot(builder, vector, point)
+                held, top = least[k], most[k]
+                least[k] = value if held is None else _smaller(builder, held, value)
+                most[k] = value if top is None else _larger(builder, top, value)
+        slack = builder.fmul(slack, _constant(1e-6))
+        spans = [
+            (builder.fsub(low, slack), builder.fadd(high, slack))
+            for low, high in zip(least, most, strict=True)
+        ]
+        for k in range(2):
+            _store(builder, spans[k][0], out, 2 * k)
+            _store(builder, spans[k][1], out, 2 * k + 1)
+        return _bits(builder, _overlap(builder, spans, _numbers(builder, numbers, range(12, 18))))
+
+    return signature, codegen
+
+
+@_intrinsic
+def parallel_rays_hit(  # type: ignore[no-untyped-def]
+    typing_context, corners, block, lane, kx, ky, kz, starts, sx, sy, sz, rays, row, low, found
+):
+    """Which of eight parallel rays meet a triangle, at most as far as they have come.
+
+    The operations are those of :func:`triangle_hits`, in the same order: the results are equal.
+
+    Args:
+        typing_context: numba's.
+        corners, block, kx, ky, kz, sx, sy, sz: as for :func:`triangle_hits`.
+        lane: the triangle.
+        starts: ``(3, PACKET)`` float32 origins of the rays.
+        rays: ``(4, PACKET)`` float32, in its last row the largest parameter that counts.
+        row: which eight of the rays.
+        low: smallest parameter that counts.
+        found: as for :func:`triangle_hits`.
+
+    Returns:
+        int64 whose bit ``k`` says that ray ``k`` meets the triangle.
+    """
+    signature = types.int64(
+        corners, block, lane, kx, ky, kz, starts, sx, sy, sz, rays, row, low, found
+    )
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        data, number, place, *axes, origins, sx, sy, sz, lanes, which, least, out = _unpack(
+            context, builder, signature, args
+        )
+        stride = ir.Constant(_I64, PACKET // LANES)
+        start = [
+            _load(builder, origins, builder.add(builder.mul(axis, stride), which)) for axis in axes
+        ]
+        shear_x, shear_y, shear_z = (_splat(builder, value) for value in (sx, sy, sz))
+        last = ir.Constant(_I64, 3 * PACKET // LANES)
+        farthest = _load(builder, lanes, builder.add(last, which))
+        first = builder.add(builder.mul(number, ir.Constant(_I64, 9 * LANES)), place)
+        xs, ys, zs = [], [], []
+        for corner in range(3):
+            x, y, z = (
+                builder.fsub(_splat(builder, _corner(builder, data, first, axis, corner)), start[k])
+                for k, axis in enumerate(axes)
+            )
+            xs.append(builder.fsub(x, builder.fmul(shear_x, z)))
+            ys.append(builder.fsub(y, builder.fmul(shear_y, z)))
+            zs.append(builder.fmul(shear_z, z))
+        return _meet(builder, xs, ys, zs, _splat(builder, least), farthest, out)
 
     return signature, codegen

@@ -244,6 +244,25 @@ def render(
     return _report("render", measure, json)
 
 
+@benchmark("picture", takes="1 minute")
+def picture(
+    map: Map = "Stage01",
+    vehicles: int = 30,
+    weather: Annotated[str, typer.Option(help="Name of a preset of the client's.")] = "ClearNoon",
+    tries: Annotated[int, typer.Option(help="Of each measurement.")] = 5,
+    seed: Seed = 3,
+    json: Json = False,
+) -> int:
+    """What a colour picture costs on one core, part by part."""
+    from benchmarks.simulator.render.split import check_picture
+
+    return _report(
+        "picture",
+        lambda: check_picture(town=map, vehicles=vehicles, weather=weather, tries=tries, seed=seed),
+        json,
+    )
+
+
 @benchmark("gpu", takes="1 minute")
 def gpu(
     map: Map = "Stage02",

@@ -161,34 +161,17 @@ def _walk(geometry, node, o, d, low, high, ties, u, v, any_hit, stack, depth, en
 
 
 @device
-def trace(scene, scratch, o, d, low, high, skip, any_hit):  # type: ignore[no-untyped-def]
-    """What a ray meets first: parameter, instance row, triangle, weights of corners 0 and 1.
+def trace_actors(scene, scratch, o, d, low, high, skip, any_hit, row, triangle, u, v):  # type: ignore[no-untyped-def]
+    """Whether a ray meets an actor before what it is known to meet.
 
     Args:
-        scene: what can be met.
-        scratch: a :class:`Scratch` of this thread.
-        o: origin, three float32.
-        d: direction, three float32, not all zero; the parameter counts in its length.
-        low, high: interval of the parameter.
-        skip: instance row that is not met, or a negative number.
-        any_hit: end at the first triangle found, whichever.
+        scene, scratch, o, d, low, skip, any_hit: as for :func:`trace`.
+        high, row, triangle, u, v: what the ray is known to meet.
 
     Returns:
-        ``(t, row, triangle, u, v)``; row is ``STATIC`` or ``NOTHING`` where no instance was met.
-        Of hits at the same parameter the static one wins, then the lowest row, then the lowest
-        triangle number.
+        As :func:`trace`.
     """
     stack, entries, tests = scratch.stack, scratch.entries, scratch.tests
-    row, triangle = NOTHING, -1
-    u, v = np.float32(0), np.float32(0)
-    if scene.static.planes.shape[0]:
-        high, triangle, u, v = _walk(
-            scene.static, 0, o, d, low, high, False, u, v, any_hit, stack, 0, entries, tests
-        )
-        if triangle >= 0:
-            row = STATIC
-            if any_hit:
-                return high, row, triangle, u, v
     if not scene.top_planes.shape[0]:
         return high, row, triangle, u, v
     ix, iy, iz = _inverse(d[0]), _inverse(d[1]), _inverse(d[2])
@@ -250,6 +233,38 @@ def trace(scene, scratch, o, d, low, high, skip, any_hit):  # type: ignore[no-un
             stack[place] = child
             depth += 1
     return high, row, triangle, u, v
+
+
+@device
+def trace(scene, scratch, o, d, low, high, skip, any_hit):  # type: ignore[no-untyped-def]
+    """What a ray meets first: parameter, instance row, triangle, weights of corners 0 and 1.
+
+    Args:
+        scene: what can be met.
+        scratch: a :class:`Scratch` of this thread.
+        o: origin, three float32.
+        d: direction, three float32, not all zero; the parameter counts in its length.
+        low, high: interval of the parameter.
+        skip: instance row that is not met, or a negative number.
+        any_hit: end at the first triangle found, whichever.
+
+    Returns:
+        ``(t, row, triangle, u, v)``; row is ``STATIC`` or ``NOTHING`` where no instance was met.
+        Of hits at the same parameter the static one wins, then the lowest row, then the lowest
+        triangle number.
+    """
+    stack, entries, tests = scratch.stack, scratch.entries, scratch.tests
+    row, triangle = NOTHING, -1
+    u, v = np.float32(0), np.float32(0)
+    if scene.static.planes.shape[0]:
+        high, triangle, u, v = _walk(
+            scene.static, 0, o, d, low, high, False, u, v, any_hit, stack, 0, entries, tests
+        )
+        if triangle >= 0:
+            row = STATIC
+            if any_hit:
+                return high, row, triangle, u, v
+    return trace_actors(scene, scratch, o, d, low, high, skip, any_hit, row, triangle, u, v)
 
 
 @kernel

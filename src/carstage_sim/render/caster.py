@@ -6,14 +6,19 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.render.cast import Scene, cast_rays, new_scratch
+from carstage_sim.render.packets import cast_packets, new_packet_scratch
 
 _BAND = 4096
 """Rays per piece of work: small enough to balance, large enough to hide the call."""
+_PACKETS = 64
+"""Groups of rays per piece of work."""
+_SQUARE = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +40,33 @@ class Hits:
     row: NDArray[np.int32]
     triangle: NDArray[np.int32]
     weights: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Packets:
+    """Rays that run side by side, in groups.
+
+    Attributes:
+        order: ``(N,)`` int32 the rays' numbers, group after group.
+        starts: ``(P + 1,)`` int32 where in ``order`` each group begins; at most 64 apart.
+    """
+
+    order: NDArray[np.int32]
+    starts: NDArray[np.int32]
+
+
+@lru_cache(maxsize=16)
+def picture_packets(width: int, height: int) -> Packets:
+    """The rays of a picture's pixels, row by row, in squares of 8 by 8."""
+    number = np.arange(width * height, dtype=np.int32).reshape(height, width)
+    squares = [
+        number[y : y + _SQUARE, x : x + _SQUARE].ravel()
+        for y in range(0, height, _SQUARE)
+        for x in range(0, width, _SQUARE)
+    ]
+    starts = np.zeros(len(squares) + 1, np.int32)
+    np.cumsum([len(square) for square in squares], out=starts[1:])
+    return Packets(np.concatenate(squares), starts)
 
 
 class RayCaster:
@@ -61,9 +93,9 @@ class RayCaster:
         if self._pool is not None:
             self._pool.shutdown()
 
-    def in_bands(self, count: int, work: Callable[[int, int], None]) -> None:
+    def in_bands(self, count: int, work: Callable[[int, int], None], band: int = _BAND) -> None:
         """Call ``work(first, last)`` on bands that cover ``range(count)``; returns when all ran."""
-        bands = [(start, min(start + _BAND, count)) for start in range(0, count, _BAND)]
+        bands = [(start, min(start + band, count)) for start in range(0, count, band)]
         if self._pool is None or len(bands) < 2:
             if count:
                 work(0, count)
@@ -93,16 +125,8 @@ class RayCaster:
         """
         count = len(directions)
         self.ray_count += count
-        start = np.ascontiguousarray(origin, np.float32)
-        origins = start.reshape(-1, 3)
-        hits = Hits(
-            start,
-            np.ascontiguousarray(directions, np.float32),
-            np.empty(count, np.float32),
-            np.empty(count, np.int32),
-            np.empty(count, np.int32),
-            np.empty((count, 2), np.float32),
-        )
+        hits = _no_hits(origin, directions)
+        origins = hits.origin.reshape(-1, 3)
 
         def work(first: int, last: int) -> None:
             cast_rays(
@@ -112,3 +136,51 @@ class RayCaster:
 
         self.in_bands(count, work)
         return hits
+
+    def cast_together(
+        self,
+        scene: Scene,
+        origin: NDArray[np.floating],
+        directions: NDArray[np.float32],
+        packets: Packets,
+        *,
+        low: float,
+        high: float,
+        skip_row: int = -1,
+    ) -> Hits:
+        """As :meth:`cast`, with the same result, faster for rays that run side by side.
+
+        Args:
+            scene, directions, low, high, skip_row: as for :meth:`cast`.
+            origin: ``(3,)`` world metres.
+            packets: which rays do.
+        """
+        hits = _no_hits(origin, directions)
+        self.ray_count += len(directions)
+
+        def work(first: int, last: int) -> None:
+            cast_packets(
+                scene, new_packet_scratch(), hits.origin, hits.directions, packets.order,
+                packets.starts, np.float32(low), np.float32(high), skip_row, first, last,
+                hits.t, hits.row, hits.triangle, hits.weights,
+            )  # fmt: skip
+
+        self.in_packets(packets, work)
+        return hits
+
+    def in_packets(self, packets: Packets, work: Callable[[int, int], None]) -> None:
+        """As :meth:`in_bands`, of packets."""
+        self.in_bands(len(packets.starts) - 1, work, _PACKETS)
+
+
+def _no_hits(origin: NDArray[np.floating], directions: NDArray[np.float32]) -> Hits:
+    """Rays whose hits are to be written."""
+    count = len(directions)
+    return Hits(
+        np.ascontiguousarray(origin, np.float32),
+        np.ascontiguousarray(directions, np.float32),
+        np.empty(count, np.float32),
+        np.empty(count, np.int32),
+        np.empty(count, np.int32),
+        np.empty((count, 2), np.float32),
+    )

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.kernels import device, kernel
 from carstage_sim.render.sky import Lighting
 
 _STEPS: Any = np.float32(8191.0)
@@ -72,16 +73,65 @@ class Film:
     def encode(self, colours: NDArray[np.float32]) -> NDArray[np.uint8]:
         """8-bit codes of linear display light, 0-1."""
         places = (colours * _STEPS + np.float32(0.5)).astype(np.int32)
-        codes: NDArray[np.uint8] = _codes(self.gamma)[places]
+        codes: NDArray[np.uint8] = film_codes(self.gamma)[places]
         return codes
 
 
 @lru_cache(maxsize=8)
-def _codes(gamma: float) -> NDArray[np.uint8]:
-    """Code of linear values in steps of 1/8191: sRGB's curve, bent when the gamma is another."""
+def film_codes(gamma: float) -> NDArray[np.uint8]:
+    """``(8192,)`` codes of linear values in steps of 1/8191.
+
+    sRGB's curve, bent when the gamma is another.
+    """
     linear = np.arange(8192) / 8191.0
     curve = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
     if gamma != _USUAL_GAMMA:
         curve = curve ** (_USUAL_GAMMA / gamma)
     codes: NDArray[np.uint8] = np.rint(curve * 255.0).astype(np.uint8)
     return codes
+
+
+@device
+def _develop(codes, red, green, blue, i, pixels):  # type: ignore[no-untyped-def]
+    half = np.float32(0.5)
+    pixels[i, 0] = codes[int(blue * _STEPS + half)]
+    pixels[i, 1] = codes[int(green * _STEPS + half)]
+    pixels[i, 2] = codes[int(red * _STEPS + half)]
+    pixels[i, 3] = 255
+
+
+@kernel
+def develop(codes, colours, first, last, pixels):  # type: ignore[no-untyped-def]
+    """Write ``(N, 4)`` uint8 BGRA of linear display light, as :meth:`Film.encode` codes it.
+
+    Args:
+        codes: of the film's gamma.
+        colours: ``(N, 3)`` float32, 0-1.
+        first, last: half-open range of pixels.
+        pixels: receives them.
+    """
+    for i in range(first, last):
+        _develop(codes, colours[i, 0], colours[i, 1], colours[i, 2], i, pixels)
+
+
+@kernel
+def develop_means(codes, colours, again, edges, first, last, pixels):  # type: ignore[no-untyped-def]
+    """As :func:`develop`, of pixels that several rays went through.
+
+    Args:
+        codes: of the film's gamma.
+        colours: ``(N, 3)`` float32 of the pixels' centres.
+        again: ``(E * K, 3)`` float32 of the other rays of each of these pixels.
+        edges: ``(E,)`` their numbers.
+        first, last: half-open range of ``edges``.
+        pixels: ``(N, 4)`` uint8 BGRA, receives them.
+    """
+    samples = again.shape[0] // max(edges.shape[0], 1)
+    share = np.float32(samples + 1)
+    for e in range(first, last):
+        i = edges[e]
+        red, green, blue = np.float32(0), np.float32(0), np.float32(0)
+        for k in range(e * samples, e * samples + samples):
+            red, green, blue = red + again[k, 0], green + again[k, 1], blue + again[k, 2]
+        red, green, blue = red + colours[i, 0], green + colours[i, 1], blue + colours[i, 2]
+        _develop(codes, red / share, green / share, blue / share, i, pixels)

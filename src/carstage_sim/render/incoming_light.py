@@ -16,14 +16,16 @@ OVER_PI: Any = np.float32(1 / math.pi)
 """Radiance of a matt white surface for each unit of irradiance, 1/sr."""
 _LEAST_SUN: Any = np.float32(1e-6)
 """Irradiance of the sun, all channels together, from which it casts shadows."""
-_NEAR_M: Any = np.float32(1e-3)
+RAY_NEAR_M: Any = np.float32(1e-3)
 """Rays from a surface begin so far from their origin."""
-_SHADOW_M: Any = np.float32(300.0)
+SHADOW_M: Any = np.float32(300.0)
 """What stands farther towards the sun casts no shadow."""
 _OPENNESS_M: Any = np.float32(3.0)
 """What is farther covers no sky, quality epic."""
-_OVERHANG_M: Any = np.float32(0.7)
+OVERHANG_M: Any = np.float32(0.7)
 """What is higher above the ground keeps no light of the sky off it, quality low."""
+_LEAF_LIFT_M: Any = np.float32(0.25)
+"""Rays to the sun leave a crown's outer leaves so far ahead."""
 _UNDER_CARS: Any = np.float32(0.30)
 """Share of the sky's light on ground that something touches."""
 _UNDER_RISE_PER_M: Any = np.float32(0.4)
@@ -93,23 +95,69 @@ def openness(scene, scratch, o, nx, ny, nz, skip):  # type: ignore[no-untyped-de
             ny * np.float32(0.6) + ty * across + by * along,
             nz * np.float32(0.6) + tz * across + bz * along,
         )
-        hit = trace(scene, scratch, o, ray, _NEAR_M, _OPENNESS_M, skip, False)
+        hit = trace(scene, scratch, o, ray, RAY_NEAR_M, _OPENNESS_M, skip, False)
         total += min(hit[0] * np.float32(1 / 3), _ONE)
     return np.float32(0.2) + np.float32(0.8 / 3) * total
+
+
+@device
+def overhang_way():  # type: ignore[no-untyped-def]
+    """Direction in which what covers the ground is looked for: upwards, a little aslant."""
+    return np.float32(0.1186723), np.float32(0.0890042), np.float32(0.988936)
+
+
+@device
+def overhang_share(distance):  # type: ignore[no-untyped-def]
+    """Share of the sky's light that what is so far above leaves to the ground."""
+    return _UNDER_CARS + _UNDER_RISE_PER_M * distance
 
 
 @inlined
 def under_overhang(scene, scratch, o, skip):  # type: ignore[no-untyped-def]
     """Share of the sky's light that what stands right above leaves to the ground, from one ray."""
-    upwards = (np.float32(0.12), np.float32(0.09), _ONE)
-    hit = trace(scene, scratch, o, upwards, _NEAR_M, _OVERHANG_M, skip, True)
+    hit = trace(scene, scratch, o, overhang_way(), RAY_NEAR_M, OVERHANG_M, skip, False)
     if hit[1] == NOTHING:
         return _ONE
-    return _UNDER_CARS + _UNDER_RISE_PER_M * hit[0]
+    return overhang_share(hit[0])
+
+
+@device
+def sun_may_reach(light, n, g, leaves):  # type: ignore[no-untyped-def]
+    """Whether a surface is turned so that the sun may light it, dry or wet.
+
+    Args:
+        light: a :class:`carstage_sim.render.sky.Lighting`.
+        n, g: shading normal, before water bends it, and triangle's normal.
+        leaves: those are lit from behind, too.
+    """
+    if not sun_is_up(light):
+        return False
+    if leaves:
+        return True
+    s = light.sun_direction
+    if g[0] * s[0] + g[1] * s[1] + g[2] * s[2] <= 0:
+        return False
+    return light.wetness > 0 or n[0] * s[0] + n[1] * s[1] + n[2] * s[2] > 0
+
+
+@inlined
+def sun_start(light, p, o, leaves):  # type: ignore[no-untyped-def]
+    """Where a ray to the sun begins.
+
+    Args:
+        light: a :class:`carstage_sim.render.sky.Lighting`.
+        p: place on the surface.
+        o: the same, lifted off it.
+        leaves: whose crown must not shade itself through and through.
+    """
+    s = light.sun_direction
+    if leaves:
+        return p[0] + s[0] * _LEAF_LIFT_M, p[1] + s[1] * _LEAF_LIFT_M, p[2] + s[2] * _LEAF_LIFT_M
+    return o
 
 
 @inlined
 def sees_sun(scene, scratch, light, o, skip):  # type: ignore[no-untyped-def]
     """Whether nothing stands between a place and the sun."""
     to_sun = (light.sun_direction[0], light.sun_direction[1], light.sun_direction[2])
-    return trace(scene, scratch, o, to_sun, _NEAR_M, _SHADOW_M, skip, True)[1] == NOTHING
+    return trace(scene, scratch, o, to_sun, RAY_NEAR_M, SHADOW_M, skip, True)[1] == NOTHING

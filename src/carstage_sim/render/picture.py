@@ -8,17 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.render.bvh import build_tree
-from carstage_sim.render.cast import new_scratch
-from carstage_sim.render.caster import Hits, RayCaster
-from carstage_sim.render.edges import rough_pixels
-from carstage_sim.render.film import Film
+from carstage_sim.render.caster import Hits, Packets, RayCaster, picture_packets
+from carstage_sim.render.edges import rough_pixels, sampled_again
+from carstage_sim.render.film import Film, develop, develop_means, film_codes
 from carstage_sim.render.materials import material_table
 from carstage_sim.render.motion import earlier_places, no_motion
 from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.overlay import draw_shapes
 from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame, SceneStore
-from carstage_sim.render.shading import RayHits, ShadedFrame, shade_rays
+from carstage_sim.render.shading import RayHits, ShadedFrame, new_shade_scratch, shade_packets
 from carstage_sim.render.sky import Lighting, SkyModel
 from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.state import Weather
@@ -72,20 +71,33 @@ class PictureMaker:
         frame = store.frame([])
         rays = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], np.float32)
         hits = self._caster.cast(frame.scene, np.zeros(3), rays, low=0.1, high=1000.0)
-        self._shade(frame, hits, -1, 1e-3, self.sky.lighting(Weather(), 0.0))
+        packets = picture_packets(2, 1)
+        self._caster.cast_together(frame.scene, np.zeros(3), rays, packets, low=0.1, high=1000.0)
+        self._shade(frame, hits, packets, -1, 1e-3, self.sky.lighting(Weather(), 0.0))
         smooth_normals(self._caster, frame, hits)
         nowhere = (np.zeros(2), np.zeros(2))
         earlier_places(no_motion(0), hits, nowhere, (1.0, 1.0))
-        rough_pixels(frame, hits, np.zeros((1, 2, 3), np.uint8), strong=1, weak=1)
+        film, pixels = Film(), np.zeros((1, 2, 4), np.uint8)
+        edges, begins = rough_pixels(self._caster, frame, hits, pixels, strong=1, weak=1, samples=1)
+        sampled_again(self._caster, hits, edges, begins, np.zeros((1, 3), np.float32))
+        nothing = np.zeros((2, 3), np.float32)
+        self._develop(film, nothing, pixels)
+        self._develop_means(film, nothing, nothing, np.arange(2, dtype=np.int32), pixels)
         line = np.array([[[2.0, 0.0, 0.0], [2.0, 1.0, 0.0]]])
         draw_shapes(
             line, np.ones(1, np.float32), np.zeros(1, np.bool_), np.zeros((1, 3), np.uint8),
             focal_px=1.0, near_m=0.1,
-            depth=np.ones((2, 2), np.float32), pixels=np.zeros((2, 2, 3), np.uint8),
+            depth=np.ones((1, 2), np.float32), pixels=pixels[..., 2::-1],
         )  # fmt: skip
 
     def _shade(
-        self, frame: Frame, hits: Hits, skip_row: int, pixel_angle: float, light: Lighting
+        self,
+        frame: Frame,
+        hits: Hits,
+        packets: Packets,
+        skip_row: int,
+        pixel_angle: float,
+        light: Lighting,
     ) -> NDArray[np.float32]:
         colours = np.empty((len(hits.t), 3), np.float32)
         shaded = ShadedFrame(
@@ -98,40 +110,72 @@ class PictureMaker:
         )  # fmt: skip
 
         def work(first: int, last: int) -> None:
-            shade_rays(shaded, rays, new_scratch(), self._epic, first, last, colours)
+            shade_packets(
+                shaded, rays, new_shade_scratch(), self._epic, packets.order, packets.starts,
+                first, last, colours,
+            )  # fmt: skip
 
-        self._caster.in_bands(len(colours), work)
+        self._caster.in_packets(packets, work)
         return colours
 
     def paint(self, frame: Frame, picture: Picture, light: Lighting) -> NDArray[np.uint8]:
         """``(H, W, 3)`` uint8 sRGB picture; pixels on edges are the mean of several rays."""
+        return self.pixels(frame, picture, light)[..., 2::-1]
+
+    def pixels(self, frame: Frame, picture: Picture, light: Lighting) -> NDArray[np.uint8]:
+        """As :meth:`paint`, ``(H, W, 4)`` BGRA with alpha 255."""
         angle = 2.0 * np.tan(np.radians(picture.fov_deg) / 2.0) / picture.width
         light = picture.film.exposed(light)
-        colours = self._shade(frame, picture.hits, picture.skip_row, angle, light)
-        codes = picture.film.encode(colours).reshape(picture.height, picture.width, 3)
+        packets = picture_packets(picture.width, picture.height)
+        colours = self._shade(frame, picture.hits, packets, picture.skip_row, angle, light)
+        pixels = np.empty((picture.height, picture.width, 4), np.uint8)
+        self._develop(picture.film, colours, pixels)
         strong, weak, places = self._sampling.strong, self._sampling.weak, self._sampling.offsets
-        edges = rough_pixels(frame, picture.hits, codes, strong=strong, weak=weak)
+        edges, begins = rough_pixels(
+            self._caster, frame, picture.hits, pixels, strong=strong, weak=weak,
+            samples=len(places),
+        )  # fmt: skip
         if len(edges):
             # The offset is in pixels: right along the second axis of the camera, down its third.
             right = (picture.rotation[:, 1] * angle).astype(np.float32)
             down = (-picture.rotation[:, 2] * angle).astype(np.float32)
-            rays = picture.hits.directions[edges][:, None, :] + (
-                places[:, :1] * right + places[:, 1:] * down
-            )
-            hits = self._caster.cast(
+            offsets = places[:, :1] * right + places[:, 1:] * down
+            rays, packets = sampled_again(self._caster, picture.hits, edges, begins, offsets)
+            hits = self._caster.cast_together(
                 frame.scene,
                 picture.hits.origin,
-                rays.reshape(-1, 3),
+                rays,
+                packets,
                 low=picture.low,
                 high=picture.high,
                 skip_row=picture.skip_row,
             )
-            extra = self._shade(frame, hits, picture.skip_row, angle, light)
-            total = extra.reshape(len(edges), len(places), 3).sum(axis=1) + colours[edges]
-            codes.reshape(-1, 3)[edges] = picture.film.encode(total / np.float32(len(places) + 1))
+            again = self._shade(frame, hits, packets, picture.skip_row, angle, light)
+            self._develop_means(picture.film, colours, again, edges, pixels)
         if picture.shapes is not None:
-            _draw(picture.shapes, picture, codes)
-        return codes
+            _draw(picture.shapes, picture, pixels[..., 2::-1])
+        return pixels
+
+    def _develop(self, film: Film, colours: NDArray[np.float32], pixels: NDArray[np.uint8]) -> None:
+        codes, flat = film_codes(film.gamma), pixels.reshape(-1, 4)
+        self._caster.in_bands(
+            len(colours), lambda first, last: develop(codes, colours, first, last, flat)
+        )
+
+    def _develop_means(
+        self,
+        film: Film,
+        colours: NDArray[np.float32],
+        again: NDArray[np.float32],
+        edges: NDArray[np.int32],
+        pixels: NDArray[np.uint8],
+    ) -> None:
+        codes, flat = film_codes(film.gamma), pixels.reshape(-1, 4)
+
+        def work(first: int, last: int) -> None:
+            develop_means(codes, colours, again, edges, first, last, flat)
+
+        self._caster.in_bands(len(edges), work)
 
 
 def _draw(shapes: DebugShapes, picture: Picture, codes: NDArray[np.uint8]) -> None:

@@ -21,17 +21,27 @@ from carstage_sim.render.cast import NOTHING, Scene, trace
 from carstage_sim.render.detail import hash_unit, noise
 from carstage_sim.render.incoming_light import (
     OVER_PI,
+    OVERHANG_M,
+    RAY_NEAR_M,
+    SHADOW_M,
     openness,
+    overhang_share,
+    overhang_way,
     sees_sun,
     sky_irradiance,
     sky_radiance,
     sun_is_up,
+    sun_may_reach,
+    sun_start,
     under_overhang,
 )
 from carstage_sim.render.lamps import Lamps, glow, lamp_light
 from carstage_sim.render.materials import Glow, MaterialTable
 from carstage_sim.render.object_appearance import ObjectAppearance
+from carstage_sim.render.packets import PacketScratch, new_packet_scratch
 from carstage_sim.render.scene import Surfaces
+from carstage_sim.render.shafts import trace_along
+from carstage_sim.render.simd import PACKET
 from carstage_sim.render.sky import Lighting
 from carstage_sim.render.surface import facing_normals, is_leaf, surface_material, water
 from carstage_sim.render.weathering import fog_share, rain_share
@@ -83,8 +93,6 @@ _WATER_ROUGHNESS: Any = np.float32(0.06)
 _LIFT_M: Any = np.float32(2e-3)
 _LIFT_PER_M: Any = np.float32(2e-4)
 """How far above a surface rays from it begin, and its growth with the distance."""
-_LEAF_LIFT_M: Any = np.float32(0.25)
-"""Rays to the sun leave a crown's outer leaves so far ahead."""
 _LAMP_RADIANCE: Any = np.float32(6.0)
 """Radiance of a street lamp of full power."""
 _ROOM_RADIANCE: Any = np.float32(1.1)
@@ -253,31 +261,69 @@ def _water_on(light, pool, rough, p, n, pixel):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _is_covered_ground(row, g, distance):  # type: ignore[no-untyped-def]
+    """Whether what may stand right above a surface takes light of the sky from it."""
+    return row < 0 and g[2] > _LEVEL_GROUND and distance < _OVERHANG_WITHIN_M
+
+
+@inlined
+def _feels_sky(epic, leaves, distance):  # type: ignore[no-untyped-def]
+    """Whether a surface's sky is felt by rays, for which the least quality has no time."""
+    return epic and not leaves and distance < _OPENNESS_WITHIN_M
+
+
+@inlined
 def _uncovered(frame, scratch, skip, epic, o, g, distance, kinds):  # type: ignore[no-untyped-def]
     """Share of the sky's light that is left; ``kinds``: instance row, whether it is leaves."""
-    if epic and not kinds[1] and distance < _OPENNESS_WITHIN_M:
+    if _feels_sky(epic, kinds[1], distance):
         return openness(frame.scene, scratch, o, g[0], g[1], g[2], skip)
-    if kinds[0] < 0 and g[2] > _LEVEL_GROUND and distance < _OVERHANG_WITHIN_M:
+    if _is_covered_ground(kinds[0], g, distance):
         return under_overhang(frame.scene, scratch, o, skip)
     return _ONE
 
 
 @inlined
-def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance):  # type: ignore[no-untyped-def]
-    """Radiance of what ray ``i`` of unit direction ``d`` met, without the air between."""
-    light, materials = frame.light, frame.materials
+def _lifted(p, g, distance):  # type: ignore[no-untyped-def]
+    """Where rays from a surface begin."""
+    lift = _LIFT_M + distance * _LIFT_PER_M
+    return p[0] + g[0] * lift, p[1] + g[1] * lift, p[2] + g[2] * lift
+
+
+@inlined
+def _place_met(rays, d, distance):  # type: ignore[no-untyped-def]
+    """Where a ray of unit direction ``d`` ends."""
+    o = rays.origin
+    return o[0] + d[0] * distance, o[1] + d[1] * distance, o[2] + d[2] * distance
+
+
+@inlined
+def _normals_met(frame, rays, i, d):  # type: ignore[no-untyped-def]
+    """Shading normal and triangle's normal where ray ``i`` ends, and whether it met leaves."""
+    row, number = rays.row[i], rays.triangle[i]
+    surfaces = frame.static if row < 0 else frame.actors
+    leaves = is_leaf(frame.materials.detail[surfaces.material[number]])
+    nx, ny, nz, gx, gy, gz = facing_normals(
+        frame.scene, surfaces, row, number, rays.weights[i, 0], rays.weights[i, 1], leaves,
+        d[0], d[1], d[2],
+    )  # fmt: skip
+    return nx, ny, nz, gx, gy, gz, leaves
+
+
+@inlined
+def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance, normals, free, sunlit):  # type: ignore[no-untyped-def]
+    """Radiance of what ray ``i`` of unit direction ``d`` met, without the air between.
+
+    ``normals``: see :func:`_normals_met`. ``free``: share of the sky's light. ``sunlit``: whether
+    the sun reaches the place, if it is turned to it.
+    """
+    light = frame.light
     lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
     dx, dy, dz = d
-    px = rays.origin[0] + dx * distance
-    py = rays.origin[1] + dy * distance
-    pz = rays.origin[2] + dz * distance
+    px, py, pz = _place_met(rays, d, distance)
     hit_actor, number, u, v = rays.row[i], rays.triangle[i], rays.weights[i, 0], rays.weights[i, 1]
     surfaces = frame.static if hit_actor < 0 else frame.actors
     m = surfaces.material[number]
-    leaves = is_leaf(materials.detail[m])
-    nx, ny, nz, gx, gy, gz = facing_normals(
-        frame.scene, surfaces, hit_actor, number, u, v, leaves, dx, dy, dz
-    )
+    nx, ny, nz, gx, gy, gz, leaves = normals
     slant = max(abs(dx * gx + dy * gy + dz * gz), _LEAST_FACING) ** _FOOTPRINT_POWER
     pixel = distance * rays.pixel_angle / slant
     kind, cr, cg, cb, rough, f0, emitted = surface_material(
@@ -294,12 +340,7 @@ def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance):  # type
         soaked = _ONE - np.float32(0.5) * light.wetness
         cr, cg, cb = cr * soaked, cg * soaked, cb * soaked
         rough, nx, ny = _water_on(light, pool, rough, (px, py), (nx, ny), pixel)
-    lift = _LIFT_M + distance * _LIFT_PER_M
-    o = (px + gx * lift, py + gy * lift, pz + gz * lift)
     er, eg, eb = sky_irradiance(light, nx, ny, nz)
-    free = _uncovered(
-        frame, scratch, rays.skip, epic, o, (gx, gy, gz), distance, (hit_actor, leaves)
-    )
     er, eg, eb = er * free, eg * free, eb * free
     sunny = nx * lx + ny * ly + nz * lz
     if leaves:
@@ -307,10 +348,7 @@ def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance):  # type
         sunny = max(sunny * np.float32(0.7) + np.float32(0.3), np.float32(0.12))
     lit = False
     if sun_is_up(light) and sunny > 0 and (leaves or gx * lx + gy * ly + gz * lz > 0):
-        start = o
-        if leaves:
-            start = (px + lx * _LEAF_LIFT_M, py + ly * _LEAF_LIFT_M, pz + lz * _LEAF_LIFT_M)
-        lit = sees_sun(frame.scene, scratch, light, start, rays.skip)
+        lit = sunlit
         if lit:
             er += light.sun[0] * sunny
             eg += light.sun[1] * sunny
@@ -331,6 +369,7 @@ def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance):  # type
         rx, ry, rz = dx - back * nx, dy - back * ny, dz - back * nz
         glossy = pool > _MIRRORING_WATER or (epic and rough < _MIRRORING_ROUGHNESS)
         if glossy and fresnel > _LEAST_FRESNEL and distance < _MIRRORING_M:
+            o = _lifted((px, py, pz), (gx, gy, gz), distance)
             sr, sg, sb = _mirrored(frame, scratch, rays.skip, o, (rx, ry, rz), lamps_on)
         else:
             sr, sg, sb = _mirrored_sky(light, rx, ry, rz)
@@ -364,9 +403,40 @@ def _through_air(light, rays, d, distance, colour):  # type: ignore[no-untyped-d
     return r, g, b
 
 
+@inlined
+def _lamps_on(frame):  # type: ignore[no-untyped-def]
+    """Whether any lamp shines."""
+    lamps = frame.lamps
+    on = frame.light.night > 0
+    for k in range(lamps.power.shape[0]):
+        on = on or lamps.power[k, 0] + lamps.power[k, 1] + lamps.power[k, 2] > 0
+    return on
+
+
+@inlined
+def _sky_met(light, d):  # type: ignore[no-untyped-def]
+    """Radiance of the sky and the sun's disc in a unit direction."""
+    r, g, b = sky_radiance(light, d[0], d[1], d[2])
+    s = light.sun_direction
+    if sun_is_up(light) and d[0] * s[0] + d[1] * s[1] + d[2] * s[2] > _SUN_DISC_COS:
+        r += light.sun[0] * _SUN_DISC_GAIN
+        g += light.sun[1] * _SUN_DISC_GAIN
+        b += light.sun[2] * _SUN_DISC_GAIN
+    return r, g, b
+
+
+@inlined
+def _expose(light, rays, i, d, distance, colour, out):  # type: ignore[no-untyped-def]
+    """Write a ray's colour as display light."""
+    r, g, b = _through_air(light, rays, d, distance, colour)
+    out[i, 0] = _film(r * light.exposure)
+    out[i, 1] = _film(g * light.exposure)
+    out[i, 2] = _film(b * light.exposure)
+
+
 @kernel
 def shade_rays(frame, rays, scratch, epic, first, last, out):  # type: ignore[no-untyped-def]
-    """Colours of hits: linear display light, 0-1.
+    """Colours of hits: linear display light, 0-1. The card's shaders are made from this.
 
     Args:
         frame: a :class:`ShadedFrame`.
@@ -376,27 +446,171 @@ def shade_rays(frame, rays, scratch, epic, first, last, out):  # type: ignore[no
         first, last: half-open range of rays.
         out: ``(N, 3)`` float32, to be filled.
     """
-    light, lamps = frame.light, frame.lamps
-    lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
-    lamps_on = light.night > 0
-    for k in range(lamps.power.shape[0]):
-        lamps_on = lamps_on or lamps.power[k, 0] + lamps.power[k, 1] + lamps.power[k, 2] > 0
+    light = frame.light
+    lamps_on = _lamps_on(frame)
     for i in range(first, last):
         dx, dy, dz = rays.directions[i, 0], rays.directions[i, 1], rays.directions[i, 2]
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
-        dx, dy, dz = dx / length, dy / length, dz / length
-        d = (dx, dy, dz)
+        d = (dx / length, dy / length, dz / length)
         if rays.row[i] == NOTHING:
-            r, g, b = sky_radiance(light, dx, dy, dz)
-            if sun_is_up(light) and dx * lx + dy * ly + dz * lz > _SUN_DISC_COS:
-                r += light.sun[0] * _SUN_DISC_GAIN
-                g += light.sun[1] * _SUN_DISC_GAIN
-                b += light.sun[2] * _SUN_DISC_GAIN
             distance = _SKY_M
+            r, g, b = _sky_met(light, d)
         else:
             distance = rays.t[i] * length
-            r, g, b = _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance)
-        r, g, b = _through_air(light, rays, d, distance, (r, g, b))
-        out[i, 0] = _film(r * light.exposure)
-        out[i, 1] = _film(g * light.exposure)
-        out[i, 2] = _film(b * light.exposure)
+            normals = _normals_met(frame, rays, i, d)
+            n, way = (normals[0], normals[1], normals[2]), (normals[3], normals[4], normals[5])
+            leaves = normals[6]
+            p = _place_met(rays, d, distance)
+            o = _lifted(p, way, distance)
+            free = _uncovered(
+                frame, scratch, rays.skip, epic, o, way, distance, (rays.row[i], leaves)
+            )
+            sunlit = False
+            if sun_may_reach(light, n, way, leaves):
+                start = sun_start(light, p, o, leaves)
+                sunlit = sees_sun(frame.scene, scratch, light, start, rays.skip)
+            r, g, b = _hit_radiance(
+                frame, rays, scratch, epic, lamps_on, i, d, distance, normals, free, sunlit
+            )
+        _expose(light, rays, i, d, distance, (r, g, b), out)
+
+
+class ShadeScratch(NamedTuple):
+    """Working memory of one thread for packets of rays.
+
+    Attributes:
+        packet: of the rays that are traced.
+        normals: ``(6, 64)`` float32 see :func:`_normals_met`.
+        free: ``(64,)`` float32 share of the sky's light that comes to what each ray met.
+        leaves, sunlit, covered: ``(64,)`` bool: whether it is leaves, whether the sun reaches it,
+            whether something may stand right above it.
+        which: ``(64,)`` int32 rays for which others are traced.
+    """
+
+    packet: PacketScratch
+    normals: NDArray[np.float32]
+    free: NDArray[np.float32]
+    leaves: NDArray[np.bool_]
+    sunlit: NDArray[np.bool_]
+    covered: NDArray[np.bool_]
+    which: NDArray[np.int32]
+
+
+def new_shade_scratch() -> ShadeScratch:
+    """Working memory for one thread."""
+    return ShadeScratch(
+        new_packet_scratch(),
+        np.empty((6, PACKET), np.float32),
+        np.empty(PACKET, np.float32),
+        np.empty(PACKET, np.bool_),
+        np.empty(PACKET, np.bool_),
+        np.empty(PACKET, np.bool_),
+        np.empty(PACKET, np.int32),
+    )
+
+
+@device
+def _want(packet, which, i, start):  # type: ignore[no-untyped-def]
+    """Put down that a ray from a place is wanted for ray ``i``."""
+    k = packet.wanted[0]
+    packet.from_[0, k], packet.from_[1, k], packet.from_[2, k] = start[0], start[1], start[2]
+    which[k] = i
+    packet.wanted[0] = k + 1
+
+
+@device
+def _find_light(frame, rays, memory, order, begin, count, epic):  # type: ignore[no-untyped-def]
+    """What comes of sun and sky to the places that a packet met, into ``memory``."""
+    light, packet, which = frame.light, memory.packet, memory.which
+    nearest = _SKY_M
+    packet.wanted[0] = 0
+    for i in range(count):
+        ray = order[begin + i]
+        memory.sunlit[i] = False
+        memory.covered[i] = False
+        if rays.row[ray] == NOTHING:
+            continue
+        dx, dy, dz = rays.directions[ray, 0], rays.directions[ray, 1], rays.directions[ray, 2]
+        length = math.sqrt(dx * dx + dy * dy + dz * dz)
+        d = (dx / length, dy / length, dz / length)
+        distance = rays.t[ray] * length
+        nearest = min(nearest, distance)
+        normals = _normals_met(frame, rays, ray, d)
+        n, way = (normals[0], normals[1], normals[2]), (normals[3], normals[4], normals[5])
+        leaves = normals[6]
+        for k in range(3):
+            memory.normals[k, i] = n[k]
+            memory.normals[3 + k, i] = way[k]
+        memory.leaves[i] = leaves
+        memory.free[i] = _ONE
+        p = _place_met(rays, d, distance)
+        o = _lifted(p, way, distance)
+        if _feels_sky(epic, leaves, distance):
+            memory.free[i] = openness(
+                frame.scene, packet.single, o, way[0], way[1], way[2], rays.skip
+            )
+        else:
+            memory.covered[i] = _is_covered_ground(rays.row[ray], way, distance)
+        if sun_may_reach(light, n, way, leaves):
+            _want(packet, which, i, sun_start(light, p, o, leaves))
+    s = light.sun_direction
+    trace_along(
+        frame.scene, packet, (s[0], s[1], s[2]), RAY_NEAR_M, SHADOW_M, rays.skip, True, nearest
+    )
+    for k in range(packet.wanted[0]):
+        memory.sunlit[which[k]] = packet.met[k] < _ZERO
+    packet.wanted[0] = 0
+    for i in range(count):
+        if not memory.covered[i]:
+            continue
+        ray = order[begin + i]
+        dx, dy, dz = rays.directions[ray, 0], rays.directions[ray, 1], rays.directions[ray, 2]
+        length = math.sqrt(dx * dx + dy * dy + dz * dz)
+        d = (dx / length, dy / length, dz / length)
+        distance = rays.t[ray] * length
+        way = (memory.normals[3, i], memory.normals[4, i], memory.normals[5, i])
+        _want(packet, which, i, _lifted(_place_met(rays, d, distance), way, distance))
+    trace_along(
+        frame.scene, packet, overhang_way(), RAY_NEAR_M, OVERHANG_M, rays.skip, False, nearest
+    )
+    for k in range(packet.wanted[0]):
+        if packet.met[k] >= _ZERO:
+            memory.free[which[k]] = overhang_share(packet.met[k])
+
+
+@kernel
+def shade_packets(frame, rays, memory, epic, order, starts, first, last, out):  # type: ignore[no-untyped-def]
+    """As :func:`shade_rays`, of rays that run side by side.
+
+    Args:
+        frame, rays, epic, out: as there.
+        memory: a :class:`ShadeScratch` of this thread.
+        order, starts: packets, see :func:`carstage_sim.render.packets.cast_packets`.
+        first, last: half-open range of packets.
+    """
+    light = frame.light
+    lamps_on = _lamps_on(frame)
+    for number in range(first, last):
+        begin = starts[number]
+        count = starts[number + 1] - begin
+        _find_light(frame, rays, memory, order, begin, count, epic)
+        for k in range(count):
+            i = order[begin + k]
+            dx, dy, dz = rays.directions[i, 0], rays.directions[i, 1], rays.directions[i, 2]
+            length = math.sqrt(dx * dx + dy * dy + dz * dz)
+            d = (dx / length, dy / length, dz / length)
+            if rays.row[i] == NOTHING:
+                distance = _SKY_M
+                r, g, b = _sky_met(light, d)
+            else:
+                distance = rays.t[i] * length
+                met = memory.normals
+                normals = (
+                    met[0, k], met[1, k], met[2, k], met[3, k], met[4, k], met[5, k],
+                    memory.leaves[k],
+                )  # fmt: skip
+                r, g, b = _hit_radiance(
+                    frame, rays, memory.packet.single, epic, lamps_on, i, d, distance, normals,
+                    memory.free[k], memory.sunlit[k],
+                )  # fmt: skip
+            _expose(light, rays, i, d, distance, (r, g, b), out)

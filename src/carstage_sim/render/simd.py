@@ -20,6 +20,8 @@ from carstage_sim.kernels import Decorator
 
 LANES = 8
 """Children of a node and triangles of a leaf block."""
+PACKET = 64
+"""Rays that are traced together."""
 
 _intrinsic: Decorator = intrinsic
 _array_struct: Any = make_array
@@ -80,6 +82,36 @@ def _unpack(context: Any, builder: Any, signature: Any, args: Any) -> list[Any]:
         else:
             values.append(context.cast(builder, value, kind, types.int64))
     return values
+
+
+def _meet(builder: Any, xs: Any, ys: Any, zs: Any, low: Any, high: Any, found: Any) -> Any:
+    """Where eight rays meet eight triangles whose corners are sheared along the rays.
+
+    Stores parameters and weights in ``found``; the bits say which do.
+    """
+
+    def edge(a: int, b: int) -> Any:
+        return builder.fsub(builder.fmul(xs[a], ys[b]), builder.fmul(ys[a], xs[b]))
+
+    u, v, w = edge(2, 1), edge(0, 2), edge(1, 0)
+    zero = _constant(0.0)
+    least = _smaller(builder, _smaller(builder, u, v), w)
+    most = _larger(builder, _larger(builder, u, v), w)
+    inside = builder.or_(
+        builder.fcmp_ordered(">=", least, zero), builder.fcmp_ordered("<=", most, zero)
+    )
+    determinant = builder.fadd(builder.fadd(u, v), w)
+    scaled = builder.fadd(
+        builder.fadd(builder.fmul(u, zs[0]), builder.fmul(v, zs[1])), builder.fmul(w, zs[2])
+    )
+    inverse = builder.fdiv(_constant(1.0), determinant)
+    t = builder.fmul(scaled, inverse)
+    within = builder.and_(builder.fcmp_ordered(">=", t, low), builder.fcmp_ordered("<=", t, high))
+    solid = builder.fcmp_ordered("!=", determinant, zero)
+    _store(builder, t, found, 0)
+    _store(builder, builder.fmul(u, inverse), found, 1)
+    _store(builder, builder.fmul(v, inverse), found, 2)
+    return _bits(builder, builder.and_(builder.and_(inside, within), solid))
 
 
 @_intrinsic
@@ -175,32 +207,8 @@ def triangle_hits(  # type: ignore[no-untyped-def]
             xs.append(builder.fsub(x, builder.fmul(shear_x, z)))
             ys.append(builder.fsub(y, builder.fmul(shear_y, z)))
             zs.append(builder.fmul(shear_z, z))
-
-        def edge(a: int, b: int) -> Any:
-            return builder.fsub(builder.fmul(xs[a], ys[b]), builder.fmul(ys[a], xs[b]))
-
-        u, v, w = edge(2, 1), edge(0, 2), edge(1, 0)
-        zero = _constant(0.0)
-        least = _smaller(builder, _smaller(builder, u, v), w)
-        most = _larger(builder, _larger(builder, u, v), w)
-        inside = builder.or_(
-            builder.fcmp_ordered(">=", least, zero), builder.fcmp_ordered("<=", most, zero)
-        )
-        determinant = builder.fadd(builder.fadd(u, v), w)
-        scaled = builder.fadd(
-            builder.fadd(builder.fmul(u, zs[0]), builder.fmul(v, zs[1])), builder.fmul(w, zs[2])
-        )
-        inverse = builder.fdiv(_constant(1.0), determinant)
-        t = builder.fmul(scaled, inverse)
-        within = builder.and_(
-            builder.fcmp_ordered(">=", t, _splat(builder, values[11])),
-            builder.fcmp_ordered("<=", t, _splat(builder, values[12])),
-        )
-        solid = builder.fcmp_ordered("!=", determinant, zero)
-        _store(builder, t, values[13], 0)
-        _store(builder, builder.fmul(u, inverse), values[13], 1)
-        _store(builder, builder.fmul(v, inverse), values[13], 2)
-        return _bits(builder, builder.and_(builder.and_(inside, within), solid))
+        low, high = (_splat(builder, v) for v in values[11:13])
+        return _meet(builder, xs, ys, zs, low, high, values[13])
 
     return signature, codegen
 
@@ -213,3 +221,437 @@ def lowest_bit(typing_context, bits):  # type: ignore[no-untyped-def]
         return builder.cttz(args[0], cgutils.true_bit)
 
     return types.int64(types.int64), codegen
+
+
+def _magnitude(builder: Any, value: Any) -> Any:
+    return _larger(builder, value, builder.fsub(_constant(0.0), value))
+
+
+def _dot(builder: Any, vector: Any, point: Any) -> Any:
+    """Product of a direction, eight times the same, and eight points."""
+    x, y, z = (builder.fmul(a, b) for a, b in zip(vector, point, strict=True))
+    return builder.fadd(builder.fadd(x, y), z)
+
+
+def _corner(builder: Any, data: Any, first: Any, axis: Any, corner: int) -> Any:
+    """A coordinate of a triangle's corner; ``first`` is where the triangle's lane begins."""
+    row = builder.add(axis, ir.Constant(_I64, 3 * corner))
+    place = builder.add(first, builder.mul(row, ir.Constant(_I64, LANES)))
+    return builder.load(builder.gep(data, [place]))
+
+
+@_intrinsic
+def boxes_in_beam(typing_context, planes, node, beam, farthest, entry):  # type: ignore[no-untyped-def]
+    """Which of a node's eight boxes a beam of rays may meet.
+
+    Args:
+        typing_context: numba's.
+        planes: as for :func:`box_hits`.
+        node: row of ``planes``.
+        beam: ``(>= 19,)`` float32: the rays' common origin, the normals of the four sides that
+            enclose them, their middle direction, and the reciprocal of the largest component
+            along it that a ray's direction has.
+        farthest: ray parameter beyond which no hit is wanted.
+        entry: ``(>= 8,)`` float32, receives a parameter before which no ray enters each box.
+
+    Returns:
+        int64 whose bit ``k`` says that box ``k`` may be met. A part in a million of the numbers
+        that are added allows for their rounding.
+    """
+    signature = types.int64(planes, node, beam, farthest, entry)
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        data, row, sides, far, out = _unpack(context, builder, signature, args)
+
+        def number(place: int) -> Any:
+            index = ir.Constant(_I64, place)
+            return builder.load(builder.gep(sides, [index]))
+
+        first = builder.mul(row, ir.Constant(_I64, 6))
+        origin = [_splat(builder, number(axis)) for axis in range(3)]
+        lowest, highest = (
+            [
+                builder.fsub(
+                    _load(builder, data, builder.add(first, ir.Constant(_I64, axis + begin))),
+                    origin[axis],
+                )
+                for axis in range(3)
+            ]
+            for begin in (0, 3)
+        )
+        slack = _constant(1e-6)
+        zero = ir.Constant(_F32, 0.0)
+
+        def extreme(normal: list[Any], most: bool) -> tuple[Any, Any]:
+            """Farthest or nearest place of each box along a normal, and what it may be off."""
+            total, size = None, None
+            for axis in range(3):
+                up = builder.fcmp_ordered(">=" if most else "<", normal[axis], zero)
+                corner = builder.select(up, highest[axis], lowest[axis])
+                part = builder.fmul(_splat(builder, normal[axis]), corner)
+                total = part if total is None else builder.fadd(total, part)
+                reach = _magnitude(builder, part)
+                size = reach if size is None else builder.fadd(size, reach)
+            return total, builder.fmul(size, slack)
+
+        nothing = _constant(0.0)
+        met = None
+        for side in range(4):
+            most, off = extreme([number(3 + 3 * side + axis) for axis in range(3)], True)
+            inside = builder.fcmp_ordered(">=", builder.fadd(most, off), nothing)
+            met = inside if met is None else builder.and_(met, inside)
+        ahead = [number(15 + axis) for axis in range(3)]
+        most, off = extreme(ahead, True)
+        met = builder.and_(met, builder.fcmp_ordered(">=", builder.fadd(most, off), nothing))
+        least, off = extreme(ahead, False)
+        enters = builder.fmul(builder.fsub(least, off), _splat(builder, number(18)))
+        enters = _larger(builder, enters, nothing)
+        met = builder.and_(met, builder.fcmp_ordered("<=", enters, _splat(builder, far)))
+        _store(builder, enters, out, 0)
+        return _bits(builder, met)
+
+    return signature, codegen
+
+
+@_intrinsic
+def triangles_in_beam(typing_context, corners, block, axes, beam, farthest, places):  # type: ignore[no-untyped-def]
+    """Which of a block's eight triangles a beam of rays may meet, and in which rows of its rays.
+
+    Args:
+        typing_context: numba's.
+        corners: as for :func:`triangle_hits`.
+        block: row of ``corners``.
+        axes: ``(>= 13,)`` float32: two directions across the beam, its middle direction, and the
+            least and largest slopes of its rays along the two.
+        beam: as for :func:`boxes_in_beam`.
+        farthest: ray parameter beyond which no hit is wanted.
+        places: ``(>= 16,)`` float32, receives the least and largest slope of each triangle along
+            the second direction.
+
+    Returns:
+        int64 whose bit ``k`` says that triangle ``k`` may be met.
+    """
+    signature = types.int64(corners, block, axes, beam, farthest, places)
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        data, row, across, sides, far, out = _unpack(context, builder, signature, args)
+
+        def number(array: Any, place: int) -> Any:
+            return _splat(builder, builder.load(builder.gep(array, [ir.Constant(_I64, place)])))
+
+        origin = [number(sides, axis) for axis in range(3)]
+        vectors = [[number(across, 3 * k + axis) for axis in range(3)] for k in range(3)]
+        bounds = [number(across, 9 + k) for k in range(4)]
+        first = builder.mul(row, ir.Constant(_I64, 9))
+        least: list[Any] = [None] * 3
+        most: list[Any] = [None] * 3
+        slack, nearest = None, None
+        one, tiny = _constant(1.0), _constant(1e-6)
+        for corner in range(3):
+            point = [
+                builder.fsub(
+                    _load(builder, data, builder.add(first, ir.Constant(_I64, 3 * corner + axis))),
+                    origin[axis],
+                )
+                for axis in range(3)
+            ]
+            right, up, ahead = (_dot(builder, vector, point) for vector in vectors)
+            size = builder.fadd(
+                builder.fadd(_magnitude(builder, point[0]), _magnitude(builder, point[1])),
+                _magnitude(builder, point[2]),
+            )
+            inverse = builder.fdiv(one, ahead)
+            size = builder.fmul(size, tiny)
+            off = builder.fmul(size, inverse)
+            slack = off if slack is None else _larger(builder, slack, off)
+            certain = builder.fsub(ahead, size)
+            nearest = certain if nearest is None else _smaller(builder, nearest, certain)
+            for k, value in enumerate(
+                (builder.fmul(right, inverse), builder.fmul(up, inverse), ahead)
+            ):
+                held, top = least[k], most[k]
+                least[k] = value if held is None else _smaller(builder, held, value)
+                most[k] = value if top is None else _larger(builder, top, value)
+        slack = builder.fadd(slack, tiny)
+        within = None
+        for k in range(2):
+            low, high = builder.fsub(least[k], slack), builder.fadd(most[k], slack)
+            if k == 1:
+                rows = (low, high)
+            overlap = builder.and_(
+                builder.fcmp_ordered("<=", low, bounds[2 * k + 1]),
+                builder.fcmp_ordered(">=", high, bounds[2 * k]),
+            )
+            within = overlap if within is None else builder.and_(within, overlap)
+        # What reaches behind the origin has no such place: it is taken for everywhere.
+        front = builder.fcmp_ordered(">", least[2], _constant(1e-3))
+        somewhere = builder.fcmp_ordered(">=", most[2], _constant(0.0))
+        reach = builder.fmul(nearest, number(sides, 18))
+        near = builder.fcmp_ordered("<=", reach, _splat(builder, far))
+        huge = 3.0e38
+        _store(builder, builder.select(front, rows[0], _constant(-huge)), out, 0)
+        _store(builder, builder.select(front, rows[1], _constant(huge)), out, 1)
+        met = builder.select(front, builder.and_(within, near), somewhere)
+        return _bits(builder, met)
+
+    return signature, codegen
+
+
+@_intrinsic
+def rays_hit(  # type: ignore[no-untyped-def]
+    typing_context, corners, block, lane, kx, ky, kz, beam, rays, row, low, found
+):
+    """Which of eight rays of one origin meet a triangle, at most as far as they have come.
+
+    The operations are those of :func:`triangle_hits`, in the same order: the results are equal.
+
+    Args:
+        typing_context: numba's.
+        corners, block: as for :func:`triangle_hits`.
+        lane: the triangle.
+        kx, ky, kz: axes in the order that puts the directions' largest component last.
+        beam: as for :func:`boxes_in_beam`.
+        rays: ``(4, PACKET)`` float32 for each ray: its shear, and the largest parameter that
+            counts.
+        row: which eight of the rays.
+        low: smallest parameter that counts.
+        found: as for :func:`triangle_hits`.
+
+    Returns:
+        int64 whose bit ``k`` says that ray ``k`` meets the triangle.
+    """
+    signature = types.int64(corners, block, lane, kx, ky, kz, beam, rays, row, low, found)
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        data, number, place, *axes, sides, lanes, which, least, out = _unpack(
+            context, builder, signature, args
+        )
+        shear_x, shear_y, shear_z, farthest = (
+            _load(builder, lanes, builder.add(ir.Constant(_I64, k * PACKET // LANES), which))
+            for k in range(4)
+        )
+        first = builder.mul(number, ir.Constant(_I64, 9 * LANES))
+        first = builder.add(first, place)
+        origin = [builder.load(builder.gep(sides, [axis])) for axis in axes]
+        xs, ys, zs = [], [], []
+        for corner in range(3):
+            x, y, z = (
+                _splat(builder, builder.fsub(_corner(builder, data, first, axis, corner), start))
+                for axis, start in zip(axes, origin, strict=True)
+            )
+            xs.append(builder.fsub(x, builder.fmul(shear_x, z)))
+            ys.append(builder.fsub(y, builder.fmul(shear_y, z)))
+            zs.append(builder.fmul(shear_z, z))
+        return _meet(builder, xs, ys, zs, _splat(builder, least), farthest, out)
+
+    return signature, codegen
+
+
+@_intrinsic
+def largest(typing_context, rays, row, groups):  # type: ignore[no-untyped-def]
+    """Largest of the first ``8 * groups`` numbers in a row of ``(R, PACKET)`` float32."""
+    signature = types.float32(rays, row, groups)
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        data, which, count = _unpack(context, builder, signature, args)
+        first = builder.mul(which, ir.Constant(_I64, PACKET // LANES))
+        most = cgutils.alloca_once_value(builder, _load(builder, data, first))
+        with cgutils.for_range(builder, count) as loop:
+            value = _load(builder, data, builder.add(first, loop.index))
+            builder.store(_larger(builder, builder.load(most), value), most)
+        vector = builder.load(most)
+        undefined = ir.Constant(_VEC, ir.Undefined)
+        for half in (4, 2, 1):
+            order = [k + half if k + half < LANES else k for k in range(LANES)]
+            mask = ir.Constant(ir.VectorType(_I32, LANES), order)
+            vector = _larger(builder, vector, builder.shuffle_vector(vector, undefined, mask))
+        return builder.extract_element(vector, ir.Constant(_I32, 0))
+
+    return signature, codegen
+
+
+def _numbers(builder: Any, array: Any, places: range) -> list[Any]:
+    """Numbers of a float32 array, each eight times."""
+    return [
+        _splat(builder, builder.load(builder.gep(array, [ir.Constant(_I64, place)])))
+        for place in places
+    ]
+
+
+def _span(builder: Any, normal: list[Any], low: list[Any], high: list[Any]) -> tuple[Any, Any]:
+    """Least and largest place of eight boxes along a direction, with room for rounding."""
+    zero = _constant(0.0)
+    sums: list[Any] = [None, None]
+    sizes: list[Any] = [None, None]
+    for axis in range(3):
+        up = builder.fcmp_ordered(">=", normal[axis], zero)
+        for k, corner in enumerate(
+            (
+                builder.select(up, low[axis], high[axis]),
+                builder.select(up, high[axis], low[axis]),
+            )
+        ):
+            part = builder.fmul(normal[axis], corner)
+            reach = _magnitude(builder, part)
+            held, size = sums[k], sizes[k]
+            sums[k] = part if held is None else builder.fadd(held, part)
+            sizes[k] = reach if size is None else builder.fadd(size, reach)
+    slack = _constant(1e-6)
+    return (
+        builder.fsub(sums[0], builder.fmul(sizes[0], slack)),
+        builder.fadd(sums[1], builder.fmul(sizes[1], slack)),
+    )
+
+
+def _overlap(builder: Any, spans: list[tuple[Any, Any]], bounds: list[Any]) -> Any:
+    """Where all intervals meet theirs of ``bounds``: least, largest, least, largest, ..."""
+    met = None
+    for k, (low, high) in enumerate(spans):
+        both = builder.and_(
+            builder.fcmp_ordered("<=", low, bounds[2 * k + 1]),
+            builder.fcmp_ordered(">=", high, bounds[2 * k]),
+        )
+        met = both if met is None else builder.and_(met, both)
+    return met
+
+
+@_intrinsic
+def boxes_in_shaft(typing_context, planes, node, shaft, entry):  # type: ignore[no-untyped-def]
+    """Which of a node's eight boxes parallel rays may meet.
+
+    Args:
+        typing_context: numba's.
+        planes, node: as for :func:`box_hits`.
+        shaft: ``(>= 18,)`` float32: a place near all origins; two directions across the rays and
+            their own; the least and largest place along each of the three that they reach.
+        entry: ``(>= 8,)`` float32, receives where each box begins along the rays.
+
+    Returns:
+        int64 whose bit ``k`` says that box ``k`` may be met.
+    """
+    signature = types.int64(planes, node, shaft, entry)
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        data, row, numbers, out = _unpack(context, builder, signature, args)
+        first = builder.mul(row, ir.Constant(_I64, 6))
+        origin = _numbers(builder, numbers, range(3))
+        sides = [
+            builder.fsub(
+                _load(builder, data, builder.add(first, ir.Constant(_I64, k))), origin[k % 3]
+            )
+            for k in range(6)
+        ]
+        spans = [
+            _span(builder, _numbers(builder, numbers, range(k, k + 3)), sides[:3], sides[3:])
+            for k in (3, 6, 9)
+        ]
+        _store(builder, spans[2][0], out, 0)
+        return _bits(builder, _overlap(builder, spans, _numbers(builder, numbers, range(12, 18))))
+
+    return signature, codegen
+
+
+@_intrinsic
+def triangles_in_shaft(typing_context, corners, block, shaft, places):  # type: ignore[no-untyped-def]
+    """Which of a block's eight triangles parallel rays may meet, and where across them they are.
+
+    Args:
+        typing_context: numba's.
+        corners, block: as for :func:`triangle_hits`.
+        shaft: as for :func:`boxes_in_shaft`.
+        places: ``(>= 32,)`` float32, receives the least and the largest place of each triangle
+            along the first and along the second direction.
+
+    Returns:
+        int64 whose bit ``k`` says that triangle ``k`` may be met.
+    """
+    signature = types.int64(corners, block, shaft, places)
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        data, row, numbers, out = _unpack(context, builder, signature, args)
+        origin = _numbers(builder, numbers, range(3))
+        vectors = [_numbers(builder, numbers, range(k, k + 3)) for k in (3, 6, 9)]
+        first = builder.mul(row, ir.Constant(_I64, 9))
+        least: list[Any] = [None] * 3
+        most: list[Any] = [None] * 3
+        slack = None
+        for corner in range(3):
+            point = [
+                builder.fsub(
+                    _load(builder, data, builder.add(first, ir.Constant(_I64, 3 * corner + axis))),
+                    origin[axis],
+                )
+                for axis in range(3)
+            ]
+            size = builder.fadd(
+                builder.fadd(_magnitude(builder, point[0]), _magnitude(builder, point[1])),
+                _magnitude(builder, point[2]),
+            )
+            slack = size if slack is None else _larger(builder, slack, size)
+            for k, vector in enumerate(vectors):
+                value = _dot(builder, vector, point)
+                held, top = least[k], most[k]
+                least[k] = value if held is None else _smaller(builder, held, value)
+                most[k] = value if top is None else _larger(builder, top, value)
+        slack = builder.fmul(slack, _constant(1e-6))
+        spans = [
+            (builder.fsub(low, slack), builder.fadd(high, slack))
+            for low, high in zip(least, most, strict=True)
+        ]
+        for k in range(2):
+            _store(builder, spans[k][0], out, 2 * k)
+            _store(builder, spans[k][1], out, 2 * k + 1)
+        return _bits(builder, _overlap(builder, spans, _numbers(builder, numbers, range(12, 18))))
+
+    return signature, codegen
+
+
+@_intrinsic
+def parallel_rays_hit(  # type: ignore[no-untyped-def]
+    typing_context, corners, block, lane, kx, ky, kz, starts, sx, sy, sz, rays, row, low, found
+):
+    """Which of eight parallel rays meet a triangle, at most as far as they have come.
+
+    The operations are those of :func:`triangle_hits`, in the same order: the results are equal.
+
+    Args:
+        typing_context: numba's.
+        corners, block, kx, ky, kz, sx, sy, sz: as for :func:`triangle_hits`.
+        lane: the triangle.
+        starts: ``(3, PACKET)`` float32 origins of the rays.
+        rays: ``(4, PACKET)`` float32, in its last row the largest parameter that counts.
+        row: which eight of the rays.
+        low: smallest parameter that counts.
+        found: as for :func:`triangle_hits`.
+
+    Returns:
+        int64 whose bit ``k`` says that ray ``k`` meets the triangle.
+    """
+    signature = types.int64(
+        corners, block, lane, kx, ky, kz, starts, sx, sy, sz, rays, row, low, found
+    )
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        data, number, place, *axes, origins, sx, sy, sz, lanes, which, least, out = _unpack(
+            context, builder, signature, args
+        )
+        stride = ir.Constant(_I64, PACKET // LANES)
+        start = [
+            _load(builder, origins, builder.add(builder.mul(axis, stride), which)) for axis in axes
+        ]
+        shear_x, shear_y, shear_z = (_splat(builder, value) for value in (sx, sy, sz))
+        last = ir.Constant(_I64, 3 * PACKET // LANES)
+        farthest = _load(builder, lanes, builder.add(last, which))
+        first = builder.add(builder.mul(number, ir.Constant(_I64, 9 * LANES)), place)
+        xs, ys, zs = [], [], []
+        for corner in range(3):
+            x, y, z = (
+                builder.fsub(_splat(builder, _corner(builder, data, first, axis, corner)), start[k])
+                for k, axis in enumerate(axes)
+            )
+            xs.append(builder.fsub(x, builder.fmul(shear_x, z)))
+            ys.append(builder.fsub(y, builder.fmul(shear_y, z)))
+            zs.append(builder.fmul(shear_z, z))
+        return _meet(builder, xs, ys, zs, _splat(builder, least), farthest, out)
+
+    return signature, codegen

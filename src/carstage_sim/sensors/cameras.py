@@ -143,12 +143,7 @@ class RgbCamera(CameraSensor):
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
         """The picture, alpha 255."""
-        made = view.on_card(self.camera(request), Product.COLOURS, self.film)
-        if made is not None:
-            return self.image(made)
-        pixels = np.full((self.height, self.width, 4), 255, np.uint8)
-        pixels[..., :3] = view.colours(self.camera(request), self.film)[..., ::-1]
-        return self.image(pixels)
+        return self.image(view.pixels(self.camera(request), self.film))
 
     def announce(self, request: SensorRequest, view: View) -> None:
         """Its colours will be asked for."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.render.cast import STATIC
-from carstage_sim.render.caster import Hits, RayCaster
+from carstage_sim.render.caster import Hits, RayCaster, picture_packets
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import GpuCameras, Pending, Product, Shot
 from carstage_sim.render.motion import Motions
@@ -208,10 +208,11 @@ class View:
         hits = self._casts.get(camera)
         if hits is None:
             self.cast_count += 1
-            hits = self._caster.cast(
+            hits = self._caster.cast_together(
                 self.frame.scene,
                 np.asarray(camera.location),
                 pixel_rays(camera),
+                picture_packets(camera.width, camera.height),
                 low=NEAR_M,
                 high=FAR_M,
                 skip_row=self.skipped_row(camera.owner_id, camera.location),
@@ -288,11 +289,15 @@ class View:
 
     def colours(self, camera: Camera, film: Film) -> NDArray[np.uint8]:
         """``(H, W, 3)`` uint8 sRGB picture, shaded once per tick, camera and film."""
+        return self.pixels(camera, film)[..., 2::-1]
+
+    def pixels(self, camera: Camera, film: Film) -> NDArray[np.uint8]:
+        """As :meth:`colours`, ``(H, W, 4)`` BGRA."""
         made = self.on_card(camera, Product.COLOURS, film)
         if made is not None:
-            return made[..., 2::-1]
-        colours = self._colours.get((camera, film))
-        if colours is None:
+            return made
+        pixels = self._colours.get((camera, film))
+        if pixels is None:
             picture = Picture(
                 width=camera.width,
                 height=camera.height,
@@ -306,9 +311,9 @@ class View:
                 film=film,
             )
             light = self._pictures.sky.lighting(self._weather, self._time_s)
-            colours = self._pictures.paint(self.frame, picture, light)
-            self._colours[camera, film] = colours
-        return colours
+            pixels = self._pictures.pixels(self.frame, picture, light)
+            self._colours[camera, film] = pixels
+        return pixels
 
     def tags(self, hits: Hits) -> NDArray[np.uint8]:
         """``(N,)`` uint8 semantic tag of each ray; the sky's for rays that met nothing."""

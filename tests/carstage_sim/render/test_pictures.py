@@ -8,7 +8,7 @@ import pytest
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, build_mesh
-from carstage_sim.render.caster import RayCaster
+from carstage_sim.render.caster import RayCaster, picture_packets
 from carstage_sim.render.film import Film
 from carstage_sim.render.materials import APPEARANCES
 from carstage_sim.render.picture import Picture, PictureMaker
@@ -125,7 +125,9 @@ def test_pixels_on_edges_are_mixed():
     maker = PictureMaker(RayCaster(1))
     light = maker.sky.lighting(_NOON, 0.0)
     angle = 2.0 * np.tan(np.radians(40.0)) / 64
-    plain = Film().encode(maker._shade(frame, hits, -1, angle, light)).reshape(48, 64, 3)
+    packets = picture_packets(64, 48)
+    shaded = maker._shade(frame, hits, packets, -1, angle, light)
+    plain = Film().encode(shaded).reshape(48, 64, 3)
     changed = (plain != codes).any(axis=2)
     assert 0.01 < changed.mean() < 0.5
 

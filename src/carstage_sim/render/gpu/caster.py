@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.render.cast import Scene
-from carstage_sim.render.caster import Hits, RayCaster
+from carstage_sim.render.caster import Hits, Packets, RayCaster
 from carstage_sim.render.gpu.device import Gpu, wgsl
 from carstage_sim.render.gpu.geometry import GpuGeometry
 from carstage_sim.render.gpu.transfer import padded
@@ -112,6 +112,20 @@ class GpuCaster(RayCaster):
             words[2 * count : 3 * count].view(np.int32),
             words[3 * count :].view(np.float32).reshape(-1, 2),
         )
+
+    def cast_together(
+        self,
+        scene: Scene,
+        origin: NDArray[np.floating],
+        directions: NDArray[np.float32],
+        packets: Packets,
+        *,
+        low: float,
+        high: float,
+        skip_row: int = -1,
+    ) -> Hits:
+        """Nearest hits of rays, which a card sorts by itself."""
+        return self.cast(scene, origin, directions, low=low, high=high, skip_row=skip_row)
 
     def _pipeline(self) -> Any:
         depth = self.geometry.stack

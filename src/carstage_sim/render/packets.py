@@ -1,0 +1,332 @@
+"""Rays of one origin that run side by side, traced together.
+
+A packet has up to 64 rays. Four planes around them tell at once which boxes and triangles none of
+them meets; a triangle is then tested against those rows of eight rays that it may cover. Each ray
+meets exactly what :func:`carstage_sim.render.cast.trace` finds for it: the tests of a ray with a
+triangle are the same operations, and what is left out is only what a ray cannot meet.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.kernels import device, kernel
+from carstage_sim.render.cast import NOTHING, STATIC, Scratch, new_scratch, trace, trace_actors
+from carstage_sim.render.simd import (
+    LANES,
+    PACKET,
+    boxes_in_beam,
+    largest,
+    lowest_bit,
+    rays_hit,
+    triangles_in_beam,
+)
+
+_ROWS = PACKET // LANES
+_ONE: Any = np.float32(1)
+_LEAST_AHEAD: Any = np.float32(0.5)
+"""Cosine with a packet's middle direction below which a ray strays too far from the others."""
+_SLACK: Any = np.float32(1e-6)
+_FARTHEST = 3
+"""Row of ``rays`` after the three of the shear."""
+_MIDDLE, _REACH, _BOUNDS = 15, 18, 9
+"""Places in ``beam`` and ``axes``."""
+
+
+class PacketScratch(NamedTuple):
+    """Working memory of one thread.
+
+    Attributes:
+        single: of rays that are traced alone.
+        ways: ``(3, 64)`` float32 the rays' directions, x, y, z.
+        rays: ``(4, 64)`` float32; see :func:`carstage_sim.render.simd.rays_hit`.
+        weights: ``(2, 64)`` float32 of what they met.
+        triangle: ``(64,)`` int32 what they met, -1 for nothing.
+        beam: ``(19,)`` float32; see :func:`carstage_sim.render.simd.boxes_in_beam`.
+        axes: ``(13,)`` float32; see :func:`carstage_sim.render.simd.triangles_in_beam`.
+        slopes: ``(4, 8)`` float32 least and largest slope of each row of eight rays.
+        places: ``(32,)`` float32 slopes of eight triangles.
+        starts: ``(3, 64)`` float32 origins of parallel rays.
+        from_: ``(3, 64)`` float32 places that parallel rays are wanted from.
+        wanted: ``(1,)`` int32 how many of them.
+        met: ``(64,)`` float32 how far what they met is, negative for nothing.
+        open, group: ``(64,)`` int32 places not traced yet, and those being traced.
+    """
+
+    single: Scratch
+    ways: NDArray[np.float32]
+    rays: NDArray[np.float32]
+    weights: NDArray[np.float32]
+    triangle: NDArray[np.int32]
+    beam: NDArray[np.float32]
+    axes: NDArray[np.float32]
+    slopes: NDArray[np.float32]
+    places: NDArray[np.float32]
+    starts: NDArray[np.float32]
+    from_: NDArray[np.float32]
+    wanted: NDArray[np.int32]
+    met: NDArray[np.float32]
+    open: NDArray[np.int32]
+    group: NDArray[np.int32]
+
+
+def new_packet_scratch() -> PacketScratch:
+    """Working memory for one thread."""
+    return PacketScratch(
+        new_scratch(),
+        np.empty((3, PACKET), np.float32),
+        np.empty((4, PACKET), np.float32),
+        np.empty((2, PACKET), np.float32),
+        np.empty(PACKET, np.int32),
+        np.empty(19, np.float32),
+        np.empty(13, np.float32),
+        np.empty((4, _ROWS), np.float32),
+        np.empty(4 * LANES, np.float32),
+        np.empty((3, PACKET), np.float32),
+        np.empty((3, PACKET), np.float32),
+        np.zeros(1, np.int32),
+        np.empty(PACKET, np.float32),
+        np.empty(PACKET, np.int32),
+        np.empty(PACKET, np.int32),
+    )
+
+
+@device
+def _aim(memory, count):  # type: ignore[no-untyped-def]
+    """Put planes around the rays of a packet; whether they run side by side.
+
+    Also fills what its triangle tests need. Which axis they look along is returned, 0 to 2, or -1
+    where the rays have to be traced one by one.
+    """
+    ways, beam, axes, slopes = memory.ways, memory.beam, memory.axes, memory.slopes
+    x, y, z = np.float32(0), np.float32(0), np.float32(0)
+    main = -1
+    for i in range(count):
+        dx, dy, dz = ways[0, i], ways[1, i], ways[2, i]
+        ax, ay, az = abs(dx), abs(dy), abs(dz)
+        axis = 0 if ax >= ay and ax >= az else (1 if ay >= az else 2)
+        if main < 0:
+            main = axis
+        if axis != main:
+            return -1
+        x, y, z = x + dx, y + dy, z + dz
+        if main == 0:
+            sz = _ONE / dx
+            memory.rays[0, i], memory.rays[1, i] = dy * sz, dz * sz
+        elif main == 1:
+            sz = _ONE / dy
+            memory.rays[0, i], memory.rays[1, i] = dz * sz, dx * sz
+        else:
+            sz = _ONE / dz
+            memory.rays[0, i], memory.rays[1, i] = dx * sz, dy * sz
+        memory.rays[2, i] = sz
+    length = math.sqrt(x * x + y * y + z * z)
+    if not length > np.float32(0):
+        return -1
+    x, y, z = x / length, y / length, z / length
+    # Two directions across the middle one (Duff et al., JCGT 2017); rows of rays differ along the
+    # second, which is the more upright one.
+    sign = _ONE if z >= 0 else -_ONE
+    a = -_ONE / (sign + z)
+    b = x * y * a
+    ux, uy, uz = _ONE + sign * x * x * a, sign * b, -sign * x
+    vx, vy, vz = b, sign + y * y * a, -y
+    if abs(z) < np.float32(0.8):
+        flat = math.sqrt(x * x + y * y)
+        ux, uy, uz = -y / flat, x / flat, np.float32(0)
+        vx, vy, vz = -z * uy, z * ux, x * uy - y * ux
+    least_u, most_u = np.float32(np.inf), np.float32(-np.inf)
+    least_v, most_v = np.float32(np.inf), np.float32(-np.inf)
+    reach = np.float32(0)
+    groups = (count + LANES - 1) // LANES
+    for g in range(groups):
+        low, high = np.float32(np.inf), np.float32(-np.inf)
+        for i in range(g * LANES, min(g * LANES + LANES, count)):
+            dx, dy, dz = ways[0, i], ways[1, i], ways[2, i]
+            ahead = dx * x + dy * y + dz * z
+            if not ahead > _LEAST_AHEAD * math.sqrt(dx * dx + dy * dy + dz * dz):
+                return -1
+            u = (dx * ux + dy * uy + dz * uz) / ahead
+            v = (dx * vx + dy * vy + dz * vz) / ahead
+            least_u, most_u = min(least_u, u), max(most_u, u)
+            low, high = min(low, v), max(high, v)
+            reach = max(reach, ahead)
+        slopes[0, g], slopes[1, g] = low - _SLACK, high + _SLACK
+        least_v, most_v = min(least_v, low), max(most_v, high)
+    least_u, most_u = least_u - _SLACK, most_u + _SLACK
+    least_v, most_v = least_v - _SLACK, most_v + _SLACK
+    beam[3], beam[4], beam[5] = ux - least_u * x, uy - least_u * y, uz - least_u * z
+    beam[6], beam[7], beam[8] = most_u * x - ux, most_u * y - uy, most_u * z - uz
+    beam[9], beam[10], beam[11] = vx - least_v * x, vy - least_v * y, vz - least_v * z
+    beam[12], beam[13], beam[14] = most_v * x - vx, most_v * y - vy, most_v * z - vz
+    beam[_MIDDLE], beam[_MIDDLE + 1], beam[_MIDDLE + 2] = x, y, z
+    beam[_REACH] = _ONE / (reach * (_ONE + _SLACK))
+    axes[0], axes[1], axes[2] = ux, uy, uz
+    axes[3], axes[4], axes[5] = vx, vy, vz
+    axes[6], axes[7], axes[8] = x, y, z
+    axes[_BOUNDS], axes[_BOUNDS + 1] = least_u, most_u
+    axes[_BOUNDS + 2], axes[_BOUNDS + 3] = least_v, most_v
+    return main
+
+
+@device
+def _leaf(geometry, memory, block, main, low, count, farthest):  # type: ignore[no-untyped-def]
+    """Let a packet's rays meet the triangles of a leaf; the largest parameter that counts then."""
+    rays, tests, slopes, places = memory.rays, memory.single.tests, memory.slopes, memory.places
+    kx, ky, kz = (main + 1) % 3, (main + 2) % 3, main
+    groups = (count + LANES - 1) // LANES
+    near = triangles_in_beam(geometry.corners, block, memory.axes, memory.beam, farthest, places)
+    changed = False
+    while near:
+        lane = lowest_bit(near)
+        near &= near - 1
+        index = geometry.numbers[block, lane]
+        if index < 0:
+            break
+        least, most = places[lane], places[LANES + lane]
+        for g in range(groups):
+            if most < slopes[0, g] or least > slopes[1, g]:
+                continue
+            bits = rays_hit(
+                geometry.corners, block, lane, kx, ky, kz, memory.beam, rays, g, low, tests
+            )
+            while bits:
+                k = lowest_bit(bits)
+                bits &= bits - 1
+                i = g * LANES + k
+                t = tests[k]
+                known = memory.triangle[i]
+                # At the very end of the interval nothing counts that came after it.
+                if t < rays[_FARTHEST, i] or (0 <= index < known):
+                    rays[_FARTHEST, i] = t
+                    memory.triangle[i] = index
+                    memory.weights[0, i] = tests[LANES + k]
+                    memory.weights[1, i] = tests[2 * LANES + k]
+                    changed = True
+    if changed:
+        return largest(rays, _FARTHEST, groups)
+    return farthest
+
+
+@device
+def _walk_together(geometry, memory, main, low, count, farthest):  # type: ignore[no-untyped-def]
+    """Nearest triangles of one hierarchy for all rays of a packet."""
+    stack, entries, tests = memory.single.stack, memory.single.entries, memory.single.tests
+    stack[0] = 0
+    entries[0] = low
+    depth = 1
+    while depth:
+        depth -= 1
+        if entries[depth] > farthest:
+            continue
+        node = stack[depth]
+        if node < 0:
+            farthest = _leaf(geometry, memory, -1 - node, main, low, count, farthest)
+            continue
+        bits = boxes_in_beam(geometry.planes, node, memory.beam, farthest, tests)
+        first = depth
+        while bits:
+            lane = lowest_bit(bits)
+            bits &= bits - 1
+            t = tests[lane]
+            child = geometry.children[node, lane]
+            # Nearest child on top of the stack.
+            place = depth
+            while place > first and entries[place - 1] < t:
+                entries[place] = entries[place - 1]
+                stack[place] = stack[place - 1]
+                place -= 1
+            entries[place] = t
+            stack[place] = child
+            depth += 1
+    return farthest
+
+
+@device
+def _meets_instances(scene, memory, farthest, skip):  # type: ignore[no-untyped-def]
+    """Whether a packet may meet the box of any instance."""
+    stack, tests = memory.single.stack, memory.single.tests
+    if not scene.top_planes.shape[0]:
+        return False
+    stack[0] = 0
+    depth = 1
+    while depth:
+        depth -= 1
+        node = stack[depth]
+        if node < 0:
+            if scene.top_row[-1 - node] != skip:
+                return True
+            continue
+        bits = boxes_in_beam(scene.top_planes, node, memory.beam, farthest, tests)
+        while bits:
+            lane = lowest_bit(bits)
+            bits &= bits - 1
+            stack[depth] = scene.top_children[node, lane]
+            depth += 1
+    return False
+
+
+@kernel
+def cast_packets(  # type: ignore[no-untyped-def]
+    scene, memory, origin, directions, order, starts, low, high, skip, first, last,
+    t, row, triangle, weights,
+):  # fmt: skip
+    """Nearest hits of the packets ``first`` to ``last``; writes into the last four.
+
+    Args:
+        scene: a :class:`carstage_sim.render.cast.Scene`.
+        memory: a :class:`PacketScratch` of this thread.
+        origin: ``(3,)`` float32 of all rays.
+        directions: ``(N, 3)`` float32, any length.
+        order: ``(N,)`` int32 numbers of the rays, packet after packet.
+        starts: ``(P + 1,)`` int32 where in ``order`` each packet begins, at most 64 apart.
+        low, high, skip, t, row, triangle, weights: as for
+            :func:`carstage_sim.render.cast.cast_rays`.
+        first, last: half-open range of packets.
+    """
+    o = (origin[0], origin[1], origin[2])
+    memory.beam[0], memory.beam[1], memory.beam[2] = o[0], o[1], o[2]
+    for packet in range(first, last):
+        begin = starts[packet]
+        count = starts[packet + 1] - begin
+        groups = (count + LANES - 1) // LANES
+        for i in range(groups * LANES):
+            ray = order[begin + min(i, count - 1)]
+            for axis in range(3):
+                memory.ways[axis, i] = directions[ray, axis]
+            memory.rays[_FARTHEST, i] = high
+            memory.triangle[i] = -1
+            memory.weights[0, i] = np.float32(0)
+            memory.weights[1, i] = np.float32(0)
+        main = _aim(memory, groups * LANES)
+        if main < 0:
+            for i in range(count):
+                ray = order[begin + i]
+                d = (memory.ways[0, i], memory.ways[1, i], memory.ways[2, i])
+                hit = trace(scene, memory.single, o, d, low, high, skip, False)
+                t[ray], row[ray], triangle[ray] = hit[0], hit[1], hit[2]
+                weights[ray, 0], weights[ray, 1] = hit[3], hit[4]
+            continue
+        farthest = high
+        if scene.static.planes.shape[0]:
+            farthest = _walk_together(scene.static, memory, main, low, groups * LANES, high)
+        crowded = _meets_instances(scene, memory, farthest, skip)
+        for i in range(count):
+            ray = order[begin + i]
+            met = memory.triangle[i]
+            hit = (
+                memory.rays[_FARTHEST, i], STATIC if met >= 0 else NOTHING, met,
+                memory.weights[0, i], memory.weights[1, i],
+            )  # fmt: skip
+            if crowded:
+                d = (memory.ways[0, i], memory.ways[1, i], memory.ways[2, i])
+                hit = trace_actors(
+                    scene, memory.single, o, d, low, hit[0], skip, False,
+                    hit[1], hit[2], hit[3], hit[4],
+                )  # fmt: skip
+            t[ray], row[ray], triangle[ray] = hit[0], hit[1], hit[2]
+            weights[ray, 0], weights[ray, 1] = hit[3], hit[4]

@@ -1,0 +1,254 @@
+"""Parallel rays from places near each other, traced together: what stands in the sun's way.
+
+Like :mod:`carstage_sim.render.packets`, for rays of one direction and many origins. Rays are first
+sorted into groups whose origins are near each other, as a shaft around all of them must be narrow.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from carstage_sim.kernels import device
+from carstage_sim.render.cast import NOTHING, trace_actors
+from carstage_sim.render.simd import (
+    LANES,
+    boxes_in_shaft,
+    largest,
+    lowest_bit,
+    parallel_rays_hit,
+    triangles_in_shaft,
+)
+
+_ONE: Any = np.float32(1)
+_SLACK_M: Any = np.float32(2e-5)
+_NEAR_M: Any = np.float32(2.0)
+_NEAR_PER_M: Any = np.float32(0.04)
+"""Origins of a group are so near to the first one, and farther by the distance of the camera."""
+_FARTHEST = 3
+_BLOCKED: Any = np.float32(-1)
+
+
+@device
+def _leaf(geometry, memory, block, way, low, groups, any_hit):  # type: ignore[no-untyped-def]
+    """Let the rays meet the triangles of a leaf; how many of them were blocked for good."""
+    rays, tests, places = memory.rays, memory.single.tests, memory.places
+    slopes = memory.slopes
+    kx, ky, kz, sx, sy, sz = way
+    near = triangles_in_shaft(geometry.corners, block, memory.beam, places)
+    blocked = 0
+    while near:
+        lane = lowest_bit(near)
+        near &= near - 1
+        index = geometry.numbers[block, lane]
+        if index < 0:
+            break
+        for g in range(groups):
+            if (
+                places[LANES + lane] < slopes[0, g]
+                or places[lane] > slopes[1, g]
+                or places[3 * LANES + lane] < slopes[2, g]
+                or places[2 * LANES + lane] > slopes[3, g]
+            ):
+                continue
+            bits = parallel_rays_hit(
+                geometry.corners, block, lane, kx, ky, kz, memory.starts, sx, sy, sz, rays, g,
+                low, tests,
+            )  # fmt: skip
+            while bits:
+                k = lowest_bit(bits)
+                bits &= bits - 1
+                i = g * LANES + k
+                memory.triangle[i] = index
+                if any_hit:
+                    rays[_FARTHEST, i] = _BLOCKED
+                    blocked += 1
+                else:
+                    rays[_FARTHEST, i] = tests[k]
+    return blocked
+
+
+@device
+def _walk_along(geometry, memory, way, low, count, any_hit):  # type: ignore[no-untyped-def]
+    """What the rays of a group meet in one hierarchy."""
+    stack, entries, tests = memory.single.stack, memory.single.entries, memory.single.tests
+    groups = (count + LANES - 1) // LANES
+    left = count
+    stack[0] = 0
+    depth = 1
+    while depth:
+        depth -= 1
+        node = stack[depth]
+        if node < 0:
+            left -= _leaf(geometry, memory, -1 - node, way, low, groups, any_hit)
+            if left == 0:
+                return
+            continue
+        bits = boxes_in_shaft(geometry.planes, node, memory.beam, tests)
+        first = depth
+        while bits:
+            lane = lowest_bit(bits)
+            bits &= bits - 1
+            t = tests[lane]
+            child = geometry.children[node, lane]
+            # Nearest child on top of the stack.
+            place = depth
+            while place > first and entries[place - 1] < t:
+                entries[place] = entries[place - 1]
+                stack[place] = stack[place - 1]
+                place -= 1
+            entries[place] = t
+            stack[place] = child
+            depth += 1
+
+
+@device
+def _meets_instances(scene, memory, skip):  # type: ignore[no-untyped-def]
+    """Whether a group may meet the box of any instance."""
+    stack, tests = memory.single.stack, memory.single.tests
+    if not scene.top_planes.shape[0]:
+        return False
+    stack[0] = 0
+    depth = 1
+    while depth:
+        depth -= 1
+        node = stack[depth]
+        if node < 0:
+            if scene.top_row[-1 - node] != skip:
+                return True
+            continue
+        bits = boxes_in_shaft(scene.top_planes, node, memory.beam, tests)
+        while bits:
+            lane = lowest_bit(bits)
+            bits &= bits - 1
+            stack[depth] = scene.top_children[node, lane]
+            depth += 1
+    return False
+
+
+@device
+def _enclose(memory, d, high, count):  # type: ignore[no-untyped-def]
+    """Put a shaft around the rays ``d`` from ``memory.starts``; axes and shear of their tests."""
+    beam, starts, slopes = memory.beam, memory.starts, memory.slopes
+    x, y, z = d
+    sign = _ONE if z >= 0 else -_ONE
+    a = -_ONE / (sign + z)
+    b = x * y * a
+    ux, uy, uz = _ONE + sign * x * x * a, sign * b, -sign * x
+    vx, vy, vz = b, sign + y * y * a, -y
+    ox, oy, oz = starts[0, 0], starts[1, 0], starts[2, 0]
+    beam[0], beam[1], beam[2] = ox, oy, oz
+    beam[3], beam[4], beam[5] = ux, uy, uz
+    beam[6], beam[7], beam[8] = vx, vy, vz
+    beam[9], beam[10], beam[11] = x, y, z
+    for k in range(3):
+        beam[12 + 2 * k], beam[13 + 2 * k] = np.float32(np.inf), np.float32(-np.inf)
+    for g in range((count + LANES - 1) // LANES):
+        slopes[0, g], slopes[1, g] = np.float32(np.inf), np.float32(-np.inf)
+        slopes[2, g], slopes[3, g] = np.float32(np.inf), np.float32(-np.inf)
+        for i in range(g * LANES, min(g * LANES + LANES, count)):
+            px, py, pz = starts[0, i] - ox, starts[1, i] - oy, starts[2, i] - oz
+            u = px * ux + py * uy + pz * uz
+            v = px * vx + py * vy + pz * vz
+            w = px * x + py * y + pz * z
+            slopes[0, g], slopes[1, g] = min(slopes[0, g], u), max(slopes[1, g], u)
+            slopes[2, g], slopes[3, g] = min(slopes[2, g], v), max(slopes[3, g], v)
+            beam[16], beam[17] = min(beam[16], w), max(beam[17], w)
+        slopes[0, g], slopes[1, g] = slopes[0, g] - _SLACK_M, slopes[1, g] + _SLACK_M
+        slopes[2, g], slopes[3, g] = slopes[2, g] - _SLACK_M, slopes[3, g] + _SLACK_M
+        beam[12], beam[13] = min(beam[12], slopes[0, g]), max(beam[13], slopes[1, g])
+        beam[14], beam[15] = min(beam[14], slopes[2, g]), max(beam[15], slopes[3, g])
+    beam[16] -= _SLACK_M
+    beam[17] += high * (_ONE + np.float32(1e-5)) + _SLACK_M
+    ax, ay, az = abs(x), abs(y), abs(z)
+    if ax >= ay and ax >= az:
+        sz = _ONE / x
+        return 1, 2, 0, y * sz, z * sz, sz
+    if ay >= az:
+        sz = _ONE / y
+        return 2, 0, 1, z * sz, x * sz, sz
+    sz = _ONE / z
+    return 0, 1, 2, x * sz, y * sz, sz
+
+
+@device
+def _trace_group(scene, memory, d, low, high, skip, any_hit, count):  # type: ignore[no-untyped-def]
+    """Whether each of ``memory.starts`` meets anything: then ``memory.triangle`` is not -1.
+
+    ``memory.rays`` has where, unless ``any_hit``.
+    """
+    groups = (count + LANES - 1) // LANES
+    for i in range(groups * LANES):
+        memory.rays[_FARTHEST, i] = high if i < count else _BLOCKED
+        memory.triangle[i] = -1
+        if i >= count:
+            for axis in range(3):
+                memory.starts[axis, i] = memory.starts[axis, 0]
+    way = _enclose(memory, d, high, count)
+    if scene.static.planes.shape[0]:
+        _walk_along(scene.static, memory, way, low, count, any_hit)
+    if any_hit and largest(memory.rays, _FARTHEST, groups) < np.float32(0):
+        return
+    if _meets_instances(scene, memory, skip):
+        for i in range(count):
+            limit = memory.rays[_FARTHEST, i]
+            if limit < np.float32(0):
+                continue
+            o = (memory.starts[0, i], memory.starts[1, i], memory.starts[2, i])
+            hit = trace_actors(
+                scene, memory.single, o, d, low, limit, skip, any_hit,
+                NOTHING, -1, np.float32(0), np.float32(0),
+            )  # fmt: skip
+            if hit[1] != NOTHING:
+                memory.triangle[i] = hit[2]
+                memory.rays[_FARTHEST, i] = hit[0]
+
+
+@device
+def trace_along(scene, memory, d, low, high, skip, any_hit, away):  # type: ignore[no-untyped-def]
+    """Trace rays of one direction from the first ``memory.wanted[0]`` places of ``memory.from_``.
+
+    Args:
+        scene: what can be met.
+        memory: a :class:`carstage_sim.render.packets.PacketScratch`.
+        d: unit direction of all.
+        low, high: interval of the ray parameter.
+        skip: instance row that is not met, or a negative number.
+        any_hit: whatever a ray meets is enough, however far away.
+        away: how far the places are from the camera, about.
+
+    Returns:
+        nothing; ``memory.met`` has the distance of what each ray meets, or a negative number. With
+        ``any_hit`` the distance is 0.
+    """
+    count = memory.wanted[0]
+    reach = _NEAR_M + away * _NEAR_PER_M
+    for i in range(count):
+        memory.open[i] = i
+    left = count
+    while left:
+        first = memory.open[0]
+        x, y, z = memory.from_[0, first], memory.from_[1, first], memory.from_[2, first]
+        held, kept = 0, 0
+        for k in range(left):
+            i = memory.open[k]
+            if (
+                abs(memory.from_[0, i] - x) <= reach
+                and abs(memory.from_[1, i] - y) <= reach
+                and abs(memory.from_[2, i] - z) <= reach
+            ):
+                for axis in range(3):
+                    memory.starts[axis, held] = memory.from_[axis, i]
+                memory.group[held] = i
+                held += 1
+            else:
+                memory.open[kept] = i
+                kept += 1
+        left = kept
+        _trace_group(scene, memory, d, low, high, skip, any_hit, held)
+        for k in range(held):
+            i = memory.group[k]
+            memory.met[i] = _BLOCKED
+            if memory.triangle[k] >= 0:
+                memory.met[i] = np.float32(0) if any_hit else memory.rays[_FARTHEST, k]

@@ -31,7 +31,7 @@ from carstage_sim.wire.socket_loop import bind
 
 _BAD_INPUT = 2
 _SWITCH_S = 0.001
-"""Threads that draw let the world's thread go on after that: a call needs its turn several times."""
+"""Threads that draw let the world's thread go on after that; a call needs several turns."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -22,7 +22,7 @@ with start_pool(workers, True) as pool:
 used = resource.getrusage(resource.RUSAGE_CHILDREN)
 print(used.ru_utime + used.ru_stime)
 """
-"""Each worker sleeps once, so that as many are needed; libraries and kernels for pictures loaded."""
+"""Each worker sleeps once, so that as many are needed; what pictures need is loaded, too."""
 
 
 def _cpu_s(workers: int) -> float:

@@ -52,6 +52,17 @@ def overhead(
     return report(verdict, json)
 
 
+@benchmark("converters", takes="20 seconds")
+def converters(
+    rounds: Annotated[int, typer.Option(min=1, help="Of which the least counts.")] = 3,
+    json: Json = False,
+) -> int:
+    """What starting the converting processes of a run costs."""
+    from benchmarks.framework.converters import measure_converters
+
+    return report(measure_converters(rounds=rounds), json)
+
+
 @benchmark("conversion", takes="1 minute")
 def conversion(
     frames: Annotated[int, typer.Option(min=4, help="Pictures per round.")] = 24,

@@ -78,6 +78,17 @@ def streaming(
     return _report("streaming", lambda: check_streaming(seconds=seconds), json)
 
 
+@benchmark("real-time", takes="1 minute")
+def real_time(
+    seconds: Annotated[float, typer.Option(help="Of each of two measurements.")] = 10.0,
+    json: Json = False,
+) -> int:
+    """Whether the world keeps pace and answers while pictures are drawn."""
+    from benchmarks.simulator.real_time import check_real_time
+
+    return _report("real-time", lambda: check_real_time(seconds=seconds), json)
+
+
 @benchmark("server-memory", takes="40 minutes")
 def server_memory(
     vehicles: int = 30,

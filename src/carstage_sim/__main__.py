@@ -13,6 +13,7 @@ from contextlib import ExitStack
 
 from carstage_sim.cache import prune
 from carstage_sim.cli import Options, parse_bake, parse_options
+from carstage_sim.compiling import COMPILING_LOG, PicturesCompiled
 from carstage_sim.describe.map_lanes import map_lanes
 from carstage_sim.describe.offers import describe
 from carstage_sim.describe.vehicle_shape import UnknownVehicleError, vehicle_shape
@@ -29,6 +30,8 @@ from carstage_sim.wire.errors import BadAddressError, PortInUseError
 from carstage_sim.wire.socket_loop import bind
 
 _BAD_INPUT = 2
+_SWITCH_S = 0.001
+"""Threads that draw let the world's thread go on after that; a call needs several turns."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -41,8 +44,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     logging.getLogger("carstage_sim").setLevel(options.log_level.upper())
     if options.log_level == "warning":
-        # A bake takes a while; whoever waits wants to know for what.
-        logging.getLogger("carstage_sim.maps.baking").setLevel(logging.INFO)
+        # These take a while; whoever waits wants to know for what.
+        for name in ("carstage_sim.maps.baking", COMPILING_LOG):
+            logging.getLogger(name).setLevel(logging.INFO)
     try:
         import_plugins(options.plugins)
         maps = MapCatalogue(options.maps, options.aliases, bake_limits=options.bake_limits)
@@ -84,12 +88,14 @@ def _serve(options: Options, maps: MapCatalogue) -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     _, most_descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most_descriptors, most_descriptors))
+    sys.setswitchinterval(_SWITCH_S)
     with ExitStack() as resources:
         # Reserved at once, so that a taken port is refused before the work of warming up; clients
         # are accepted only when everything is warm.
         rpc_socket = resources.enter_context(bind(options.host, options.port))
         streaming_socket = resources.enter_context(bind(options.host, options.streaming_port))
         spoken = dialect(options.protocol)
+        compiled = resources.enter_context(PicturesCompiled())
         do_without_scipy()
         simulation = resources.enter_context(
             Simulation(
@@ -105,6 +111,7 @@ def _serve(options: Options, maps: MapCatalogue) -> None:
                 ),
             )
         )
+        compiled.wait()
         simulation.warm_up()
         server = resources.enter_context(
             Server(

@@ -42,6 +42,8 @@ logger = logging.getLogger(__name__)
 _POLL_S = 0.1
 _SUBSCRIPTION_POLL_S = 0.005
 _SERVED_BETWEEN_TICKS = 256
+_LATE_S = 1.0
+"""How far fixed steps may lag behind the clock and still make up for it."""
 _RELEASE_AFTER_S = 1.0
 """A program may close one client and go on with another."""
 
@@ -180,9 +182,13 @@ class Server:
             if not self._serve_one(0.0):
                 break
         if not self._simulation.settings.synchronous_mode:
-            # A fixed step is as long in simulated time as between two ticks.
-            period_s = self._simulation.settings.fixed_delta_seconds or self._period_s
-            self._next_tick_s = max(self._next_tick_s + period_s, time.monotonic())
+            # A fixed step is as long in simulated time as between two ticks, and late ones follow
+            # at once; others take the time that has passed.
+            fixed_s, now_s = self._simulation.settings.fixed_delta_seconds, time.monotonic()
+            if fixed_s:
+                self._next_tick_s = max(self._next_tick_s + fixed_s, now_s - _LATE_S)
+            else:
+                self._next_tick_s = max(self._next_tick_s + self._period_s, now_s)
             self._tick()
 
     def _serve_one(self, timeout_s: float) -> bool:

@@ -38,6 +38,8 @@ logger = logging.getLogger(__name__)
 
 _SHORTEST_STEP_S = 0.001
 _LONGEST_STEP_S = 0.1
+_MOST_OWED_S = 1.0
+"""Wall time that a late world makes up for by longer steps; what is beyond is lost."""
 _STANDARD_GRAVITY = 9.81
 _MOST_MISSED = 1024
 """Frames that sensors hear of later because pictures are drawn; older ones are forgotten."""
@@ -216,7 +218,8 @@ class Simulation:
         if not delta_s:
             elapsed_s = now_s - self._stepped_at_s
             delta_s = min(max(elapsed_s, _SHORTEST_STEP_S), _LONGEST_STEP_S)
-        self._stepped_at_s = now_s
+        owed_s = now_s - self._stepped_at_s - delta_s
+        self._stepped_at_s = now_s - min(max(owed_s, 0.0), _MOST_OWED_S)
         self.recordings.before_tick(delta_s)
         physics = self.settings.physics(delta_s)
         snapshot = self.world.tick(delta_s, physics.substeps, moving_s=physics.duration_s)

@@ -211,6 +211,24 @@ def test_an_asynchronous_world_goes_on_and_a_camera_that_is_not_ready_skips_fram
     assert first < moving[-1] < second
 
 
+def test_a_world_that_is_late_makes_up_for_it_by_longer_steps(
+    monkeypatch: pytest.MonkeyPatch, simulation: Simulation
+) -> None:
+    clock_s = [100.0]
+    monkeypatch.setattr("carstage_sim.simulation.time.monotonic", lambda: clock_s[0])
+    simulation.apply_settings(EpisodeSettings())
+
+    def step_after(wall_s: float) -> float:
+        clock_s[0] += wall_s
+        return simulation.tick().state.delta_s
+
+    assert step_after(0.03) == pytest.approx(0.03)
+    steps = [step_after(0.35), *(step_after(0.03) for _ in range(5))]
+    assert steps == pytest.approx([0.1, 0.1, 0.1, 0.1, 0.07, 0.03])
+    # Nobody wants a world that rushes after a minute of which it knew nothing.
+    assert sum([step_after(60.0), *(step_after(0.03) for _ in range(40))]) < 2.5
+
+
 def test_a_fixed_step_lasts_as_long_as_it_simulates_in_asynchronous_mode(
     monkeypatch: pytest.MonkeyPatch, simulation: Simulation
 ) -> None:
@@ -243,3 +261,10 @@ def test_a_fixed_step_lasts_as_long_as_it_simulates_in_asynchronous_mode(
                 server._run_freely()
             period_s = delta_s or 0.02
             assert ticks == pytest.approx([start_s + k * period_s for k in range(3)])
+        simulation.apply_settings(EpisodeSettings(fixed_delta_seconds=0.1))
+        clock_s[0] = server._next_tick_s + 0.35
+        ticks.clear()
+        while len(ticks) < 6:
+            server._run_freely()
+        late = [tick - ticks[0] for tick in ticks]
+        assert late == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.05, 0.15])

@@ -274,6 +274,34 @@ def picture(
     )
 
 
+@benchmark("looks-against", takes="4 minutes")
+def looks_against(
+    revision: Annotated[str, typer.Argument(help="Commit to compare with, as git names it.")],
+    towns: Towns = None,
+    places: Annotated[int, typer.Option(help="Of a camera in each town.")] = 2,
+    width: int = 480,
+    height: int = 270,
+    seed: Seed = 3,
+    json: Json = False,
+) -> int:
+    """Whether pictures look and flicker as they did at an earlier commit."""
+    from benchmarks.simulator.render.against import check_against
+    from benchmarks.simulator.traffic.towns import STAGES
+
+    return _report(
+        "looks-against",
+        lambda: check_against(
+            revision,
+            towns=towns or STAGES[:3],
+            places=places,
+            width=width,
+            height=height,
+            seed=seed,
+        ),
+        json,
+    )
+
+
 @benchmark("gpu", takes="1 minute")
 def gpu(
     map: Map = "Stage02",

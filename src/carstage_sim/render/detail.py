@@ -14,6 +14,7 @@ import numpy as np
 
 from carstage_sim.kernels import device
 from carstage_sim.render.materials import Detail
+from carstage_sim.render.noise_lanes import side_by_side
 
 NONE, ASPHALT, PAVING = int(Detail.NONE), int(Detail.ASPHALT), int(Detail.PAVING)
 BRICK, GRASS, LEAVES = int(Detail.BRICK), int(Detail.GRASS), int(Detail.LEAVES)
@@ -40,15 +41,16 @@ def hash_unit(i, j, seed):  # type: ignore[no-untyped-def]
 @device
 def noise(x, y, seed):  # type: ignore[no-untyped-def]
     """Smooth noise with mean 0 in about [-1, 1], one bump per unit."""
-    fx, fy = math.floor(x), math.floor(y)
+    fx, fy = np.floor(x), np.floor(y)
     i, j = int(fx), int(fy)
-    u, v = np.float32(x - fx), np.float32(y - fy)
-    u = u * u * (np.float32(3) - 2 * u)
-    v = v * v * (np.float32(3) - 2 * v)
+    u, v = x - fx, y - fy
+    u = u * u * (np.float32(3) - (u + u))
+    v = v * v * (np.float32(3) - (v + v))
     a, b = hash_unit(i, j, seed), hash_unit(i + 1, j, seed)
     c, d = hash_unit(i, j + 1, seed), hash_unit(i + 1, j + 1, seed)
     low = a + (b - a) * u
-    return (low + (c + (d - c) * u - low) * v) * np.float32(2) - _ONE
+    value = low + (c + (d - c) * u - low) * v
+    return value + value - _ONE
 
 
 @device
@@ -57,21 +59,47 @@ def faded(x, y, size, pixel, seed):  # type: ignore[no-untyped-def]
     share = _ONE - pixel / size
     if share <= 0:
         return np.float32(0)
-    return noise(x / size, y / size, seed) * min(share * 2, _ONE)
+    return noise(x / size, y / size, seed) * min(share + share, _ONE)
+
+
+@device
+def _layer(size, pixel):  # type: ignore[no-untyped-def]
+    """What is left of noise with bumps of a size; see :func:`faded`."""
+    share = max(_ONE - pixel / size, np.float32(0))
+    return min(share + share, _ONE)
+
+
+@device
+def _five_noises(x, y, a, b, c, d, e, seed):  # type: ignore[no-untyped-def]
+    return (
+        noise(x / a, y / a, seed),
+        noise(x / b, y / b, seed + 1),
+        noise(x / c, y / c, seed + 2),
+        noise(x / d, y / d, seed + 3),
+        noise(x / e, y / e, seed + 4),
+    )
+
+
+five_noises = side_by_side(_five_noises)
+"""Noise with bumps of five sizes, of seeds that follow each other, for the price of one."""
 
 
 @device
 def asphalt(x, y, pixel):  # type: ignore[no-untyped-def]
     """Chippings, worn patches and long stains."""
+    chips, patches, stains, slow, seam = five_noises(
+        x, y, np.float32(0.025), np.float32(0.16), np.float32(1.3), np.float32(7.0),
+        np.float32(4.3), 1,
+    )  # fmt: skip
     value = (
         _ONE
-        + np.float32(0.28) * faded(x, y, np.float32(0.025), pixel, 1)
-        + np.float32(0.19) * faded(x, y, np.float32(0.16), pixel, 2)
-        + np.float32(0.12) * faded(x, y, np.float32(1.3), pixel, 3)
-        + np.float32(0.09) * faded(x, y, np.float32(7.0), pixel, 4)
+        + np.float32(0.28) * chips * _layer(np.float32(0.025), pixel)
+        + np.float32(0.19) * patches * _layer(np.float32(0.16), pixel)
+        + np.float32(0.12) * stains * _layer(np.float32(1.3), pixel)
+        + np.float32(0.09) * slow * _layer(np.float32(7.0), pixel)
     )
     # Repaired seams: the zero lines of a slow noise.
-    line = abs(noise(x * np.float32(0.23), y * np.float32(0.23), 5))
+    line = abs(seam)
     width = np.float32(0.004) + pixel * np.float32(0.12)
     if line < width:
         value *= _ONE - np.float32(0.28) * (_ONE - line / width) * min(
@@ -83,9 +111,9 @@ def asphalt(x, y, pixel):  # type: ignore[no-untyped-def]
 @device
 def tiles(x, y, wide, high, joint, shift, pixel, seed):  # type: ignore[no-untyped-def]
     """Courses of tiles: (brightness of the tile, share of joint in the pixel)."""
-    row = math.floor(y / high)
+    row = np.floor(y / high)
     along = x / wide + (_HALF if int(row) & 1 else np.float32(0)) * shift
-    column = math.floor(along)
+    column = np.floor(along)
     tint = hash_unit(int(column), int(row), seed) * np.float32(2) - _ONE
     coarse = min(pixel / (high * _HALF), _ONE)
     dx = (_HALF - abs(along - column - _HALF)) * wide
@@ -185,7 +213,7 @@ def pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[no
             + np.float32(0.20) * faded(x, y, np.float32(0.5), pixel, 2)
         )
         dry = np.float32(0.16) * faded(x, y, np.float32(5.0), pixel, 3)
-        return value * (_ONE + dry * 2), value * (_ONE + dry * np.float32(0.4)), value
+        return value * (_ONE + dry + dry), value * (_ONE + dry * np.float32(0.4)), value
     if kind == LEAVES:
         tree = hash_unit(owner, 3, 5)
         leaf = hash_unit(number >> 1, 7, 9)
@@ -215,7 +243,7 @@ def pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[no
         )
         return value * r, value * g, value * b
     if kind == BARK:
-        value = _ONE + np.float32(0.25) * faded(s * 4, t, np.float32(0.22), pixel, 1)
+        value = _ONE + np.float32(0.25) * faded(s * np.float32(4), t, np.float32(0.22), pixel, 1)
         return value, value, value
     if kind != NONE:
         value = (

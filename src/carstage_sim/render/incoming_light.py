@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from carstage_sim.kernels import device, inlined
+from carstage_sim.render.arithmetic import elevation, turns
 from carstage_sim.render.cast import NOTHING, trace
 
 _ZERO: Any = np.float32(0)
@@ -42,15 +43,14 @@ def sun_is_up(light):  # type: ignore[no-untyped-def]
 def sky_radiance(light, x, y, z):  # type: ignore[no-untyped-def]
     """Radiance of the sky in a unit direction; below the horizon that of the horizon."""
     rows, columns = light.sky.shape[0], light.sky.shape[1]
-    elevation = math.asin(min(max(z, _ZERO), _ONE)) * np.float32(2 / math.pi)
-    row = math.sqrt(elevation) * np.float32(rows - 1)
-    turn = math.atan2(y, x) * np.float32(0.5 / math.pi)
-    column = (turn - math.floor(turn)) * np.float32(columns)
+    row = math.sqrt(elevation(min(max(z, _ZERO), _ONE))) * np.float32(rows - 1)
+    turn = turns(y, x)
+    column = (turn if turn >= 0 else turn + _ONE) * np.float32(columns)
     i = min(int(row), rows - 2)
-    j = int(column) % columns
-    k = (j + 1) % columns
-    a = np.float32(row - i)
-    b = np.float32(column - math.floor(column))
+    j = min(int(column), columns - 1)
+    k = j + 1 if j + 1 < columns else 0
+    a = row - np.float32(i)
+    b = column - np.float32(j)
     p = light.sky
     low0 = p[i, j, 0] + (p[i, k, 0] - p[i, j, 0]) * b
     low1 = p[i, j, 1] + (p[i, k, 1] - p[i, j, 1]) * b
@@ -65,8 +65,10 @@ def sky_radiance(light, x, y, z):  # type: ignore[no-untyped-def]
 @inlined
 def sky_irradiance(light, nx, ny, nz):  # type: ignore[no-untyped-def]
     """Irradiance from above, the side and below, mixed by the normal."""
-    up = max(nz, _ZERO) ** 2
-    down = max(-nz, _ZERO) ** 2
+    up = max(nz, _ZERO)
+    up = up * up
+    down = max(-nz, _ZERO)
+    down = down * down
     side = _ONE - up - down
     a = light.ambient
     return (

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, inlined, kernel
+from carstage_sim.render.arithmetic import exp_down, power_of_slant
 from carstage_sim.render.cast import NOTHING, Scene, trace
 from carstage_sim.render.detail import hash_unit, noise
 from carstage_sim.render.incoming_light import (
@@ -52,14 +53,12 @@ _HALF: Any = np.float32(0.5)
 _STREET_LAMP = int(Glow.STREET_LAMP)
 _SUN_DISC_COS: Any = np.float32(0.99996)
 """Cosine of the sun disc's angular radius, half a degree: twice the real one."""
-_SUN_DISC_GAIN = 40
+_SUN_DISC_GAIN: Any = np.float32(40)
 """Radiance of the disc for each unit of the sun's irradiance."""
 _SKY_M: Any = np.float32(2500.0)
 """Length of air between the camera and the sky, for fog and rain."""
 _LEAST_FACING: Any = np.float32(0.06)
 """Least cosine at which a pixel's footprint on a surface is measured."""
-_FOOTPRINT_POWER: Any = np.float32(0.7)
-"""How a footprint grows with the slant: between its two sides, 0 and 1."""
 _MIRROR_NEAR_M: Any = np.float32(1e-3)
 _MIRROR_M: Any = np.float32(150.0)
 """What is farther is not mirrored, but the sky."""
@@ -89,6 +88,7 @@ _LEVEL_GROUND: Any = np.float32(0.7)
 """Upward part of a normal from which a surface is ground under an overhang."""
 _WET_GROUND: Any = np.float32(0.5)
 """Upward part of a normal above which a surface holds water."""
+_RIPPLES_PER_M: Any = np.float32(23)
 _WATER_ROUGHNESS: Any = np.float32(0.06)
 _LIFT_M: Any = np.float32(2e-3)
 _LIFT_PER_M: Any = np.float32(2e-4)
@@ -153,7 +153,7 @@ class RayHits(NamedTuple):
 @device
 def _film(value):  # type: ignore[no-untyped-def]
     """Exposed light as display light, 0-1: linear in the dark, saturating like film."""
-    return _ONE - math.exp(-max(value, _ZERO))
+    return _ONE - exp_down(max(value, _ZERO))
 
 
 @inlined
@@ -232,7 +232,7 @@ def _mirrored_sky(light, rx, ry, rz):  # type: ignore[no-untyped-def]
     if rz < _TOWN_HORIZON:
         # Near and below the horizon the town reflects, not the sky.
         a = light.ambient
-        ground = min(max((_TOWN_HORIZON - rz) * 5, _ZERO), _ONE)
+        ground = min(max((_TOWN_HORIZON - rz) * np.float32(5), _ZERO), _ONE)
         r += (a[2, 0] * OVER_PI - r) * ground
         g += (a[2, 1] * OVER_PI - g) * ground
         b += (a[2, 2] * OVER_PI - b) * ground
@@ -242,9 +242,14 @@ def _mirrored_sky(light, rx, ry, rz):  # type: ignore[no-untyped-def]
 @device
 def _glint(towards_sun, rough, fresnel):  # type: ignore[no-untyped-def]
     """Sun's reflection for each unit of its irradiance, where a mirror ray meets that cosine."""
-    shine = max(towards_sun, _ZERO)
-    power = min(2 / max(rough**4, np.float32(1e-3)), _SHARPEST_GLINT)
-    return shine**power * (power + 2) * _GLINT * fresnel
+    if towards_sun <= 0:
+        return _ZERO
+    square = rough * rough
+    power = min(np.float32(2) / max(square * square, np.float32(1e-3)), _SHARPEST_GLINT)
+    # (1 - x) ** n is about exp(-n * (x + x^2 / 2 + x^3 / 3 + x^4 / 4)); what is off is dark.
+    x = max(_ONE - towards_sun, _ZERO)
+    fall = x * (_ONE + x * (_HALF + x * (np.float32(1 / 3) + x * np.float32(1 / 4))))
+    return exp_down(power * fall) * (power + np.float32(2)) * _GLINT * fresnel
 
 
 @inlined
@@ -254,9 +259,9 @@ def _water_on(light, pool, rough, p, n, pixel):  # type: ignore[no-untyped-def]
     rough_water = (_ONE - pool) * _WATER_ROUGHNESS + light.rain * np.float32(0.02)
     tremble = rough_water * min(np.float32(0.05) / pixel, _ONE)
     return (
-        rough + (_WATER_ROUGHNESS - rough) * min(pool * 2, _ONE),
-        n[0] + tremble * noise(p[0] * 23, p[1] * 23, 31),
-        n[1] + tremble * noise(p[0] * 23, p[1] * 23, 32),
+        rough + (_WATER_ROUGHNESS - rough) * min(pool + pool, _ONE),
+        n[0] + tremble * noise(p[0] * _RIPPLES_PER_M, p[1] * _RIPPLES_PER_M, 31),
+        n[1] + tremble * noise(p[0] * _RIPPLES_PER_M, p[1] * _RIPPLES_PER_M, 32),
     )
 
 
@@ -267,15 +272,15 @@ def _is_covered_ground(row, g, distance):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _feels_sky(epic, leaves, distance):  # type: ignore[no-untyped-def]
-    """Whether a surface's sky is felt by rays, for which the least quality has no time."""
-    return epic and not leaves and distance < _OPENNESS_WITHIN_M
+def _feels_sky(leaves, distance):  # type: ignore[no-untyped-def]
+    """Whether a surface's sky is felt by rays, where the picture is worth them."""
+    return not leaves and distance < _OPENNESS_WITHIN_M
 
 
 @inlined
 def _uncovered(frame, scratch, skip, epic, o, g, distance, kinds):  # type: ignore[no-untyped-def]
     """Share of the sky's light that is left; ``kinds``: instance row, whether it is leaves."""
-    if _feels_sky(epic, kinds[1], distance):
+    if epic and _feels_sky(kinds[1], distance):
         return openness(frame.scene, scratch, o, g[0], g[1], g[2], skip)
     if _is_covered_ground(kinds[0], g, distance):
         return under_overhang(frame.scene, scratch, o, skip)
@@ -324,14 +329,14 @@ def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance, normals,
     surfaces = frame.static if hit_actor < 0 else frame.actors
     m = surfaces.material[number]
     nx, ny, nz, gx, gy, gz, leaves = normals
-    slant = max(abs(dx * gx + dy * gy + dz * gz), _LEAST_FACING) ** _FOOTPRINT_POWER
+    slant = power_of_slant(min(max(abs(dx * gx + dy * gy + dz * gz), _LEAST_FACING), _ONE))
     pixel = distance * rays.pixel_angle / slant
     kind, cr, cg, cb, rough, f0, emitted = surface_material(
         frame, surfaces, (hit_actor, number, u, v), (px, py, pz), (nx, ny, nz), pixel
     )
     if is_leaf(kind) and light.wind > 0:
         # Wind turns leaves to and from the light.
-        beat = math.sin(light.time_s * 9 + hash_unit(number, 5, 77) * 40)
+        beat = math.sin(light.time_s * np.float32(9) + hash_unit(number, 5, 77) * np.float32(40))
         flutter = _ONE + np.float32(0.4) * light.wind * beat
         cr, cg, cb = cr * flutter, cg * flutter, cb * flutter
     pool = _ZERO
@@ -364,8 +369,10 @@ def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance, normals,
     if rough < _MATT_ROUGHNESS:
         smooth = _ONE - rough
         facing = min(abs(dx * nx + dy * ny + dz * nz), _ONE)
-        fresnel = f0 + (_ONE - f0) * (_ONE - facing) ** 5 * smooth * smooth
-        back = 2 * (dx * nx + dy * ny + dz * nz)
+        grazing = _ONE - facing
+        square = grazing * grazing
+        fresnel = f0 + (_ONE - f0) * (square * square * grazing) * smooth * smooth
+        back = np.float32(2) * (dx * nx + dy * ny + dz * nz)
         rx, ry, rz = dx - back * nx, dy - back * ny, dz - back * nz
         glossy = pool > _MIRRORING_WATER or (epic and rough < _MIRRORING_ROUGHNESS)
         if glossy and fresnel > _LEAST_FRESNEL and distance < _MIRRORING_M:
@@ -390,7 +397,10 @@ def _through_air(light, rays, d, distance, colour):  # type: ignore[no-untyped-d
     r, g, b = colour
     fog = fog_share(light, rays.origin[2], d[2], distance)
     if fog > 0:
-        halo = max(d[0] * lx + d[1] * ly + d[2] * lz, _ZERO) ** 8
+        halo = max(d[0] * lx + d[1] * ly + d[2] * lz, _ZERO)
+        halo = halo * halo
+        halo = halo * halo
+        halo = halo * halo
         r += (light.fog[0] + light.fog_glow[0] * halo - r) * fog
         g += (light.fog[1] + light.fog_glow[1] * halo - g) * fog
         b += (light.fog[2] + light.fog_glow[2] * halo - b) * fog
@@ -426,12 +436,10 @@ def _sky_met(light, d):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _expose(light, rays, i, d, distance, colour, out):  # type: ignore[no-untyped-def]
-    """Write a ray's colour as display light."""
+def _exposed(light, rays, d, distance, colour):  # type: ignore[no-untyped-def]
+    """Display light of a ray's colour."""
     r, g, b = _through_air(light, rays, d, distance, colour)
-    out[i, 0] = _film(r * light.exposure)
-    out[i, 1] = _film(g * light.exposure)
-    out[i, 2] = _film(b * light.exposure)
+    return _film(r * light.exposure), _film(g * light.exposure), _film(b * light.exposure)
 
 
 @kernel
@@ -472,7 +480,8 @@ def shade_rays(frame, rays, scratch, epic, first, last, out):  # type: ignore[no
             r, g, b = _hit_radiance(
                 frame, rays, scratch, epic, lamps_on, i, d, distance, normals, free, sunlit
             )
-        _expose(light, rays, i, d, distance, (r, g, b), out)
+        r, g, b = _exposed(light, rays, d, distance, (r, g, b))
+        out[i, 0], out[i, 1], out[i, 2] = r, g, b
 
 
 class ShadeScratch(NamedTuple):
@@ -545,7 +554,7 @@ def _find_light(frame, rays, memory, order, begin, count, epic):  # type: ignore
         memory.free[i] = _ONE
         p = _place_met(rays, d, distance)
         o = _lifted(p, way, distance)
-        if _feels_sky(epic, leaves, distance):
+        if epic and _feels_sky(leaves, distance):
             memory.free[i] = openness(
                 frame.scene, packet.single, o, way[0], way[1], way[2], rays.skip
             )
@@ -613,4 +622,5 @@ def shade_packets(frame, rays, memory, epic, order, starts, first, last, out):  
                     frame, rays, memory.packet.single, epic, lamps_on, i, d, distance, normals,
                     memory.free[k], memory.sunlit[k],
                 )  # fmt: skip
-            _expose(light, rays, i, d, distance, (r, g, b), out)
+            r, g, b = _exposed(light, rays, d, distance, (r, g, b))
+            out[i, 0], out[i, 1], out[i, 2] = r, g, b

@@ -125,7 +125,7 @@ def water(light, kind, px, py, pixel):  # type: ignore[no-untyped-def]
     level = faded(px, py, np.float32(4.3), pixel, 21) + np.float32(0.45) * faded(
         px, py, np.float32(1.1), pixel, 22
     )
-    pool = (level + light.puddles * np.float32(1.5) * depth - np.float32(0.55)) * 5
+    pool = (level + light.puddles * np.float32(1.5) * depth - np.float32(0.55)) * np.float32(5)
     return min(max(pool, film), _ONE)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from carstage_sim.kernels import device
+from carstage_sim.render.arithmetic import exp_down, exp_of, turns
 from carstage_sim.render.detail import hash_unit
 
 _ZERO: Any = np.float32(0)
@@ -35,12 +36,14 @@ def fog_share(light, height, rise, distance):  # type: ignore[no-untyped-def]
     start = max(height + rise * light.fog_from_m, np.float32(-200.0))
     drop = fall * rise * length
     # Near zero the quotient loses all digits; its series does not.
-    if abs(drop) < np.float32(1e-3):
-        mean = _ONE - np.float32(0.5) * drop
+    if abs(drop) < np.float32(0.15):
+        mean = _ONE - drop * (
+            np.float32(1 / 2) - drop * (np.float32(1 / 6) - drop * np.float32(1 / 24))
+        )
     else:
-        mean = (_ONE - math.exp(-min(max(drop, np.float32(-30.0)), np.float32(30.0)))) / drop
-    thick = light.fog_per_m * math.exp(-fall * start) * mean * length
-    return _ONE - math.exp(-min(thick, np.float32(60.0)))
+        mean = (_ONE - exp_of(-min(max(drop, np.float32(-30.0)), np.float32(30.0)))) / drop
+    density = exp_of(min(max(-fall * start, np.float32(-60.0)), np.float32(60.0)))
+    return _ONE - exp_down(light.fog_per_m * density * mean * length)
 
 
 @device
@@ -54,8 +57,8 @@ def rain_share(light, dx, dy, dz, distance, pixel_angle):  # type: ignore[no-unt
     if flat < np.float32(0.2):
         return _ZERO
     rise = dz / flat
-    turn = math.atan2(dy, dx) / _TAU
-    turn -= math.floor(turn)
+    turn = turns(dy, dx)
+    turn -= np.floor(turn)
     total = _ZERO
     for ring in range(_RINGS):
         away = np.float32(2.5) * np.float32(2.2) ** ring

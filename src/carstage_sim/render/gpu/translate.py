@@ -433,7 +433,7 @@ class _Body:
             for code in codes[1:]:
                 text = f"{name}({text}, {code})"
             return Value(text, kind)
-        if called is math.floor:
+        if called in (math.floor, np.floor):
             return Value(f"floor({convert(self._value(node.args[0]), 'f32')})", "f32")
         if called in _MATH:
             given = ", ".join(convert(self._value(argument), "f32") for argument in node.args)

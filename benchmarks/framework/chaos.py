@@ -22,15 +22,15 @@ import tempfile
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 
 import psutil
 
-from benchmarks.framework.object_store import s3_server
+from benchmarks.framework.object_store import environment_set, s3_server
 from benchmarks.framework.postgres_servers import (
     PostgresServer,
     debian_programs,
@@ -204,7 +204,7 @@ def measure_chaos(
         config = scratch / "config.yaml"
         config.write_text(_CONFIG.format(episodes=episodes))
         bucket, environment = stack.enter_context(s3_server(scratch / "server"))
-        stack.enter_context(_set(environment))
+        stack.enter_context(environment_set(environment))
         database = stack.enter_context(running_postgres(_postgres_programs()))
         catalog = {"CARSTAGE_CATALOG": database.good_address}
         port = int(environment["AWS_ENDPOINT_URL"].rpartition(":")[2])
@@ -393,17 +393,3 @@ def _figures(
         Figure("differences_of_the_catalog_after_rebuild", in_catalog["after"], "==", 0),
         Figure("minutes", done_s / 60),
     )
-
-
-@contextmanager
-def _set(environment: Mapping[str, str]) -> Iterator[None]:
-    """A stretch in which this process reaches the server itself."""
-    before = dict(os.environ)
-    os.environ.update(environment)
-    remote_files.cache_clear()
-    try:
-        yield
-    finally:
-        os.environ.clear()
-        os.environ.update(before)
-        remote_files.cache_clear()

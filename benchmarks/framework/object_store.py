@@ -33,6 +33,7 @@ from carstage.storage.remote_files import remote_files
 MOST_RATIO = 1.15
 _START_S = 30.0
 _READERS = 16
+_FPS = 10
 _KINDS = ("PUT", "GET", "HEAD", "LIST", "DELETE", "POST")
 _CONFIG = """\
 name: object store
@@ -88,7 +89,7 @@ def measure_object_store(
     """Record into a folder and into a store in turn.
 
     Args:
-        rounds: episodes into each.
+        rounds: episodes into each; 0: count requests and objects alone.
         seconds: simulated ones of an episode.
         progress: called with the episodes recorded and their total number.
 
@@ -101,7 +102,8 @@ def measure_object_store(
         config = scratch / "config.yaml"
         config.write_text(_CONFIG.format(seconds=seconds))
         with s3_server(scratch / "server") as (bucket, environment):
-            _episode_s(config, str(scratch / "warm"), scratch / "warm", {})
+            if rounds:
+                _episode_s(config, str(scratch / "warm"), scratch / "warm", {})
             for number in range(rounds):
                 folder = scratch / f"folder-{number}"
                 spent_s["folder"].append(_episode_s(config, str(folder), folder, {}))
@@ -110,15 +112,15 @@ def measure_object_store(
                 spent_s["store"].append(_episode_s(config, address, work, environment))
                 progress(2 * (number + 1), 2 * rounds)
             counted = _count_requests(config, scratch, bucket, environment)
-    folder_s, store_s = (statistics.median(spent_s[where]) for where in ("folder", "store"))
+    figures = [Figure("frames_of_an_episode", round(seconds * _FPS))]
+    figures += [Figure(name, value) for name, value in counted.items()]
+    if rounds:
+        folder_s, store_s = (statistics.median(spent_s[where]) for where in ("folder", "store"))
+        ratio = Figure("store_over_folder", store_s / folder_s, "<=", MOST_RATIO)
+        figures = [Figure("folder_s", folder_s), Figure("store_s", store_s), ratio, *figures]
     return Verdict(
         "object-store",
-        (
-            Figure("folder_s", folder_s),
-            Figure("store_s", store_s),
-            Figure("store_over_folder", store_s / folder_s, "<=", MOST_RATIO),
-            *(Figure(name, value) for name, value in counted.items()),
-        ),
+        tuple(figures),
         [f"{where}: {', '.join(f'{s:.1f} s' for s in times)}" for where, times in spent_s.items()],
     )
 

@@ -152,7 +152,7 @@ def _ray_figures(
         )
         figures += [
             Figure(f"ray_over_processes_with_{count}", wall, "<=", TARGET_RAY),
-            Figure(f"cpu_of_ray_over_processes_with_{count}", cpu, "<=", TARGET_RAY),
+            Figure(f"cpu_of_ray_over_processes_with_{count}", cpu),
             Figure(f"later_first_step_of_ray_with_{count}_s", more_s),
         ]
     return figures

@@ -221,7 +221,13 @@ def measure_chaos(
             for number in (1, 2)
         ]
         chaos = _Chaos(shares, database, nodes, seed)
-        _go_through(shares, chaos, every_s, lambda: progress(_committed(address), episodes))
+
+        def count() -> int:
+            committed = _committed(address)
+            progress(committed, episodes)
+            return committed
+
+        _go_through(shares, chaos, every_s, count)
         done_s = time.monotonic() - began_s
         collected = run_carstage("catalog", "gc", address, "--yes", environment=environment)
         figures = _compare(address, config, scratch)
@@ -266,19 +272,25 @@ def _share(
 
 
 def _go_through(
-    shares: Sequence[_Share], chaos: _Chaos, every_s: float, progress: Callable[[], None]
+    shares: Sequence[_Share], chaos: _Chaos, every_s: float, progress: Callable[[], int]
 ) -> None:
-    """Give the commands again and again, and let things go wrong, until all are done."""
+    """Give the commands again and again, and let things go wrong, until all are done.
+
+    Faults become rarer while nothing is committed: on a busy machine an episode may take longer
+    than the time between two of them.
+    """
     pause, deadline_s = threading.Event(), time.monotonic() + _RUN_S
     next_s = time.monotonic() + chaos.pause_s(every_s)
+    done, rarer = 0, 1.0
     try:
         while not all(one.done for one in shares) and time.monotonic() < deadline_s:
             for one in shares:
                 one.go_on()
             if time.monotonic() >= next_s:
                 chaos.strike()
-                progress()
-                next_s = time.monotonic() + chaos.pause_s(every_s)
+                before, done = done, progress()
+                rarer = 1.0 if done > before else 1.5 * rarer
+                next_s = time.monotonic() + rarer * chaos.pause_s(every_s)
             pause.wait(_LOOK_S)
         progress()
     finally:

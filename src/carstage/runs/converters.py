@@ -45,8 +45,14 @@ class Converters:
         for pool in self._retired:
             pool.kill()
 
-    def end(self) -> None:
-        """End all processes; what is not yet begun is not converted."""
+    def end(self, *, at_once: bool = False) -> None:
+        """End all processes; what is not yet begun is not converted.
+
+        Args:
+            at_once: nor is what they are converting.
+        """
+        if at_once:
+            self.kill()
         self.retire()
         for pool in self._retired:
             pool.shutdown(wait=True, cancel_futures=True)

@@ -49,7 +49,7 @@ def _with_options(function: Callable[..., int | None]) -> Callable[..., int | No
     @functools.wraps(function)
     def wrapped(**given: Any) -> int | None:
         choices = {option.name: given.pop(option.name) for option in fields(ExportOptions)}
-        lists = {name: tuple(choices[name] or ()) for name in ("cameras", "classes")}
+        lists = {name: tuple(choices[name] or ()) for name in ("cameras", "classes", "episodes")}
         file = choices["class_map"]
         mapped = {"class_map": None if file is None else read_class_map(file)}
         return function(options=ExportOptions(**{**choices, **lists, **mapped}), **given)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -473,6 +473,19 @@ class Dataset:
             f"{self.path} has no episode {episode_id}.",
             f"Episodes: {', '.join(episode.id for episode in self.episodes)}.",
         )
+
+    def only(self, episode_ids: Collection[str]) -> Dataset:
+        """The same dataset, of which nothing but these episodes is seen; none: all are.
+
+        Raises:
+            BadInputError: it has no episode of such an id.
+        """
+        if not episode_ids:
+            return self
+        chosen = Dataset(self.path)
+        ids = dict.fromkeys(episode_ids)
+        chosen.__dict__["episodes"] = tuple(self.episode(name) for name in sorted(ids))
+        return chosen
 
     @cached_property
     def stored_splits(self) -> StoredSplits | None:

@@ -53,7 +53,8 @@ class Exporter(ABC):
     Attributes:
         name: what users write.
         summary: one line about it.
-        uses: the names of the options that it knows; others are refused.
+        uses: the names of the options that it knows; others are refused, but for the choice of
+            episodes, which is not for formats to know.
         files: holds what the exporter has open.
         sensors_left_out: by id of a sensor, the frames whose data the format has no place for; for
             formats that say they hold every sensor.
@@ -135,7 +136,7 @@ def exporter_for(name: str, options: ExportOptions) -> Exporter:
         raise BadInputError(f"No export format {name!r}.", f"Formats: {', '.join(known)}.")
     flags = {option.name: flag_of(option) for option in fields(ExportOptions)}
     for given in options.given():
-        if given not in known[name].uses:
+        if given != "episodes" and given not in known[name].uses:
             used = ", ".join(flags[use] for use in sorted(known[name].uses))
             raise BadInputError(
                 f"The format {name} does not use {flags[given]}.", f"It uses {used}."

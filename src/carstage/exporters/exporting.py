@@ -117,10 +117,11 @@ def export_dataset(
     source, target = Dataset(dataset), dataset_root(out)
     exporter = exporter_for(format_name, options or ExportOptions())
     _check_target(target, source.path, overwrite=overwrite)
-    found = examine(source, _of_phase("Checking", progress))
+    chosen = source.only(exporter.options.episodes)
+    found = examine(chosen, _of_phase("Checking", progress))
     if not found.complete and not allow_incomplete:
         raise BadInputError(_refusal(found), "Repair it, or add --allow-incomplete.")
-    episodes = tuple(episode for episode in source.episodes if episode.id in found.whole)
+    episodes = tuple(episode for episode in chosen.episodes if episode.id in found.whole)
     if not episodes:
         raise BadInputError(
             f"The dataset {source.path} has no whole episode.", "Record one: carstage run."
@@ -137,7 +138,7 @@ def export_dataset(
             episodes=len(episodes),
             frames=frames,
             frames_left_out=sum(episode.frames for episode in episodes) - frames,
-            episodes_left_out=tuple(e.id for e in source.episodes if e.id not in found.whole),
+            episodes_left_out=tuple(e.id for e in chosen.episodes if e.id not in found.whole),
             unknown_classes=found.unknown_classes,
             classes_left_out=_without_target(found, exporter.options.class_map),
             splits=splits.counts,

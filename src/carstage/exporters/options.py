@@ -47,6 +47,7 @@ class ExportOptions:
         keyframes_hz: how many frames a second nuScenes has labels of.
         classes: names of the classes to export.
         messages: of MCAP: which messages.
+        episodes: ids of the episodes to export; none: all.
         categories: Car-STAGE's classes, or COCO's 80.
         class_map: targets of the classes, see ``read_class_map``.
     """
@@ -104,6 +105,10 @@ class ExportOptions:
     categories: CategoryChoice | None = field(
         default=None,
         metadata=_shown("Car-STAGE's classes (default) or COCO's own 80.", "own|coco80"),
+    )
+    episodes: tuple[str, ...] = field(
+        default=(),
+        metadata=_shown("An episode to export; default: all. Repeatable.", "ID", "--episode"),
     )
     class_map: ClassMap | None = field(
         default=None,

@@ -14,6 +14,7 @@ from PIL import Image
 
 from carstage.annotation.point_sensors import radar_points
 from carstage.codecs.semantic_points import points_xyz
+from carstage.dataset.masks import decode_mask
 from carstage.dataset.reading import Episode, Sensor
 from carstage.errors import DatasetError
 from carstage.geometry import transform_points
@@ -35,8 +36,10 @@ from carstage.validation.checks.labels import LabelledBox, LabelTables, labelled
 
 CONTACT_FRAMES = 6
 VIEW_FRAMES = 2
+SHOWCASE_CAMERAS = 2
 _CONTACT_PX = 560
 _BIRDS_EYE_PX = 640
+_MASK_SHARE = 0.6
 
 
 def frames_per_second(episode: Episode) -> float:
@@ -78,6 +81,32 @@ def episode_section(
         )
     parts += [_rig(episode), _ledger(episode)]
     return "\n".join(parts)
+
+
+def showcase(episode: Episode, description: Mapping[str, Any]) -> str:
+    """The frame with most to see: through the cameras with boxes, its masks, from above.
+
+    Empty where no sensor has a picture of it.
+
+    Args:
+        episode: the episode.
+        description: ``dataset.json``, for the colours of the tags.
+    """
+    pictures = _Pictures(episode, description)
+    labelled = [s for s in episode.sensors if s.calibration.labelled and s.content == COLOUR]
+    frames = pictures.fullest_frames(None, 1)
+    labelled.sort(key=lambda sensor: -sum(pictures.visible(k, sensor) for k in frames))
+    shown = labelled[:SHOWCASE_CAMERAS]
+    parts = [
+        *(pictures.boxes_3d(sensor, frames, f"{sensor.id} with 3D boxes, ") for sensor in shown),
+        pictures.birds_eye(frames, "LiDAR from above, "),
+        *(pictures.masks(sensor, frames) for sensor in shown),
+    ]
+    if not any(parts):
+        return ""
+    return f'<div class="grid showcase">{"".join(parts)}</div>' + html.legend(
+        (name, class_colour(name)) for name in pictures.classes()
+    )
 
 
 def _contact_sheet(pictures: _Pictures, sensor: Sensor) -> str:
@@ -138,6 +167,7 @@ class _Pictures:
         }
         self._rows: dict[tuple[int, str], list[dict[str, Any]]] = defaultdict(list)
         columns = ["k", "sensor_id", "track_id", "bbox_amodal", "bbox_modal", "visible"]
+        columns += ["mask_modal", "distance"]
         for row in tables.camera_objects.select(columns).to_pylist():
             if row["visible"]:
                 self._rows[row["k"], row["sensor_id"]].append(row)
@@ -171,12 +201,33 @@ class _Pictures:
         except DatasetError:
             return None
 
-    def boxes_3d(self, sensor: Sensor, frames: list[int]) -> str:
+    def masks(self, sensor: Sensor, frames: list[int]) -> str:
+        """A camera's images with the masks of what is visible, the nearest on top."""
+        figures = []
+        for k in frames:
+            if (image := self._read(sensor, k)) is None:
+                continue
+            drawn = image.astype(np.float64)
+            height, width = drawn.shape[:2]
+            for row in sorted(self._rows[k, sensor.id], key=lambda row: -row["distance"]):
+                if row["mask_modal"] is None:
+                    continue
+                mask = decode_mask(row["mask_modal"], height, width)
+                colour = np.array(class_colour(self._classes.get(row["track_id"], "")))
+                drawn[mask] = (1 - _MASK_SHARE) * drawn[mask] + _MASK_SHARE * colour
+            picture = Image.fromarray(drawn.astype(np.uint8))
+            figures.append(
+                html.figure(data_uri(picture, _CONTACT_PX), f"{sensor.id} with masks, frame {k}")
+            )
+        return "".join(figures)
+
+    def boxes_3d(self, sensor: Sensor, frames: list[int], note: str = "") -> str:
         figures = []
         for k in frames:
             if (drawn := self.drawn_3d(sensor, k)) is not None:
                 picture, count = drawn
-                figures.append(html.figure(data_uri(picture, _CONTACT_PX), self._caption(k, count)))
+                caption = note + self._caption(k, count)
+                figures.append(html.figure(data_uri(picture, _CONTACT_PX), caption))
         return "".join(figures)
 
     def drawn_3d(self, sensor: Sensor, k: int) -> tuple[Image.Image, int] | None:
@@ -214,7 +265,7 @@ class _Pictures:
                 figures.append(html.figure(data_uri(picture, _CONTACT_PX), caption))
         return "".join(figures)
 
-    def birds_eye(self, frames: list[int]) -> str:
+    def birds_eye(self, frames: list[int], note: str = "") -> str:
         figures = []
         for k in frames:
             clouds = [
@@ -232,7 +283,7 @@ class _Pictures:
                 boxes = [(box, self._colour(box)) for box in self._boxes.get(k, [])]
                 points = np.concatenate([np.empty((0, 3)), *clouds])
                 picture = birds_eye_view(points, boxes, radar)
-                caption = f"frame {k}: {len(points):,} points"
+                caption = f"{note}frame {k}: {len(points):,} points"
                 if radar:
                     caption += f", {sum(len(rates) for _, rates in radar)} radar detections"
                 figures.append(

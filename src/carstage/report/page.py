@@ -1,4 +1,4 @@
-"""Composes the report: the dataset as a whole, then its episodes."""
+"""Composes the report: pictures first, then maps, statistics and the verdict."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from carstage.report.coverage import (
     weather_name,
 )
 from carstage.report.drawing import class_colour
-from carstage.report.episodes import episode_section, frames_per_second
+from carstage.report.episodes import episode_section, frames_per_second, showcase
 from carstage.report.film import require_video
 from carstage.report.statistics import (
     DISTANCE_EDGES_M,
@@ -63,11 +63,12 @@ def write_report(
     shown = episodes[:MOST_EPISODES_WITH_PICTURES]
     sections = [
         _head(dataset, verdict),
+        showcase(episodes[0], dataset.description) if episodes else "",
         _overview(dataset, statistics),
+        *(episode_section(episode, dataset.description, films=films) for episode in shown),
         coverage_section(episodes) if episodes else "",
         _statistics(statistics),
         positions_section(episodes),
-        *(episode_section(episode, dataset.description, films=films) for episode in shown),
         validation_section(verdict),
         _episode_list(dataset) if len(episodes) > 1 else "",
         f"<footer>Written by Car-STAGE {escape(__version__)}. "

@@ -14,8 +14,10 @@ from carstage.web.configure.server_check import ServerCheckService
 from carstage.web.configure.store import ConfigStore
 from carstage.web.configure.texts import ConfigTexts
 from carstage.web.datasets.catalogue import Catalogue
+from carstage.web.datasets.episode_index import EpisodeIndex
 from carstage.web.datasets.episodes import EpisodeService
 from carstage.web.datasets.frame_values import FrameService
+from carstage.web.datasets.history import HistoryService
 from carstage.web.datasets.jobs import JobService
 from carstage.web.datasets.label_tables import LabelTables
 from carstage.web.datasets.pictures import Pictures
@@ -48,8 +50,10 @@ class Services:
         self.server_check = ServerCheckService()
         self.sensor_preview = SensorPreviewService(self.checker)
         self.jobs = JobService(settings.state, roots)
-        self.datasets = Catalogue(roots, self.jobs)
+        index = EpisodeIndex(settings.state / "episodes.json")
+        self.datasets = Catalogue(roots, self.jobs, index)
         self.episodes = EpisodeService(self.datasets, self.description)
+        self.history = HistoryService(self.datasets)
         self.frames = FrameService(self.datasets)
         self.pictures = Pictures(self.frames)
         self.tables = LabelTables(self.datasets, roots)
@@ -87,6 +91,7 @@ class Services:
         load()
         self.schema.message()
         config = self.checker.parse(self.config.state().config)
+        self.datasets.all()  # what is new since the last start is read before anybody asks
         self.description.warm(config.ego.blueprint, closing)
 
     def _changed(self, state: ConfigState) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from analytic_dataset import SIZE, add_episode, make_dataset
+from carstage.errors import BadInputError
 from carstage.exporters import ExportOptions, export_dataset
 
 pytestmark = pytest.mark.xdist_group("export")
@@ -88,3 +89,18 @@ def test_mcap_has_a_file_per_episode(two_episodes: Path, tmp_path: Path) -> None
     assert sorted(path.stem for path in (tmp_path / "out").glob("*.mcap")) == [
         "0123456789abcdef", SECOND
     ]  # fmt: skip
+
+
+def test_one_episode_is_exported_alone(two_episodes: Path, tmp_path: Path) -> None:
+    chosen = ExportOptions(episodes=(SECOND,))
+    summary = export_dataset("coco", two_episodes, tmp_path / "out", chosen, workers=0)
+    assert (summary.episodes, summary.frames, summary.episodes_left_out) == (1, 3, ())
+
+
+def test_an_unknown_episode_is_refused_with_those_that_there_are(
+    two_episodes: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(BadInputError, match="has no episode 00") as refused:
+        export_dataset("coco", two_episodes, tmp_path / "o", ExportOptions(episodes=("00",)))
+    assert SECOND in refused.value.hint
+    assert not (tmp_path / "o").exists()

@@ -71,13 +71,30 @@ def test_the_page_is_well_formed_and_asks_for_nothing_from_outside(dataset: Path
     assert path == dataset / "report.html"
     page = path.read_text("utf-8")
     parser = parse(page)
-    # contact sheets, other views, from above; the map; four heat maps
-    assert len(parser.images) == 2 * 2 * 6 + 2 * 3 + 2 + 1 + 4
+    # what is shown first; contact sheets, other views, from above; the map; four heat maps
+    assert len(parser.images) == 2 + 1 + 2 + 2 * 2 * 6 + 2 * 3 + 2 + 1 + 4
     assert all(source.startswith("data:image/") for source in parser.images)
     assert not re.search(r"(?:src|href)=\"(?!data:)|url\(|@import|<script|https?://", page)
     text = " ".join(parser.text)
     for expected in ("valid", "CAM_FRONT", "Analytic01", "LIDAR_TOP", "walker_adult", "ClearNoon"):
         assert expected in text
+
+
+def test_pictures_with_boxes_points_and_masks_come_before_maps_and_charts(dataset: Path) -> None:
+    page = write_report(dataset).read_text("utf-8")
+    captions = re.findall(r"<figcaption>(.*?)</figcaption>", page)
+    assert [re.sub(r"^CAM_\w+", "CAM", caption).split(",")[0] for caption in captions[:5]] == [
+        "CAM with 3D boxes", "CAM with 3D boxes", "LiDAR from above", "CAM with masks",
+        "CAM with masks",
+    ]  # fmt: skip
+    order = [page.index(mark) for mark in ("<img", 'class="tiles"', "Where and when", "<svg")]
+    assert order == sorted(order)
+    masks = next(source for source, caption in zip(parse(page).images, captions, strict=True)
+                 if "with masks" in caption)  # fmt: skip
+    drawn = np.asarray(Image.open(io.BytesIO(base64.b64decode(masks.partition(",")[2]))))
+    plain = Dataset(dataset).episodes[0].sensor("CAM_FRONT").read(0)
+    assert drawn.shape[1] >= plain.shape[1]
+    assert len(np.unique(drawn.reshape(-1, 3), axis=0)) > 10
 
 
 def test_names_from_the_data_are_escaped(dataset: Path, tmp_path: Path) -> None:

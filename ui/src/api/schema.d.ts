@@ -418,6 +418,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/datasets/{dataset}/episodes/{episode}/history": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Episode History
+         * @description Tracks, lights, weather and faults over time, and moments to jump to.
+         */
+        get: operations["episode_history"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/datasets/{dataset}/table": {
         parameters: {
             query?: never;
@@ -597,6 +617,50 @@ export interface paths {
          * @description Begin to validate a dataset.
          */
         post: operations["validate"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/datasets/{dataset}/report": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Report
+         * @description Whether there is a report, and of which state of the dataset.
+         */
+        get: operations["report"];
+        put?: never;
+        /**
+         * Make Report
+         * @description Begin to write the report of a dataset.
+         */
+        post: operations["make_report"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/datasets/{dataset}/report.html": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Report Page
+         * @description The report: one page on its own, without scripts.
+         */
+        get: operations["report_page"];
+        put?: never;
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -816,7 +880,8 @@ export interface components {
         };
         /**
          * ConfigImportRequest
-         * @description A text to read: a configuration as YAML, or a CARLA-style JSON list of sensors.
+         * @description A text to read: a configuration as YAML, a CARLA-style JSON list of sensors, or a calibration
+         *     of KITTI, nuScenes or ROS.
          *
          *     Attributes:
          *         base: for a list of sensors: the configuration whose rig they replace.
@@ -829,7 +894,7 @@ export interface components {
              * @default yaml
              * @enum {string}
              */
-            format: "yaml" | "carla-json";
+            format: "yaml" | "carla-json" | "calibration";
             /** Base */
             base?: {
                 [key: string]: unknown;
@@ -1130,6 +1195,8 @@ export interface components {
          *         times_s: of each frame, since the first.
          *         incomplete: number of ticks with a sensor that is neither ``ok`` nor ``off``.
          *         spec: what was asked for.
+         *         tags: semantic tags with their colours.
+         *         number: its place in the dataset, from 1.
          */
         EpisodeDetail: {
             episode: components["schemas"]["EpisodeSummary"];
@@ -1155,6 +1222,36 @@ export interface components {
             spec: {
                 [key: string]: unknown;
             };
+            /** Tags */
+            tags: components["schemas"]["Tag"][];
+            /** Number */
+            number: number;
+        };
+        /**
+         * EpisodeHistory
+         * @description What happens in an episode, and when.
+         *
+         *     Attributes:
+         *         near_m: from where on a pedestrian is near.
+         *         lights: what the traffic light that affects the ego shows.
+         *         weather: presets.
+         *         faults: by sensor, its states that are neither ``ok`` nor ``off``.
+         */
+        EpisodeHistory: {
+            /** Near M */
+            near_m: number;
+            /** Tracks */
+            tracks: components["schemas"]["TrackSpan"][];
+            /** Lights */
+            lights: components["schemas"]["Span"][];
+            /** Weather */
+            weather: components["schemas"]["Span"][];
+            /** Faults */
+            faults: {
+                [key: string]: components["schemas"]["Span"][];
+            };
+            /** Moments */
+            moments: components["schemas"]["Moment"][];
         };
         /**
          * EpisodeMap
@@ -1183,6 +1280,7 @@ export interface components {
          *
          *     Attributes:
          *         saved_fps: saved frames per simulated second.
+         *         thumbnail: a camera whose pictures show it.
          */
         EpisodeSummary: {
             /** Episode Id */
@@ -1203,6 +1301,8 @@ export interface components {
             bytes: number;
             /** Sensors */
             sensors: number;
+            /** Thumbnail */
+            thumbnail?: string | null;
         };
         /**
          * ErrorMessage
@@ -1287,11 +1387,14 @@ export interface components {
          * @description An export to begin; the options are those of ``carstage export``.
          *
          *     Attributes:
+         *         episodes: which to export; none: all.
          *         out: name of the folder that is made beside the dataset's; left out: ``DATASET-FORMAT``.
          */
         ExportRequest: {
             /** Format */
             format: string;
+            /** Episodes */
+            episodes?: string[];
             /** Out */
             out?: string | null;
             /**
@@ -1430,7 +1533,7 @@ export interface components {
         };
         /**
          * Job
-         * @description An export or a validation.
+         * @description An export, a validation or a report.
          *
          *     Attributes:
          *         done, total: frames; ``total`` 0: not known yet.
@@ -1444,7 +1547,7 @@ export interface components {
              * Kind
              * @enum {string}
              */
-            kind: "export" | "validation";
+            kind: "export" | "validation" | "report";
             /** Dataset */
             dataset: string;
             /** Title */
@@ -1553,6 +1656,26 @@ export interface components {
             spawn_points: number;
         };
         /**
+         * Moment
+         * @description A frame that is worth a look.
+         *
+         *     Attributes:
+         *         kind: what moments of its sort have in common.
+         *         sensor_id: the camera in which it is seen.
+         */
+        Moment: {
+            /** Kind */
+            kind: string;
+            /** Text */
+            text: string;
+            /** K */
+            k: number;
+            /** Track Id */
+            track_id?: number | null;
+            /** Sensor Id */
+            sensor_id?: string | null;
+        };
+        /**
          * PreviewPending
          * @description No picture yet: ask again in a moment.
          *
@@ -1591,6 +1714,22 @@ export interface components {
              * @default 640
              */
             width: number;
+        };
+        /**
+         * ReportMessage
+         * @description Whether there is a report of a dataset.
+         *
+         *     Attributes:
+         *         state: ``outdated``: episodes have come or gone since.
+         */
+        ReportMessage: {
+            /**
+             * State
+             * @enum {string}
+             */
+            state: "none" | "running" | "current" | "outdated";
+            /** Made */
+            made?: number | null;
         };
         /**
          * RigPresetMessage
@@ -1989,6 +2128,18 @@ export interface components {
             jobs: components["schemas"]["Job"][];
         };
         /**
+         * Span
+         * @description Frames, from the first to the last, over which something has one value.
+         */
+        Span: {
+            /** Value */
+            value: string;
+            /** First */
+            first: number;
+            /** Last */
+            last: number;
+        };
+        /**
          * Statistics
          * @description What a dataset holds, counted over its labels.
          *
@@ -2056,6 +2207,9 @@ export interface components {
         /**
          * TablePage
          * @description Rows of a table; ``total`` counts all that fit the filters.
+         *
+         *     Attributes:
+         *         classes: rows of each class that fit the filters, conditions on the class left out.
          */
         TablePage: {
             /** Columns */
@@ -2064,6 +2218,10 @@ export interface components {
             rows: (string | number | boolean | unknown[] | null)[][];
             /** Total */
             total: number;
+            /** Classes */
+            classes?: {
+                [key: string]: number;
+            };
         };
         /**
          * TableRequest
@@ -2153,6 +2311,31 @@ export interface components {
             reset: boolean;
             /** Ticks */
             ticks: components["schemas"]["TickPoint"][];
+        };
+        /**
+         * TrackSpan
+         * @description When an object is in the labels.
+         *
+         *     Attributes:
+         *         spans: first and last frame of each stretch.
+         *         nearest_m, nearest_k: its least distance from the ego, and when.
+         *         signals: when its brake lights or blinkers are on.
+         */
+        TrackSpan: {
+            /** Track Id */
+            track_id: number;
+            /** Class Name */
+            class_name: string;
+            /** Colour */
+            colour: number[];
+            /** Spans */
+            spans: number[][];
+            /** Nearest M */
+            nearest_m: number | null;
+            /** Nearest K */
+            nearest_k: number | null;
+            /** Signals */
+            signals: components["schemas"]["Span"][];
         };
         /**
          * ValidationMessage
@@ -3702,6 +3885,77 @@ export interface operations {
             };
         };
     };
+    episode_history: {
+        parameters: {
+            query?: {
+                /** @description From where on one is near, m. */
+                near_m?: number;
+            };
+            header?: never;
+            path: {
+                dataset: string;
+                episode: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["EpisodeHistory"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
     table: {
         parameters: {
             query?: never;
@@ -4056,7 +4310,10 @@ export interface operations {
     };
     points: {
         parameters: {
-            query?: never;
+            query?: {
+                /** @description Frames up to this one that are put together. */
+                sweeps?: number;
+            };
             header?: never;
             path: {
                 dataset: string;
@@ -4376,6 +4633,225 @@ export interface operations {
             };
             /** @description Something that it needs cannot be had now. */
             503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    report: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                dataset: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ReportMessage"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    make_report: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                dataset: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Job"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The state does not allow it now. */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Something that it needs cannot be had now. */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    report_page: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                dataset: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/html": unknown;
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
                 headers: {
                     [name: string]: unknown;
                 };

@@ -8,7 +8,8 @@ export type Route =
   | { page: "episode"; dataset: string; episode: string };
 
 export function parseRoute(hash: string): Route {
-  const parts = hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
+  const [path = ""] = hash.replace(/^#\/?/, "").split("?");
+  const parts = path.split("/").filter(Boolean).map(decodeURIComponent);
   const [page, first, second] = parts;
   if (page === "run") return { page: "run", run: first ?? null };
   if (page === "datasets" && first && second) return { page: "episode", dataset: first, episode: second };
@@ -16,7 +17,8 @@ export function parseRoute(hash: string): Route {
   return { page: "configure" };
 }
 
-export function href(route: Route): string {
+/** @param query what of a page is shown: a tab, a frame, filters; see `query.ts`. */
+export function href(route: Route, query: Record<string, string | number> = {}): string {
   const parts: string[] =
     route.page === "episode"
       ? ["datasets", route.dataset, route.episode]
@@ -25,11 +27,12 @@ export function href(route: Route): string {
         : route.page === "datasets"
           ? ["datasets", ...(route.dataset ? [route.dataset] : [])]
           : ["configure"];
-  return `#/${parts.map(encodeURIComponent).join("/")}`;
+  const search = new URLSearchParams(Object.entries(query).map(([key, value]) => [key, String(value)])).toString();
+  return `#/${parts.map(encodeURIComponent).join("/")}${search && `?${search}`}`;
 }
 
-export function goTo(route: Route): void {
-  window.location.hash = href(route).slice(1);
+export function goTo(route: Route, query: Record<string, string | number> = {}): void {
+  window.location.hash = href(route, query).slice(1);
 }
 
 function subscribe(listener: () => void): () => void {
@@ -37,10 +40,11 @@ function subscribe(listener: () => void): () => void {
   return () => window.removeEventListener("hashchange", listener);
 }
 
-let last: { hash: string; route: Route } | null = null;
+let last: { path: string | undefined; route: Route } | null = null;
 function current(): Route {
   const { hash } = window.location;
-  if (last?.hash !== hash) last = { hash, route: parseRoute(hash) };
+  const [path] = hash.split("?");
+  if (last === null || last.path !== path) last = { path, route: parseRoute(hash) };
   return last.route;
 }
 

@@ -1,22 +1,25 @@
-import { useState } from "react";
 import { useAnswer } from "../api/useAnswer";
 import type { DatasetDetail } from "../api/types";
+import { changeQuery, useQuery } from "../app/query";
 import { bytes, count } from "../ui/format";
 import { StateBadge } from "./DatasetsPage";
 import { EpisodeList } from "./EpisodeList";
 import { ExportView } from "./ExportView";
 import { LabelTable } from "./LabelTable";
+import { ReportView } from "./ReportView";
 import { StatisticsView } from "./StatisticsView";
 import { ValidationView } from "./ValidationView";
 
-const TABS = ["Episodes", "Statistics", "Labels", "Validation", "Export"] as const;
+const TABS = ["Episodes", "Statistics", "Labels", "Validation", "Report", "Export"] as const;
 type Tab = (typeof TABS)[number];
 
 /** A dataset: its episodes, what it holds, whether it is right, and other formats of it. */
 export function DatasetDetailView({ dataset, version }: { dataset: string; version: number }) {
   const base = `/datasets/${encodeURIComponent(dataset)}`;
   const answer = useAnswer<DatasetDetail>(base, version);
-  const [tab, setTab] = useState<Tab>("Episodes");
+  const asked = useQuery().get("tab");
+  const tab = TABS.find((name) => name.toLowerCase() === asked) ?? "Episodes";
+  const setTab = (name: Tab) => changeQuery({ tab: name === "Episodes" ? null : name.toLowerCase() }, true);
   const detail = answer.data;
   if (!detail)
     return (
@@ -66,8 +69,9 @@ export function DatasetDetailView({ dataset, version }: { dataset: string; versi
       <div className="tab-panel" id="tab-panel" role="tabpanel" aria-labelledby={`tab-${tab}`} tabIndex={0}>
         {tab === "Episodes" && <EpisodeList dataset={dataset} episodes={detail.episodes} />}
         {tab === "Statistics" && <StatisticsView base={base} version={version} />}
-        {tab === "Labels" && <LabelTable base={base} dataset={dataset} episodes={detail.episodes} />}
-        {tab === "Validation" && <ValidationView base={base} dataset={dataset} version={version} />}
+        {tab === "Labels" && <LabelTable base={base} dataset={dataset} detail={detail} />}
+        {tab === "Validation" && <ValidationView base={base} dataset={dataset} episodes={detail.episodes} version={version} />}
+        {tab === "Report" && <ReportView base={base} dataset={dataset} version={version} />}
         {tab === "Export" && <ExportView base={base} dataset={dataset} />}
       </div>
     </section>

@@ -1,33 +1,44 @@
-import { useAnswer } from "../api/useAnswer";
-import type { EpisodeDetail, EpisodeSummary } from "../api/types";
-import { kindOf } from "../rig/kinds";
+import { useState } from "react";
+import type { EpisodeSummary } from "../api/types";
 import { href } from "../app/routes";
 import { bytes, count, duration } from "../ui/format";
 
+const FIRST = 60;
+
 /** Episodes as cards, each with a picture of its middle frame. */
 export function EpisodeList({ dataset, episodes }: { dataset: string; episodes: readonly EpisodeSummary[] }) {
+  const [shown, setShown] = useState(FIRST);
   if (episodes.length === 0) return <p className="empty">No episode has been committed yet.</p>;
   return (
-    <ul className="episode-cards">
-      {episodes.map((episode) => (
-        <li key={episode.episode_id}>
-          <EpisodeCard dataset={dataset} episode={episode} />
-        </li>
-      ))}
-    </ul>
+    <>
+      <ul className="episode-cards">
+        {episodes.slice(0, shown).map((episode, position) => (
+          <li key={episode.episode_id}>
+            <EpisodeCard dataset={dataset} episode={episode} number={position + 1} />
+          </li>
+        ))}
+      </ul>
+      {episodes.length > shown && (
+        <p className="button-row">
+          <span className="muted">
+            {shown} of {count(episodes.length, "episode")}
+          </span>
+          <button type="button" className="button" onClick={() => setShown(shown + 5 * FIRST)}>
+            Show more
+          </button>
+        </p>
+      )}
+    </>
   );
 }
 
-function EpisodeCard({ dataset, episode }: { dataset: string; episode: EpisodeSummary }) {
+function EpisodeCard({ dataset, episode, number }: { dataset: string; episode: EpisodeSummary; number: number }) {
   const base = `/datasets/${encodeURIComponent(dataset)}/episodes/${episode.episode_id}`;
-  const detail = useAnswer<EpisodeDetail>(base);
-  const pictures = detail.data?.sensors.filter((sensor) => sensor.data === "image") ?? [];
-  const camera = pictures.find((sensor) => kindOf(sensor.kind)?.modality === "camera") ?? pictures[0];
   return (
     <a className="panel episode-card" href={href({ page: "episode", dataset, episode: episode.episode_id })}>
-      {camera ? (
+      {episode.thumbnail ? (
         <img
-          src={`api${base}/sensors/${camera.id}/${Math.floor(episode.frames / 2)}.png?width=480`}
+          src={`api${base}/sensors/${episode.thumbnail}/${Math.floor(episode.frames / 2)}.png?width=480`}
           alt=""
           loading="lazy"
         />
@@ -35,7 +46,7 @@ function EpisodeCard({ dataset, episode }: { dataset: string; episode: EpisodeSu
         <span className="card-blank" />
       )}
       <span className="card-text">
-        <b>Episode {episode.index + 1}</b>
+        <b>Episode {number}</b>
         <span className="muted">
           {episode.map.split("/").at(-1)}, {episode.weather}
         </span>

@@ -1,105 +1,72 @@
-import { useEffect, useState } from "react";
+import { useEffect, useMemo, useState, type MouseEvent } from "react";
 import { post, sentence } from "../api/client";
-import type { EpisodeSummary, TableFilter, TablePage, TableRequest } from "../api/types";
-import { words } from "../form/simple";
+import type { DatasetDetail, EpisodeSummary, TablePage, TableRequest } from "../api/types";
+import { changeQuery, useQuery } from "../app/query";
+import { goTo, href } from "../app/routes";
+import { ClassLegend } from "./ClassLegend";
 import { FilterRow } from "./FilterRow";
+import { allowedValues, cellText, heading, TABLES, unitOf } from "./labelColumns";
+import { readTable, writeTable, type TableAddress, type TableName } from "./tableAddress";
 
-type TableName = NonNullable<TableRequest["table"]>;
-const TABLES: Record<TableName, string> = {
-  camera_objects: "Objects in cameras",
-  objects: "Objects",
-  ego: "Ego",
-  frames: "Frames",
-};
-const USUAL: Record<TableName, string[]> = {
-  camera_objects: ["episode_id", "k", "sensor_id", "track_id", "distance", "visible", "occluded", "occlusion_ratio", "truncated", "visible_px", "bbox_modal", "alpha"],
-  objects: ["episode_id", "k", "track_id", "class_name", "type_id", "distance_ego", "num_lidar_points", "visibility", "velocity"],
-  ego: ["episode_id", "k", "timestamp_s", "speed", "throttle", "brake", "steer", "speed_limit_kmh", "location"],
-  frames: [],
-};
 const PAGE = 50;
+type Column = TablePage["columns"][number];
 
-/** The label tables, filtered and sorted by the server. */
-export function LabelTable({ base, episodes }: { base: string; dataset: string; episodes: readonly EpisodeSummary[] }) {
-  const [table, setTable] = useState<TableName>("camera_objects");
-  const [episode, setEpisode] = useState("");
-  const [filters, setFilters] = useState<TableFilter[]>([]);
-  const [sort, setSort] = useState<{ column: string; descending: boolean } | null>(null);
-  const [offset, setOffset] = useState(0);
-  const [all, setAll] = useState(false);
-  const [page, setPage] = useState<TablePage | null>(null);
-  const [error, setError] = useState("");
+interface Props {
+  base: string;
+  dataset: string;
+  detail: DatasetDetail;
+}
 
-  useEffect(() => {
-    const stop = new AbortController();
-    const timer = window.setTimeout(() => {
-      const request: TableRequest = {
-        table,
-        episode: episode || null,
-        filters: filters.filter((one) => one.value !== "" && one.value !== null),
-        sort: sort?.column ?? null,
-        descending: sort?.descending ?? false,
-        offset,
-        limit: PAGE,
-      };
-      post<TablePage>(`${base}/table`, request, stop.signal).then(
-        (answer) => {
-          setPage(answer);
-          setError("");
-        },
-        (failure: unknown) => {
-          if (!stop.signal.aborted) setError(sentence(failure));
-        },
-      );
-    }, 200);
-    return () => {
-      stop.abort();
-      window.clearTimeout(timer);
-    };
-  }, [base, table, episode, filters, sort, offset]);
-
-  const choose = (name: TableName) => {
-    setTable(name);
-    setFilters([]);
-    setSort(null);
-    setOffset(0);
-    setPage(null);
-  };
-  const shown = (page?.columns ?? [])
-    .map((column, index) => ({ column, index }))
-    .filter(({ column }) => all || USUAL[table].length === 0 || USUAL[table].includes(column.name));
+/** The label tables, filtered and sorted by the server; a row leads to its frame. */
+export function LabelTable({ base, dataset, detail }: Props) {
+  const query = useQuery();
+  const address = useMemo(() => readTable(query), [query]);
+  const { table, episode, filters, sort, all } = address;
+  const change = (next: Partial<TableAddress>) => changeQuery(writeTable(next));
+  const { page, error } = useTablePage(base, address);
+  const shown = columnsOf(page, all ? [] : TABLES[table].usual);
+  const numbers = useMemo(
+    () => new Map(detail.episodes.map((one, position) => [one.episode_id, position + 1])),
+    [detail.episodes],
+  );
+  const chosen = filters.find((one) => one.column === "class" && one.op === "eq")?.value ?? null;
   return (
     <div className="label-table">
       <div className="table-tools">
         <div className="segments" role="group" aria-label="Table">
           {(Object.keys(TABLES) as TableName[]).map((name) => (
-            <button key={name} type="button" className="segment" aria-pressed={name === table} onClick={() => choose(name)}>
-              {TABLES[name]}
+            <button
+              key={name}
+              type="button"
+              className="segment"
+              aria-pressed={name === table}
+              onClick={() => change({ table: name, filters: [], sort: null })}
+            >
+              {TABLES[name].title}
             </button>
           ))}
         </div>
-        <select className="input compact" aria-label="Episode" value={episode} onChange={(event) => { setEpisode(event.target.value); setOffset(0); }}>
-          <option value="">all episodes</option>
-          {episodes.map((one) => (
-            <option key={one.episode_id} value={one.episode_id}>
-              episode {one.index + 1}
-            </option>
-          ))}
-        </select>
-        <button type="button" className="button small" aria-pressed={all} onClick={() => setAll(!all)}>
+        <EpisodeChoice episodes={detail.episodes} episode={episode} onChoose={(next) => change({ episode: next })} />
+        <button type="button" className="button small" aria-pressed={all} onClick={() => change({ all: !all, offset: address.offset })}>
           All columns
         </button>
         <span className="spacer" />
-        <Pages offset={offset} total={page?.total ?? 0} onOffset={setOffset} />
+        <Pages offset={address.offset} total={page?.total ?? 0} onOffset={(offset) => change({ offset })} />
       </div>
+      {page && <FilterRow columns={page.columns} filters={filters} onFilters={(next) => change({ filters: next })} />}
       {page && (
-        <FilterRow
-          columns={page.columns}
-          filters={filters}
-          onFilters={(next) => {
-            setFilters(next);
-            setOffset(0);
-          }}
+        <ClassLegend
+          classes={page.classes ?? {}}
+          colours={detail.class_colours}
+          chosen={chosen}
+          onChoose={(name) =>
+            change({
+              filters: [
+                ...filters.filter((one) => one.column !== "class"),
+                ...(name === null ? [] : [{ column: "class", op: "eq" as const, value: name }]),
+              ],
+            })
+          }
         />
       )}
       {error && (
@@ -107,44 +74,184 @@ export function LabelTable({ base, episodes }: { base: string; dataset: string; 
           {error}
         </p>
       )}
-      <div className="panel table-scroll tall" tabIndex={0} role="region" aria-label={`Table ${TABLES[table]}`}>
+      <div className="panel table-scroll tall" tabIndex={0} role="region" aria-label={`Table ${TABLES[table].title}`}>
         <table>
           <thead>
             <tr>
               {shown.map(({ column }) => (
-                <th key={column.name} aria-sort={sort?.column === column.name ? (sort.descending ? "descending" : "ascending") : undefined}>
-                  <button
-                    type="button"
-                    className="link"
-                    title={`${column.meaning} (${column.type}${column.unit && column.unit !== "-" ? `, ${column.unit}` : ""})`}
-                    onClick={() => {
-                      const again = sort?.column === column.name;
-                      setSort({ column: column.name, descending: again ? !sort.descending : false });
-                      setOffset(0);
-                    }}
-                  >
-                    {words(column.name)}
-                    {sort?.column === column.name ? (sort.descending ? " ↓" : " ↑") : ""}
-                  </button>
-                </th>
+                <Heading key={column.name} column={column} sort={sort} descending={address.descending} onSort={change} />
               ))}
             </tr>
           </thead>
           <tbody>
             {(page?.rows ?? []).map((row, i) => (
-              <tr key={offset + i}>
-                {shown.map(({ column, index }) => (
-                  <td key={column.name} className={typeof row[index] === "number" ? "number" : undefined}>
-                    {cell(row[index])}
-                  </td>
-                ))}
-              </tr>
+              <Row key={address.offset + i} row={row} shown={shown} page={page} dataset={dataset} numbers={numbers} colours={detail.class_colours} />
             ))}
           </tbody>
         </table>
         {page?.rows.length === 0 && <p className="empty">No row fits.</p>}
+        {!page && !error && <p className="empty">Reading the labels…</p>}
       </div>
+      {page && <Meanings columns={shown.map(({ column }) => column)} />}
     </div>
+  );
+}
+
+/** Rows as the server has them; none while those of another table come. */
+function useTablePage(base: string, address: TableAddress): { page: TablePage | null; error: string } {
+  const { table, episode, filters, sort, descending, offset } = address;
+  const [answer, setAnswer] = useState<{ table: TableName; page: TablePage } | null>(null);
+  const [error, setError] = useState("");
+  useEffect(() => {
+    const stop = new AbortController();
+    const timer = window.setTimeout(() => {
+      const request: TableRequest = {
+        table,
+        episode: episode || null,
+        filters: filters.filter((one) => one.value !== "" && one.value !== null),
+        sort,
+        descending,
+        offset,
+        limit: PAGE,
+      };
+      post<TablePage>(`${base}/table`, request, stop.signal).then(
+        (page) => {
+          setAnswer({ table, page });
+          setError("");
+        },
+        (failure: unknown) => {
+          if (!stop.signal.aborted) setError(sentence(failure));
+        },
+      );
+    }, 150);
+    return () => {
+      stop.abort();
+      window.clearTimeout(timer);
+    };
+  }, [base, table, episode, filters, sort, descending, offset]);
+  return { page: answer?.table === table ? answer.page : null, error };
+}
+
+interface Shown {
+  column: Column;
+  index: number;
+}
+
+function columnsOf(page: TablePage | null, usual: readonly string[]): Shown[] {
+  const known = (page?.columns ?? []).map((column, index) => ({ column, index }));
+  if (usual.length === 0) return known;
+  return usual.flatMap((name) => known.find(({ column }) => column.name === name) ?? []);
+}
+
+interface HeadingProps {
+  column: Column;
+  sort: string | null;
+  descending: boolean;
+  onSort(change: Partial<TableAddress>): void;
+}
+
+function Heading({ column, sort, descending, onSort }: HeadingProps) {
+  const here = sort === column.name;
+  const values = allowedValues(column.unit);
+  return (
+    <th aria-sort={here ? (descending ? "descending" : "ascending") : undefined}>
+      <button
+        type="button"
+        className="link"
+        title={`${column.name}: ${column.meaning}${values ? ` (${values})` : ""}`}
+        onClick={() => onSort({ sort: column.name, descending: here ? !descending : false })}
+      >
+        {heading(column.name)}
+        {unitOf(column.unit) && <span className="unit"> {unitOf(column.unit)}</span>}
+        {here ? (descending ? " ↓" : " ↑") : ""}
+      </button>
+    </th>
+  );
+}
+
+interface RowProps {
+  row: TablePage["rows"][number];
+  shown: readonly Shown[];
+  page: TablePage | null;
+  dataset: string;
+  numbers: ReadonlyMap<string, number>;
+  colours: Record<string, number[]>;
+}
+
+function Row({ row, shown, page, dataset, numbers, colours }: RowProps) {
+  const value = (name: string) => row[page?.columns.findIndex((column) => column.name === name) ?? -1];
+  const [id, k, track, sensor] = [value("episode_id"), value("k"), value("track_id"), value("sensor_id")];
+  const opens = typeof id === "string" && typeof k === "number";
+  const query = { k: Number(k), ...(typeof track === "number" ? { track } : {}), ...(sensor ? { sensor: String(sensor) } : {}) };
+  const route = { page: "episode", dataset, episode: String(id) } as const;
+  const open = (event: MouseEvent) => {
+    // A text that was marked in the row is to be copied, and a link has its own click.
+    if ((event.target as HTMLElement).closest("a") || window.getSelection()?.toString()) return;
+    goTo(route, query);
+  };
+  return (
+    <tr className={opens ? "opens" : undefined} onClick={opens ? open : undefined}>
+      {shown.map(({ column, index }) => {
+        const cell = row[index];
+        const { text, full } = cellText(column.name, unitOf(column.unit), cell);
+        const number = typeof cell === "number" && !["episode_id", "track_id"].includes(column.name);
+        return (
+          <td key={column.name} className={number ? "number" : undefined} title={column.name === "episode_id" ? String(cell) : full}>
+            {column.name === "k" && opens ? (
+              <a href={href(route, query)} aria-label={`frame ${text}, open it`}>
+                {text}
+              </a>
+            ) : column.name === "episode_id" ? (
+              `Episode ${numbers.get(String(cell)) ?? String(cell)}`
+            ) : column.name === "class" && colours[String(cell)] ? (
+              <span className="class-name">
+                <span className="dot" style={{ "--colour": `rgb(${colours[String(cell)]?.join(",")})` } as React.CSSProperties} />
+                {text}
+              </span>
+            ) : (
+              text
+            )}
+          </td>
+        );
+      })}
+    </tr>
+  );
+}
+
+/** What the columns mean: the words of the dataset's own schema. */
+function Meanings({ columns }: { columns: readonly Column[] }) {
+  return (
+    <details className="panel meanings">
+      <summary>What the columns mean</summary>
+      <dl>
+        {columns
+          .filter((column) => column.meaning)
+          .map((column) => (
+            <div key={column.name}>
+              <dt>
+                {heading(column.name)} <span className="muted mono">{column.name}</span>
+              </dt>
+              <dd>
+                {column.meaning}
+                {column.unit && column.unit !== "-" && <span className="muted"> ({column.unit})</span>}
+              </dd>
+            </div>
+          ))}
+      </dl>
+    </details>
+  );
+}
+
+function EpisodeChoice({ episodes, episode, onChoose }: { episodes: readonly EpisodeSummary[]; episode: string; onChoose(id: string): void }) {
+  return (
+    <select className="input compact" aria-label="Episode" value={episode} onChange={(event) => onChoose(event.target.value)}>
+      <option value="">all episodes</option>
+      {episodes.map((one, position) => (
+        <option key={one.episode_id} value={one.episode_id}>
+          episode {position + 1}
+        </option>
+      ))}
+    </select>
   );
 }
 
@@ -162,13 +269,4 @@ function Pages({ offset, total, onOffset }: { offset: number; total: number; onO
       </button>
     </div>
   );
-}
-
-function cell(value: unknown): string {
-  if (value === null || value === undefined) return "–";
-  if (typeof value === "number") return Number.isInteger(value) ? String(value) : value.toFixed(3);
-  if (typeof value === "boolean") return value ? "yes" : "no";
-  if (Array.isArray(value)) return value.map(cell).join(", ");
-  const text = typeof value === "object" ? JSON.stringify(value) : String(value);
-  return text.length > 60 ? `${text.slice(0, 57)}…` : text;
 }

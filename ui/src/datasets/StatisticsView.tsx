@@ -47,7 +47,7 @@ function Bars({ title, counts, colours = {} }: { title: string; counts: Record<s
   return (
     <figure className="panel chart">
       <figcaption>
-        <h3>{title}</h3>
+        <h2>{title}</h2>
       </figcaption>
       <dl className="bar-chart">
         {rows.map(([name, value]) => (
@@ -72,7 +72,7 @@ function Columns({ title, bins, counts }: { title: string; bins: string[]; count
   return (
     <figure className="panel chart">
       <figcaption>
-        <h3>{title}</h3>
+        <h2>{title}</h2>
       </figcaption>
       <ol className="columns">
         {bins.map((bin, i) => (

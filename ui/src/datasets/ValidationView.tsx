@@ -2,7 +2,8 @@ import { useState } from "react";
 import { post, sentence } from "../api/client";
 import { live } from "../api/live";
 import { useAnswer } from "../api/useAnswer";
-import type { Validation } from "../api/types";
+import type { EpisodeSummary, Validation } from "../api/types";
+import { href } from "../app/routes";
 import { useStore } from "../state/store";
 import { count, day } from "../ui/format";
 import { Icon } from "../ui/Icon";
@@ -15,8 +16,17 @@ interface Report {
   figures: Record<string, unknown>;
 }
 
+type Problem = Report["problems"][number];
+
+interface Props {
+  base: string;
+  dataset: string;
+  episodes: readonly EpisodeSummary[];
+  version: number;
+}
+
 /** The dataset's validation: everything is computed again from the files. */
-export function ValidationView({ base, dataset, version }: { base: string; dataset: string; version: number }) {
+export function ValidationView({ base, dataset, episodes, version }: Props) {
   const jobs = useStore(live, (now) => now.jobs);
   const job = jobs.find((one) => one.kind === "validation" && one.dataset === dataset);
   const answer = useAnswer<Validation>(`${base}/validation`, `${version} ${job?.state}`);
@@ -47,15 +57,35 @@ export function ValidationView({ base, dataset, version }: { base: string; datas
           {error || job?.error}
         </p>
       )}
-      {report && <Checks report={report} />}
+      {report && <Checks report={report} dataset={dataset} episodes={episodes} />}
     </div>
   );
 }
 
-function Checks({ report }: { report: Report }) {
+interface ChecksProps {
+  report: Report;
+  dataset: string;
+  episodes: readonly EpisodeSummary[];
+}
+
+function Checks({ report, dataset, episodes }: ChecksProps) {
   const wrong = report.problems.length;
+  const [only, setOnly] = useState<string | null>(null);
+  const kinds = [...new Set(report.problems.map((one) => one.check))];
+  const shown = report.problems
+    .filter((one) => only === null || one.check === only)
+    .sort((a, b) => Number(b.severity === "error") - Number(a.severity === "error"));
   return (
     <>
+      {kinds.length > 1 && (
+        <div className="class-legend" role="group" aria-label="Problems of a check">
+          {kinds.map((check) => (
+            <button key={check} type="button" className="chip" aria-pressed={check === only} onClick={() => setOnly(check === only ? null : check)}>
+              {check} <span className="muted">{report.problems.filter((one) => one.check === check).length}</span>
+            </button>
+          ))}
+        </div>
+      )}
       {wrong > 0 && (
         <div className="panel table-scroll" tabIndex={0} role="region" aria-label="Problems">
           <table>
@@ -67,18 +97,22 @@ function Checks({ report }: { report: Report }) {
               </tr>
             </thead>
             <tbody>
-              {report.problems.map((one, i) => (
+              {shown.map((one, i) => (
                 <tr key={i}>
-                  <td className={one.severity === "error" ? "bad" : "warn"}>{one.check}</td>
-                  <td>{[one.episode, one.frame === undefined || one.frame === null ? null : `frame ${one.frame}`, one.sensor].filter(Boolean).join(", ")}</td>
-                  <td>{one.message}</td>
+                  <td className={one.severity === "error" ? "bad" : "warn"}>
+                    {one.severity}: {one.check}
+                  </td>
+                  <td>
+                    <Place problem={one} dataset={dataset} episodes={episodes} />
+                  </td>
+                  <td className="said">{one.message}</td>
                 </tr>
               ))}
             </tbody>
           </table>
         </div>
       )}
-      <h3>{count(Object.keys(report.checks).length, "check")}</h3>
+      <h2>{count(Object.keys(report.checks).length, "check")}</h2>
       <ul className="checks">
         {Object.entries(report.checks).map(([name, check]) => (
           <li key={name} title={check.rule}>
@@ -91,5 +125,19 @@ function Checks({ report }: { report: Report }) {
         ))}
       </ul>
     </>
+  );
+}
+
+/** Where a problem is, as the way there: its frame, seen through its sensor. */
+function Place({ problem, dataset, episodes }: { problem: Problem; dataset: string; episodes: readonly EpisodeSummary[] }) {
+  const { episode, frame, sensor } = problem;
+  const position = episodes.findIndex((one) => one.episode_id === episode);
+  if (!episode || position < 0) return <>{[episode, sensor].filter(Boolean).join(", ") || "the dataset"}</>;
+  const known = frame !== undefined && frame !== null;
+  const query = { ...(known ? { k: frame } : {}), ...(sensor ? { sensor } : {}) };
+  return (
+    <a href={href({ page: "episode", dataset, episode }, query)} title={episode}>
+      {[`Episode ${position + 1}`, known ? `frame ${frame}` : null, sensor].filter(Boolean).join(", ")}
+    </a>
   );
 }

@@ -1,17 +1,21 @@
-import type { EpisodeDetail, FrameMessage, FrameObject } from "../api/types";
+import type { EpisodeDetail, EpisodeSensor, FrameMessage, FrameObject } from "../api/types";
+import { trackText } from "../ui/tracks";
 
 interface Props {
   detail: EpisodeDetail;
+  /** The camera that is large: distances are given from it, too. */
+  camera: EpisodeSensor | undefined;
   frame: FrameMessage;
   chosen: number | null;
   onChoose(track: number | null): void;
 }
 
 /** What is true in this frame: the ego, its small sensors, everybody around. */
-export function FrameFacts({ detail, frame, chosen, onChoose }: Props) {
+export function FrameFacts({ detail, camera, frame, chosen, onChoose }: Props) {
   const { ego } = frame;
   const near = [...frame.objects].sort((a, b) => distance(a) - distance(b));
-  const row = chosenRow(frame, chosen);
+  const row = chosenRow(frame, chosen, camera?.id);
+  const fromCamera = new Map((frame.camera_objects[camera?.id ?? ""] ?? []).map((one) => [one.track_id, one.distance_m]));
   return (
     <div className="facts">
       <section className="panel" aria-label="Ego">
@@ -42,14 +46,23 @@ export function FrameFacts({ detail, frame, chosen, onChoose }: Props) {
               <tr>
                 <th>Class</th>
                 <th className="number">Track</th>
-                <th className="number">Distance m</th>
-                <th className="number">Speed m/s</th>
+                <th className="number">
+                  From the ego <span className="unit">m</span>
+                </th>
+                {camera?.labelled && (
+                  <th className="number">
+                    From {camera.id} <span className="unit">m</span>
+                  </th>
+                )}
+                <th className="number">
+                  Speed <span className="unit">m/s</span>
+                </th>
                 <th className="number">LiDAR points</th>
               </tr>
             </thead>
             <tbody>
               {near.map((object) => (
-                <tr key={object.track_id} aria-selected={object.track_id === chosen}>
+                <tr key={object.track_id} data-track={object.track_id} aria-selected={object.track_id === chosen}>
                   <td>
                     <button
                       type="button"
@@ -61,8 +74,11 @@ export function FrameFacts({ detail, frame, chosen, onChoose }: Props) {
                       {object.class_name}
                     </button>
                   </td>
-                  <td className="number">{object.track_id}</td>
+                  <td className="number" title={`track ${object.track_id}, ${object.type_id}`}>
+                    {trackText(object.track_id)}
+                  </td>
                   <td className="number">{distance(object).toFixed(1)}</td>
+                  {camera?.labelled && <td className="number">{fromCamera.get(object.track_id)?.toFixed(1) ?? "–"}</td>}
                   <td className="number">{object.speed_m_s.toFixed(1)}</td>
                   <td className="number">{object.num_lidar_points ?? "–"}</td>
                 </tr>
@@ -76,7 +92,7 @@ export function FrameFacts({ detail, frame, chosen, onChoose }: Props) {
           <header className="panel-head">
             <h2>Label</h2>
             <span className="muted">
-              {row.sensor}, track {chosen}
+              {row.sensor}, <span title={`track ${chosen}`}>track {trackText(chosen ?? 0)}</span>; distance is from the camera
             </span>
           </header>
           <dl className="fact-list">
@@ -90,9 +106,11 @@ export function FrameFacts({ detail, frame, chosen, onChoose }: Props) {
   );
 }
 
-function chosenRow(frame: FrameMessage, chosen: number | null) {
+/** The label of the chosen object: that of the large camera, where it is seen there. */
+function chosenRow(frame: FrameMessage, chosen: number | null, camera: string | undefined) {
   if (chosen === null) return null;
-  for (const [sensor, objects] of Object.entries(frame.camera_objects)) {
+  const cameras = Object.entries(frame.camera_objects).sort(([a], [b]) => Number(b === camera) - Number(a === camera));
+  for (const [sensor, objects] of cameras) {
     const found = objects.find((object) => object.track_id === chosen);
     if (found) return { sensor, values: found.row };
   }
@@ -108,7 +126,8 @@ function Fact({ name, value }: { name: string; value: string }) {
   );
 }
 
-function distance({ ego_from_box: m }: FrameObject): number {
+/** From the ego's pivot to the middle of an object's box, m. */
+export function distance({ ego_from_box: m }: FrameObject): number {
   return Math.hypot(m[0]?.[3] ?? 0, m[1]?.[3] ?? 0, m[2]?.[3] ?? 0);
 }
 

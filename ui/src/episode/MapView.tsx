@@ -1,6 +1,8 @@
 import { useMemo, useState } from "react";
 import { useAnswer } from "../api/useAnswer";
 import type { EpisodeMap, FrameMessage } from "../api/types";
+import { trackText } from "../ui/tracks";
+import { distance as distanceOf } from "./FrameFacts";
 
 interface Props {
   base: string;
@@ -25,7 +27,7 @@ export function MapView({ base, frame, egoBox, chosen, onChoose }: Props) {
   return (
     <section className="view map-view" aria-label="Map">
       <header className="view-head">
-        <h3>Map</h3>
+        <h2>Map</h2>
         <span className="muted">{map.data?.map.split("/").at(-1)}</span>
         <span className="spacer" />
         <button type="button" className="icon-button" aria-label="Closer, map" disabled={span === 0} onClick={() => setSpan(span - 1)}>
@@ -42,6 +44,7 @@ export function MapView({ base, frame, egoBox, chosen, onChoose }: Props) {
         </button>
       </header>
       <div className="view-body">
+        {map.data && lanes.length === 0 && <p className="view-note">The lanes of this map are not known.</p>}
         {!map.data && <p className="view-note">{map.error ?? "Loading the lanes…"}</p>}
         <svg className="plan" viewBox={`${cx - metres / 2} ${cy - metres / 2} ${metres} ${metres}`} preserveAspectRatio="xMidYMid slice">
           {lanes.map(({ width, path }) => (
@@ -56,7 +59,7 @@ export function MapView({ base, frame, egoBox, chosen, onChoose }: Props) {
               style={{ fill: `rgb(${object.colour.join(",")})` }}
               onClick={() => onChoose(object.track_id === chosen ? null : object.track_id)}
             >
-              <title>{`${object.class_name} ${object.track_id}`}</title>
+              <title>{`${object.class_name} ${trackText(object.track_id)}, ${distanceOf(object).toFixed(1)} m from the ego`}</title>
               <rect
                 x={-(object.extent[0] ?? 1)}
                 y={-(object.extent[1] ?? 1)}

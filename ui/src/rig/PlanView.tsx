@@ -7,6 +7,7 @@ import { pathOf, toScreen, type Plane, type Screen } from "./plane";
 import { MarkName, SensorMark } from "./SensorMark";
 import { stacksOf } from "./stacks";
 import type { Point } from "./outline";
+import { Ghost } from "./Ghost";
 import { useMarkDrag } from "./useMarkDrag";
 import { usePlaneCamera } from "./usePlaneCamera";
 import { drawnReach, useRig } from "./useRig";
@@ -88,6 +89,7 @@ export function PlanView({ plane, coverage = "off", actions }: Props) {
               {stacks.map((stack) => (
                 <MarkName key={stack.sensors[0]?.id} stack={stack} plane={plane} screen={screen} />
               ))}
+              {rig.armed !== null && <Ghost plane={plane} screen={screen} kind={rig.armed} />}
               <ScaleBar screen={screen} />
             </>
           )}

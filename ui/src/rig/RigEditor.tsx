@@ -8,6 +8,7 @@ import { Inspector } from "./Inspector";
 import { mountsOf, type VehicleShape } from "./mounts";
 import { PlanView } from "./PlanView";
 import { SIDE, TOP } from "./plane";
+import { RigComparison } from "./RigComparison";
 import { RigToolbar } from "./RigToolbar";
 import { SensorList } from "./SensorList";
 import { SensorLists } from "./SensorLists";
@@ -16,6 +17,7 @@ import {
   unfolded,
   viewOf,
   without,
+  withSensor,
   withCopies,
   withMirrored,
   withPoses,
@@ -33,6 +35,8 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
   const [trueRanges, setTrueRanges] = useState(false);
   const [coverage, setCoverage] = useState<CoverageChoice>("off");
   const [mode, setMode] = useState<"translate" | "rotate">("translate");
+  const [armed, setArmed] = useState<string | null>(null);
+  const [comparing, setComparing] = useState(false);
   const [large, setLarge] = useState<string | null>(null);
 
   const named = getAt(document, ["rig", "preset"]);
@@ -71,6 +75,16 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
       view: (sensor) => viewOf(sensor, document, schema),
       pose: (ids, how, gesture) => change((now) => withPoses(now, ids, how), gesture),
       endGesture,
+      armed,
+      arm: setArmed,
+      placeArmed: (pose, several) => {
+        if (armed === null) return;
+        copied((now) => {
+          const [next, id] = withSensor(now, armed, pose);
+          return [next, [id]];
+        });
+        if (!several) setArmed(null);
+      },
       remove: (ids) => {
         change((now) => without(now, ids));
         setSelected([]);
@@ -78,7 +92,7 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
       duplicate: (ids) => copied((now) => withCopies(now, ids)),
       mirror: (ids) => copied((now) => withMirrored(now, ids)),
     };
-  }, [document, schema, sensors, shape.data, mounts, selected, trueRanges, change, endGesture]);
+  }, [document, schema, sensors, shape.data, mounts, selected, trueRanges, armed, change, endGesture]);
 
   useEffect(() => {
     const known = new Set(sensors.map((sensor) => sensor.id));
@@ -91,6 +105,7 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
     const key = event.key.toLowerCase();
     if ((key === "delete" || key === "backspace") && selected.length > 0) rig.remove(selected);
     else if (command && key === "d" && selected.length > 0) rig.duplicate(selected);
+    else if (key === "escape" && armed !== null) setArmed(null);
     else if (key === "escape") setSelected([]);
     else if (!command && key === "w") setMode("translate");
     else if (!command && key === "e") setMode("rotate");
@@ -109,7 +124,6 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
           schema={schema}
           coverage={coverage}
           onCoverage={setCoverage}
-          onTrueRanges={() => setTrueRanges(!trueRanges)}
           onPreset={(name) =>
             edit((now) => setAt(setAt(now, ["rig", "sensors"], []), ["rig", "preset"], name))
           }
@@ -120,6 +134,15 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
             <header className="view-head">
               <h3>3D</h3>
               <span className="spacer" />
+              <button
+                type="button"
+                className="button small"
+                aria-pressed={trueRanges}
+                title="Draw fields of view as far as they reach, in all views"
+                onClick={() => setTrueRanges(!trueRanges)}
+              >
+                True ranges
+              </button>
               <div className="segments small" role="group" aria-label="Gizmo">
                 {(["translate", "rotate"] as const).map((one) => (
                   <button
@@ -145,6 +168,7 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
           </section>
           <PlanView plane={SIDE} actions={<ViewFrame.Enlarge name="Side" {...enlarge("side")} />} />
         </div>
+        {comparing && <RigComparison presets={schema.rig_presets} schema={schema} />}
       </section>
       <aside className="panel sensors" aria-label="Sensors and their settings" onKeyDown={keys}>
         <header className="panel-head">
@@ -152,6 +176,9 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
           <span className="muted">{sensors.length}</span>
           {typeof named === "string" && <span className="badge">preset {named}</span>}
           <span className="spacer" />
+          <button type="button" className="button small" aria-pressed={comparing} title="Another rig beside this one" onClick={() => setComparing(!comparing)}>
+            Compare
+          </button>
           <SensorLists />
         </header>
         <SensorList />

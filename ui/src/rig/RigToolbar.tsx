@@ -1,3 +1,4 @@
+import { useState } from "react";
 import type { SchemaMessage, SensorKind } from "../api/types";
 import { edit } from "../state/draft";
 import { useStore } from "../state/store";
@@ -12,17 +13,21 @@ interface Props {
   schema: SchemaMessage;
   coverage: CoverageChoice;
   onCoverage(choice: CoverageChoice): void;
-  onTrueRanges(): void;
   onPreset(name: string): void;
 }
 
 /** Presets, new sensors, changes of what is chosen, and how fields of view are drawn. */
-export function RigToolbar({ schema, coverage, onCoverage, onTrueRanges, onPreset }: Props) {
+export function RigToolbar({ schema, coverage, onCoverage, onPreset }: Props) {
   const rig = useRig();
   const { kinds, modalities } = useStore(kindTable, (now) => now);
   const common = commonKinds();
   const others = [...(kinds?.values() ?? [])].filter((kind) => !common.includes(kind));
+  const [byClick, setByClick] = useState(false);
   const add = ({ name, field_of_view }: SensorKind) => {
+    if (byClick) {
+      rig.arm(rig.armed === name ? null : name);
+      return;
+    }
     const roof = rig.mounts[0]?.pose ?? { x: 0, y: 0, z: 1.8, roll_deg: 0, pitch_deg: 0, yaw_deg: 0 };
     const bumper = rig.mounts.find(({ name }) => name === "Front bumper")?.pose ?? roof;
     const front = rig.mounts.find(({ name }) => name === "Roof, front")?.pose ?? roof;
@@ -60,6 +65,7 @@ export function RigToolbar({ schema, coverage, onCoverage, onTrueRanges, onPrese
             key={kind.name}
             type="button"
             className="button small add"
+            aria-pressed={byClick ? rig.armed === kind.name : undefined}
             style={{ "--colour": colourOf(kind.name) } as React.CSSProperties}
             onClick={() => add(kind)}
           >
@@ -76,6 +82,18 @@ export function RigToolbar({ schema, coverage, onCoverage, onTrueRanges, onPrese
           ))}
         </Menu>
       </div>
+      <button
+        type="button"
+        className="button small"
+        aria-pressed={byClick}
+        title="Choose a kind of sensor, then press on the car; Shift places several, Esc ends it"
+        onClick={() => {
+          setByClick(!byClick);
+          rig.arm(null);
+        }}
+      >
+        Place by click
+      </button>
       <span className="spacer" />
       <label className="inline-label">
         <span className="sr-only">Coverage of the ground</span>
@@ -95,15 +113,6 @@ export function RigToolbar({ schema, coverage, onCoverage, onTrueRanges, onPrese
           ))}
         </select>
       </label>
-      <button
-        type="button"
-        className="button small"
-        aria-pressed={rig.trueRanges}
-        title="Draw fields of view as far as they reach"
-        onClick={onTrueRanges}
-      >
-        True ranges
-      </button>
     </header>
   );
 }

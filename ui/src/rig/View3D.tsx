@@ -1,7 +1,8 @@
 import { useEffect, useRef, useState } from "react";
 import { useTheme } from "../app/theme";
 import { RigScene } from "../three/RigScene";
-import type { Pose } from "./coordinates";
+import { snap, type Pose, type Vector } from "./coordinates";
+import { mountAround } from "./placing";
 import { drawnReach, useRig, type Rig } from "./useRig";
 
 declare global {
@@ -10,6 +11,8 @@ declare global {
     carstage3d?: { project(x: number, y: number, z: number): [number, number]; drawn(): number };
   }
 }
+
+const NEAR_M = 0.35;
 
 /** The rig in 3D; loaded when it is first shown, with three.js. */
 export default function View3D({ mode }: { mode: "translate" | "rotate" }) {
@@ -29,6 +32,7 @@ export default function View3D({ mode }: { mode: "translate" | "rotate" }) {
         pick: (id) => current.current.select(id === null ? [] : [id]),
         drag: (pose) => dragTo(current.current, pose),
         dropped: () => current.current.endGesture(),
+        place: (at, several) => placeOnBody(current.current, at, several),
       });
     } catch (error) {
       console.info("no WebGL", error);
@@ -62,6 +66,15 @@ export default function View3D({ mode }: { mode: "translate" | "rotate" }) {
   if (failed)
     return <p className="empty">This browser shows no 3D (no WebGL). The top and side views do all the same.</p>;
   return <div ref={host} className="scene-host" data-ready={scene !== null} />;
+}
+
+/** A sensor of the armed kind where the car was pressed: at a usual place nearby, else a little above the body. */
+function placeOnBody(rig: Rig, [x, y, z]: Vector, several: boolean): boolean {
+  if (rig.armed === null) return false;
+  const mount = mountAround(rig.mounts, [x, y, z], NEAR_M);
+  const free = { x: snap(x, 0.05), y: snap(y, 0.05), z: snap(z + 0.1, 0.01), roll_deg: 0, pitch_deg: 0, yaw_deg: 0 };
+  rig.placeArmed(mount?.pose ?? free, several);
+  return true;
 }
 
 function leader(rig: Rig) {

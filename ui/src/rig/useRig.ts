@@ -18,6 +18,11 @@ export interface Rig {
   /** Move or turn sensors; one gesture is one undo step. */
   pose(ids: readonly string[], change: (pose: Pose, id: string) => Pose, gesture?: string): void;
   endGesture(): void;
+  /** The kind that the next press on the car places; null: presses choose. */
+  armed: string | null;
+  arm(kind: string | null): void;
+  /** Put a sensor of the armed kind there; it stays armed where several are to be placed. */
+  placeArmed(pose: Pose, several: boolean): void;
   remove(ids: readonly string[]): void;
   duplicate(ids: readonly string[]): void;
   mirror(ids: readonly string[]): void;

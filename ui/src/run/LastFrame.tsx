@@ -1,7 +1,10 @@
+import { useEffect, useRef, useState } from "react";
+import { getFloats, sentence } from "../api/client";
 import { useAnswer } from "../api/useAnswer";
-import type { DatasetDetail, EpisodeDetail, RunSummary } from "../api/types";
+import type { DatasetDetail, EpisodeDetail, EpisodeSensor, RunSummary } from "../api/types";
 import { href } from "../app/routes";
-import { colourOf } from "../rig/kinds";
+import { colourName, colourOf } from "../rig/kinds";
+import { drawFromAbove } from "./fromAbove";
 
 /** After a run: the last pictures of its newest episode, out of the dataset. */
 export function LastFrame({ run }: { run: RunSummary }) {
@@ -10,8 +13,8 @@ export function LastFrame({ run }: { run: RunSummary }) {
   const episode = dataset.data?.episodes.at(-1);
   const path = episode ? `${base}/episodes/${episode.episode_id}` : null;
   const detail = useAnswer<EpisodeDetail>(path);
-  const cameras = detail.data?.sensors.filter((sensor) => sensor.data === "image") ?? [];
-  if (!episode || cameras.length === 0)
+  const sensors = detail.data?.sensors.filter((sensor) => sensor.data !== "none") ?? [];
+  if (!episode || sensors.length === 0)
     return (
       <section className="panel thumbs-empty" aria-label="Pictures">
         <p className="empty">
@@ -23,24 +26,66 @@ export function LastFrame({ run }: { run: RunSummary }) {
     );
   return (
     <section className="thumbs" aria-label="Last pictures">
-      {cameras.map(({ id, kind }) => (
+      {sensors.map((sensor) => (
         <a
-          key={id}
+          key={sensor.id}
           className="thumb"
-          href={href({ page: "episode", dataset: run.dataset, episode: episode.episode_id })}
-          style={{ "--colour": colourOf(kind) } as React.CSSProperties}
+          data-sensor={sensor.id}
+          href={href({ page: "episode", dataset: run.dataset, episode: episode.episode_id }, { k: episode.frames - 1 })}
+          style={{ "--colour": colourOf(sensor.kind) } as React.CSSProperties}
         >
-          <img
-            className="thumb-picture"
-            src={`api${path}/sensors/${id}/${episode.frames - 1}.png?width=480`}
-            alt={`${id}, last frame`}
-          />
+          {sensor.data === "image" ? (
+            <img
+              className="thumb-picture"
+              src={`api${path}/sensors/${sensor.id}/${episode.frames - 1}.png?width=480`}
+              alt={`${sensor.id}, last frame`}
+            />
+          ) : (
+            <LastPoints path={`${path}/points/${sensor.id}/${episode.frames - 1}`} sensor={sensor} />
+          )}
           <span className="thumb-name">
             <span className="dot" />
-            {id}
+            {sensor.id}
           </span>
         </a>
       ))}
     </section>
+  );
+}
+
+/** The last sweep from above, drawn as it was while the run went on. */
+function LastPoints({ path, sensor }: { path: string; sensor: EpisodeSensor }) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const [note, setNote] = useState("");
+  const [shown, setShown] = useState<number | null>(null);
+  const { kind, data, ego_from_sensor: pose } = sensor;
+  useEffect(() => {
+    const stop = new AbortController();
+    getFloats(path, stop.signal).then(
+      (points) => {
+        if (!canvas.current) return;
+        // The dataset's points are in the ego's axes, whose origin is on the ground.
+        const height = pose?.[2]?.[3] ?? 0;
+        for (let i = 2; i < points.length; i += 4) points[i] = (points[i] ?? 0) - height;
+        drawFromAbove(canvas.current, points, data === "radar" ? "radar" : "points", colourName(kind));
+        setShown(points.length / 4);
+      },
+      (error: unknown) => {
+        if (!stop.signal.aborted) setNote(sentence(error));
+      },
+    );
+    return () => stop.abort();
+  }, [path, kind, data, pose]);
+  if (note) return <p className="empty">{note}</p>;
+  return (
+    <canvas
+      ref={canvas}
+      className="thumb-picture"
+      width={320}
+      height={320}
+      role="img"
+      data-points={shown ?? ""}
+      aria-label={`${sensor.id} from above, last frame`}
+    />
   );
 }

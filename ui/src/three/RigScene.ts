@@ -1,4 +1,4 @@
-import { Group, Object3D, Raycaster, Vector2 } from "three";
+import { Group, Object3D, Raycaster, Vector2, type Mesh } from "three";
 import { TransformControls } from "three/addons/controls/TransformControls.js";
 import { fromThree, type Pose, type Vector } from "../rig/coordinates";
 import type { VehicleShape } from "../rig/mounts";
@@ -13,6 +13,8 @@ export interface RigSceneEvents {
   /** The gizmo gives the leading sensor this pose. */
   drag(pose: Pose): void;
   dropped(): void;
+  /** A press on the car's body, in CARLA's axes of the vehicle; whether it has placed a sensor. */
+  place(at: Vector, several: boolean): boolean;
 }
 
 const SNAP_M = 0.05;
@@ -140,6 +142,8 @@ export class RigScene extends SceneView {
     );
     const ray = new Raycaster();
     ray.setFromCamera(at, this.camera);
+    const body = ray.intersectObject(this.car, true).find(({ object }) => (object as Partial<Mesh>).isMesh);
+    if (body && this.events.place([body.point.x, -body.point.y, body.point.z], event.shiftKey)) return;
     const hit = ray
       .intersectObjects(this.models.children, true)
       .find(({ object }) => typeof object.userData.sensor === "string");

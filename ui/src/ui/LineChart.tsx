@@ -17,9 +17,13 @@ export function LineChart({ title, note, points, format, colour }: Props) {
   const shown = thinned(points);
   const top = Math.max(...shown.map(([, y]) => y), 1e-9);
   const end = Math.max(last?.[0] ?? 0, 1);
+  const across = (x: number) => ((x / end) * WIDTH).toFixed(1);
   const path = shown
-    .map(([x, y], i) => `${i === 0 ? "M" : "L"}${((x / end) * WIDTH).toFixed(1)},${(HEIGHT - 4 - (y / top) * (HEIGHT - 10)).toFixed(1)}`)
+    .map(([x, y], i) => `${i === 0 ? "M" : "L"}${across(x)},${(HEIGHT - 4 - (y / top) * (HEIGHT - 10)).toFixed(1)}`)
     .join("");
+  // From the first to the last that was measured: nothing is known beside them.
+  const ground = HEIGHT - 4;
+  const area = `${path}L${across(shown.at(-1)?.[0] ?? 0)},${ground}L${across(shown[0]?.[0] ?? 0)},${ground}Z`;
   return (
     <figure className="line-chart">
       <figcaption>
@@ -33,7 +37,7 @@ export function LineChart({ title, note, points, format, colour }: Props) {
         <path className="chart-grid" d={`M0,${HEIGHT - 4}H${WIDTH}M0,${HEIGHT / 2}H${WIDTH}M0,6H${WIDTH}`} />
         {shown.length > 1 && (
           <>
-            <path d={`${path}L${WIDTH},${HEIGHT - 4}L0,${HEIGHT - 4}Z`} fill={colour} fillOpacity={0.12} />
+            <path className="chart-area" d={area} fill={colour} fillOpacity={0.12} />
             <path className="chart-line" d={path} stroke={colour} />
           </>
         )}

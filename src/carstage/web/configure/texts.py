@@ -6,6 +6,7 @@ import re
 from typing import Any
 
 from carstage.errors import ConfigError
+from carstage.web.configure.calibrations import read_calibration
 from carstage.web.configure.carla_sensors import read_sensors, write_sensors
 from carstage.web.configure.checking import ConfigChecker
 from carstage.web.configure.problems import problems_of
@@ -43,8 +44,14 @@ class ConfigTexts:
         if request.format == "yaml":
             document = _read_yaml(request.text)
         else:
-            sensors, warnings = read_sensors(request.text)
             base = self._store.state().config if request.base is None else request.base
+            if request.format == "calibration":
+                read = read_calibration(request.text)
+                sensors, warnings = read.sensors, read.warnings
+                if not read.is_rig:
+                    sensors = self._joined(base, sensors)
+            else:
+                sensors, warnings = read_sensors(request.text)
             document = {**base, "rig": {"sensors": sensors}, **_without_ids(base)}
         try:
             config = self._checker.parse(document)
@@ -53,6 +60,23 @@ class ConfigTexts:
         return ConfigImportResult(
             config=dump_config(config), warnings=[*warnings, *config.warnings()]
         )
+
+    def _joined(self, base: Document, sensors: list[Document]) -> list[Document]:
+        """The sensors of a configuration, and others under names that are free.
+
+        Raises:
+            ConfigError: the configuration is wrong, so that its rig is not known.
+        """
+        from carstage.config import dump_config
+
+        there = dump_config(self._checker.parse(base))["rig"]["sensors"]
+        taken = {str(sensor["id"]).lower() for sensor in there}
+        for sensor in sensors:
+            stem, number = sensor["id"], 2
+            while sensor["id"].lower() in taken:
+                sensor["id"], number = f"{stem}_{number}", number + 1
+            taken.add(sensor["id"].lower())
+        return [*there, *sensors]
 
     def write(self, request: ConfigExportRequest) -> ConfigText:
         """A configuration as text.

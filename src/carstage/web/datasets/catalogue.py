@@ -10,6 +10,7 @@ from carstage.errors import CarStageError
 from carstage.runs.reading import liveness, read_document
 from carstage.storage.description import read_description
 from carstage.storage.marker import read_marker
+from carstage.web.datasets.episode_index import EpisodeFacts, EpisodeIndex
 from carstage.web.datasets.jobs import JobService
 from carstage.web.errors import not_found
 from carstage.web.messages import (
@@ -33,16 +34,19 @@ class Catalogue:
     Args:
         roots: where they are.
         jobs: knows which of them are valid.
+        index: knows what lists say of episodes.
     """
 
-    def __init__(self, roots: Roots, jobs: JobService) -> None:
+    def __init__(self, roots: Roots, jobs: JobService, index: EpisodeIndex) -> None:
         self._roots = roots
         self._jobs = jobs
+        self._index = index
 
     def all(self) -> DatasetList:
         """All datasets, the one that has changed last first."""
         found = list(self._roots.datasets().values())[:_MOST_LISTED]
         summaries = [self._summary(dataset) for dataset in found]
+        self._index.save()
         summaries.sort(key=lambda dataset: (-(dataset.changed or 0.0), dataset.dataset))
         return DatasetList(
             datasets=summaries,
@@ -60,14 +64,36 @@ class Catalogue:
         from carstage.report.drawing import CLASS_COLOURS
 
         found = self._roots.dataset(dataset)
-        description = read_description(found.path / "dataset.json")
-        episodes = [self.episode_summary(self.episode(dataset, id_)) for id_ in _ids(found.path)]
+        facts = self._facts(found)
+        self._index.save()
         return DatasetDetail(
             summary=self._summary(found),
-            episodes=sorted(episodes, key=lambda episode: (episode.index, episode.episode_id)),
-            tags=[Tag.model_validate(tag) for tag in description.get("tags", ())],
+            episodes=[_summary_of(one) for one in facts],
+            tags=self.tags(dataset),
             class_colours={name: list(colour) for name, colour in CLASS_COLOURS.items()},
         )
+
+    def tags(self, dataset: str) -> list[Tag]:
+        """The semantic tags of a dataset.
+
+        Raises:
+            WebError: there is none of that id.
+            DatasetError: it cannot be read.
+        """
+        description = read_description(self._roots.dataset(dataset).path / "dataset.json")
+        return [Tag.model_validate(tag) for tag in description.get("tags", ())]
+
+    def number(self, dataset: str, episode_id: str) -> int:
+        """The place of an episode in its dataset, from 1, in the order of :meth:`detail`.
+
+        Raises:
+            WebError: there is no such dataset or episode.
+            DatasetError: a marker is damaged.
+        """
+        order = [facts.episode_id for facts in self._facts(self._roots.dataset(dataset))]
+        if episode_id not in order:
+            raise not_found(f"episode {episode_id} in this dataset")
+        return 1 + order.index(episode_id)
 
     def episode(self, dataset: str, episode: str) -> Episode:
         """One committed episode.
@@ -96,25 +122,24 @@ class Catalogue:
         return [self.episode(dataset, episode) for episode in _ids(found.path)]
 
     def episode_summary(self, episode: Episode) -> EpisodeSummary:
-        """An episode in a few figures."""
-        spec = episode.spec
-        return EpisodeSummary(
-            episode_id=episode.id,
-            index=spec.index,
-            map=spec.map,
-            weather=spec.weather.preset or "own values",
-            frames=episode.frames,
-            saved_fps=spec.saved_fps,
-            duration_s=spec.duration_s,
-            bytes=sum(entry.bytes for entry in episode.marker.files),
-            sensors=len(spec.written_sensors),
-        )
+        """An episode in a few figures.
+
+        Raises:
+            DatasetError: a document of it is damaged.
+        """
+        dataset = episode.folder.parents[2]
+        return _summary_of(self._index.facts(Path(str(dataset / "commits" / f"{episode.id}.json"))))
+
+    def _facts(self, found: FoundDataset) -> list[EpisodeFacts]:
+        """Of all episodes, in the order in which they are numbered."""
+        facts = [self._index.facts(marker) for marker in _markers(found.path)]
+        return sorted(facts, key=lambda one: (one.index, one.episode_id))
 
     def _summary(self, found: FoundDataset) -> DatasetSummary:
         changed = None
         try:
             name = str(read_description(found.path / "dataset.json").get("name", found.shown))
-            markers = [_marker(path, path.stat().st_mtime_ns) for path in _markers(found.path)]
+            facts = [self._index.facts(path) for path in _markers(found.path)]
             changed = (found.path / "commits").stat().st_mtime
         except (CarStageError, OSError) as error:
             reason = error.message if isinstance(error, CarStageError) else "It cannot be read."
@@ -125,15 +150,15 @@ class Catalogue:
                 state="damaged",
                 problem=reason.replace(str(found.path), found.shown),
             )
-        state = "recording" if _records(found.path) else "ready" if markers else "empty"
+        state = "recording" if _records(found.path) else "ready" if facts else "empty"
         return DatasetSummary(
             dataset=found.dataset,
             name=name,
             path=found.shown,
             state=state,  # type: ignore[arg-type]
-            episodes=len(markers),
-            frames=sum(frames for frames, _ in markers),
-            bytes=sum(size for _, size in markers),
+            episodes=len(facts),
+            frames=sum(one.frames for one in facts),
+            bytes=sum(one.bytes for one in facts),
             changed=changed,
             validity=self._jobs.validity(found),  # type: ignore[arg-type]
         )
@@ -156,11 +181,19 @@ def _records(dataset: Path) -> bool:
     return any(s is not None and liveness(s) in ("running", "stalled") for s in statuses)
 
 
-@lru_cache(maxsize=20_000)
-def _marker(path: Path, _changed_ns: int) -> tuple[int, int]:
-    """Frames and bytes of an episode."""
-    marker = read_marker(path)
-    return marker.frames, sum(entry.bytes for entry in marker.files)
+def _summary_of(facts: EpisodeFacts) -> EpisodeSummary:
+    return EpisodeSummary(
+        episode_id=facts.episode_id,
+        index=facts.index,
+        map=facts.map,
+        weather=facts.weather,
+        frames=facts.frames,
+        saved_fps=facts.saved_fps,
+        duration_s=facts.duration_s,
+        bytes=facts.bytes,
+        sensors=facts.sensors,
+        thumbnail=facts.thumbnail or None,
+    )
 
 
 @lru_cache(maxsize=64)

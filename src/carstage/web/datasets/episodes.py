@@ -49,6 +49,8 @@ class EpisodeService:
             requested=dict(episode.document["requested"]),
             spawned=dict(episode.document["spawned"]),
             spec=episode.spec.to_json(),
+            tags=self._catalogue.tags(dataset),
+            number=self._catalogue.number(dataset, episode_id),
         )
 
     def map(self, dataset: str, episode_id: str) -> EpisodeMap:

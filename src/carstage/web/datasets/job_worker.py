@@ -1,4 +1,4 @@
-"""``python -m carstage.web.datasets.job_worker JOB_FOLDER``: one export or validation.
+"""``python -m carstage.web.datasets.job_worker JOB_FOLDER``: one export, validation or report.
 
 A separate process: it goes on when the server ends, and its memory is freed when it is done.
 ``JOB_FOLDER/job.json`` is the order; ``status.json``, replaced as a whole, the progress.
@@ -49,7 +49,7 @@ def main(folder: Path) -> int:
     status = Status(folder / "status.json")
     try:
         status.write()
-        work = {"export": _export, "validation": _validate}[job["kind"]]
+        work = {"export": _export, "validation": _validate, "report": _report}[job["kind"]]
         result = work(job, status)
     except KeyboardInterrupt:
         status.write(state="cancelled", ended=time.time())
@@ -74,6 +74,7 @@ def _export(job: dict[str, Any], status: Status) -> dict[str, Any]:
             **given,
             "cameras": tuple(given["cameras"]),
             "classes": tuple(given["classes"]),
+            "episodes": tuple(given["episodes"]),
         }
     )
     target = Path(job["out"])
@@ -88,6 +89,19 @@ def _export(job: dict[str, Any], status: Status) -> dict[str, Any]:
         progress=status.progress,
     )
     return {**summary.to_json(), "path": job["shown"]}
+
+
+def _report(job: dict[str, Any], status: Status) -> dict[str, Any]:
+    from carstage.report import write_report
+    from carstage.validation import validate_dataset
+
+    verdict = validate_dataset(job["path"], progress=partial(status.progress, "Checking"))
+    status.progress("Drawing", 0, 0)
+    out = Path(job["out"])
+    write_report(job["path"], out, validation=verdict)
+    kept = {"made": time.time(), "fingerprint": job["fingerprint"]}
+    write_whole(out.with_suffix(".json"), json.dumps(kept).encode())
+    return {"ok": verdict.ok}
 
 
 def _validate(job: dict[str, Any], status: Status) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Exports and validations: started, listed, cancelled; they outlive this server."""
+"""Exports, validations and reports: started, listed, cancelled; they outlive this server."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from carstage.web.messages import (
     ExportFormats,
     ExportRequest,
     Job,
+    ReportMessage,
     ValidationMessage,
 )
 from carstage.web.roots import EXPORTS, FoundDataset, Roots
@@ -48,7 +49,8 @@ class JobService:
         self._roots = roots
         self._lock = threading.RLock()
         self._over: dict[str, Job] = {}
-        for made in (self._jobs, self._reports):
+        self._pages = folder / "reports"
+        for made in (self._jobs, self._reports, self._pages):
             made.mkdir(parents=True, exist_ok=True)
 
     def all(self) -> list[Job]:
@@ -124,6 +126,60 @@ class JobService:
             found,
         )
 
+    def make_report(self, dataset: str) -> Job:
+        """Begin to write the report of a dataset.
+
+        Raises:
+            WebError: there is no such dataset.
+        """
+        found = self._roots.dataset(dataset)
+        return self._begin(
+            {
+                "kind": "report",
+                "title": f"Report of {found.shown}",
+                "out": str(self._pages / f"{found.dataset}.html"),
+                "fingerprint": fingerprint(found.path),
+            },
+            found,
+        )
+
+    def report(self, dataset: str) -> ReportMessage:
+        """Whether there is a report, and whether the dataset is still the same.
+
+        Raises:
+            WebError: there is no such dataset.
+        """
+        found = self._roots.dataset(dataset)
+        if self._running("report", dataset) is not None:
+            return ReportMessage(state="running")
+        kept = read_document(self._pages / f"{found.dataset}.json")
+        if kept is None:
+            return ReportMessage(state="none")
+        current = kept.get("fingerprint") == fingerprint(found.path)
+        return ReportMessage(state="current" if current else "outdated", made=kept.get("made"))
+
+    def report_page(self, dataset: str) -> bytes:
+        """The report, as HTML.
+
+        Raises:
+            WebError: there is no such dataset, or no report of it.
+        """
+        found = self._roots.dataset(dataset)
+        try:
+            return (self._pages / f"{found.dataset}.html").read_bytes()
+        except OSError:
+            raise not_found(f"report of dataset {dataset}") from None
+
+    def _running(self, kind: str, dataset: str) -> Job | None:
+        return next(
+            (
+                job
+                for job in self.all()
+                if (job.kind, job.dataset, job.state) == (kind, dataset, "running")
+            ),
+            None,
+        )
+
     def validation(self, dataset: str) -> ValidationMessage:
         """What the last validation found, and whether the dataset is still the same.
 
@@ -131,14 +187,7 @@ class JobService:
             WebError: there is no such dataset.
         """
         found = self._roots.dataset(dataset)
-        running = next(
-            (
-                job
-                for job in self.all()
-                if (job.kind, job.dataset, job.state) == ("validation", dataset, "running")
-            ),
-            None,
-        )
+        running = self._running("validation", dataset)
         kept = read_document(self._report(found))
         if kept is None:
             return ValidationMessage(state="running" if running else "none", job=running)

@@ -54,7 +54,12 @@ class LabelTables:
             WebError: no such episode or column, or a value that does not fit its column.
         """
         table = self._table(dataset, request)
+        of_class = [condition for condition in request.filters if condition.column == "class"]
         for condition in request.filters:
+            if condition not in of_class:
+                table = table.filter(_fits(table, condition))
+        classes = _classes(table)
+        for condition in of_class:
             table = table.filter(_fits(table, condition))
         total = table.num_rows
         if request.sort is not None:
@@ -67,6 +72,7 @@ class LabelTables:
             columns=[_described(request.table, field) for field in table.schema],
             rows=[list(row) for row in zip(*columns, strict=True)],
             total=total,
+            classes=classes,
         )
 
     def statistics(self, dataset: str) -> Statistics:
@@ -190,6 +196,15 @@ def _rows(episode: Episode, name: str) -> pa.Table:
         ids = pa.array([episode.id] * table.num_rows, pa.string())
         table = table.add_column(0, "episode_id", ids)
     return table
+
+
+def _classes(table: pa.Table) -> dict[str, int]:
+    """Rows by class, the most frequent first; empty where rows have none."""
+    if "class" not in table.column_names:
+        return {}
+    counted: Any = table["class"].value_counts().to_pylist()
+    rows = {entry["values"]: entry["counts"] for entry in counted if entry["values"]}
+    return dict(sorted(rows.items(), key=lambda entry: -entry[1]))
 
 
 def _fits(table: pa.Table, condition: TableFilter) -> Any:

@@ -12,6 +12,9 @@ from carstage.web.errors import not_found
 from carstage.web.media import Media
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from carstage.dataset import Frame, Sensor
 
 _PNG, _JPEG, _BYTES = "image/png", "image/jpeg", "application/octet-stream"
@@ -81,8 +84,15 @@ class Pictures:
             canvas[mask] = (*colour, _MASK_ALPHA)
         return Media(png(Image.fromarray(canvas)), _PNG)
 
-    def points(self, dataset: str, episode: str, sensor_id: str, k: int) -> Media:
+    def points(self, dataset: str, episode: str, sensor_id: str, k: int, sweeps: int = 1) -> Media:
         """``(N, 4)`` float32 in the ego's axes.
+
+        Args:
+            dataset: which dataset.
+            episode: which episode.
+            sensor_id: a LiDAR or radar.
+            k: the frame whose ego they are seen from.
+            sweeps: how many frames up to this one are put together, as the ego has moved.
 
         Raises:
             WebError: there is no such sensor or frame.
@@ -90,15 +100,31 @@ class Pictures:
         """
         import numpy as np
 
-        from carstage.geometry import transform_points
-        from carstage.web.preview.sensor_views import points_of
+        from carstage.geometry import invert_pose
 
         frame = self._frames.frame(dataset, episode, k)
         sensor = _sensor(frame, sensor_id, (*CLOUDS, DETECTIONS))
-        points = points_of(sensor.content, sensor.read(k)).copy()
-        pose = sensor.calibration_at(k).ego_from_sensor
-        points[:, :3] = transform_points(pose, points[:, :3].astype(np.float64))
-        return Media(points.astype("<f4").tobytes(), _BYTES)
+        parts = [_points(sensor, k, sensor.calibration_at(k).ego_from_sensor)]
+        if sweeps > 1:
+            ego_from_world = invert_pose(frame.world_from_ego)
+            for earlier in range(max(0, k - sweeps + 1), k):
+                before = self._frames.frame(dataset, episode, earlier)
+                if before.has(sensor_id):
+                    pose = ego_from_world @ before.world_from_sensor(sensor_id)
+                    parts.append(_points(sensor, earlier, pose))
+        return Media(np.concatenate(parts).astype("<f4").tobytes(), _BYTES)
+
+
+def _points(sensor: Sensor, k: int, pose: NDArray[np.float64]) -> NDArray[np.float32]:
+    """``(N, 4)`` points of a frame, moved by a pose."""
+    import numpy as np
+
+    from carstage.geometry import transform_points
+    from carstage.web.preview.sensor_views import points_of
+
+    points = points_of(sensor.content, sensor.read(k)).copy()
+    points[:, :3] = transform_points(pose, points[:, :3].astype(np.float64))
+    return points
 
 
 def _sensor(frame: Frame, sensor_id: str, contents: tuple[str, ...]) -> Sensor:

@@ -28,15 +28,18 @@ from carstage.web.messages.datasets import (
     EgoPose,
     EgoSignals,
     EpisodeDetail,
+    EpisodeHistory,
     EpisodeMap,
     EpisodeSummary,
     FrameMessage,
     FrameObject,
+    Moment,
     RigSensor,
     Statistics,
     TableFilter,
     TablePage,
     TableRequest,
+    TrackSpan,
 )
 from carstage.web.messages.description import DescriptionMessage, MapEntry, VehicleEntry
 from carstage.web.messages.jobs import (
@@ -45,6 +48,7 @@ from carstage.web.messages.jobs import (
     ExportRequest,
     Job,
     JobList,
+    ReportMessage,
     ValidationMessage,
 )
 from carstage.web.messages.live import (
@@ -100,6 +104,7 @@ __all__ = [
     "EgoSignals",
     "EpisodeCountsMessage",
     "EpisodeDetail",
+    "EpisodeHistory",
     "EpisodeMap",
     "EpisodeSummary",
     "ErrorMessage",
@@ -118,8 +123,10 @@ __all__ = [
     "LogMessage",
     "MapEntry",
     "Message",
+    "Moment",
     "PreviewPending",
     "PreviewRequest",
+    "ReportMessage",
     "RigPresetMessage",
     "RigSensor",
     "RunDetail",
@@ -141,6 +148,7 @@ __all__ = [
     "TableRequest",
     "TickPoint",
     "TicksMessage",
+    "TrackSpan",
     "ValidationMessage",
     "VehicleEntry",
 ]

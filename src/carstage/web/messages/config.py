@@ -11,6 +11,7 @@ from carstage.web.messages.base import Document, ErrorMessage, FieldProblem, Mes
 Author = Annotated[str, StringConstraints(max_length=100)]
 Text = Annotated[str, StringConstraints(max_length=1_000_000)]
 TextFormat = Literal["yaml", "carla-json"]
+ImportFormat = Literal["yaml", "carla-json", "calibration"]
 
 
 class SchemaGroup(Message):
@@ -180,14 +181,15 @@ class ConfigCheck(Message):
 
 
 class ConfigImportRequest(Message):
-    """A text to read: a configuration as YAML, or a CARLA-style JSON list of sensors.
+    """A text to read: a configuration as YAML, a CARLA-style JSON list of sensors, or a calibration
+    of KITTI, nuScenes or ROS.
 
     Attributes:
         base: for a list of sensors: the configuration whose rig they replace.
     """
 
     text: Text
-    format: TextFormat = "yaml"
+    format: ImportFormat = "yaml"
     base: Document | None = None
 
 

@@ -53,6 +53,7 @@ class EpisodeSummary(Message):
 
     Attributes:
         saved_fps: saved frames per simulated second.
+        thumbnail: a camera whose pictures show it.
     """
 
     episode_id: Name
@@ -64,6 +65,7 @@ class EpisodeSummary(Message):
     duration_s: float
     bytes: int
     sensors: int
+    thumbnail: Name | None = None
 
 
 class Tag(Message):
@@ -115,6 +117,8 @@ class EpisodeDetail(Message):
         times_s: of each frame, since the first.
         incomplete: number of ticks with a sensor that is neither ``ok`` nor ``off``.
         spec: what was asked for.
+        tags: semantic tags with their colours.
+        number: its place in the dataset, from 1.
     """
 
     episode: EpisodeSummary
@@ -125,6 +129,8 @@ class EpisodeDetail(Message):
     requested: Document
     spawned: Document
     spec: Document
+    tags: list[Tag]
+    number: int
 
 
 class EgoPose(Message):
@@ -232,6 +238,65 @@ class EgoSignals(Message):
     steer: list[float | None]
 
 
+class Span(Message):
+    """Frames, from the first to the last, over which something has one value."""
+
+    value: str
+    first: int
+    last: int
+
+
+class TrackSpan(Message):
+    """When an object is in the labels.
+
+    Attributes:
+        spans: first and last frame of each stretch.
+        nearest_m, nearest_k: its least distance from the ego, and when.
+        signals: when its brake lights or blinkers are on.
+    """
+
+    track_id: int
+    class_name: str
+    colour: Colour
+    spans: list[list[int]]
+    nearest_m: float | None
+    nearest_k: int | None
+    signals: list[Span]
+
+
+class Moment(Message):
+    """A frame that is worth a look.
+
+    Attributes:
+        kind: what moments of its sort have in common.
+        sensor_id: the camera in which it is seen.
+    """
+
+    kind: str
+    text: str
+    k: int
+    track_id: int | None = None
+    sensor_id: str | None = None
+
+
+class EpisodeHistory(Message):
+    """What happens in an episode, and when.
+
+    Attributes:
+        near_m: from where on a pedestrian is near.
+        lights: what the traffic light that affects the ego shows.
+        weather: presets.
+        faults: by sensor, its states that are neither ``ok`` nor ``off``.
+    """
+
+    near_m: float
+    tracks: list[TrackSpan]
+    lights: list[Span]
+    weather: list[Span]
+    faults: dict[str, list[Span]]
+    moments: list[Moment]
+
+
 class TableFilter(Message):
     """A condition on one column."""
 
@@ -266,11 +331,16 @@ class TableColumn(Message):
 
 
 class TablePage(Message):
-    """Rows of a table; ``total`` counts all that fit the filters."""
+    """Rows of a table; ``total`` counts all that fit the filters.
+
+    Attributes:
+        classes: rows of each class that fit the filters, conditions on the class left out.
+    """
 
     columns: list[TableColumn]
     rows: list[list[Cell]]
     total: int
+    classes: dict[str, int] = Field(default_factory=dict)
 
 
 class Histogram(Message):

@@ -34,10 +34,12 @@ class ExportRequest(Message):
     """An export to begin; the options are those of ``carstage export``.
 
     Attributes:
+        episodes: which to export; none: all.
         out: name of the folder that is made beside the dataset's; left out: ``DATASET-FORMAT``.
     """
 
     format: Name
+    episodes: Annotated[list[Name], Field(max_length=10_000)] = Field(default_factory=list)
     out: Name | None = None
     overwrite: bool = False
     allow_incomplete: bool = False
@@ -56,7 +58,7 @@ class ExportRequest(Message):
 
 
 class Job(Message):
-    """An export or a validation.
+    """An export, a validation or a report.
 
     Attributes:
         done, total: frames; ``total`` 0: not known yet.
@@ -65,7 +67,7 @@ class Job(Message):
     """
 
     job_id: JobId
-    kind: Literal["export", "validation"]
+    kind: Literal["export", "validation", "report"]
     dataset: DatasetId
     title: str
     state: Literal["running", "done", "failed", "cancelled"]
@@ -82,6 +84,17 @@ class JobList(Message):
     """All jobs, newest first."""
 
     jobs: list[Job]
+
+
+class ReportMessage(Message):
+    """Whether there is a report of a dataset.
+
+    Attributes:
+        state: ``outdated``: episodes have come or gone since.
+    """
+
+    state: Literal["none", "running", "current", "outdated"]
+    made: float | None = None
 
 
 class ValidationMessage(Message):

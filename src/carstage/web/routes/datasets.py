@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from typing import Annotated
 
+from fastapi import APIRouter, Query
+
+from carstage.web.datasets.history import NEAR_M
 from carstage.web.messages import (
     DatasetDetail,
     DatasetList,
     EgoSignals,
     EpisodeDetail,
+    EpisodeHistory,
     EpisodeMap,
     Statistics,
     TablePage,
@@ -16,6 +20,8 @@ from carstage.web.messages import (
 )
 from carstage.web.messages.base import DatasetId, Name
 from carstage.web.routes.access import MISSING, Access
+
+Near = Annotated[float, Query(gt=0, le=1000, description="From where on one is near, m.")]
 
 router = APIRouter(prefix="/api/datasets", tags=["datasets"])
 
@@ -48,6 +54,14 @@ def episode_map(dataset: DatasetId, episode: Name, services: Access) -> EpisodeM
 def episode_ego(dataset: DatasetId, episode: Name, services: Access) -> EgoSignals:
     """How the ego drove, frame by frame, for the plots."""
     return services.episodes.ego(dataset, episode)
+
+
+@router.get("/{dataset}/episodes/{episode}/history", responses=MISSING)
+def episode_history(
+    dataset: DatasetId, episode: Name, services: Access, near_m: Near = NEAR_M
+) -> EpisodeHistory:
+    """Tracks, lights, weather and faults over time, and moments to jump to."""
+    return services.history.history(dataset, episode, near_m)
 
 
 @router.post("/{dataset}/table", responses=MISSING)

@@ -17,6 +17,10 @@ router = APIRouter(prefix="/api/datasets/{dataset}/episodes/{episode}", tags=["f
 Frame = Annotated[int, Path(ge=0, le=1_000_000_000)]
 Width = Annotated[int | None, Query(ge=16, le=4096, description="Scaled down to this width.")]
 
+Sweeps = Annotated[
+    int, Query(ge=1, le=20, description="Frames up to this one that are put together.")
+]
+
 _PICTURE: Responses = {200: {"content": {"image/png": {}, "image/jpeg": {}}}, **MISSING}
 _POINTS: Responses = {
     200: {
@@ -60,8 +64,15 @@ def masks(dataset: DatasetId, episode: Name, sensor: Name, k: Frame, services: A
 
 
 @router.get("/points/{sensor}/{k}", responses=_POINTS, response_class=Response)
-def points(dataset: DatasetId, episode: Name, sensor: Name, k: Frame, services: Access) -> Response:
+def points(
+    dataset: DatasetId,
+    episode: Name,
+    sensor: Name,
+    k: Frame,
+    services: Access,
+    sweeps: Sweeps = 1,
+) -> Response:
     """Points in the ego's axes: x, y, z and intensity (LiDAR), tag (semantic LiDAR), range rate
     (radar).
     """
-    return _answer(services.pictures.points(dataset, episode, sensor, k))
+    return _answer(services.pictures.points(dataset, episode, sensor, k, sweeps))

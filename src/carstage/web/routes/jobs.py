@@ -1,21 +1,31 @@
-"""Exports and validations, which go on in processes of their own."""
+"""Exports, validations and reports, which go on in processes of their own."""
 
 from __future__ import annotations
 
 from fastapi import APIRouter
+from fastapi.responses import Response
 
 from carstage.web.messages import (
     ExportFormats,
     ExportRequest,
     Job,
     JobList,
+    ReportMessage,
     ValidationMessage,
 )
 from carstage.web.messages.base import DatasetId
 from carstage.web.messages.jobs import JobId
-from carstage.web.routes.access import BUSY, MISSING, Access
+from carstage.web.routes.access import BUSY, MISSING, Access, Responses
 
 router = APIRouter(prefix="/api", tags=["jobs"])
+
+_PAGE: Responses = {200: {"content": {"text/html": {}}}, **MISSING}
+_ALONE = {
+    "Content-Security-Policy": "default-src 'none'; img-src data:; media-src data:; "
+    "style-src 'unsafe-inline'; frame-ancestors 'self'; sandbox",
+    "Cache-Control": "no-cache",
+}
+"""The report shows what a dataset says: it may load nothing, run nothing, and be framed here."""
 
 
 @router.get("/exports/formats")
@@ -40,6 +50,24 @@ def validate(dataset: DatasetId, services: Access) -> Job:
 def validation(dataset: DatasetId, services: Access) -> ValidationMessage:
     """What the last validation found."""
     return services.jobs.validation(dataset)
+
+
+@router.post("/datasets/{dataset}/report", status_code=201, responses=BUSY)
+def make_report(dataset: DatasetId, services: Access) -> Job:
+    """Begin to write the report of a dataset."""
+    return services.jobs.make_report(dataset)
+
+
+@router.get("/datasets/{dataset}/report", responses=MISSING)
+def report(dataset: DatasetId, services: Access) -> ReportMessage:
+    """Whether there is a report, and of which state of the dataset."""
+    return services.jobs.report(dataset)
+
+
+@router.get("/datasets/{dataset}/report.html", responses=_PAGE, response_class=Response)
+def report_page(dataset: DatasetId, services: Access) -> Response:
+    """The report: one page on its own, without scripts."""
+    return Response(services.jobs.report_page(dataset), media_type="text/html", headers=_ALONE)
 
 
 @router.get("/jobs")

@@ -75,7 +75,7 @@ def test_rows_are_filtered_by_the_server(open_page: OpenPage) -> None:
     page.get_by_label("Comparison of filter 1").select_option("eq")
     page.get_by_label("Value of filter 1").fill("0")
     expect(total).not_to_have_text(before)
-    column = [th.inner_text() for th in page.locator(".label-table th").all()].index("k")
+    column = [th.inner_text() for th in page.locator(".label-table th").all()].index("frame")
     assert {row.locator("td").nth(column).inner_text() for row in rows.all()} == {"0"}
 
 

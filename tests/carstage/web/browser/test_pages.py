@@ -142,3 +142,25 @@ def test_without_webgl_sensors_are_placed_and_episodes_looked_through(open_page:
 
 def test_golden_poses_are_those_of_python() -> None:
     assert golden_poses.GOLDEN.read_text() == golden_poses.text()
+
+
+@pytest.mark.parametrize(("width", "theme"), [(1440, "dark"), (390, "light")])
+def test_headings_of_the_dataset_pages_are_in_order(
+    open_page: OpenPage, width: int, theme: str
+) -> None:
+    if not AXE.exists():
+        pytest.skip("no axe-core: npm ci in ui/")
+    page = open_page("#/datasets/scene", width=width, theme=theme)
+    addresses = ["#/datasets/scene", episode_address(page)]
+    page.evaluate(AXE.read_text())
+    found: list[str] = []
+    for address in addresses:
+        page.evaluate(f"location.hash = '{address}'")
+        settle(page)
+        for tab in page.get_by_role("tab").all() or [None]:
+            if tab is not None:
+                tab.click()
+                settle(page)
+            rules = ["heading-order", "page-has-heading-one", "color-contrast", "empty-heading"]
+            found += violations(page, {"type": "rule", "values": rules})
+    assert found == []

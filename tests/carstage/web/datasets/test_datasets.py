@@ -192,3 +192,53 @@ def test_statistics_count_the_labels(site: Site) -> None:
     assert sum(told["frames_by_map"].values()) == episode.frames
     for histogram in told["histograms"]:
         assert len(histogram["bins"]) == len(histogram["counts"])
+
+
+def test_sweeps_are_put_together_where_the_ego_is_now(site: Site) -> None:
+    episode = Dataset(site.root / "town").episodes[0]
+    lidar = next(sensor for sensor in episode.sensors if sensor.kind == "lidar")
+    url = f"{site.episode_url}/points/{lidar.id}/2"
+    one, three = (
+        np.frombuffer(site.client.get(url, params={"sweeps": n}).content, "<f4").reshape(-1, 4)
+        for n in (1, 3)
+    )
+    np.testing.assert_array_equal(three[: len(one)], one)
+    assert len(three) == sum(len(lidar.read(k)) for k in range(3))
+    # The ground stays the ground, and what stands still stands where it stood.
+    world = [frame.world_from_sensor(lidar.id) for frame in list(episode.iter_frames())[:3]]
+    ego_from_world = np.array(lidar.calibration.ego_from_sensor) @ np.linalg.inv(world[2])
+    first = lidar.read(0)[:, :3].astype(np.float64)
+    place = ego_from_world @ world[0]
+    expected = first @ place[:3, :3].T + place[:3, 3]
+    np.testing.assert_allclose(three[len(one) : len(one) + len(first), :3], expected, atol=1e-3)
+    assert site.client.get(url, params={"sweeps": 21}).status_code == 422
+
+
+def test_the_history_is_that_of_the_tables(site: Site) -> None:
+    episode = Dataset(site.root / "town").episodes[0]
+    told = site.client.get(f"{site.episode_url}/history", params={"near_m": 9.0}).json()
+    rows = [row for row in episode.objects().to_pylist() if not row["is_ego"]]
+    for track in told["tracks"]:
+        own = [row for row in rows if row["track_id"] == track["track_id"]]
+        frames = [k for first, last in track["spans"] for k in range(first, last + 1)]
+        assert frames == [row["k"] for row in own]
+        assert track["nearest_m"] == min(row["distance_ego"] for row in own)
+    assert len(told["tracks"]) == len({row["track_id"] for row in rows})
+    walkers = [row for row in rows if row["class"].startswith("walker")]
+    near = next(row["k"] for row in walkers if row["distance_ego"] < 9.0)
+    jumps = [m["k"] for m in told["moments"] if m["kind"] == "Pedestrian under 9 m"]
+    assert jumps == [near]
+    seen = [row for row in episode.camera_objects().to_pylist() if row["visible"]]
+    most = max(row["occlusion_ratio"] or 0.0 for row in seen)
+    hidden = next(m for m in told["moments"] if m["kind"] == "Most occluded")
+    assert f"{most:.0%} hidden" in hidden["text"]
+
+
+def test_rows_are_counted_by_class_beside_a_choice_of_class(site: Site) -> None:
+    url = f"/api/datasets/{site.dataset}/table"
+    every = site.client.post(url, json={"table": "objects"}).json()
+    assert sum(every["classes"].values()) == every["total"]
+    chosen = {"column": "class", "op": "eq", "value": "truck"}
+    trucks = site.client.post(url, json={"table": "objects", "filters": [chosen]}).json()
+    assert trucks["total"] == every["classes"]["truck"]
+    assert trucks["classes"] == every["classes"]

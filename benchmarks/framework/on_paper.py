@@ -108,7 +108,7 @@ def on_paper(measured: Measured, *, workers: int, frames: int, episode_s: float)
     plan = _duration(episodes * measured.plan_s_per_episode)
     reading = _duration(episodes * measured.read_ms / 1e3)
     scale, store = "`scale-16-cores.json`", "`objects.json`"
-    told = (
+    rows = (
         ("episodes", f"{episodes:,}", f"of {per_episode} frames"),
         ("hours", f"{hours:.1f}", scale),
         ("core-hours", f"{frames * measured.cpu_s_per_frame / 3600:,.0f}", scale),
@@ -127,7 +127,7 @@ def on_paper(measured: Measured, *, workers: int, frames: int, episode_s: float)
         ("all begin anew at the end: markers to read", f"{starts:,}", "each reads all"),
         ("the same from one prefix", _duration(starts / _READ_PER_S), "5,500/s"),
     )
-    return [Row(*one) for one in told]
+    return [Row(*one) for one in rows]
 
 
 def table(rows: list[Row]) -> str:

@@ -34,8 +34,9 @@ def _like(colours, i, j, codes):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _lend(row, triangle, width, height, colours, edges, row_of, triangle_of, first, last, again,
-          open_):  # type: ignore[no-untyped-def]  # fmt: skip
+def _lend(  # type: ignore[no-untyped-def]
+    row, triangle, width, height, colours, edges, row_of, triangle_of, first, last, again, open_
+):
     """Give the extra rays of pixels the colour of a pixel beside them, or leave them open."""
     samples = row_of.shape[0] // max(edges.shape[0], 1)
     for e in range(first, last):

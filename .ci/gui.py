@@ -1,9 +1,13 @@
-"""Start the installed `carstage gui`; fetch its page, the assets that it names, the datasets."""
+"""Start the installed `carstage gui`; fetch its page, the assets that it names, the datasets.
+
+It fails if the interface reports an exception of any of its threads meanwhile.
+"""
 
 import json
 import re
 import subprocess
 import sys
+import tempfile
 import urllib.request
 from http.cookiejar import CookieJar
 
@@ -18,7 +22,10 @@ def fetch(url: str) -> bytes:
 
 def main() -> int:
     command = ["carstage", "gui", "--port", "0", "--no-browser"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with (
+        tempfile.TemporaryFile("w+") as errors,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as process,
+    ):
         assert process.stdout is not None
         try:
             match = re.search(r"http://\S+", process.stdout.readline())
@@ -32,6 +39,11 @@ def main() -> int:
             datasets = json.loads(fetch(f"{address}api/datasets"))["datasets"]
         finally:
             process.terminate()
+        process.wait()
+        errors.seek(0)
+        said = errors.read()
+    if "Traceback" in said:
+        sys.exit(f"the interface reported an exception:\n{said}")
     print(f"page with {len(assets)} assets; datasets: {[d['dataset'] for d in datasets]}")
     return 0
 

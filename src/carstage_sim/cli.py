@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +31,7 @@ _WITHOUT_EFFECT = (
     "-FullStdOutLogOutput",
 )
 _WITHOUT_EFFECT_VALUED = ("-ResX", "-ResY", "-carla-secondary-port")
+_FIRST_MAP = "Stage01"
 _MOST_FRAMES_PER_S = 1000.0
 _HIGHEST_PORT = 65535
 
@@ -88,6 +90,15 @@ class Options:
 class _Parser(argparse.ArgumentParser):
     """An argument parser that names the nearest option for one that it does not know."""
 
+    def in_our_case(self, text: str) -> str:
+        """An argument with the letters of the option that it means: CARLA looks at no case."""
+        name, equals, value = text.partition("=")
+        if not text.startswith("-") or text.startswith("--"):
+            return text
+        known = (option for action in self._actions for option in action.option_strings)
+        meant = next((option for option in known if option.lower() == name.lower()), name)
+        return f"{meant}{equals}{value}"
+
     def refuse_unknown(self, unknown: Sequence[str]) -> None:
         known = [option for action in self._actions for option in action.option_strings]
         text = f"unknown option {unknown[0]}"
@@ -109,6 +120,7 @@ def _parser() -> _Parser:
         "--port",
         "-carla-rpc-port",
         "-carla-port",
+        "-carla-world-port",
         "-world-port",
         type=_port,
         default=2000,
@@ -120,7 +132,13 @@ def _parser() -> _Parser:
         type=_port,
         help="streaming port (default: the one above --port)",
     )
-    parser.add_argument("--map", dest="map_name", default="Stage01", help="map to begin with")
+    parser.add_argument(
+        "start_map",
+        nargs="?",
+        metavar="MAP",
+        help="map to begin with, as for CARLA's start script; also with a folder before it",
+    )
+    parser.add_argument("--map", dest="map_name", help="map to begin with (default: Stage01)")
     _add_map_sources(parser)
     _add_bake_limits(parser)
     parser.add_argument(
@@ -183,6 +201,7 @@ def _parser() -> _Parser:
     parser.add_argument(
         "--quality",
         "-quality-level",
+        "-quality_level",
         type=_quality,
         default=Quality.LOW,
         help="of colour pictures: low, or epic, which costs up to 2.5 times as much (default: low)",
@@ -308,9 +327,11 @@ def parse_options(argv: Sequence[str] | None) -> Options:
         SystemExit: with status 2 and a sentence on stderr when something is wrong.
     """
     parser = _parser()
-    namespace, unknown = parser.parse_known_args(argv)
+    given = sys.argv[1:] if argv is None else argv
+    namespace, unknown = parser.parse_known_args([parser.in_our_case(text) for text in given])
     if unknown:
         parser.refuse_unknown(unknown)
+    map_name = namespace.map_name or namespace.start_map or _FIRST_MAP
     streaming_port = namespace.streaming_port
     if streaming_port is None:
         streaming_port = namespace.port + 1 if namespace.port else 0
@@ -320,7 +341,7 @@ def parse_options(argv: Sequence[str] | None) -> Options:
         host=namespace.host,
         port=namespace.port,
         streaming_port=streaming_port,
-        map_name=namespace.map_name.rsplit("/", 1)[-1],
+        map_name=map_name.rsplit("/", 1)[-1],
         maps=tuple(namespace.maps),
         aliases=dict(namespace.aliases),
         bake_limits=BakeLimits(float(namespace.bake_seconds), namespace.bake_memory),

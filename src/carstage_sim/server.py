@@ -178,7 +178,9 @@ class Server:
                 self._after(_RELEASE_AFTER_S, self._release)
             return
         before, ticks = self._simulation.settings, len(self._tick_requests)
+        began_s = time.monotonic()
         serve(self._session, event)
+        event.connection.used_s += time.monotonic() - began_s
         self._owners.served(
             event.connection,
             before,

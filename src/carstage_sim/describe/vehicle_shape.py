@@ -50,7 +50,7 @@ def vehicle_shape(type_id: str) -> dict[str, Any]:
                 "location": [round(x, _MILLIMETRES) for x in wheel.position_m],
                 "radius": wheel.radius_m,
             }
-            for wheel in wheels
+            for wheel in dict.fromkeys(wheels)  # both of an axle are one on a two-wheeler
         ],
         "top": _outline(corners[:, :, [0, 1]]),
         "side": _outline(corners[:, :, [0, 2]]),

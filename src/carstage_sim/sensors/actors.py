@@ -27,11 +27,11 @@ from carstage_sim.mesh import TriangleMesh, merge_meshes
 from carstage_sim.render.scene import PASSING, Placement
 from carstage_sim.sensors.mesh_store import MeshStore
 from carstage_sim.world.blueprints import Blueprint, catalogue
+from carstage_sim.world.blueprints.props import has_shape
 from carstage_sim.world.columns import Rotation
 from carstage_sim.world.state import ActorKind, WorldState
 from carstage_sim.world.walkers.gait import walk_phase
 
-_PROP = "static.prop."
 _POSED = 256
 """Figures posed by clients whose joints are kept until their meshes are made."""
 _BARE_STEEL = (152, 156, 160)
@@ -104,7 +104,7 @@ class ActorModels:
         if blueprint.kind == ActorKind.WALKER:
             figure = self._figure(type_id)
             return tuple(f"{figure}#{phase}" for phase in range(PHASES + 1))
-        shown = blueprint.kind == ActorKind.VEHICLE or type_id.startswith(_PROP)
+        shown = blueprint.kind == ActorKind.VEHICLE or has_shape(type_id)
         return (type_id,) if shown else ()
 
     def placements(self, state: WorldState) -> list[Placement]:
@@ -123,7 +123,7 @@ class ActorModels:
                     continue
                 key = self._light_keys[lights]
                 lights += 1
-            elif state.type_id[row].startswith(_PROP):
+            elif has_shape(state.type_id[row]):
                 key = state.type_id[row]
             else:
                 continue
@@ -191,7 +191,7 @@ class ActorModels:
         if blueprint.kind == ActorKind.WALKER:
             joints = walking_joints(blueprint.box_extent, int(number))
             return pedestrian_mesh(name, blueprint.box_extent, joints)
-        if name.startswith(_PROP):
+        if has_shape(name):
             return prop_mesh(name, blueprint.box_extent)
         return _vehicle_mesh(name, blueprint, int(number or 0))
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 from carstage_sim.sensors.projection import GeoProjection
 from carstage_sim.wire.dialect_tables import (
+    BLUEPRINTS_SINCE_0_9_15,
     CALLS_SINCE_0_9_14,
     CALLS_SINCE_0_9_15,
     CALLS_SINCE_0_9_16,
@@ -40,6 +41,7 @@ class Dialect:
         sensors: the sensor registry in its order; a message's ``sensor_type`` is an index in it.
         commands: the commands of ``apply_batch`` in their order.
         missing_calls: calls that only later versions have.
+        missing_blueprints: blueprints that only later versions have, apart from sensors.
         reopens_episode: whether the client opens a new episode after ``load_new_episode``; one that
             does not waits for the new episode's number on the stream that it already has.
         rereads_lights: whether the client may be told to fetch the street lights again; 0.9.13
@@ -53,6 +55,7 @@ class Dialect:
     sensors: tuple[str, ...]
     commands: tuple[str, ...]
     missing_calls: frozenset[str] = frozenset()
+    missing_blueprints: frozenset[str] = frozenset()
     reopens_episode: bool = False
     rereads_lights: bool = True
     labels: Mapping[int, int] = field(default_factory=dict)
@@ -69,7 +72,9 @@ class Dialect:
 
     def offers(self, type_id: str) -> bool:
         """Whether the version knows a blueprint: its sensors must be in the registry."""
-        return not type_id.startswith("sensor.") or sent_as(type_id) in self.sensors
+        if type_id.startswith("sensor."):
+            return sent_as(type_id) in self.sensors
+        return type_id not in self.missing_blueprints
 
     def episode_stream(self, stream_id: int) -> int:
         """The stream of an episode's snapshots, of which the world numbers one per episode."""
@@ -83,6 +88,7 @@ DIALECTS: Mapping[str, Dialect] = {
         sensors=SENSORS_0_9_13,
         commands=COMMANDS_0_9_13,
         missing_calls=CALLS_SINCE_0_9_14 | CALLS_SINCE_0_9_15 | CALLS_SINCE_0_9_16,
+        missing_blueprints=BLUEPRINTS_SINCE_0_9_15,
         rereads_lights=False,
         labels=LABELS_0_9_13,
     ),
@@ -92,6 +98,7 @@ DIALECTS: Mapping[str, Dialect] = {
         sensors=SENSORS_0_9_14,
         commands=COMMANDS_0_9_14,
         missing_calls=CALLS_SINCE_0_9_15 | CALLS_SINCE_0_9_16,
+        missing_blueprints=BLUEPRINTS_SINCE_0_9_15,
     ),
     "0.9.15": Dialect(
         version="0.9.15",

@@ -90,6 +90,8 @@ CALLS_SINCE_0_9_14 = frozenset(
     }
 )
 
+BLUEPRINTS_SINCE_0_9_15 = frozenset({"util.actor.empty"})
+
 CALLS_SINCE_0_9_15 = frozenset(
     {
         "set_actor_collisions",

@@ -3,7 +3,8 @@
 The socket thread cuts what arrives into messages and queues them as bytes; the thread that owns the
 world decodes one at a time. Every connection has a bounded part of the queue. A client that asks
 faster than the world serves it, or that does not read its replies, is not read from until it
-catches up, and the others are served in between.
+catches up, and the others are served in between. Calls are served in the order in which they
+came, but for a client whose calls have taken long: those that wait go first.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ _QUEUED_REQUESTS = 128
 _QUEUED_BYTES = 64 << 20
 _MOST_UNFINISHED_BYTES = 256 << 20
 _UNREAD_REPLY_BYTES = 1 << 20
+_TURN_S = 0.05
+"""How long the calls of one client may take while others wait."""
 
 _shortener = reprlib.Repr()
 _shortener.maxstring = _shortener.maxother = 80
@@ -41,6 +44,22 @@ _shortener.maxlist = 8
 def shortened(value: Any) -> str:
     """A value for a log line, whatever a client put into it."""
     return _shortener.repr(value)
+
+
+@dataclass(frozen=True, slots=True)
+class Packed:
+    """A value in msgpack, for results that are large and always the same.
+
+    Attributes:
+        data: its bytes.
+    """
+
+    data: bytes
+
+    @staticmethod
+    def of(value: Any) -> Packed:
+        """Pack a value."""
+        return Packed(_packer().pack(value))
 
 
 class Connection:
@@ -53,6 +72,8 @@ class Connection:
         waiting: its messages that are queued.
         waiting_bytes: their bytes.
         deferred: those that were due while the client did not read its replies.
+        used_s: how long its calls took since others were last let go first. Only the thread that
+            serves them touches it.
     """
 
     def __init__(self, channel: Channel, warnings: ThrottledWarnings) -> None:
@@ -62,6 +83,7 @@ class Connection:
         self.waiting = 0
         self.waiting_bytes = 0
         self.deferred: list[_Queued] = []
+        self.used_s = 0.0
         self._channel = channel
         self._warnings = warnings
         self._held: list[bytes] = []
@@ -83,9 +105,17 @@ class Connection:
 
     def reply(self, request: Request, result: Any) -> None:
         """Answer a request, or keep the answer back if its call is held."""
-        message = msgpack.packb(
-            [_REPLY, request.message_id, None, result], unicode_errors="surrogateescape"
-        )
+        message = _packer().pack([_REPLY, request.message_id, None, result])
+        self._reply(request, message)
+
+    def reply_packed(self, request: Request, value: Packed) -> None:
+        """Answer a request with ``Response<T>`` of a packed value, as :meth:`reply` does."""
+        packer = _packer()
+        head = [packer.pack_array_header(4), *map(packer.pack, (_REPLY, request.message_id, None))]
+        response = [packer.pack_array_header(1), packer.pack_array_header(2), packer.pack(1)]
+        self._reply(request, b"".join([*head, *response, value.data]))
+
+    def _reply(self, request: Request, message: bytes) -> None:
         if request.name in self.held_calls:
             self._held.append(message)
         else:
@@ -163,6 +193,11 @@ class RpcServer:
         self.port = int(sock.getsockname()[1])
         loop.listen(sock, self._accept)
 
+    @property
+    def waiting(self) -> int:
+        """How many messages wait to be served."""
+        return len(self._queue)
+
     def next_event(self, timeout_s: float) -> Event | None:
         """The oldest event that is not served yet, or None when none came in time."""
         with self._filled:
@@ -186,14 +221,26 @@ class RpcServer:
             return None
 
     def _next(self) -> _Queued | None:
-        """The oldest message of a client that reads its answers. The condition is held."""
+        """The message that is served next, None if nobody waits. The condition is held."""
         while self._queue:
-            queued = self._queue.popleft()
-            connection, _, message = queued
-            if message is None or (connection.reads and not connection.deferred):
-                return queued
-            connection.deferred.append(queued)
+            connection, _, message = self._queue[0]
+            if message is not None and (connection.deferred or not connection.reads):
+                connection.deferred.append(self._queue.popleft())
+            elif connection.used_s > _TURN_S:
+                self._let_others_go_first(connection)
+            else:
+                return self._queue.popleft()
         return None
+
+    def _let_others_go_first(self, connection: Connection) -> None:
+        """End a client's turn: all that waits of it goes behind all others. The condition is held.
+
+        Its own messages stay in their order.
+        """
+        connection.used_s = 0.0
+        others = [queued for queued in self._queue if queued[0] is not connection]
+        own = [queued for queued in self._queue if queued[0] is connection]
+        self._queue = deque([*others, *own])
 
     def _resume(self, connection: Connection) -> None:
         """Serve next what was deferred. In the loop's thread."""
@@ -254,6 +301,11 @@ class RpcServer:
                 connection.waiting_bytes += len(message)
             self._queue.append((connection, channel, message))
             self._filled.notify()
+
+
+def _packer() -> msgpack.Packer:
+    """Packs texts that are no UTF-8 as the bytes that a client sent."""
+    return msgpack.Packer(unicode_errors="surrogateescape")
 
 
 def _request(connection: Connection, message: bytes) -> Request:

@@ -8,7 +8,8 @@ a client that was merely stopped subscribes again by itself when it goes on.
 
 In one frame the world waits for all of them together no longer than a moment: a subscriber that
 never comes, or that does not read, must not hold up the others. What it has not taken by then is
-kept for it, up to a bound.
+kept for it, up to a bound. Who took nothing in the whole frame before is waited for again when that
+bound is reached, or when it goes on reading.
 """
 
 from __future__ import annotations
@@ -68,6 +69,7 @@ class StreamingServer:
         self._subscribers: dict[int, list[Channel]] = {}
         self._awaited: dict[int, dict[object, float]] = {}
         self._waits_until_s = math.inf
+        self._frame_began_s = self._frame_before_began_s = -math.inf
         self._trusts_again_s = 0.0
         self._ended = threading.Event()
         self.port = int(sock.getsockname()[1])
@@ -79,7 +81,9 @@ class StreamingServer:
 
     def begin_frame(self) -> None:
         """From now on, wait for subscribers :data:`LONGEST_WAIT_S` in all, until called again."""
-        self._waits_until_s = time.monotonic() + LONGEST_WAIT_S
+        self._frame_before_began_s = self._frame_began_s
+        self._frame_began_s = time.monotonic()
+        self._waits_until_s = self._frame_began_s + LONGEST_WAIT_S
 
     def expect(
         self,
@@ -160,7 +164,7 @@ class StreamingServer:
     def _wait_written(self, stream_id: int, channel: Channel) -> None:
         """Wait until a message is written, the frame's time is over, or the patience ends."""
         while not self._ended.is_set():
-            left_s = self._waits_until_s - time.monotonic()
+            left_s = 0.0 if self._is_idle(channel) else self._waits_until_s - time.monotonic()
             if channel.wait_written(max(min(_POLL_S, self._patience_s, left_s), 0.0)):
                 return
             if channel.stalled_s >= self._patience_s:
@@ -172,6 +176,12 @@ class StreamingServer:
                 return
             if left_s <= 0.0:
                 return
+
+    def _is_idle(self, channel: Channel) -> bool:
+        """Whether a subscriber took nothing in the whole frame before, and there is room still."""
+        took_last_s = time.monotonic() - channel.stalled_s
+        has_room = channel.unwritten_bytes <= _MOST_UNREAD_BYTES
+        return has_room and took_last_s < self._frame_before_began_s
 
     def _accept(self, channel: Channel) -> None:
         received = bytearray()

@@ -29,6 +29,8 @@ class VehicleStatus:
 
     Attributes:
         control: pedals and wheel as last set, also by the Ackermann controller.
+        sticky: whether they stay as they are; else they last for one tick.
+        commanded: whether they were set since the last tick.
         ackermann: the controller that drives, None while pedals are set directly.
         ackermann_settings: its gains.
         light_state: ``carla.VehicleLightState`` bits.
@@ -40,6 +42,8 @@ class VehicleStatus:
     """
 
     control: VehicleControl = field(default_factory=VehicleControl)
+    sticky: bool = True
+    commanded: bool = False
     ackermann: AckermannController | None = None
     ackermann_settings: AckermannSettings = field(default_factory=AckermannSettings)
     light_state: int = 0

@@ -43,9 +43,12 @@ def actor_from_socket(table: ActorTable, actor: Actor, name: str) -> FloatArray 
 def _vehicle_bones(actor: Actor) -> dict[str, FloatArray]:
     if actor.blueprint is None or actor.blueprint.vehicle is None:
         return {}
-    wheels = actor.blueprint.vehicle.wheels
-    names = _FOUR_WHEELS if len(wheels) == len(_FOUR_WHEELS) else _TWO_WHEELS
+    vehicle = actor.blueprint.vehicle
+    if vehicle.track_m > 0.0:
+        named = zip(_FOUR_WHEELS, vehicle.wheels, strict=True)
+    else:
+        named = zip(_TWO_WHEELS, vehicle.wheels[::2], strict=True)
     found: dict[str, FloatArray] = {_BASE: np.eye(4)}
-    for name, wheel in zip(names, wheels, strict=False):
+    for name, wheel in named:
         found[name] = pose_matrix(wheel.position_m, (0.0, 0.0, 0.0))
     return found

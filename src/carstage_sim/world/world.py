@@ -268,7 +268,7 @@ class World:
             actor.stream_id = self.take_stream_id()
         self._add(actor, placed)
         if blueprint.vehicle is not None:
-            actor.vehicle = VehicleStatus()
+            actor.vehicle = VehicleStatus(sticky=merged["sticky_control"].lower() == "true")
             self.fleet.add(actor.actor_id, blueprint.vehicle, placed.location, placed.rotation_deg)
             if parent_id:
                 self.set_simulate_physics(actor.actor_id, False)
@@ -338,7 +338,7 @@ class World:
         """Set a vehicle's pedals and wheel; other actors ignore it."""
         vehicle = self.live(actor_id).vehicle
         if vehicle is not None:
-            vehicle.control, vehicle.ackermann = control, None
+            vehicle.control, vehicle.ackermann, vehicle.commanded = control, None, True
             self.fleet.set_control(actor_id, control)
 
     def control_ackermann(self, actor_id: int, control: AckermannControl) -> None:
@@ -508,6 +508,7 @@ class World:
         self.elapsed_s += delta_s
         self._last_delta_s = delta_s
         physics = PhysicsStep(delta_s if moving_s is None else moving_s, substeps)
+        self._release_pedals()
         steered = [
             (actor, actor.vehicle, actor.vehicle.ackermann)
             for actor in self.actors.of_kind(ActorKind.VEHICLE)
@@ -531,6 +532,16 @@ class World:
         self.debug_drawing.step(self.elapsed_s)
         self.street_lights.step()
         return self.freeze(delta_s)
+
+    def _release_pedals(self) -> None:
+        """Let go of the pedals and wheels of vehicles whose control is not sticky."""
+        for actor in self.actors.of_kind(ActorKind.VEHICLE):
+            vehicle = actor.vehicle
+            if vehicle is None or vehicle.sticky:
+                continue
+            if not vehicle.commanded and vehicle.ackermann is None:
+                self.control_vehicle(actor.actor_id, VehicleControl())
+            vehicle.commanded = False
 
     def _control_traffic(self, delta_s: float) -> None:
         """Let lights and turns follow who is on the lanes; who is parked beside them is not."""

@@ -125,6 +125,17 @@ def test_spelling_of_the_start_script_is_understood() -> None:
     assert options.map_name == "Stage01"
 
 
+def test_what_others_start_carla_with_is_understood() -> None:
+    options = parse_options(
+        ["Town03", "-carla-world-port=8010", "-quality_level=Epic", "-resx=800", "-RESY=600"]
+    )
+    assert (options.map_name, options.port, options.streaming_port) == ("Town03", 8010, 8011)
+    assert options.quality is Quality.EPIC
+    assert parse_options(["/Game/Carla/Maps/Town01", "-nosound"]).map_name == "Town01"
+    assert parse_options(["Town01", "--map", "Town02"]).map_name == "Town02"
+    assert parse_options([]).map_name == "Stage01"
+
+
 @pytest.mark.parametrize(
     ("given", "nearest"),
     [

@@ -60,6 +60,11 @@ def test_every_sensor_that_is_offered_has_a_number(version: str) -> None:
     assert sensors <= set(dialect(version).sensors)
 
 
+def test_empty_actor_is_offered_since_0_9_15() -> None:
+    offered = {version: spoken.offers("util.actor.empty") for version, spoken in DIALECTS.items()}
+    assert offered == {"0.9.13": False, "0.9.14": False, "0.9.15": True, "0.9.16": True}
+
+
 def test_normals_camera_is_offered_since_0_9_14() -> None:
     offering = [v for v in VERSIONS if dialect(v).offers("sensor.camera.normals")]
     assert offering == ["0.9.14", "0.9.15", "0.9.16"]

@@ -196,6 +196,30 @@ def test_in_one_frame_all_that_do_not_read_hold_up_the_world_once_and_miss_nothi
             assert read_message(connection) == b"kept, too"
 
 
+def test_who_took_nothing_in_a_whole_frame_holds_up_no_other_until_it_reads_on(
+    server: StreamingServer, subscribers: Callable[[], socket.socket]
+) -> None:
+    connection = subscribers()
+
+    def frame() -> float:
+        server.begin_frame()
+        began_s = time.monotonic()
+        server.publish(STREAM, [b"kept"], wait=True)
+        return time.monotonic() - began_s
+
+    server.begin_frame()
+    server.publish(STREAM, [bytes(LARGE)], wait=True)
+    assert frame() >= LONGEST_WAIT_S
+    assert frame() < LONGEST_WAIT_S / 2
+    assert frame() < LONGEST_WAIT_S / 2
+    assert len(read_message(connection)) == LARGE
+    assert [read_message(connection) for _ in range(3)] == [b"kept"] * 3
+    # It reads again: what comes next is waited for as at first.
+    frame()
+    server.publish(STREAM, [bytes(LARGE)], wait=True)
+    assert frame() >= LONGEST_WAIT_S
+
+
 def test_what_nobody_takes_is_kept_up_to_a_bound(
     server: StreamingServer, subscribers: Callable[[], socket.socket]
 ) -> None:

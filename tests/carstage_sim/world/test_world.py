@@ -271,6 +271,27 @@ def test_who_is_told_to_let_others_pass_sees_red_and_no_light(world: World, stag
     assert columns.light_state.tolist() == [TrafficLightState.GREEN, TrafficLightState.RED]
 
 
+@pytest.mark.parametrize(("sticky", "at_the_end"), [("true", 1.0), ("false", 0.0)])
+def test_control_that_is_not_sticky_lasts_for_one_tick(
+    world: World, stage01: Town, sticky: str, at_the_end: float
+) -> None:
+    car = world.spawn(CAR, {"sticky_control": sticky}, place(stage01))
+    ticks(world, 2)
+    world.control_vehicle(car.actor_id, VehicleControl(throttle=1.0))
+    ticks(world, 1)
+    assert world.motion(car).throttle == 1.0
+    ticks(world, 1)
+    assert world.motion(car).throttle == at_the_end
+    # Who sets it each tick drives all the same.
+    for _ in range(20):
+        world.control_vehicle(car.actor_id, VehicleControl(throttle=1.0))
+        ticks(world, 1)
+    assert world.motion(car).speed > 1.0
+    world.control_ackermann(car.actor_id, AckermannControl(speed=5.0, acceleration=2.0))
+    ticks(world, 40)
+    assert world.motion(car).speed > 3.0
+
+
 def test_speed_limit_is_that_of_the_last_sign_passed(world: World, stage01: Town) -> None:
     lanes = stage01.lanes
 
@@ -378,3 +399,22 @@ def test_only_walkers_can_be_killed(world: World, stage01: Town) -> None:
     car = world.spawn(CAR, {}, place(stage01, 0))
     with pytest.raises(ActorTypeError):
         world.kill_walker(car.actor_id)
+
+
+@pytest.mark.parametrize("type_id", ["util.actor.empty", "static.prop.mesh"])
+def test_what_has_no_shape_carries_sensors_and_stops_nobody(
+    world: World, stage01: Town, type_id: str
+) -> None:
+    x, y, z, _, yaw, _ = stage01.spawn_points[0].tolist()
+    way = np.radians(yaw)
+    ahead = Pose((x + 8.0 * np.cos(way), y + 8.0 * np.sin(way), z), (0.0, yaw, 0.0))
+    mount = world.spawn(type_id, {}, ahead)
+    camera = world.spawn(CAMERA, {}, Pose((1.0, 0.0, 2.0)), parent_id=mount.actor_id)
+    assert world.actors.pose(camera.actor_id).location == pytest.approx(
+        (x + 9.0 * np.cos(way), y + 9.0 * np.sin(way), z + 2.0), abs=1e-5
+    )
+    car = world.spawn(CAR, {}, place(stage01))
+    world.control_vehicle(car.actor_id, VehicleControl(throttle=1.0))
+    ticks(world, 60)
+    driven = np.subtract(world.actors.pose(car.actor_id).location, (x, y, z))
+    assert np.hypot(driven[0], driven[1]) > 10.0

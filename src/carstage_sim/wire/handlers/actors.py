@@ -7,6 +7,7 @@ from typing import Any
 from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
+from carstage_sim.wire.rpc import Packed
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints import catalogue
 from carstage_sim.world.errors import ActorNotFoundError
@@ -32,13 +33,16 @@ def described(call: Call, description: list[Any]) -> tuple[str, dict[str, str]]:
 
 
 @handles("get_actor_definitions")
-def _get_actor_definitions(call: Call) -> list[Any]:
+def _get_actor_definitions(call: Call) -> Packed:
     dialect = call.session.dialect
-    return [
-        values.encode_definition(blueprint, dialect)
-        for blueprint in catalogue().values()
-        if dialect.offers(blueprint.id)
-    ]
+    return call.packed(
+        dialect,
+        lambda: [
+            values.encode_definition(blueprint, dialect)
+            for blueprint in catalogue().values()
+            if dialect.offers(blueprint.id)
+        ],
+    )
 
 
 @handles("get_spectator")

@@ -6,11 +6,12 @@ import hashlib
 import logging
 from typing import Any
 
-from carstage_sim.maps import Bake, MapFileError, MapSamplingError, generated_source
+from carstage_sim.maps import Bake, MapFileError, MapSamplingError, Town, generated_source
 from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.bakes import once_finished
 from carstage_sim.wire.handlers.registry import LATER, Call, TickRequest, handles, handles_void
+from carstage_sim.wire.rpc import Packed
 from carstage_sim.wire.streaming import (
     SENSORS_SUBSCRIBED_WITHIN_S,
     SNAPSHOTS_SUBSCRIBED_WITHIN_S,
@@ -72,8 +73,12 @@ def _set_episode_settings(call: Call, settings: list[Any]) -> int:
 
 
 @handles("get_map_info")
-def _get_map_info(call: Call) -> list[Any]:
+def _get_map_info(call: Call) -> Packed:
     town = call.world.town
+    return call.packed(town, lambda: _map_info(town))
+
+
+def _map_info(town: Town) -> list[Any]:
     spawn_points = [
         values.encode_pose(Pose((x, y, z), (pitch, yaw, roll)))
         for x, y, z, pitch, yaw, roll in town.spawn_points.tolist()

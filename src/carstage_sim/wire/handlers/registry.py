@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -16,7 +16,7 @@ from carstage_sim.simulation import Simulation
 from carstage_sim.wire.argument_types import argument_check, client_parameters
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.errors import CallError
-from carstage_sim.wire.rpc import Connection, Request, shortened
+from carstage_sim.wire.rpc import Connection, Packed, Request, shortened
 from carstage_sim.wire.throttled_warnings import ThrottledWarnings
 from carstage_sim.wire.traffic_managers import TrafficManagers
 from carstage_sim.world.actors import Actor
@@ -60,6 +60,8 @@ class Session:
         after: runs something in the simulation thread, after some seconds.
         expect_subscriber: tells that a client is about to subscribe to a stream, and within how
             many seconds; its tick waits for that.
+        packed: results that were packed once, with what they were made of; see
+            :meth:`Call.packed`.
     """
 
     simulation: Simulation
@@ -70,6 +72,7 @@ class Session:
     episode_began: Callable[[float], None]
     after: Callable[[float, Callable[[], None]], None]
     expect_subscriber: Callable[[int, float, Connection], None]
+    packed: dict[str, tuple[object, Packed]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +106,20 @@ class Call:
         actor = self.world.live_or_dead(actor_id)
         return actor if actor.actor_id in self.world.actors else None
 
+    def packed(self, source: object, make: Callable[[], Any]) -> Packed:
+        """A large result that stays the same as long as it is made of the same object.
+
+        Args:
+            source: what it is made of.
+            make: makes the value.
+        """
+        kept = self.session.packed.get(self.request.name)
+        if kept is not None and kept[0] is source:
+            return kept[1]
+        packed = Packed.of(make())
+        self.session.packed[self.request.name] = (source, packed)
+        return packed
+
     def conclude(self, handle: Callable[[], Any]) -> None:
         """Answer with what ``handle`` returns, or with the failure that it raises."""
         try:
@@ -114,7 +131,11 @@ class Call:
 
     def answer(self, value: Any) -> None:
         """Send a value as this call's reply."""
-        self.connection.reply(self.request, _wrapped(_HANDLERS[self.request.name].wrapping, value))
+        if isinstance(value, Packed):
+            self.connection.reply_packed(self.request, value)
+        else:
+            wrapping = _HANDLERS[self.request.name].wrapping
+            self.connection.reply(self.request, _wrapped(wrapping, value))
 
     def fail(self, text: str) -> None:
         """Send a refusal that the client raises as ``RuntimeError``."""

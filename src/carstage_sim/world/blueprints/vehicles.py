@@ -152,7 +152,7 @@ _DRIVER_IDS = tuple(str(number) for number in range(1, 51))
 def _wheels(row: _Row, track_m: float) -> tuple[Wheel, ...]:
     radius = _WHEEL_RADIUS_M[row.base_type]
     front, rear = row.axles_m
-    sides = (0.0,) if track_m == 0.0 else (-track_m / 2.0, track_m / 2.0)
+    sides = (-track_m / 2.0, track_m / 2.0)
     return tuple(
         Wheel(
             position_m=(x, y, radius),

@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.world.actors import Actor, ActorTable
+from carstage_sim.world.blueprints.props import has_shape
 from carstage_sim.world.columns import Rotation
 from carstage_sim.world.contacts.crashes import Others
 from carstage_sim.world.state import ActorKind
 
 WALKER_MASS_KG = 75.0
 _POLE_HALF_WIDTH_M = 0.1
-_PROP = "static.prop."
 
 
 class Solids:
@@ -31,7 +31,7 @@ class Solids:
         props = [
             actor
             for actor in table.of_kind(ActorKind.OTHER)
-            if actor.collides and actor.type_id.startswith(_PROP)
+            if actor.collides and has_shape(actor.type_id)
         ]
         self.actors: list[Actor] = [
             *self._walkers,

@@ -296,12 +296,16 @@ class VehicleFleet:
         self._rows.torque_up[self.row(actor_id)] += about_vertical
 
     def set_simulate_physics(self, actor_id: int, enabled: bool) -> None:
-        """Switches the dynamics of a vehicle; off, only :meth:`set_transform` moves it."""
+        """Switches the dynamics of a vehicle; off, only :meth:`set_transform` moves it.
+
+        CARLA makes the body anew when it switches them on: it begins at rest, in first gear.
+        """
         row, rows = self.row(actor_id), self._rows
         if enabled and not rows.simulated[row]:
             rows.airborne[row] = True
-            rows.spin[row] = rows.turn_rate[row] = 0.0
-            self._set_velocity(row, rows.velocity[row])
+            rows.spin[row] = rows.turn_rate[row] = rows.shift_left_s[row] = 0.0
+            rows.gear[row] = 1
+            self._set_velocity(row, np.zeros(3))
         rows.simulated[row] = enabled
 
     def set_gravity(self, actor_id: int, enabled: bool) -> None:

@@ -71,7 +71,8 @@ def tick_constants(rows: VehicleRows, lands_in_s: FloatArray) -> TickConstants:
         slope_and_forces=slope + along * rows.inverse_mass,
         sideways_force=aside * rows.inverse_mass,
         spin_force=rows.torque_up * rows.inverse_inertia,
-        holding=braking + dynamics.ROLLING_RESISTANCE,
+        holding=braking
+        + np.minimum(dynamics.ROLLING_RESISTANCE, rows.max_deceleration * rows.grip),
         traction=dynamics.TRACTION_SHARE * rows.max_deceleration * rows.grip,
         lateral_limit=np.minimum(
             rows.max_lateral_acceleration * rows.grip, rows.rollover_acceleration
@@ -221,7 +222,7 @@ def _next_speed(rows, tick, i, rolling, dt_s):  # type: ignore[no-untyped-def]
     holding = tick.holding[i]
     if tick.throttle[i] < 0.01 and gear != 0:
         braking = dynamics.ENGINE_BRAKING + dynamics.ENGINE_BRAKING_PER_SPEED * magnitude
-        holding += braking * rows.engine_brake[i]
+        holding += min(braking * rows.engine_brake[i], tick.traction[i])
     push = drive + tick.slope_and_forces[i]
     return dynamics.next_speed(speed, push, holding, rows.drag_per_mass[i], dt_s)
 

@@ -50,7 +50,8 @@ class VehicleParameters:
     """Single-track parameters and the reported physics control of one vehicle.
 
     Attributes:
-        wheels: front left, front right, rear left, rear right; two-wheelers: front, rear.
+        wheels: front left, front right, rear left, rear right. Two-wheelers have four, too, as on
+            CARLA; left and right are at the same place.
         front_axle_x_m, rear_axle_x_m: axle positions in the vehicle's frame; rear is negative.
         track_m: distance between the left and right wheels.
         mass_kg: kerb weight.

@@ -170,3 +170,11 @@ def test_the_catalogue_keeps_its_accelerations_whatever_its_engines() -> None:
         fleet: VehicleFleet = one_car(physics=physics)
         drive(fleet, 0.5, throttle=1.0)
         assert fleet.speed[0] / 0.5 == pytest.approx(physics.max_acceleration, rel=0.25)
+
+
+def test_nothing_slows_a_vehicle_whose_tyres_do_not_hold_and_that_has_no_drag() -> None:
+    fleet = rolling(28.0, physics=parameters(drag_coefficient=0.0, **wheels(tire_friction=0.0)))
+    drive(fleet, 5.0)
+    np.testing.assert_allclose(fleet.velocity[0], (28.0, 0.0, 0.0))
+    drive(fleet, 5.0, brake=1.0)
+    np.testing.assert_allclose(fleet.velocity[0], (28.0, 0.0, 0.0))

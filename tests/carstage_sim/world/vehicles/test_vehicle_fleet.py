@@ -213,7 +213,12 @@ def test_teleport_is_not_motion_but_a_moved_kinematic_vehicle_has_velocity() -> 
     fleet.step(DELTA_S, SUBSTEPS)
     np.testing.assert_allclose(fleet.velocity[0], (0.0, 10.0, 0.0))
     np.testing.assert_allclose(fleet.location[0], (100.0, 0.5, 0.0))
+    # As on CARLA, which makes the body anew.
     fleet.set_simulate_physics(7, True)
+    fleet.set_control(7, VehicleControl())
+    fleet.step(DELTA_S, SUBSTEPS)
+    assert fleet.velocity[0, 1] == 0.0
+    fleet.set_target_velocity(7, (0.0, 10.0, 0.0))
     fleet.step(DELTA_S, SUBSTEPS)
     assert fleet.velocity[0, 1] == pytest.approx(10.0, abs=0.3)
 

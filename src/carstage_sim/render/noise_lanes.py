@@ -21,6 +21,9 @@ _LANES = 8
 _F32, _I32 = ir.FloatType(), ir.IntType(32)
 _REALS, _WHOLES = ir.VectorType(_F32, _LANES), ir.VectorType(_I32, _LANES)
 _intrinsic: Decorator = intrinsic
+_several: Any = types.UniTuple
+_function: Any = cgutils.get_or_insert_function
+_packed: Any = cgutils.pack_array
 
 
 def side_by_side(reference: Callable[..., Any]) -> Any:
@@ -29,7 +32,7 @@ def side_by_side(reference: Callable[..., Any]) -> Any:
     @_intrinsic
     def noises(typing_context, x, y, a, b, c, d, e, seed):  # type: ignore[no-untyped-def]
         real = types.float32
-        signature = types.UniTuple(real, _LAYERS)(*[real] * 7, types.int64)
+        signature = _several(real, _LAYERS)(*[real] * 7, types.int64)
         return signature, _codegen
 
     noises.py_func = getattr(reference, "py_func", reference)  # type: ignore[attr-defined]
@@ -69,7 +72,7 @@ def _codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         number = builder.add(first, lane)
         seeds = builder.insert_element(seeds, number, lane)
     kind = ir.FunctionType(_REALS, [_REALS])
-    floor = cgutils.get_or_insert_function(builder.module, kind, f"llvm.floor.v{_LANES}f32")
+    floor = _function(builder.module, kind, f"llvm.floor.v{_LANES}f32")
 
     def place(value: Any) -> tuple[Any, Any]:
         scaled = builder.fdiv(_splat(builder, value), size)
@@ -99,4 +102,4 @@ def _codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     value = builder.fadd(low, builder.fmul(builder.fsub(high, low), v))
     noise = builder.fsub(builder.fadd(value, value), _real(1.0))
     found = [builder.extract_element(noise, ir.Constant(_I32, k)) for k in range(_LAYERS)]
-    return cgutils.pack_array(builder, found)
+    return _packed(builder, found)

@@ -28,8 +28,8 @@ from carstage_sim.render.simd import (
 
 _ROWS = PACKET // LANES
 _ONE: Any = np.float32(1)
-_LEAST_AHEAD: Any = np.float32(0.5)
-"""Cosine with a packet's middle direction below which a ray strays too far from the others."""
+_LEAST_AHEAD: Any = np.float32(0.25)
+"""Square of the cosine with a packet's middle direction from which a ray strays too far."""
 _SLACK: Any = np.float32(1e-6)
 _FARTHEST = 3
 """Row of ``rays`` after the three of the shear."""
@@ -148,10 +148,12 @@ def _aim(memory, count):  # type: ignore[no-untyped-def]
         for i in range(g * LANES, min(g * LANES + LANES, count)):
             dx, dy, dz = ways[0, i], ways[1, i], ways[2, i]
             ahead = dx * x + dy * y + dz * z
-            if not ahead > _LEAST_AHEAD * math.sqrt(dx * dx + dy * dy + dz * dz):
+            straight = dx * dx + dy * dy + dz * dz
+            if not (ahead > np.float32(0) and ahead * ahead > _LEAST_AHEAD * straight):
                 return -1
-            u = (dx * ux + dy * uy + dz * uz) / ahead
-            v = (dx * vx + dy * vy + dz * vz) / ahead
+            inverse = _ONE / ahead
+            u = (dx * ux + dy * uy + dz * uz) * inverse
+            v = (dx * vx + dy * vy + dz * vz) * inverse
             least_u, most_u = min(least_u, u), max(most_u, u)
             low, high = min(low, v), max(high, v)
             reach = max(reach, ahead)

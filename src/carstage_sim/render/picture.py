@@ -11,6 +11,7 @@ from carstage_sim.render.bvh import build_tree
 from carstage_sim.render.caster import Hits, Packets, RayCaster, picture_packets
 from carstage_sim.render.edges import rough_pixels, sampled_again
 from carstage_sim.render.film import Film, develop, develop_means, film_codes
+from carstage_sim.render.lending import lent
 from carstage_sim.render.materials import material_table
 from carstage_sim.render.motion import earlier_places, no_motion
 from carstage_sim.render.normals import smooth_normals
@@ -73,7 +74,10 @@ class PictureMaker:
         hits = self._caster.cast(frame.scene, np.zeros(3), rays, low=0.1, high=1000.0)
         packets = picture_packets(2, 1)
         self._caster.cast_together(frame.scene, np.zeros(3), rays, packets, low=0.1, high=1000.0)
-        self._shade(frame, hits, packets, -1, 1e-3, self.sky.lighting(Weather(), 0.0))
+        light = self.sky.lighting(Weather(), 0.0)
+        colours = np.empty((2, 3), np.float32)
+        self._shade(frame, hits, packets, -1, 1e-3, light, colours)
+        lent(self._caster, hits, (2, 1), colours, packets.order, hits, packets, colours.copy())
         smooth_normals(self._caster, frame, hits)
         nowhere = (np.zeros(2), np.zeros(2))
         earlier_places(no_motion(0), hits, nowhere, (1.0, 1.0))
@@ -98,8 +102,9 @@ class PictureMaker:
         skip_row: int,
         pixel_angle: float,
         light: Lighting,
-    ) -> NDArray[np.float32]:
-        colours = np.empty((len(hits.t), 3), np.float32)
+        colours: NDArray[np.float32],
+    ) -> None:
+        """Fill in the colours of rays; no others are looked at."""
         shaded = ShadedFrame(
             frame.scene, frame.static, frame.actors, frame.appearance, frame.colour,
             frame.light_state, self._materials, light, frame.lamps,
@@ -116,7 +121,6 @@ class PictureMaker:
             )  # fmt: skip
 
         self._caster.in_packets(packets, work)
-        return colours
 
     def paint(self, frame: Frame, picture: Picture, light: Lighting) -> NDArray[np.uint8]:
         """``(H, W, 3)`` uint8 sRGB picture; pixels on edges are the mean of several rays."""
@@ -126,8 +130,9 @@ class PictureMaker:
         """As :meth:`paint`, ``(H, W, 4)`` BGRA with alpha 255."""
         angle = 2.0 * np.tan(np.radians(picture.fov_deg) / 2.0) / picture.width
         light = picture.film.exposed(light)
-        packets = picture_packets(picture.width, picture.height)
-        colours = self._shade(frame, picture.hits, packets, picture.skip_row, angle, light)
+        colours = np.empty((picture.width * picture.height, 3), np.float32)
+        whole = picture_packets(picture.width, picture.height)
+        self._shade(frame, picture.hits, whole, picture.skip_row, angle, light, colours)
         pixels = np.empty((picture.height, picture.width, 4), np.uint8)
         self._develop(picture.film, colours, pixels)
         strong, weak, places = self._sampling.strong, self._sampling.weak, self._sampling.offsets
@@ -150,7 +155,13 @@ class PictureMaker:
                 high=picture.high,
                 skip_row=picture.skip_row,
             )
-            again = self._shade(frame, hits, packets, picture.skip_row, angle, light)
+            again = np.empty((len(rays), 3), np.float32)
+            if not self._epic:
+                size = (picture.width, picture.height)
+                packets = lent(
+                    self._caster, picture.hits, size, colours, edges, hits, packets, again
+                )
+            self._shade(frame, hits, packets, picture.skip_row, angle, light, again)
             self._develop_means(picture.film, colours, again, edges, pixels)
         if picture.shapes is not None:
             _draw(picture.shapes, picture, pixels[..., 2::-1])

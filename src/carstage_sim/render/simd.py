@@ -25,6 +25,7 @@ PACKET = 64
 
 _intrinsic: Decorator = intrinsic
 _array_struct: Any = make_array
+_new_variable: Any = cgutils.alloca_once_value
 
 _F32 = ir.FloatType()
 _I32 = ir.IntType(32)
@@ -455,7 +456,7 @@ def largest(typing_context, rays, row, groups):  # type: ignore[no-untyped-def]
     def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
         data, which, count = _unpack(context, builder, signature, args)
         first = builder.mul(which, ir.Constant(_I64, PACKET // LANES))
-        most = cgutils.alloca_once_value(builder, _load(builder, data, first))
+        most = _new_variable(builder, _load(builder, data, first))
         with cgutils.for_range(builder, count) as loop:
             value = _load(builder, data, builder.add(first, loop.index))
             builder.store(_larger(builder, builder.load(most), value), most)

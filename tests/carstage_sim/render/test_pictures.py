@@ -126,7 +126,8 @@ def test_pixels_on_edges_are_mixed():
     light = maker.sky.lighting(_NOON, 0.0)
     angle = 2.0 * np.tan(np.radians(40.0)) / 64
     packets = picture_packets(64, 48)
-    shaded = maker._shade(frame, hits, packets, -1, angle, light)
+    shaded = np.empty((64 * 48, 3), np.float32)
+    maker._shade(frame, hits, packets, -1, angle, light, shaded)
     plain = Film().encode(shaded).reshape(48, 64, 3)
     changed = (plain != codes).any(axis=2)
     assert 0.01 < changed.mean() < 0.5

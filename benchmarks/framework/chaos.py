@@ -1,14 +1,19 @@
 """Many short episodes into an object store while everything breaks: each is there once, and whole.
 
-Several workers record into an S3 server behind a proxy that refuses, delays, cuts off and forgets
-to answer some of the requests. Meanwhile processes of the run are killed by chance, now and then
-the run itself. The same command is given again until it is done. Then every committed file is read
-from the store and compared with its hash, and after ``catalog gc`` nothing else may be there.
+Two commands fill one dataset at the same time, each with a share of the episodes, as two machines
+would: one by processes, the other by the nodes of a Ray cluster. The dataset is in an S3 server
+behind a proxy that refuses, delays, cuts off and forgets to answer some of the requests; what is
+committed goes into a PostgreSQL. The database is restarted, a node is removed, and processes are
+killed by chance, now and then a command itself. Each command is given again until it is done. Then
+every committed file is read from the store and compared with its hash, after ``catalog gc`` nothing
+else may be there, and the catalog, made again from the markers, has to agree.
+
+Ray listens on all interfaces, so it is used only where this process may leave the network (root).
 """
 
 from __future__ import annotations
 
-import http.client
+import json
 import os
 import random
 import subprocess
@@ -16,17 +21,26 @@ import sys
 import tempfile
 import threading
 import time
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import psutil
 
-from benchmarks.framework.object_store import s3_server
+from benchmarks.framework.object_store import environment_set, s3_server
+from benchmarks.framework.postgres_servers import (
+    PostgresServer,
+    debian_programs,
+    running_postgres,
+    wheel_programs,
+)
+from benchmarks.framework.ray_nodes import RayNodes, ray_nodes
 from benchmarks.framework.recorded import run_carstage
+from benchmarks.framework.spoiling_proxy import Spoil, SpoilingProxy, Spoilt
+from benchmarks.loopback_only import enter
 from carstage.bench.verdict import Figure, Verdict
 from carstage.files.hashing import hash_of
 from carstage.storage import open_store
@@ -35,6 +49,9 @@ from carstage.storage.remote_files import remote_files
 _MOST_RUNS = 40
 _RUN_S = 3600.0
 _COMPARED = 3
+_LOOK_S = 0.2
+_RUN_SHARE, _RESTART_SHARE = 0.1, 0.1
+"""Of the faults, how many are of a whole run, and how many of the database."""
 _CONFIG = """\
 name: chaos
 seed: 11
@@ -55,91 +72,113 @@ rig:
 """
 
 
-class FlakyProxy:
-    """Stands before an S3 server and spoils some of its answers.
-
-    Args:
-        port: of the server.
-        seed: of what is spoilt.
-        share: of the requests that are.
-    """
-
-    def __init__(self, port: int, seed: int, share: float) -> None:
-        self.spoilt: Counter[str] = Counter()
-        draw, lock = random.Random(seed), threading.Lock()
-        proxy = self
-
-        class Handler(BaseHTTPRequestHandler):
-            protocol_version = "HTTP/1.1"
-
-            def _pass_on(self) -> None:
-                body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
-                with lock:
-                    how = draw.choice(_HOW) if draw.random() < share else "not at all"
-                    proxy.spoilt[how] += 1
-                if how == "cut off":
-                    self.close_connection = True
-                    return
-                if how == "503":
-                    self._answer(503, {}, b"")
-                    return
-                if how == "late":
-                    time.sleep(1.0)  # what is measured; nothing is waited for
-                upstream = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
-                try:
-                    headers = {k: v for k, v in self.headers.items() if k.lower() != "host"}
-                    headers["Host"] = self.headers["Host"]
-                    upstream.request(self.command, self.path, body, headers)
-                    answer = upstream.getresponse()
-                    content = answer.read()
-                finally:
-                    upstream.close()
-                if how == "no answer":  # it was done all the same
-                    self.close_connection = True
-                    return
-                self._answer(answer.status, dict(answer.getheaders()), content)
-
-            def _answer(self, status: int, headers: Mapping[str, str], content: bytes) -> None:
-                self.send_response_only(status)
-                length = str(len(content))
-                for name, value in headers.items():
-                    if name.lower() == "content-length":
-                        length = value if self.command == "HEAD" else length
-                    elif name.lower() not in ("transfer-encoding", "connection"):
-                        self.send_header(name, value)
-                self.send_header("Content-Length", length)
-                self.end_headers()
-                if self.command != "HEAD":
-                    self.wfile.write(content)
-
-            do_GET = do_PUT = do_POST = do_DELETE = do_HEAD = _pass_on  # noqa: N815
-
-            def log_message(self, format: str, *args: object) -> None:
-                """Say nothing."""
-
-        class Server(ThreadingHTTPServer):
-            daemon_threads = True
-
-            def handle_error(self, request: Any, client_address: Any) -> None:
-                """Killed clients leave connections that break: what this is about."""
-
-        self._server = Server(("127.0.0.1", 0), Handler)
-        self.url = f"http://127.0.0.1:{self._server.server_port}"
-
-    @contextmanager
-    def serving(self) -> Iterator[None]:
-        """A stretch in which it answers."""
-        thread = threading.Thread(target=self._server.serve_forever, daemon=True)
-        thread.start()
-        try:
-            yield
-        finally:
-            self._server.shutdown()
-            self._server.server_close()
-            thread.join()
+_HOW = (
+    *[Spoilt("answered", 503)] * 3,
+    Spoilt("cut off"),
+    Spoilt("no answer"),
+    Spoilt("late"),
+)
+_SPOILT_SHARE = 0.03
 
 
-_HOW = ("503", "503", "503", "cut off", "no answer", "late")
+@dataclass
+class _Share:
+    """A command that records a share of the episodes, given again until it is done."""
+
+    name: str
+    words: list[str]
+    environment: Mapping[str, str]
+    log: Path
+    codes: list[int] = field(default_factory=list)
+    process: psutil.Popen | None = None
+
+    @property
+    def done(self) -> bool:
+        return bool(self.codes) and (not self.codes[-1] or len(self.codes) >= _MOST_RUNS)
+
+    def go_on(self) -> None:
+        """Take note of its end, and start it again unless it is done."""
+        if self.process is not None and self.process.poll() is not None:
+            self.codes.append(int(self.process.returncode))
+            self.process = None
+        if self.process is None and not self.done:
+            with self.log.open("wb") as output:
+                self.process = psutil.Popen(
+                    [sys.executable, "-m", "carstage.cli", *self.words],
+                    stdin=subprocess.DEVNULL,
+                    stdout=output,
+                    stderr=subprocess.STDOUT,
+                    env={**os.environ, **self.environment},
+                    start_new_session=True,
+                )
+
+    @property
+    def last_words(self) -> str:
+        """The end of what it said last."""
+        return self.log.read_text("utf-8", "replace")[-1000:]
+
+    def end(self) -> None:
+        """Kill it where it still runs."""
+        if self.process is not None:
+            self.process.kill()
+            self.process.wait()
+
+
+class _Chaos:
+    """What goes wrong, drawn by chance; the database and the node come first."""
+
+    def __init__(
+        self, shares: Sequence[_Share], database: PostgresServer, nodes: RayNodes | None, seed: int
+    ) -> None:
+        self._shares = shares
+        self._database = database
+        self._nodes = nodes
+        self._draw = random.Random(seed)
+        self._first = deque([self._restart, *([self._remove_node] if nodes else [])])
+        self.done: Counter[str] = Counter()
+
+    def pause_s(self, mean_s: float) -> float:
+        """Seconds until the next fault."""
+        return self._draw.uniform(0.5, 1.5) * mean_s
+
+    def strike(self) -> None:
+        """Let one thing go wrong."""
+        if self._first:
+            self._first.popleft()()
+        elif self._draw.random() < _RESTART_SHARE:
+            self._restart()
+        else:
+            self._kill()
+
+    def _restart(self) -> None:
+        self._database.stop()
+        self._database.start()
+        self.done["database restarted"] += 1
+
+    def _remove_node(self) -> None:
+        if self._nodes is not None:
+            self._nodes.remove()
+            self.done["Ray node removed"] += 1
+
+    def _kill(self) -> None:
+        """Kill a process of a run, of each kind as probably; seldom a run itself."""
+        running: list[psutil.Process] = [one.process for one in self._shares if one.process]
+        found = [] if self._nodes is None else self._nodes.processes()
+        for process in running:
+            with suppress(psutil.Error):
+                found += process.children(recursive=True)
+        by_kind: dict[str, list[psutil.Process]] = {}
+        for one in found:
+            with suppress(psutil.Error):
+                if kind := _kind(one):
+                    by_kind.setdefault(kind, []).append(one)
+        if by_kind and running and self._draw.random() < _RUN_SHARE:
+            by_kind = {"run": running}
+        if by_kind:
+            kind = self._draw.choice(sorted(by_kind))
+            with suppress(psutil.Error):
+                self._draw.choice(sorted(by_kind[kind], key=lambda one: one.pid)).kill()
+                self.done[kind] += 1
 
 
 def measure_chaos(
@@ -153,114 +192,147 @@ def measure_chaos(
 
     Args:
         episodes: short ones, of half a second.
-        workers: of the run.
+        workers: of both commands together.
         seed: of the faults.
-        every_s: mean time between two kills.
+        every_s: mean time between two faults.
         progress: called with the episodes committed and their number.
     """
-    killed: Counter[str] = Counter()
-    codes: list[int] = []
+    without_ray = _leave_the_network()
     began_s = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="carstage-chaos-") as name:
+    with tempfile.TemporaryDirectory(prefix="carstage-chaos-") as name, ExitStack() as stack:
         scratch = Path(name)
         config = scratch / "config.yaml"
         config.write_text(_CONFIG.format(episodes=episodes))
-        with s3_server(scratch / "server") as (bucket, environment), _set(environment):
-            address, work = f"{bucket}/chaos", scratch / "work"
-            proxy = FlakyProxy(int(environment["AWS_ENDPOINT_URL"].rpartition(":")[2]), seed, 0.03)
-            spoiling = {**environment, "AWS_ENDPOINT_URL": proxy.url}
-            words = ["run", str(config), "--out", address, "--work", str(work), "--json"]
-            words += ["--workers", str(workers), "--retries", "5"]
-            draw = random.Random(seed)
-            with proxy.serving():
-                while len(codes) < _MOST_RUNS and (not codes or codes[-1]):
-                    codes.append(
-                        _disturbed(words, spoiling, scratch / "run.log", draw, every_s, killed)
-                    )
-                    progress(len(open_store(address).committed()), episodes)
-            output = (scratch / "run.log").read_text("utf-8", "replace")
-            done_s = time.monotonic() - began_s
-            collected = run_carstage("catalog", "gc", address, "--yes", environment=environment)
-            figures = _compare(address, config, scratch)
-    notes = [f"killed: {dict(killed)}", f"answers spoilt: {dict(proxy.spoilt)}"]
-    notes += [f"exit codes of the runs: {codes}", f"catalog gc: {collected[-300:].strip()}"]
-    if codes[-1]:
-        notes.append(output[-1000:])
-    return Verdict(
-        "chaos",
-        (
-            Figure("committed_episodes", figures["committed"], "==", episodes),
-            Figure("kills", killed.total(), ">=", 1),
-            Figure("answers_spoilt", proxy.spoilt.total() - proxy.spoilt["not at all"], ">=", 1),
-            Figure("runs_of_the_command", len(codes)),
-            Figure("last_exit_code", codes[-1], "==", 0),
-            Figure("files_read_and_compared", figures["files"], ">=", 1),
-            Figure("files_that_differ", figures["differ"], "==", 0),
-            Figure("episodes_that_differ_from_an_undisturbed_run", figures["others"], "==", 0),
-            Figure("objects_of_no_episode_after_gc", figures["orphans"], "==", 0),
-            Figure("minutes", done_s / 60),
-        ),
-        notes,
-    )
+        bucket, environment = stack.enter_context(s3_server(scratch / "server"))
+        stack.enter_context(environment_set(environment))
+        database = stack.enter_context(running_postgres(_postgres_programs()))
+        catalog = {"CARSTAGE_CATALOG": database.good_address}
+        port = int(environment["AWS_ENDPOINT_URL"].rpartition(":")[2])
+        proxy = stack.enter_context(SpoilingProxy(port, _flaky(seed)).serving())
+        spoiling = {**environment, "AWS_ENDPOINT_URL": proxy.url, **catalog}
+        each = max(1, workers // 2)
+        nodes = None
+        if not without_ray:
+            # One more than workers: a node is removed.
+            nodes = stack.enter_context(ray_nodes(each + 1, spoiling, scratch))
+        address = f"{bucket}/chaos"
+        shares = [
+            _share(number, config, address, each, spoiling, nodes if number == 2 else None)
+            for number in (1, 2)
+        ]
+        chaos = _Chaos(shares, database, nodes, seed)
+
+        def count() -> int:
+            committed = _committed(address)
+            progress(committed, episodes)
+            return committed
+
+        _go_through(shares, chaos, every_s, count)
+        done_s = time.monotonic() - began_s
+        collected = run_carstage("catalog", "gc", address, "--yes", environment=environment)
+        figures = _compare(address, config, scratch)
+        in_catalog = _compare_catalog(address, catalog)
+        words = [one.last_words for one in shares if one.codes[-1:] != [0]]
+    notes = [f"faults: {dict(chaos.done)}", f"answers spoilt: {dict(proxy.spoilt)}"]
+    notes += [f"exit codes of {one.name}: {one.codes}" for one in shares]
+    notes += [f"catalog gc: {collected[-300:].strip()}", without_ray or "with a Ray cluster"]
+    notes += words
+    spoilt = proxy.spoilt.total() - proxy.spoilt["not at all"]
+    found = _figures(episodes, figures, in_catalog, shares, chaos, spoilt, done_s)
+    return Verdict("chaos", found, notes)
 
 
-def _disturbed(
-    words: list[str],
+def _flaky(seed: int) -> Spoil:
+    """Spoils some requests, drawn by chance."""
+    draw = random.Random(seed)
+
+    def spoil(method: str, path: str) -> Spoilt | None:
+        del method, path
+        return draw.choice(_HOW) if draw.random() < _SPOILT_SHARE else None
+
+    return spoil
+
+
+def _share(
+    number: int,
+    config: Path,
+    address: str,
+    workers: int,
     environment: Mapping[str, str],
-    log: Path,
-    draw: random.Random,
-    every_s: float,
-    killed: Counter[str],
-) -> int:
-    """Run a command to its end while its processes are killed; its exit code."""
-    with log.open("wb") as output:
-        process = psutil.Popen(
-            [sys.executable, "-m", "carstage.cli", *words],
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            env={**os.environ, **environment},
-            start_new_session=True,
-        )
-    deadline_s = time.monotonic() + _RUN_S
-    while time.monotonic() < deadline_s:
-        try:
-            return int(process.wait(draw.uniform(0.5, 1.5) * every_s))
-        except psutil.TimeoutExpired:
-            _kill_one(process, draw, killed)
-    process.kill()
-    return int(process.wait())
+    nodes: RayNodes | None,
+) -> _Share:
+    work = config.parent / f"work-{number}"
+    words = ["run", str(config), "--out", address, "--work", str(work), "--json"]
+    words += ["--workers", str(workers), "--retries", "5", "--shard", f"{number}/2"]
+    if nodes is not None:
+        words += ["--ray-address", nodes.address]
+        environment = {**environment, **nodes.variables}
+    name = "processes" if nodes is None else "Ray"
+    return _Share(f"share {number} ({name})", words, environment, config.parent / f"{number}.log")
 
 
-def _kill_one(process: psutil.Process, draw: random.Random, killed: Counter[str]) -> None:
-    """Kill a process of the run, of each kind as probably; seldom the run itself."""
-    by_kind: dict[str, list[psutil.Process]] = {}
-    with suppress(psutil.Error):
-        for child in process.children(recursive=True):
-            with suppress(psutil.Error):
-                by_kind.setdefault(_kind(child), []).append(child)
-    kinds = sorted(by_kind)
-    if not kinds or draw.random() < 0.1:
-        killed["run"] += 1
-        process.kill()
-        return
-    kind = draw.choice(kinds)
-    with suppress(psutil.Error):
-        draw.choice(sorted(by_kind[kind], key=lambda child: child.pid)).kill()
-        killed[kind] += 1
+def _go_through(
+    shares: Sequence[_Share], chaos: _Chaos, every_s: float, progress: Callable[[], int]
+) -> None:
+    """Give the commands again and again, and let things go wrong, until all are done.
+
+    Faults become rarer while nothing is committed: on a busy machine an episode may take longer
+    than the time between two of them.
+    """
+    pause, deadline_s = threading.Event(), time.monotonic() + _RUN_S
+    next_s = time.monotonic() + chaos.pause_s(every_s)
+    done, rarer = 0, 1.0
+    try:
+        while not all(one.done for one in shares) and time.monotonic() < deadline_s:
+            for one in shares:
+                one.go_on()
+            if time.monotonic() >= next_s:
+                chaos.strike()
+                before, done = done, progress()
+                rarer = 1.0 if done > before else 1.5 * rarer
+                next_s = time.monotonic() + rarer * chaos.pause_s(every_s)
+            pause.wait(_LOOK_S)
+        progress()
+    finally:
+        for one in shares:
+            one.end()
+
+
+def _leave_the_network() -> str:
+    """Enter a network of this process alone; else why there is none, and so no Ray."""
+    if find_spec("ray") is None:
+        return "without Ray, which is not installed: pip install 'carstage[ray]'"
+    try:
+        enter()
+    except OSError as error:
+        return f"without Ray, which needs a network namespace (root): {error.strerror}"
+    return ""
+
+
+def _postgres_programs() -> Path:
+    programs = debian_programs() or wheel_programs()
+    if programs is None:
+        raise RuntimeError("There is no PostgreSQL; is the dev extra installed?")
+    return programs
+
+
+def _committed(address: str) -> int:
+    return len(open_store(address).committed())
 
 
 def _kind(process: psutil.Process) -> str:
+    """What a process is of a run; empty where it is nothing of it, such as Ray's own."""
     text = " ".join(process.cmdline())
     for kind, sign in (
         ("server", "carstage_sim"),
         ("collector", "carstage.collector"),
-        ("worker", "slot"),
+        ("worker", "carstage.runs.slot"),
+        ("actor", "ray::SlotActor"),
         ("converter", "carstage.conversion"),
     ):
         if sign in text:
             return kind
-    return "another"
+    return ""
 
 
 def _compare(address: str, config: Path, scratch: Path) -> dict[str, int]:
@@ -287,15 +359,49 @@ def _compare(address: str, config: Path, scratch: Path) -> dict[str, int]:
     return {key: found[key] for key in ("committed", "files", "differ", "orphans", "others")}
 
 
-@contextmanager
-def _set(environment: Mapping[str, str]) -> Iterator[None]:
-    """A stretch in which this process reaches the server itself."""
-    before = dict(os.environ)
-    os.environ.update(environment)
-    remote_files.cache_clear()
-    try:
-        yield
-    finally:
-        os.environ.clear()
-        os.environ.update(before)
-        remote_files.cache_clear()
+def _compare_catalog(address: str, catalog: Mapping[str, str]) -> dict[str, int]:
+    """In how many episodes the catalog differs from the dataset, before and after a rebuild."""
+    found = {}
+    for moment in ("before", "after"):
+        if moment == "after":
+            run_carstage("catalog", "rebuild", address, environment=catalog)
+        ended = subprocess.run(
+            [sys.executable, "-m", "carstage.cli", "catalog", "verify", address, "--json"],
+            env={**os.environ, **catalog},
+            capture_output=True,
+            text=True,
+        )
+        try:
+            found[moment] = len(json.loads(ended.stdout.splitlines()[-1])["differences"])
+        except (IndexError, ValueError) as error:
+            raise RuntimeError(ended.stderr[-2000:]) from error
+    return found
+
+
+def _figures(
+    episodes: int,
+    found: Mapping[str, int],
+    in_catalog: Mapping[str, int],
+    shares: Sequence[_Share],
+    chaos: _Chaos,
+    spoilt: int,
+    done_s: float,
+) -> tuple[Figure, ...]:
+    done = chaos.done
+    others = ("database restarted", "Ray node removed")
+    return (
+        Figure("committed_episodes", found["committed"], "==", episodes),
+        Figure("processes_killed", done.total() - sum(done[one] for one in others)),
+        Figure("database_restarts", done["database restarted"], ">=", 1),
+        Figure("ray_nodes_removed", done["Ray node removed"]),
+        Figure("answers_spoilt", spoilt, ">=", 1),
+        Figure("times_the_commands_were_given", sum(len(one.codes) for one in shares)),
+        Figure("commands_not_done", sum(one.codes[-1:] != [0] for one in shares), "==", 0),
+        Figure("files_read_and_compared", found["files"], ">=", 1),
+        Figure("files_that_differ", found["differ"], "==", 0),
+        Figure("episodes_that_differ_from_an_undisturbed_run", found["others"], "==", 0),
+        Figure("objects_of_no_episode_after_gc", found["orphans"], "==", 0),
+        Figure("differences_of_the_catalog_before_rebuild", in_catalog["before"]),
+        Figure("differences_of_the_catalog_after_rebuild", in_catalog["after"], "==", 0),
+        Figure("minutes", done_s / 60),
+    )

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from benchmarks.registry import benchmark, command_line, report
-from carstage.cli.output import Json, note
+from carstage.cli.output import Json, note, result
 
 Scratch = Annotated[
     Path | None,
@@ -50,6 +50,17 @@ def overhead(
             progress=progress,
         )
     return report(verdict, json)
+
+
+@benchmark("converters", takes="20 seconds")
+def converters(
+    rounds: Annotated[int, typer.Option(min=1, help="Of which the least counts.")] = 3,
+    json: Json = False,
+) -> int:
+    """What starting the converting processes of a run costs."""
+    from benchmarks.framework.converters import measure_converters
+
+    return report(measure_converters(rounds=rounds), json)
 
 
 @benchmark("conversion", takes="1 minute")
@@ -438,7 +449,9 @@ def undamaged(
 
 @benchmark("object-store", takes="6 minutes")
 def object_store(
-    rounds: Annotated[int, typer.Option(min=1, help="Episodes into each.")] = 3,
+    rounds: Annotated[
+        int, typer.Option(min=0, help="Episodes into each; 0: count requests alone.")
+    ] = 3,
     seconds: Annotated[float, typer.Option(min=0.5, help="Simulated ones of an episode.")] = 5.0,
     json: Json = False,
 ) -> int:
@@ -482,3 +495,18 @@ def chaos(
     with watch_steps("Episodes", "episodes") as progress:
         verdict = measure_chaos(episodes, workers, seed, every_s, progress)
     return report(verdict, json)
+
+
+@benchmark("on-paper", takes="1 second")
+def on_paper(
+    workers: Annotated[int, typer.Option(min=1, help="Of one core each.")] = 1000,
+    frames: Annotated[int, typer.Option(min=1, help="All together.")] = 10_000_000,
+    episode_s: Annotated[float, typer.Option(min=0.1, help="Simulated.")] = 60.0,
+) -> int:
+    """What many workers and frames cost, computed from the committed figures."""
+    from benchmarks.framework.on_paper import load_measured, table
+    from benchmarks.framework.on_paper import on_paper as computed
+
+    rows = computed(load_measured(), workers=workers, frames=frames, episode_s=episode_s)
+    result(table(rows))
+    return 0

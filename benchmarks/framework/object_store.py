@@ -3,27 +3,38 @@
 The same episode is recorded in turn into a folder and into a local S3 server (LocalBucket, a
 package of the ``dev`` extra). What counts is the time from the reservation of its attempt to its
 commit. The server works on the same cores, as it would not in earnest.
+
+One more episode is recorded and validated through a proxy that counts requests, and all its objects
+are read one after the other and many at a time: whether many small objects hurt.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
 import urllib.request
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from benchmarks.framework.recorded import run_carstage
+from benchmarks.framework.spoiling_proxy import SpoilingProxy
 from carstage.bench.verdict import Figure, Verdict
 from carstage.server.ports import free_port
+from carstage.storage.remote_files import remote_files
 
 MOST_RATIO = 1.15
 _START_S = 30.0
+_READERS = 16
+_FPS = 10
+_KINDS = ("PUT", "GET", "HEAD", "LIST", "DELETE", "POST")
 _CONFIG = """\
 name: object store
 seed: 4
@@ -78,7 +89,7 @@ def measure_object_store(
     """Record into a folder and into a store in turn.
 
     Args:
-        rounds: episodes into each.
+        rounds: episodes into each; 0: count requests and objects alone.
         seconds: simulated ones of an episode.
         progress: called with the episodes recorded and their total number.
 
@@ -91,7 +102,8 @@ def measure_object_store(
         config = scratch / "config.yaml"
         config.write_text(_CONFIG.format(seconds=seconds))
         with s3_server(scratch / "server") as (bucket, environment):
-            _episode_s(config, str(scratch / "warm"), scratch / "warm", {})
+            if rounds:
+                _episode_s(config, str(scratch / "warm"), scratch / "warm", {})
             for number in range(rounds):
                 folder = scratch / f"folder-{number}"
                 spent_s["folder"].append(_episode_s(config, str(folder), folder, {}))
@@ -99,14 +111,16 @@ def measure_object_store(
                 address = f"{bucket}/{number}"
                 spent_s["store"].append(_episode_s(config, address, work, environment))
                 progress(2 * (number + 1), 2 * rounds)
-    folder_s, store_s = (statistics.median(spent_s[where]) for where in ("folder", "store"))
+            counted = _count_requests(config, scratch, bucket, environment)
+    figures = [Figure("frames_of_an_episode", round(seconds * _FPS))]
+    figures += [Figure(name, value) for name, value in counted.items()]
+    if rounds:
+        folder_s, store_s = (statistics.median(spent_s[where]) for where in ("folder", "store"))
+        ratio = Figure("store_over_folder", store_s / folder_s, "<=", MOST_RATIO)
+        figures = [Figure("folder_s", folder_s), Figure("store_s", store_s), ratio, *figures]
     return Verdict(
         "object-store",
-        (
-            Figure("folder_s", folder_s),
-            Figure("store_s", store_s),
-            Figure("store_over_folder", store_s / folder_s, "<=", MOST_RATIO),
-        ),
+        tuple(figures),
         [f"{where}: {', '.join(f'{s:.1f} s' for s in times)}" for where, times in spent_s.items()],
     )
 
@@ -118,3 +132,55 @@ def _episode_s(config: Path, out: str, work: Path, environment: Mapping[str, str
     (events,) = work.glob("runs/*/events.jsonl")
     times = {e["event"]: e["time"] for e in map(json.loads, events.read_text().splitlines())}
     return float(times["episode_committed"] - times["attempt_reserved"])
+
+
+def _count_requests(
+    config: Path, scratch: Path, bucket: str, environment: Mapping[str, str]
+) -> dict[str, float]:
+    """What one episode has in objects, and what recording and reading it asks of the store."""
+    kinds: Counter[str] = Counter()
+
+    def count(method: str, path: str) -> None:
+        kinds["LIST" if "list-type=" in path else method] += 1
+
+    port = int(environment["AWS_ENDPOINT_URL"].rpartition(":")[2])
+    address, found = f"{bucket}/counted", dict[str, float]()
+    with SpoilingProxy(port, count).serving() as proxy:
+        through = {**environment, "AWS_ENDPOINT_URL": proxy.url}
+        _episode_s(config, address, scratch / "counted", through)
+        found |= {f"{kind}_requests_to_record": kinds[kind] for kind in _KINDS}
+        kinds.clear()
+        cache = {"CARSTAGE_CACHE_DIR": str(scratch / "cold")}
+        run_carstage("validate", address, environment={**through, **cache})
+        found["requests_to_validate"] = kinds.total()
+    with environment_set(environment):
+        files = remote_files(address)
+        objects = files.below("episodes")
+        found["objects_of_an_episode"] = len(objects)
+        found["bytes_of_the_median_object"] = statistics.median(one.bytes for one in objects)
+        keys = [one.key for one in objects]
+        for readers in (1, _READERS):
+            begun_s = time.monotonic()
+            with ThreadPoolExecutor(readers) as threads:
+                size = sum(map(len, threads.map(files.read, keys)))
+            spent_s = time.monotonic() - begun_s
+            assert size == sum(one.bytes for one in objects)
+            found[f"ms_to_read_an_object_{readers}_at_a_time"] = spent_s / len(keys) * 1e3
+        begun_s = time.monotonic()
+        files.below("episodes")
+        found["ms_to_list_them"] = (time.monotonic() - begun_s) * 1e3
+    return found
+
+
+@contextmanager
+def environment_set(environment: Mapping[str, str]) -> Iterator[None]:
+    """A stretch in which this process has some variables, and reaches stores by them."""
+    before = dict(os.environ)
+    os.environ.update(environment)
+    remote_files.cache_clear()
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
+        remote_files.cache_clear()

@@ -78,6 +78,17 @@ def streaming(
     return _report("streaming", lambda: check_streaming(seconds=seconds), json)
 
 
+@benchmark("real-time", takes="1 minute")
+def real_time(
+    seconds: Annotated[float, typer.Option(help="Of each of two measurements.")] = 10.0,
+    json: Json = False,
+) -> int:
+    """Whether the world keeps pace and answers while pictures are drawn."""
+    from benchmarks.simulator.real_time import check_real_time
+
+    return _report("real-time", lambda: check_real_time(seconds=seconds), json)
+
+
 @benchmark("server-memory", takes="40 minutes")
 def server_memory(
     vehicles: int = 30,
@@ -242,6 +253,53 @@ def render(
         return check_render(town=map, tries=tries, seed=seed, compiling=not without_compiling)
 
     return _report("render", measure, json)
+
+
+@benchmark("picture", takes="1 minute")
+def picture(
+    map: Map = "Stage01",
+    vehicles: int = 30,
+    weather: Annotated[str, typer.Option(help="Name of a preset of the client's.")] = "ClearNoon",
+    tries: Annotated[int, typer.Option(help="Of each measurement.")] = 5,
+    seed: Seed = 3,
+    json: Json = False,
+) -> int:
+    """What a colour picture costs on one core, part by part."""
+    from benchmarks.simulator.render.split import check_picture
+
+    return _report(
+        "picture",
+        lambda: check_picture(town=map, vehicles=vehicles, weather=weather, tries=tries, seed=seed),
+        json,
+    )
+
+
+@benchmark("looks-against", takes="4 minutes")
+def looks_against(
+    revision: Annotated[str, typer.Argument(help="Commit to compare with, as git names it.")],
+    towns: Towns = None,
+    places: Annotated[int, typer.Option(help="Of a camera in each town.")] = 2,
+    width: int = 480,
+    height: int = 270,
+    seed: Seed = 3,
+    json: Json = False,
+) -> int:
+    """Whether pictures look and flicker as they did at an earlier commit."""
+    from benchmarks.simulator.render.against import check_against
+    from benchmarks.simulator.traffic.towns import STAGES
+
+    return _report(
+        "looks-against",
+        lambda: check_against(
+            revision,
+            towns=towns or STAGES[:3],
+            places=places,
+            width=width,
+            height=height,
+            seed=seed,
+        ),
+        json,
+    )
 
 
 @benchmark("gpu", takes="1 minute")

@@ -102,6 +102,10 @@ class StorageError(CarStageError, RuntimeError):
     """The store refused, lost or would silently overwrite something."""
 
 
+class RequestGivenUpError(StorageError):
+    """A store did not answer in the time that was left; what was asked for may be done or not."""
+
+
 class DiskFullError(StorageError):
     """There is no space left where the run writes; another attempt would end alike."""
 

@@ -7,6 +7,7 @@ import email.utils
 import hashlib
 import hmac
 import importlib.util
+import json
 import os
 import re
 import shutil
@@ -51,6 +52,39 @@ def moto(folder: Path) -> Iterator[ObjectServer]:
     with _server(folder, lambda port: [*program, "-p", str(port)]) as (process, port):
         _request("PUT", f"http://127.0.0.1:{port}/moto-bucket")
         yield ObjectServer("s3://moto-bucket", _s3(port), process, port)
+
+
+_POLICIES = {"writer": ["s3:*"], "reader": ["s3:GetObject", "s3:ListBucket"], "nobody": []}
+
+
+@contextmanager
+def moto_that_looks_at_permissions(
+    folder: Path,
+) -> Iterator[tuple[ObjectServer, Mapping[str, Mapping[str, str]]]]:
+    """Moto's S3 with three users, who may do all, read alone, and nothing; their environments."""
+    import boto3
+
+    with moto(folder) as server:
+        url = f"http://127.0.0.1:{server.port}"
+        iam = boto3.client(
+            "iam",
+            endpoint_url=url,
+            region_name="us-east-1",
+            aws_access_key_id="user",
+            aws_secret_access_key="secret",
+        )
+        users = {}
+        for name, actions in _POLICIES.items():
+            iam.create_user(UserName=name)
+            key = iam.create_access_key(UserName=name)["AccessKey"]
+            users[name] = _s3(server.port, key["AccessKeyId"], key["SecretAccessKey"])
+            if actions:
+                rule = {"Effect": "Allow", "Action": actions, "Resource": "*"}
+                policy = json.dumps({"Version": "2012-10-17", "Statement": [rule]})
+                iam.put_user_policy(UserName=name, PolicyName="rights", PolicyDocument=policy)
+        # From the next request on it looks.
+        _request("POST", f"{url}/moto-api/reset-auth", {"Content-Type": "text/plain"}, b"0")
+        yield server, users
 
 
 @contextmanager
@@ -159,8 +193,10 @@ def wait_until_up(process: subprocess.Popen[bytes], port: int, log: Path) -> Non
     raise AssertionError(log.read_text("utf-8", "replace")[-2000:])
 
 
-def _request(method: str, url: str, headers: Mapping[str, str] | None = None) -> None:
-    request = urllib.request.Request(url, method=method, headers=dict(headers or {}))
+def _request(
+    method: str, url: str, headers: Mapping[str, str] | None = None, body: bytes | None = None
+) -> None:
+    request = urllib.request.Request(url, body, dict(headers or {}), method=method)
     with urllib.request.urlopen(request, timeout=10):
         pass
 

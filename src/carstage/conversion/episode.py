@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -39,6 +40,7 @@ from carstage.rawlog.reader import EpisodeLog
 from carstage.storage.attempt_files import AttemptFiles, write_document
 from carstage.storage.marker import FileEntry
 
+_LOOK_S = 0.2
 _LABELS = ""
 """Key of the label task among a segment's tasks; no stream has an empty name."""
 
@@ -75,6 +77,7 @@ class EpisodeConversion:
         pool: where the work is done, see ``conversion_pool``; the caller shuts it down.
         codecs: name of the codec by sensor id, where it is not the default of the sensor's kind.
         progress: called whenever some work is done, well or not; from any thread.
+        left_s: seconds for which work that is to be dropped may be waited for.
     """
 
     def __init__(
@@ -85,12 +88,14 @@ class EpisodeConversion:
         *,
         codecs: Mapping[str, str] = MappingProxyType({}),
         progress: Callable[[], None] = lambda: None,
+        left_s: Callable[[], float] = lambda: math.inf,
     ) -> None:
         self.raw_folder = Path(raw_folder)
         self.attempt_files = attempt_files
         self._pool = pool
         self._codecs = codecs
         self._progress = progress
+        self._left_s = left_s
         # Entered again by who asks for progress: a task that is done at once tells it while the
         # scan that handed it out still holds the lock.
         self._lock = threading.RLock()
@@ -268,7 +273,6 @@ class EpisodeConversion:
             write_document(self.attempt_files, name, to_json(document))
         self._write_table(ledger_table(log.header, log.spec, self._plan, ledger), "frames.parquet")
         self._remove_strays()
-        shutil.rmtree(self.raw_folder / LABEL_PARTS)
         self._finished = True
         segments = self._segments(log)
         files = tuple(
@@ -278,6 +282,11 @@ class EpisodeConversion:
             for file in self._tasks[segment, sensor.id].result().files
         )
         return Converted(frames, files, opendrive)
+
+    def remove_parts(self) -> None:
+        """Remove what lies beside the raw log for the conversion alone, once nobody needs it."""
+        with suppress(FileNotFoundError):
+            shutil.rmtree(self.raw_folder / LABEL_PARTS)
 
     def stop(self) -> None:
         """Hand out no more work, and drop what is not begun."""
@@ -294,8 +303,7 @@ class EpisodeConversion:
         if self._finished:
             return
         self.attempt_files.discard()
-        with suppress(FileNotFoundError):
-            shutil.rmtree(self.raw_folder / LABEL_PARTS)
+        self.remove_parts()
 
     def _load(self) -> EpisodeLog:
         if self._log is None:
@@ -360,7 +368,9 @@ class EpisodeConversion:
         with self._lock:
             tasks = list(self._tasks.values())
         # A pool that has ended tells nobody of what was cancelled: to wait for that has no end.
-        wait([task for task in tasks if not task.cancel()])
+        running = {task for task in tasks if not task.cancel()}
+        while running and self._left_s() > 0:
+            running = wait(running, _LOOK_S).not_done
 
     def _write_table(self, table: pa.Table, name: str) -> None:
         with self.attempt_files.whole(name) as path:

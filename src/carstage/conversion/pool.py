@@ -1,4 +1,4 @@
-"""The processes that convert: few threads each, deaf to Ctrl-C, gone when their parent is gone.
+"""The processes that convert: few threads each, deaf to Ctrl-C, gone when their caller is gone.
 
 ``concurrent.futures.ProcessPoolExecutor`` is not used: its processes import the caller's main
 module, so that a script without ``if __name__ == "__main__"`` would start itself again and again,
@@ -22,14 +22,14 @@ from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecu
 from contextlib import suppress
 from typing import Any, ParamSpec, TypeVar
 
-from carstage.conversion.worker import THREAD_LIMITS
+from carstage.conversion.worker import ENVIRONMENT, FORK, FORKED, KILL, LENGTH
 
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
 
 _PROGRAM = (
     "import sys; sys.path[:] = sys.argv[2:]; "
-    "from carstage.conversion.worker import serve; serve(int(sys.argv[1]))"
+    "from carstage.conversion.worker import fork_workers; fork_workers(int(sys.argv[1]))"
 )
 """Modules are looked for where the caller looks for them, and nowhere before that is known."""
 
@@ -45,19 +45,26 @@ class _RemoteTracebackError(Exception):
         return f"\n{self.args[0]}"
 
 
-def conversion_pool(workers: int | None = None) -> ConversionPool:
+Preload = tuple[Callable[..., object], tuple[Any, ...]]
+"""A function and its arguments; both can be pickled."""
+
+
+def conversion_pool(workers: int | None = None, *, preload: Preload = (bool, ())) -> ConversionPool:
     """Processes for ``EpisodeConversion``; the caller shuts the executor down.
 
-    The workers are started as programs of their own, not forked (the caller may have threads), and
-    never import the caller's main module. They ignore SIGINT, so that the caller alone decides what
-    Ctrl-C means, run at a lower priority than the simulator, and end when the caller dies, however
-    it does. Functions and arguments of tasks must be picklable and defined in importable modules.
+    One process is started at once, as a program of its own: it is not forked from the caller, who
+    may have threads, and never imports the caller's main module. It calls ``preload``, and the
+    workers are forked from it. All ignore SIGINT, so that the caller alone decides what Ctrl-C
+    means, run at a lower priority than the simulator, and end when the caller dies, however it
+    does. Functions and arguments of tasks must be picklable and defined in importable modules.
 
     Args:
-        workers: number of processes; default: the number of usable CPU cores. Each is started when
+        workers: number of processes; default: the number of usable CPU cores. Each is forked when
             a task finds no idle one.
+        preload: called once, before the first task: what it imports, no worker has to. It must
+            start no thread.
     """
-    return ConversionPool(workers or len(os.sched_getaffinity(0)))
+    return ConversionPool(workers or len(os.sched_getaffinity(0)), preload)
 
 
 def load_libraries(pictures: bool) -> None:
@@ -91,9 +98,10 @@ class ConversionPool(Executor):
     The threads give queueing, cancelling and shutting down; the processes do the work.
     """
 
-    def __init__(self, workers: int) -> None:
+    def __init__(self, workers: int, preload: Preload) -> None:
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="conversion")
         self._lock = threading.Lock()
+        self._parent = _Parent(preload)
         self._workers: list[_Worker] = []
         self._idle: deque[_Worker] = deque()
         self._broken = False
@@ -119,18 +127,20 @@ class ConversionPool(Executor):
         if wait:
             for worker in self._workers:
                 worker.end()
+            self._parent.end()
 
     def kill(self) -> None:
         """End the workers at once, in the middle of their tasks; it takes no work any more."""
+        self._threads.shutdown(wait=False, cancel_futures=True)  # before a thread takes the next
         self._break()
-        self.shutdown(wait=True, cancel_futures=True)
+        self.shutdown(wait=True)
 
     def _work(self, function: Callable[..., Any], arguments: Any, keywords: Any) -> Any:
         task = pickle.dumps((function, arguments, keywords))
-        worker = self._take()
         try:
+            worker = self._take()
             succeeded, result, trace = worker.ask(task)
-        except (EOFError, OSError, pickle.UnpicklingError) as error:
+        except (EOFError, ConnectionError, pickle.UnpicklingError) as error:
             self._break()
             raise BrokenPoolError("A process of the pool died.") from error
         with self._lock:
@@ -140,31 +150,40 @@ class ConversionPool(Executor):
         return result
 
     def _take(self) -> _Worker:
+        """An idle worker, or a new one.
+
+        Raises:
+            BrokenPoolError: it takes no work any more.
+            EOFError, OSError: the process that would be forked is gone.
+            OSError: the system has no room for one more.
+        """
         with self._lock:
             self._require_whole()
             if self._idle:
                 return self._idle.popleft()
-            worker = _Worker()
+        # Without the lock: the first fork waits until the libraries are loaded.
+        worker = _Worker(self._parent.fork())
+        with self._lock:
             self._workers.append(worker)
-            return worker
+        return worker
 
     def _break(self) -> None:
         """Take no work any more and end all workers: a lack of memory is not theirs alone."""
-        with self._lock:
-            self._broken = True
-            for worker in self._workers:
-                worker.kill()
+        self._broken = True
+        self._parent.kill()
 
     def _require_whole(self) -> None:
         if self._broken:
             raise BrokenPoolError("A process of the pool died; it takes no work any more.")
 
 
-class _Worker:
-    """One process, started at once."""
+class _Parent:
+    """The process that workers are forked from, started at once."""
 
-    def __init__(self) -> None:
-        ours, theirs = socket.socketpair()
+    def __init__(self, preload: Preload) -> None:
+        self._control, theirs = socket.socketpair()
+        self._lock = threading.Lock()
+        self._has_forked = False
         with theirs:
             # A child inherits the blocked signals: Ctrl-C reaches it not even before it can decide
             # to ignore it.
@@ -174,15 +193,64 @@ class _Worker:
                     [sys.executable, "-c", _PROGRAM, str(theirs.fileno()), *sys.path],
                     stdin=subprocess.DEVNULL,
                     pass_fds=(theirs.fileno(),),
-                    env={**os.environ, **dict.fromkeys(THREAD_LIMITS, "1")},
+                    env={**os.environ, **ENVIRONMENT},
                 )
             except BaseException:
-                ours.close()
+                self._control.close()
                 raise
             finally:
                 signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        self._socket = ours
-        self._stream = ours.makefile("rwb")
+        task = pickle.dumps(preload)
+        with suppress(OSError):  # it is gone already: the first fork will tell
+            self._control.sendall(LENGTH.pack(len(task)) + task)
+
+    def fork(self) -> socket.socket:
+        """The other end of a new worker's socket; waits until what it needs is loaded.
+
+        Raises:
+            EOFError, ConnectionError: the process is gone.
+            OSError: the system has no room for another.
+        """
+        ours, theirs = socket.socketpair()
+        try:
+            with theirs, self._lock:
+                socket.send_fds(self._control, [FORK], [theirs.fileno()])
+                answer = self._control.recv(FORKED.size)
+                if len(answer) < FORKED.size:
+                    raise EOFError
+                self._has_forked = True
+            (failure,) = FORKED.unpack(answer)
+            if failure:
+                raise OSError(failure, os.strerror(failure))
+        except BaseException:
+            ours.close()
+            raise
+        return ours
+
+    def kill(self) -> None:
+        """End it and all workers at once."""
+        if not self._has_forked:  # it may still be loading, and hears nothing
+            self._process.kill()
+            return
+        with suppress(OSError):  # it is gone, and its workers with it
+            self._control.sendall(KILL)
+
+    def end(self) -> None:
+        """End it, and wait for its workers to end."""
+        self._control.close()
+        self._process.wait()
+
+
+class _Worker:
+    """One process that works.
+
+    Args:
+        connection: our end of its socket.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._socket = connection
+        self._stream = connection.makefile("rwb")
 
     def ask(self, task: bytes) -> tuple[bool, Any, str]:
         """The answer to a task.
@@ -195,12 +263,7 @@ class _Worker:
         answer: tuple[bool, Any, str] = pickle.loads(pickle.load(self._stream))
         return answer
 
-    def kill(self) -> None:
-        """End it at once."""
-        self._process.kill()
-
     def end(self) -> None:
-        """End it; it has no task."""
+        """Let it end; it has no task."""
         with self._socket, suppress(OSError):  # it is gone already: a task could not be sent
             self._stream.close()
-        self._process.wait()

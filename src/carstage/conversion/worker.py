@@ -1,7 +1,10 @@
-"""A process of the conversion pool: takes one task after another from a socket and answers.
+"""The processes of the conversion pool: workers, and the one that they are forked from.
 
-It is started by ``conversion_pool`` and imports neither the caller's main module nor
-``multiprocessing``, so a script needs no ``if __name__ == "__main__"`` and a start is cheap.
+The first is started by ``conversion_pool`` and imports neither the caller's main module nor
+``multiprocessing``, so a script needs no ``if __name__ == "__main__"``. It loads what workers need
+once, and is forked for each: a worker costs milliseconds, and shares the memory of its libraries.
+It has one thread, which is what makes forking safe. A worker takes one task after another from a
+socket and answers.
 
 A task is the pickle of ``(function, arguments, keyword arguments)``, an answer that of
 ``(succeeded, result or error, traceback)``. Both travel as pickled bytes: a task that cannot be
@@ -11,25 +14,28 @@ unpickled fails alone and leaves the stream whole.
 from __future__ import annotations
 
 import ctypes
+import errno
 import os
 import pickle
 import select
 import signal
 import socket
+import struct
 import threading
 import traceback
 from contextlib import suppress
-from typing import Any
+from typing import Any, Final, NoReturn
 
 from carstage.errors import BadInputError
 
-THREAD_LIMITS = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
-)
-"""Variables that the pool sets to 1 in the environment of its workers."""
+ENVIRONMENT: Final = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "NUMBA_NUM_THREADS": "1",
+    "JE_ARROW_MALLOC_CONF": "background_thread:false",
+}
+"""No library starts a thread: of a process with several, a fork may inherit a lock that is held."""
 _NICENESS = 5
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _LARGEST_KEPT_BYTES = 32 << 20
@@ -37,8 +43,19 @@ _LARGEST_KEPT_BYTES = 32 << 20
 _KEPT_BYTES = 128 << 20
 
 
-def serve(descriptor: int) -> None:
-    """Work until the other end of the socket is closed; does not return.
+LENGTH: Final = struct.Struct("<Q")
+"""Before the pickled ``(function, arguments)`` that is called before the first fork."""
+FORKED: Final = struct.Struct("<i")
+"""The answer to :data:`FORK`: 0, or the number of the system's error."""
+FORK: Final = b"f"
+"""Comes with the descriptor of a socket: fork a worker that serves it."""
+KILL: Final = b"k"
+"""End all workers in the middle of their tasks."""
+_PR_SET_PDEATHSIG: Final = 1
+
+
+def fork_workers(descriptor: int) -> NoReturn:
+    """Load what workers need, then fork one whenever the pool asks, until it closes the socket.
 
     Args:
         descriptor: of one end of a pair of connected sockets; the pool has the other.
@@ -46,6 +63,57 @@ def serve(descriptor: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _keep_memory()
     os.nice(_NICENESS)
+    with socket.socket(fileno=descriptor) as control:
+        (size,) = LENGTH.unpack(_received(control, LENGTH.size))
+        function, arguments = pickle.loads(_received(control, size))
+        function(*arguments)
+        children: list[int] = []
+        while True:
+            command, descriptors, _, _ = socket.recv_fds(control, 1, 1)
+            if command != FORK:
+                break
+            (worker,) = descriptors
+            try:
+                child = os.fork()
+            except OSError as error:
+                control.sendall(FORKED.pack(error.errno or errno.EAGAIN))
+            else:
+                if not child:
+                    control.close()
+                    _serve(worker)
+                children.append(child)
+                control.sendall(FORKED.pack(0))
+            os.close(worker)
+        if command == KILL:
+            for child in children:
+                os.kill(child, signal.SIGKILL)  # none has been waited for: the number is its own
+        for child in children:
+            os.waitpid(child, 0)
+    os._exit(0)  # taking apart all that was imported takes a third of a second
+
+
+def _received(control: socket.socket, size: int) -> bytes:
+    """That many bytes.
+
+    Raises:
+        EOFError: the pool is gone.
+    """
+    data = bytearray()
+    while len(data) < size:
+        part = control.recv(size - len(data))
+        if not part:
+            raise EOFError
+        data += part
+    return bytes(data)
+
+
+def _serve(descriptor: int) -> NoReturn:
+    """Work until the other end of the socket is closed.
+
+    Args:
+        descriptor: of one end of a pair of connected sockets; the pool has the other.
+    """
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     threading.Thread(target=_end_with_pool, args=(descriptor,), daemon=True).start()
     with (
         suppress(EOFError, OSError),
@@ -55,7 +123,7 @@ def serve(descriptor: int) -> None:
         while True:
             pickle.dump(_answer(pickle.load(stream)), stream)
             stream.flush()
-    os._exit(0)  # taking apart all that was imported takes a third of a second
+    os._exit(0)
 
 
 def _answer(task: bytes) -> bytes:

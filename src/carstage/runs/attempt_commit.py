@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
@@ -58,6 +59,7 @@ class AttemptCommit:
         self_test: verdict on the server; None where it was not tested.
         deferred: nothing is converted before :meth:`convert_all`.
         progress: called whenever something is converted; from any thread.
+        left_s: seconds for which what is being converted may be waited for.
     """
 
     def __init__(
@@ -72,6 +74,7 @@ class AttemptCommit:
         *,
         deferred: bool = False,
         progress: Callable[[], None] = lambda: None,
+        left_s: Callable[[], float] = lambda: math.inf,
     ) -> None:
         self.job = job
         self.attempt = attempt
@@ -86,6 +89,7 @@ class AttemptCommit:
             pool,
             codecs=codecs,
             progress=progress,
+            left_s=left_s,
         )
 
     @property
@@ -152,6 +156,14 @@ class AttemptCommit:
         pending = Pending(self._codecs, environment, self._self_test, durable, converted)
         write_pending(self.raw_folder, pending)
 
+    def leave(self, pending: Pending) -> None:
+        """Give back to the next run what :meth:`go_on` could not take over.
+
+        Raises:
+            StorageError: that cannot be written down.
+        """
+        write_pending(self.raw_folder, pending)
+
     def cancel(self) -> None:
         """Convert no more than what is being converted."""
         self._conversion.stop()
@@ -198,6 +210,7 @@ class AttemptCommit:
                 self_test=self._self_test,
             )
             forget_pending(self.raw_folder)
+            self._conversion.remove_parts()
         return converted.frames
 
     def remove_raw(self) -> None:

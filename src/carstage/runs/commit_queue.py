@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import selectors
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from carstage.config import Config
-from carstage.errors import BadInputError, CarStageError, EpisodeExistsError
+from carstage.errors import (
+    BadInputError,
+    CarStageError,
+    EpisodeExistsError,
+    RequestGivenUpError,
+)
 from carstage.runs.attempt_commit import AttemptCommit, Job
 from carstage.runs.converters import Converters
 from carstage.runs.events import (
@@ -105,6 +111,7 @@ class CommitQueue:
             self_test,
             deferred=self._deferred,
             progress=self._wakeup.notify,
+            left_s=self._record.left_s,
         )
 
     def add(self, attempt_commit: AttemptCommit) -> None:
@@ -163,6 +170,9 @@ class CommitQueue:
             self.add(attempt_commit)
             try:
                 attempt_commit.go_on(pending, self.converters.pool())
+            except RequestGivenUpError:
+                self._forget(attempt_commit)
+                attempt_commit.leave(pending)
             except CarStageError as error:
                 self._give_up(attempt_commit, error)
         return taken
@@ -201,7 +211,7 @@ class CommitQueue:
         """Remove what was not committed and end the converters, whatever fails."""
         for attempt_commit in self:
             self.drop(attempt_commit)
-        self.converters.end()
+        self.converters.end(at_once=self._record.left_s() < math.inf)
 
     def drop(self, attempt_commit: AttemptCommit) -> None:
         """Remove an attempt; says so where that fails."""
@@ -219,6 +229,8 @@ class CommitQueue:
             if not attempt_commit.is_ready():
                 return
             frames = attempt_commit.commit()
+        except RequestGivenUpError:
+            return  # it waits for the next run, which will see whether it was committed
         except EpisodeExistsError as error:
             self.under_way.remove(attempt_commit)
             episodes.skipped += 1
@@ -238,9 +250,12 @@ class CommitQueue:
 
     def _give_up(self, attempt_commit: AttemptCommit, error: CarStageError) -> None:
         """Converting or committing an attempt failed: what it has written goes."""
+        self._forget(attempt_commit)
+        attempt_commit.give_up()
+        self._failed(attempt_commit, error, isinstance(error, BadInputError))
+
+    def _forget(self, attempt_commit: AttemptCommit) -> None:
         if attempt_commit in self.under_way:
             self.under_way.remove(attempt_commit)
         else:
             self._later.remove(attempt_commit)
-        attempt_commit.give_up()
-        self._failed(attempt_commit, error, isinstance(error, BadInputError))

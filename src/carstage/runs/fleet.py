@@ -191,7 +191,7 @@ class Fleet(RunSession):
     ) -> None:
         now = self._tries.pop(job.episode_id, job)
         first = now.first_attempt if attempt is None else int(attempt[1:]) + 1
-        if attempt is not None and self._store.has(job.episode_id):
+        if attempt is not None and self._is_committed(job.episode_id):
             self._frames += job.spec.saved_frames
             self._status.episodes.committed += 1  # it died before it could say so
             self._write(slot, EpisodeCommitted(job.episode_id, attempt))
@@ -204,6 +204,14 @@ class Fleet(RunSession):
             self._failures[job.episode_id] = reason
             self._status.episodes.failed += 1
             self._write(slot, EpisodeFailed(job.episode_id, attempt or f"a{first}", reason))
+
+    def _is_committed(self, episode_id: str) -> bool:
+        try:
+            return self._store.has(episode_id)
+        except StorageError:
+            if not self._interruption.requested:
+                raise
+            return False  # the next run will see it
 
     def _take_event(self, slot: int, line: Mapping[str, Any]) -> None:
         name, episode_id = line["event"], str(line.get("episode_id", ""))

@@ -17,6 +17,10 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 EXIT_CODE = 130
 END_S = 10.0
 """A run ends within so many seconds of the first signal."""
+ANSWER_S = 4.0
+"""So many of them are left when a store that does not answer is waited for no longer."""
+LAST_ANSWER_S = 1.5
+"""The same, once all else has ended and only what was begun is to be kept or removed."""
 GIVE_BACK_S = 5.0
 """So many of them are for a recorder to give back what it holds on somebody else's server."""
 
@@ -89,6 +93,10 @@ class Interruption:
     def left_s(self) -> float:
         """Seconds until the run should have ended; infinite before the first signal."""
         return self._end_s - time.monotonic()
+
+    def left_before_s(self, reserve_s: float) -> float:
+        """Seconds until only ``reserve_s`` are left."""
+        return self.left_s - reserve_s
 
     def check(self) -> None:
         """Raise ``KeyboardInterrupt`` when a signal came in a deferred stretch."""

@@ -10,6 +10,9 @@ from typing import Any
 from carstage.runs.folder import State
 from carstage.storage import DatasetPath
 
+SOME_FAILED = 3
+"""Exit code: some episodes are in the dataset and some are not."""
+
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
@@ -44,7 +47,7 @@ class RunResult:
             return 130
         if not self.failures:
             return 0
-        return 3 if self.committed or self.skipped else 1
+        return SOME_FAILED if self.committed or self.skipped else 1
 
     def to_json(self) -> dict[str, Any]:
         """For ``--json``."""

@@ -12,7 +12,7 @@ from typing import Any
 from carstage.errors import StorageError
 from carstage.runs.events import Notice, OnEvent, Progress, RunEvent, event_of
 from carstage.runs.folder import EpisodeCounts, RunFolder, RunStatus, State
-from carstage.runs.interruption import Interruption
+from carstage.runs.interruption import ANSWER_S, Interruption
 
 _HEARTBEAT_S = 1.0
 _EXPLAIN_AFTER_S = 5.0
@@ -46,6 +46,10 @@ class RunRecord:
         self._on_event = on_event
         self._clock_s = clock_s
         self._next_heartbeat_s = 0.0
+
+    def left_s(self) -> float:
+        """Seconds for which what goes on may be waited for; infinite before a signal."""
+        return self._interruption.left_before_s(ANSWER_S)
 
     def event(self, event: RunEvent) -> None:
         """Write an event of the run itself."""

@@ -5,14 +5,19 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-from carstage.errors import CarStageError, ServerError, StorageError
+from carstage.errors import (
+    CarStageError,
+    DiskFullError,
+    ServerError,
+    StorageError,
+)
 from carstage.execution import Executor
 from carstage.plan import EpisodePlan
 from carstage.runs.events import EpisodeSkipped, RunFinished, RunStarted
 from carstage.runs.folder import State
-from carstage.runs.interruption import Interruption
+from carstage.runs.interruption import LAST_ANSWER_S, Interruption
 from carstage.runs.jobs import JobQueue
-from carstage.runs.outcome import RunResult
+from carstage.runs.outcome import SOME_FAILED, RunResult
 from carstage.runs.record import RunRecord
 from carstage.storage import Store
 from carstage.storage.disk import disk_error
@@ -75,20 +80,21 @@ class RunSession(ABC):
             state = "done" if not self._failures else "failed"
         except KeyboardInterrupt:
             state = "interrupted"
-            self._status.message = "Interrupted; the same command again continues."
-            with self._interruption.deferred():
-                self._interrupted()
+            self._interrupt()
         except CarStageError as error:
-            self._status.message = str(error)
-            if isinstance(error, ServerError) and self._attempted:
-                self._tell_how_to_go_on()
-            raise
+            if self._interruption.requested and _is_of_the_store(error):
+                state = "interrupted"
+                self._record.notice(error.message)
+                self._interrupt()
+            else:
+                self._explain(error)
+                raise
         except OSError as error:
             failure = disk_error(error, f"in {self._folder.path}")
             self._status.message = str(failure)
             raise failure from error
         finally:
-            with self._interruption.deferred():
+            with self._interruption.deferred(), self._store.within(self._last_s):
                 self._give_back()
                 self._status.current = None
                 self._status.workers = []
@@ -104,6 +110,24 @@ class RunSession(ABC):
             frames=self.frames,
             failures=self._failures,
         )
+
+    def _interrupt(self) -> None:
+        self._status.message = "Interrupted; the same command again continues."
+        with self._interruption.deferred(), self._store.within(self._last_s):
+            self._interrupted()
+
+    def _explain(self, error: CarStageError) -> None:
+        """Note why the run ends, and how far it has come."""
+        self._status.message = str(error)
+        counts = self._status.episodes
+        if isinstance(error, DiskFullError) and (counts.committed or counts.skipped):
+            error.exit_code = SOME_FAILED
+        if isinstance(error, ServerError) and self._attempted:
+            self._tell_how_to_go_on()
+
+    def _last_s(self) -> float:
+        """How long a store is still waited for at the end."""
+        return self._interruption.left_before_s(LAST_ANSWER_S)
 
     def _drop_jobs(self) -> None:
         """Record nothing further: what is under way is still converted and committed."""
@@ -134,3 +158,8 @@ class RunSession(ABC):
             )
         except StorageError as error:
             self._record.notice(f"{error.message} The next run on this dataset clears up.")
+
+
+def _is_of_the_store(error: CarStageError) -> bool:
+    """Whether an error only says that the store is away."""
+    return isinstance(error, StorageError) and not isinstance(error, DiskFullError)

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -27,7 +28,7 @@ from carstage.runs.enough import QuotaWatch
 from carstage.runs.events import Notice, OnEvent, RunPlanned
 from carstage.runs.fleet import Fleet
 from carstage.runs.folder import RunFolder
-from carstage.runs.interruption import Interruption
+from carstage.runs.interruption import ANSWER_S, Interruption
 from carstage.runs.orphans import marked
 from carstage.runs.outcome import RunResult
 from carstage.runs.pending import drop_superseded
@@ -129,6 +130,7 @@ def run(
     if not executor.in_process:
         number_of_workers(config, 2)  # each needs a server of its own
     with Interruption(notice) as interruption, ExitStack() as stack:
+        stack.enter_context(store.within(partial(interruption.left_before_s, ANSWER_S)))
         _check(config, place, store, notice)
         follow = stack.enter_context(run_catalog(catalog, store.root, notice))
         stack.enter_context(executor.opened())

@@ -26,7 +26,7 @@ from carstage.runs.attempt_commit import Job
 from carstage.runs.events import GraphicsCardChecked, Notice, RunEvent
 from carstage.runs.folder import PROCESS_FILE, RunFolder, RunStatus
 from carstage.runs.identity import identify
-from carstage.runs.interruption import EXIT_CODE, Interruption
+from carstage.runs.interruption import ANSWER_S, EXIT_CODE, Interruption
 from carstage.runs.orphans import WORKER_VARIABLE, worker_mark
 from carstage.runs.reading import read_document
 from carstage.runs.record import RunRecord
@@ -219,6 +219,7 @@ def _work(line: SlotLine, setup: Mapping[str, Any], interruption: Interruption) 
 
     path = sys.executable if setup["client"] == _OWN_PYTHON else setup["client"]
     ports = PortRange().share(int(setup["number"]), int(setup["count"]))
+    store = open_store(setup["dataset"])
     record = RunRecord(folder, interruption, tell)
     server_setup = _SlotServer(
         record,
@@ -226,13 +227,14 @@ def _work(line: SlotLine, setup: Mapping[str, Any], interruption: Interruption) 
         partial(make_server, ports=ports),
         ClientPython(Path(path), setup["client_version"]),
     )
-    with WakeupPipe() as wakeup:
+    patience = partial(interruption.left_before_s, ANSWER_S)
+    with store.within(patience), WakeupPipe() as wakeup:
         line.notifies(wakeup.notify)
         try:
             session = Session(
                 config,
                 server_setup,
-                open_store(setup["dataset"]),
+                store,
                 record,
                 interruption,
                 wakeup,

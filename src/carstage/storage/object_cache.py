@@ -55,10 +55,15 @@ def open_copy(path: RemotePath, files: RemoteFiles, most_bytes: int) -> int:
     return descriptor
 
 
+def cache_bytes() -> int:
+    """The bound of the cache."""
+    return int(float(os.environ.get(CACHE_BYTES_VARIABLE) or 0) * 1e6) or _DEFAULT_BYTES
+
+
 def _bound(folder: Path, new_bytes: int) -> None:
     """Remove what was used longest ago, now and then, where the cache is larger than it may be."""
     global _fetched_bytes
-    most_bytes = int(float(os.environ.get(CACHE_BYTES_VARIABLE) or 0) * 1e6) or _DEFAULT_BYTES
+    most_bytes = cache_bytes()
     _fetched_bytes += new_bytes
     if _fetched_bytes < min(_LOOK_EVERY, most_bytes):
         return

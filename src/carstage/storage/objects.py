@@ -6,9 +6,9 @@ import json
 import secrets
 import tempfile
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -64,22 +64,29 @@ class ObjectStore(Store):
         return remote_files(self.root.root)
 
     def check(self) -> None:
-        """Create a name twice; see ``Store.check``."""
+        """Create a name twice, list, read and remove it; see ``Store.check``."""
         name = f"commits/.probe-{secrets.token_hex(8)}"
         try:
             created = [self._files.create(name, content) for content in (b"first", b"second")]
+            self._files.has_any("commits")  # whether it may be listed
             kept = self._files.read(name)
         except FileNotFoundError:
             created, kept = [True, True], b""
-        finally:
+        except BaseException:
             with suppress(StorageError):
                 self._files.delete([name])
+            raise
+        self._files.delete([name])
         if created != [True, False] or kept != b"first":
             raise UnsafeStoreError(
                 f"{self.root}: the store silently replaces objects that exist.",
                 "Use a store that knows conditional writes (If-None-Match: *), such as S3: an "
                 "episode could overwrite another one here.",
             )
+
+    def within(self, left_s: Callable[[], float]) -> AbstractContextManager[None]:
+        """For all of this process that ask the same store; see ``Store.within``."""
+        return self._files.requests.within(left_s)
 
     def exists(self) -> bool:
         """Whether there is a ``dataset.json``; see ``Store.exists``."""

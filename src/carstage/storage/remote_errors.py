@@ -77,14 +77,14 @@ def explain(error: Exception, root: str, doing: str, key: str) -> Exception:
         return StoreAccessError(
             f"{root}: the store refuses the credentials{said}.", _HINTS[root.partition(":")[0]]
         )
+    if code in _FULL or status == "507":
+        return DiskFullError(
+            f"{what}: the store is full{said}.", "Make room; the same command again continues."
+        )
     if kind == "PermissionDeniedError" or status == "403":
         return StoreAccessError(
             f"{what}: these credentials do not permit it{said}.",
             "Permit listing, reading, writing and deleting below the prefix.",
-        )
-    if code in _FULL or status == "507":
-        return DiskFullError(
-            f"{what}: the store is full{said}.", "Make room; the same command again continues."
         )
     if isinstance(error, FileNotFoundError) or status == "404":
         return FileNotFoundError(2, "No such object", f"{root}/{key}")

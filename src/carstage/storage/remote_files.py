@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from carstage.errors import BadInputError, StorageError
+from carstage.errors import BadInputError, RequestGivenUpError, StorageError
 from carstage.storage.credentials import aws_profile
 from carstage.storage.remote_errors import explain, is_missing_object, is_unsupported
 from carstage.storage.remote_path import RemoteStat
+from carstage.storage.remote_requests import Requests
 
 if TYPE_CHECKING:
     from obstore.store import ObjectStore
@@ -68,6 +68,8 @@ class RemoteFiles:
 
     def __init__(self, root: str) -> None:
         self.root = root
+        self.requests = Requests(root)
+        """By which it asks; it says how long they are waited for."""
         self._bulk_delete = True
         self.store = self._opened(bulk_delete=True)
 
@@ -142,10 +144,13 @@ class RemoteFiles:
         import obstore
         from obstore.exceptions import AlreadyExistsError, BaseError, PreconditionError
 
+        def send() -> None:
+            obstore.put(self.store, key, content, mode="create", use_multipart=False)
+
         pause_s = _FIRST_BACKOFF_S
         for tries_left in range(_TRIES - 1, -1, -1):
             try:
-                obstore.put(self.store, key, content, mode="create", use_multipart=False)
+                self.requests.answer(send)
             except (AlreadyExistsError, PreconditionError):
                 try:
                     return self.read(key) == content
@@ -159,7 +164,7 @@ class RemoteFiles:
                     raise failure from None
             else:
                 return True
-            _pause(pause_s)
+            self.requests.pause(pause_s)
             pause_s = min(2 * pause_s, _MOST_BACKOFF_S)
         raise StorageError(f"{self.root}/{key} vanishes.", "See what removes it.")
 
@@ -237,7 +242,9 @@ class RemoteFiles:
         while left:
             some, left = left[:_DELETED_AT_ONCE], left[_DELETED_AT_ONCE:]
             try:
-                obstore.delete(self.store, some)
+                self.requests.answer(partial(obstore.delete, self.store, some))
+            except RequestGivenUpError:
+                raise
             except Exception as error:  # noqa: BLE001 - all of the library's are explained
                 if is_missing_object(error):
                     continue
@@ -249,12 +256,12 @@ class RemoteFiles:
                     failure = explain(error, self.root, "removing", some[0])
                     if not tries_left or isinstance(failure, BadInputError):
                         raise failure from None
-                    _pause(_FIRST_BACKOFF_S * (_TRIES - tries_left))
+                    self.requests.pause(_FIRST_BACKOFF_S * (_TRIES - tries_left))
                 left = some + left
 
     def _ask(self, doing: str, question: Callable[[], Result], key: str) -> Result:
         try:
-            return question()
+            return self.requests.answer(question)
         except Exception as error:
             if isinstance(error, OSError) and error.errno is not None:
                 raise  # of this machine
@@ -315,8 +322,3 @@ def _config(scheme: str, endpoint: str, *, bulk_delete: bool) -> Any:
     if not bulk_delete:
         config["disable_bulk_delete"] = True
     return config
-
-
-def _pause(seconds: float) -> None:
-    """Between two tries."""
-    threading.Event().wait(seconds)

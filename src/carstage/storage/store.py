@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -69,6 +70,16 @@ class Store(ABC):
             UnsafeStoreError: creating a name twice silently overwrites.
             StorageError: the store cannot be reached.
         """
+
+    def within(self, left_s: Callable[[], float]) -> AbstractContextManager[None]:
+        """A stretch in which nothing is waited for longer than ``left_s`` says, in any thread.
+
+        Args:
+            left_s: gives the seconds that are left; it may change its mind meanwhile. After them
+                every method raises ``RequestGivenUpError`` where the store has not answered.
+        """
+        del left_s  # a folder answers, or its file system does not let go
+        return nullcontext()
 
     @abstractmethod
     def exists(self) -> bool:

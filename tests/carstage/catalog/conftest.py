@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-import postgres_servers
 from analytic_dataset import make_dataset
+from benchmarks.framework import postgres_servers
+from benchmarks.framework.postgres_servers import PostgresServer, running_postgres
 from carstage.catalog import CATALOG_VARIABLE
-from postgres_servers import PostgresServer, running_postgres
 from small_episodes import add_episode
 
 CLEAR, WET, NIGHT = "00000000000000c1", "00000000000000c2", "00000000000000c3"

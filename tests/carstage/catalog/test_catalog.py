@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.framework.postgres_servers import PostgresServer
 from carstage.catalog import (
     Catalog,
     CatalogAddress,
@@ -24,7 +25,6 @@ from carstage.catalog import (
 from carstage.catalog.address import location_of, parse_address
 from carstage.dataset import Dataset, SplitRule, split_dataset
 from carstage.errors import BadInputError, CatalogError
-from postgres_servers import PostgresServer
 from small_episodes import add_episode
 
 CLEAR, WET, NIGHT = "00000000000000c1", "00000000000000c2", "00000000000000c3"

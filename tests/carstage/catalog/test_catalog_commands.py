@@ -12,11 +12,11 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
+from benchmarks.framework.postgres_servers import PASSWORD_IN_ADDRESS, PostgresServer
 from carstage.catalog import CATALOG_VARIABLE, Catalog
 from carstage.catalog.address import parse_address
 from carstage.catalog.migrating import VERSION_TABLE
 from carstage.cli.app import app
-from postgres_servers import PASSWORD_IN_ADDRESS, PostgresServer
 from small_episodes import add_episode
 
 CLEAR, WET, NIGHT = "00000000000000c1", "00000000000000c2", "00000000000000c3"

@@ -10,12 +10,12 @@ import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 
+from benchmarks.framework.postgres_servers import PostgresServer
 from carstage.catalog import Catalog, CatalogAddress
 from carstage.catalog.address import parse_address
 from carstage.catalog.migrating import VERSION_TABLE
 from carstage.catalog.schema import METADATA
 from carstage.errors import BadInputError, CatalogError
-from postgres_servers import PostgresServer
 
 pytestmark = pytest.mark.xdist_group("postgres")
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.framework.postgres_servers import PostgresServer
 from carstage.catalog import Catalog, CatalogFollower, query_catalog, rebuild
 from carstage.catalog.address import parse_address
 from carstage.dataset import Dataset
 from carstage.errors import BadInputError, CatalogError
 from carstage.runs.cataloguing import run_catalog
-from postgres_servers import PostgresServer
 from small_episodes import add_episode
 from waiting import await_that
 

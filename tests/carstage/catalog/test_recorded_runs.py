@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.framework.postgres_servers import PostgresServer
 from carstage.catalog import CATALOG_VARIABLE, Catalog, query_catalog, rebuild, verify
 from carstage.catalog.address import parse_address
 from carstage.dataset import Dataset
-from postgres_servers import PostgresServer
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("postgres")]
 

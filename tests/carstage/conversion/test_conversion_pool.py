@@ -84,6 +84,61 @@ def test_workers_load_what_a_segment_needs_before_there_is_one(pictures: bool) -
         assert pool.submit(gc.isenabled).result(_DEADLINE_S)
 
 
+@pytest.mark.parametrize("pictures", [True, False])
+def test_libraries_are_loaded_once_by_a_process_without_threads(pictures: bool) -> None:
+    preload = (load_libraries, (pictures,))
+    with conversion_pool(3, preload=preload) as pool:
+        sleeping = [pool.submit(time.sleep, 0.2) for _ in range(3)]
+        assert all(task.result(_DEADLINE_S) is None for task in sleeping)
+        parents = {pool.submit(os.getppid).result(_DEADLINE_S) for _ in range(9)}
+        assert len(parents) == 1
+        (parent,) = (psutil.Process(pid) for pid in parents)
+        assert parent.num_threads() == 1
+        assert pool.submit(_has, "carstage.conversion.segment").result(_DEADLINE_S)
+        # It was loaded before the fork: the worker itself has read no file of ours.
+        worker = psutil.Process(pool.submit(os.getpid).result(_DEADLINE_S))
+        assert worker.ppid() == parent.pid
+        assert worker.cpu_times().user < parent.cpu_times().user / 2
+
+
+def test_pool_forks_no_more_workers_than_work_needs() -> None:
+    with conversion_pool(8) as pool:
+        pids = {pool.submit(os.getpid).result(_DEADLINE_S) for _ in range(20)}
+        (parent,) = {pool.submit(os.getppid).result(_DEADLINE_S)}
+        assert len(pids) == len(psutil.Process(parent).children()) <= 2
+
+
+def test_a_pool_whose_libraries_cannot_be_loaded_refuses_work() -> None:
+    with conversion_pool(2, preload=(_raise, (ValueError("no such library"),))) as pool:
+        with pytest.raises(BrokenExecutor):
+            pool.submit(os.getpid).result(_DEADLINE_S)
+        with pytest.raises(BrokenExecutor):
+            pool.submit(os.getpid)
+
+
+def test_killing_a_pool_that_still_loads_does_not_wait() -> None:
+    pool = conversion_pool(1, preload=(time.sleep, (_DEADLINE_S,)))
+    waiting = pool.submit(os.getpid)
+    await_that(waiting.running)
+    began = time.monotonic()
+    pool.kill()
+    assert time.monotonic() - began < _DEADLINE_S / 2
+    with pytest.raises(BrokenExecutor):
+        waiting.result(0)
+
+
+def test_workers_end_with_the_process_that_they_are_forked_from() -> None:
+    with conversion_pool(2) as pool:
+        worker = psutil.Process(pool.submit(os.getpid).result(_DEADLINE_S))
+        sleeping = pool.submit(time.sleep, _DEADLINE_S)
+        await_that(sleeping.running)
+        psutil.Process(pool.submit(os.getppid).result(_DEADLINE_S)).kill()
+        with pytest.raises(BrokenExecutor):
+            sleeping.result(_DEADLINE_S)
+        _, alive = psutil.wait_procs([worker], timeout=_DEADLINE_S)
+        assert not alive
+
+
 def test_killing_ends_tasks_in_the_middle_and_begins_no_other() -> None:
     pool = conversion_pool(1)
     pid = pool.submit(os.getpid).result(_DEADLINE_S)

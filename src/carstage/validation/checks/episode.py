@@ -169,8 +169,12 @@ class EpisodeChecks:
         Raises:
             DatasetError: a document or table is missing or damaged, so that nothing can be said.
         """
-        episode, findings = self._episode, self._findings
         self._files.find_all()
+        with self._files.fetched_ahead():
+            self._run(advance)
+
+    def _run(self, advance: Callable[[], None]) -> None:
+        episode, findings = self._episode, self._findings
         for name in (*DOCUMENTS, *TABLES):
             self._files.read(name)
         ledger = episode.ledger()

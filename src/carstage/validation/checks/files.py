@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager
 from pathlib import PurePosixPath
 from typing import TypedDict
 
@@ -11,6 +12,8 @@ from carstage.dataset.tables import row_sensor
 from carstage.files.bounded import read_bounded
 from carstage.files.hashing import hash_of
 from carstage.storage import DatasetPath, RemotePath
+from carstage.storage.fetching import fetched_ahead
+from carstage.storage.remote_files import remote_files
 from carstage.validation.checks.findings import Findings
 
 DOCUMENTS = ("episode.json", "calibration.json")
@@ -41,12 +44,13 @@ class VerifiedFiles:
         self._findings = findings
         self._entries = {entry.path: entry for entry in episode.marker.files}
         self._missing: set[str] = set()
+        self._sizes: Mapping[str, int] = {}
         self.files = 0
         self.bytes = 0
 
     def find_all(self) -> None:
         """Name the files of the marker that are not there, whatever else goes wrong later."""
-        present = _present(self._folder)
+        present = self._list()
         for name in self._entries:
             if name not in present:
                 self._missing.add(name)
@@ -63,7 +67,7 @@ class VerifiedFiles:
         if name in self._missing:
             return None
         try:
-            found, entry = path.stat().st_size, self._entries.get(name)
+            found, entry = self._size(name), self._entries.get(name)
             if entry is not None and found != entry.bytes:
                 # Not read: a wrong size says enough, and may be huge.
                 problem = "file_size", f"{name} has {found} bytes, committed were {entry.bytes}"
@@ -81,6 +85,25 @@ class VerifiedFiles:
         if problem is not None:
             self._findings.add(*problem, frame=frame, sensor=sensor)
         return content
+
+    def fetched_ahead(self) -> AbstractContextManager[None]:
+        """A stretch in which files of an object store are fetched before they are read."""
+        # Frame by frame, as they are read; what belongs to no frame comes first.
+        names = sorted(self._entries, key=lambda name: (name.count("/"), name.rpartition("/")[2]))
+        return fetched_ahead([(self._folder / name, self._entries[name].bytes) for name in names])
+
+    def _list(self) -> frozenset[str]:
+        """Paths of the files that are there; of an object store also their sizes."""
+        if isinstance(self._folder, RemotePath):
+            prefix = f"{self._folder.key}/"
+            found = remote_files(self._folder.root).below(self._folder.key)
+            self._sizes = {one.key.removeprefix(prefix): one.bytes for one in found}
+            return frozenset(self._sizes)
+        return _present(self._folder)
+
+    def _size(self, name: str) -> int:
+        known = self._sizes.get(name)
+        return (self._folder / name).stat().st_size if known is None else known
 
     def _difference(self, name: str, content: bytes) -> tuple[str, str] | None:
         entry = self._entries.get(name)

@@ -1,4 +1,4 @@
-"""A real PostgreSQL for tests: from the wheel in ``dev``, or Debian's where it is installed.
+"""A real PostgreSQL for measurements and tests: from the wheel in ``dev``, or Debian's.
 
 PostgreSQL refuses to run as root, so root starts it as ``nobody``. It listens on a Unix socket in a
 folder of its own, and nowhere else.
@@ -63,10 +63,12 @@ class PostgresServer:
         return self.address(password=PASSWORD_IN_ADDRESS)
 
     def start(self) -> None:
+        """Start it, and wait until it answers."""
         options = f"-k {self.folder} -c listen_addresses='' -c fsync=off"
         self._run("pg_ctl", "-w", "-D", "data", "-l", "log", "-o", options, "start")
 
     def stop(self) -> None:
+        """End it as a crash does: what was not written is recovered at the next start."""
         self._run("pg_ctl", "-w", "-D", "data", "-m", "immediate", "stop")
 
     def create(self, database: str) -> None:
@@ -75,6 +77,7 @@ class PostgresServer:
             self.execute(words)
 
     def execute(self, words: str, database: str = "postgres") -> None:
+        """Run one statement of SQL."""
         import psycopg
 
         target = f"host={self.folder} dbname={database} user={USER}"
@@ -82,6 +85,7 @@ class PostgresServer:
             connection.execute(words)
 
     def initialise(self) -> None:
+        """Make its folder of data."""
         secret = self.folder / "password"
         secret.write_text(PASSWORD)
         if os.geteuid() == 0:
@@ -101,7 +105,8 @@ class PostgresServer:
                 timeout=PATIENCE_S, check=False,
                 env={"PATH": os.environ["PATH"], "LC_ALL": "C", "HOME": str(self.folder)},
             )  # fmt: skip
-        assert ended.returncode == 0, log.read_text("utf-8", "replace")
+        if ended.returncode:
+            raise RuntimeError(log.read_text("utf-8", "replace"))
         log.unlink()
 
 

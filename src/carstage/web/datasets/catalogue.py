@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-from pathlib import Path
-from typing import TYPE_CHECKING
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, TypeVar
 
 from carstage.errors import CarStageError
 from carstage.runs.reading import liveness, read_document
 from carstage.storage.description import read_description
+from carstage.storage.keeping import remove_dataset, rename_dataset
 from carstage.storage.marker import read_marker
+from carstage.storage.remote_path import DatasetPath
+from carstage.web.archive import zipped
 from carstage.web.datasets.jobs import JobService
-from carstage.web.errors import not_found
+from carstage.web.errors import WebError, not_found
+from carstage.web.found_dataset import FoundDataset
 from carstage.web.messages import (
     DatasetDetail,
     DatasetList,
@@ -19,12 +25,16 @@ from carstage.web.messages import (
     EpisodeSummary,
 )
 from carstage.web.messages.datasets import Tag
-from carstage.web.roots import FoundDataset, Roots
+from carstage.web.roots import Roots
 
 if TYPE_CHECKING:
     from carstage.dataset import Episode
 
 _MOST_LISTED = 500
+_AT_ONCE = 16
+
+Argument = TypeVar("Argument")
+Result = TypeVar("Result")
 
 
 class Catalogue:
@@ -38,6 +48,8 @@ class Catalogue:
     def __init__(self, roots: Roots, jobs: JobService) -> None:
         self._roots = roots
         self._jobs = jobs
+        self._lock = threading.Lock()
+        self._kept: dict[str, tuple[str, list[EpisodeSummary]]] = {}
 
     def all(self) -> DatasetList:
         """All datasets, the one that has changed last first."""
@@ -48,6 +60,7 @@ class Catalogue:
             datasets=summaries,
             root=str(self._roots.roots[0]),
             disk_free_bytes=self._roots.free_bytes(),
+            problems=self._roots.problems(),
         )
 
     def detail(self, dataset: str) -> DatasetDetail:
@@ -61,10 +74,9 @@ class Catalogue:
 
         found = self._roots.dataset(dataset)
         description = read_description(found.path / "dataset.json")
-        episodes = [self.episode_summary(self.episode(dataset, id_)) for id_ in _ids(found.path)]
         return DatasetDetail(
             summary=self._summary(found),
-            episodes=sorted(episodes, key=lambda episode: (episode.index, episode.episode_id)),
+            episodes=self._numbered(found),
             tags=[Tag.model_validate(tag) for tag in description.get("tags", ())],
             class_colours={name: list(colour) for name, colour in CLASS_COLOURS.items()},
         )
@@ -79,12 +91,10 @@ class Catalogue:
         from carstage.dataset import Episode
 
         found = self._roots.dataset(dataset)
-        marker = found.path / "commits" / f"{episode}.json"
-        try:
-            changed_ns = marker.stat().st_mtime_ns
-        except OSError:
-            raise not_found(f"episode {episode} in this dataset") from None
-        return _episode(Episode, marker, changed_ns)
+        changed_s = found.markers().get(episode)
+        if changed_s is None:
+            raise not_found(f"episode {episode} in this dataset")
+        return _episode(Episode, found.path / "commits" / f"{episode}.json", changed_s)
 
     def episodes(self, dataset: str) -> list[Episode]:
         """All committed episodes, sorted by id.
@@ -92,8 +102,15 @@ class Catalogue:
         Raises:
             WebError: there is no such dataset.
         """
+        from carstage.dataset import Episode
+
         found = self._roots.dataset(dataset)
-        return [self.episode(dataset, episode) for episode in _ids(found.path)]
+
+        def one(entry: tuple[str, float]) -> Episode:
+            name, changed_s = entry
+            return _episode(Episode, found.path / "commits" / f"{name}.json", changed_s)
+
+        return _each(found, one, found.markers().items())
 
     def episode_summary(self, episode: Episode) -> EpisodeSummary:
         """An episode in a few figures."""
@@ -108,14 +125,104 @@ class Catalogue:
             duration_s=spec.duration_s,
             bytes=sum(entry.bytes for entry in episode.marker.files),
             sensors=len(spec.written_sensors),
+            number=spec.index + 1,
         )
+
+    def numbered(self, dataset: str, episode: str) -> EpisodeSummary:
+        """An episode with its number in the dataset.
+
+        Raises:
+            WebError: there is none of that id.
+        """
+        found = self._roots.dataset(dataset)
+        for summary in self._numbered(found):
+            if summary.episode_id == episode:
+                return summary
+        raise not_found(f"episode {episode} in this dataset")
+
+    def _numbered(self, found: FoundDataset) -> list[EpisodeSummary]:
+        """All episodes in their order; kept while none comes or goes."""
+        now = found.fingerprint()
+        with self._lock:
+            kept = self._kept.get(found.dataset)
+        if kept is not None and kept[0] == now:
+            return kept[1]
+        episodes = _each(found, self.episode_summary, self.episodes(found.dataset))
+        episodes.sort(key=lambda episode: (episode.index, episode.episode_id))
+        numbered = [
+            episode.model_copy(update={"number": number})
+            for number, episode in enumerate(episodes, 1)
+        ]
+        with self._lock:
+            self._kept[found.dataset] = now, numbered
+        return numbered
+
+    def rename(self, dataset: str, name: str) -> DatasetSummary:
+        """Give a dataset another name; its folder stays.
+
+        Raises:
+            WebError: there is no such dataset.
+            BadInputError: the name cannot be used.
+            DatasetError: it is none.
+        """
+        found = self._roots.dataset(dataset)
+        rename_dataset(found.path, name)
+        return self._summary(found)
+
+    def remove(self, dataset: str, *, busy: bool) -> list[str]:
+        """Remove a dataset with its runs.
+
+        Args:
+            dataset: its id.
+            busy: whether a run writes into it.
+
+        Returns:
+            Names of what stays in its folder.
+
+        Raises:
+            WebError: there is no such dataset, or somebody uses it.
+            StorageError: something cannot be removed.
+        """
+        found = self._roots.dataset(dataset)
+        if busy or _records(found):
+            raise WebError(409, "A run records into this dataset.", "Stop it first.")
+        if self._jobs.uses(dataset):
+            raise WebError(409, "An export or a validation reads it.", "Wait, or cancel it.")
+        left = remove_dataset(found.path)
+        self._jobs.forget(found)
+        self._roots.forget()
+        return left
+
+    def archive(self, dataset: str) -> Iterator[bytes]:
+        """A dataset as a ZIP archive: what its markers list, without runs.
+
+        Raises:
+            WebError: there is no such dataset.
+        """
+        found = self._roots.dataset(dataset)
+        return zipped((f"{found.path.name}/{name}", p) for name, p in self._files(found))
+
+    def _files(self, found: FoundDataset) -> Iterator[tuple[str, DatasetPath]]:
+        for name in ("dataset.json", "splits.json"):
+            if (found.path / name).is_file():
+                yield name, found.path / name
+        maps = set()
+        for episode in self.episodes(found.dataset):
+            inside = f"episodes/{episode.id}/{episode.marker.attempt}"
+            for entry in episode.marker.files:
+                yield f"{inside}/{entry.path}", episode.folder / entry.path
+            if episode.map_file is not None and episode.map_file not in maps:
+                maps.add(episode.map_file)
+                yield f"maps/{episode.map_file.name}", episode.map_file
+            marker = found.path / "commits" / f"{episode.id}.json"
+            yield f"commits/{marker.name}", marker  # last: what is broken off is no episode
 
     def _summary(self, found: FoundDataset) -> DatasetSummary:
         changed = None
         try:
             name = str(read_description(found.path / "dataset.json").get("name", found.shown))
-            markers = [_marker(path, path.stat().st_mtime_ns) for path in _markers(found.path)]
-            changed = (found.path / "commits").stat().st_mtime
+            markers = _each(found, partial(_sizes, found.path), found.markers().items())
+            changed = found.changed()
         except (CarStageError, OSError) as error:
             reason = error.message if isinstance(error, CarStageError) else "It cannot be read."
             return DatasetSummary(
@@ -124,8 +231,9 @@ class Catalogue:
                 path=found.shown,
                 state="damaged",
                 problem=reason.replace(str(found.path), found.shown),
+                location=str(found.path),
             )
-        state = "recording" if _records(found.path) else "ready" if markers else "empty"
+        state = "recording" if _records(found) else "ready" if markers else "empty"
         return DatasetSummary(
             dataset=found.dataset,
             name=name,
@@ -136,35 +244,44 @@ class Catalogue:
             bytes=sum(size for _, size in markers),
             changed=changed,
             validity=self._jobs.validity(found),  # type: ignore[arg-type]
+            location=str(found.path),
         )
 
 
-def _markers(dataset: Path) -> list[Path]:
-    return sorted(
-        path for path in (dataset / "commits").glob("*.json") if not path.name.startswith(".")
-    )
+def _each(
+    found: FoundDataset, function: Callable[[Argument], Result], arguments: Iterable[Argument]
+) -> list[Result]:
+    """A function of each; in a store several at a time, as each waits for an answer."""
+    if not found.is_remote:
+        return [function(argument) for argument in arguments]
+    with ThreadPoolExecutor(_AT_ONCE) as threads:
+        return list(threads.map(function, arguments))
 
 
-def _ids(dataset: Path) -> list[str]:
-    return [path.stem for path in _markers(dataset)]
+def _sizes(dataset: DatasetPath, entry: tuple[str, float]) -> tuple[int, int]:
+    name, changed_s = entry
+    return _marker(dataset / "commits" / f"{name}.json", changed_s)
 
 
-def _records(dataset: Path) -> bool:
-    """Whether a run writes to a dataset now."""
-    newest = sorted((dataset / "runs").glob("*/status.json"))[-3:]
+def _records(found: FoundDataset) -> bool:
+    """Whether a run of this machine writes to a dataset now."""
+    from carstage.runs.preflight import work_folder
+
+    runs = work_folder(found.path, None) / "runs"
+    newest = sorted(runs.glob("*/status.json"))[-3:]
     statuses = (read_document(path) for path in newest)
     return any(s is not None and liveness(s) in ("running", "stalled") for s in statuses)
 
 
 @lru_cache(maxsize=20_000)
-def _marker(path: Path, _changed_ns: int) -> tuple[int, int]:
+def _marker(path: DatasetPath, _changed_s: float) -> tuple[int, int]:
     """Frames and bytes of an episode."""
     marker = read_marker(path)
     return marker.frames, sum(entry.bytes for entry in marker.files)
 
 
 @lru_cache(maxsize=64)
-def _episode(kind: type[Episode], marker_path: Path, _changed_ns: int) -> Episode:
+def _episode(kind: type[Episode], marker_path: DatasetPath, _changed_s: float) -> Episode:
     """An episode, kept with what it has read as long as its marker stays the same."""
     marker = read_marker(marker_path)
     dataset = marker_path.parent.parent

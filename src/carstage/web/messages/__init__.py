@@ -1,6 +1,7 @@
 """What goes over the wire, as Pydantic models; the page's types are generated from them."""
 
 from carstage.web.messages.base import ErrorMessage, FieldProblem, Message
+from carstage.web.messages.commands import CommandRequest, CommandText
 from carstage.web.messages.config import (
     ConfigChange,
     ConfigCheck,
@@ -13,6 +14,7 @@ from carstage.web.messages.config import (
     ConfigState,
     ConfigText,
     Estimate,
+    ReleaseFolders,
     RigPresetMessage,
     SchemaMessage,
     SensorKindMessage,
@@ -22,6 +24,7 @@ from carstage.web.messages.config import (
 )
 from carstage.web.messages.datasets import (
     CameraObject,
+    DatasetChange,
     DatasetDetail,
     DatasetList,
     DatasetSummary,
@@ -32,6 +35,7 @@ from carstage.web.messages.datasets import (
     EpisodeSummary,
     FrameMessage,
     FrameObject,
+    Removed,
     RigSensor,
     Statistics,
     TableFilter,
@@ -40,8 +44,11 @@ from carstage.web.messages.datasets import (
 )
 from carstage.web.messages.description import DescriptionMessage, MapEntry, VehicleEntry
 from carstage.web.messages.jobs import (
+    ExportChange,
+    ExportEntry,
     ExportFormat,
     ExportFormats,
+    ExportList,
     ExportRequest,
     Job,
     JobList,
@@ -65,12 +72,15 @@ from carstage.web.messages.runs import (
     CurrentEpisodeMessage,
     EpisodeCountsMessage,
     LogLine,
+    RunAgain,
+    RunChange,
     RunDetail,
     RunList,
     RunSensor,
     RunStart,
     RunSummary,
     TickPoint,
+    WorkerMessage,
 )
 from carstage.web.messages.sensor_preview import PreviewPending, PreviewRequest
 
@@ -79,6 +89,8 @@ __all__ = [
     "Channel",
     "ChannelsMessage",
     "ClientMessage",
+    "CommandRequest",
+    "CommandText",
     "ConfigChange",
     "ConfigCheck",
     "ConfigCheckRequest",
@@ -91,6 +103,7 @@ __all__ = [
     "ConfigState",
     "ConfigText",
     "CurrentEpisodeMessage",
+    "DatasetChange",
     "DatasetDetail",
     "DatasetList",
     "DatasetSummary",
@@ -104,8 +117,11 @@ __all__ = [
     "EpisodeSummary",
     "ErrorMessage",
     "Estimate",
+    "ExportChange",
+    "ExportEntry",
     "ExportFormat",
     "ExportFormats",
+    "ExportList",
     "ExportRequest",
     "FieldProblem",
     "FrameMessage",
@@ -120,8 +136,12 @@ __all__ = [
     "Message",
     "PreviewPending",
     "PreviewRequest",
+    "ReleaseFolders",
+    "Removed",
     "RigPresetMessage",
     "RigSensor",
+    "RunAgain",
+    "RunChange",
     "RunDetail",
     "RunList",
     "RunMessage",
@@ -143,4 +163,5 @@ __all__ = [
     "TicksMessage",
     "ValidationMessage",
     "VehicleEntry",
+    "WorkerMessage",
 ]

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from fastapi import APIRouter
+from fastapi.responses import StreamingResponse
 
 from carstage.web.messages import (
+    CommandRequest,
+    CommandText,
+    ExportChange,
+    ExportEntry,
     ExportFormats,
+    ExportList,
     ExportRequest,
     Job,
     JobList,
     ValidationMessage,
 )
-from carstage.web.messages.base import DatasetId
+from carstage.web.messages.base import DatasetId, Name
 from carstage.web.messages.jobs import JobId
-from carstage.web.routes.access import BUSY, MISSING, Access
+from carstage.web.routes.access import ARCHIVE, BAD, BUSY, MISSING, Access, archive
 
 router = APIRouter(prefix="/api", tags=["jobs"])
 
@@ -40,6 +46,36 @@ def validate(dataset: DatasetId, services: Access) -> Job:
 def validation(dataset: DatasetId, services: Access) -> ValidationMessage:
     """What the last validation found."""
     return services.jobs.validation(dataset)
+
+
+@router.get("/exports", responses=BAD)
+def exports(services: Access) -> ExportList:
+    """All exports that are there, newest first."""
+    return services.exports.all()
+
+
+@router.patch("/exports/{name}", responses=BUSY)
+def rename_export(name: Name, change: ExportChange, services: Access) -> ExportEntry:
+    """Give an export's folder another name."""
+    return services.exports.rename(name, change.name)
+
+
+@router.delete("/exports/{name}", status_code=204, responses=BUSY)
+def remove_export(name: Name, services: Access) -> None:
+    """Remove an export."""
+    services.exports.remove(name)
+
+
+@router.get("/exports/{name}/files.zip", responses=ARCHIVE, response_class=StreamingResponse)
+def export_files(name: Name, services: Access) -> StreamingResponse:
+    """An export as one file."""
+    return archive(name, services.exports.archive(name))
+
+
+@router.post("/command", responses=MISSING)
+def command(request: CommandRequest, services: Access) -> CommandText:
+    """The command that does the same in a shell on the server's machine; nothing is done."""
+    return services.commands.text(request)
 
 
 @router.get("/jobs")

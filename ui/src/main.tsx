@@ -10,6 +10,7 @@ import "./styles/shell.css";
 import "./styles/configure.css";
 import "./styles/run.css";
 import "./styles/datasets.css";
+import "./styles/life.css";
 
 applyTheme();
 connect(receiveConfig);

@@ -12,7 +12,7 @@ export function useAnswer<T>(path: string | null, version: unknown = 0): Answer<
   const [answer, setAnswer] = useState<Answer<T> & { path: string | null }>({
     data: null,
     error: null,
-    loading: true,
+    loading: path !== null,
     path,
   });
   useEffect(() => {

@@ -4,12 +4,14 @@ import { useSyncExternalStore } from "react";
 export type Route =
   | { page: "configure" }
   | { page: "run"; run: string | null }
+  | { page: "runs" }
   | { page: "datasets"; dataset: string | null }
   | { page: "episode"; dataset: string; episode: string };
 
 export function parseRoute(hash: string): Route {
   const parts = hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
   const [page, first, second] = parts;
+  if (page === "runs") return { page: "runs" };
   if (page === "run") return { page: "run", run: first ?? null };
   if (page === "datasets" && first && second) return { page: "episode", dataset: first, episode: second };
   if (page === "datasets") return { page: "datasets", dataset: first ?? null };
@@ -22,7 +24,9 @@ export function href(route: Route): string {
       ? ["datasets", route.dataset, route.episode]
       : route.page === "run"
         ? ["run", ...(route.run ? [route.run] : [])]
-        : route.page === "datasets"
+        : route.page === "runs"
+          ? ["runs"]
+          : route.page === "datasets"
           ? ["datasets", ...(route.dataset ? [route.dataset] : [])]
           : ["configure"];
   return `#/${parts.map(encodeURIComponent).join("/")}`;

@@ -35,7 +35,7 @@ function EpisodeCard({ dataset, episode }: { dataset: string; episode: EpisodeSu
         <span className="card-blank" />
       )}
       <span className="card-text">
-        <b>Episode {episode.index + 1}</b>
+        <b>Episode {episode.number}</b>
         <span className="muted">
           {episode.map.split("/").at(-1)}, {episode.weather}
         </span>

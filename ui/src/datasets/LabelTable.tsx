@@ -82,7 +82,7 @@ export function LabelTable({ base, episodes }: { base: string; dataset: string; 
           <option value="">all episodes</option>
           {episodes.map((one) => (
             <option key={one.episode_id} value={one.episode_id}>
-              episode {one.index + 1}
+              episode {one.number}
             </option>
           ))}
         </select>

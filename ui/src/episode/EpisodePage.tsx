@@ -46,7 +46,7 @@ function PlayerOf({ base, detail, dataset }: { base: string; detail: EpisodeDeta
     <main className="page episode">
       <header className="page-head">
         <h1>
-          <a href={href({ page: "datasets", dataset })}>{dataset.replaceAll("~", "/")}</a> / episode {episode.index + 1}
+          <a href={href({ page: "datasets", dataset })}>{dataset.replaceAll("~", "/")}</a> / episode {episode.number}
         </h1>
         <span className="badge">{episode.map}</span>
         <span className="badge">{episode.weather}</span>

@@ -17,15 +17,16 @@ export function LineChart({ title, note, points, format, colour }: Props) {
   const shown = thinned(points);
   const top = Math.max(...shown.map(([, y]) => y), 1e-9);
   const end = Math.max(last?.[0] ?? 0, 1);
+  const across = (x: number) => ((x / end) * WIDTH).toFixed(1);
   const path = shown
-    .map(([x, y], i) => `${i === 0 ? "M" : "L"}${((x / end) * WIDTH).toFixed(1)},${(HEIGHT - 4 - (y / top) * (HEIGHT - 10)).toFixed(1)}`)
+    .map(([x, y], i) => `${i === 0 ? "M" : "L"}${across(x)},${(HEIGHT - 4 - (y / top) * (HEIGHT - 10)).toFixed(1)}`)
     .join("");
   return (
     <figure className="line-chart">
       <figcaption>
         <h3>{title}</h3>
         <span className="muted">
-          {last ? `now ${format(last[1])}, at most ${format(top)}` : "nothing yet"}
+          {last ? `now ${format(last[1])}, at most ${format(top)}` : "not measured yet"}
           {note && last ? ` · ${note}` : ""}
         </span>
       </figcaption>
@@ -33,7 +34,7 @@ export function LineChart({ title, note, points, format, colour }: Props) {
         <path className="chart-grid" d={`M0,${HEIGHT - 4}H${WIDTH}M0,${HEIGHT / 2}H${WIDTH}M0,6H${WIDTH}`} />
         {shown.length > 1 && (
           <>
-            <path d={`${path}L${WIDTH},${HEIGHT - 4}L0,${HEIGHT - 4}Z`} fill={colour} fillOpacity={0.12} />
+            <path d={`${path}L${across(shown.at(-1)?.[0] ?? 0)},${HEIGHT - 4}L${across(shown[0]?.[0] ?? 0)},${HEIGHT - 4}Z`} fill={colour} fillOpacity={0.12} />
             <path className="chart-line" d={path} stroke={colour} />
           </>
         )}

@@ -27,6 +27,7 @@ REASONS = {
     "carstage/cli/comparison.py run": _OPTIONS,
     "carstage/cli/estimate.py estimate": _OPTIONS,
     "carstage/cli/export.py export": _OPTIONS,
+    "carstage/cli/runs.py resume": _OPTIONS,
     "carstage/codecs/png/deflate_kernel.py _literals": _KERNEL,
     "carstage/collector/internals/writing.py __init__": _OWNER,
     "carstage/collector/processing.py __init__": _OWNER,

@@ -11,6 +11,7 @@ import "./styles/configure.css";
 import "./styles/run.css";
 import "./styles/datasets.css";
 import "./styles/player.css";
+import "./styles/life.css";
 
 applyTheme();
 connect(receiveConfig);

@@ -71,7 +71,7 @@ describe("fields", () => {
 describe("groups", () => {
   const groups = groupsOf(schema);
   test("stand in the form's order, the rig apart", () => {
-    expect(groups.map(({ name }) => name)).toEqual(["scene", "traffic", "rig", "server"]);
+    expect(groups.map(({ name }) => name)).toEqual(["server", "scene", "traffic", "rig"]);
     expect(groups.flatMap(({ basic, more }) => [...basic, ...more]).some(({ path }) => path[0] === "rig")).toBe(false);
   });
   test("usual settings are open, the others below more", () => {

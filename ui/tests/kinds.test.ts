@@ -15,8 +15,8 @@ describe("kinds of sensors come from the server", () => {
   test("a plug-in's kind has a name, a colour and a place in the menu", () => {
     expect(titleOf("sonar")).toBe("Sonar");
     expect(colourOf("sonar")).toBe("var(--radar)");
-    const [made, id] = withSensor({}, "sonar", { x: 0, y: 0, z: 1, roll_deg: 0, pitch_deg: 0, yaw_deg: 0 });
-    expect(id).toBe("SONAR");
+    const [made, key] = withSensor({}, "sonar", { x: 0, y: 0, z: 1, roll_deg: 0, pitch_deg: 0, yaw_deg: 0 });
+    expect(key).toBe("0");
     expect(sensorsOf(made, [])[0]).toMatchObject({ id: "SONAR", kind: "sonar" });
   });
   test("its field of view has its own shape and default numbers", () => {

@@ -32,19 +32,29 @@ describe("sensors of the document", () => {
     expect(sensorsOf(open, []).map(({ id }) => id)).toEqual(["CAM_LEFT", "LIDAR"]);
   });
   test("a mirrored copy is on the other side, with the other side's name", () => {
-    const [made, ids] = withMirrored(document, ["CAM_LEFT"]);
-    expect(ids).toEqual(["CAM_RIGHT"]);
+    const [made, keys] = withMirrored(document, ["0"]);
+    expect(keys).toEqual(["2"]);
+    expect(getAt(made, ["rig", "sensors", 2, "id"])).toEqual("CAM_RIGHT");
     expect(getAt(made, ["rig", "sensors", 2, "pose"])).toEqual({ x: 1, y: 0.4, z: 1.6, yaw_deg: 60 });
   });
   test("names stay unique", () => {
     expect(freeName("CAM", ["CAM", "CAM_2"])).toBe("CAM_3");
     expect(mirrorName("CAM_BACK_RIGHT")).toBe("CAM_BACK_LEFT");
-    expect(withCopies(document, ["LIDAR"])[1]).toEqual(["LIDAR_2"]);
+    const [made, keys] = withCopies(document, ["1"]);
+    expect(keys).toEqual(["2"]);
+    expect(getAt(made, ["rig", "sensors", 2, "id"])).toEqual("LIDAR_2");
   });
   test("deleting and moving touch only what is meant", () => {
-    expect(sensorsOf(without(document, ["LIDAR"]), []).map(({ id }) => id)).toEqual(["CAM_LEFT"]);
-    const moved = withPoses(document, ["LIDAR"], (pose) => ({ ...pose, x: 0.123456, yaw_deg: 190 }));
+    expect(sensorsOf(without(document, ["1"]), []).map(({ id }) => id)).toEqual(["CAM_LEFT"]);
+    const moved = withPoses(document, ["1"], (pose) => ({ ...pose, x: 0.123456, yaw_deg: 190 }));
     expect(getAt(moved, ["rig", "sensors", 1, "pose"])).toEqual({ x: 0.1235, z: 1.9, yaw_deg: -170 });
+    expect(getAt(moved, ["rig", "sensors", 0])).toEqual(camera);
+  });
+  test("two sensors of one name are told apart by their places", () => {
+    const twins: JsonObject = { rig: { sensors: [camera, { ...lidar, id: "CAM_LEFT" }] } };
+    expect(sensorsOf(twins, []).map(({ key, kind }) => [key, kind])).toEqual([["0", "rgb"], ["1", "lidar"]]);
+    expect(sensorsOf(without(twins, ["1"]), []).map(({ kind }) => kind)).toEqual(["rgb"]);
+    const moved = withPoses(twins, ["1"], (pose) => ({ ...pose, x: 1 }));
     expect(getAt(moved, ["rig", "sensors", 0])).toEqual(camera);
   });
   test("the vertical field of view follows from the picture's shape", () => {
@@ -124,9 +134,9 @@ describe("stacks", () => {
   test("sensors in one place are one mark; clicks go through them", () => {
     const [stack] = stacksOf(sensorsOf(twins, []));
     expect(stack?.sensors.map(({ id }) => id)).toEqual(["CAM_LEFT", "DEPTH"]);
-    expect(nextSelection(stack!, [])).toEqual(["CAM_LEFT", "DEPTH"]);
-    expect(nextSelection(stack!, ["CAM_LEFT", "DEPTH"])).toEqual(["CAM_LEFT"]);
-    expect(nextSelection(stack!, ["CAM_LEFT"])).toEqual(["DEPTH"]);
-    expect(nextSelection(stack!, ["DEPTH"])).toEqual(["CAM_LEFT", "DEPTH"]);
+    expect(nextSelection(stack!, [])).toEqual(["0", "1"]);
+    expect(nextSelection(stack!, ["0", "1"])).toEqual(["0"]);
+    expect(nextSelection(stack!, ["0"])).toEqual(["1"]);
+    expect(nextSelection(stack!, ["1"])).toEqual(["0", "1"]);
   });
 });

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,6 +13,7 @@ from carstage.cli import comparison  # noqa: F401 - adds its commands to bench_a
 from carstage.cli.bench import bench_app
 from carstage.cli.campaign import campaign_app
 from carstage.cli.catalog import catalog_app
+from carstage.cli.dataset import dataset_app
 from carstage.cli.estimate import estimate
 from carstage.cli.export import export
 from carstage.cli.gui import gui
@@ -26,6 +28,7 @@ from carstage.cli.output import (
     result,
     result_json,
 )
+from carstage.cli.runs import runs_app
 from carstage.cli.split import split
 
 if TYPE_CHECKING:
@@ -49,6 +52,8 @@ app.add_typer(catalog_app, name="catalog")
 app.command()(export)
 app.command()(gui)
 app.command()(split)
+app.add_typer(runs_app, name="runs")
+app.add_typer(dataset_app, name="dataset")
 
 DEMO_FOLDER = Path("datasets/demo")
 
@@ -123,13 +128,16 @@ def demo(
     from carstage.config import load_demo
 
     configured = load_demo(settings or ())
-    return _record(configured, out, json=json, report=True, retries=retries, append=append)
+    return record(configured, out, json=json, report=True, retries=retries, append=append)
 
 
 @app.command()
 @command
 def run(
-    config: Annotated[Path, typer.Argument(help="The configuration, YAML.", metavar="CONFIG")],
+    config: Annotated[
+        Path,
+        typer.Argument(help="The configuration, YAML; -: standard input.", metavar="CONFIG"),
+    ],
     out: Out,
     settings: Settings = None,
     json: Json = False,
@@ -187,7 +195,12 @@ def run(
     import carstage
     from carstage.runs.allotment import parse_workers
 
-    configured = carstage.load_config(config, settings or ())
+    if str(config) == "-":
+        from carstage.config import parse_config
+
+        configured = parse_config(sys.stdin.read(), settings or (), source="standard input")
+    else:
+        configured = carstage.load_config(config, settings or ())
     options: dict[str, Any] = {"retries": retries, "append": append}
     options |= {"shard": shard, "run_id": run_id, "work": work, "catalog": catalog}
     if ray_address is None:
@@ -198,10 +211,11 @@ def run(
         wanted = parse_workers(workers)
         count = None if wanted == "auto" else wanted
         options["executor"] = RayExecutor(count, ray_address, parse_resources(ray_resources))
-    return _record(configured, out, json=json, report=False, **options)
+    return record(configured, out, json=json, report=False, **options)
 
 
-def _record(config: Config, out: Path, *, json: bool, report: bool, **options: Any) -> int:
+def record(config: Config, out: Path, *, json: bool, report: bool = False, **options: Any) -> int:
+    """Record, say how it went, and give the command's exit code."""
     import carstage
     from carstage.cli.progress import watch_run
     from carstage.runs.continuing import OtherSettingsError

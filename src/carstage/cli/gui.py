@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from carstage.cli.output import Debug, command, note, result
+from carstage.cli.output import Debug, command, folder, note, result
 
 
 @command
@@ -16,9 +16,19 @@ def gui(
         list[Path] | None,
         typer.Option(
             "--datasets",
+            metavar="DIR|URL",
+            help="Folder of datasets, or s3://, gs://, az:// and a bucket; new ones are made in "
+            "the first. Repeatable. Default: ./datasets.",
+        ),
+    ] = None,
+    work: Annotated[
+        Path | None,
+        typer.Option(
+            "--work",
             metavar="DIR",
-            help="Folder of datasets; new ones are made in the first. Repeatable. "
-            "Default: ./datasets.",
+            help="Folder of this machine for raw recordings of runs into object stores. Default: "
+            "one in the user's cache.",
+            callback=folder,
         ),
     ] = None,
     host: Annotated[
@@ -43,7 +53,7 @@ def gui(
 ) -> None:
     """Configure, place sensors, record, watch and browse in a browser."""
     del debug
-    from carstage.storage import local_folder
+    from carstage.storage import dataset_root
     from carstage.web.opening import open_in_browser
     from carstage.web.serving import serve
 
@@ -53,5 +63,5 @@ def gui(
         if browser:
             open_in_browser(url)
 
-    roots = tuple(map(local_folder, datasets or [Path("datasets")]))
-    serve(roots, host, port, ready, token=token)
+    roots = tuple(map(dataset_root, datasets or [Path("datasets")]))
+    serve(roots, host, port, ready, token=token, work=work)

@@ -74,9 +74,19 @@ def _choice(context: Mapping[str, Any], value: Any) -> tuple[str, str]:
 
 
 def _length(context: Mapping[str, Any], value: Any) -> tuple[str, str]:
-    if "min_length" in context:
-        return f"{_shown(value)} is too short.", f"Give at least {context['min_length']}."
-    return f"{_shown(value)} is too long.", f"Give at most {context['max_length']}."
+    least = "min_length" in context
+    number = context["min_length" if least else "max_length"]
+    if isinstance(value, str):
+        what = "letter" if number == 1 else "letters"
+        message = (
+            "It is empty."
+            if not value
+            else f"{_shown(value)} is too {'short' if least else 'long'}."
+        )
+    else:
+        what = "entry" if number == 1 else "entries"
+        message = f"{_shown(value)} has too {'few' if least else 'many'} entries."
+    return message, f"Give at {'least' if least else 'most'} {number} {what}."
 
 
 _SENTENCES: dict[str, Callable[[Mapping[str, Any], Any], tuple[str, str]]] = {

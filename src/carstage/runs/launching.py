@@ -12,8 +12,9 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from carstage.errors import CarStageError
 from carstage.runs.identity import life_of
@@ -23,24 +24,56 @@ class StopError(CarStageError, RuntimeError):
     """A run cannot be asked to stop from here."""
 
 
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """What ``carstage run`` is given besides the configuration and the dataset's place.
+
+    Attributes:
+        retries: further attempts of an episode that fails.
+        append: record also beside episodes of other settings.
+        workers: servers on this machine.
+        catalog: address of a catalog to write to, too; it holds no password.
+        work: folder of this machine for raw recordings and logs.
+    """
+
+    retries: int = 2
+    append: bool = False
+    workers: int | Literal["auto"] = 1
+    catalog: str | None = None
+    work: str | None = None
+
+    def arguments(self) -> list[str]:
+        """The options of the command line that differ from its own defaults."""
+        given = []
+        if self.retries != RunOptions().retries:
+            given += ["--retries", str(self.retries)]
+        if self.append:
+            given.append("--append")
+        if self.workers != 1:
+            given += ["--workers", str(self.workers)]
+        if self.catalog:
+            given += ["--catalog", self.catalog]
+        if self.work:
+            given += ["--work", self.work]
+        return given
+
+
 def launch(
-    config: Path, out: Path, run_id: str, log: Path, *, retries: int, append: bool, folder: Path
+    config: Path, out: str, run_id: str, log: Path, *, options: RunOptions, folder: Path
 ) -> subprocess.Popen[bytes]:
     """Start ``carstage run`` and return at once.
 
     Args:
         config: file with the configuration.
-        out: folder of the dataset.
+        out: place of the dataset.
         run_id: name of the run's folder.
         log: file that its output is appended to.
-        retries: further attempts of an episode that fails.
-        append: record also beside episodes of other settings.
+        options: as ``carstage run`` has them.
         folder: what relative paths in the configuration are relative to.
     """
     command = [
-        *(sys.executable, "-m", "carstage.cli", "run", str(config), "--out", str(out)),
-        *("--run-id", run_id, "--retries", str(retries)),
-        *(["--append"] if append else []),
+        *(sys.executable, "-m", "carstage.cli", "run", str(config), "--out", out),
+        *("--run-id", run_id, *options.arguments()),
     ]
     with log.open("ab") as output:
         return subprocess.Popen(

@@ -162,14 +162,29 @@ def check_disk(work: Path, estimate: RunEstimate, *, dataset_elsewhere: bool = F
     """
     free_bytes = shutil.disk_usage(_existing(work)).free
     dataset_bytes = 0 if dataset_elsewhere else estimate.dataset_bytes
-    peak_bytes = estimate.peak_bytes - estimate.dataset_bytes + dataset_bytes
-    if peak_bytes * _RESERVE > free_bytes:
+    peak_bytes = disk_need(estimate, dataset_elsewhere=dataset_elsewhere)
+    if not fits(peak_bytes, free_bytes):
         raise BadInputError(
             f"output: the run needs about {size_text(peak_bytes)} "
             f"({size_text(dataset_bytes)} of them for the dataset), but only "
             f"{size_text(free_bytes)} are free at {work}.",
             "Record fewer or shorter episodes or smaller images, or choose another --out.",
         )
+
+
+def disk_need(estimate: RunEstimate, *, dataset_elsewhere: bool = False) -> int:
+    """The most that a run has on the disk of its work folder at once, bytes.
+
+    Args:
+        estimate: of the run.
+        dataset_elsewhere: only raw recordings need room there.
+    """
+    return estimate.peak_bytes - (estimate.dataset_bytes if dataset_elsewhere else 0)
+
+
+def fits(need_bytes: int, free_bytes: int) -> bool:
+    """Whether a run is begun where so much is free."""
+    return need_bytes * _RESERVE <= free_bytes
 
 
 def check_server(config: Config) -> None:

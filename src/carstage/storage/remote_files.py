@@ -224,12 +224,17 @@ class RemoteFiles:
 
     def folders(self, key: str) -> list[str]:
         """Names of the folders directly below a path, sorted."""
+        return self.listing(key)[0]
+
+    def listing(self, key: str) -> tuple[list[str], list[str]]:
+        """Names of the folders, and of the objects, directly below a path, sorted."""
         import obstore
 
         found = self._ask(
             "listing", lambda: obstore.list_with_delimiter(self.store, key or None), key
         )
-        return sorted(prefix.rstrip("/").rpartition("/")[2] for prefix in found["common_prefixes"])
+        folders = [prefix.rstrip("/").rpartition("/")[2] for prefix in found["common_prefixes"]]
+        return sorted(folders), sorted(one["path"].rpartition("/")[2] for one in found["objects"])
 
     def delete(self, keys: Iterable[str]) -> None:
         """Remove objects; those that are not there are none too many.

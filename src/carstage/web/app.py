@@ -36,7 +36,7 @@ def create_app(settings: WebSettings, *, static: Path = STATIC) -> FastAPI:
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         # Of what reads for every browser at once; what answers one is confined by the guard.
-        with reading_within([root.resolve() for root in settings.roots]):
+        with reading_within(settings.folders):
             async with Services.running(settings) as services:
                 app.state.services = services
                 yield

@@ -74,7 +74,7 @@ async def _invalid(_request: Request, error: Exception) -> JSONResponse:
         FieldProblem(path=_path(details.get("loc", ())), message=str(details.get("msg", "wrong")))
         for details in error.errors()[:100]
     ]
-    return answer(WebError(422, "The request is not as the interface wants it.", errors=problems))
+    return answer(WebError(422, "Something in the request cannot be used.", errors=problems))
 
 
 def _path(location: tuple[Any, ...]) -> list[str | int]:

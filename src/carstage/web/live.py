@@ -163,6 +163,7 @@ class LiveHub:
         await asyncio.to_thread(load)
         client.post(await asyncio.to_thread(self._snapshot))
         self._clients.add(client)
+        self._runs_sent = []  # its list is of before: what went meanwhile must be told
         sender = asyncio.create_task(self._send(client))
         try:
             while True:
@@ -239,7 +240,7 @@ class LiveHub:
         found = {}
         for dataset in self._roots.datasets().values():
             with suppress(OSError):
-                found[dataset.dataset] = (dataset.path / "commits").stat().st_mtime
+                found[dataset.dataset] = dataset.changed() or 0.0
         return found
 
     async def _look_for(self, client: _Client) -> None:
@@ -276,9 +277,17 @@ class LiveHub:
         """What is new about a run; in a thread."""
         folder = self._runs.folder(look.run_id)
         run = self._summaries.get(look.run_id)
-        if folder is None or run is None:
+        if run is None:
             return None
         found = _Found()
+        if folder is None:
+            if run.alive != "ended":
+                return None
+            # Refused before it made a folder: what its command has printed is all there is.
+            if look.fresh:
+                log = self._runs.output(run.run_id)
+                found.messages.append(LogMessage(run_id=run.run_id, reset=True, lines=log))
+            return found
         with self._runs.locked:
             follower = self._runs.follow(look.run_id)
             if follower is None:

@@ -41,7 +41,7 @@ class Guard:
     def __init__(self, app: ASGIApp, settings: WebSettings) -> None:
         self._app = app
         self._token = settings.token
-        self._roots = tuple(root.resolve() for root in settings.roots)
+        self._folders = settings.folders
         self._cookie = f"carstage_{settings.port}"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -57,7 +57,7 @@ class Guard:
                 return
             reason = "The token is missing or wrong."
         if reason is None:
-            with reading_within(self._roots):
+            with reading_within(self._folders):
                 hardened = _hardened(send) if scope["type"] == "http" else send
                 await self._app(scope, receive, hardened)
         elif scope["type"] == "websocket":

@@ -7,6 +7,7 @@ import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 
+from carstage.web.commands import CommandService
 from carstage.web.configure.checking import ConfigChecker
 from carstage.web.configure.description import DescriptionService
 from carstage.web.configure.schema import SchemaService
@@ -16,6 +17,7 @@ from carstage.web.configure.texts import ConfigTexts
 from carstage.web.datasets.catalogue import Catalogue
 from carstage.web.datasets.episode_index import EpisodeIndex
 from carstage.web.datasets.episodes import EpisodeService
+from carstage.web.datasets.exports import Exports
 from carstage.web.datasets.frame_values import FrameService
 from carstage.web.datasets.history import HistoryService
 from carstage.web.datasets.jobs import JobService
@@ -23,7 +25,7 @@ from carstage.web.datasets.label_tables import LabelTables
 from carstage.web.datasets.pictures import Pictures
 from carstage.web.live import LiveHub
 from carstage.web.loading import load
-from carstage.web.messages import ConfigState
+from carstage.web.messages import ConfigState, Removed
 from carstage.web.preview.run_previews import Previews
 from carstage.web.preview.sensor_preview import SensorPreviewService
 from carstage.web.roots import Roots
@@ -41,7 +43,7 @@ class Services:
 
     def __init__(self, settings: WebSettings) -> None:
         settings.state.mkdir(mode=0o700, parents=True, exist_ok=True)
-        roots = Roots(settings.roots)
+        roots = Roots(settings.roots, home=settings.home, writable=settings.writable)
         self.schema = SchemaService()
         self.description = DescriptionService()
         self.checker = ConfigChecker(roots)
@@ -58,8 +60,11 @@ class Services:
         self.pictures = Pictures(self.frames)
         self.tables = LabelTables(self.datasets, roots)
         self.previews = Previews()
-        launches = Launches(settings.state / "launches", settings.root)
+        launches = Launches(settings.state / "launches", settings.home)
         self.runs = RunService(roots, launches, self.checker, self.config, self.previews)
+        self.exports = Exports(roots, self.jobs)
+        self.commands = CommandService(roots, self.runs, self.exports, self.config, self.texts)
+        self._roots = roots
         self.live = LiveHub(self.config, self.runs, self.jobs, self.previews, roots)
 
     @classmethod
@@ -93,6 +98,19 @@ class Services:
         config = self.checker.parse(self.config.state().config)
         self.datasets.all()  # what is new since the last start is read before anybody asks
         self.description.warm(config.ego.blueprint, closing)
+
+    def remove_dataset(self, dataset: str) -> Removed:
+        """Remove a dataset, and what is kept of its runs.
+
+        Raises:
+            WebError: there is none, or somebody uses it.
+            StorageError: something cannot be removed.
+        """
+        place = self._roots.dataset(dataset).path
+        busy = self.runs.records_into(place)
+        left = self.datasets.remove(dataset, busy=busy)
+        self.runs.forget(place)
+        return Removed(left=left)
 
     def _changed(self, state: ConfigState) -> None:
         self.live.config_changed(state)

@@ -13,6 +13,8 @@ import uvicorn
 from carstage.errors import BadInputError
 from carstage.files.home import without_tilde
 from carstage.files.locks import take_lock
+from carstage.storage.remote_files import remote_files
+from carstage.storage.remote_path import DatasetPath
 from carstage.web.app import create_app
 from carstage.web.settings import WebSettings, is_loopback, new_token
 
@@ -23,26 +25,31 @@ _LARGEST_MESSAGE_BYTES = 65_536
 
 
 def serve(
-    roots: Sequence[Path],
+    roots: Sequence[DatasetPath],
     host: str,
     port: int,
     ready: Callable[[str], None],
     *,
     token: bool = True,
+    work: Path | None = None,
 ) -> None:
     """Serve until SIGINT or SIGTERM.
 
     Args:
-        roots: folders of datasets; the first is made when it is missing.
+        roots: folders of datasets, and places of them in object stores; the first folder is made
+            when it is missing.
         host: address to bind.
         port: port to bind; 0: a free one.
         ready: called with the address to open, when the server listens.
         token: whether everybody has to know the token in that address. Other users of this machine
             reach loopback, too, and who may start runs may start programs.
+        work: folder of this machine for raw recordings of runs into object stores.
 
     Raises:
         BadInputError: no token, and not on loopback; the address is taken or not ours, or a folder
             cannot be used.
+        StoreAccessError: there is no such bucket, or the credentials let nobody look.
+        StorageError: a store cannot be reached.
     """
     if not token and not is_loopback(host):
         raise BadInputError(
@@ -50,14 +57,15 @@ def serve(
             "Leave it out, or listen on 127.0.0.1 alone.",
         )
     logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
-    folders = tuple(_folder(root, make=number == 0) for number, root in enumerate(roots))
+    places = tuple(_place(root, make=number == 0) for number, root in enumerate(roots))
     listener = _listen(host, port)
     with listener:
         bound = WebSettings(
-            roots=folders,
+            roots=places,
             host=host,
             port=listener.getsockname()[1],
             token=new_token() if token else None,
+            work=None if work is None else _folder(work, make=True),
         )
         # Ctrl-C is how it ends; the server has closed everything before it passes the signal on.
         with _only_server(bound.state), suppress(KeyboardInterrupt):
@@ -91,6 +99,13 @@ class _Server(uvicorn.Server):
         await super().startup(sockets)
         if self.started:
             self._ready(self._url)
+
+
+def _place(root: DatasetPath, *, make: bool) -> DatasetPath:
+    if isinstance(root, Path):
+        return _folder(root, make=make)
+    remote_files(root.root).listing(root.key)  # whether there is such a bucket, and we may look
+    return root
 
 
 def _folder(root: Path, *, make: bool) -> Path:
@@ -128,7 +143,7 @@ def _listen(host: str, port: int) -> socket.socket:
 def _only_server(state: Path) -> Iterator[None]:
     """Hold the state folder; the system gives it back with the process, however that ends."""
     try:
-        state.mkdir(mode=0o700, exist_ok=True)
+        state.mkdir(mode=0o700, parents=True, exist_ok=True)
         held = take_lock(state / "lock", 0o600)
     except OSError as error:
         raise BadInputError(

@@ -8,6 +8,9 @@ from dataclasses import dataclass, field
 from ipaddress import ip_address
 from pathlib import Path
 
+from carstage.cache import cache_folder
+from carstage.storage.remote_path import DatasetPath
+
 STATE_FOLDER = ".carstage-gui"
 EVERY_ADDRESS = ("0.0.0.0", "::")
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -18,26 +21,45 @@ class WebSettings:
     """How the server is reached, and what it may touch.
 
     Attributes:
-        roots: folders whose datasets are shown; new ones are made in the first.
+        roots: folders, or places in object stores, whose datasets are shown; new ones are made in
+            the first.
         host: address that it binds.
         port: port that it binds.
         token: what every request must prove to know; None: nobody is asked.
+        work: folder of this machine for raw recordings and logs of runs into object stores; None:
+            the user's cache.
     """
 
-    roots: tuple[Path, ...]
+    roots: tuple[DatasetPath, ...]
     host: str = "127.0.0.1"
     port: int = 8321
     token: str | None = field(default=None, repr=False)
+    work: Path | None = None
 
     @property
-    def root(self) -> Path:
-        """The folder in which datasets are made."""
-        return self.roots[0]
+    def home(self) -> Path:
+        """The folder of this machine that relative paths are relative to: the first root on it."""
+        from carstage.runs.preflight import work_folder
+
+        local = next((root for root in self.roots if isinstance(root, Path)), None)
+        return work_folder(self.roots[0], None) if local is None else local
 
     @property
     def state(self) -> Path:
         """Folder of what outlives this process: configuration, queue, jobs."""
-        return self.root / STATE_FOLDER
+        return self.home / STATE_FOLDER
+
+    @property
+    def writable(self) -> tuple[Path, ...]:
+        """Folders of this machine, beside the roots, that runs may work in."""
+        return (runs_cache(), *([self.work] if self.work else []))
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """Every folder of this machine whose files are shown, resolved."""
+        local = [root for root in self.roots if isinstance(root, Path)]
+        found = [*local, self.home, *self.writable]
+        return tuple(dict.fromkeys(folder.resolve() for folder in found))
 
     @property
     def url(self) -> str:
@@ -46,6 +68,11 @@ class WebSettings:
         host = f"[{host}]" if ":" in host else host
         tail = f"?token={self.token}" if self.token else ""
         return f"http://{host}:{self.port}/{tail}"
+
+
+def runs_cache() -> Path:
+    """What holds the work folders of runs into object stores."""
+    return cache_folder() / "runs"
 
 
 def address_of_this_machine(every: str) -> str:

@@ -79,7 +79,7 @@ def test_strata_and_grids_decide_how_many_episodes_there_are() -> None:
         ("vehicles: {count: {range: [1, 1e300]}}", "vehicles.count.range[1]: 1e+300 is too large."),
         ("vehicles: {cuont: {range: [1, 5]}}", "vehicles.cuont.range[0]: unknown key 'cuont'."),
         ("fps: {choice: [10, 500]}", "fps.choice[1]: 500 is too large."),
-        ("fps: {choice: []}", "fps.choice: [] is too short."),
+        ("fps: {choice: []}", "fps.choice: [] has too few entries."),
         ("fps: {choice: [10, 20], weights: [1]}", "fps.weights: 1 weights are not one for each"),
         ("fps: {choice: [10, 20], weights: [1, -1]}", "fps.weights[1]: -1 is too small."),
         ("fps: {choice: [10, 20], weights: [0, 0]}", "fps.weights: all of them are 0."),

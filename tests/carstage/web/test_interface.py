@@ -47,7 +47,7 @@ def disturbed(site: Site, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
     """A site of its own whose runs and jobs end at once, and whose simulator never is ready.
 
     Requests are checked, planned, queued and written down as ever; only the process that comes out
-    of it is another.
+    of it is another, and no object store is asked.
     """
     root = tmp_path_factory.mktemp("disturbed")
     shutil.copytree(site.root / site.dataset, root / site.dataset)
@@ -60,6 +60,8 @@ def disturbed(site: Site, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         patch.setattr("carstage.runs.launching.launch", start)
         patch.setattr("carstage.web.datasets.jobs.WORKER", ("true",))
         patch.setattr(SensorPreviewService, "warm", lambda _: False)
+        patch.setattr("carstage.storage.objects.ObjectStore.check", lambda _: None)
+        patch.setattr("carstage.web.roots.Roots.add", lambda *_: None)
         with open_site(root, token=TOKEN) as client:
             client.headers["Authorization"] = f"Bearer {TOKEN}"
             yield Site(client, root, site.dataset, site.episode)
@@ -69,7 +71,7 @@ def disturbed(site: Site, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
     ("operation", "mode"), attempts(), ids=lambda v: getattr(v, "label", getattr(v, "value", v))
 )
 def test_no_request_makes_the_server_fail(
-    disturbed: Site, operation: Any, mode: GenerationMode
+    disturbed: Site, site: Site, operation: Any, mode: GenerationMode
 ) -> None:
     there = {"dataset": disturbed.dataset, "episode": disturbed.episode}
 
@@ -79,6 +81,8 @@ def test_no_request_makes_the_server_fail(
         if isinstance(arguments.get("data"), bytes | str):
             sent["content"] = arguments["data"]
         method, url = arguments["method"], arguments["url"]
+        if not (disturbed.root / disturbed.dataset).exists():  # a request has removed it
+            shutil.copytree(site.root / site.dataset, disturbed.root / disturbed.dataset)
         answer = disturbed.client.request(method, url, **sent)
         assert answer.status_code < 500, answer.text
         assert answer.status_code != 403, answer.text

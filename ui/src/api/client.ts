@@ -67,3 +67,13 @@ export async function put<T>(path: string, body: unknown): Promise<T> {
 export function sentence(error: unknown): string {
   return error instanceof Error ? error.message : String(error);
 }
+
+export async function patch<T>(path: string, body: unknown): Promise<T> {
+  return (await (await send(path, withBody("PATCH", body))).json()) as T;
+}
+
+/** Remove something; the answer, if there is one. */
+export async function remove<T>(path: string): Promise<T | null> {
+  const response = await send(path, { method: "DELETE" });
+  return response.status === 204 ? null : ((await response.json()) as T);
+}

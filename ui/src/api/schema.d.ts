@@ -172,6 +172,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/server/releases": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Releases
+         * @description Folders of CARLA releases on this machine, to choose from.
+         */
+        get: operations["releases"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/description": {
         parameters: {
             query?: never;
@@ -290,10 +310,18 @@ export interface paths {
         get: operations["run"];
         put?: never;
         post?: never;
-        delete?: never;
+        /**
+         * Remove Run
+         * @description Remove a run with its logs; its episodes stay in the dataset.
+         */
+        delete: operations["remove_run"];
         options?: never;
         head?: never;
-        patch?: never;
+        /**
+         * Rename Run
+         * @description Show a run by another name.
+         */
+        patch: operations["rename_run"];
         trace?: never;
     };
     "/api/runs/{run_id}/stop": {
@@ -312,6 +340,46 @@ export interface paths {
          *     A queued run leaves the queue.
          */
         post: operations["stop"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/runs/{run_id}/again": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Again
+         * @description Go on with a run that has ended, or record the same into another dataset.
+         */
+        post: operations["again"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/runs/{run_id}/files.zip": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Run Files
+         * @description The run's own folder: plan, status, events, logs.
+         */
+        get: operations["run_files"];
+        put?: never;
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -352,10 +420,18 @@ export interface paths {
         get: operations["dataset"];
         put?: never;
         post?: never;
-        delete?: never;
+        /**
+         * Remove Dataset
+         * @description Remove a dataset with its episodes and runs.
+         */
+        delete: operations["remove_dataset"];
         options?: never;
         head?: never;
-        patch?: never;
+        /**
+         * Rename Dataset
+         * @description Give a dataset another name; its folder stays.
+         */
+        patch: operations["rename_dataset"];
         trace?: never;
     };
     "/api/datasets/{dataset}/episodes/{episode}": {
@@ -470,6 +546,26 @@ export interface paths {
          * @description Counts over the labels.
          */
         get: operations["statistics"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/datasets/{dataset}/files.zip": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Dataset Files
+         * @description The dataset as it is, without its runs.
+         */
+        get: operations["dataset_files"];
         put?: never;
         post?: never;
         delete?: never;
@@ -667,6 +763,90 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/exports": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Exports
+         * @description All exports that are there, newest first.
+         */
+        get: operations["exports"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/exports/{name}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post?: never;
+        /**
+         * Remove Export
+         * @description Remove an export.
+         */
+        delete: operations["remove_export"];
+        options?: never;
+        head?: never;
+        /**
+         * Rename Export
+         * @description Give an export's folder another name.
+         */
+        patch: operations["rename_export"];
+        trace?: never;
+    };
+    "/api/exports/{name}/files.zip": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Export Files
+         * @description An export as one file.
+         */
+        get: operations["export_files"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/command": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Command
+         * @description The command that does the same in a shell on the server's machine; nothing is done.
+         */
+        post: operations["command"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/jobs": {
         parameters: {
             query?: never;
@@ -803,6 +983,22 @@ export interface components {
              * @default false
              */
             previews: boolean;
+        };
+        /**
+         * CommandRequest
+         * @description What the command shall do.
+         */
+        CommandRequest: {
+            /** Command */
+            command: components["schemas"]["StartCommand"] | components["schemas"]["RunCommand"] | components["schemas"]["RecordAgainCommand"] | components["schemas"]["RenameRunCommand"] | components["schemas"]["DatasetCommand"] | components["schemas"]["RenameDatasetCommand"] | components["schemas"]["ExportCommand"] | components["schemas"]["KeptExportCommand"] | components["schemas"]["RenameExportCommand"];
+        };
+        /**
+         * CommandText
+         * @description A command for a shell on the machine of this server.
+         */
+        CommandText: {
+            /** Text */
+            text: string;
         };
         /**
          * ConfigChange
@@ -1007,6 +1203,27 @@ export interface components {
             frames_total: number;
         };
         /**
+         * DatasetChange
+         * @description A new name for a dataset.
+         */
+        DatasetChange: {
+            /** Name */
+            name: string;
+        };
+        /**
+         * DatasetCommand
+         * @description Validate a dataset, write its report, or remove it.
+         */
+        DatasetCommand: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            do: "delete-dataset" | "report" | "validate";
+            /** Dataset */
+            dataset: string;
+        };
+        /**
          * DatasetDetail
          * @description A dataset with its episodes.
          *
@@ -1029,7 +1246,8 @@ export interface components {
          * @description All datasets, newest first, and where they are.
          *
          *     Attributes:
-         *         root: the folder in which new ones are made.
+         *         root: the folder in which new ones are made, or an address.
+         *         problems: what is wrong with object stores, a sentence each.
          */
         DatasetList: {
             /** Datasets */
@@ -1038,6 +1256,8 @@ export interface components {
             root: string;
             /** Disk Free Bytes */
             disk_free_bytes: number;
+            /** Problems */
+            problems?: string[];
         };
         /**
          * DatasetSummary
@@ -1048,6 +1268,7 @@ export interface components {
          *         state: ``recording`` while a run writes to it; ``damaged``: see ``problem``.
          *         validity: what the last validation from here found.
          *         changed: Unix time of the last commit.
+         *         location: its folder, or its address.
          */
         DatasetSummary: {
             /** Dataset */
@@ -1086,6 +1307,11 @@ export interface components {
              * @enum {string}
              */
             validity: "unknown" | "valid" | "invalid" | "outdated";
+            /**
+             * Location
+             * @default
+             */
+            location: string;
         };
         /**
          * DatasetsMessage
@@ -1196,7 +1422,6 @@ export interface components {
          *         incomplete: number of ticks with a sensor that is neither ``ok`` nor ``off``.
          *         spec: what was asked for.
          *         tags: semantic tags with their colours.
-         *         number: its place in the dataset, from 1.
          */
         EpisodeDetail: {
             episode: components["schemas"]["EpisodeSummary"];
@@ -1224,8 +1449,6 @@ export interface components {
             };
             /** Tags */
             tags: components["schemas"]["Tag"][];
-            /** Number */
-            number: number;
         };
         /**
          * EpisodeHistory
@@ -1280,6 +1503,8 @@ export interface components {
          *
          *     Attributes:
          *         saved_fps: saved frames per simulated second.
+         *         index: in the configuration that it was recorded by.
+         *         number: in the dataset, from 1.
          *         thumbnail: a camera whose pictures show it.
          */
         EpisodeSummary: {
@@ -1301,6 +1526,8 @@ export interface components {
             bytes: number;
             /** Sensors */
             sensors: number;
+            /** Number */
+            number: number;
             /** Thumbnail */
             thumbnail?: string | null;
         };
@@ -1332,10 +1559,13 @@ export interface components {
          * @description What a configuration would record.
          *
          *     Attributes:
-         *         peak_bytes: the most that is on the disk at once.
+         *         dataset_bytes: what the dataset takes in the end.
+         *         peak_bytes: the most that is on the disk at once, as the run itself checks it.
+         *         work_bytes: the same where the dataset goes into an object store.
          *         duration_s: rough wall time on two cores with the embedded simulator.
          *         disk_free_bytes: where datasets are written.
          *         fits: whether the run would be begun with that much space.
+         *         fits_elsewhere: the same where the dataset goes into an object store.
          */
         Estimate: {
             /** Episodes */
@@ -1350,12 +1580,63 @@ export interface components {
             dataset_bytes: number;
             /** Peak Bytes */
             peak_bytes: number;
+            /** Work Bytes */
+            work_bytes: number;
             /** Duration S */
             duration_s: number;
             /** Disk Free Bytes */
             disk_free_bytes: number;
             /** Fits */
             fits: boolean;
+            /** Fits Elsewhere */
+            fits_elsewhere: boolean;
+        };
+        /**
+         * ExportChange
+         * @description A new name for an export's folder.
+         */
+        ExportChange: {
+            /** Name */
+            name: string;
+        };
+        /**
+         * ExportCommand
+         * @description Export a dataset.
+         */
+        ExportCommand: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            do: "export";
+            /** Dataset */
+            dataset: string;
+            export: components["schemas"]["ExportRequest"];
+        };
+        /**
+         * ExportEntry
+         * @description An export that is there.
+         *
+         *     Attributes:
+         *         dataset: name of the dataset that it was made of.
+         *         changed: Unix time at which it was whole.
+         *         location: its folder, or its address.
+         */
+        ExportEntry: {
+            /** Name */
+            name: string;
+            /** Format */
+            format: string;
+            /** Dataset */
+            dataset: string;
+            /** Frames */
+            frames: number;
+            /** Bytes */
+            bytes: number;
+            /** Changed */
+            changed: number;
+            /** Location */
+            location: string;
         };
         /**
          * ExportFormat
@@ -1381,6 +1662,14 @@ export interface components {
         ExportFormats: {
             /** Formats */
             formats: components["schemas"]["ExportFormat"][];
+        };
+        /**
+         * ExportList
+         * @description All exports, newest first.
+         */
+        ExportList: {
+            /** Exports */
+            exports: components["schemas"]["ExportEntry"][];
         };
         /**
          * ExportRequest
@@ -1604,6 +1893,19 @@ export interface components {
             job: components["schemas"]["Job"];
         };
         /**
+         * KeptExportCommand
+         * @description Remove an export.
+         */
+        KeptExportCommand: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            do: "delete-export";
+            /** Name */
+            name: string;
+        };
+        /**
          * LiveMessage
          * @description Any text message of the server.
          */
@@ -1716,6 +2018,85 @@ export interface components {
             width: number;
         };
         /**
+         * RecordAgainCommand
+         * @description Record the same into another dataset.
+         */
+        RecordAgainCommand: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            do: "duplicate";
+            /** Run Id */
+            run_id: string;
+            /** Dataset */
+            dataset: string;
+        };
+        /**
+         * ReleaseFolders
+         * @description Folders of CARLA releases on this machine.
+         */
+        ReleaseFolders: {
+            /** Folders */
+            folders: string[];
+        };
+        /**
+         * Removed
+         * @description What is left where something was removed.
+         *
+         *     Attributes:
+         *         left: names of what stays in its folder, as it was not ours.
+         */
+        Removed: {
+            /** Left */
+            left?: string[];
+        };
+        /**
+         * RenameDatasetCommand
+         * @description Give a dataset another name.
+         */
+        RenameDatasetCommand: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            do: "rename-dataset";
+            /** Dataset */
+            dataset: string;
+            /** Name */
+            name: string;
+        };
+        /**
+         * RenameExportCommand
+         * @description Give an export's folder another name.
+         */
+        RenameExportCommand: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            do: "rename-export";
+            /** Name */
+            name: string;
+            /** New Name */
+            new_name: string;
+        };
+        /**
+         * RenameRunCommand
+         * @description Show a run by another name.
+         */
+        RenameRunCommand: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            do: "rename-run";
+            /** Run Id */
+            run_id: string;
+            /** Name */
+            name: string;
+        };
+        /**
          * ReportMessage
          * @description Whether there is a report of a dataset.
          *
@@ -1794,8 +2175,45 @@ export interface components {
             data: "image" | "points" | "radar" | "none";
         };
         /**
+         * RunAgain
+         * @description The same run once more.
+         *
+         *     Attributes:
+         *         dataset: another place, for a run of its own; left out: go on in its dataset with what is
+         *             missing there.
+         */
+        RunAgain: {
+            /** Dataset */
+            dataset?: string | null;
+        };
+        /**
+         * RunChange
+         * @description A new name for a run.
+         */
+        RunChange: {
+            /** Name */
+            name: string;
+        };
+        /**
+         * RunCommand
+         * @description Go on with a run, stop it, or remove it.
+         */
+        RunCommand: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            do: "delete-run" | "resume" | "stop";
+            /** Run Id */
+            run_id: string;
+        };
+        /**
          * RunDetail
          * @description A run with what a page needs to show it from the start.
+         *
+         *     Attributes:
+         *         committed: ids of the episodes that it has committed itself, in their order.
+         *         bytes: what its own folder takes: logs, and raw recordings where they are kept.
          */
         RunDetail: {
             run: components["schemas"]["RunSummary"];
@@ -1809,6 +2227,13 @@ export interface components {
             ticks: components["schemas"]["TickPoint"][];
             /** Channels */
             channels: components["schemas"]["Channel"][];
+            /** Committed */
+            committed?: string[];
+            /**
+             * Bytes
+             * @default 0
+             */
+            bytes: number;
         };
         /**
          * RunList
@@ -1847,10 +2272,15 @@ export interface components {
          * @description A run to begin, at once or after those before it.
          *
          *     Attributes:
-         *         dataset: name of the folder below the first root; made when it is missing.
+         *         dataset: name of the folder below the first root, made when it is missing, or an address of
+         *             an object store.
          *         config: what to record; left out: the saved configuration.
          *         rev: with ``config`` left out: the revision that the user saw; another one is a conflict.
          *         append: record also beside episodes of other settings, versions or environments.
+         *         workers: servers on this machine, each recording an episode.
+         *         catalog: a catalog that the run writes to as well; an address without a password.
+         *         work: folder of this machine for raw recordings and logs; left out: the dataset's own, or
+         *             one in the user's cache.
          */
         RunStart: {
             /** Dataset */
@@ -1871,6 +2301,15 @@ export interface components {
              * @default false
              */
             append: boolean;
+            /**
+             * Workers
+             * @default 1
+             */
+            workers: number | "auto";
+            /** Catalog */
+            catalog?: string | null;
+            /** Work */
+            work?: string | null;
         };
         /**
          * RunSummary
@@ -1882,7 +2321,14 @@ export interface components {
          *         stop: how often it was asked to stop.
          *         progress: share of all ticks and frames of the run, 0 to 1.
          *         rate_ticks_s: simulated steps per second of wall time, lately.
+         *         mean_ticks_s: the same over the whole run, of one that has ended.
          *         started, ended: Unix times.
+         *         location: folder or address of its dataset.
+         *         folder: the run's own folder; None: it has made none.
+         *         continues: the run that this one goes on with.
+         *         resumable: it has ended, and something of it is missing that the same command would record.
+         *         again: why the episode under way is recorded once more; None: it is its first attempt.
+         *         workers: each of several workers; empty where there is one.
          */
         RunSummary: {
             /** Run Id */
@@ -1922,6 +2368,8 @@ export interface components {
             progress: number;
             /** Rate Ticks S */
             rate_ticks_s?: number | null;
+            /** Mean Ticks S */
+            mean_ticks_s?: number | null;
             /** Eta S */
             eta_s?: number | null;
             /** Disk Free Bytes */
@@ -1932,6 +2380,24 @@ export interface components {
             ended?: number | null;
             /** Sensors */
             sensors?: components["schemas"]["RunSensor"][];
+            /**
+             * Location
+             * @default
+             */
+            location: string;
+            /** Folder */
+            folder?: string | null;
+            /** Continues */
+            continues?: string | null;
+            /**
+             * Resumable
+             * @default false
+             */
+            resumable: boolean;
+            /** Again */
+            again?: string | null;
+            /** Workers */
+            workers?: components["schemas"]["WorkerMessage"][];
         };
         /**
          * RunsMessage
@@ -2080,7 +2546,7 @@ export interface components {
          *
          *     Attributes:
          *         version: the CARLA version that it reports; of an embedded one, that it speaks.
-         *         maps: what it offers, as far as it is up.
+         *         maps, vehicles: what it offers, as far as it is up.
          *         client: the Python that has the fitting client wheel.
          */
         ServerCheck: {
@@ -2097,6 +2563,8 @@ export interface components {
             version?: string | null;
             /** Maps */
             maps?: string[];
+            /** Vehicles */
+            vehicles?: string[];
             /** Client */
             client?: string | null;
         };
@@ -2138,6 +2606,18 @@ export interface components {
             first: number;
             /** Last */
             last: number;
+        };
+        /**
+         * StartCommand
+         * @description Begin a run.
+         */
+        StartCommand: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            do: "start";
+            run: components["schemas"]["RunStart"];
         };
         /**
          * Statistics
@@ -2374,6 +2854,17 @@ export interface components {
             wheels: number;
             /** Colors */
             colors: string[];
+        };
+        /**
+         * WorkerMessage
+         * @description What one of several workers does.
+         */
+        WorkerMessage: {
+            /** Worker */
+            worker: number;
+            /** State */
+            state: string;
+            current?: components["schemas"]["CurrentEpisodeMessage"] | null;
         };
     };
     responses: never;
@@ -2984,6 +3475,62 @@ export interface operations {
             };
         };
     };
+    releases: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ReleaseFolders"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
     description: {
         parameters: {
             query?: never;
@@ -3509,6 +4056,160 @@ export interface operations {
             };
         };
     };
+    remove_run: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                run_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The state does not allow it now. */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Something that it needs cannot be had now. */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    rename_run: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                run_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["RunChange"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RunSummary"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
     stop: {
         parameters: {
             query?: never;
@@ -3585,6 +4286,162 @@ export interface operations {
             };
             /** @description Something that it needs cannot be had now. */
             503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    again: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                run_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["RunAgain"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RunSummary"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The state does not allow it now. */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Something that it needs cannot be had now. */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    run_files: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                run_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description A ZIP archive, made while it goes. */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/zip": unknown;
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -3672,6 +4529,180 @@ export interface operations {
             };
             /** @description Values are wrong; `errors` lists them. */
             422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    remove_dataset: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                dataset: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Removed"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The state does not allow it now. */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Something that it needs cannot be had now. */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    rename_dataset: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                dataset: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["DatasetChange"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DatasetSummary"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The state does not allow it now. */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Something that it needs cannot be had now. */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -4045,6 +5076,73 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Statistics"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    dataset_files: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                dataset: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description A ZIP archive, made while it goes. */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/zip": unknown;
                 };
             };
             /** @description The request is wrong. */
@@ -4812,6 +5910,370 @@ export interface operations {
                 };
                 content: {
                     "text/html": unknown;
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    exports: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ExportList"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    remove_export: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The state does not allow it now. */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Something that it needs cannot be had now. */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    rename_export: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ExportChange"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ExportEntry"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The state does not allow it now. */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Something that it needs cannot be had now. */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    export_files: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description A ZIP archive, made while it goes. */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/zip": unknown;
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    command: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["CommandRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CommandText"];
                 };
             };
             /** @description The request is wrong. */

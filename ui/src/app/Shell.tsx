@@ -8,9 +8,11 @@ import { useStore } from "../state/store";
 import { Icon } from "../ui/Icon";
 import { percent } from "../ui/format";
 import { href, useRoute, type Route } from "./routes";
+import { Shortcuts } from "./Shortcuts";
 import { useTheme } from "./theme";
 
 const RunPage = lazy(() => import("../run/RunPage"));
+const RunsPage = lazy(() => import("../run/RunsPage"));
 const DatasetsPage = lazy(() => import("../datasets/DatasetsPage"));
 const EpisodePage = lazy(() => import("../episode/EpisodePage"));
 
@@ -39,6 +41,8 @@ function Page({ route }: { route: Route }) {
       return <ConfigurePage />;
     case "run":
       return <RunPage run={route.run} />;
+    case "runs":
+      return <RunsPage />;
     case "datasets":
       return <DatasetsPage dataset={route.dataset} />;
     case "episode":
@@ -51,7 +55,7 @@ function TopBar({ route }: { route: Route }) {
   const [theme, toggle] = useTheme();
   const going = runs.find((run) => run.alive === "running" || run.alive === "stalled");
   const tab = (page: Route["page"], label: string, target: Route) => {
-    const here = route.page === page || (page === "datasets" && route.page === "episode");
+    const here = route.page === page || (page === "datasets" && route.page === "episode") || (page === "run" && route.page === "runs");
     return (
       <a href={href(target)} aria-current={here ? "page" : undefined}>
         {label}
@@ -75,6 +79,7 @@ function TopBar({ route }: { route: Route }) {
         <span className="dot" />
         {connection === "online" ? "connected" : connection === "connecting" ? "connecting" : "reconnecting"}
       </span>
+      <Shortcuts />
       <button
         type="button"
         className="icon-button"

@@ -1,6 +1,6 @@
 import { useEffect, useMemo, useState } from "react";
 import { useAnswer } from "../api/useAnswer";
-import type { Description, SchemaMessage } from "../api/types";
+import type { Description, Releases, SchemaMessage, ServerCheck } from "../api/types";
 import { ConfigForm } from "../form/ConfigForm";
 import { Form, type FormContext } from "../form/context";
 import type { SchemaNode } from "../form/schema";
@@ -13,6 +13,7 @@ import { Icon } from "../ui/Icon";
 import { Conflict } from "./Conflict";
 import { ConfigFiles } from "./ConfigFiles";
 import { ServerTest } from "./ServerTest";
+import { factsOf, isEmbedded, serverFacts } from "./serverFacts";
 import { StartBar } from "./StartBar";
 import { YamlView } from "./YamlView";
 
@@ -21,6 +22,8 @@ export function ConfigurePage() {
   const schema = useAnswer<SchemaMessage>("/schema");
   const description = useAnswer<Description>("/description");
   const { history, problems, loaded } = useStore(draft, (now) => now);
+  const facts = useStore(serverFacts, (now) => now);
+  const releases = useAnswer<Releases>("/server/releases");
   const [text, setText] = useState(false);
   const document = history.present;
 
@@ -30,9 +33,14 @@ export function ConfigurePage() {
       problems,
       change: (path, value, gesture) => edit((now) => setAt(now, path, value), gesture),
       endGesture: () => dispatch({ type: "endGesture" }),
-      suggestions: (path) => suggestions(path, document, description.data, schema.data),
+      suggestions: (path) => suggestions(path, document, {
+        description: description.data,
+        schema: schema.data,
+        server: factsOf(document, facts),
+        releases: releases.data?.folders ?? [],
+      }),
     }),
-    [document, problems, description.data, schema.data],
+    [document, problems, description.data, schema.data, facts, releases.data],
   );
   useUndoKeys();
 
@@ -54,7 +62,7 @@ export function ConfigurePage() {
           {text ? (
             <YamlView />
           ) : (
-            <ConfigForm schema={own} after={{ server: <ServerTest document={document} /> }} />
+            <ConfigForm schema={own} defaults={schema.data.defaults as JsonObject} after={{ server: <ServerTest document={document} /> }} />
           )}
           <StartBar />
         </section>
@@ -108,23 +116,36 @@ function useUndoKeys() {
   }, []);
 }
 
+interface Known {
+  description: Description | null;
+  schema: SchemaMessage | null;
+  server: ServerCheck | null;
+  releases: readonly string[];
+}
+
+/** `/Game/Carla/Maps/Town01` as configurations name it. */
+function shortMap(name: string): string {
+  return name.split("/").at(-1) ?? name;
+}
+
 /** Names that a server or this document knows, by where they are asked for. */
 function suggestions(
   path: Path,
   document: JsonObject,
-  description: Description | null,
-  schema: SchemaMessage | null,
+  { description, schema, server, releases }: Known,
 ): readonly string[] | null {
   const [section, key] = [String(path[0]), String(path.at(-1))];
-  const embedded = (getAt(document, ["server", "kind"]) ?? "embedded") === "embedded";
+  const embedded = isEmbedded(document);
+  if (section === "server" && key === "path") return releases;
   if (section === "map" && (key === "choice" || key === "random_from")) {
-    const maps = description?.maps.map(({ name }) => name) ?? [];
+    // Never the embedded ones for another server: those are not there.
+    const maps = embedded ? (description?.maps.map(({ name }) => name) ?? []) : (server?.maps ?? []).map(shortMap);
     return key === "random_from" ? ["all", ...maps] : maps;
   }
   if (section === "weather" && key === "choice") return schema?.weather_presets ?? null;
   if (section === "weather" && key === "random_from") return ["all", ...(schema?.weather_presets ?? [])];
   if (section === "ego" && key === "blueprint")
-    return embedded ? (description?.vehicles.map(({ id }) => id).sort() ?? null) : null;
+    return embedded ? (description?.vehicles.map(({ id }) => id).sort() ?? null) : (server?.vehicles ?? null);
   if (key === "base_type") return ["car", "van", "truck", "bus", "motorcycle", "bicycle"];
   if ((section === "labels" && (key === "cameras" || key === "lidars")) || (section === "conversion" && key === "codecs")) {
     const listed = getAt(document, ["rig", "sensors"]);

@@ -1,4 +1,5 @@
 import { useState } from "react";
+import { isEmbedded, keyOf, serverFacts } from "./serverFacts";
 import { post, sentence } from "../api/client";
 import type { ServerCheck } from "../api/types";
 import type { JsonObject } from "../state/json";
@@ -11,7 +12,9 @@ export function ServerTest({ document }: { document: JsonObject }) {
   const test = async () => {
     setBusy(true);
     try {
-      setVerdict(await post<ServerCheck>("/server/check", { server: document.server ?? { kind: "embedded" } }));
+      const check = await post<ServerCheck>("/server/check", { server: document.server ?? { kind: "embedded" } });
+      setVerdict(check);
+      serverFacts.set({ server: keyOf(document), check });
     } catch (error) {
       setVerdict({ ok: false, message: sentence(error), hint: "", maps: [] });
     } finally {
@@ -27,6 +30,12 @@ export function ServerTest({ document }: { document: JsonObject }) {
         <p className={verdict.ok ? "good" : "bad"} role="status">
           <Icon name={verdict.ok ? "check" : "warn"} /> {verdict.message} {verdict.hint}
           {verdict.version ? ` Version ${verdict.version}.` : ""}
+          {verdict.maps && verdict.maps.length > 0 ? ` ${verdict.maps.length} maps.` : ""}
+        </p>
+      )}
+      {!isEmbedded(document) && !verdict?.ok && (
+        <p className="muted">
+          Maps and vehicles are those of your server: type their names, or test the connection to choose from them.
         </p>
       )}
     </div>

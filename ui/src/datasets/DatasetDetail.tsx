@@ -2,6 +2,7 @@ import { useAnswer } from "../api/useAnswer";
 import type { DatasetDetail } from "../api/types";
 import { changeQuery, useQuery } from "../app/query";
 import { bytes, count } from "../ui/format";
+import { DatasetActions } from "./DatasetActions";
 import { StateBadge } from "./DatasetsPage";
 import { EpisodeList } from "./EpisodeList";
 import { ExportView } from "./ExportView";
@@ -37,6 +38,7 @@ export function DatasetDetailView({ dataset, version }: { dataset: string; versi
         <span className="muted">
           {count(summary.episodes ?? 0, "episode")}, {count(summary.frames ?? 0, "frame")}, {bytes(summary.bytes)}
         </span>
+        <DatasetActions summary={summary} />
       </header>
       {summary.problem && (
         <p className="field-error" role="alert">

@@ -2,6 +2,7 @@ import { live } from "../api/live";
 import { useAnswer } from "../api/useAnswer";
 import type { DatasetList, DatasetSummary } from "../api/types";
 import { href } from "../app/routes";
+import { listKeys } from "../app/Shortcuts";
 import { useStore } from "../state/store";
 import { bytes, count, day } from "../ui/format";
 import { DatasetDetailView } from "./DatasetDetail";
@@ -21,8 +22,12 @@ export default function DatasetsPage({ dataset }: { dataset: string | null }) {
           <span className="spacer" />
           <span className="muted">{bytes(list.data?.disk_free_bytes)} free</span>
         </header>
-        {list.error && <p className="field-error">{list.error}</p>}
-        <ul>
+        {[...(list.error ? [list.error] : []), ...(list.data?.problems ?? [])].map((problem) => (
+          <p key={problem} className="field-error" role="alert">
+            {problem}
+          </p>
+        ))}
+        <ul onKeyDown={listKeys}>
           {datasets.map((one) => (
             <li key={one.dataset}>
               <DatasetRow summary={one} chosen={one.dataset === chosen} />
@@ -31,7 +36,7 @@ export default function DatasetsPage({ dataset }: { dataset: string | null }) {
         </ul>
         {list.data && (
           <p className="muted root" title={list.data.root}>
-            New ones are made in the folder {list.data.root.split("/").at(-1)}.
+            New ones are made in {list.data.root}.
           </p>
         )}
       </aside>

@@ -12,9 +12,9 @@ export function EpisodeList({ dataset, episodes }: { dataset: string; episodes: 
   return (
     <>
       <ul className="episode-cards">
-        {episodes.slice(0, shown).map((episode, position) => (
+        {episodes.slice(0, shown).map((episode) => (
           <li key={episode.episode_id}>
-            <EpisodeCard dataset={dataset} episode={episode} number={position + 1} />
+            <EpisodeCard dataset={dataset} episode={episode} />
           </li>
         ))}
       </ul>
@@ -32,7 +32,7 @@ export function EpisodeList({ dataset, episodes }: { dataset: string; episodes: 
   );
 }
 
-function EpisodeCard({ dataset, episode, number }: { dataset: string; episode: EpisodeSummary; number: number }) {
+function EpisodeCard({ dataset, episode }: { dataset: string; episode: EpisodeSummary }) {
   const base = `/datasets/${encodeURIComponent(dataset)}/episodes/${episode.episode_id}`;
   return (
     <a className="panel episode-card" href={href({ page: "episode", dataset, episode: episode.episode_id })}>
@@ -46,7 +46,7 @@ function EpisodeCard({ dataset, episode, number }: { dataset: string; episode: E
         <span className="card-blank" />
       )}
       <span className="card-text">
-        <b>Episode {number}</b>
+        <b>Episode {episode.number}</b>
         <span className="muted">
           {episode.map.split("/").at(-1)}, {episode.weather}
         </span>

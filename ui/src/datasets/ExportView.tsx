@@ -5,6 +5,8 @@ import { useAnswer } from "../api/useAnswer";
 import type { ExportFormats, ExportRequest } from "../api/types";
 import { useStore } from "../state/store";
 import { Icon } from "../ui/Icon";
+import { CommandButton } from "../ui/CommandDialog";
+import { ExportsList } from "./ExportsList";
 import { JobProgress } from "./JobProgress";
 
 /** The dataset in another format, written next to it. */
@@ -18,9 +20,9 @@ export function ExportView({ base, dataset }: { base: string; dataset: string })
   const [error, setError] = useState("");
   const list = formats.data?.formats ?? [];
   const format = chosen ?? list.find((one) => one.available)?.name ?? "";
+  const request = { format, boxes: boxes || null, include_invisible: invisible, overwrite } as ExportRequest;
   const begin = () => {
     setError("");
-    const request = { format, boxes: boxes || null, include_invisible: invisible, overwrite };
     post(`${base}/export`, request).catch((failure: unknown) => setError(sentence(failure)));
   };
   return (
@@ -63,6 +65,7 @@ export function ExportView({ base, dataset }: { base: string; dataset: string })
           <input type="checkbox" checked={overwrite} onChange={(event) => setOverwrite(event.target.checked)} /> overwrite
         </label>
         <span className="spacer" />
+        {format && <CommandButton command={{ do: "export", dataset, export: request }} />}
         <button type="button" className="button primary" disabled={!format} onClick={begin}>
           <Icon name="download" /> Export
         </button>
@@ -78,6 +81,7 @@ export function ExportView({ base, dataset }: { base: string; dataset: string })
         ))}
         {jobs.length === 0 && <p className="muted">Nothing has been exported from here yet.</p>}
       </div>
+      <ExportsList />
     </div>
   );
 }

@@ -26,7 +26,7 @@ export function LabelTable({ base, dataset, detail }: Props) {
   const { page, error } = useTablePage(base, address);
   const shown = columnsOf(page, all ? [] : TABLES[table].usual);
   const numbers = useMemo(
-    () => new Map(detail.episodes.map((one, position) => [one.episode_id, position + 1])),
+    () => new Map(detail.episodes.map((one) => [one.episode_id, one.number])),
     [detail.episodes],
   );
   const chosen = filters.find((one) => one.column === "class" && one.op === "eq")?.value ?? null;
@@ -246,9 +246,9 @@ function EpisodeChoice({ episodes, episode, onChoose }: { episodes: readonly Epi
   return (
     <select className="input compact" aria-label="Episode" value={episode} onChange={(event) => onChoose(event.target.value)}>
       <option value="">all episodes</option>
-      {episodes.map((one, position) => (
+      {episodes.map((one) => (
         <option key={one.episode_id} value={one.episode_id}>
-          episode {position + 1}
+          episode {one.number}
         </option>
       ))}
     </select>

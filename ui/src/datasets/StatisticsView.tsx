@@ -11,6 +11,7 @@ export function StatisticsView({ base, version }: { base: string; version: numbe
   );
   return (
     <div className="statistics">
+      <h2 className="sr-only">Statistics</h2>
       <dl className="tiles">
         {(
           [

@@ -62,7 +62,7 @@ export function OtherEpisode({ base, sensor, time, overlays }: Props) {
         overlays={overlays}
         chosen={chosen}
         onChoose={setChosen}
-        note={`Episode ${data.number}: ${data.episode.weather}, ${(data.times_s[shown.bundle.k] ?? 0).toFixed(2)} s`}
+        note={`Episode ${data.episode.number}: ${data.episode.weather}, ${(data.times_s[shown.bundle.k] ?? 0).toFixed(2)} s`}
       />
       {Math.abs((data.times_s.at(-1) ?? 0) - time) > 0 && time > (data.times_s.at(-1) ?? 0) && <p className="muted">It ends before this frame.</p>}
     </div>

@@ -19,6 +19,7 @@ export function EgoPlots({ base, times, k, onSeek }: Props) {
   const shared = { times, k, onSeek };
   return (
     <section className="panel signals" aria-label="How the ego drove">
+      <h2 className="sr-only">How the ego drove</h2>
       <SignalPlot title="Speed" unit="km/h" digits={1} values={speed} {...shared} />
       <SignalPlot title="Acceleration" unit="m/s²" digits={2} values={data.acceleration_m_s2} {...shared} />
       <SignalPlot title="Steering" unit="" digits={2} values={data.steer} {...shared} />

@@ -105,7 +105,7 @@ function PlayerOf({ base, detail, dataset }: { base: string; detail: EpisodeDeta
           <Split name="player" label="Width of the cameras" direction="row" initial={0.6}>
             <div className={grid ? "camera-grid" : "scene-cameras"}>
               {pictures.filter((sensor) => grid || sensor === large).map((sensor) => (
-                <CameraView key={sensor.id} sensor={sensor} bundle={bundle} {...show} note={other ? `Episode ${detail.number}: ${detail.episode.weather}, ${bundle.frame.timestamp_s.toFixed(2)} s` : undefined} />
+                <CameraView key={sensor.id} sensor={sensor} bundle={bundle} {...show} note={other ? `Episode ${detail.episode.number}: ${detail.episode.weather}, ${bundle.frame.timestamp_s.toFixed(2)} s` : undefined} />
               ))}
               {other && large && (
                 <OtherEpisode
@@ -176,7 +176,7 @@ function EpisodeHead({ detail, dataset, children }: { detail: EpisodeDetail; dat
   return (
     <header className="page-head">
       <h1>
-        <a href={href({ page: "datasets", dataset })}>{dataset.replaceAll("~", "/")}</a> / episode {detail.number}
+        <a href={href({ page: "datasets", dataset })}>{dataset.replaceAll("~", "/")}</a> / episode {detail.episode.number}
       </h1>
       <span className="badge">{episode.map.split("/").at(-1)}</span>
       <span className="badge">{episode.weather}</span>

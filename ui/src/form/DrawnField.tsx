@@ -27,6 +27,25 @@ export function DrawnField({ path, field }: ControlProps) {
         description={field.description}
         problems={[...problems, ...choice.problems]}
       >
+        {known.length === 0 && !drawn ? (
+          <div className="free-name">
+            <input
+              id={id}
+              className="input"
+              value={now}
+              spellCheck={false}
+              autoComplete="off"
+              placeholder="name on the server"
+              aria-invalid={problems.length + choice.problems.length > 0 || undefined}
+              onChange={({ target }) =>
+                set({ ...keep(section), ...(target.value ? { choice: target.value } : {}) }, `name-${path.join(".")}`)
+              }
+            />
+            <button type="button" className="button small" onClick={() => set({ ...keep(section), random_from: ["all"] })}>
+              random…
+            </button>
+          </div>
+        ) : (
         <select
           id={id}
           className="input"
@@ -40,12 +59,14 @@ export function DrawnField({ path, field }: ControlProps) {
             )
           }
         >
-          {now === "" && !drawn && <option value="">not set</option>}
+          {(now === "" || known.length === 0) && !drawn && <option value="">not set</option>}
+          {known.length === 0 && drawn && <option value="">one by its name…</option>}
           <option value={DRAWN}>random…</option>
           {options.map((name) => (
             <option key={name}>{name}</option>
           ))}
         </select>
+        )}
       </FieldFrame>
       {drawn && list && (
         <ListField path={[...path, "random_from"]} field={{ ...list, optional: false, title: `${field.title}s to draw from` }} />

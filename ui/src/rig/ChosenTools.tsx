@@ -33,12 +33,12 @@ const ARRANGEMENTS: { name: string; least: number; change: Change }[] = [
 function Arrange() {
   const rig = useRig();
   const arrange = (change: Change) => {
-    const poses = rig.selected.flatMap((id): [string, Pose][] => {
-      const found = rig.sensors.find((sensor) => sensor.id === id);
-      return found ? [[id, found.pose]] : [];
+    const poses = rig.selected.flatMap((key): [string, Pose][] => {
+      const found = rig.sensors.find((sensor) => sensor.key === key);
+      return found ? [[key, found.pose]] : [];
     });
     const next = change(new Map(poses));
-    rig.pose(rig.selected, (pose, id) => next.get(id) ?? pose);
+    rig.pose(rig.selected, (pose, key) => next.get(key) ?? pose);
   };
   return (
     <Menu label="Arrange" name="what is chosen">

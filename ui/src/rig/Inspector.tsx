@@ -28,7 +28,7 @@ const USUAL = [
 /** Numbers and attributes of what is chosen. */
 export function Inspector({ schema }: { schema: SchemaNode }) {
   const rig = useRig();
-  const chosen = rig.sensors.filter((sensor) => rig.selected.includes(sensor.id));
+  const chosen = rig.sensors.filter((sensor) => rig.selected.includes(sensor.key));
   const [lead] = chosen;
   if (!lead)
     return (
@@ -74,7 +74,7 @@ function PoseFields({ chosen, lead }: { chosen: readonly RigSensor[]; lead: RigS
               onChange={(next) => {
                 if (typeof next === "string" && lead.index !== null) return change(path, next, `pose-${key}`);
                 const by = (typeof next === "number" ? next : 0) - lead.pose[key];
-                rig.pose(chosen.map((one) => one.id), (pose) => ({ ...pose, [key]: pose[key] + by }), `pose-${key}`);
+                rig.pose(chosen.map((one) => one.key), (pose) => ({ ...pose, [key]: pose[key] + by }), `pose-${key}`);
               }}
               onDone={rig.endGesture}
             />
@@ -101,7 +101,7 @@ function MountMenu({ chosen }: { chosen: readonly RigSensor[] }) {
         value=""
         onChange={(event) => {
           const mount = rig.mounts.find(({ name }) => name === event.target.value);
-          if (mount) rig.pose(chosen.map((one) => one.id), () => ({ ...mount.pose }));
+          if (mount) rig.pose(chosen.map((one) => one.key), () => ({ ...mount.pose }));
         }}
       >
         <option value="">move to…</option>
@@ -123,7 +123,7 @@ function OwnFields({ schema, sensor, index }: { schema: SchemaNode; sensor: RigS
   const rare = own.filter(([key]) => !USUAL.includes(key));
   return (
     <div className="fields">
-      {id && <SensorName path={[...path, "id"]} field={{ ...id, title: "Name" }} />}
+      {id && <SensorName sensor={sensor} path={[...path, "id"]} field={{ ...id, title: "Name" }} />}
       {usual.map(([key, one]) => (
         <Control key={key} path={[...path, "attributes", key]} field={one} />
       ))}
@@ -142,24 +142,24 @@ function OwnFields({ schema, sensor, index }: { schema: SchemaNode; sensor: RigS
   );
 }
 
-/** The name is also what is chosen: while it is typed the choice follows. */
-function SensorName({ path, field }: { path: Path; field: Field }) {
+/** The name; one that another sensor has is refused here, not only where the whole list is checked. */
+function SensorName({ sensor, path, field }: { sensor: RigSensor; path: Path; field: Field }) {
   const rig = useRig();
   const { endGesture } = useForm();
   const { value, problems, id, set } = useField(path);
+  const other = rig.sensors.find((one) => one.key !== sensor.key && one.id.toLowerCase() === sensor.id.toLowerCase());
+  const used = { path, message: `This name is used by ${other?.id} (${titleOf(other?.kind ?? "")}).`, hint: "Choose another one." };
+  const shown = other ? [used] : problems;
   return (
-    <FieldFrame id={id} {...field} problems={problems}>
+    <FieldFrame id={id} {...field} problems={shown}>
       <input
         id={id}
         className="input"
         value={typeof value === "string" ? value : ""}
         spellCheck={false}
         autoComplete="off"
-        aria-invalid={problems.length > 0 || undefined}
-        onChange={({ target }) => {
-          set(target.value, "sensor-name");
-          rig.select([target.value]);
-        }}
+        aria-invalid={shown.length > 0 || undefined}
+        onChange={({ target }) => set(target.value, "sensor-name")}
         onBlur={endGesture}
       />
     </FieldFrame>

@@ -34,7 +34,7 @@ export function PlanView({ plane, coverage = "off", actions }: Props) {
   const { begin, dragging } = useMarkDrag(plane, screen);
   const focused = useRef<string | null>(null);
   const chosen = new Set(rig.selected);
-  const ordered = [...rig.sensors].sort((a, b) => Number(chosen.has(a.id)) - Number(chosen.has(b.id)));
+  const ordered = [...rig.sensors].sort((a, b) => Number(chosen.has(a.key)) - Number(chosen.has(b.key)));
   return (
     <section className={`view view-${plane.name}`} aria-label={`${plane.title} view`}>
       <header className="view-head">
@@ -66,18 +66,18 @@ export function PlanView({ plane, coverage = "off", actions }: Props) {
                 {rig.shape && <Outline shape={rig.shape} plane={plane} screen={screen} />}
                 {ordered.map((sensor) => (
                   <FieldOfView
-                    key={sensor.id}
+                    key={sensor.key}
                     sensor={sensor}
                     plane={plane}
                     screen={screen}
-                    chosen={chosen.has(sensor.id)}
+                    chosen={chosen.has(sensor.key)}
                   />
                 ))}
                 <Origin screen={screen} />
               </g>
               {stacks.map((stack) => (
                 <SensorMark
-                  key={stack.sensors[0]?.id}
+                  key={stack.sensors[0]?.key}
                   stack={stack}
                   plane={plane}
                   screen={screen}
@@ -87,7 +87,7 @@ export function PlanView({ plane, coverage = "off", actions }: Props) {
                 />
               ))}
               {stacks.map((stack) => (
-                <MarkName key={stack.sensors[0]?.id} stack={stack} plane={plane} screen={screen} />
+                <MarkName key={stack.sensors[0]?.key} stack={stack} plane={plane} screen={screen} />
               ))}
               {rig.armed !== null && <Ghost plane={plane} screen={screen} kind={rig.armed} />}
               <ScaleBar screen={screen} />

@@ -56,13 +56,13 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
 
   const rig: Rig = useMemo(() => {
     const copied = (make: (now: JsonObject) => [JsonObject, string[]]) => {
-      let ids: string[] = [];
+      let keys: string[] = [];
       change((now) => {
         const [next, made] = make(now);
-        ids = made;
+        keys = made;
         return next;
       });
-      setSelected(ids);
+      setSelected(keys);
     };
     return {
       document,
@@ -73,30 +73,30 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
       select: setSelected,
       trueRanges,
       view: (sensor) => viewOf(sensor, document, schema),
-      pose: (ids, how, gesture) => change((now) => withPoses(now, ids, how), gesture),
+      pose: (keys, how, gesture) => change((now) => withPoses(now, keys, how), gesture),
       endGesture,
       armed,
       arm: setArmed,
       placeArmed: (pose, several) => {
         if (armed === null) return;
         copied((now) => {
-          const [next, id] = withSensor(now, armed, pose);
-          return [next, [id]];
+          const [next, key] = withSensor(now, armed, pose);
+          return [next, [key]];
         });
         if (!several) setArmed(null);
       },
-      remove: (ids) => {
-        change((now) => without(now, ids));
+      remove: (keys) => {
+        change((now) => without(now, keys));
         setSelected([]);
       },
-      duplicate: (ids) => copied((now) => withCopies(now, ids)),
-      mirror: (ids) => copied((now) => withMirrored(now, ids)),
+      duplicate: (keys) => copied((now) => withCopies(now, keys)),
+      mirror: (keys) => copied((now) => withMirrored(now, keys)),
     };
   }, [document, schema, sensors, shape.data, mounts, selected, trueRanges, armed, change, endGesture]);
 
   useEffect(() => {
-    const known = new Set(sensors.map((sensor) => sensor.id));
-    setSelected((now) => (now.every((id) => known.has(id)) ? now : now.filter((id) => known.has(id))));
+    const known = new Set(sensors.map((sensor) => sensor.key));
+    setSelected((now) => (now.every((key) => known.has(key)) ? now : now.filter((key) => known.has(key))));
   }, [sensors]);
 
   const keys = (event: KeyboardEvent<HTMLElement>) => {

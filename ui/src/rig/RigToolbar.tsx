@@ -32,13 +32,8 @@ export function RigToolbar({ schema, coverage, onCoverage, onPreset }: Props) {
     const bumper = rig.mounts.find(({ name }) => name === "Front bumper")?.pose ?? roof;
     const front = rig.mounts.find(({ name }) => name === "Roof, front")?.pose ?? roof;
     const places = { pyramid: front, cone: bumper, sweep: roof, none: { ...roof, x: 0, z: 0 } };
-    let id = "";
-    edit((now) => {
-      const [next, made] = withSensor(now, name, places[field_of_view]);
-      id = made;
-      return next;
-    });
-    rig.select([id]);
+    edit((now) => withSensor(now, name, places[field_of_view])[0]);
+    rig.select([String(rig.sensors.length)]); // it is the last one
   };
   return (
     <header className="panel-head toolbar">

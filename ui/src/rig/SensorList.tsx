@@ -1,3 +1,4 @@
+import { listKeys } from "../app/Shortcuts";
 import { useForm } from "../form/context";
 import { startsWith } from "../state/json";
 import { colourOf, titleOf } from "./kinds";
@@ -10,24 +11,24 @@ export function SensorList() {
   if (rig.sensors.length === 0)
     return <p className="empty">No sensors yet. Take a preset, or add a sensor above.</p>;
   return (
-    <ul className="sensor-list" aria-label="Sensors">
+    <ul className="sensor-list" aria-label="Sensors" onKeyDown={listKeys}>
       {rig.sensors.map((sensor) => {
-        const chosen = rig.selected.includes(sensor.id);
+        const chosen = rig.selected.includes(sensor.key);
         const wrong =
           sensor.index !== null &&
           problems.some((problem) => startsWith(problem.path, ["rig", "sensors", sensor.index ?? 0]));
         return (
-          <li key={`${sensor.index}-${sensor.id}`}>
+          <li key={sensor.key}>
             <button
               type="button"
-              className="sensor-row"
+              className={`sensor-row${wrong ? " wrong" : ""}`}
               aria-pressed={chosen}
               style={{ "--colour": colourOf(sensor.kind) } as React.CSSProperties}
               onClick={(event) => {
                 const several = event.shiftKey || event.ctrlKey || event.metaKey;
-                if (!several) rig.select([sensor.id]);
-                else if (chosen) rig.select(rig.selected.filter((id) => id !== sensor.id));
-                else rig.select([...rig.selected, sensor.id]);
+                if (!several) rig.select([sensor.key]);
+                else if (chosen) rig.select(rig.selected.filter((key) => key !== sensor.key));
+                else rig.select([...rig.selected, sensor.key]);
               }}
             >
               <span className="dot" />

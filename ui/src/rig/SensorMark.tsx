@@ -26,12 +26,12 @@ export function SensorMark({ stack, plane, screen, dragging, focused, onBegin }:
   const rig = useRig();
   const button = useRef<SVGGElement>(null);
   const [px, py] = toScreen(screen, plane.flat([stack.pose.x, stack.pose.y, stack.pose.z]));
-  const ids = stack.sensors.map((sensor) => sensor.id);
+  const ids = stack.sensors.map((sensor) => sensor.key);
   const chosen = ids.filter((id) => rig.selected.includes(id));
-  const lead = stack.sensors.find((sensor) => chosen.includes(sensor.id)) ?? stack.sensors[0];
+  const lead = stack.sensors.find((sensor) => chosen.includes(sensor.key)) ?? stack.sensors[0];
   useEffect(() => {
-    if (focused.current !== null && lead?.id === focused.current) button.current?.focus();
-  }, [focused, lead?.id]);
+    if (focused.current !== null && lead?.key === focused.current) button.current?.focus();
+  }, [focused, lead?.key]);
   if (!lead || !Number.isFinite(px + py)) return null;
   const angle = (plane.angle(lead.pose) * Math.PI) / 180;
   const turns = stack.sensors.some((sensor) => looks(sensor.kind));
@@ -47,7 +47,7 @@ export function SensorMark({ stack, plane, screen, dragging, focused, onBegin }:
     };
     const moving = chosen.length > 0 ? rig.selected : ids;
     const by = moves[event.key];
-    if (by) rig.pose(moving, (pose) => rounded(plane.moved(pose, by)), `nudge-${lead.id}`);
+    if (by) rig.pose(moving, (pose) => rounded(plane.moved(pose, by)), `nudge-${lead.key}`);
     else if (event.key === "[" || event.key === "]") {
       const turn = (event.key === "]" ? 1 : -1) * STEP_DEG;
       rig.pose(moving, (pose) =>
@@ -55,7 +55,7 @@ export function SensorMark({ stack, plane, screen, dragging, focused, onBegin }:
       );
     } else if (event.key === "Enter" || event.key === " ") rig.select(nextSelection(stack, rig.selected));
     else return;
-    focused.current = lead.id;
+    focused.current = lead.key;
     event.preventDefault();
     event.stopPropagation();
   };
@@ -114,7 +114,7 @@ export function SensorMark({ stack, plane, screen, dragging, focused, onBegin }:
 export function MarkName({ stack, plane, screen }: Pick<Props, "stack" | "plane" | "screen">) {
   const rig = useRig();
   const [px, py] = toScreen(screen, plane.flat([stack.pose.x, stack.pose.y, stack.pose.z]));
-  const chosen = stack.sensors.filter((sensor) => rig.selected.includes(sensor.id));
+  const chosen = stack.sensors.filter((sensor) => rig.selected.includes(sensor.key));
   if (!chosen[0] || !Number.isFinite(px + py)) return null;
   return (
     <text className="mark-name" {...beside(px, py, screen)}>

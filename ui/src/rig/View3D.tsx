@@ -29,7 +29,7 @@ export default function View3D({ mode }: { mode: "translate" | "rotate" }) {
     let made: RigScene;
     try {
       made = new RigScene(host.current, {
-        pick: (id) => current.current.select(id === null ? [] : [id]),
+        pick: (key) => current.current.select(key === null ? [] : [key]),
         drag: (pose) => dragTo(current.current, pose),
         dropped: () => current.current.endGesture(),
         place: (at, several) => placeOnBody(current.current, at, several),
@@ -78,7 +78,7 @@ function placeOnBody(rig: Rig, [x, y, z]: Vector, several: boolean): boolean {
 }
 
 function leader(rig: Rig) {
-  return rig.sensors.find((sensor) => sensor.onEgo && rig.selected.includes(sensor.id));
+  return rig.sensors.find((sensor) => sensor.onEgo && rig.selected.includes(sensor.key));
 }
 
 /** The leading sensor takes the gizmo's pose; what is chosen with it moves along and turns as much. */
@@ -88,8 +88,8 @@ function dragTo(rig: Rig, goal: Pose): void {
   const from = lead.pose;
   rig.pose(
     rig.selected,
-    (pose, id) =>
-      id === lead.id
+    (pose, key) =>
+      key === lead.key
         ? goal
         : {
             x: pose.x + goal.x - from.x,

@@ -6,6 +6,8 @@ import { kindOf } from "./kinds";
 
 /** A sensor of the document with every number filled in. */
 export interface RigSensor {
+  /** Its place among all sensors: what is chosen is told by it, as two may have one name for a while. */
+  key: string;
   id: string;
   kind: string;
   pose: Pose;
@@ -37,7 +39,7 @@ export function poseOf(value: Json | undefined): Pose {
   };
 }
 
-function rigSensor(value: Json, index: number | null): RigSensor | null {
+function rigSensor(value: Json, index: number | null): Omit<RigSensor, "key"> | null {
   if (!isObject(value)) return null;
   return {
     id: String(value.id ?? ""),
@@ -55,7 +57,7 @@ export function sensorsOf(document: JsonObject, preset: PresetSensors): RigSenso
   const named = getAt(document, ["rig", "preset"]);
   const from = typeof named === "string" ? preset.map((one) => rigSensor(one, null)) : [];
   const own = Array.isArray(listed) ? listed.map((one, index) => rigSensor(one, index)) : [];
-  return [...from, ...own].filter((one) => one !== null);
+  return [...from, ...own].filter((one) => one !== null).map((one, at) => ({ ...one, key: String(at) }));
 }
 
 /** The document with the preset's sensors written out, so that they can be changed. */
@@ -90,17 +92,17 @@ export function poseJson(pose: Pose): JsonObject {
   return made;
 }
 
-/** Give sensors another pose. */
+/** Give sensors another pose; they are named by their keys. */
 export function withPoses(
   document: JsonObject,
-  ids: readonly string[],
-  change: (pose: Pose, id: string) => Pose,
+  keys: readonly string[],
+  change: (pose: Pose, key: string) => Pose,
 ): JsonObject {
   return withList(
     document,
-    list(document).map((sensor) =>
-      ids.includes(String(sensor.id))
-        ? { ...sensor, pose: poseJson(change(poseOf(sensor.pose), String(sensor.id))) }
+    list(document).map((sensor, at) =>
+      keys.includes(String(at))
+        ? { ...sensor, pose: poseJson(change(poseOf(sensor.pose), String(at))) }
         : sensor,
     ),
   );
@@ -116,18 +118,24 @@ export function freeName(wanted: string, taken: readonly string[]): string {
 export function withSensor(document: JsonObject, kind: string, pose: Pose): [JsonObject, string] {
   const sensors = list(document);
   const id = freeName(kindOf(kind)?.short ?? "SENSOR", sensors.map((one) => String(one.id)));
-  return [withList(document, [...sensors, { id, kind, pose: poseJson(pose), attributes: {} }]), id];
+  const made = { id, kind, pose: poseJson(pose), attributes: {} };
+  return [withList(document, [...sensors, made]), String(sensors.length)];
 }
 
-export function without(document: JsonObject, ids: readonly string[]): JsonObject {
-  return withList(document, list(document).filter((one) => !ids.includes(String(one.id))));
+export function without(document: JsonObject, keys: readonly string[]): JsonObject {
+  return withList(document, list(document).filter((_, at) => !keys.includes(String(at))));
 }
 
-export function withCopies(document: JsonObject, ids: readonly string[]): [JsonObject, string[]] {
+/** Copies go to the end of the list; these are their keys. */
+function appended(sensors: readonly JsonObject[], copies: readonly JsonObject[]): string[] {
+  return copies.map((_, at) => String(sensors.length + at));
+}
+
+export function withCopies(document: JsonObject, keys: readonly string[]): [JsonObject, string[]] {
   const sensors = list(document);
   const taken = sensors.map((one) => String(one.id));
   const copies = sensors
-    .filter((one) => ids.includes(String(one.id)))
+    .filter((_, at) => keys.includes(String(at)))
     .map((one) => {
       const id = freeName(String(one.id), taken);
       taken.push(id);
@@ -135,21 +143,21 @@ export function withCopies(document: JsonObject, ids: readonly string[]): [JsonO
       const pose = poseOf(one.pose);
       return { ...structuredClone(one), id, pose: poseJson({ ...pose, y: pose.y + 0.2 }) };
     });
-  return [withList(document, [...sensors, ...copies]), copies.map((one) => String(one.id))];
+  return [withList(document, [...sensors, ...copies]), appended(sensors, copies)];
 }
 
 /** Copies on the other side of the car; a name that holds the side changes it. */
-export function withMirrored(document: JsonObject, ids: readonly string[]): [JsonObject, string[]] {
+export function withMirrored(document: JsonObject, keys: readonly string[]): [JsonObject, string[]] {
   const sensors = list(document);
   const taken = sensors.map((one) => String(one.id));
   const copies = sensors
-    .filter((one) => ids.includes(String(one.id)))
+    .filter((_, at) => keys.includes(String(at)))
     .map((one) => {
       const id = freeName(mirrorName(String(one.id)), taken);
       taken.push(id);
       return { ...structuredClone(one), id, pose: poseJson(mirrored(poseOf(one.pose))) };
     });
-  return [withList(document, [...sensors, ...copies]), copies.map((one) => String(one.id))];
+  return [withList(document, [...sensors, ...copies]), appended(sensors, copies)];
 }
 
 export function mirrored(pose: Pose): Pose {

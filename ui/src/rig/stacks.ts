@@ -24,7 +24,7 @@ export function stacksOf(sensors: readonly RigSensor[]): Stack[] {
 
 /** What a click on a stack selects: all of it first, then its sensors in turn. */
 export function nextSelection(stack: Stack, selected: readonly string[]): string[] {
-  const ids = stack.sensors.map((sensor) => sensor.id);
+  const ids = stack.sensors.map((sensor) => sensor.key);
   if (ids.length === 1) return ids;
   const here = selected.filter((id) => ids.includes(id));
   if (here.length === 0) return ids;

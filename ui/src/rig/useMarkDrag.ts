@@ -69,11 +69,11 @@ export function useMarkDrag(plane: Plane, screen: Screen) {
   const begin = (event: ReactPointerEvent<SVGElement>, stack: Stack, turn: boolean) => {
     if (event.button !== 0) return;
     event.stopPropagation();
-    const ids = stack.sensors.map((sensor) => sensor.id);
+    const ids = stack.sensors.map((sensor) => sensor.key);
     const known = ids.some((id) => rig.selected.includes(id));
     const moving = known ? [...rig.selected] : nextSelection(stack, rig.selected);
     if (!known) rig.select(event.shiftKey ? [...rig.selected, ...moving] : moving);
-    const sensors = rig.sensors.filter((sensor) => moving.includes(sensor.id));
+    const sensors = rig.sensors.filter((sensor) => moving.includes(sensor.key));
     const box = event.currentTarget.ownerSVGElement?.getBoundingClientRect();
     const at = toScreen(screen, plane.flat([stack.pose.x, stack.pose.y, stack.pose.z]));
     gestures += 1;
@@ -82,7 +82,7 @@ export function useMarkDrag(plane: Plane, screen: Screen) {
       start: [event.clientX, event.clientY],
       center: [at[0] + (box?.left ?? 0), at[1] + (box?.top ?? 0)],
       lead: ids.find((id) => moving.includes(id)) ?? moving[0] ?? "",
-      poses: new Map(sensors.map((sensor) => [sensor.id, sensor.pose])),
+      poses: new Map(sensors.map((sensor) => [sensor.key, sensor.pose])),
       moved: false,
       gesture: `drag-${gestures}`,
       click: () => {

@@ -10,22 +10,23 @@ export interface Rig {
   sensors: readonly RigSensor[];
   shape: VehicleShape | null;
   mounts: readonly Mount[];
+  /** Keys of the chosen sensors. */
   selected: readonly string[];
-  select(ids: readonly string[]): void;
+  select(keys: readonly string[]): void;
   view(sensor: RigSensor): View | null;
   /** Draw fields of view as far as they reach, not as symbols. */
   trueRanges: boolean;
   /** Move or turn sensors; one gesture is one undo step. */
-  pose(ids: readonly string[], change: (pose: Pose, id: string) => Pose, gesture?: string): void;
+  pose(keys: readonly string[], change: (pose: Pose, key: string) => Pose, gesture?: string): void;
   endGesture(): void;
   /** The kind that the next press on the car places; null: presses choose. */
   armed: string | null;
   arm(kind: string | null): void;
   /** Put a sensor of the armed kind there; it stays armed where several are to be placed. */
   placeArmed(pose: Pose, several: boolean): void;
-  remove(ids: readonly string[]): void;
-  duplicate(ids: readonly string[]): void;
-  mirror(ids: readonly string[]): void;
+  remove(keys: readonly string[]): void;
+  duplicate(keys: readonly string[]): void;
+  mirror(keys: readonly string[]): void;
 }
 
 export const RigContext = createContext<Rig | null>(null);

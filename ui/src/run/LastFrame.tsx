@@ -1,47 +1,49 @@
 import { useEffect, useRef, useState } from "react";
 import { getFloats, sentence } from "../api/client";
 import { useAnswer } from "../api/useAnswer";
-import type { DatasetDetail, EpisodeDetail, EpisodeSensor, RunSummary } from "../api/types";
+import type { DatasetDetail, EpisodeDetail, EpisodeSensor, RunDetail, RunSummary } from "../api/types";
 import { href } from "../app/routes";
+import { useTheme } from "../app/theme";
 import { colourName, colourOf } from "../rig/kinds";
 import { drawFromAbove } from "./fromAbove";
 
-/** After a run: the last pictures of its newest episode, out of the dataset. */
+/** After a run: the last frame of the newest episode that it has committed itself. */
 export function LastFrame({ run }: { run: RunSummary }) {
   const base = `/datasets/${encodeURIComponent(run.dataset)}`;
-  const dataset = useAnswer<DatasetDetail>(base, run.state);
-  const episode = dataset.data?.episodes.at(-1);
+  const own = useAnswer<RunDetail>(`/runs/${run.run_id}`, run.state);
+  const committed = own.data?.committed ?? [];
+  const dataset = useAnswer<DatasetDetail>(committed.length > 0 ? base : null, run.state);
+  const there = new Map(dataset.data?.episodes.map((one) => [one.episode_id, one]));
+  const episode = [...committed].reverse().flatMap((id) => there.get(id) ?? [])[0];
   const path = episode ? `${base}/episodes/${episode.episode_id}` : null;
   const detail = useAnswer<EpisodeDetail>(path);
-  const sensors = detail.data?.sensors.filter((sensor) => sensor.data !== "none") ?? [];
-  if (!episode || sensors.length === 0)
+  const shown = detail.data?.sensors.filter((sensor) => sensor.data !== "none") ?? [];
+  if (!episode || !path || shown.length === 0) {
+    const error = own.error ?? dataset.error ?? detail.error;
+    const loading = own.loading || dataset.loading || detail.loading;
     return (
       <section className="panel thumbs-empty" aria-label="Pictures">
         <p className="empty">
-          {dataset.loading || detail.loading
-            ? "Loading…"
-            : "Live pictures are there while a run goes on; this one has committed no episode."}
+          {error ?? (loading ? "Loading…" : committed.length === 0 ? "This run has committed no episode." : "Its episodes are not in the dataset any more, or have no pictures.")}
         </p>
       </section>
     );
+  }
+  const k = episode.frames - 1;
   return (
     <section className="thumbs" aria-label="Last pictures">
-      {sensors.map((sensor) => (
+      {shown.map((sensor) => (
         <a
           key={sensor.id}
           className="thumb"
           data-sensor={sensor.id}
-          href={href({ page: "episode", dataset: run.dataset, episode: episode.episode_id }, { k: episode.frames - 1 })}
+          href={href({ page: "episode", dataset: run.dataset, episode: episode.episode_id }, { k })}
           style={{ "--colour": colourOf(sensor.kind) } as React.CSSProperties}
         >
           {sensor.data === "image" ? (
-            <img
-              className="thumb-picture"
-              src={`api${path}/sensors/${sensor.id}/${episode.frames - 1}.png?width=480`}
-              alt={`${sensor.id}, last frame`}
-            />
+            <img className="thumb-picture" src={`api${path}/sensors/${sensor.id}/${k}.png?width=480`} alt={`${sensor.id}, last frame`} />
           ) : (
-            <LastPoints path={`${path}/points/${sensor.id}/${episode.frames - 1}`} sensor={sensor} />
+            <LastPoints path={`${path}/points/${sensor.id}/${k}`} sensor={sensor} />
           )}
           <span className="thumb-name">
             <span className="dot" />
@@ -58,6 +60,7 @@ function LastPoints({ path, sensor }: { path: string; sensor: EpisodeSensor }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const [note, setNote] = useState("");
   const [shown, setShown] = useState<number | null>(null);
+  const [theme] = useTheme();
   const { kind, data, ego_from_sensor: pose } = sensor;
   useEffect(() => {
     const stop = new AbortController();
@@ -75,7 +78,7 @@ function LastPoints({ path, sensor }: { path: string; sensor: EpisodeSensor }) {
       },
     );
     return () => stop.abort();
-  }, [path, kind, data, pose]);
+  }, [path, kind, data, pose, theme]);
   if (note) return <p className="empty">{note}</p>;
   return (
     <canvas

@@ -3,6 +3,7 @@ import { live } from "../api/live";
 import type { RunSummary } from "../api/types";
 import { useStore } from "../state/store";
 import { clock } from "../ui/format";
+import { isActive } from "./states";
 
 const LEVELS = { all: ["debug", "info", "warning", "error"], warnings: ["warning", "error"] } as const;
 
@@ -47,8 +48,15 @@ export function LogView({ run }: { run: RunSummary }) {
             <span>{line.text}</span>
           </li>
         ))}
-        {lines.length === 0 && <li className="muted">nothing yet</li>}
+        {lines.length === 0 && <li className="muted">{emptyLog(run, log.length)}</li>}
       </ol>
     </section>
   );
+}
+
+/** Why there is no line. */
+function emptyLog(run: RunSummary, all: number): string {
+  if (all > 0) return "There is neither a warning nor an error.";
+  if (run.alive === "queued") return "It waits; the log begins with the run.";
+  return isActive(run) ? "It has just begun." : "It has ended without a line.";
 }

@@ -8,13 +8,16 @@ export function Progress({ run }: { run: RunSummary }) {
   const now = useNow(isActive(run));
   const { total = 0, committed = 0, failed = 0, skipped = 0 } = run.episodes;
   const { current } = run;
-  const elapsed = run.started ? (run.ended ?? now) - run.started : null;
+  const over = !isActive(run);
+  const until = run.ended ?? (over ? null : now);
+  const elapsed = run.started && until ? until - run.started : null;
+  const attempt = Number(current?.attempt.replace(/^a/, "") ?? 1);
   return (
     <section className="panel progress" aria-label="Progress">
       <div className="bars">
         <Bar name="Whole run" share={run.progress ?? 0} text={percent(run.progress ?? 0)} />
         <Bar
-          name={current ? `Episode ${current.index + 1} of ${total}, recorded` : "Episodes"}
+          name={current ? `Episode ${current.index + 1} of ${total}, recorded${attempt > 1 ? `, attempt ${attempt}` : ""}` : "Episodes"}
           share={current ? ratio(current.ticks_done, current.ticks_total) : ratio(committed + skipped, total)}
           text={current ? `${current.ticks_done ?? 0} / ${current.ticks_total ?? 0} steps` : `${committed + skipped} / ${total}`}
         />
@@ -25,10 +28,16 @@ export function Progress({ run }: { run: RunSummary }) {
             text={`${current.frames_converted ?? 0} / ${current.frames_total ?? 0} frames`}
           />
         )}
+        {run.again && current && (
+          <p className="attempt" role="status">
+            <span className="badge badge-warn">attempt {attempt}</span> Episode {current.index + 1} is recorded again:{" "}
+            {run.again}
+          </p>
+        )}
       </div>
       <dl className="tiles">
         <Tile name="Rate" value={run.rate_ticks_s ? `${run.rate_ticks_s.toFixed(1)} steps/s` : "–"} />
-        <Tile name={run.ended ? "Took" : "Elapsed"} value={duration(elapsed)} />
+        <Tile name={over ? "Took" : "Elapsed"} value={duration(elapsed)} />
         <Tile name="Time left" value={isActive(run) ? duration(run.eta_s) : "–"} />
         <Tile name="Committed" value={`${committed} of ${total}`} />
         <Tile name="Failed" value={String(failed)} tone={failed > 0 ? "bad" : ""} />

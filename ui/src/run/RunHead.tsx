@@ -2,7 +2,9 @@ import { useState } from "react";
 import { post, sentence } from "../api/client";
 import type { RunSummary } from "../api/types";
 import { href } from "../app/routes";
+import { Place } from "../ui/CopyText";
 import { Icon } from "../ui/Icon";
+import { RunActions } from "./RunActions";
 import { isActive, stateOf } from "./states";
 
 /** Name, state, and the button that stops: first after this frame, then at once. */
@@ -21,6 +23,11 @@ export function RunHead({ run }: { run: RunSummary }) {
         {text}
       </span>
       <span className="muted mono run-id">{run.run_id}</span>
+      {run.continues && (
+        <a className="muted" href={href({ page: "run", run: run.continues })}>
+          goes on with {run.continues}
+        </a>
+      )}
       <span className="spacer" />
       <a className="button" href={href({ page: "datasets", dataset: run.dataset })}>
         Open the dataset
@@ -35,12 +42,34 @@ export function RunHead({ run }: { run: RunSummary }) {
           <Icon name="stop" /> {run.alive === "queued" ? "Take out" : asked > 0 ? "Stop at once" : "Stop"}
         </button>
       )}
+      <RunActions run={run} onError={setError} />
       {error && (
         <p className="field-error" role="alert">
           {error}
         </p>
       )}
-      {run.message && <p className="run-message">{run.message}</p>}
+      <RunMessage run={run} />
+      <p className="run-place">
+        <span className="muted">Dataset</span> <Place location={run.location ?? ""} name="the dataset's place" />
+        {run.folder && (
+          <>
+            <span className="muted">Logs</span> <Place location={run.folder} name="the run's folder" />
+          </>
+        )}
+      </p>
     </header>
+  );
+}
+
+/** Why it is as it is: an error as an error, all else as a note. */
+function RunMessage({ run }: { run: RunSummary }) {
+  const dead = run.alive === "dead" ? "Its process is gone; it has not said why. " : "";
+  const text = `${dead}${run.message ?? ""}`;
+  if (!text) return null;
+  const bad = run.state === "failed" || run.alive === "dead";
+  return (
+    <p className={bad ? "run-message run-error" : "run-message"} role={bad ? "alert" : undefined}>
+      {bad && <Icon name="warn" />} {text}
+    </p>
   );
 }

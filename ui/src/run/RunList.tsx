@@ -1,4 +1,5 @@
 import { href } from "../app/routes";
+import { listKeys } from "../app/Shortcuts";
 import type { RunSummary } from "../api/types";
 import { day, percent } from "../ui/format";
 import { isActive, stateOf } from "./states";
@@ -10,8 +11,10 @@ export function RunList({ runs, chosen }: { runs: readonly RunSummary[]; chosen:
       <header className="panel-head">
         <h2>Runs</h2>
         <span className="muted">{runs.length}</span>
+        <span className="spacer" />
+        <a href={href({ page: "runs" })}>Table of all runs</a>
       </header>
-      <ul>
+      <ul onKeyDown={listKeys}>
         {runs.map((run) => {
           const { text, tone } = stateOf(run);
           return (

@@ -13,6 +13,7 @@ export function TickPlots() {
   const waited = ticks.at(-1)?.waited_s ?? 0;
   return (
     <section className="panel plots" aria-label="Speed">
+      <h2 className="sr-only">Speed</h2>
       <LineChart title="Wall time per step" points={times} format={(value) => `${value.toFixed(0)} ms`} colour="var(--accent-text)" />
       <LineChart
         title="Waiting for the disk"

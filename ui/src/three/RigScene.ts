@@ -82,9 +82,9 @@ export class RigScene extends SceneView {
     for (const [index, sensor] of sensors.entries()) {
       if (!sensor.onEgo) continue;
       const { view: seen, distance } = view(sensor);
-      const held = chosen.includes(sensor.id);
+      const held = chosen.includes(sensor.key);
       const { theme } = document.documentElement.dataset;
-      const name = JSON.stringify([index, sensor.id, sensor.kind, seen, distance, held, theme]);
+      const name = JSON.stringify([index, sensor.key, sensor.kind, seen, distance, held, theme]);
       const known = before.get(name);
       before.delete(name);
       if (known) place(known, sensor.pose);

@@ -44,10 +44,10 @@ export function sensorModel(
 ): Group {
   const group = new Group();
   const colour = cssColour(`--${colourName(sensor.kind)}`);
-  group.add(body(materials, sensor, colour, chosen), hitArea(materials, sensor.id));
+  group.add(body(materials, sensor, colour, chosen), hitArea(materials, sensor.key));
   if (view) group.add(...seen(materials, view, distance, colour, chosen));
   place(group, sensor.pose);
-  group.userData.sensor = sensor.id;
+  group.userData.sensor = sensor.key;
   return group;
 }
 

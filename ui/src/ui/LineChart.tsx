@@ -29,7 +29,7 @@ export function LineChart({ title, note, points, format, colour }: Props) {
       <figcaption>
         <h3>{title}</h3>
         <span className="muted">
-          {last ? `now ${format(last[1])}, at most ${format(top)}` : "nothing yet"}
+          {last ? `now ${format(last[1])}, at most ${format(top)}` : "not measured yet"}
           {note && last ? ` · ${note}` : ""}
         </span>
       </figcaption>

@@ -13,9 +13,8 @@ from carstage.web.roots import Roots
 
 if TYPE_CHECKING:
     from carstage.config import Config
-    from carstage.plan import ServerFacts
+    from carstage.plan import RunEstimate, ServerFacts
 
-_RESERVE = 1.1
 _MOST_PLANNED = 200
 """Episodes are planned one by one: of more, the estimate is scaled up."""
 
@@ -66,7 +65,7 @@ class ConfigChecker:
         """
         from carstage.config.dimensions import maps_of
         from carstage.plan import estimate_run, plan_episodes
-        from carstage.runs.preflight import check_codecs, recording_of
+        from carstage.runs.preflight import check_codecs, disk_need, fits, recording_of
 
         check_codecs(config)
         planned = min(config.episodes, _MOST_PLANNED)
@@ -76,19 +75,22 @@ class ConfigChecker:
         episodes = plan_episodes(few, self._facts(config, names), recording)
         estimate = estimate_run(few, episodes)
         scale = config.episodes / planned
-        dataset_bytes = round(estimate.dataset_bytes * scale)
-        peak_bytes = estimate.peak_bytes + dataset_bytes - estimate.dataset_bytes
+        estimate = _scaled(config, estimate, scale)
+        peak_bytes = disk_need(estimate)
+        work_bytes = disk_need(estimate, dataset_elsewhere=True)
         free_bytes = self._roots.free_bytes()
         return Estimate(
             episodes=config.episodes,
             frames=round(episodes.frames * scale),
             sensors=len(config.sensors),
             hidden_sensors=sum(sensor.hidden for sensor in episodes[0].sensors),
-            dataset_bytes=dataset_bytes,
+            dataset_bytes=estimate.dataset_bytes,
             peak_bytes=peak_bytes,
-            duration_s=round(estimate.duration_s * scale, 1),
+            work_bytes=work_bytes,
+            duration_s=round(estimate.duration_s, 1),
             disk_free_bytes=free_bytes,
-            fits=peak_bytes * _RESERVE <= free_bytes,
+            fits=fits(peak_bytes, free_bytes),
+            fits_elsewhere=fits(work_bytes, free_bytes),
         )
 
     def _facts(self, config: Config, names: list[str]) -> ServerFacts:
@@ -119,6 +121,24 @@ class ConfigChecker:
                 self._roots.confine(config.scenario.episode)
             except BadInputError as error:
                 raise _refusal("scenario", "episode", error.message, error.hint) from error
+
+
+def _scaled(config: Config, estimate: RunEstimate, scale: float) -> RunEstimate:
+    """The estimate of so many times as many episodes."""
+    from carstage.plan import RunEstimate
+
+    if scale == 1.0:
+        return estimate
+    dataset_bytes = round(estimate.dataset_bytes * scale)
+    kept = config.output.keep_raw or config.conversion.mode == "deferred"
+    at_once = estimate.peak_bytes - estimate.dataset_bytes
+    raw_bytes = round(estimate.raw_bytes * scale)
+    return RunEstimate(
+        dataset_bytes=dataset_bytes,
+        raw_bytes=raw_bytes,
+        peak_bytes=dataset_bytes + (raw_bytes if kept else at_once),
+        duration_s=estimate.duration_s * scale,
+    )
 
 
 def _notes(config: Config) -> list[str]:

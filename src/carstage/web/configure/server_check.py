@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from carstage.errors import CarStageError, ConfigError
@@ -12,6 +14,34 @@ if TYPE_CHECKING:
     from carstage.config import Config
 
 _ANSWER_S = 5.0
+_VEHICLES = "vehicle."
+_MOST_FOLDERS = 2000
+
+
+def release_folders() -> list[str]:
+    """Folders of CARLA releases on this machine, where people put them: the page chooses from them.
+
+    They are looked for in the home folder, in ``/opt`` and ``/srv``, one folder deep, and in
+    ``CARLA_ROOT``.
+    """
+    from carstage.cache import home_folder
+    from carstage.server.release import SCRIPT
+
+    named = os.environ.get("CARLA_ROOT")
+    places = [home_folder(), Path("/opt"), Path("/srv")]
+    looked = [Path(named)] if named else []
+    for place in places:
+        looked.append(place)
+        looked += _below(place)
+    found = (folder for folder in looked[:_MOST_FOLDERS] if (folder / SCRIPT).is_file())
+    return sorted({str(folder) for folder in found})
+
+
+def _below(place: Path) -> list[Path]:
+    try:
+        return sorted(path for path in place.iterdir() if path.is_dir() and path.name[0] != ".")
+    except OSError:
+        return []  # not there, or not ours to read
 
 
 class ServerCheckService:
@@ -59,7 +89,8 @@ class ServerCheckService:
                 ok=True,
                 message=f"CARLA {version} answers at {server.host}:{server.port}.",
                 version=version,
-                maps=list(facts.maps),
+                maps=sorted(facts.maps),
+                vehicles=sorted(name for name in facts.blueprints if name.startswith(_VEHICLES)),
                 client=f"carla {client.client}",
             )
         return ServerCheck(

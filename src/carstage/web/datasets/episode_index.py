@@ -17,6 +17,7 @@ from carstage.sensor_kinds import known_kind
 from carstage.sensor_kinds.model import CAMERAS, COLOUR
 from carstage.spec import EpisodeSpec
 from carstage.storage.marker import CommitMarker, read_marker
+from carstage.storage.remote_path import DatasetPath
 
 _FORMAT = 1
 _MOST_KEPT = 100_000
@@ -68,22 +69,30 @@ class EpisodeIndex:
             for path, entry in kept.get("episodes", {}).items():
                 self._take(path, entry)
 
-    def facts(self, marker: Path) -> EpisodeFacts:
+    def facts(self, marker: DatasetPath, changed_s: float) -> EpisodeFacts:
         """The facts of an episode.
+
+        Args:
+            marker: its commit marker.
+            changed_s: when it was written, as a listing of its folder says, Unix time. A store is
+                asked no more than that; a marker of this machine is looked at itself.
 
         Raises:
             OSError: there is no such marker.
             DatasetError: it, or the episode's own document, is damaged.
         """
-        state = marker.stat()
+        state = (round(changed_s * 1e9), 0)
+        if isinstance(marker, Path):
+            status = marker.stat()
+            state = (status.st_mtime_ns, status.st_size)
         key = str(marker)
         with self._lock:
             known = self._facts.get(key)
-        if known is not None and known[:2] == (state.st_mtime_ns, state.st_size):
+        if known is not None and known[:2] == state:
             return known[2]
         read = _read(marker)
         with self._lock:
-            self._facts[key] = state.st_mtime_ns, state.st_size, read
+            self._facts[key] = (*state, read)
             self._changed = True
         return read
 
@@ -111,7 +120,7 @@ class EpisodeIndex:
             self._changed = True  # it is read anew, and written right
 
 
-def _read(marker: Path) -> EpisodeFacts:
+def _read(marker: DatasetPath) -> EpisodeFacts:
     content = read_bounded(marker, LARGEST_DOCUMENT_BYTES)
     head = _HEAD.match(content)
     if head is not None and content.rstrip().endswith(b"}"):
@@ -123,8 +132,9 @@ def _read(marker: Path) -> EpisodeFacts:
         size = sum(entry.bytes for entry in whole.files)
     path = marker.parent.parent / "episodes" / episode_id / attempt / "episode.json"
     try:
-        spec = EpisodeSpec.from_json((read_document(path) or {})["spec"])
-    except (KeyError, TypeError, ValueError) as error:
+        document = json.loads(read_bounded(path, LARGEST_DOCUMENT_BYTES))
+        spec = EpisodeSpec.from_json(document["spec"])
+    except (OSError, KeyError, TypeError, ValueError) as error:
         raise DatasetError(f"{path} is missing or damaged: {error!r}.") from error
     written = spec.written_sensors
     contents = [(s.id, kind.content) for s in written if (kind := known_kind(s.kind)) is not None]

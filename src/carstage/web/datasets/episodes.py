@@ -41,7 +41,7 @@ class EpisodeService:
         states = [ledger[f"{sensor}.state"].to_pylist() for sensor in episode.calibration.sensors]
         incomplete = sum(any(s not in _FINE for s in row) for row in zip(*states, strict=True))
         return EpisodeDetail(
-            episode=self._catalogue.episode_summary(episode),
+            episode=self._catalogue.numbered(dataset, episode_id),
             sensors=[_sensor(sensor) for sensor in episode.calibration.sensors.values()],
             times_s=list(saved_times_s(ledger).values()),
             ego_box={key: list(value) for key, value in episode.calibration.ego_box.items()},
@@ -50,7 +50,6 @@ class EpisodeService:
             spawned=dict(episode.document["spawned"]),
             spec=episode.spec.to_json(),
             tags=self._catalogue.tags(dataset),
-            number=self._catalogue.number(dataset, episode_id),
         )
 
     def map(self, dataset: str, episode_id: str) -> EpisodeMap:

@@ -16,6 +16,7 @@ from typing import Any
 
 from carstage.errors import CarStageError
 from carstage.files.whole import write_whole
+from carstage.storage.address import dataset_root
 
 _WRITE_EVERY_S = 0.25
 
@@ -77,8 +78,9 @@ def _export(job: dict[str, Any], status: Status) -> dict[str, Any]:
             "episodes": tuple(given["episodes"]),
         }
     )
-    target = Path(job["out"])
-    target.parent.mkdir(exist_ok=True)
+    target = dataset_root(job["out"])
+    if isinstance(target, Path):
+        target.parent.mkdir(exist_ok=True)
     summary = export_dataset(
         job["format"],
         job["path"],

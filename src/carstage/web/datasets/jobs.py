@@ -19,6 +19,7 @@ from carstage.runs.identity import is_alive
 from carstage.runs.reading import read_document
 from carstage.web.datasets.export_formats import FORMATS, available
 from carstage.web.errors import WebError, not_found
+from carstage.web.found_dataset import EXPORTS, FoundDataset
 from carstage.web.messages import (
     ExportFormat,
     ExportFormats,
@@ -27,7 +28,7 @@ from carstage.web.messages import (
     ReportMessage,
     ValidationMessage,
 )
-from carstage.web.roots import EXPORTS, FoundDataset, Roots
+from carstage.web.roots import Roots
 from carstage.web.runs.launches import identify_child
 
 WORKER = (sys.executable, "-m", "carstage.web.datasets.job_worker")
@@ -87,9 +88,8 @@ class JobService:
                 f"There is no format {request.format}.",
                 f"Formats: {', '.join(FORMATS)}.",
             )
-        name = request.out or f"{found.path.name}-{request.format}"
-        self._roots.new(name)  # its name is none of a path
-        target = self._roots.confine(f"{EXPORTS}/{name}")
+        name = export_name(found, request)
+        target = self._roots.exports(name)
         if target.exists() and not request.overwrite:
             raise WebError(
                 409, f"{EXPORTS}/{name} exists already.", "Choose another name, or overwrite it."
@@ -121,7 +121,7 @@ class JobService:
                 "kind": "validation",
                 "title": f"Validation of {found.shown}",
                 "report": str(self._report(found)),
-                "fingerprint": fingerprint(found.path),
+                "fingerprint": found.fingerprint(),
             },
             found,
         )
@@ -138,7 +138,7 @@ class JobService:
                 "kind": "report",
                 "title": f"Report of {found.shown}",
                 "out": str(self._pages / f"{found.dataset}.html"),
-                "fingerprint": fingerprint(found.path),
+                "fingerprint": found.fingerprint(),
             },
             found,
         )
@@ -155,7 +155,7 @@ class JobService:
         kept = read_document(self._pages / f"{found.dataset}.json")
         if kept is None:
             return ReportMessage(state="none")
-        current = kept.get("fingerprint") == fingerprint(found.path)
+        current = kept.get("fingerprint") == found.fingerprint()
         return ReportMessage(state="current" if current else "outdated", made=kept.get("made"))
 
     def report_page(self, dataset: str) -> bytes:
@@ -191,7 +191,7 @@ class JobService:
         kept = read_document(self._report(found))
         if kept is None:
             return ValidationMessage(state="running" if running else "none", job=running)
-        current = kept.get("fingerprint") == fingerprint(found.path)
+        current = kept.get("fingerprint") == found.fingerprint()
         return ValidationMessage(
             state="running" if running else "current" if current else "outdated",
             job=running,
@@ -204,7 +204,7 @@ class JobService:
         kept = read_document(self._report(found))
         if kept is None:
             return "unknown"
-        if kept.get("fingerprint") != fingerprint(found.path):
+        if kept.get("fingerprint") != found.fingerprint():
             return "outdated"
         return "valid" if kept.get("report", {}).get("ok") else "invalid"
 
@@ -223,6 +223,22 @@ class JobService:
                 with suppress(ProcessLookupError):
                     os.kill(int(document["pid"]), signal.SIGTERM)
         return job
+
+    def uses(self, dataset: str) -> bool:
+        """Whether a job reads a dataset now."""
+        return any(job.dataset == dataset and job.state == "running" for job in self.all())
+
+    def writes(self, name: str) -> bool:
+        """Whether a job writes an export of this name now."""
+        running = {job.job_id for job in self.all() if job.state == "running"}
+        documents = (read_document(self._jobs / job_id / "job.json") or {} for job_id in running)
+        return any(document.get("shown") == f"{EXPORTS}/{name}" for document in documents)
+
+    def forget(self, found: FoundDataset) -> None:
+        """Forget what was found about a dataset that is gone."""
+        self._report(found).unlink(missing_ok=True)
+        for suffix in (".html", ".json"):
+            (self._pages / f"{found.dataset}{suffix}").unlink(missing_ok=True)
 
     def _begin(self, job: dict[str, Any], found: FoundDataset) -> Job:
         with self._lock:
@@ -292,9 +308,6 @@ class JobService:
         return self._reports / f"{found.dataset}.json"
 
 
-def fingerprint(dataset: Path) -> str:
-    """Changes when an episode is committed or removed."""
-    names = []
-    with suppress(OSError), os.scandir(dataset / "commits") as entries:
-        names = sorted(f"{entry.name}:{entry.stat().st_mtime_ns}" for entry in entries)
-    return "|".join(names)
+def export_name(found: FoundDataset, request: ExportRequest) -> str:
+    """The name of the folder that an export is made in."""
+    return request.out or f"{found.path.name}-{request.format}"

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from carstage.web.datasets.catalogue import Catalogue
 from carstage.web.datasets.frame_values import plain
-from carstage.web.datasets.jobs import fingerprint
 from carstage.web.errors import WebError
 from carstage.web.messages import Statistics, TableFilter, TablePage, TableRequest
 from carstage.web.messages.datasets import Histogram, TableColumn
@@ -91,7 +90,7 @@ class LabelTables:
             count_labels,
         )
 
-        key = dataset, fingerprint(self._roots.dataset(dataset).path)
+        key = dataset, self._roots.dataset(dataset).fingerprint()
         with self._lock:
             if key in self._statistics:
                 return self._statistics[key]
@@ -99,8 +98,7 @@ class LabelTables:
         counted = count_labels(episodes)
         maps: Counter[str] = Counter()
         weathers: Counter[str] = Counter()
-        for episode in episodes:
-            summary = self._catalogue.episode_summary(episode)
+        for summary in self._catalogue.summaries(dataset):
             maps[summary.map] += summary.frames
             weathers[summary.weather] += summary.frames
         found = Statistics(
@@ -142,8 +140,8 @@ class LabelTables:
     def _table(self, dataset: str, request: TableRequest) -> pa.Table:
         import pyarrow as pa
 
-        path = self._roots.dataset(dataset).path
-        key = (str(path), fingerprint(path), request.table, request.episode or "")
+        found = self._roots.dataset(dataset)
+        key = (str(found.path), found.fingerprint(), request.table, request.episode or "")
         with self._lock:
             if key in self._tables:
                 self._tables.move_to_end(key)

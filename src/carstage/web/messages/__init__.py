@@ -1,6 +1,7 @@
 """What goes over the wire, as Pydantic models; the page's types are generated from them."""
 
 from carstage.web.messages.base import ErrorMessage, FieldProblem, Message
+from carstage.web.messages.commands import CommandRequest, CommandText
 from carstage.web.messages.config import (
     ConfigChange,
     ConfigCheck,
@@ -13,6 +14,7 @@ from carstage.web.messages.config import (
     ConfigState,
     ConfigText,
     Estimate,
+    ReleaseFolders,
     RigPresetMessage,
     SchemaMessage,
     SensorKindMessage,
@@ -22,6 +24,7 @@ from carstage.web.messages.config import (
 )
 from carstage.web.messages.datasets import (
     CameraObject,
+    DatasetChange,
     DatasetDetail,
     DatasetList,
     DatasetSummary,
@@ -34,6 +37,7 @@ from carstage.web.messages.datasets import (
     FrameMessage,
     FrameObject,
     Moment,
+    Removed,
     RigSensor,
     Statistics,
     TableFilter,
@@ -43,8 +47,11 @@ from carstage.web.messages.datasets import (
 )
 from carstage.web.messages.description import DescriptionMessage, MapEntry, VehicleEntry
 from carstage.web.messages.jobs import (
+    ExportChange,
+    ExportEntry,
     ExportFormat,
     ExportFormats,
+    ExportList,
     ExportRequest,
     Job,
     JobList,
@@ -69,12 +76,15 @@ from carstage.web.messages.runs import (
     CurrentEpisodeMessage,
     EpisodeCountsMessage,
     LogLine,
+    RunAgain,
+    RunChange,
     RunDetail,
     RunList,
     RunSensor,
     RunStart,
     RunSummary,
     TickPoint,
+    WorkerMessage,
 )
 from carstage.web.messages.sensor_preview import PreviewPending, PreviewRequest
 
@@ -83,6 +93,8 @@ __all__ = [
     "Channel",
     "ChannelsMessage",
     "ClientMessage",
+    "CommandRequest",
+    "CommandText",
     "ConfigChange",
     "ConfigCheck",
     "ConfigCheckRequest",
@@ -95,6 +107,7 @@ __all__ = [
     "ConfigState",
     "ConfigText",
     "CurrentEpisodeMessage",
+    "DatasetChange",
     "DatasetDetail",
     "DatasetList",
     "DatasetSummary",
@@ -109,8 +122,11 @@ __all__ = [
     "EpisodeSummary",
     "ErrorMessage",
     "Estimate",
+    "ExportChange",
+    "ExportEntry",
     "ExportFormat",
     "ExportFormats",
+    "ExportList",
     "ExportRequest",
     "FieldProblem",
     "FrameMessage",
@@ -126,9 +142,13 @@ __all__ = [
     "Moment",
     "PreviewPending",
     "PreviewRequest",
+    "ReleaseFolders",
+    "Removed",
     "ReportMessage",
     "RigPresetMessage",
     "RigSensor",
+    "RunAgain",
+    "RunChange",
     "RunDetail",
     "RunList",
     "RunMessage",
@@ -151,4 +171,5 @@ __all__ = [
     "TrackSpan",
     "ValidationMessage",
     "VehicleEntry",
+    "WorkerMessage",
 ]

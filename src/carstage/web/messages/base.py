@@ -17,6 +17,16 @@ RunId = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$",
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]
 """One folder, file, sensor or episode: no separators, no leading dot."""
 
+Place = Annotated[
+    str,
+    StringConstraints(
+        pattern=r"^(?:[A-Za-z0-9][A-Za-z0-9_.-]{0,99}|(?:s3a?|gs|gcs|az|azure)://[^\s?#@]{1,900})$"
+    ),
+]
+"""Where a dataset is to be: a name in the first root, or an address of an object store."""
+Label = Annotated[str, StringConstraints(min_length=1, max_length=100)]
+"""A name for people."""
+
 
 class Message(BaseModel):
     """The base of what goes over the wire: nothing unknown."""

@@ -123,10 +123,13 @@ class Estimate(Message):
     """What a configuration would record.
 
     Attributes:
-        peak_bytes: the most that is on the disk at once.
+        dataset_bytes: what the dataset takes in the end.
+        peak_bytes: the most that is on the disk at once, as the run itself checks it.
+        work_bytes: the same where the dataset goes into an object store.
         duration_s: rough wall time on two cores with the embedded simulator.
         disk_free_bytes: where datasets are written.
         fits: whether the run would be begun with that much space.
+        fits_elsewhere: the same where the dataset goes into an object store.
     """
 
     episodes: int
@@ -135,9 +138,11 @@ class Estimate(Message):
     hidden_sensors: int
     dataset_bytes: int
     peak_bytes: int
+    work_bytes: int
     duration_s: float
     disk_free_bytes: int
     fits: bool
+    fits_elsewhere: bool
 
 
 class ConfigChange(Message):
@@ -226,7 +231,7 @@ class ServerCheck(Message):
 
     Attributes:
         version: the CARLA version that it reports; of an embedded one, that it speaks.
-        maps: what it offers, as far as it is up.
+        maps, vehicles: what it offers, as far as it is up.
         client: the Python that has the fitting client wheel.
     """
 
@@ -235,4 +240,11 @@ class ServerCheck(Message):
     hint: str = ""
     version: str | None = None
     maps: list[str] = Field(default_factory=list)
+    vehicles: list[str] = Field(default_factory=list)
     client: str | None = None
+
+
+class ReleaseFolders(Message):
+    """Folders of CARLA releases on this machine."""
+
+    folders: list[str]

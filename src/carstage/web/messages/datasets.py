@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from carstage.web.messages.base import DatasetId, Document, Message, Name
+from carstage.web.messages.base import DatasetId, Document, Label, Message, Name
 
 Vector = list[float]
 Colour = list[int]
@@ -22,6 +22,7 @@ class DatasetSummary(Message):
         state: ``recording`` while a run writes to it; ``damaged``: see ``problem``.
         validity: what the last validation from here found.
         changed: Unix time of the last commit.
+        location: its folder, or its address.
     """
 
     dataset: DatasetId
@@ -34,18 +35,37 @@ class DatasetSummary(Message):
     bytes: int = 0
     changed: float | None = None
     validity: Literal["unknown", "valid", "invalid", "outdated"] = "unknown"
+    location: str = ""
+
+
+class DatasetChange(Message):
+    """A new name for a dataset."""
+
+    name: Label
+
+
+class Removed(Message):
+    """What is left where something was removed.
+
+    Attributes:
+        left: names of what stays in its folder, as it was not ours.
+    """
+
+    left: list[str] = Field(default_factory=list)
 
 
 class DatasetList(Message):
     """All datasets, newest first, and where they are.
 
     Attributes:
-        root: the folder in which new ones are made.
+        root: the folder in which new ones are made, or an address.
+        problems: what is wrong with object stores, a sentence each.
     """
 
     datasets: list[DatasetSummary]
     root: str
     disk_free_bytes: int
+    problems: list[str] = Field(default_factory=list)
 
 
 class EpisodeSummary(Message):
@@ -53,6 +73,8 @@ class EpisodeSummary(Message):
 
     Attributes:
         saved_fps: saved frames per simulated second.
+        index: in the configuration that it was recorded by.
+        number: in the dataset, from 1.
         thumbnail: a camera whose pictures show it.
     """
 
@@ -65,6 +87,7 @@ class EpisodeSummary(Message):
     duration_s: float
     bytes: int
     sensors: int
+    number: int
     thumbnail: Name | None = None
 
 
@@ -118,7 +141,6 @@ class EpisodeDetail(Message):
         incomplete: number of ticks with a sensor that is neither ``ok`` nor ``off``.
         spec: what was asked for.
         tags: semantic tags with their colours.
-        number: its place in the dataset, from 1.
     """
 
     episode: EpisodeSummary
@@ -130,7 +152,6 @@ class EpisodeDetail(Message):
     spawned: Document
     spec: Document
     tags: list[Tag]
-    number: int
 
 
 class EgoPose(Message):

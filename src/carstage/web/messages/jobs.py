@@ -57,6 +57,36 @@ class ExportRequest(Message):
     categories: Literal["own", "coco80"] | None = None
 
 
+class ExportEntry(Message):
+    """An export that is there.
+
+    Attributes:
+        dataset: name of the dataset that it was made of.
+        changed: Unix time at which it was whole.
+        location: its folder, or its address.
+    """
+
+    name: str
+    format: str
+    dataset: str
+    frames: int
+    bytes: int
+    changed: float
+    location: str
+
+
+class ExportList(Message):
+    """All exports, newest first."""
+
+    exports: list[ExportEntry]
+
+
+class ExportChange(Message):
+    """A new name for an export's folder."""
+
+    name: Name
+
+
 class Job(Message):
     """An export, a validation or a report.
 

@@ -6,30 +6,57 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from carstage.web.messages.base import DatasetId, Document, Message, Name, RunId
+from carstage.execution.slots import MOST_WORKERS
+from carstage.web.messages.base import DatasetId, Document, Label, Message, Name, Place, RunId
 
 RunState = Literal[
     "queued", "planning", "starting", "recording", "converting", "done", "failed", "interrupted"
 ]
 Alive = Literal["queued", "running", "stalled", "dead", "ended"]
 Level = Literal["debug", "info", "warning", "error"]
+Workers = Annotated[int, Field(ge=1, le=MOST_WORKERS)] | Literal["auto"]
 
 
 class RunStart(Message):
     """A run to begin, at once or after those before it.
 
     Attributes:
-        dataset: name of the folder below the first root; made when it is missing.
+        dataset: name of the folder below the first root, made when it is missing, or an address of
+            an object store.
         config: what to record; left out: the saved configuration.
         rev: with ``config`` left out: the revision that the user saw; another one is a conflict.
         append: record also beside episodes of other settings, versions or environments.
+        workers: servers on this machine, each recording an episode.
+        catalog: a catalog that the run writes to as well; an address without a password.
+        work: folder of this machine for raw recordings and logs; left out: the dataset's own, or
+            one in the user's cache.
     """
 
-    dataset: Name
+    dataset: Place
     config: Document | None = None
     rev: int | None = None
     retries: Annotated[int, Field(ge=0, le=100)] = 2
     append: bool = False
+    workers: Workers = 1
+    catalog: Annotated[str, Field(max_length=1000)] | None = None
+    work: Annotated[str, Field(max_length=1000)] | None = None
+
+
+class RunAgain(Message):
+    """The same run once more.
+
+    Attributes:
+        dataset: another place, for a run of its own; left out: go on in its dataset with what is
+            missing there.
+    """
+
+    dataset: Place | None = None
+
+
+class RunChange(Message):
+    """A new name for a run."""
+
+    name: Label
 
 
 class EpisodeCountsMessage(Message):
@@ -53,6 +80,14 @@ class CurrentEpisodeMessage(Message):
     frames_total: int = 0
 
 
+class WorkerMessage(Message):
+    """What one of several workers does."""
+
+    worker: int
+    state: str
+    current: CurrentEpisodeMessage | None = None
+
+
 class RunSensor(Message):
     """A sensor of the rig."""
 
@@ -69,7 +104,14 @@ class RunSummary(Message):
         stop: how often it was asked to stop.
         progress: share of all ticks and frames of the run, 0 to 1.
         rate_ticks_s: simulated steps per second of wall time, lately.
+        mean_ticks_s: the same over the whole run, of one that has ended.
         started, ended: Unix times.
+        location: folder or address of its dataset.
+        folder: the run's own folder; None: it has made none.
+        continues: the run that this one goes on with.
+        resumable: it has ended, and something of it is missing that the same command would record.
+        again: why the episode under way is recorded once more; None: it is its first attempt.
+        workers: each of several workers; empty where there is one.
     """
 
     run_id: RunId
@@ -84,11 +126,18 @@ class RunSummary(Message):
     message: str | None = None
     progress: float = 0.0
     rate_ticks_s: float | None = None
+    mean_ticks_s: float | None = None
     eta_s: float | None = None
     disk_free_bytes: int | None = None
     started: float | None = None
     ended: float | None = None
     sensors: list[RunSensor] = Field(default_factory=list)
+    location: str = ""
+    folder: str | None = None
+    continues: str | None = None
+    resumable: bool = False
+    again: str | None = None
+    workers: list[WorkerMessage] = Field(default_factory=list)
 
 
 class RunList(Message):
@@ -136,10 +185,17 @@ class Channel(Message):
 
 
 class RunDetail(Message):
-    """A run with what a page needs to show it from the start."""
+    """A run with what a page needs to show it from the start.
+
+    Attributes:
+        committed: ids of the episodes that it has committed itself, in their order.
+        bytes: what its own folder takes: logs, and raw recordings where they are kept.
+    """
 
     run: RunSummary
     config: Document
     log: list[LogLine]
     ticks: list[TickPoint]
     channels: list[Channel]
+    committed: list[Name] = Field(default_factory=list)
+    bytes: int = 0

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 from fastapi import Depends
+from fastapi.responses import StreamingResponse
 from starlette.requests import HTTPConnection
 
 from carstage.web.loading import load
@@ -25,6 +27,19 @@ BUSY: Responses = {
     409: {"model": ErrorMessage, "description": "The state does not allow it now."},
     503: {"model": ErrorMessage, "description": "Something that it needs cannot be had now."},
 }
+ARCHIVE: Responses = {
+    200: {"content": {"application/zip": {}}, "description": "A ZIP archive, made while it goes."},
+    **MISSING,
+}
+
+
+def archive(name: str, pieces: Iterator[bytes]) -> StreamingResponse:
+    """An archive as a file to save."""
+    headers = {
+        "Content-Disposition": f'attachment; filename="{name}.zip"',
+        "Content-Encoding": "identity",
+    }
+    return StreamingResponse(pieces, media_type="application/zip", headers=headers)
 
 
 def _services(connection: HTTPConnection) -> Services:

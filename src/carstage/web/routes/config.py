@@ -5,6 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse, Response
 
+from carstage.web.configure.server_check import release_folders
 from carstage.web.messages import (
     ConfigChange,
     ConfigCheck,
@@ -16,6 +17,7 @@ from carstage.web.messages import (
     ConfigSaved,
     ConfigState,
     ConfigText,
+    ReleaseFolders,
     RigPresetMessage,
     SchemaMessage,
     SensorKindsMessage,
@@ -97,3 +99,9 @@ def rig_preset(name: Name, services: Access) -> RigPresetMessage:
 def check_server(request: ServerCheckRequest, services: Access) -> ServerCheck:
     """Whether a server can be used: the connection test. Nothing is started."""
     return services.server_check.check(request.server)
+
+
+@router.get("/server/releases", responses=BAD)
+def releases() -> ReleaseFolders:
+    """Folders of CARLA releases on this machine, to choose from."""
+    return ReleaseFolders(folders=release_folders())

@@ -5,21 +5,25 @@ from __future__ import annotations
 from typing import Annotated
 
 from fastapi import APIRouter, Query
+from fastapi.responses import StreamingResponse
 
 from carstage.web.datasets.history import NEAR_M
 from carstage.web.messages import (
+    DatasetChange,
     DatasetDetail,
     DatasetList,
+    DatasetSummary,
     EgoSignals,
     EpisodeDetail,
     EpisodeHistory,
     EpisodeMap,
+    Removed,
     Statistics,
     TablePage,
     TableRequest,
 )
 from carstage.web.messages.base import DatasetId, Name
-from carstage.web.routes.access import MISSING, Access
+from carstage.web.routes.access import ARCHIVE, BUSY, MISSING, Access, archive
 
 Near = Annotated[float, Query(gt=0, le=1000, description="From where on one is near, m.")]
 
@@ -74,3 +78,21 @@ def table(dataset: DatasetId, request: TableRequest, services: Access) -> TableP
 def statistics(dataset: DatasetId, services: Access) -> Statistics:
     """Counts over the labels."""
     return services.tables.statistics(dataset)
+
+
+@router.patch("/{dataset}", responses=BUSY)
+def rename_dataset(dataset: DatasetId, change: DatasetChange, services: Access) -> DatasetSummary:
+    """Give a dataset another name; its folder stays."""
+    return services.datasets.rename(dataset, change.name)
+
+
+@router.delete("/{dataset}", responses=BUSY)
+def remove_dataset(dataset: DatasetId, services: Access) -> Removed:
+    """Remove a dataset with its episodes and runs."""
+    return services.remove_dataset(dataset)
+
+
+@router.get("/{dataset}/files.zip", responses=ARCHIVE, response_class=StreamingResponse)
+def dataset_files(dataset: DatasetId, services: Access) -> StreamingResponse:
+    """The dataset as it is, without its runs."""
+    return archive(dataset, services.datasets.archive(dataset))

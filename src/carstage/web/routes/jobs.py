@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from fastapi import APIRouter
-from fastapi.responses import Response
+from fastapi.responses import Response, StreamingResponse
 
 from carstage.web.messages import (
+    CommandRequest,
+    CommandText,
+    ExportChange,
+    ExportEntry,
     ExportFormats,
+    ExportList,
     ExportRequest,
     Job,
     JobList,
     ReportMessage,
     ValidationMessage,
 )
-from carstage.web.messages.base import DatasetId
+from carstage.web.messages.base import DatasetId, Name
 from carstage.web.messages.jobs import JobId
-from carstage.web.routes.access import BUSY, MISSING, Access, Responses
+from carstage.web.routes.access import ARCHIVE, BAD, BUSY, MISSING, Access, Responses, archive
 
 router = APIRouter(prefix="/api", tags=["jobs"])
 
@@ -68,6 +73,36 @@ def report(dataset: DatasetId, services: Access) -> ReportMessage:
 def report_page(dataset: DatasetId, services: Access) -> Response:
     """The report: one page on its own, without scripts."""
     return Response(services.jobs.report_page(dataset), media_type="text/html", headers=_ALONE)
+
+
+@router.get("/exports", responses=BAD)
+def exports(services: Access) -> ExportList:
+    """All exports that are there, newest first."""
+    return services.exports.all()
+
+
+@router.patch("/exports/{name}", responses=BUSY)
+def rename_export(name: Name, change: ExportChange, services: Access) -> ExportEntry:
+    """Give an export's folder another name."""
+    return services.exports.rename(name, change.name)
+
+
+@router.delete("/exports/{name}", status_code=204, responses=BUSY)
+def remove_export(name: Name, services: Access) -> None:
+    """Remove an export."""
+    services.exports.remove(name)
+
+
+@router.get("/exports/{name}/files.zip", responses=ARCHIVE, response_class=StreamingResponse)
+def export_files(name: Name, services: Access) -> StreamingResponse:
+    """An export as one file."""
+    return archive(name, services.exports.archive(name))
+
+
+@router.post("/command", responses=MISSING)
+def command(request: CommandRequest, services: Access) -> CommandText:
+    """The command that does the same in a shell on the server's machine; nothing is done."""
+    return services.commands.text(request)
 
 
 @router.get("/jobs")

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 from fastapi import APIRouter
+from fastapi.responses import StreamingResponse
 
-from carstage.web.messages import RunDetail, RunList, RunStart, RunSummary
+from carstage.web.messages import (
+    RunAgain,
+    RunChange,
+    RunDetail,
+    RunList,
+    RunStart,
+    RunSummary,
+)
 from carstage.web.messages.base import RunId
-from carstage.web.routes.access import BUSY, MISSING, Access
+from carstage.web.routes.access import ARCHIVE, BUSY, MISSING, Access, archive
 
 router = APIRouter(prefix="/api", tags=["runs"])
 
@@ -36,3 +44,27 @@ def stop(run_id: RunId, services: Access) -> RunSummary:
     A queued run leaves the queue.
     """
     return services.runs.stop(run_id)
+
+
+@router.post("/runs/{run_id}/again", status_code=201, responses=BUSY)
+def again(run_id: RunId, request: RunAgain, services: Access) -> RunSummary:
+    """Go on with a run that has ended, or record the same into another dataset."""
+    return services.runs.again(run_id, request)
+
+
+@router.patch("/runs/{run_id}", responses=MISSING)
+def rename_run(run_id: RunId, change: RunChange, services: Access) -> RunSummary:
+    """Show a run by another name."""
+    return services.runs.rename(run_id, change.name)
+
+
+@router.delete("/runs/{run_id}", status_code=204, responses=BUSY)
+def remove_run(run_id: RunId, services: Access) -> None:
+    """Remove a run with its logs; its episodes stay in the dataset."""
+    services.runs.remove(run_id)
+
+
+@router.get("/runs/{run_id}/files.zip", responses=ARCHIVE, response_class=StreamingResponse)
+def run_files(run_id: RunId, services: Access) -> StreamingResponse:
+    """The run's own folder: plan, status, events, logs."""
+    return archive(f"run-{run_id}", services.runs.archive(run_id))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 from carstage.runs.reading import EventTail
 from carstage.web.messages import LogLine, TickPoint
@@ -30,6 +31,10 @@ class RunFollower:
         self._ticks: deque[TickPoint] = deque(maxlen=_MOST_TICKS)
         self.lines_seen = 0
         self.ticks_seen = 0
+        self.committed: list[str] = []
+        """Ids of the episodes that the run has committed."""
+        self.retried: dict[str, str] = {}
+        """Why an episode was begun once more, by its id."""
 
     def read(self) -> None:
         """Take in what was written since."""
@@ -37,6 +42,7 @@ class RunFollower:
             if event["event"] == "tick":
                 self._tick(event)
                 continue
+            self._count(event)
             line = log_line(event)
             if line is not None:
                 self._lines.append(line)
@@ -61,6 +67,15 @@ class RunFollower:
             first = point
         passed_s = last.time - first.time
         return (last.tick - first.tick) / passed_s if passed_s > 0 else None
+
+    def _count(self, event: dict[str, Any]) -> None:
+        episode = event.get("episode_id")
+        if not isinstance(episode, str):
+            return
+        if event["event"] == "episode_committed":
+            self.committed.append(episode)
+        elif event["event"] == "episode_retried":
+            self.retried[episode] = str(event.get("reason", ""))
 
     def _tick(self, event: dict[str, object]) -> None:
         time_s, tick = event.get("time"), event.get("tick")

@@ -8,16 +8,23 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from carstage.files.whole import write_whole
+from carstage.storage.address import dataset_root
+from carstage.storage.remote_path import DatasetPath
 from carstage.web.messages.base import Document
+
+if TYPE_CHECKING:
+    from carstage.runs.launching import RunOptions
 
 _TAIL_BYTES = 4000
 Start = Callable[..., subprocess.Popen[bytes]]
@@ -28,13 +35,16 @@ class Launch:
     """One run that was asked for.
 
     Attributes:
-        out: folder of its dataset.
+        out: place of its dataset.
         server: key of the server that it needs.
         asked: Unix time.
         append: record also beside episodes of other settings.
         process: which process it is, once it has one; see ``carstage.runs.identity``.
         stop: how often it was asked to stop.
         withdrawn: it left the queue before it had a process.
+        workers, catalog, work: as ``RunOptions`` has them.
+        continues: the run that this one goes on with.
+        ended: when its process ended, Unix time; None: it has not, or nobody was there to see it.
     """
 
     run_id: str
@@ -47,6 +57,23 @@ class Launch:
     process: Document | None = None
     stop: int = 0
     withdrawn: bool = False
+    workers: int | Literal["auto"] = 1
+    catalog: str | None = None
+    work: str | None = None
+    continues: str | None = None
+    ended: float | None = None
+
+    @property
+    def options(self) -> RunOptions:
+        """What its command is given."""
+        from carstage.runs.launching import RunOptions
+
+        return RunOptions(self.retries, self.append, self.workers, self.catalog, self.work)
+
+    @property
+    def place(self) -> DatasetPath:
+        """Where its dataset is."""
+        return dataset_root(self.out)
 
     @property
     def queued(self) -> bool:
@@ -111,16 +138,24 @@ class Launches:
             folder = self._folder / run_id
             child = (self._start or launch)(
                 folder / "config.yaml",
-                Path(waiting.out),
+                waiting.out,
                 run_id,
                 folder / "output.log",
-                retries=waiting.retries,
-                append=waiting.append,
+                options=waiting.options,
                 folder=self._root,
             )
-            # Waited for, or it would stay as a zombie; its status file holds how it ended.
-            threading.Thread(target=child.wait, name=f"run {run_id}", daemon=True).start()
             self._keep(replace(waiting, process=identify_child(child.pid)))
+            # Waited for, or it would stay as a zombie; its status file holds how it ended.
+            threading.Thread(
+                target=self._await, args=(run_id, child), name=f"run {run_id}", daemon=True
+            ).start()
+
+    def _await(self, run_id: str, child: subprocess.Popen[bytes]) -> None:
+        child.wait()
+        with self._lock:
+            launch = self._launches.get(run_id)
+            if launch is not None:
+                self._keep(replace(launch, ended=time.time()))
 
     def stop_asked(self, run_id: str) -> None:
         """Remember that a run was asked to stop; a queued one is withdrawn."""
@@ -128,6 +163,31 @@ class Launches:
             launch = self._launches.get(run_id)
             if launch is not None:
                 self._keep(replace(launch, stop=launch.stop + 1, withdrawn=launch.process is None))
+
+    def rename(self, run_id: str, name: str) -> None:
+        """Show a run by another name."""
+        with self._lock:
+            launch = self._launches.get(run_id)
+            if launch is not None:
+                self._keep(replace(launch, name=name))
+
+    def remove(self, run_id: str) -> None:
+        """Forget a run that goes on no more, with its frozen configuration."""
+        with self._lock:
+            if self._launches.pop(run_id, None) is not None:
+                shutil.rmtree(self._folder / run_id)
+
+    def folder(self, run_id: str) -> Path:
+        """What is kept of a run here."""
+        return self._folder / run_id
+
+    def ended_s(self, launch: Launch) -> float | None:
+        """When its process ended, Unix time; as a last resort when it last said something."""
+        if launch.ended is not None:
+            return launch.ended
+        with suppress(OSError):
+            return (self._folder / launch.run_id / "output.log").stat().st_mtime
+        return None
 
     def alive(self, launch: Launch) -> bool:
         """Whether its process lives."""

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from carstage.runs.folder import SHORT_PLAN_VERSION
+from carstage.runs.keeping import LABEL_FILE, label_of
 from carstage.runs.reading import Alive, liveness, read_document
 from carstage.spec import EpisodeSpec
+from carstage.storage.remote_path import DatasetPath, RemotePath
 from carstage.web.messages import RunSensor
 from carstage.web.roots import Roots
+from carstage.web.runs.launches import Launches
 
 _MOST_PER_DATASET = 100
 
@@ -39,19 +42,29 @@ class RunRecord:
 
     Attributes:
         dataset: id of its dataset.
+        out: place of its dataset.
         status: the content of ``status.json``.
     """
 
     run_id: str
     dataset: str
+    out: DatasetPath
     folder: Path
     status: Mapping[str, Any]
     alive: Alive
 
     @property
-    def out(self) -> Path:
-        """Folder of its dataset."""
+    def work(self) -> Path:
+        """What holds the folder ``runs``."""
         return self.folder.parent.parent
+
+    def label(self) -> str | None:
+        """The name that it was given afterwards, if it was."""
+        path = self.folder / LABEL_FILE
+        try:
+            return _label(self.folder, path.stat().st_mtime_ns)
+        except OSError:
+            return None
 
     def plan(self) -> RunPlan | None:
         """Its plan; None before it is written."""
@@ -67,10 +80,12 @@ class RunRecords:
 
     Args:
         roots: where the datasets are.
+        launches: know the work folders of runs that were started here.
     """
 
-    def __init__(self, roots: Roots) -> None:
+    def __init__(self, roots: Roots, launches: Launches) -> None:
         self._roots = roots
+        self._launches = launches
         self._lock = threading.Lock()
         self._known: dict[Path, RunRecord] = {}
 
@@ -78,28 +93,44 @@ class RunRecords:
         """All runs by id."""
         with self._lock:
             found: dict[Path, RunRecord] = {}
-            for dataset in self._roots.datasets().values():
-                folders = sorted((dataset.path / "runs").glob("*/status.json"))
-                for path in folders[-_MOST_PER_DATASET:]:
-                    folder = path.parent
-                    known = self._known.get(folder)
-                    if known is None or known.alive != "ended":
-                        known = _record(folder, dataset.dataset)
-                    if known is not None:
-                        found[folder] = known
+            for folder, dataset, out in self._folders():
+                known = self._known.get(folder)
+                if known is None or known.alive != "ended" or not folder.exists():
+                    known = _record(folder, dataset, out)
+                if known is not None:
+                    found[folder] = known
             self._known = found
             return {record.run_id: record for record in found.values()}
 
     def fresh(self, record: RunRecord) -> RunRecord:
         """The same run as it is now."""
-        return _record(record.folder, record.dataset) or record
+        return _record(record.folder, record.dataset, record.out) or record
+
+    def _folders(self) -> Iterator[tuple[Path, str, DatasetPath]]:
+        """Folders of runs, each with its dataset."""
+        from carstage.runs.preflight import work_folder
+
+        for found in self._roots.datasets().values():
+            runs = work_folder(found.path, None) / "runs"
+            for path in sorted(runs.glob("*/status.json"))[-_MOST_PER_DATASET:]:
+                yield path.parent, found.dataset, found.path
+        for launch in self._launches.all():
+            out = launch.place
+            if launch.work is not None or isinstance(out, RemotePath):
+                folder = work_folder(out, launch.work) / "runs" / launch.run_id
+                yield folder, self._roots.id_of(out), out
 
 
-def _record(folder: Path, dataset: str) -> RunRecord | None:
+def _record(folder: Path, dataset: str, out: DatasetPath) -> RunRecord | None:
     status = read_document(folder / "status.json")
     if status is None or status.get("run_id") != folder.name:
         return None
-    return RunRecord(folder.name, dataset, folder, status, liveness(status))
+    return RunRecord(folder.name, dataset, out, folder, status, liveness(status))
+
+
+@lru_cache(maxsize=1000)
+def _label(folder: Path, _changed_ns: int) -> str | None:
+    return label_of(folder)
 
 
 @lru_cache(maxsize=512)

@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 import shutil
+import stat
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from carstage.errors import BadInputError
 from carstage.runs.folder import new_run_id
-from carstage.runs.launching import StopError, ask_to_stop
+from carstage.runs.keeping import remove_run, rename_run, settings_of
+from carstage.runs.launching import RunOptions, StopError, ask_to_stop
+from carstage.storage.address import dataset_root
+from carstage.storage.keeping import check_label
+from carstage.storage.remote_path import DatasetPath, RemotePath
+from carstage.web.archive import files_below, zipped
 from carstage.web.configure.checking import ConfigChecker
 from carstage.web.configure.store import ConfigStore
 from carstage.web.errors import WebError, not_found
-from carstage.web.messages import RunDetail, RunStart, RunSummary
+from carstage.web.messages import LogLine, RunAgain, RunDetail, RunStart, RunSummary
 from carstage.web.messages.base import Document
 from carstage.web.preview.run_previews import Previews
 from carstage.web.roots import Roots
 from carstage.web.runs.follower import RunFollower
 from carstage.web.runs.launches import Launch, Launches
 from carstage.web.runs.records import RunRecord, RunRecords
-from carstage.web.runs.summary import summary_of_launch, summary_of_record
+from carstage.web.runs.summary import Seen, summary_of_launch, summary_of_record
 
 _MOST_FOLLOWED = 4
 _MOST_QUEUED = 50
@@ -48,10 +55,13 @@ class RunService:
         self._checker = checker
         self._store = store
         self._previews = previews
-        self._records = RunRecords(roots)
+        self._records = RunRecords(roots, launches)
+        for launch in launches.all():
+            self._show(launch.place)
         self._lock = threading.RLock()
         self._followers: dict[str, RunFollower] = {}
         self._folders: dict[str, Path] = {}
+        self._progress: dict[str, float] = {}
 
     def summaries(self) -> list[RunSummary]:
         """All runs: queued ones in their order, then the others, newest first."""
@@ -93,17 +103,140 @@ class RunService:
             if request.rev is not None and request.rev != state.rev:
                 raise WebError(409, "The configuration was changed meanwhile.", "Look at it again.")
             document = state.config
+        return self._begin(document, request)
+
+    def again(self, run_id: str, request: RunAgain) -> RunSummary:
+        """Go on with a run that has ended, or record the same in another dataset.
+
+        Raises:
+            WebError: there is no such run, it goes on, or it has recorded everything.
+            BadInputError: it keeps no configuration, or one that cannot be used any more.
+        """
+        run = self.summary(run_id)
+        if request.dataset is None and not run.resumable:
+            done = run.alive == "ended"
+            raise WebError(
+                409,
+                "The run has recorded everything." if done else "The run goes on.",
+                "Record it once more into another dataset." if done else "Stop it first.",
+            )
+        launch = self._launches.get(run_id)
+        given = launch.options if launch is not None else RunOptions()
+        return self._begin(
+            self.settings(run_id),
+            RunStart.model_construct(
+                dataset=request.dataset or run.location,
+                retries=given.retries,
+                append=given.append and request.dataset is None,
+                workers=given.workers,
+                catalog=given.catalog,
+                work=given.work,
+            ),
+            continues=run_id if request.dataset is None else None,
+        )
+
+    def settings(self, run_id: str) -> Document:
+        """The configuration of a run.
+
+        Raises:
+            WebError: there is no such run.
+            BadInputError: it keeps none.
+        """
+        if self._launches.get(run_id) is not None:
+            return self._launches.config(run_id)
+        folder = self.folder(run_id)
+        if folder is None:
+            raise not_found(f"run {run_id}")
+        return dict(settings_of(folder))
+
+    def options(self, run_id: str) -> RunOptions:
+        """How the command of a run was given its options; of runs of others, the usual ones."""
+        launch = self._launches.get(run_id)
+        if launch is not None:
+            return launch.options
+        return RunOptions()
+
+    def rename(self, run_id: str, name: str) -> RunSummary:
+        """Show a run by another name.
+
+        Raises:
+            WebError: there is no such run.
+            BadInputError: the name cannot be used.
+        """
+        name = check_label(name)
+        self.summary(run_id)
+        folder = self.folder(run_id)
+        if folder is not None:
+            rename_run(folder, name)
+        self._launches.rename(run_id, name)
+        return self.summary(run_id)
+
+    def remove(self, run_id: str) -> None:
+        """Remove a run that goes on no more; its episodes stay in their dataset.
+
+        Raises:
+            WebError: there is no such run, or it goes on.
+        """
+        with self._lock:
+            run = self.summary(run_id)
+            if run.alive in ("running", "stalled"):
+                raise WebError(409, "The run goes on.", "Stop it first.")
+            folder = self.folder(run_id)
+            if folder is not None:
+                remove_run(folder)
+            self._launches.remove(run_id)
+            self._followers.pop(run_id, None)
+            self._folders.pop(run_id, None)
+            self._progress.pop(run_id, None)
+
+    def forget(self, place: DatasetPath) -> None:
+        """Forget the runs into a dataset that is gone."""
+        dataset = self._roots.id_of(place)
+        for run in self.summaries():
+            if run.dataset == dataset:
+                self.remove(run.run_id)
+
+    def archive(self, run_id: str) -> Iterator[bytes]:
+        """A run's own folder as a ZIP archive, without its recordings.
+
+        Raises:
+            WebError: there is no such run, or it has no folder.
+        """
+        folder = self.folder(run_id)
+        if folder is None:
+            raise not_found(f"folder of run {run_id}")
+        kept = (one for one in files_below(folder) if not one[0].startswith(("raw/", "preview/")))
+        return zipped((f"run-{run_id}/{name}", path) for name, path in kept)
+
+    def records_into(self, place: DatasetPath) -> bool:
+        """Whether a run writes, or is queued to write, into a dataset."""
+        dataset = self._roots.id_of(place)
+        return any(
+            run.dataset == dataset and run.alive in ("queued", "running", "stalled")
+            for run in self.summaries()
+        )
+
+    def _begin(
+        self, document: Document, request: RunStart, continues: str | None = None
+    ) -> RunSummary:
         config = self._checker.parse(document)
         self._checker.estimate(config)
         if sum(launch.queued for launch in self._launches.all()) >= _MOST_QUEUED:
             raise WebError(409, f"{_MOST_QUEUED} runs are queued already.", "Wait for their end.")
         from carstage.config import dump_config
+        from carstage.runs.preflight import work_folder
         from carstage.runs.server_lock import server_key
 
-        out = self._roots.new(request.dataset)
+        out = self._place(request.dataset)
+        work = self._roots.work(request.work) if request.work else None
+        catalog = self._catalog(request.catalog)
         document = dump_config(config)
         if not request.append:
-            _refuse_to_mix(out, document)
+            self._refuse_to_mix(out, work_folder(out, work), document)
+        if isinstance(out, RemotePath):
+            from carstage.storage import open_store
+
+            open_store(out).check()
         launch = Launch(
             run_id=new_run_id(),
             out=str(out),
@@ -112,10 +245,59 @@ class RunService:
             asked=time.time(),
             retries=request.retries,
             append=request.append,
+            workers=request.workers,
+            catalog=catalog,
+            work=None if work is None else str(work),
+            continues=continues,
         )
         self._launches.queue(launch, document)
+        self._show(out)
         self.advance()
         return self.summary(launch.run_id)
+
+    def _place(self, text: str) -> DatasetPath:
+        """Where a run records: what a user wrote, or where an earlier run has recorded."""
+        known = (run.location for run in self.summaries())
+        if text in known:
+            return dataset_root(text)
+        return self._roots.destination(text)
+
+    def _catalog(self, given: str | None) -> str | None:
+        """The address of a catalog that a request may name.
+
+        Raises:
+            BadInputError: it is none, holds a password, or is a file outside.
+        """
+        if not given:
+            return None
+        from carstage.catalog.address import parse_address
+
+        address = parse_address(given, secret=False)
+        if address.file is not None:
+            return str(self._roots.work(str(address.file)))
+        return given
+
+    def _show(self, place: DatasetPath) -> None:
+        """Have a dataset shown that lies in no root, as a run records into it."""
+        if isinstance(place, RemotePath):
+            self._roots.add(place)
+
+    def _refuse_to_mix(self, out: DatasetPath, work: Path, settings: Document) -> None:
+        """Ask before a run records beside episodes of other settings.
+
+        Versions and environment are compared by the run itself.
+        """
+        from carstage.runs.continuing import OtherSettingsError, refuse_to_mix
+
+        try:
+            present = self._roots.dataset(self._roots.id_of(out)).markers()
+        except WebError:
+            return  # there is no dataset yet
+        try:
+            refuse_to_mix(out, work, present, None, settings)
+        except OtherSettingsError as error:
+            hint = "Record it all the same, or name another folder."
+            raise WebError(409, error.message, hint, code="other_settings") from error
 
     def stop(self, run_id: str) -> RunSummary:
         """Ask a run to stop; a second time ends it at once, a queued one leaves the queue.
@@ -150,7 +332,8 @@ class RunService:
         record = self._records.all().get(run_id)
         if record is None:
             config: Document = self._launches.config(run_id)
-            return RunDetail(run=run, config=config, log=[], ticks=[], channels=[])
+            log = [] if run.alive != "ended" else self.output(run_id)
+            return RunDetail(run=run, config=config, log=log, ticks=[], channels=[])
         plan = record.plan()
         with self._lock:
             follower = self.follow(run_id)
@@ -162,7 +345,24 @@ class RunService:
                 log=follower.lines_after(0),
                 ticks=follower.ticks_after(0),
                 channels=self._previews.channels(run.sensors),
+                committed=list(follower.committed),
+                bytes=_size(record.folder),
             )
+
+    def output(self, run_id: str) -> list[LogLine]:
+        """What the command of a run that never made a folder has printed, as a log."""
+        launch = self._launches.get(run_id)
+        time_s = 0.0 if launch is None else self._launches.ended_s(launch) or launch.asked
+        return [
+            LogLine(
+                time=time_s,
+                level="error" if line.startswith("Error: ") else "info",
+                event="output",
+                text=line.removeprefix("Error: ")[:2000],
+            )
+            for line in self._launches.output_tail(run_id).splitlines()
+            if line.strip()
+        ]
 
     def follow(self, run_id: str) -> RunFollower | None:
         """The follower of a run; None for one without a folder. Use it under ``locked``."""
@@ -228,40 +428,45 @@ class RunService:
 
     def _of_launch(self, launch: Launch, position: int) -> RunSummary:
         alive = self._launches.alive(launch)
-        tail = "" if launch.queued or alive else self._launches.output_tail(launch.run_id)
-        return summary_of_launch(launch, position, alive=alive, tail=tail)
+        over = not launch.queued and not alive
+        return summary_of_launch(
+            launch,
+            self._roots.id_of(launch.place),
+            position,
+            alive=alive,
+            tail=self._launches.output_tail(launch.run_id) if over else "",
+            ended_s=self._launches.ended_s(launch) if over else None,
+        )
 
     def _of_record(self, record: RunRecord) -> RunSummary:
-        launch = self._launches.get(record.run_id)
-        rate = None
+        rate, retried = None, {}
         with self._lock:
             if _lives(record):
                 follower = self._followers.get(record.run_id) or self.follow(record.run_id)
                 if follower is not None:
                     follower.read()
-                    rate = follower.rate_ticks_s()
-        return summary_of_record(
-            record,
-            stop=launch.stop if launch else 0,
-            rate_ticks_s=rate,
-            free_bytes=shutil.disk_usage(record.out).free,
-        )
+                    rate, retried = follower.rate_ticks_s(), dict(follower.retried)
+            seen = Seen(
+                launch=self._launches.get(record.run_id),
+                rate_ticks_s=rate,
+                free_bytes=shutil.disk_usage(record.folder).free,
+                retried=retried,
+                progress=self._progress.get(record.run_id, 0.0),
+            )
+            summary = summary_of_record(record, seen)
+            self._progress[record.run_id] = summary.progress
+        return summary
 
 
 def _lives(record: RunRecord) -> bool:
     return record.alive in ("running", "stalled")
 
 
-def _refuse_to_mix(out: Path, settings: Document) -> None:
-    """Ask before a run records beside episodes of other settings.
-
-    Versions and environment are compared by the run itself.
-    """
-    from carstage.runs.continuing import OtherSettingsError, refuse_to_mix
-    from carstage.storage import open_store
-
-    try:
-        refuse_to_mix(out, out, open_store(out).committed(), None, settings)
-    except OtherSettingsError as error:
-        hint = "Record it all the same, or name another folder."
-        raise WebError(409, error.message, hint, code="other_settings") from error
+def _size(folder: Path) -> int:
+    """What the files in a folder take, bytes."""
+    total = 0
+    for path in folder.rglob("*"):
+        with suppress(OSError):  # it has just been removed
+            found = path.lstat()
+            total += found.st_size if stat.S_ISREG(found.st_mode) else 0
+    return total

@@ -1,0 +1,348 @@
+"""The life of runs in the page: what is told of them, and what can be done with them."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+import analytic_dataset
+from browser_pages import (
+    PICTURES,
+    Gui,
+    OpenPage,
+    field,
+    load_demo,
+    server_config,
+    wait_until,
+    wait_until_saved,
+)
+from carstage.config import dump_config
+from carstage.config import load_demo as demo_config
+from sites import FakeRun
+
+pytestmark = pytest.mark.xdist_group("browser")
+
+SMALL = (
+    *("episodes=1", "duration_s=0.2", "vehicles.count=0", "pedestrians.count=0"),
+    *("image_size=[64, 36]",),
+)
+COUNTS = {"total": 2, "committed": 0, "failed": 1, "skipped": 0}
+
+
+@pytest.fixture(scope="module")
+def lives(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Gui, dict[str, FakeRun]]]:
+    """A server over runs that have failed, were killed, were stopped, and one that goes on."""
+    folder = tmp_path_factory.mktemp("lives") / "datasets"
+    folder.mkdir()
+    analytic_dataset.make_dataset(folder / "scene", tmp_path_factory.mktemp("scene"))
+    description = (folder / "scene" / "dataset.json").read_bytes()
+    runs: dict[str, FakeRun] = {}
+    for number, name in enumerate(("failed", "killed", "stopped", "going")):
+        config = dump_config(demo_config((*SMALL, f"name={name}")))
+        out = folder / ("scene" if name == "failed" else name)
+        runs[name] = FakeRun(out, f"20260101-00000{number}-abcdef", config)
+    (folder / "scene" / "dataset.json").write_bytes(description)
+    for name in ("failed", "killed", "stopped"):
+        runs[name].end()
+    over: dict[str, Any] = {"current": None, "episodes": COUNTS}
+    runs["failed"].say(state="failed", message="Episode e1 failed: it broke.", **over)
+    runs["stopped"].say(state="interrupted", **over)
+    runs["going"].event("episode_retried", episode_id="e2", reason="The server ended.")
+    runs["going"].say(current={**runs["going"]._status["current"], "attempt": "a2"})
+    made = Gui(folder)
+    made.start()
+    try:
+        yield made, runs
+    finally:
+        made.stop()
+        runs["going"].end()
+
+
+@pytest.fixture(scope="module")
+def gui(lives: tuple[Gui, dict[str, FakeRun]]) -> Gui:
+    return lives[0]
+
+
+@pytest.fixture
+def runs(lives: tuple[Gui, dict[str, FakeRun]]) -> dict[str, FakeRun]:
+    return lives[1]
+
+
+def at(run: FakeRun) -> str:
+    return f"#/run/{run.folder.name}"
+
+
+def picture(page: Page, name: str) -> None:
+    if PICTURES:
+        page.screenshot(path=Path(PICTURES) / f"{name}.png")
+
+
+def action(page: Page, name: str, of: str = "run") -> None:
+    page.get_by_role("button", name=f"Actions: {of}").click()
+    page.get_by_role("menuitem", name=name).click()
+
+
+def tile(page: Page, name: str) -> Locator:
+    return page.locator(".tile").filter(has_text=name).locator("dd")
+
+
+def test_each_end_of_a_run_is_told_as_it_was(open_page: OpenPage, runs: dict[str, FakeRun]) -> None:
+    page = open_page(at(runs["failed"]))
+    head = page.locator(".page-head")
+    told = {
+        "failed": ("failed", "Retry", "Episode e1 failed: it broke."),
+        "killed": ("died", "Resume", "Its process is gone"),
+        "stopped": ("stopped", "Resume", ""),
+    }
+    for name, (badge, button, message) in told.items():
+        page.evaluate(f"location.hash = '{at(runs[name])}'")
+        expect(page.get_by_role("heading", level=1)).to_have_text(name)
+        expect(head.get_by_role("status").first).to_have_text(badge)
+        expect(head.get_by_role("button", name=button)).to_be_visible()
+        if message:
+            expect(head.get_by_role("alert")).to_contain_text(message)
+        # The dataset ``scene`` holds an episode, which is of another run.
+        expect(page.get_by_label("Pictures")).to_have_text("This run has committed no episode.")
+        expect(page.locator(".place code").first).to_have_text(str(runs[name].folder.parents[1]))
+        took = tile(page, "Took").inner_text()
+        page.wait_for_timeout(1500)
+        assert tile(page, "Took").inner_text() == took
+    picture(page, "gui-run-stopped")
+
+
+def test_a_second_attempt_is_marked_with_its_reason(
+    open_page: OpenPage, runs: dict[str, FakeRun]
+) -> None:
+    page = open_page(at(runs["going"]))
+    expect(page.locator(".attempt")).to_contain_text("attempt 2")
+    expect(page.locator(".attempt")).to_contain_text("The server ended.")
+
+
+def test_a_run_is_renamed_and_its_command_shown(
+    open_page: OpenPage, runs: dict[str, FakeRun]
+) -> None:
+    run = runs["stopped"]
+    page = open_page(at(run))
+    action(page, "Rename…")
+    page.get_by_label("Name", exact=True).fill("Rain at night")
+    page.get_by_role("button", name="Rename", exact=True).click()
+    expect(page.get_by_role("heading", level=1)).to_have_text("Rain at night")
+    action(page, "Resume as command")
+    where = str(run.folder.parents[1])
+    expect(page.get_by_label("Command", exact=True)).to_have_text(
+        f"carstage runs resume {where} {run.folder.name}"
+    )
+    page.get_by_role("button", name="Close").click()
+    page.reload()
+    expect(page.get_by_role("heading", level=1)).to_have_text("Rain at night")
+    action(page, "Rename…")
+    page.get_by_label("Name", exact=True).fill("stopped")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("heading", level=1)).to_have_text("stopped")
+
+
+def test_a_run_is_deleted_after_a_question(open_page: OpenPage, runs: dict[str, FakeRun]) -> None:
+    run = runs["killed"]
+    copy = FakeRun(run.folder.parents[1], "20260102-000000-abcdef", {"name": "to delete"})
+    copy.end()
+    copy.say(state="failed", message="it broke")
+    page = open_page(at(copy))
+    action(page, "Delete…")
+    page.get_by_role("button", name="Cancel").click()
+    assert copy.folder.exists()
+    action(page, "Delete…")
+    page.get_by_role("button", name="Delete", exact=True).click()
+    expect(page.get_by_role("link", name="to delete")).to_have_count(0)
+    assert not copy.folder.exists()
+
+
+def test_a_configuration_comes_back_into_the_form(
+    open_page: OpenPage, runs: dict[str, FakeRun]
+) -> None:
+    page = open_page(at(runs["stopped"]))
+    action(page, "Load this configuration")
+    wait_until_saved(page)
+    expect(field(page, "Name").first).to_have_value("stopped")
+    assert server_config(page)["duration_s"] == 0.2
+    page.get_by_role("button", name="Undo").click()
+    expect(field(page, "Name").first).not_to_have_value("stopped")
+
+
+def test_a_stopped_run_goes_on_by_one_click(open_page: OpenPage, runs: dict[str, FakeRun]) -> None:
+    """The one that goes on here holds this machine's place, so the new one waits in the queue."""
+    run = runs["stopped"]
+    page = open_page(at(run))
+    page.get_by_role("button", name="Resume").click()
+    expect(page.get_by_text(f"goes on with {run.folder.name}")).to_be_visible()
+    expect(page.locator(".page-head").get_by_role("status").first).to_contain_text("queued")
+    page.get_by_role("button", name="Take out").click()
+
+
+def test_all_runs_stand_in_one_table(open_page: OpenPage) -> None:
+    page = open_page("#/runs")
+    rows = page.locator(".runs-table tbody tr")
+    expect(rows.filter(has_text="failed").first).to_contain_text("scene")
+    page.get_by_role("button", name="active").click()
+    expect(rows).to_have_count(1)
+    expect(rows).to_contain_text("going")
+    page.get_by_role("button", name="not finished").click()
+    expect(rows.filter(has_text="going")).to_have_count(0)
+    page.get_by_label("Search the runs").fill("killed")
+    expect(rows).to_have_count(1)
+    picture(page, "gui-runs")
+
+
+def test_a_dataset_that_holds_episodes_is_asked_about(open_page: OpenPage) -> None:
+    page = open_page()
+    load_demo(page)
+    page.get_by_label("Dataset folder").fill("scene")
+    expect(page.locator("#dataset-note")).to_contain_text("There already: 1 episode")
+    page.get_by_role("button", name=re.compile("Start|Queue")).click()
+    expect(page.locator(".ask")).to_contain_text("holds 1 episode already")
+    page.locator(".ask").get_by_role("button", name="Cancel").click()
+    expect(page.locator(".ask")).to_have_count(0)
+    assert page.url.endswith("#/configure") or "#" not in page.url
+
+
+def test_too_little_space_blocks_start_and_the_command_is_there(open_page: OpenPage) -> None:
+    page = open_page()
+    load_demo(page)
+    estimate = page.locator(".estimate")
+    expect(estimate).to_contain_text("needs", timeout=120_000)  # the simulator is asked first
+    field(page, "Episodes").fill("100000")
+    wait_until_saved(page)
+    expect(estimate).to_contain_text("too little space")
+    expect(page.get_by_role("button", name=re.compile("Start|Queue"))).to_be_disabled()
+    field(page, "Episodes").fill("1")
+    wait_until_saved(page)
+    page.get_by_text("Workers, catalog, command").click()
+    page.locator(".where").get_by_label("Workers").fill("auto")
+    page.get_by_label("Dataset folder").fill("s3://bucket/drive")
+    expect(page.locator("#dataset-note")).to_contain_text("an object store")
+    page.get_by_role("button", name="Copy as command").click()
+    expect(page.get_by_label("Command", exact=True)).to_contain_text(
+        "carstage run - --out s3://bucket/drive --workers auto <<'CONFIG'"
+    )
+
+
+def test_two_sensors_of_one_name_are_told_apart(open_page: OpenPage) -> None:
+    page = open_page()
+    load_demo(page)
+    rows = page.get_by_role("list", name="Sensors").get_by_role("button")
+    count = rows.count()
+    other = rows.nth(0).locator(".sensor-id").inner_text()
+    rows.nth(1).click()
+    name = page.locator(".inspector").get_by_role("textbox", name="Name")
+    name.fill(other)
+    expect(page.locator(".sensor-row[aria-pressed=true]")).to_have_count(1)
+    expect(name).to_be_visible()
+    expect(page.locator(".inspector .field-error").first).to_contain_text("used by")
+    page.get_by_role("list", name="Problems").get_by_role("button").first.wait_for()
+    name.blur()
+    page.get_by_role("button", name="Delete", exact=True).click()
+    expect(rows).to_have_count(count - 1)
+    expect(rows.nth(0).locator(".sensor-id")).to_have_text(other)
+
+
+def test_a_problem_leads_to_its_field(open_page: OpenPage) -> None:
+    page = open_page()
+    load_demo(page)
+    field(page, "Episodes").fill("0")
+    link = page.get_by_role("list", name="Problems").get_by_role("button", name="episodes")
+    link.click()
+    expect(field(page, "Episodes")).to_be_focused()
+
+
+def test_another_server_has_no_maps_of_the_embedded_one(open_page: OpenPage) -> None:
+    page = open_page()
+    load_demo(page)
+    groups = page.locator(".config-form h3")
+    expect(groups.first).to_have_text("Server")
+    expect(field(page, "Map")).to_have_js_property("tagName", "SELECT")
+    page.get_by_role("group", name="Server").get_by_role("button", name="remote").or_(
+        page.locator("#field-server")
+    ).first.wait_for()
+    page.evaluate(
+        """async () => {
+          const state = await (await fetch('api/config')).json();
+          const config = {...state.config, server: {kind: 'remote', host: '127.0.0.1', port: 2999}};
+          await fetch('api/config', {method: 'PUT', headers: {'Content-Type': 'application/json'},
+            body: JSON.stringify({rev: state.rev, config, author: 'test'})});
+        }"""
+    )
+    expect(field(page, "Map")).to_have_js_property("tagName", "INPUT")
+    expect(page.get_by_text("Maps and vehicles are those of your server")).to_be_visible()
+    field(page, "Map").fill("Town10HD_Opt")
+    wait_until_saved(page)
+    assert server_config(page)["map"]["choice"] == "Town10HD_Opt"
+
+
+def test_settings_are_searched_and_told_from_the_usual_ones(open_page: OpenPage) -> None:
+    page = open_page()
+    load_demo(page)
+    form = page.locator(".config-form")
+    page.get_by_label("Search the settings").fill("hang")
+    expect(form.locator(".field")).not_to_have_count(0)
+    expect(form).not_to_contain_text("Episodes")
+    page.get_by_label("Search the settings").fill("")
+    page.get_by_role("button", name="Paper", exact=True).click()
+    for name in ("Map", "Weather", "Episodes", "Duration", "Frame rate", "Image size",
+                 "Maximum distance", "Ground truth", "Timing"):  # fmt: skip
+        expect(form).to_contain_text(re.compile(name, re.IGNORECASE))
+    picture(page, "gui-paper")
+    page.get_by_role("button", name="Changed", exact=True).click()
+    field(page, "Name").first.wait_for()
+
+
+def test_the_shortcuts_are_listed(open_page: OpenPage) -> None:
+    page = open_page("#/runs")
+    page.get_by_role("heading", level=1).wait_for()
+    page.keyboard.press("?")
+    dialog = page.get_by_role("dialog", name="Keyboard shortcuts")
+    expect(dialog).to_contain_text("Space")
+    page.keyboard.press("Escape")
+    expect(dialog).to_have_count(0)
+    page.evaluate("location.hash = '#/run'")
+    links = page.locator(".run-list li a")
+    links.first.focus()
+    page.keyboard.press("ArrowDown")
+    expect(links.nth(1)).to_be_focused()
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize(
+    ("width", "height"), [(1440, 900), (1024, 768), (720, 450), (768, 1024), (390, 844)]
+)
+def test_start_is_in_view_and_nothing_wider_than_the_screen(
+    open_page: OpenPage, width: int, height: int, theme: str, runs: dict[str, FakeRun]
+) -> None:
+    page = open_page(width=width, height=height, theme=theme)
+    start = page.get_by_role("button", name=re.compile("Start|Queue"))
+    start.wait_for()
+    box = start.bounding_box()
+    assert box is not None
+    assert box["y"] >= 0
+    assert box["y"] + box["height"] <= height
+    if width < 900:
+        tops = [
+            page.locator(where).evaluate("(e) => e.getBoundingClientRect().top")
+            for where in (".parameters", ".rig")
+        ]
+        assert tops[0] < tops[1]
+    for address in ("#/configure", "#/run", "#/runs", at(runs["failed"]), "#/datasets/scene"):
+        page.evaluate(f"location.hash = '{address}'")
+        page.get_by_role("heading", level=1).first.wait_for(state="attached")
+        page.wait_for_load_state("networkidle")
+        wait_until(page, "document.fonts.status === 'loaded'")
+        wide = page.evaluate("document.documentElement.scrollWidth")
+        inner = page.evaluate("document.getElementById('content').scrollWidth")
+        assert max(wide, inner) <= width, address
+        if folder := os.environ.get("CARSTAGE_LOOK"):
+            name = f"{width}-{theme}-{address.strip('#/').replace('/', '-')[:20]}"
+            page.screenshot(path=Path(folder) / f"{name}.png")

@@ -5,8 +5,9 @@
 Makes an environment with the lowest version of each direct dependency that the bounds allow, on
 Python 3.10, or with the newest of all, on Python 3.12. It records the beginning of the
 demonstration by a worker there, validates, reports and exports it, and starts the graphical
-interface, which must not report an exception. Then a town and ten frames are compared with those of the environment that runs this. The pins of
-`constraint-dependencies` do not count in the new environment.
+interface, which must not report an exception. Then a town and ten frames are compared with those
+of the environment that runs this. The pins of `constraint-dependencies` do not count in the new
+environment.
 
 `lowest` is a step of `.ci/run`. `newest` depends on what others have released by the day.
 """

@@ -159,6 +159,29 @@ def test_stream_of_a_destroyed_sensor_stays_open_and_silent(
             stream.recv(1)
 
 
+@pytest.mark.parametrize("stream_id", [-1, 2**32, 2**64 - 1, -(2**63)])
+def test_number_that_no_stream_can_have_is_refused(client: RawClient, stream_id: int) -> None:
+    _, ((kind, (text,)),) = client.call("get_sensor_token", stream_id)
+    assert kind == 0
+    assert text == f"{stream_id} is no stream: 0 to 4294967295"
+
+
+def test_ids_that_no_actor_can_have_are_not_looked_through(
+    simulator: RunningSimulator, client: RawClient
+) -> None:
+    sensor_id, *_, token = spawn(client, "sensor.other.obstacle", free_place(client))
+    lidar_id, *_, lidar_token = spawn(client, "sensor.lidar.ray_cast_semantic", ORIGIN)
+    for actor_id in (sensor_id, lidar_id):
+        client.value("set_ignored_vehicles", actor_id, [-(2**63), -1, 2**40])
+    (stream_id,) = struct.unpack_from("<I", token)
+    (lidar_stream,) = struct.unpack_from("<I", lidar_token)
+    with (
+        subscribe(simulator.host, simulator.streaming_port, stream_id),
+        subscribe(simulator.host, simulator.streaming_port, lidar_stream) as lidar,
+    ):
+        await_first_message(client, lidar)
+
+
 def test_queries_about_a_destroyed_vehicle_are_answered(client: RawClient) -> None:
     vehicle_id, *_ = spawn(client, "vehicle.tesla.model3", free_place(client))
     box = client.value("get_actor_bounding_box", vehicle_id)

@@ -24,6 +24,7 @@ logger = logging.getLogger(__name__)
 
 _MAP_FOLDER = "Carla/Maps"
 _ALL_LAYERS = 0xFFFF
+_LARGEST_STREAM = 2**32 - 1
 _ANSWER_AFTER_S = 0.1
 _REOPENED_AFTER_S = 0.3
 _GIVE_UP_S = 5.0
@@ -46,6 +47,8 @@ def _get_episode_info(call: Call) -> list[Any]:
 
 @handles("get_sensor_token")
 def _get_sensor_token(call: Call, stream_id: int) -> list[bytes]:
+    if not 0 <= stream_id <= _LARGEST_STREAM:
+        raise CallError(f"{stream_id} is no stream: 0 to {_LARGEST_STREAM}")
     if stream_id != call.world.stream_id:
         call.session.expect_subscriber(stream_id, SENSORS_SUBSCRIBED_WITHIN_S, call.connection)
     else:

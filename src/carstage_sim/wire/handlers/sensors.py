@@ -7,6 +7,8 @@ from typing import Any
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 from carstage_sim.wire.token import stream_token
 
+_LARGEST_ID = 2**32 - 1
+
 
 @handles_void("enable_sensor_for_ros", "disable_sensor_for_ros")
 def _sensor_for_ros(_call: Call, _stream_id: int) -> None:
@@ -20,7 +22,8 @@ def _is_sensor_enabled_for_ros(_call: Call, _stream_id: int) -> bool:
 
 @handles_void("set_ignored_vehicles")
 def _set_ignored_vehicles(call: Call, actor_id: int, ignored: list[int]) -> None:
-    call.world.live_or_dead(actor_id).ignored = frozenset(int(one) for one in ignored)
+    sensor = call.world.live_or_dead(actor_id)
+    sensor.ignored = frozenset(one for one in map(int, ignored) if 0 < one <= _LARGEST_ID)
 
 
 @handles("get_gbuffer_token")

@@ -185,10 +185,9 @@ def _lamp(builder: ShapeBuilder, extent: Vector) -> None:
 
 
 def _fountain(builder: ShapeBuilder, extent: Vector) -> None:
-    hx, hy, hz = extent
     outline = ((0.0, 1.0), (0.25, 1.0), (0.26, 0.9), (0.27, 0.12), (0.7, 0.1), (0.72, 0.45),
                (0.8, 0.5), (0.81, 0.08), (1.0, 0.05))  # fmt: skip
-    _drum(builder, (hx, hy, hz), Material.CONCRETE, outline)
+    _drum(builder, extent, Material.CONCRETE, outline)
 
 
 def _frame(builder: ShapeBuilder, extent: Vector, seat: Material = Material.WOOD) -> None:

@@ -1,17 +1,30 @@
-import { useEffect, useRef, useState, type KeyboardEvent, type ReactNode } from "react";
+import { useEffect, useLayoutEffect, useRef, useState, type KeyboardEvent, type ReactNode } from "react";
+
+const MARGIN_PX = 4;
 
 /** A button that opens a list of commands; arrow keys move in it, Escape closes it. */
 export function Menu({ label, name, children }: { label: string; name: string; children: ReactNode }) {
   const [open, setOpen] = useState(false);
   const root = useRef<HTMLDivElement>(null);
+  const list = useRef<HTMLDivElement>(null);
+  useLayoutEffect(() => {
+    if (open && root.current && list.current) placeBelow(list.current, root.current);
+  }, [open]);
   useEffect(() => {
     if (!open) return;
     root.current?.querySelector<HTMLElement>("[role=menuitem]")?.focus();
     const away = (event: PointerEvent) => {
       if (!root.current?.contains(event.target as Node)) setOpen(false);
     };
+    const moved = () => setOpen(false);
     document.addEventListener("pointerdown", away);
-    return () => document.removeEventListener("pointerdown", away);
+    document.addEventListener("scroll", moved, true);
+    window.addEventListener("resize", moved);
+    return () => {
+      document.removeEventListener("pointerdown", away);
+      document.removeEventListener("scroll", moved, true);
+      window.removeEventListener("resize", moved);
+    };
   }, [open]);
   const keys = (event: KeyboardEvent) => {
     if (!open) return;
@@ -39,10 +52,20 @@ export function Menu({ label, name, children }: { label: string; name: string; c
         {label} <span aria-hidden="true">▾</span>
       </button>
       {open && (
-        <div className="menu-list" role="menu" aria-label={name} onClick={() => setOpen(false)}>
+        <div className="menu-list" ref={list} role="menu" aria-label={name} onClick={() => setOpen(false)}>
           {children}
         </div>
       )}
     </div>
   );
+}
+
+/** Puts a list below its button, right edges in line, but inside the window: panels clip, it must not be. */
+function placeBelow(list: HTMLElement, button: HTMLElement) {
+  const beside = button.getBoundingClientRect();
+  const { width, height } = list.getBoundingClientRect();
+  const right = window.innerWidth - MARGIN_PX - width;
+  const below = window.innerHeight - MARGIN_PX - height;
+  list.style.left = `${Math.max(MARGIN_PX, Math.min(beside.right - width, right))}px`;
+  list.style.top = `${Math.max(MARGIN_PX, Math.min(beside.bottom + MARGIN_PX, below))}px`;
 }

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from carstage.errors import CarStageError
     from carstage.exporters import ExportOptions
     from carstage.exporters import export_dataset as export
-    from carstage.runs import RunResult, events, run
+    from carstage.runs import RunResult, events, recording, run
     from carstage.validation import validate_dataset as validate
 
 __all__ = [
@@ -37,6 +37,7 @@ __all__ = [
     "events",
     "export",
     "load_config",
+    "recording",
     "run",
     "validate",
 ]
@@ -50,6 +51,7 @@ _PLACES = {
     "events": "carstage.runs.events:",
     "export": "carstage.exporters:export_dataset",
     "load_config": "carstage.config:load_config",
+    "recording": "carstage.runs:recording",
     "run": "carstage.runs:run",
     "validate": "carstage.validation:validate_dataset",
 }

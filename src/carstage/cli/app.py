@@ -28,6 +28,7 @@ from carstage.cli.output import (
     result,
     result_json,
 )
+from carstage.cli.record import record as record_command
 from carstage.cli.runs import runs_app
 from carstage.cli.split import split
 
@@ -51,6 +52,7 @@ app.command()(estimate)
 app.add_typer(catalog_app, name="catalog")
 app.command()(export)
 app.command()(gui)
+app.command("record")(record_command)
 app.command()(split)
 app.add_typer(runs_app, name="runs")
 app.add_typer(dataset_app, name="dataset")

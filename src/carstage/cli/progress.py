@@ -114,7 +114,8 @@ class BarProgress:
             self._shown = current.attempt + current.episode_id
             for task in (self._steps, self._frames):
                 self._progress.reset(task)
-        self._progress.update(self._steps, total=current.ticks_total, completed=current.ticks_done)
+        steps = current.ticks_total or None  # not known beside a program that ends when it likes
+        self._progress.update(self._steps, total=steps, completed=current.ticks_done)
         self._progress.update(
             self._frames, total=current.frames_total, completed=current.frames_converted
         )
@@ -153,9 +154,14 @@ class LineProgress:
             return
         self._write(
             f"Episode {current.index + 1} of {event.episodes.total}: "
-            f"recorded {current.ticks_done}/{current.ticks_total} steps, "
-            f"converted {current.frames_converted}/{current.frames_total} frames."
+            f"recorded {_of(current.ticks_done, current.ticks_total)} steps, "
+            f"converted {_of(current.frames_converted, current.frames_total)} frames."
         )
+
+
+def _of(done: int, total: int) -> str:
+    """A number of so many; the total may not be known."""
+    return f"{done}/{total}" if total else str(done)
 
 
 def _line_of_workers(progress: events.Progress) -> str:

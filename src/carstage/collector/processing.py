@@ -19,6 +19,7 @@ from carstage.collector.internals.matching import (
     FrameMatcher,
     JoinedFrame,
     LedgerRow,
+    LostData,
 )
 from carstage.collector.internals.snapshots import WorldMoment
 from carstage.collector.internals.stopping import StopRequest
@@ -27,6 +28,7 @@ from carstage.collector.sensors.base import Sensor
 from carstage.rawlog.format import KIND_DATA, KIND_TABLE, LEDGER, WORLD
 
 POLL_S = 0.1
+_OVERRUN = "came while too much waited for the disk"
 MAX_CONSECUTIVE_MISSES = 5
 """A sensor that misses that many frames in a row is dead; waiting for more of them is pointless."""
 
@@ -56,6 +58,14 @@ class ByteBudget:
         """Count data that came."""
         with self._changed:
             self._held_bytes += size_bytes
+
+    def take_if_room(self, size_bytes: int) -> bool:
+        """Count data that came, unless more would wait than may; return whether they count."""
+        with self._changed:
+            if self._held_bytes and self._held_bytes + size_bytes > self._limit_bytes:
+                return False
+            self._held_bytes += size_bytes
+            return True
 
     def give_back(self, size_bytes: int) -> None:
         """Count data that were written or dropped."""
@@ -94,6 +104,15 @@ class _Datum(NamedTuple):
 _FORGET_EARLY = object()
 """In the inbox: drop the data of ticks that were not announced."""
 
+_BEGIN_NOW = object()
+"""In the inbox: begin with the first frame of which nothing has come yet."""
+
+
+class _End(NamedTuple):
+    """In the inbox: so many ticks were announced in all."""
+
+    ticks: int
+
 
 class Pipeline:
     """Takes sensor data and ticks, writes the log; a context manager.
@@ -103,7 +122,7 @@ class Pipeline:
         writers: the log's writers, already running.
         matcher: joins data by frame.
         budget: counts what waits.
-        steps: ticks that will be recorded.
+        steps: ticks that will be recorded; None: :meth:`end` tells it.
         ticks_per_segment: ticks per segment.
         strict: an incomplete frame is a fault; a sensor that dies ends the episode.
         failures: errors of all threads, the writers' too; the main thread raises the first.
@@ -116,7 +135,7 @@ class Pipeline:
         writers: LogWriters,
         matcher: FrameMatcher,
         budget: ByteBudget,
-        steps: int,
+        steps: Optional[int],
         ticks_per_segment: int,
         strict: bool = True,
         failures: Optional[List[BaseException]] = None,
@@ -133,7 +152,9 @@ class Pipeline:
         self._inbox: SimpleQueue[Any] = SimpleQueue()
         self._state = threading.Condition()
         self._newest: Dict[str, int] = dict.fromkeys(sensors, -1)
+        self._written_ticks = 0
         self._booked_ticks = 0
+        self._began_after: Optional[int] = None
         self._incomplete_ticks = 0
         self._waited_s = 0.0
         self._failures = [] if failures is None else failures
@@ -189,6 +210,41 @@ class Pipeline:
             put(_Datum(sensor, data.frame, data, size))
 
         return deliver
+
+    def callback_within_budget(self, sensor: str) -> Callable[[Any], None]:
+        """As :meth:`callback`, where nobody can make the world wait: what overruns is lost.
+
+        The ledger then says so, and the data go at once.
+        """
+        size_bytes = self._sensors[sensor].size_bytes
+        take, put = self._budget.take_if_room, self._inbox.put
+
+        def deliver(data: Any) -> None:
+            size = size_bytes(data)
+            if take(size):
+                put(_Datum(sensor, data.frame, data, size))
+            else:
+                put(_Datum(sensor, data.frame, LostData(_OVERRUN), 0))
+
+        return deliver
+
+    def begin_now(self, timeout_s: float) -> Optional[int]:
+        """Begin with the first frame of which no sensor has delivered anything so far.
+
+        Returns:
+            The last frame before it; None when the matcher did not come to it in time.
+        """
+        self._inbox.put(_BEGIN_NOW)
+        with self._state:
+            self._state.wait_for(
+                lambda: self._began_after is not None or bool(self._failures), timeout_s
+            )
+        self.check()
+        return self._began_after
+
+    def end(self, ticks: int) -> None:
+        """Tell how many ticks there are, where that was not known before; seals what is open."""
+        self._inbox.put(_End(ticks))
 
     def begin(self, after_frame: int) -> None:
         """Begin to record: data up to and including ``after_frame`` belong to the warm-up."""
@@ -265,7 +321,8 @@ class Pipeline:
         if item is None:
             return False
         if isinstance(item, _Datum):
-            matcher.offer(item.sensor, item.frame, item, now_s)
+            offered = item.data if isinstance(item.data, LostData) else item
+            matcher.offer(item.sensor, item.frame, offered, now_s)
             with self._state:
                 self._newest[item.sensor] = max(self._newest[item.sensor], item.frame)
                 self._state.notify_all()
@@ -273,6 +330,13 @@ class Pipeline:
             matcher.expect(item, now_s)
         elif isinstance(item, int):
             matcher.begin(item)
+        elif isinstance(item, _End):
+            self._end(item.ticks)
+        elif item is _BEGIN_NOW:
+            with self._state:
+                self._began_after = max(self._newest.values())
+                self._state.notify_all()
+            matcher.begin(self._began_after)
         elif item is _FORGET_EARLY:
             matcher.forget_early()
         matcher.advance(now_s)
@@ -281,8 +345,19 @@ class Pipeline:
         for row in matcher.take_rows():
             self._write_row(row)
         for datum in matcher.take_dropped():
-            self._budget.give_back(datum.size_bytes)
+            if not isinstance(datum, LostData):
+                self._budget.give_back(datum.size_bytes)
         return True
+
+    def _end(self, ticks: int) -> None:
+        """Seal the last segment as far as its ticks are written already."""
+        self._steps = ticks
+        if ticks % self._ticks_per_segment == 0:
+            return  # sealed as a whole one, or about to be
+        if self._written_ticks == ticks:
+            self._writers.seal([*self._sensors, WORLD], ticks - 1)
+        if self._booked_ticks == ticks:
+            self._writers.seal([LEDGER], ticks - 1)
 
     def _ends_segment(self, tick: int) -> bool:
         return (tick + 1) % self._ticks_per_segment == 0 or tick + 1 == self._steps
@@ -308,6 +383,7 @@ class Pipeline:
             )
         if self._ends_segment(expected.tick):
             self._writers.seal([*self._sensors, WORLD], expected.tick)
+        self._written_ticks += 1
         self._give_up_on_dead_sensors(expected)
 
     def _give_up_on_dead_sensors(self, expected: ExpectedFrame) -> None:

@@ -13,7 +13,9 @@ from carstage.lazy import lazy_names
 if TYPE_CHECKING:
     from carstage.runs.attempts import LeftRun, held_attempts, left_runs
     from carstage.runs.folder import CurrentEpisode, EpisodeCounts, RunStatus
+    from carstage.runs.following import record_beside
     from carstage.runs.outcome import RunResult
+    from carstage.runs.own_client import recording
     from carstage.runs.pending import pending_recordings
     from carstage.runs.preflight import size_text, work_folder
     from carstage.runs.running import DEFAULT_RETRIES, ConfigSource, run
@@ -32,6 +34,8 @@ __all__ = [
     "held_attempts",
     "left_runs",
     "pending_recordings",
+    "record_beside",
+    "recording",
     "run",
     "size_text",
     "work_folder",
@@ -41,8 +45,10 @@ __getattr__ = lazy_names(
     __name__,
     {
         "attempts": "LeftRun held_attempts left_runs",
+        "following": "record_beside",
         "folder": "CurrentEpisode EpisodeCounts RunStatus",
         "outcome": "RunResult",
+        "own_client": "recording",
         "pending": "pending_recordings",
         "preflight": "size_text work_folder",
         "running": "DEFAULT_RETRIES ConfigSource run",

@@ -11,6 +11,7 @@ from carstage.spec.road_users import GroupSpec, PedestriansSpec, TrafficSpec, Ve
 from carstage.spec.scenario import (
     AutopilotSpec,
     Control,
+    RecordedSpec,
     ReplayedActor,
     ReplaySpec,
     RouteSpec,
@@ -47,6 +48,7 @@ __all__ = [
     "PedestriansSpec",
     "Place",
     "PoseSpec",
+    "RecordedSpec",
     "ReplaySpec",
     "ReplayedActor",
     "RouteSpec",

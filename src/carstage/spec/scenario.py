@@ -131,6 +131,45 @@ class ReplaySpec(ScenarioSpec):
         return cls(fields.text("episode_id"), actors)
 
 
+@dataclass(frozen=True)
+class RecordedSpec(ScenarioSpec):
+    """Another program made the ticks and moved everybody; this was recorded beside it.
+
+    Attributes:
+        recording: random digits, so that no other recording has episodes of these ids.
+        part: number of the episode in its recording, from 0.
+        ego_id: the ego's id on the server.
+        role: the ego's ``role_name``.
+        client: version of the client that recorded.
+        server: version that the server reported.
+        reproducible: always false: who ticked is not known here, and cannot be made to again.
+    """
+
+    kind = json_kind = "recorded"
+    recording: str
+    part: int
+    ego_id: int
+    role: str
+    client: str
+    server: str
+    reproducible: bool = False
+
+    @classmethod
+    def read(cls, fields: Fields, steps: int) -> RecordedSpec:
+        """Check and read the section."""
+        del steps
+        if fields.flag("reproducible"):
+            raise SpecError("%s: no recording is." % fields.path("reproducible"))
+        return cls(
+            recording=fields.text("recording"),
+            part=fields.integer("part", 0),
+            ego_id=fields.integer("ego_id", 0),
+            role=fields.text("role"),
+            client=fields.text("client"),
+            server=fields.text("server"),
+        )
+
+
 def _read_poses(actor: Fields, steps: int) -> Tuple[Optional[Pose], ...]:
     poses = actor.list("poses")
     if len(poses) != steps:
@@ -171,7 +210,13 @@ def _numbers(value: Any, count: int, path: str, index: int) -> Tuple[float, ...]
     raise SpecError("%s[%d]: must be %d numbers, not %s." % (path, index, count, shown(value)))
 
 
-_KINDS: Tuple[Type[ScenarioSpec], ...] = (AutopilotSpec, StationarySpec, RouteSpec, ReplaySpec)
+_KINDS: Tuple[Type[ScenarioSpec], ...] = (
+    AutopilotSpec,
+    StationarySpec,
+    RouteSpec,
+    ReplaySpec,
+    RecordedSpec,
+)
 
 
 def read_scenario(fields: Fields, steps: int) -> ScenarioSpec:

@@ -6,7 +6,7 @@ Pure logic: the clock is an argument, nothing waits here. The thread around it i
 from __future__ import annotations
 
 from collections import deque
-from typing import Any, Deque, Dict, List, NamedTuple, Optional, Sequence
+from typing import Any, Deque, Dict, List, NamedTuple, Optional, Sequence, Set
 
 OK = "ok"
 MISSING = "missing"
@@ -40,6 +40,12 @@ class SensorOutcome(NamedTuple):
     wait_s: float
 
 
+class LostData(NamedTuple):
+    """Offered in place of data that came and could not be kept; ``reason`` says why."""
+
+    reason: str
+
+
 class JoinedFrame(NamedTuple):
     """A frame that is closed: whatever came for it in time, by sensor."""
 
@@ -62,6 +68,7 @@ class _PendingFrame:
         self.since_s = now_s
         self.data: Dict[str, Any] = {}
         self.outcomes: Dict[str, SensorOutcome] = {}
+        self.lost: Set[str] = set()
 
     def lacking(self, sensors: Sequence[str]) -> List[str]:
         return [sensor for sensor in sensors if sensor not in self.outcomes]
@@ -191,9 +198,14 @@ class FrameMatcher:
         return dropped
 
     def _accept(self, pending: _PendingFrame, sensor: str, data: Any, now_s: float) -> None:
-        pending.data[sensor] = data
-        pending.outcomes[sensor] = SensorOutcome(OK, None, max(0.0, now_s - pending.since_s))
+        wait_s = max(0.0, now_s - pending.since_s)
         self.misses[sensor] = 0
+        if isinstance(data, LostData):
+            pending.outcomes[sensor] = SensorOutcome(MISSING, data.reason, wait_s)
+            pending.lost.add(sensor)
+            return
+        pending.data[sensor] = data
+        pending.outcomes[sensor] = SensorOutcome(OK, None, wait_s)
 
     def _due(self, pending: _PendingFrame, now_s: float) -> bool:
         lacking = pending.lacking(self._sensors)
@@ -238,7 +250,10 @@ class FrameMatcher:
     def _settled(self, pending: _PendingFrame, now_s: float) -> bool:
         if now_s >= pending.since_s + 2 * self._patience_s or not pending.expected.seen:
             return True
-        return all(outcome.state in (OK, LATE) for outcome in pending.outcomes.values())
+        return all(
+            outcome.state in (OK, LATE) or sensor in pending.lost
+            for sensor, outcome in pending.outcomes.items()
+        )
 
     def _book_late(self, pending: _PendingFrame, sensor: str, now_s: float) -> None:
         if pending.outcomes[sensor].state == OK:

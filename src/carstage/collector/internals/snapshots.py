@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Set, Tuple
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Set, Tuple
 
 from carstage.rawlog.format import ACTOR_RECORD
 
@@ -121,10 +121,25 @@ class WorldObserver:
             weather: the values that the tick was made with.
         """
         new_actors = self._new_actors(snapshot)
+        return self._moment(snapshot, weather, new_actors, self.states())
+
+    def watch_lights(self, lights: Iterable[Any]) -> None:
+        """Have the states of traffic lights noted from now on."""
+        known = {light.id for light in self._traffic_lights}
+        # A new list: another thread may be reading the states of the old one.
+        self._traffic_lights = self._traffic_lights + [
+            light
+            for light in sorted(lights, key=lambda light: int(light.id))
+            if light.id not in known
+        ]
+
+    def states(self) -> Dict[str, Any]:
+        """What the client knows of the ego and the traffic lights in its newest frame.
+
+        Nothing is asked of the server.
+        """
         control = self._ego.get_control()
-        meta = {
-            "delta_s": snapshot.timestamp.delta_seconds,
-            "weather": weather,
+        return {
             "ego": {
                 "id": self._ego.id,
                 "throttle": control.throttle,
@@ -136,13 +151,39 @@ class WorldObserver:
                 "speed_limit_kmh": self._ego.get_speed_limit(),
                 "traffic_light_state": str(self._ego.get_traffic_light_state()),
             },
+            "traffic_lights": {
+                str(light.id): str(light.get_state()) for light in self._traffic_lights
+            },
+        }
+
+    def observe_past(
+        self, snapshot: Any, weather: Mapping[str, float], states: Mapping[str, Any]
+    ) -> WorldMoment:
+        """Take the truth of a tick after which others may have been made.
+
+        Args:
+            snapshot: ``carla.WorldSnapshot``.
+            weather: as far as it is known.
+            states: what :meth:`states` gave while this frame was the newest.
+        """
+        return self._moment(snapshot, weather, self._new_actors(snapshot), states)
+
+    def _moment(
+        self,
+        snapshot: Any,
+        weather: Mapping[str, float],
+        new_actors: Sequence[Mapping[str, Any]],
+        states: Mapping[str, Any],
+    ) -> WorldMoment:
+        meta = {
+            "delta_s": snapshot.timestamp.delta_seconds,
+            "weather": weather,
+            "ego": states["ego"],
             "vehicle_lights": {
                 str(actor_id): int(state)
                 for actor_id, state in self._world.get_vehicles_light_states().items()
             },
-            "traffic_lights": {
-                str(light.id): str(light.get_state()) for light in self._traffic_lights
-            },
+            "traffic_lights": states["traffic_lights"],
         }
         level_objects, self._level_objects = self._level_objects, ()
         return WorldMoment(snapshot, meta, new_actors, level_objects)
@@ -153,9 +194,7 @@ class WorldObserver:
             return []
         self._known.update(new)
         actors = sorted(self._world.get_actors(new), key=lambda actor: int(actor.id))
-        self._traffic_lights += [
-            actor for actor in actors if actor.type_id == "traffic.traffic_light"
-        ]
+        self.watch_lights(actor for actor in actors if actor.type_id == "traffic.traffic_light")
         return [actor_row(actor) for actor in actors]
 
 

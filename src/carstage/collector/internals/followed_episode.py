@@ -1,0 +1,365 @@
+"""One ego's life in a world that somebody else ticks, from attaching the rig to sealed segments."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+from collections import deque
+from contextlib import ExitStack
+from typing import Any, Deque, Dict, Iterator, List, Mapping, NamedTuple, Optional, Tuple
+
+import carla
+
+from carstage.collector.client import answers
+from carstage.collector.internals.dialect import weather_values
+from carstage.collector.internals.errors import RecordingError
+from carstage.collector.internals.events import EventStream
+from carstage.collector.internals.level_objects import level_objects
+from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher
+from carstage.collector.internals.plan import ServerPlan
+from carstage.collector.internals.snapshots import WEATHER_PARAMETERS, WorldObserver
+from carstage.collector.internals.stopping import StopRequest
+from carstage.collector.internals.writing import LogWriters, expected_segments, writer_threads
+from carstage.collector.maps import geo_reference
+from carstage.collector.paths import prepare_folder
+from carstage.collector.processing import POLL_S, ByteBudget, Pipeline
+from carstage.collector.sensors import sensor_of
+from carstage.collector.sensors.rig import Rig
+from carstage.collector.timing import Tick, skipped_ticks, ticks_per_segment
+from carstage.rawlog.format import ACTOR_RECORD, FORMAT_VERSION, WORLD
+from carstage.rawlog.writing import write_episode_file, write_map_file
+from carstage.releases import gnss_convention
+from carstage.spec import EpisodeSpec
+from carstage.spec.timing import SavedFrames
+
+MOST_WAITING_FRAMES = 1000
+"""World states that may wait to be noted; further ones are lost."""
+PATIENCE_S = 10.0
+"""How long a sensor's data of a frame are waited for."""
+LOOK_S = 1.0
+"""How often a silent world is asked whether it is still the same."""
+EXPECTED_ACTORS = 200
+
+_log = logging.getLogger(__name__)
+
+
+class Followed(NamedTuple):
+    """What came of an ego; ``incomplete`` counts ticks with a sensor that is not ok."""
+
+    ticks: int
+    incomplete: int
+
+
+class _Seen(NamedTuple):
+    """A frame of the world; ``states`` is None where the ego is not in it."""
+
+    snapshot: Any
+    states: Optional[Dict[str, Any]]
+    tick_s: float
+
+
+class FrameQueue:
+    """The frames of a world, in their order, from the client's thread; bounded.
+
+    Args:
+        observer: reads what only the newest frame tells.
+        ego_id: the ego's.
+    """
+
+    def __init__(self, observer: WorldObserver, ego_id: int) -> None:
+        self._observer = observer
+        self._ego_id = ego_id
+        self._frames: Deque[_Seen] = deque()
+        self._changed = threading.Condition()
+        self._last_s = time.perf_counter()
+
+    def on_tick(self, snapshot: Any) -> None:
+        """For ``World.on_tick``: no later frame is known to the client until this returns."""
+        now_s = time.perf_counter()
+        tick_s, self._last_s = now_s - self._last_s, now_s
+        states = None
+        if snapshot.find(self._ego_id) is not None:
+            try:
+                states = self._observer.states()
+            except RuntimeError as error:
+                _log.info("frame %d: the ego tells nothing any more: %s", snapshot.frame, error)
+        with self._changed:
+            if len(self._frames) < MOST_WAITING_FRAMES:
+                self._frames.append(_Seen(snapshot, states, tick_s))
+                self._changed.notify_all()
+
+    def take(self, timeout_s: float) -> Optional[_Seen]:
+        """The next frame; None when none came in time."""
+        with self._changed:
+            if not self._changed.wait_for(lambda: bool(self._frames), timeout_s):
+                return None
+            return self._frames.popleft()
+
+
+class _Attached:
+    """What a rig needs of a session, in a world that is not ours."""
+
+    def __init__(self, client: Any, world: Any) -> None:
+        self.client = client
+        self.world = world
+        self._actors: List[Any] = []
+
+    def destroy_on_exit(self, what: str, actor: Any) -> None:
+        """Have an actor destroyed by ``give_back``."""
+        del what
+        self._actors.append(actor)
+
+    def give_back(self, timeout_s: float) -> None:
+        """Destroy the sensors; those that went with the ego are gone already."""
+        commands = [carla.command.DestroyActor(actor.id) for actor in reversed(self._actors)]
+        self._actors.clear()
+        if commands and answers(self.client, timeout_s):
+            self.client.apply_batch_sync(commands, False)
+
+
+class FollowedEpisode:
+    """Records one ego until it is gone.
+
+    Args:
+        client: ``carla.Client``.
+        world: the ego's ``carla.World``.
+        ego: its ``carla.Vehicle``.
+        spec: sensors and labels; its number of steps is not known yet.
+        folder: of the raw log.
+        server: for its timeout.
+        queue_bytes: sensor data that may wait for the disk.
+    """
+
+    def __init__(
+        self,
+        client: Any,
+        world: Any,
+        ego: Any,
+        spec: EpisodeSpec,
+        folder: str,
+        server: ServerPlan,
+        queue_bytes: int,
+    ) -> None:
+        self._client = client
+        self._world = world
+        self._ego = ego
+        self._spec = spec
+        self._folder = folder
+        self._server = server
+        self._budget = ByteBudget(queue_bytes)
+
+    def record(self, versions: Tuple[str, str], events: EventStream, stop: StopRequest) -> Followed:
+        """Attach the rig, follow, and leave the world as it was.
+
+        Raises:
+            CollectorError: the rig does not fit, or the log cannot be written.
+            InterruptedByRequestError: somebody asked to end before the first frame.
+        """
+        stop.check()
+        folder = prepare_folder(self._folder)
+        spec, world = self._spec, self._world
+        town = world.get_map()
+        map_crc32 = write_map_file(folder, town.to_opendrive())
+        observer = WorldObserver(world, self._ego, level_objects(world, spec.labels.level_objects))
+        observer.watch_lights(world.get_actors().filter("traffic.traffic_light"))
+        with ExitStack() as stack:
+            attached = _Attached(self._client, world)
+            stack.callback(attached.give_back, self._server.timeout_s)
+            try:
+                rig = Rig(attached, spec, self._ego)  # type: ignore[arg-type]
+            except RuntimeError as error:
+                if "not found" not in str(error) and self._is_there():
+                    raise
+                _log.info("the ego went before it had its sensors: %s", error)
+                return Followed(0, 0)
+            segment_ticks, writers, pipeline = self._pipeline(stack, rig)
+            frames = FrameQueue(observer, int(self._ego.id))
+            stack.callback(world.remove_on_tick, world.on_tick(frames.on_tick))
+            stack.callback(rig.stop)
+            rig.listen({one.id: pipeline.callback_within_budget(one.id) for one in spec.sensors})
+            events.emit("following", sensors=len(rig.actors), ego=int(self._ego.id))
+            first: List[Tick] = []
+            ticks = self._follow(pipeline, frames, observer, first, events, stop)
+            if not ticks:
+                return Followed(0, 0)
+            self._finish(pipeline, writers, ticks)
+            header = self._header(versions, rig, segment_ticks, first[0], ticks, town)
+            write_episode_file(folder, {**header, "map_crc32": map_crc32})
+            return Followed(ticks, pipeline.incomplete_ticks)
+
+    def _pipeline(self, stack: ExitStack, rig: Rig) -> Tuple[int, LogWriters, Pipeline]:
+        spec = self._spec
+        bytes_per_tick = dict(rig.expected_bytes)
+        bytes_per_tick[WORLD] = ACTOR_RECORD.size * EXPECTED_ACTORS
+        segment_ticks = ticks_per_segment(spec.fps, bytes_per_tick.values())
+        failures: List[BaseException] = []
+        writers = stack.enter_context(
+            LogWriters(
+                self._folder,
+                expected_segments(bytes_per_tick, segment_ticks, spec.saved),
+                segment_ticks,
+                writer_threads(list(bytes_per_tick.values())),
+                self._budget.give_back,
+                lambda sealed: None,
+                failures.append,
+                durable=False,
+            )
+        )
+        pipeline = Pipeline(
+            {sensor.id: sensor_of(sensor.kind) for sensor in spec.sensors},
+            writers,
+            FrameMatcher([sensor.id for sensor in spec.sensors], PATIENCE_S),
+            self._budget,
+            None,
+            segment_ticks,
+            strict=False,
+            failures=failures,
+        )
+        return segment_ticks, writers, stack.enter_context(pipeline)
+
+    def _follow(
+        self,
+        pipeline: Pipeline,
+        frames: FrameQueue,
+        observer: WorldObserver,
+        first: List[Tick],
+        events: EventStream,
+        stop: StopRequest,
+    ) -> int:
+        """Note frame by frame; return how many there are."""
+        begun_after = self._first_data(pipeline, stop)
+        if begun_after is None:
+            return 0
+        saved, ticks = SavedFrames(self._spec.saved), 0
+        last: Optional[Tick] = None
+        for seen in self._frames(frames, pipeline, stop, begun_after):
+            stamp = seen.snapshot.timestamp
+            step = Tick(stamp.frame, stamp.elapsed_seconds, seen.tick_s, seen.snapshot)
+            if not first:
+                first.append(step)
+            for skipped in skipped_ticks(last, step):
+                _expect(pipeline, ticks, skipped, None, None)
+                ticks += 1
+            k = saved.index(ticks)
+            weather = weather_values(self._world.get_weather(), WEATHER_PARAMETERS)
+            moment = observer.observe_past(seen.snapshot, weather, seen.states or {})
+            _expect(pipeline, ticks, step, k, moment)
+            events.tick(
+                os.path.basename(self._folder),
+                False,
+                tick=ticks,
+                k=k,
+                frame=step.frame,
+                queued_bytes=pipeline.queued_bytes,
+                waited_s=0.0,
+            )
+            ticks += 1
+            last = step
+        return ticks
+
+    def _first_data(self, pipeline: Pipeline, stop: StopRequest) -> Optional[int]:
+        """Wait until every sensor's stream is up; return the last frame before the recorded ones.
+
+        None: the ego went before.
+        The other program may not tick for long, so there is no deadline while its world is there.
+        """
+        while pipeline.wait_delivered(0, POLL_S):
+            stop.check()
+            pipeline.check()
+            if not self._is_there():
+                _log.info("the ego went before every sensor had measured")
+                return None
+        begun_after = pipeline.begin_now(self._server.timeout_s)
+        if begun_after is None:
+            raise RecordingError("The recorder is too busy to begin.", "Use fewer sensors.")
+        return begun_after
+
+    def _frames(
+        self,
+        frames: FrameQueue,
+        pipeline: Pipeline,
+        stop: StopRequest,
+        begun_after: int,
+    ) -> Iterator[_Seen]:
+        """Frames with the ego; a request to end is obeyed after the frames that came before it."""
+        silent_since_s = time.monotonic()
+        while True:
+            pipeline.check()
+            seen = frames.take(0.0 if stop.requested else POLL_S)
+            now_s = time.monotonic()
+            if seen is None:
+                if stop.requested:
+                    return
+                if now_s - silent_since_s > LOOK_S:
+                    silent_since_s = now_s
+                    if not self._is_there():
+                        return
+                continue
+            silent_since_s = now_s
+            if seen.states is None:
+                return
+            if seen.snapshot.frame > begun_after:
+                yield seen
+
+    def _is_there(self) -> bool:
+        """Whether the server has the ego still."""
+        try:
+            world = self._client.get_world()
+            return bool(world.id == self._world.id and self._ego.is_alive)
+        except RuntimeError as error:
+            _log.info("the world does not answer: %s", error)
+            return answers(self._client, self._server.timeout_s)
+
+    def _finish(self, pipeline: Pipeline, writers: LogWriters, ticks: int) -> None:
+        """Wait until every tick is booked and every segment sealed."""
+        pipeline.end(ticks)
+        while not pipeline.wait_booked(ticks, POLL_S):
+            pass
+        while not writers.wait_sealed(ticks - 1, POLL_S):
+            pipeline.check()
+
+    def _header(
+        self,
+        versions: Tuple[str, str],
+        rig: Rig,
+        segment_ticks: int,
+        first: Tick,
+        ticks: int,
+        town: Any,
+    ) -> Mapping[str, Any]:
+        spec = self._spec.to_json()
+        spec["steps"] = ticks
+        return {
+            "format_version": FORMAT_VERSION,
+            "episode_id": "",
+            "attempt": "",
+            "spec": spec,
+            "ticks_per_segment": segment_ticks,
+            "ticks": ticks,
+            "client_version": versions[0],
+            "server_version": versions[1],
+            "map": town.name,
+            "geo_reference": geo_reference(town, gnss_convention(versions[1])),
+            "ego_id": self._ego.id,
+            "sensor_actor_ids": {name: actor.id for name, actor in rig.actors.items()},
+            "sensor_carrier_ids": rig.carrier_ids,
+            "sensor_attributes": {
+                name: dict(actor.attributes) for name, actor in rig.actors.items()
+            },
+            "first_frame": first.frame,
+            "first_timestamp_s": first.timestamp_s,
+            # Nobody was asked for, and nobody spawned, by us.
+            "requested": {"vehicles": 0, "pedestrians": 0},
+            "spawned": {"vehicles": 0, "pedestrians": 0},
+        }
+
+
+def _expect(
+    pipeline: Pipeline, number: int, step: Tick, k: Optional[int], moment: Optional[Any]
+) -> None:
+    seen = step.snapshot is not None
+    pipeline.expect(
+        ExpectedFrame(number, step.frame, step.timestamp_s, k, step.tick_s, moment, seen)
+    )

@@ -1,0 +1,436 @@
+"""``record``: what another program ticks becomes episodes, one for each life of its ego.
+
+The collector follows the frames (``carstage.collector.following``); all after its raw log is as in
+a run: conversion, labels, ledger, commit. An episode is converted when its ego is gone.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+import selectors
+import threading
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from carstage.config import Config, check_config, load_config
+from carstage.config.paths import place_value, steps_of
+from carstage.config.presets import RIG_PRESETS
+from carstage.config.yaml_text import parse_yaml
+from carstage.errors import (
+    BadInputError,
+    CarStageError,
+    CollectorError,
+    ConfigError,
+    DiskFullError,
+    ServerError,
+)
+from carstage.execution import CollectorProcess, Executor
+from carstage.plan import EpisodePlan, plan_episodes
+from carstage.plan.estimate import costs_of
+from carstage.rawlog.writing import write_episode_file
+from carstage.releases import refusal
+from carstage.runs.asking import ask_server
+from carstage.runs.attempt_commit import AttemptCommit, Job
+from carstage.runs.cataloguing import run_catalog
+from carstage.runs.commit_queue import CommitQueue
+from carstage.runs.continuing import environment_of
+from carstage.runs.events import AttemptReserved, EpisodeFailed, Notice, OnEvent
+from carstage.runs.folder import CurrentEpisode, RunFolder
+from carstage.runs.interruption import ANSWER_S, Interruption
+from carstage.runs.orphans import marked
+from carstage.runs.outcome import RunResult
+from carstage.runs.preflight import check_open_files, check_output, work_folder
+from carstage.runs.record import RunRecord
+from carstage.runs.run_session import RunSession
+from carstage.runs.wakeup_pipe import WakeupPipe
+from carstage.sensor_kinds import plugins_of
+from carstage.server import ClientPython, find_client, probe_version
+from carstage.spec import FOLLOW, EpisodeSpec, Stand
+from carstage.spec.scenario import RecordedSpec
+from carstage.storage import Store, open_store
+
+DEFAULT_WAIT_S = 120.0
+END_S = 600.0
+"""After Ctrl-C, what is recorded is still converted and committed; that may take so long."""
+CALL_S = 20.0
+POLL_S = 0.2
+_BYTES_PER_MB = 1_000_000
+_RECORDING_BYTES = 8
+
+RigSource: TypeAlias = "Config | str | Path | Mapping[str, Any]"
+"""A preset's name, the path of a YAML file, a configuration, or its content as plain values."""
+
+
+def record_beside(
+    server: str,
+    ego: str,
+    rig: RigSource,
+    out: Path | str,
+    on_event: OnEvent | None = None,
+    *,
+    settings: tuple[str, ...] = (),
+    wait_s: float = DEFAULT_WAIT_S,
+    episodes: int | None = None,
+    catalog: str | None = None,
+    work: Path | str | None = None,
+    stop: threading.Event | None = None,
+) -> RunResult:
+    """Record an ego that another program drives and ticks, until it is gone; then the next one.
+
+    Nothing of the server is changed but for the rig's sensors, which go at the end.
+
+    Args:
+        server: ``HOST:PORT``.
+        ego: its ``role_name``, its actor id, or a pattern of blueprints such as ``vehicle.*``.
+        rig: what is recorded, see ``RigSource``; of a whole configuration, keys that say what
+            drives where (map, traffic, duration) do not count.
+        out: folder of the dataset, or its place in an object store.
+        on_event: called with each typed event of ``carstage.runs.events``.
+        settings: overrides such as ``labels.method=visibility``.
+        wait_s: how long an ego is waited for.
+        episodes: end after so many; None: when no further ego comes.
+        catalog: also write what is committed to this catalog.
+        work: folder of this machine for raw recordings and logs.
+        stop: ends the recording when it is set, from another thread.
+
+    Raises:
+        BadInputError: no server, no such ego, a rig that does not fit, or a world that is not
+            synchronous with a fixed step.
+        CarStageError: recording or committing failed.
+    """
+    host, port = _address(server)
+    asked = _settings_of(rig, settings)
+    asked["server"] = {"kind": "remote", "host": host, "port": port}
+    config = _config(asked)
+    version = _version_of(host, port, config)
+    store = open_store(out)
+    place = work_folder(store.root, work)
+
+    def notice(sentence: str) -> None:
+        if on_event is not None:
+            on_event(Notice(sentence))
+
+    with Interruption(notice, end_s=END_S) as interruption, ExitStack() as stack:
+        stack.enter_context(store.within(lambda: interruption.left_before_s(ANSWER_S)))
+        check_output(place)
+        check_open_files()
+        store.check()
+        client = find_client(version)
+        follow = stack.enter_context(run_catalog(catalog, store.root, notice))
+        store.initialise(config.name)
+        folder = stack.enter_context(RunFolder(place))
+        stack.enter_context(marked(folder.run_id))
+        wakeup = stack.enter_context(WakeupPipe())
+        record = RunRecord(folder, interruption, follow(on_event, folder))
+        environment = environment_of(version, client.client)
+        session = _FollowingSession(asked, config, client, store, record, interruption, wakeup)
+        session.prepare(ego, wait_s, episodes, environment, stop or threading.Event())
+        nothing = EpisodePlan.empty()
+        folder.write_plan(config, nothing, environment)
+        return session.run(nothing, nothing, _NO_EXECUTOR)
+
+
+_NO_EXECUTOR: Any = None
+
+
+class _FollowingSession(RunSession):
+    """A recording: its collector, and what it recorded on its way into the dataset."""
+
+    def __init__(
+        self,
+        asked: Mapping[str, Any],
+        config: Config,
+        client: ClientPython,
+        store: Store,
+        record: RunRecord,
+        interruption: Interruption,
+        wakeup: WakeupPipe,
+    ) -> None:
+        super().__init__(store, record, interruption)
+        self._asked = asked
+        self._config = config
+        self._client = client
+        self._wakeup = wakeup
+        self._specs: list[EpisodeSpec] = []
+        self._spec: EpisodeSpec | None = None
+        self._recording = secrets.token_hex(_RECORDING_BYTES)
+        self._last_words: dict[str, Any] = {}
+        self._problem: CarStageError | None = None
+
+    def prepare(
+        self,
+        ego: str,
+        wait_s: float,
+        episodes: int | None,
+        environment: Mapping[str, str],
+        stop: threading.Event,
+    ) -> None:
+        """Say what is waited for."""
+        self._environment = environment
+        self._stop = stop
+        server = self._config.server
+        self._queue = CommitQueue(
+            self._config, self._store, self._record, self._wakeup, environment, False, self._failed
+        )
+        self._plan: dict[str, Any] = {
+            "server": {"host": server.host, "port": server.port, "timeout_s": CALL_S},  # type: ignore[union-attr]
+            "ego": ego,
+            "wait_s": wait_s,
+            "folder": str(self._folder.raw.absolute()),
+            "queue_bytes": self._config.output.raw_queue_mb * _BYTES_PER_MB,
+            "plugins": plugins_of(sensor.kind for sensor in self._config.sensors),
+        }
+        if episodes is not None:
+            self._plan["episodes"] = episodes
+
+    @property
+    def frames(self) -> int:
+        """Frames of the episodes that were committed."""
+        return self._queue.frames
+
+    def _execute(self, todo: EpisodePlan, executor: Executor) -> None:
+        del todo, executor
+        self._folder.raw.mkdir(exist_ok=True)
+        with self._interruption.deferred(), ExitStack() as stack:
+            self._queue.converters.pool()
+            collector = stack.enter_context(
+                CollectorProcess(
+                    self._plan,
+                    plan_path=self._folder.logs / "following-plan.json",
+                    log_path=self._folder.logs / "collector.log",
+                    python=str(self._client.path),
+                    module="carstage.collector.following",
+                )
+            )
+            stack.enter_context(self._interruption.kills(collector.kill))
+            self._record.notice(f"Waiting for the ego {self._plan['ego']!r}.")
+            self._listen(collector)
+            code = collector.wait(CALL_S)
+        with self._interruption.deferred():
+            while not self._queue.empty:
+                self._poll(self._wakeup)
+        if self._problem is not None:
+            raise self._problem
+        if code != 0:
+            raise self._explained(code)
+        self._interruption.check()
+
+    def _listen(self, collector: CollectorProcess) -> None:
+        """Do what the collector's events ask for, until it ends."""
+        stopping = False
+        while not collector.ended:
+            self._poll(collector, *(() if stopping else (self._interruption,)))
+            for event in collector.read_events():
+                self._on_event(collector, event)
+            if not stopping and (self._interruption.requested or self._stop.is_set()):
+                stopping = True
+                collector.stop()
+
+    def _poll(self, *sources: Any) -> None:
+        """Wait for one of the sources; commit what is converted, renew the heartbeat."""
+        with selectors.DefaultSelector() as selector:
+            for source in sources:
+                selector.register(source, selectors.EVENT_READ)
+            selector.select(POLL_S)
+        self._wakeup.clear()
+        self._queue.commit_converted()
+        self._record.beat()
+
+    def _on_event(self, collector: CollectorProcess, event: dict[str, Any]) -> None:
+        match event["event"]:
+            case "ego_found":
+                try:
+                    self._spec = self._planned(event)
+                except CarStageError as error:
+                    self._problem = error
+                    collector.stop()
+                    return
+                self._status.episodes.total += 1
+                self._status.current = CurrentEpisode(
+                    f"recorded-{event['part']}", int(event["part"]), "a1"
+                )
+                self._record.enter("recording")
+                self._record.notice(f"Found the ego: {event['type_id']} on {event['map']}.")
+                collector.send_line(json.dumps(self._spec.to_json()))
+            case "ego_gone":
+                self._take(Path(event["folder"]), int(event["ticks"]), int(event["incomplete"]))
+            case "error":
+                self._last_words = event
+        self._record.copy_event(event)
+
+    def _planned(self, seen: Mapping[str, Any]) -> EpisodeSpec:
+        """The specification of what was seen; its number of steps comes with the end."""
+        server: Any = self._config.server
+        fps = round(1.0 / float(seen["step_s"]), 9)
+        asked = {**self._asked, "map": {"choice": seen["map"]}, "fps": fps, "duration_s": 1 / fps}
+        self._config = _config(asked)
+        version = str(seen["server_version"])
+        facts = ask_server(server.host, server.port, version)
+        spec = plan_episodes(self._config, facts)[0]
+        timing = spec.timing
+        substep_s, substeps = float(seen["max_substep_delta_time_s"]), int(seen["max_substeps"])
+        if substep_s * substeps >= spec.step_s:
+            timing = replace(timing, max_substep_delta_time_s=substep_s, max_substeps=substeps)
+        self._folder.write_plan(self._config, EpisodePlan.empty(), self._environment)
+        return replace(
+            spec,
+            warmup_ticks=0,
+            timing=timing,
+            ego=replace(
+                spec.ego,
+                blueprint=str(seen["type_id"]),
+                spawn_index=None,
+                spawn_place=Stand(*map(float, seen["place"])),
+            ),
+            scenario=RecordedSpec(
+                recording=self._recording,
+                part=int(seen["part"]),
+                ego_id=int(seen["id"]),
+                role=str(seen["role"]),
+                client=str(seen["client_version"]),
+                server=version,
+            ),
+            index=int(seen["part"]),
+        )
+
+    def _take(self, recorded: Path, ticks: int, incomplete: int) -> None:
+        """Hand a recording to the conversion, now that its length and so its id are known."""
+        self._status.current = None
+        if self._spec is None or not ticks:
+            self._status.episodes.total -= 1
+            self._record.notice("The ego went before a frame was recorded.")
+            return
+        spec = replace(self._spec, steps=ticks)
+        episode_id = spec.episode_id
+        holder = {"run_id": self._folder.run_id, **self._folder.process}
+        attempt = self._store.reserve_attempt(episode_id, holder, 1)
+        self._record.event(AttemptReserved(episode_id=episode_id, attempt=attempt))
+        attempt_commit = self._queue.attempt_commit(Job(spec, episode_id), attempt)
+        recorded.rename(attempt_commit.raw_folder)
+        header = json.loads((attempt_commit.raw_folder / "episode.json").read_bytes())
+        header.update(episode_id=episode_id, attempt=attempt, spec=spec.to_json())
+        write_episode_file(str(attempt_commit.raw_folder), header)
+        self._attempted = True
+        self._specs.append(spec)
+        if incomplete:
+            self._record.notice(
+                f"Episode {episode_id}: {incomplete} of {ticks} steps lack data of a sensor; "
+                "the ledger frames.parquet names them."
+            )
+        self._queue.add(attempt_commit)
+        attempt_commit.convert_all(self._queue.converters.pool())
+
+    def _failed(self, attempt: AttemptCommit, error: CarStageError, final: bool) -> None:
+        """An episode could not be converted; nobody can record it again."""
+        del final
+        episode_id = attempt.job.episode_id
+        self._failures[episode_id] = str(error)
+        self._status.episodes.failed += 1
+        self._record.event(EpisodeFailed(episode_id, attempt.attempt, str(error)))
+        if isinstance(error, DiskFullError):
+            raise error
+
+    def _explained(self, code: int | None) -> CarStageError:
+        said = self._last_words
+        message = str(said.get("message") or f"The collector ended with exit code {code}.")
+        hint = str(said.get("hint") or f"See {self._folder.logs / 'collector.log'}.")
+        bad = said.get("kind") in ("scene", "plan", "version")
+        return BadInputError(message, hint) if bad else CollectorError(message, hint)
+
+    def _interrupt(self) -> None:
+        self._status.message = "Ended by the user; what was whole is committed."
+
+    def _interrupted(self) -> None:
+        """Nothing is left to do: what was recorded is committed already."""
+
+    def _give_back(self) -> None:
+        specs = self._specs
+        if specs:
+            ids = tuple(spec.episode_id for spec in specs)
+            plan = EpisodePlan(lambda i: specs[i], np.arange(len(specs)), ids, costs_of(specs))
+            self._folder.write_plan(self._config, plan, self._environment)
+        self._queue.give_back()
+
+
+def _address(server: str) -> tuple[str, int]:
+    host, colon, port = server.rpartition(":")
+    if not (colon and host and port.isdigit() and 0 < int(port) < 65_534):
+        raise BadInputError(
+            f"--server: {server!r} is not HOST:PORT.", "Write, for example, localhost:2000."
+        )
+    return host, int(port)
+
+
+def _version_of(host: str, port: int, config: Config) -> str:
+    try:
+        version = probe_version(host, port)
+    except ServerError as error:
+        raise BadInputError(
+            f"No CARLA server answers at {host}:{port}: {error.message}",
+            "Start it first, and check its address and port.",
+        ) from error
+    reason = refusal(version, {sensor.kind: sensor.row.since for sensor in config.sensors})
+    if reason:
+        raise BadInputError(f"server: {reason}.", "Use a newer CARLA, or leave such sensors out.")
+    return version
+
+
+def _settings_of(rig: RigSource, settings: tuple[str, ...]) -> dict[str, Any]:
+    """The keys of a configuration that say what is recorded."""
+    if isinstance(rig, Config):
+        asked: dict[str, Any] = rig.model_dump(mode="json", exclude_unset=True)
+    elif isinstance(rig, Mapping):
+        asked = dict(rig)
+    elif str(rig) in RIG_PRESETS:
+        asked = {"rig": {"preset": str(rig)}}
+    elif Path(rig).is_file():
+        load_config(rig)  # for its complaints, which name the file
+        asked = dict(parse_yaml(Path(rig).read_text("utf-8"), str(rig)) or {})
+    else:
+        raise BadInputError(
+            f"--rig: {str(rig)!r} is neither a preset nor a file.",
+            f"Presets are: {', '.join(sorted(RIG_PRESETS))}. A file is a configuration with `rig`.",
+        )
+    for key in ("map", "vehicles", "pedestrians", "scenario", "ego", "episodes", "campaign",
+                "weather", "server", "duration_s", "fps", "traffic"):  # fmt: skip
+        asked.pop(key, None)
+    for override in settings:
+        key, sign, text = override.partition("=")
+        steps = steps_of(key.strip())
+        if not sign or steps is None:
+            raise ConfigError(
+                f"--set {override}: this is not key=value.", "As in --set save_every=2."
+            )
+        place_value(asked, steps, parse_yaml(text, f"--set {key}"), f"--set {override}")
+    asked.setdefault("name", "recorded")
+    return asked
+
+
+def _config(asked: Mapping[str, Any]) -> Config:
+    """Checked; what drives where is not ours to ask for.
+
+    Raises:
+        ConfigError: a value is wrong, or cannot be had beside a program that ticks.
+    """
+    conversion = {**asked.get("conversion", {}), "mode": "streaming"}
+    nobody = {"vehicles": {"count": 0}, "pedestrians": {"count": 0}, "episodes": 1}
+    config = check_config({**asked, "conversion": conversion, **nobody})
+    if not (config.timing.mode == "sync" and config.timing.sensor_sync):
+        raise ConfigError(
+            "timing: beside another program every sensor measures in each of its steps.",
+            "Leave timing.mode and timing.sensor_sync out.",
+        )
+    for index, sensor in enumerate(config.rig.sensors):
+        if sensor.attachment == FOLLOW:
+            raise ConfigError(
+                f"rig.sensors[{index}].attachment: follow moves the sensor before each step, and "
+                "here somebody else makes them.",
+                "Use rigid.",
+            )
+    return config

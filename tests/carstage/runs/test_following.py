@@ -1,0 +1,111 @@
+"""``carstage record`` beside a program that ticks, with the real client on both sides."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+import carstage
+import ticking_program
+from carstage.errors import BadInputError, ConfigError
+from carstage.runs import record_beside
+from carstage.server import free_port
+from running_simulator import RunningSimulator
+
+RIG: dict[str, Any] = {
+    "image_size": [64, 36],
+    "rig": {
+        "sensors": [
+            {"id": "CAM", "kind": "rgb", "pose": {"x": 1.5, "z": 1.6}},
+            {"id": "IMU", "kind": "imu", "pose": {"z": 0.5}},
+        ]
+    },
+}
+FAST_RIG: dict[str, Any] = {"rig": {"sensors": [{"id": "IMU", "kind": "imu"}]}}
+
+
+@contextmanager
+def ticking(simulator: RunningSimulator, ticks: int, lives: int = 1) -> Iterator[list[int]]:
+    """Run the program; the list gets the last frame of each life, at the end."""
+    command = [sys.executable, ticking_program.__file__, simulator.host, str(simulator.port)]
+    process = subprocess.Popen([*command, str(ticks), str(lives)], stdout=subprocess.PIPE)
+    last_frames: list[int] = []
+    try:
+        yield last_frames
+        told, _ = process.communicate(timeout=120.0)
+        assert process.returncode == 0
+        last_frames += [json.loads(line)["last_frame"] for line in told.splitlines()]
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def address(simulator: RunningSimulator) -> str:
+    return f"{simulator.host}:{simulator.port}"
+
+
+def test_each_life_of_the_ego_becomes_a_valid_episode(
+    simulator: RunningSimulator, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    with ticking(simulator, 60, lives=2):
+        ended = record_beside(address(simulator), "hero", RIG, out, episodes=2)
+    assert (ended.state, ended.committed, ended.exit_code) == ("done", 2, 0)
+    report = carstage.validate(out)
+    assert report.ok, report.problems
+    specs = [episode.spec for episode in carstage.Dataset(out).episodes]
+    assert sorted(spec.scenario.part for spec in specs) == [0, 1]  # type: ignore[attr-defined]
+    for spec in specs:
+        document = spec.to_json()
+        assert document["scenario"]["reproducible"] is False
+        assert document["scenario"]["role"] == "hero"
+        assert document["map"] == "Stage01"
+        assert spec.fps == 10.0
+        assert 10 <= spec.steps <= 60  # all but those in which the streams came up
+
+
+def test_a_program_at_full_speed_loses_no_frame(
+    simulator: RunningSimulator, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    with ticking(simulator, 300) as last_frames:
+        record_beside(address(simulator), "hero", FAST_RIG, out, episodes=1)
+    (ledger,) = (pq.read_table(path) for path in out.glob("episodes/*/*/frames.parquet"))
+    frames = ledger["server_frame"].to_pylist()
+    assert frames == list(range(frames[0], frames[0] + len(frames)))
+    assert [frames[-1]] == last_frames
+    assert len(frames) >= 200
+    assert carstage.validate(out).ok
+
+
+def test_a_missing_server_is_bad_input(tmp_path: Path) -> None:
+    with pytest.raises(BadInputError, match="No CARLA server answers"):
+        record_beside(f"127.0.0.1:{free_port()}", "hero", RIG, tmp_path / "out")
+
+
+def test_an_ego_that_never_comes_is_bad_input(simulator: RunningSimulator, tmp_path: Path) -> None:
+    with pytest.raises(BadInputError, match="no vehicle 'nobody' appeared"):
+        record_beside(address(simulator), "nobody", RIG, tmp_path / "out", wait_s=1.0)
+
+
+@pytest.mark.parametrize(
+    ("rig", "error", "words"),
+    [
+        ("no-such-rig", BadInputError, "neither a preset nor a file"),
+        ({**RIG, "timing": {"mode": "async"}}, ConfigError, "timing"),
+    ],
+)
+def test_a_rig_that_does_not_fit_is_refused(
+    tmp_path: Path, rig: Any, error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        record_beside("127.0.0.1:2000", "hero", rig, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

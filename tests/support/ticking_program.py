@@ -1,0 +1,57 @@
+"""A program that ticks a server and knows nothing of recorders: ``HOST PORT TICKS [LIVES]``.
+
+It makes its ego anew for each life. It ticks until somebody has attached a sensor, then so many
+times as fast as it can, and prints a JSON line with how fast that was.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+
+import carla
+
+
+def carries_sensors(world: carla.World, ego: carla.Actor) -> bool:
+    """Whether somebody has attached a sensor to the ego."""
+    parents = [sensor.parent for sensor in world.get_actors().filter("sensor.*")]
+    return any(parent is not None and parent.id == ego.id for parent in parents)
+
+
+def main() -> None:
+    """Run the program."""
+    host, port, ticks, lives = sys.argv[1], *map(int, sys.argv[2:5])
+    client = carla.Client(host, port)
+    client.set_timeout(120.0)
+    world = client.load_world("Stage01")
+    settings = world.get_settings()
+    settings.synchronous_mode, settings.fixed_delta_seconds = True, 0.1
+    world.apply_settings(settings)
+    library = world.get_blueprint_library()
+    points = world.get_map().get_spawn_points()
+    blueprint = library.find("vehicle.tesla.model3")
+    blueprint.set_attribute("role_name", "hero")
+    ahead = world.spawn_actor(library.find("vehicle.audi.tt"), points[1])
+    for _ in range(lives):
+        ego = world.spawn_actor(blueprint, points[0])
+        ego.apply_control(carla.VehicleControl(throttle=0.5))
+        deadline_s = time.monotonic() + 120.0
+        while not carries_sensors(world, ego) and time.monotonic() < deadline_s:
+            world.tick()
+        begin_s = time.perf_counter()
+        for _ in range(ticks):
+            frame = world.tick()
+        ticks_per_s = ticks / (time.perf_counter() - begin_s)
+        line = json.dumps({"last_frame": frame, "ticks_per_s": ticks_per_s})
+        sys.stdout.write(line + "\n")
+        sys.stdout.flush()
+        ego.destroy()
+        world.tick()
+    ahead.destroy()
+    settings.synchronous_mode, settings.fixed_delta_seconds = False, None
+    world.apply_settings(settings)
+
+
+if __name__ == "__main__":
+    main()

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import carstage
 from carstage.config import load_config
 from carstage.dataset import Dataset
 from carstage.runs.preflight import judge
@@ -84,10 +85,18 @@ def test_a_script_of_ones_own_drives_the_simulator(tmp_path: Path) -> None:
         assert np.asarray(picture.convert("L")).std() > 10.0
 
 
+def test_a_script_of_ones_own_is_recorded(tmp_path: Path) -> None:
+    told = run("record_own_client.py", tmp_path / "out", home=tmp_path)
+    frames = re.match(r"(\d+) frames in ", told)
+    assert frames is not None
+    assert 15 <= int(frames[1]) <= 20
+    assert carstage.validate(tmp_path / "out").ok
+
+
 def test_the_readme_lists_every_example() -> None:
     readme = (EXAMPLES / "README.md").read_text("utf-8")
     programs = sorted(path.name for path in EXAMPLES.glob("*.py"))
-    assert len(programs) == 5
+    assert len(programs) == 6
     assert re.findall(r"examples/(\w+\.py)", readme) == sorted(
         programs, key=lambda name: readme.index(name)
     )

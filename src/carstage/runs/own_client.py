@@ -48,7 +48,7 @@ def recording(
         CarStageError: recording or committing failed.
     """
     attached, over, stop = threading.Event(), threading.Event(), threading.Event()
-    held = Recording()
+    current = Recording()
     failures: list[BaseException] = []
 
     def on_event(event: RunEvent) -> None:
@@ -57,7 +57,7 @@ def recording(
 
     def record() -> None:
         try:
-            held.result = record_beside(
+            current.result = record_beside(
                 server,
                 str(ego.id),
                 rig,
@@ -80,7 +80,7 @@ def recording(
             pass
         if failures:
             raise failures[0]
-        yield held
+        yield current
     finally:
         stop.set()
         thread.join()

@@ -14,6 +14,7 @@ from carstage.web.configure.schema import SchemaService
 from carstage.web.configure.server_check import ServerCheckService
 from carstage.web.configure.store import ConfigStore
 from carstage.web.configure.texts import ConfigTexts
+from carstage.web.configure.town_maps import TownMapService
 from carstage.web.datasets.catalogue import Catalogue
 from carstage.web.datasets.episode_index import EpisodeIndex
 from carstage.web.datasets.episodes import EpisodeService
@@ -46,6 +47,7 @@ class Services:
         roots = Roots(settings.roots, home=settings.home, writable=settings.writable)
         self.schema = SchemaService()
         self.description = DescriptionService()
+        self.town_maps = TownMapService(self.description)
         self.checker = ConfigChecker(roots)
         self.config = ConfigStore(settings.state / "config.json", self.checker, self._changed)
         self.texts = ConfigTexts(self.checker, self.config)

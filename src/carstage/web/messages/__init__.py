@@ -45,7 +45,13 @@ from carstage.web.messages.datasets import (
     TableRequest,
     TrackSpan,
 )
-from carstage.web.messages.description import DescriptionMessage, MapEntry, VehicleEntry
+from carstage.web.messages.description import (
+    DescriptionMessage,
+    MapEntry,
+    TownMap,
+    TownMapRequest,
+    VehicleEntry,
+)
 from carstage.web.messages.jobs import (
     ExportChange,
     ExportEntry,
@@ -168,6 +174,8 @@ __all__ = [
     "TableRequest",
     "TickPoint",
     "TicksMessage",
+    "TownMap",
+    "TownMapRequest",
     "TrackSpan",
     "ValidationMessage",
     "VehicleEntry",

@@ -52,7 +52,6 @@ class Services:
         self.config = ConfigStore(settings.state / "config.json", self.checker, self._changed)
         self.texts = ConfigTexts(self.checker, self.config)
         self.server_check = ServerCheckService()
-        self.sensor_preview = SensorPreviewService(self.checker)
         self.jobs = JobService(settings.state, roots)
         index = EpisodeIndex(settings.state / "episodes.json")
         self.datasets = Catalogue(roots, self.jobs, index)
@@ -63,7 +62,10 @@ class Services:
         self.tables = LabelTables(self.datasets, roots)
         self.previews = Previews()
         launches = Launches(settings.state / "launches", settings.home)
-        self.runs = RunService(roots, launches, self.checker, self.config, self.previews)
+        self.runs = RunService(
+            roots, launches, self.checker, self.config, self.previews, self._make_room
+        )
+        self.sensor_preview = SensorPreviewService(self.checker, self.runs.uses)
         self.exports = Exports(roots, self.jobs)
         self.commands = CommandService(roots, self.runs, self.exports, self.config, self.texts)
         self._roots = roots
@@ -113,6 +115,9 @@ class Services:
         left = self.datasets.remove(dataset, busy=busy)
         self.runs.forget(place)
         return Removed(left=left)
+
+    def _make_room(self, server: str) -> None:
+        self.sensor_preview.make_room(server)
 
     def _changed(self, state: ConfigState) -> None:
         self.live.config_changed(state)

@@ -92,7 +92,11 @@ from carstage.web.messages.runs import (
     TickPoint,
     WorkerMessage,
 )
-from carstage.web.messages.sensor_preview import PreviewPending, PreviewRequest
+from carstage.web.messages.sensor_preview import (
+    PreviewPending,
+    PreviewRequest,
+    PreviewWarm,
+)
 
 __all__ = [
     "CameraObject",
@@ -148,6 +152,7 @@ __all__ = [
     "Moment",
     "PreviewPending",
     "PreviewRequest",
+    "PreviewWarm",
     "ReleaseFolders",
     "Removed",
     "ReportMessage",

@@ -1,5 +1,6 @@
 import { useState } from "react";
 import type { SchemaMessage, SensorKind } from "../api/types";
+import { EditorChoice } from "../scenario/EditorChoice";
 import { edit } from "../state/draft";
 import { useStore } from "../state/store";
 import { Icon } from "../ui/Icon";
@@ -37,6 +38,7 @@ export function RigToolbar({ schema, coverage, onCoverage, onPreset }: Props) {
   };
   return (
     <header className="panel-head toolbar">
+      <EditorChoice />
       <h2>Sensor rig</h2>
       <label className="inline-label">
         <span className="sr-only">Rig preset</span>

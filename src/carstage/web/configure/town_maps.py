@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from carstage.errors import ServerError
 from carstage.web.configure.description import DescriptionService
 from carstage.web.messages import TownMap, TownMapRequest
+from carstage.web.wording import page_words
 
 if TYPE_CHECKING:
     from carstage.config.servers import RemoteServerConfig
@@ -57,7 +58,9 @@ class TownMapService:
         try:
             loaded, points = ask_spawn_points(server.host, server.port, _ANSWER_S)
         except ServerError as error:
-            return TownMap(map=name, note=f"{error.message} Start it, or type numbers and places.")
+            return TownMap(
+                map=name, note=f"{page_words(error.message)} Start it, or type numbers and places."
+            )
         if loaded != name:
             note = f"The server has {loaded} loaded: of {name} nothing is known before the run."
             return TownMap(map=name, note=note)

@@ -38,8 +38,8 @@ export function RigToolbar({ schema, coverage, onCoverage, onPreset }: Props) {
   };
   return (
     <header className="panel-head toolbar">
-      <EditorChoice />
       <h2>Sensor rig</h2>
+      <EditorChoice />
       <label className="inline-label">
         <span className="sr-only">Rig preset</span>
         <select

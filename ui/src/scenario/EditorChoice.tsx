@@ -7,21 +7,17 @@ export function useEditor(): Editor {
   return useQuery().get("edit") === "map" ? "map" : "rig";
 }
 
+/** To the other editor. */
 export function EditorChoice() {
-  const now = useEditor();
+  const other: Editor = useEditor() === "rig" ? "map" : "rig";
   return (
-    <div className="segments small editor-choice" role="group" aria-label="What to edit">
-      {(["rig", "map"] as const).map((one) => (
-        <button
-          key={one}
-          type="button"
-          className="segment"
-          aria-pressed={one === now}
-          onClick={() => changeQuery({ edit: one === "rig" ? null : one }, true)}
-        >
-          {one === "rig" ? "Rig" : "Map"}
-        </button>
-      ))}
-    </div>
+    <button
+      type="button"
+      className="button small"
+      title={other === "map" ? "Start, route and weather on the map" : "Sensors on the car"}
+      onClick={() => changeQuery({ edit: other === "rig" ? null : other }, true)}
+    >
+      {other === "map" ? "Map" : "Rig"}
+    </button>
   );
 }

@@ -49,8 +49,8 @@ export function ScenarioEditor({ document, defaults, maps, presets }: Props) {
     <>
       <section className="panel scenario" aria-label="Scenario">
         <header className="panel-head toolbar">
-          <EditorChoice />
           <h2>Scenario</h2>
+          <EditorChoice />
           <div className="segments small" role="group" aria-label="What a press on the map sets">
             {(["start", "route"] as const).map((one) => (
               <button key={one} type="button" className="segment" aria-pressed={one === tool} disabled={replay} onClick={() => setTool(one)}>

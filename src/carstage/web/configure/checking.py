@@ -49,7 +49,7 @@ class ConfigChecker:
         """The verdict; never raises for what a user can write."""
         try:
             config = self.parse(document)
-            warnings = [page_words(one) for one in (*config.warnings(), *_notes(config))]
+            warnings = [*map(page_words, config.warnings()), *_notes(config)]
             return ConfigCheck(ok=True, warnings=warnings, estimate=self.estimate(config))
         except ConfigError as error:
             found = [problem_in_page_words(problem) for problem in problems_of(error)]

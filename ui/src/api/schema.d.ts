@@ -232,6 +232,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/map": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Town Map
+         * @description Lanes and spawn points of a map; of a server that runs, what it tells. Nothing is started.
+         */
+        post: operations["town_map"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/preview": {
         parameters: {
             query?: never;
@@ -243,7 +263,7 @@ export interface paths {
         put?: never;
         /**
          * Preview
-         * @description A picture through one sensor, from the embedded simulator, which stays warm for minutes.
+         * @description A picture through one sensor, from the configuration's server, which is kept for a while.
          */
         post: operations["preview"];
         delete?: never;
@@ -263,7 +283,7 @@ export interface paths {
         put?: never;
         /**
          * Warm
-         * @description Begin to start the simulator, so that the first picture comes sooner.
+         * @description Begin to start the server, so that the first picture comes sooner.
          */
         post: operations["warm"];
         delete?: never;
@@ -1998,7 +2018,7 @@ export interface components {
          * @description A picture through one sensor of a configuration that need not be saved.
          *
          *     Attributes:
-         *         config: what the picture's map, weather and ego are taken from.
+         *         config: what the picture's server, map, weather and ego are taken from.
          *         sensor: one entry of ``rig.sensors``; any camera, LiDAR or radar.
          *         width: of the picture; cameras keep the shape of theirs.
          */
@@ -2016,6 +2036,16 @@ export interface components {
              * @default 640
              */
             width: number;
+        };
+        /**
+         * PreviewWarm
+         * @description Which server pictures will come from: the section ``server`` of a configuration.
+         */
+        PreviewWarm: {
+            /** Server */
+            server?: {
+                [key: string]: unknown;
+            };
         };
         /**
          * RecordAgainCommand
@@ -2791,6 +2821,45 @@ export interface components {
             reset: boolean;
             /** Ticks */
             ticks: components["schemas"]["TickPoint"][];
+        };
+        /**
+         * TownMap
+         * @description A map from above, as far as it is known.
+         *
+         *     Attributes:
+         *         lanes: polylines of lane centres in the direction of travel, x, y in world metres.
+         *         lane_heights_m: z of each point of each lane.
+         *         spawn_points: x, y, z (m) and yaw (deg), in the order of their numbers.
+         *         note: what is not known, and why; empty when nothing is missing.
+         */
+        TownMap: {
+            /** Map */
+            map: string;
+            /** Lanes */
+            lanes?: number[][][];
+            /** Lane Heights M */
+            lane_heights_m?: number[][];
+            /** Lane Widths M */
+            lane_widths_m?: number[];
+            /** Spawn Points */
+            spawn_points?: number[][];
+            /**
+             * Note
+             * @default
+             */
+            note: string;
+        };
+        /**
+         * TownMapRequest
+         * @description Which map on which server: the section ``server`` of a configuration.
+         */
+        TownMapRequest: {
+            /** Server */
+            server: {
+                [key: string]: unknown;
+            };
+            /** Map */
+            map: string;
         };
         /**
          * TrackSpan
@@ -3701,6 +3770,93 @@ export interface operations {
             };
         };
     };
+    town_map: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["TownMapRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["TownMap"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The state does not allow it now. */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Something that it needs cannot be had now. */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
     preview: {
         parameters: {
             query?: never;
@@ -3804,7 +3960,11 @@ export interface operations {
             path?: never;
             cookie?: never;
         };
-        requestBody?: never;
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PreviewWarm"];
+            };
+        };
         responses: {
             /** @description Successful Response */
             202: {

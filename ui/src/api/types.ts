@@ -53,3 +53,4 @@ export type ExportEntry = Schemas["ExportEntry"];
 export type Removed = Schemas["Removed"];
 export type Command = Schemas["CommandRequest"]["command"];
 export type CommandText = Schemas["CommandText"];
+export type TownMap = Schemas["TownMap"];

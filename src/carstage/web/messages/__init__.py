@@ -45,7 +45,13 @@ from carstage.web.messages.datasets import (
     TableRequest,
     TrackSpan,
 )
-from carstage.web.messages.description import DescriptionMessage, MapEntry, VehicleEntry
+from carstage.web.messages.description import (
+    DescriptionMessage,
+    MapEntry,
+    TownMap,
+    TownMapRequest,
+    VehicleEntry,
+)
 from carstage.web.messages.jobs import (
     ExportChange,
     ExportEntry,
@@ -86,7 +92,11 @@ from carstage.web.messages.runs import (
     TickPoint,
     WorkerMessage,
 )
-from carstage.web.messages.sensor_preview import PreviewPending, PreviewRequest
+from carstage.web.messages.sensor_preview import (
+    PreviewPending,
+    PreviewRequest,
+    PreviewWarm,
+)
 
 __all__ = [
     "CameraObject",
@@ -142,6 +152,7 @@ __all__ = [
     "Moment",
     "PreviewPending",
     "PreviewRequest",
+    "PreviewWarm",
     "ReleaseFolders",
     "Removed",
     "ReportMessage",
@@ -168,6 +179,8 @@ __all__ = [
     "TableRequest",
     "TickPoint",
     "TicksMessage",
+    "TownMap",
+    "TownMapRequest",
     "TrackSpan",
     "ValidationMessage",
     "VehicleEntry",

@@ -124,6 +124,52 @@ def test_a_second_attempt_is_marked_with_its_reason(
     expect(page.locator(".attempt")).to_contain_text("The server ended.")
 
 
+def test_load_and_speed_are_drawn_with_axes_and_read_by_pointer_and_keys(
+    open_page: OpenPage, runs: dict[str, FakeRun]
+) -> None:
+    run = runs["going"]
+    page = open_page(at(run))
+    memory = page.get_by_role("figure").filter(has_text="Memory")
+    expect(memory).to_contain_text("not measured yet")
+    expect(memory.locator("svg")).to_have_count(0)
+    status = run._status
+    for second in range(8):
+        time_s = status["pid_started"] + 10.0 + second
+        for worker in (1, 2):
+            tick = {"episode_id": f"e{worker}", "tick": 10 * second * worker, "queued_bytes": 5000}
+            run.event("tick", worker=worker, k=second * worker, time=time_s, waited_s=0, **tick)
+        load = {"cpu_cores": 1.5, "memory_bytes": 10**9 * (second + 1), "written_bytes_s": 2e6}
+        run.event("load", time=time_s, disk_free_bytes=10**10, **load)
+    expect(memory).to_contain_text("now 8.0 GB, at most 8.0 GB")
+    expect(memory.locator(".chart-label").first).to_have_text("0 B")
+    chart = memory.get_by_role("group")
+    chart.hover(position={"x": 62, "y": 40})
+    expect(memory.get_by_role("status")).to_have_text("1.0 GB at 10 s")
+    page.mouse.move(0, 0)
+    chart.focus()
+    page.keyboard.press("ArrowLeft")
+    expect(memory.get_by_role("status")).to_have_text("8.0 GB at 17 s")
+    page.keyboard.press("ArrowLeft")
+    expect(memory.get_by_role("status")).to_have_text("7.0 GB at 16 s")
+    frames = page.get_by_role("figure").filter(has_text="Saved frames")
+    for worker in (1, 2):
+        page.get_by_role("button", name=f"worker {worker}").click()
+        expect(frames).to_contain_text(f"at most {worker}.00/s")
+    page.get_by_role("group", name="Workers").get_by_role("button", name="all").click()
+    expect(frames).to_contain_text("at most 3.00/s")
+    page.get_by_role("region", name="Speed and load").scroll_into_view_if_needed()
+    picture(page, "gui-run-load")
+
+
+def test_validation_and_report_are_shown_as_commands(open_page: OpenPage, gui: Gui) -> None:
+    for tab, command in (("Validation", "validate"), ("Report", "report")):
+        page = open_page("#/datasets/scene")
+        page.get_by_role("tab", name=tab).or_(page.get_by_role("button", name=tab)).first.click()
+        page.get_by_role("button", name="Copy as command").click()
+        shown = page.get_by_label("Command", exact=True)
+        expect(shown).to_have_text(f"carstage {command} {gui.datasets / 'scene'}")
+
+
 def test_a_run_is_renamed_and_its_command_shown(
     open_page: OpenPage, runs: dict[str, FakeRun]
 ) -> None:

@@ -13,11 +13,11 @@ from playwright.sync_api import Locator, Page, expect
 
 import analytic_dataset
 from browser_pages import (
-    PICTURES,
     Gui,
     OpenPage,
     field,
     load_demo,
+    picture,
     server_config,
     wait_until,
     wait_until_saved,
@@ -78,11 +78,6 @@ def at(run: FakeRun) -> str:
     return f"#/run/{run.folder.name}"
 
 
-def picture(page: Page, name: str) -> None:
-    if PICTURES:
-        page.screenshot(path=Path(PICTURES) / f"{name}.png")
-
-
 def action(page: Page, name: str, of: str = "run") -> None:
     page.get_by_role("button", name=f"Actions: {of}").click()
     page.get_by_role("menuitem", name=name).click()
@@ -92,7 +87,9 @@ def tile(page: Page, name: str) -> Locator:
     return page.locator(".tile").filter(has_text=name).locator("dd")
 
 
-def test_each_end_of_a_run_is_told_as_it_was(open_page: OpenPage, runs: dict[str, FakeRun]) -> None:
+def test_each_end_of_a_run_is_told_as_it_was(
+    open_page: OpenPage, runs: dict[str, FakeRun], gui: Gui
+) -> None:
     page = open_page(at(runs["failed"]))
     head = page.locator(".page-head")
     told = {
@@ -113,7 +110,7 @@ def test_each_end_of_a_run_is_told_as_it_was(open_page: OpenPage, runs: dict[str
         took = tile(page, "Took").inner_text()
         page.wait_for_timeout(1500)
         assert tile(page, "Took").inner_text() == took
-    picture(page, "gui-run-stopped")
+    picture(page, "gui-run-stopped", gui)
 
 
 def test_a_second_attempt_is_marked_with_its_reason(
@@ -125,7 +122,7 @@ def test_a_second_attempt_is_marked_with_its_reason(
 
 
 def test_load_and_speed_are_drawn_with_axes_and_read_by_pointer_and_keys(
-    open_page: OpenPage, runs: dict[str, FakeRun]
+    open_page: OpenPage, runs: dict[str, FakeRun], gui: Gui
 ) -> None:
     run = runs["going"]
     page = open_page(at(run))
@@ -158,7 +155,7 @@ def test_load_and_speed_are_drawn_with_axes_and_read_by_pointer_and_keys(
     page.get_by_role("group", name="Workers").get_by_role("button", name="all").click()
     expect(frames).to_contain_text("at most 3.00/s")
     page.get_by_role("region", name="Speed and load").scroll_into_view_if_needed()
-    picture(page, "gui-run-load")
+    picture(page, "gui-run-load", gui)
 
 
 def test_validation_and_report_are_shown_as_commands(open_page: OpenPage, gui: Gui) -> None:
@@ -230,7 +227,7 @@ def test_a_stopped_run_goes_on_by_one_click(open_page: OpenPage, runs: dict[str,
     page.get_by_role("button", name="Take out").click()
 
 
-def test_all_runs_stand_in_one_table(open_page: OpenPage) -> None:
+def test_all_runs_stand_in_one_table(open_page: OpenPage, gui: Gui) -> None:
     page = open_page("#/runs")
     rows = page.locator(".runs-table tbody tr")
     expect(rows.filter(has_text="failed").first).to_contain_text("scene")
@@ -241,7 +238,7 @@ def test_all_runs_stand_in_one_table(open_page: OpenPage) -> None:
     expect(rows.filter(has_text="going")).to_have_count(0)
     page.get_by_label("Search the runs").fill("killed")
     expect(rows).to_have_count(1)
-    picture(page, "gui-runs")
+    picture(page, "gui-runs", gui)
 
 
 def test_a_dataset_that_holds_episodes_is_asked_about(open_page: OpenPage) -> None:
@@ -329,7 +326,7 @@ def test_another_server_has_no_maps_of_the_embedded_one(open_page: OpenPage) -> 
     assert server_config(page)["map"]["choice"] == "Town10HD_Opt"
 
 
-def test_settings_are_searched_and_told_from_the_usual_ones(open_page: OpenPage) -> None:
+def test_settings_are_searched_and_told_from_the_usual_ones(open_page: OpenPage, gui: Gui) -> None:
     page = open_page()
     load_demo(page)
     form = page.locator(".config-form")
@@ -341,7 +338,7 @@ def test_settings_are_searched_and_told_from_the_usual_ones(open_page: OpenPage)
     for name in ("Map", "Weather", "Episodes", "Duration", "Frame rate", "Image size",
                  "Maximum distance", "Ground truth", "Timing"):  # fmt: skip
         expect(form).to_contain_text(re.compile(name, re.IGNORECASE))
-    picture(page, "gui-paper")
+    picture(page, "gui-paper", gui)
     page.get_by_role("button", name="Changed", exact=True).click()
     field(page, "Name").first.wait_for()
 

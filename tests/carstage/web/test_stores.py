@@ -85,6 +85,8 @@ def job_ended(client: TestClient, job: dict[str, Any]) -> dict[str, Any]:
 def test_a_dataset_in_a_store_is_listed_and_played(
     client: TestClient, root: RemotePath, local: Path
 ) -> None:
+    # The first answer waits for the store only for a while.
+    await_that(lambda: bool(client.get("/api/datasets").json()["datasets"]), 60.0)
     listed = client.get("/api/datasets").json()
     (town,) = listed["datasets"]
     assert (town["dataset"], town["episodes"], town["state"]) == ("town", 1, "ready")

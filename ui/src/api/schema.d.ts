@@ -1931,6 +1931,30 @@ export interface components {
          */
         LiveMessage: components["schemas"]["SnapshotMessage"] | components["schemas"]["ConfigMessage"] | components["schemas"]["RunsMessage"] | components["schemas"]["RunMessage"] | components["schemas"]["LogMessage"] | components["schemas"]["TicksMessage"] | components["schemas"]["ChannelsMessage"] | components["schemas"]["JobMessage"] | components["schemas"]["DatasetsMessage"];
         /**
+         * LoadPoint
+         * @description What the processes of a run took of the machine, see ``carstage.runs.events.Load``.
+         *
+         *     Attributes:
+         *         worker: whose processes; 0: all of the run on its machine.
+         */
+        LoadPoint: {
+            /** Time */
+            time: number;
+            /**
+             * Worker
+             * @default 0
+             */
+            worker: number;
+            /** Cpu Cores */
+            cpu_cores: number;
+            /** Memory Bytes */
+            memory_bytes: number;
+            /** Written Bytes S */
+            written_bytes_s?: number | null;
+            /** Disk Free Bytes */
+            disk_free_bytes: number;
+        };
+        /**
          * LogLine
          * @description One line of a run's log, in words.
          */
@@ -2255,6 +2279,8 @@ export interface components {
             log: components["schemas"]["LogLine"][];
             /** Ticks */
             ticks: components["schemas"]["TickPoint"][];
+            /** Loads */
+            loads?: components["schemas"]["LoadPoint"][];
             /** Channels */
             channels: components["schemas"]["Channel"][];
             /** Committed */
@@ -2786,9 +2812,11 @@ export interface components {
          * @description The numbers of a tick event.
          *
          *     Attributes:
-         *         tick_s: wall seconds per step since the point before.
+         *         tick_s: wall seconds per step since the point before of this worker.
+         *         frames_s: saved frames per second since this worker told the rate before; None between.
          *         queued_bytes: sensor data that wait for the disk.
          *         waited_s: how long ticks have waited for room, in sum.
+         *         worker: which of several workers it is of; 0: there is one.
          */
         TickPoint: {
             /** Time */
@@ -2797,14 +2825,21 @@ export interface components {
             tick: number;
             /** Tick S */
             tick_s: number | null;
+            /** Frames S */
+            frames_s?: number | null;
             /** Queued Bytes */
             queued_bytes: number;
             /** Waited S */
             waited_s: number;
+            /**
+             * Worker
+             * @default 0
+             */
+            worker: number;
         };
         /**
          * TicksMessage
-         * @description New tick times of the watched run; ``reset``: these are all.
+         * @description New tick times and loads of the watched run; ``reset``: these are all.
          */
         TicksMessage: {
             /**
@@ -2821,6 +2856,8 @@ export interface components {
             reset: boolean;
             /** Ticks */
             ticks: components["schemas"]["TickPoint"][];
+            /** Loads */
+            loads?: components["schemas"]["LoadPoint"][];
         };
         /**
          * TownMap

@@ -21,6 +21,7 @@ export type RunSummary = Schemas["RunSummary"];
 export type RunDetail = Schemas["RunDetail"];
 export type LogLine = Schemas["LogLine"];
 export type TickPoint = Schemas["TickPoint"];
+export type LoadPoint = Schemas["LoadPoint"];
 export type Channel = Schemas["Channel"];
 export type Job = Schemas["Job"];
 export type DatasetSummary = Schemas["DatasetSummary"];

@@ -61,6 +61,7 @@ REASONS = {
     "carstage_sim/render/simd.py triangle_hits": _KERNEL,
     "carstage_sim/render/simd.py triangles_in_beam": _KERNEL,
     "carstage_sim/render/surface.py facing_normals": _KERNEL,
+    "carstage_sim/sensors/pixel_kernels.py hit_tags": _KERNEL,
     "carstage_sim/wire/framing.py _scan": _LOOP,
     "carstage_sim/world/contacts/obstacles.py _touching": _KERNEL,
     "carstage_sim/world/contacts/separating_axes.py least_way_out": _KERNEL,

@@ -89,6 +89,24 @@ def real_time(
     return _report("real-time", lambda: check_real_time(seconds=seconds), json)
 
 
+@benchmark("car-motion", takes="5 minutes")
+def car_motion(
+    minutes: Annotated[float, typer.Option(help="Simulated, for each frame rate.")] = 10.0,
+    vehicles: int = 30,
+    map: Map = "Stage01",
+    seed: Seed = 7,
+    json: Json = False,
+) -> int:
+    """Whether cars in traffic accelerate and turn as driven cars do."""
+    from benchmarks.simulator.car_motion import check_car_motion
+
+    return _report(
+        "car-motion",
+        lambda: check_car_motion(minutes=minutes, town=map, vehicles=vehicles, seed=seed),
+        json,
+    )
+
+
 @benchmark("server-memory", takes="40 minutes")
 def server_memory(
     vehicles: int = 30,

@@ -130,8 +130,13 @@ class Simulation:
         self._stepped_at_s = time.monotonic()
         self._source = self.maps.source(town_name)
         self._town = self.maps.load(town_name)
-        self.world = self._new_world(self._town, 1, None)
-        self._sensors = self._new_sensors(self._town)
+        # Side by side: the world's kernels are loaded while the renderer takes in the town.
+        making = self._drawing.submit(self._new_sensors, self._town)
+        with ExitStack() as unless_both:
+            unless_both.callback(lambda: making.result().close())
+            self.world = self._new_world(self._town, 1, None)
+            unless_both.pop_all()
+        self._sensors = making.result()
 
     def __enter__(self) -> Simulation:
         return self
@@ -150,8 +155,9 @@ class Simulation:
 
     def warm_up(self) -> None:
         """Compile and run every kernel once, so that no client waits for a compiler."""
-        self._sensors.warm_up()
+        drawing = self._drawing.submit(self._sensors.warm_up)
         warm_up_mechanics(self.world)
+        drawing.result()
 
     def prepare(self, town_name: str) -> Bake:
         """Begin to bake a map, unless it can be loaded at once; the world may run on meanwhile.

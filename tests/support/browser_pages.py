@@ -131,6 +131,22 @@ def load_demo(page: Page) -> None:
     page.get_by_label("Coverage of the ground").select_option("off")
 
 
+def picture(page: Page, name: str, gui: Gui) -> None:
+    """A picture for the documentation, where one was asked for; its datasets lie in ``/data``."""
+    if not PICTURES:
+        return
+    page.evaluate(
+        """(folder) => {
+          const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+          while (texts.nextNode())
+            if (texts.currentNode.data.includes(folder))
+              texts.currentNode.data = texts.currentNode.data.replaceAll(folder, '/data');
+        }""",
+        str(gui.datasets),
+    )
+    page.screenshot(path=Path(PICTURES) / f"{name}.png")
+
+
 def wait_until(page: Page, condition: str) -> None:
     """Until an expression of JavaScript is true.
 

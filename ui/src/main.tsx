@@ -9,6 +9,7 @@ import "./styles/controls.css";
 import "./styles/shell.css";
 import "./styles/configure.css";
 import "./styles/run.css";
+import "./styles/scenario.css";
 import "./styles/datasets.css";
 import "./styles/player.css";
 import "./styles/life.css";

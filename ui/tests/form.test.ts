@@ -1,6 +1,6 @@
 import { describe, expect, test } from "vitest";
 import { bytes, duration } from "../src/ui/format";
-import { thinned } from "../src/ui/LineChart";
+import { axisTicks, thinned } from "../src/ui/LineChart";
 import { groupsOf } from "../src/form/groups";
 import { fieldOf, fits, initial, type SchemaNode } from "../src/form/schema";
 import { href, parseRoute, type Route } from "../src/app/routes";
@@ -90,6 +90,13 @@ describe("words and numbers", () => {
   test("bytes and durations read like prose", () => {
     expect([bytes(0), bytes(999), bytes(1234), bytes(106e6), bytes(61.7e9)]).toEqual(["0 B", "999 B", "1.2 kB", "106 MB", "61.7 GB"]);
     expect([duration(24.2), duration(75), duration(3700)]).toEqual(["24 s", "1 min 15 s", "1 h 01 min"]);
+  });
+  test("an axis has round values between its ends", () => {
+    expect(axisTicks(0, 7, 3)).toEqual([0, 5]);
+    expect(axisTicks(0, 4200, 3)).toEqual([0, 2000, 4000]);
+    expect(axisTicks(12, 200, 4, true)).toEqual([60, 120, 180]);
+    expect(axisTicks(0, 0.6, 3, true)).toEqual([0]);
+    expect(axisTicks(0, 0, 3)).toEqual([]);
   });
   test("a thinned line keeps its peaks", () => {
     const points = Array.from({ length: 5000 }, (_, i): [number, number] => [i, i === 2501 ? 9 : 0]);

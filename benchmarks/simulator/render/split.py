@@ -22,7 +22,8 @@ from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame
 from carstage_sim.sensors import WorldSensors
 from carstage_sim.sensors.measurements import SensorRequest
-from carstage_sim.sensors.view import FAR_M, NEAR_M, Camera, View
+from carstage_sim.sensors.pixel_kernels import FAR_M
+from carstage_sim.sensors.view import NEAR_M, Camera, View
 
 _COLOUR = (800, 600)
 _ALL = (1280, 720)

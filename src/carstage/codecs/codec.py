@@ -58,6 +58,8 @@ class Codec(ABC):
     def decode(self, contents: Sequence[bytes]) -> NDArray[Any]:
         """The frame's array from the contents of its files, in the order of ``suffixes``.
 
+        Several threads may call it at once.
+
         Raises:
             ValueError: the content is damaged.
         """

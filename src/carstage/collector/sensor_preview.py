@@ -18,12 +18,17 @@ import time
 from contextlib import ExitStack
 from dataclasses import replace
 from queue import Empty, SimpleQueue
-from typing import Any, Callable, Dict, List, Optional, Tuple
+from typing import Any, Callable, Dict, List, Optional, Set, Tuple
 
 from carstage.collector.__main__ import EXIT_FAILED, EXIT_OK, private_stdout
 from carstage.collector.client import connect
 from carstage.collector.ego import spawn_ego
-from carstage.collector.internals.errors import CollectorError, RecordingError, client_hint
+from carstage.collector.internals.errors import (
+    CollectorError,
+    RecordingError,
+    SceneError,
+    client_hint,
+)
 from carstage.collector.internals.events import EventStream
 from carstage.collector.internals.plan import EpisodePlan, Plan, read_plan
 from carstage.collector.internals.stopping import StopRequest
@@ -43,6 +48,9 @@ MOST_TICKS = 8
 TICK_PATIENCE_S = 0.5
 """How long the data of a step are waited for before the next one: a stream needs a moment."""
 
+OTHERS = ("vehicle", "walker", "controller", "sensor")
+"""Actors that are there only where somebody has put them."""
+
 _log = logging.getLogger("carstage.collector")
 
 
@@ -58,6 +66,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
         stream=sys.stderr, level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s"
     )
     stop = StopRequest()
+    stop.on_signals()  # what was borrowed is given back first
     events = EventStream(private_stdout(), stop)
     code = EXIT_OK
     with ExitStack() as stack:
@@ -96,6 +105,9 @@ class Viewer:
     def __init__(self, client: Any, stop: StopRequest) -> None:
         self._client = client
         self._stop = stop
+        self._shared = False
+        #: Actors of this world that are ours, or were: sensors go with the step after a look.
+        self._mine: Set[int] = set()
         self._shown: Optional[EpisodeSpec] = None
         self._world = ExitStack()
         self._session: Any = None
@@ -111,6 +123,9 @@ class Viewer:
         """
         episode = plan.episodes[0]
         scene = replace(episode.spec, sensors=())
+        self._shared = plan.server.shared
+        if self._shared:
+            self._refuse_if_used()
         if scene != self._shown:
             self.close()
             self._load(plan, episode)
@@ -118,9 +133,43 @@ class Viewer:
         return self._record(episode)
 
     def close(self) -> None:
-        """Give the world back."""
+        """Give the world back; what others have taken over meanwhile is theirs."""
+        session, self._session = self._session, None
         self._shown = None
+        self._mine.clear()
+        if self._shared and session is not None:
+            try:
+                session.leave_to_others()
+            except RuntimeError as error:
+                _log.warning("nobody knows whether others use the server: %s", error)
         self._world.close()
+
+    def _refuse_if_used(self) -> None:
+        """Look at the server before touching it.
+
+        Raises:
+            SceneError: somebody else uses it; what was ours is given back.
+        """
+        world = self._client.get_world()
+        ours = self._session is not None and world.id == self._session.world.id
+        mine = self._mine if ours else ()
+        others = [
+            actor.type_id
+            for actor in world.get_actors()
+            if actor.type_id.split(".")[0] in OTHERS and actor.id not in mine
+        ]
+        reason = ""
+        if others:
+            reason = "%d actors of others are there, such as %s" % (len(others), others[0])
+        elif world.get_settings().synchronous_mode and not ours:
+            reason = "another client steps it"
+        if not reason:
+            return
+        self.close()
+        raise SceneError(
+            "The server is used by somebody else: %s." % reason,
+            "Look through the sensor when they have finished, or choose another server.",
+        )
 
     def _load(self, plan: Plan, episode: EpisodePlan) -> None:
         server = plan.server
@@ -128,6 +177,7 @@ class Viewer:
             WorldSession(self._client, episode.spec, server.timeout_s, server.load_timeout_s)
         )
         self._ego = spawn_ego(self._session, episode.spec)
+        self._mine.add(self._ego.id)
         self._clock = SynchronousClock(self._session.world, server.timeout_s)
         for _ in range(SETTLING_TICKS):
             self._stop.check()
@@ -137,6 +187,7 @@ class Viewer:
         passing = _Passing(self._session)
         try:
             rig = Rig(passing, episode.spec, self._ego)  # type: ignore[arg-type]
+            self._mine.update(actor.id for actor in rig.actors.values())
             data, ticks = self._wait(rig)
         finally:
             passing.give_back()

@@ -52,6 +52,17 @@ def patience_s(timing: TimingSpec, timeout_s: float) -> float:
 def apply_timing(world: Any, spec: EpisodeSpec) -> None:
     """Make the server run as planned; a server that does already is left alone."""
     before = world.get_settings()
+    settings = _planned(world, spec)
+    if settings != before:
+        world.apply_settings(settings)
+
+
+def keeps_timing(world: Any, spec: EpisodeSpec) -> bool:
+    """Whether the server still runs as ``apply_timing`` has made it."""
+    return bool(world.get_settings() == _planned(world, spec))
+
+
+def _planned(world: Any, spec: EpisodeSpec) -> Any:
     settings = world.get_settings()
     settings.synchronous_mode = spec.timing.synchronous
     settings.no_rendering_mode = False
@@ -59,8 +70,7 @@ def apply_timing(world: Any, spec: EpisodeSpec) -> None:
     settings.substepping = True
     settings.max_substep_delta_time = spec.timing.max_substep_delta_time_s
     settings.max_substeps = spec.timing.max_substeps
-    if settings != before:
-        world.apply_settings(settings)
+    return settings
 
 
 def release_timing(world: Any, original: Any) -> None:

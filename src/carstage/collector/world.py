@@ -11,7 +11,7 @@ import carla
 from carstage.collector.client import answers
 from carstage.collector.internals.plan import DEFAULT_LOAD_TIMEOUT_S
 from carstage.collector.maps import find_map, layers_of
-from carstage.collector.timing import apply_timing, release_timing
+from carstage.collector.timing import apply_timing, keeps_timing, release_timing
 from carstage.collector.weather import Weather
 from carstage.spec import EpisodeSpec
 
@@ -92,6 +92,17 @@ class WorldSession:
         """
         command = carla.command.DestroyActor(actor.id)
         self.on_exit(what, lambda: self.client.apply_batch_sync([command], False))
+
+    def leave_to_others(self) -> None:
+        """Give back nothing that another client has taken over meanwhile.
+
+        In another world our actors' ids are theirs. In ours, settings that they have changed stay.
+        """
+        if self.client.get_world().id != self.world.id:
+            self._give_backs.clear()
+        elif not keeps_timing(self.world, self._spec):
+            ours = ("settings", "one more step")
+            self._give_backs = [one for one in self._give_backs if one[0] not in ours]
 
     def _give_back(self) -> None:
         """Give everything back, whatever fails: a server that died must not hide why.

@@ -29,6 +29,29 @@ def decode_mask(counts: str, height: int, width: int) -> NDArray[np.bool_]:
     Raises:
         DatasetError: the string is damaged or of an image of another size.
     """
+    runs = _runs(counts, height, width)
+    values = np.arange(len(runs)) % 2 == 1
+    return np.repeat(values, runs).reshape(width, height).T
+
+
+def mask_pixels(
+    counts: str, height: int, width: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the pixels of a mask, column by column; see :func:`decode_mask`.
+
+    Raises:
+        DatasetError: the string is damaged or of an image of another size.
+    """
+    runs = np.array(_runs(counts, height, width), np.int64)
+    ends = np.cumsum(runs)[1::2]
+    lengths = runs[1::2]
+    before = np.cumsum(lengths) - lengths
+    places = np.arange(lengths.sum()) + np.repeat(ends - lengths - before, lengths)
+    columns, rows = np.divmod(places, max(height, 1))
+    return rows, columns
+
+
+def _runs(counts: str, height: int, width: int) -> list[int]:
     runs: list[int] = []
     value = shift = 0
     for byte in counts.encode("ascii", "replace"):
@@ -45,5 +68,4 @@ def decode_mask(counts: str, height: int, width: int) -> NDArray[np.bool_]:
         value = shift = 0
     if shift or any(run < 0 for run in runs) or sum(runs) != height * width:
         raise DatasetError(f"A mask does not fill an image of {width}x{height} pixels.")
-    values = np.arange(len(runs)) % 2 == 1
-    return np.repeat(values, runs).reshape(width, height).T
+    return runs

@@ -301,7 +301,7 @@ def data_uri(picture: Image.Image, width: int, *, lossless: bool = False) -> str
         picture = picture.resize((width, height), Image.Resampling.LANCZOS)
     stream = io.BytesIO()
     if lossless:
-        picture.save(stream, format="PNG", optimize=True)
+        picture.save(stream, format="PNG")
     else:
         picture.save(stream, format="JPEG", quality=82, subsampling=0)
     kind = "png" if lossless else "jpeg"

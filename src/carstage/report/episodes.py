@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Mapping
 from html import escape
 from itertools import chain
@@ -40,6 +40,7 @@ SHOWCASE_CAMERAS = 2
 _CONTACT_PX = 560
 _BIRDS_EYE_PX = 640
 _MASK_SHARE = 0.6
+_KEPT_FRAMES = CONTACT_FRAMES
 
 
 def frames_per_second(episode: Episode) -> float:
@@ -47,17 +48,14 @@ def frames_per_second(episode: Episode) -> float:
     return episode.spec.saved_fps
 
 
-def episode_section(
-    episode: Episode, description: Mapping[str, Any], *, films: bool = False
-) -> str:
+def episode_section(pictures: EpisodePictures, *, films: bool = False) -> str:
     """The section, as markup.
 
     Args:
-        episode: the episode.
-        description: ``dataset.json``, for the colours of the tags.
+        pictures: of the episode.
         films: whether to add a film of each labelled colour camera.
     """
-    pictures = _Pictures(episode, description)
+    episode = pictures.episode
     parts = [
         f"<h2>Episode <code>{escape(episode.id)}</code></h2>",
         f"<p>{escape(_summary(episode))}</p>",
@@ -83,17 +81,13 @@ def episode_section(
     return "\n".join(parts)
 
 
-def showcase(episode: Episode, description: Mapping[str, Any]) -> str:
+def showcase(pictures: EpisodePictures) -> str:
     """The frame with most to see: through the cameras with boxes, its masks, from above.
 
     Empty where no sensor has a picture of it.
-
-    Args:
-        episode: the episode.
-        description: ``dataset.json``, for the colours of the tags.
     """
-    pictures = _Pictures(episode, description)
-    labelled = [s for s in episode.sensors if s.calibration.labelled and s.content == COLOUR]
+    sensors = pictures.episode.sensors
+    labelled = [s for s in sensors if s.calibration.labelled and s.content == COLOUR]
     frames = pictures.fullest_frames(None, 1)
     labelled.sort(key=lambda sensor: -sum(pictures.visible(k, sensor) for k in frames))
     shown = labelled[:SHOWCASE_CAMERAS]
@@ -109,7 +103,7 @@ def showcase(episode: Episode, description: Mapping[str, Any]) -> str:
     )
 
 
-def _contact_sheet(pictures: _Pictures, sensor: Sensor) -> str:
+def _contact_sheet(pictures: EpisodePictures, sensor: Sensor) -> str:
     frames = pictures.fullest_frames(sensor, CONTACT_FRAMES)
     with_objects = [k for k in frames if pictures.visible(k, sensor)]
     if not with_objects:
@@ -127,7 +121,7 @@ def _contact_sheet(pictures: _Pictures, sensor: Sensor) -> str:
     )
 
 
-def _film(pictures: _Pictures, sensor: Sensor, episode: Episode) -> str:
+def _film(pictures: EpisodePictures, sensor: Sensor, episode: Episode) -> str:
     frames = range(min(episode.frames, MOST_FRAMES))
     shown = ((k, drawn[0]) for k in frames if (drawn := pictures.drawn_3d(sensor, k)) is not None)
     first = next(shown, None)
@@ -151,11 +145,17 @@ def _summary(episode: Episode) -> str:
     )
 
 
-class _Pictures:
-    """Draws what one episode needs; reads its labels once."""
+class EpisodePictures:
+    """Draws what one episode needs; reads its labels once, and the same frames seldom twice.
+
+    Args:
+        episode: the episode.
+        description: ``dataset.json``, for the colours of the tags.
+    """
 
     def __init__(self, episode: Episode, description: Mapping[str, Any]) -> None:
-        self._episode = episode
+        self.episode = episode
+        self._kept: OrderedDict[tuple[str, int], NDArray[Any] | None] = OrderedDict()
         self._palette: dict[int, RgbColour] = {
             tag["value"]: tuple(tag["rgb"]) for tag in description["tags"]
         }
@@ -183,7 +183,7 @@ class _Pictures:
             sensor: count its visible objects; ``None``: those of all sensors.
             wanted: number of frames.
         """
-        counts = np.zeros(self._episode.frames, np.int64)
+        counts = np.zeros(self.episode.frames, np.int64)
         for (k, sensor_id), rows in self._rows.items():
             if sensor is None or sensor_id == sensor.id:
                 counts[k] += len(rows)
@@ -196,10 +196,15 @@ class _Pictures:
 
     def _read(self, sensor: Sensor, k: int) -> NDArray[Any] | None:
         """The data of a frame; ``None`` where there is none, which the validation reports."""
-        try:
-            return sensor.read(k)
-        except DatasetError:
-            return None
+        place = sensor.id, k
+        if place not in self._kept:
+            try:
+                self._kept[place] = sensor.read(k)
+            except DatasetError:
+                self._kept[place] = None
+            if len(self._kept) > _KEPT_FRAMES:
+                self._kept.popitem(last=False)
+        return self._kept[place]
 
     def masks(self, sensor: Sensor, frames: list[int]) -> str:
         """A camera's images with the masks of what is visible, the nearest on top."""
@@ -222,6 +227,7 @@ class _Pictures:
         return "".join(figures)
 
     def boxes_3d(self, sensor: Sensor, frames: list[int], note: str = "") -> str:
+        """A camera's images with the 3D boxes of what is visible."""
         figures = []
         for k in frames:
             if (drawn := self.drawn_3d(sensor, k)) is not None:
@@ -239,6 +245,7 @@ class _Pictures:
         return draw_boxes_3d(image, sensor.calibration_at(k), boxes), len(boxes)
 
     def boxes_2d(self, sensor: Sensor, frames: list[int]) -> str:
+        """A camera's images with the 2D boxes of what is visible."""
         figures = []
         for k in frames:
             if (image := self._read(sensor, k)) is None:
@@ -253,9 +260,10 @@ class _Pictures:
         return "".join(figures)
 
     def views(self, frames: list[int]) -> str:
+        """What the cameras for depth, tags and the like measured, in colours."""
         figures = []
         for k in frames:
-            for sensor in self._episode.sensors:
+            for sensor in self.episode.sensors:
                 if sensor.content == COLOUR or sensor.content not in CAMERAS:
                     continue
                 if (image := self._read(sensor, k)) is None:
@@ -266,17 +274,18 @@ class _Pictures:
         return "".join(figures)
 
     def birds_eye(self, frames: list[int], note: str = "") -> str:
+        """Points of all LiDARs and radars from above, with all boxes."""
         figures = []
         for k in frames:
             clouds = [
-                cloud for s in self._episode.sensors if (cloud := self._cloud(s, k)) is not None
+                cloud for s in self.episode.sensors if (cloud := self._cloud(s, k)) is not None
             ]
             radar = [
                 (
                     transform_points(s.calibration_at(k).ego_from_sensor, radar_points(found)),
                     found[:, Detection.RANGE_RATE],
                 )
-                for s in self._episode.sensors
+                for s in self.episode.sensors
                 if s.content == DETECTIONS and (found := self._read(s, k)) is not None
             ]
             if clouds or radar:
@@ -304,7 +313,7 @@ class _Pictures:
         return (255, 255, 255) if box.is_ego else class_colour(self._classes[box.track_id])
 
     def _caption(self, k: int, objects: int) -> str:
-        time_s = k / frames_per_second(self._episode)
+        time_s = k / frames_per_second(self.episode)
         return f"frame {k}, {time_s:.1f} s: {objects} visible"
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from html import escape
 from pathlib import Path
 
@@ -15,7 +17,12 @@ from carstage.report.coverage import (
     weather_name,
 )
 from carstage.report.drawing import class_colour
-from carstage.report.episodes import episode_section, frames_per_second, showcase
+from carstage.report.episodes import (
+    EpisodePictures,
+    episode_section,
+    frames_per_second,
+    showcase,
+)
 from carstage.report.film import require_video
 from carstage.report.statistics import (
     DISTANCE_EDGES_M,
@@ -30,6 +37,7 @@ from carstage.storage import DatasetPath, RemotePath
 from carstage.validation.validator import ValidationReport, validate_dataset
 
 MOST_EPISODES_WITH_PICTURES = 6
+_MOST_THREADS = 4
 
 
 def write_report(
@@ -57,18 +65,35 @@ def write_report(
     if films:
         require_video()
     dataset = Dataset(path)
-    verdict = validation or validate_dataset(path)
     episodes = dataset.episodes
-    statistics = count_labels(episodes)
-    shown = episodes[:MOST_EPISODES_WITH_PICTURES]
+    # Pictures are drawn while the dataset is validated: most of both leaves the interpreter's lock.
+    with ThreadPoolExecutor(
+        max(1, min(_MOST_THREADS, os.cpu_count() or 1)), thread_name_prefix="report"
+    ) as pool:
+        drawn = [
+            pool.submit(_drawn, dataset, number, films=films)
+            for number in range(min(len(episodes), MOST_EPISODES_WITH_PICTURES))
+        ]
+        covered = pool.submit(coverage_section, episodes) if episodes else None
+        around = pool.submit(positions_section, episodes)
+        counted = pool.submit(count_labels, episodes)
+        try:
+            verdict = validation or validate_dataset(path)
+            statistics = counted.result()
+            shown = [task.result() for task in drawn]
+            coverage = covered.result() if covered else ""
+            positions = around.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
     sections = [
         _head(dataset, verdict),
-        showcase(episodes[0], dataset.description) if episodes else "",
+        "".join(best for best, _ in shown),
         _overview(dataset, statistics),
-        *(episode_section(episode, dataset.description, films=films) for episode in shown),
-        coverage_section(episodes) if episodes else "",
+        *(section for _, section in shown),
+        coverage,
         _statistics(statistics),
-        positions_section(episodes),
+        positions,
         validation_section(verdict),
         _episode_list(dataset) if len(episodes) > 1 else "",
         f"<footer>Written by Car-STAGE {escape(__version__)}. "
@@ -78,6 +103,13 @@ def write_report(
     document = html.page(f"{dataset.name}: Car-STAGE dataset", "\n".join(sections))
     write_whole(target, document.encode())
     return target
+
+
+def _drawn(dataset: Dataset, number: int, *, films: bool) -> tuple[str, str]:
+    """The best of the dataset, drawn of its first episode alone, and the section of an episode."""
+    pictures = EpisodePictures(dataset.episodes[number], dataset.description)
+    best = showcase(pictures) if number == 0 else ""
+    return best, episode_section(pictures, films=films)
 
 
 def report_file(dataset: DatasetPath) -> Path:

@@ -247,6 +247,25 @@ class FramesConverted(RunEvent):
 
 
 @dataclass(frozen=True, slots=True)
+class Load(RunEvent):
+    """What the run's processes take; comes every two seconds.
+
+    Of several workers, each tells its own, and the run that of all on its machine.
+
+    Attributes:
+        cpu_cores: CPU seconds per second since the event before.
+        memory_bytes: resident memory; what processes share counts for each.
+        written_bytes_s: bytes per second that went to disks; None where that is not counted.
+        disk_free_bytes: free space where the run writes.
+    """
+
+    cpu_cores: float
+    memory_bytes: int
+    written_bytes_s: int | None
+    disk_free_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
 class EpisodeCommitted(RunEvent):
     """An episode is part of the dataset."""
 
@@ -303,6 +322,7 @@ _WRITTEN: dict[str, type[RunEvent]] = {
         ActorsSpawned,
         EpisodeRecorded,
         FramesConverted,
+        Load,
         EpisodeCommitted,
         EpisodeSkipped,
         EpisodeRetried,

@@ -13,6 +13,7 @@ from carstage.errors import StorageError
 from carstage.runs.events import Notice, OnEvent, Progress, RunEvent, event_of
 from carstage.runs.folder import EpisodeCounts, RunFolder, RunStatus, State
 from carstage.runs.interruption import ANSWER_S, Interruption
+from carstage.runs.load import LOAD_EVERY_S, LoadMeter
 
 _HEARTBEAT_S = 1.0
 _EXPLAIN_AFTER_S = 5.0
@@ -46,6 +47,8 @@ class RunRecord:
         self._on_event = on_event
         self._clock_s = clock_s
         self._next_heartbeat_s = 0.0
+        self._meter = LoadMeter(folder.work)
+        self._next_load_s = clock_s() + LOAD_EVERY_S
 
     def left_s(self) -> float:
         """Seconds for which what goes on may be waited for; infinite before a signal."""
@@ -79,11 +82,14 @@ class RunRecord:
         self._show()
 
     def beat(self) -> None:
-        """Renew the heartbeat where that is due; pass on how far the run is."""
+        """Renew the heartbeat and note the load where that is due; pass on how far the run is."""
         now_s = self._clock_s()
         if now_s >= self._next_heartbeat_s:
             self._next_heartbeat_s = now_s + _HEARTBEAT_S
             self.folder.write_status(self.status)
+        if now_s >= self._next_load_s:
+            self._next_load_s = now_s + LOAD_EVERY_S
+            self.event(self._meter.sample())
         self._show()
 
     @contextmanager

@@ -51,7 +51,7 @@ def server_lock(config: Config, folder: Path | None = None) -> Iterator[None]:
         return
     if lock is None:
         raise BadInputError(
-            f"server: another run uses the server at {key}.",
+            f"server: another run, or a preview, uses the server at {key}.",
             "Wait for its end, or choose another server or port.",
         )
     with lock:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 from importlib import import_module
 from typing import Dict, Iterable, List, Optional, Tuple
 
@@ -14,6 +15,7 @@ ENTRY_POINT_GROUP = "carstage.sensors"
 
 _kinds: Dict[str, SensorKind] = {}
 _scanned: List[bool] = []
+_scanning = threading.RLock()
 
 
 def register(kind: SensorKind) -> None:
@@ -104,15 +106,20 @@ def import_plugins(modules: Iterable[str]) -> None:
 def _load_installed() -> None:
     """Import the modules that installed packages name as entry points; the first call only.
 
+    Other threads wait until the kinds are there.
+
     Under a Python that is older than 3.10 nothing is looked up: only collectors run there, and
     their plan names the modules.
     """
-    if _scanned or sys.version_info < (3, 10):
+    if sys.version_info < (3, 10):
         return
-    _scanned.append(True)
-    from importlib.metadata import entry_points
+    with _scanning:  # reentrant: a module may ask while it is imported
+        if _scanned:
+            return
+        _scanned.append(True)
+        from importlib.metadata import entry_points
 
-    import_plugins(entry.module for entry in entry_points(group=ENTRY_POINT_GROUP))
+        import_plugins(entry.module for entry in entry_points(group=ENTRY_POINT_GROUP))
 
 
 for _kind in BUILT_IN:

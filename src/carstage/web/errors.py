@@ -12,6 +12,7 @@ from starlette.exceptions import HTTPException
 
 from carstage.errors import BadInputError, CarStageError, ConfigError
 from carstage.web.messages import ErrorMessage, FieldProblem
+from carstage.web.wording import page_words, problem_in_page_words
 
 _log = logging.getLogger("carstage.web")
 
@@ -54,7 +55,10 @@ def not_found(what: str) -> WebError:
 def answer(error: WebError) -> JSONResponse:
     """The response for an error."""
     message = ErrorMessage(
-        code=error.code, message=error.message, hint=error.hint, errors=error.errors
+        code=error.code,
+        message=page_words(error.message),
+        hint=page_words(error.hint, hint=True),
+        errors=[problem_in_page_words(problem) for problem in error.errors],
     )
     return JSONResponse(message.model_dump(mode="json"), status_code=error.status)
 
@@ -120,7 +124,7 @@ async def _bug(_request: Request, error: Exception) -> JSONResponse:
         WebError(
             500,
             f"This is a bug in Car-STAGE ({type(error).__name__}).",
-            "The terminal of `carstage gui` shows the details; please report them.",
+            "The terminal of the interface shows the details; please report them.",
             code="bug",  # which the server logs with its traceback
         )
     )

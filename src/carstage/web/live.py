@@ -64,6 +64,7 @@ class _Client:
     fresh: bool = False
     lines_seen: int = 0
     ticks_seen: int = 0
+    loads_seen: int = 0
     channels_seen: list[Channel] | None = None
     pictures_seen: dict[str, int] = field(default_factory=dict)
     texts: list[str] = field(default_factory=list)
@@ -92,6 +93,7 @@ class _Look:
     previews: bool
     lines_seen: int
     ticks_seen: int
+    loads_seen: int
     channels_seen: list[Channel] | None
 
 
@@ -101,6 +103,7 @@ class _Found:
 
     lines_seen: int = 0
     ticks_seen: int = 0
+    loads_seen: int = 0
     channels: list[Channel] = field(default_factory=list)
     messages: list[Message] = field(default_factory=list)
     ticks: dict[str, int] = field(default_factory=dict)
@@ -248,7 +251,7 @@ class LiveHub:
         if run_id is None:
             return
         if client.fresh:
-            client.lines_seen = client.ticks_seen = 0
+            client.lines_seen = client.ticks_seen = client.loads_seen = 0
             client.channels_seen = None
             client.pictures_seen.clear()
         look = _Look(
@@ -257,6 +260,7 @@ class LiveHub:
             client.previews,
             client.lines_seen,
             client.ticks_seen,
+            client.loads_seen,
             client.channels_seen,
         )
         client.fresh = False
@@ -265,6 +269,7 @@ class LiveHub:
             client.fresh = look.fresh  # the run has no folder yet
         elif client.run_id == run_id:  # it may have turned to another one meanwhile
             client.lines_seen, client.ticks_seen = found.lines_seen, found.ticks_seen
+            client.loads_seen = found.loads_seen
             client.channels_seen = found.channels
             client.pictures_seen.update(found.ticks)
             client.pictures.update(found.pictures)
@@ -294,13 +299,17 @@ class LiveHub:
                 return None
             follower.read()
             lines = follower.lines_after(look.lines_seen)
-            ticks = follower.ticks_after(look.ticks_seen)
-            found.lines_seen, found.ticks_seen = follower.lines_seen, follower.ticks_seen
+            ticks = follower.ticks.after(look.ticks_seen)
+            loads = follower.loads.after(look.loads_seen)
+            found.lines_seen, found.ticks_seen = follower.lines_seen, follower.ticks.seen
+            found.loads_seen = follower.loads.seen
         channels = self._previews.channels(run.sensors)
         if lines or look.fresh:
             found.messages.append(LogMessage(run_id=run.run_id, reset=look.fresh, lines=lines))
-        if ticks or look.fresh:
-            found.messages.append(TicksMessage(run_id=run.run_id, reset=look.fresh, ticks=ticks))
+        if ticks or loads or look.fresh:
+            found.messages.append(
+                TicksMessage(run_id=run.run_id, reset=look.fresh, ticks=ticks, loads=loads)
+            )
         found.channels = channels
         if channels != look.channels_seen:  # while a run is planned, its sensors are not known
             found.messages.append(ChannelsMessage(run_id=run.run_id, channels=channels))

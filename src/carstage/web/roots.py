@@ -171,7 +171,7 @@ class Roots:
         if not any(resolved.is_relative_to(folder) for folder in self._writable):
             raise BadInputError(
                 "This work folder lies outside the folders of this server.",
-                "Start `carstage gui --work DIR` with it, or leave it empty.",
+                "Choose one inside them, or leave it empty.",
             )
         return resolved
 
@@ -188,7 +188,7 @@ class Roots:
         if not any(resolved.is_relative_to(root) for root in self._local):
             raise BadInputError(
                 "This path lies outside the folders of this server.",
-                "Start `carstage gui --datasets DIR` with its folder.",
+                "Choose one inside them.",
             )
         return resolved
 

@@ -14,6 +14,7 @@ from carstage.web.configure.schema import SchemaService
 from carstage.web.configure.server_check import ServerCheckService
 from carstage.web.configure.store import ConfigStore
 from carstage.web.configure.texts import ConfigTexts
+from carstage.web.configure.town_maps import TownMapService
 from carstage.web.datasets.catalogue import Catalogue
 from carstage.web.datasets.episode_index import EpisodeIndex
 from carstage.web.datasets.episodes import EpisodeService
@@ -46,11 +47,11 @@ class Services:
         roots = Roots(settings.roots, home=settings.home, writable=settings.writable)
         self.schema = SchemaService()
         self.description = DescriptionService()
+        self.town_maps = TownMapService(self.description)
         self.checker = ConfigChecker(roots)
         self.config = ConfigStore(settings.state / "config.json", self.checker, self._changed)
         self.texts = ConfigTexts(self.checker, self.config)
         self.server_check = ServerCheckService()
-        self.sensor_preview = SensorPreviewService(self.checker)
         self.jobs = JobService(settings.state, roots)
         index = EpisodeIndex(settings.state / "episodes.json")
         self.datasets = Catalogue(roots, self.jobs, index)
@@ -61,7 +62,10 @@ class Services:
         self.tables = LabelTables(self.datasets, roots)
         self.previews = Previews()
         launches = Launches(settings.state / "launches", settings.home)
-        self.runs = RunService(roots, launches, self.checker, self.config, self.previews)
+        self.runs = RunService(
+            roots, launches, self.checker, self.config, self.previews, self._make_room
+        )
+        self.sensor_preview = SensorPreviewService(self.checker, self.runs.uses)
         self.exports = Exports(roots, self.jobs)
         self.commands = CommandService(roots, self.runs, self.exports, self.config, self.texts)
         self._roots = roots
@@ -111,6 +115,9 @@ class Services:
         left = self.datasets.remove(dataset, busy=busy)
         self.runs.forget(place)
         return Removed(left=left)
+
+    def _make_room(self, server: str) -> None:
+        self.sensor_preview.make_room(server)
 
     def _changed(self, state: ConfigState) -> None:
         self.live.config_changed(state)

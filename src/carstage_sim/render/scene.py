@@ -165,10 +165,11 @@ def _corners(mesh: TriangleMesh) -> NDArray[np.float32]:
 
 
 def _flat_normals(corners: NDArray[np.float32]) -> NDArray[np.float32]:
-    wide = corners.astype(np.float64)
-    normal = np.cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-15)
-    return normal.astype(np.float32)
+    wide = corners.astype(np.float64).transpose(1, 2, 0)  # by axis: twice as fast as np.cross
+    (ax, ay, az), (bx, by, bz) = wide[1] - wide[0], wide[2] - wide[0]
+    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    length = np.maximum(np.sqrt(x * x + y * y + z * z), 1e-15)
+    return np.stack([x / length, y / length, z / length], axis=1).astype(np.float32)
 
 
 def _quad_halves(mesh: TriangleMesh) -> NDArray[np.uint8]:
@@ -176,29 +177,23 @@ def _quad_halves(mesh: TriangleMesh) -> NDArray[np.uint8]:
     half = np.zeros(len(mesh.triangles), np.uint8)
     index = mesh.triangles
     glazed = mesh.material == Material.FACADE_WINDOW
-    if len(index) < 2:
-        return half
-    first, second = mesh.vertices[index[:-1]], mesh.vertices[index[1:]]
-    pair = (
-        glazed[:-1]
-        & glazed[1:]
-        & (first[:, 0] == second[:, 0]).all(axis=1)
-        & (first[:, 2] == second[:, 1]).all(axis=1)
-    )
-    (begins,) = np.nonzero(pair)
+    candidates = np.flatnonzero(glazed[:-1] & glazed[1:])
+    first, second = mesh.vertices[index[candidates]], mesh.vertices[index[candidates + 1]]
+    pair = (first[:, 0] == second[:, 0]).all(axis=1) & (first[:, 2] == second[:, 1]).all(axis=1)
+    begins = candidates[pair]
     half[begins] = 1
     half[begins + 1] = 2
     return half
 
 
-def _surfaces(mesh: TriangleMesh) -> Surfaces:
+def _surfaces(mesh: TriangleMesh, corners: NDArray[np.float32]) -> Surfaces:
     # Kernels are compiled for writable arrays; a mesh from a mapped file has none.
     return Surfaces(
         np.require(mesh.normals, np.float32, ["C", "W"]),
         np.require(mesh.material, np.uint8, ["C", "W"]),
         np.require(mesh.tag, np.uint8, ["C", "W"]),
         np.require(mesh.object_id, np.uint32, ["C", "W"]),
-        _flat_normals(_corners(mesh)),
+        _flat_normals(corners),
         _quad_halves(mesh),
     )
 
@@ -210,7 +205,7 @@ def _model(mesh: TriangleMesh, tree: WideTree | None = None) -> _Model:
     blocks, numbers = triangle_blocks(tree, corners)
     return _Model(
         Geometry(tree.planes, tree.children, blocks, numbers),
-        _surfaces(mesh),
+        _surfaces(mesh, corners),
         mesh.bounds,
         corners,
     )

@@ -8,6 +8,7 @@ all read it. Radiance is in units in which sunlight above the air has irradiance
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -195,8 +196,9 @@ def _value_noise(x: Array, y: Array, seed: int) -> Array:
     return noise
 
 
+@cache
 def _cloud_noise() -> Array:
-    """``(ROWS, COLUMNS)`` fractal noise in about 0-1, as if on a layer high above."""
+    """``(ROWS, COLUMNS)`` fractal noise in about 0-1, as if on a layer high above; read-only."""
     elevation = _elevations(ROWS)[:, None]
     azimuth = np.arange(COLUMNS)[None, :] * (2 * np.pi / COLUMNS)
     reach = np.cos(elevation) / (np.sin(elevation) + 0.12) * 1.6
@@ -206,6 +208,7 @@ def _cloud_noise() -> Array:
     for octave in range(6):
         total += weight * _value_noise(x * scale + 3.7 * octave, y * scale, octave)
         weight, scale = weight / 2, scale * 2.03
+    total.flags.writeable = False
     return total
 
 
@@ -213,14 +216,12 @@ class SkyModel:
     """Makes lighting from weather; keeps the last one, since weather seldom changes."""
 
     def __init__(self) -> None:
-        self._noise: Array | None = None
+        self._noise = _cloud_noise()
         self._last: tuple[Weather, Lighting] | None = None
 
     def lighting(self, weather: Weather, time_s: float) -> Lighting:
         """Light of a weather; ``time_s`` lets blinkers blink."""
         if self._last is None or self._last[0] != weather:
-            if self._noise is None:
-                self._noise = _cloud_noise()
             self._last = (weather, _lighting(weather, self._noise))
         kept = self._last[1]
         return kept._replace(time_s=np.float32(time_s % 3600.0))

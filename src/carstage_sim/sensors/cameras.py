@@ -16,30 +16,34 @@ from carstage_sim.render.gpu.camera import Product
 from carstage_sim.sensors.attributes import number, require, whole, within
 from carstage_sim.sensors.lens import Lens
 from carstage_sim.sensors.measurements import Bgra, ImageFrame, SensorRequest
+from carstage_sim.sensors.pixel_kernels import (
+    InBands,
+    bytes_of,
+    depth_words,
+    in_one,
+    instance_words,
+)
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
-from carstage_sim.sensors.view import FAR_M, Camera, View
+from carstage_sim.sensors.view import Camera, View
 from carstage_sim.world.state import WorldState
 
-_DEPTH_STEPS = 2**24 - 1
 LARGEST_SIDE_PX = 8192
 MOST_PIXELS = 7680 * 4320
 _MOST_STOPS = 30.0
 
 
-def encode_depth(depth_m: NDArray[np.floating]) -> NDArray[np.uint8]:
+def encode_depth(depth_m: NDArray[np.floating], in_bands: InBands = in_one) -> NDArray[np.uint8]:
     """``(..., 4)`` BGRA bytes of depths in metres: 24 bits over 1000 m, low byte in R.
 
     CARLA sensor reference, "Depth camera"; depths beyond 1000 m and NaN read as 1000 m.
+
+    Args:
+        depth_m: of any shape.
+        in_bands: does the work, perhaps in several threads.
     """
-    steps = np.array(depth_m, np.float64)
-    # The lesser of NaN and a number is the number.
-    np.fmin(steps, FAR_M, out=steps)
-    np.maximum(steps, 0.0, out=steps)
-    steps *= _DEPTH_STEPS / FAR_M
-    code = np.rint(steps, out=steps).astype("<u4")
-    pixels = code.view(np.uint8).reshape(*code.shape, 4)[..., [2, 1, 0, 3]]
-    pixels[..., Bgra.ALPHA] = 255
-    return pixels
+    flat, words = np.ravel(depth_m), np.empty(depth_m.size, "<u4")
+    in_bands(len(flat), lambda first, last: depth_words(flat, first, last, words))
+    return bytes_of(words, depth_m.shape)
 
 
 def encode_tags(tags: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -50,12 +54,19 @@ def encode_tags(tags: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return pixels
 
 
-def encode_instances(tags: NDArray[np.uint8], ids: NDArray[np.uint16]) -> NDArray[np.uint8]:
-    """``(..., 4)`` BGRA bytes of an instance picture: tag in R, id low byte in G, high in B."""
-    pixels = encode_tags(tags)
-    pixels[..., Bgra.GREEN] = ids & 0xFF
-    pixels[..., Bgra.BLUE] = ids >> 8
-    return pixels
+def encode_instances(
+    tags: NDArray[np.uint8], ids: NDArray[np.uint16], in_bands: InBands = in_one
+) -> NDArray[np.uint8]:
+    """``(..., 4)`` BGRA bytes of an instance picture: tag in R, id low byte in G, high in B.
+
+    Args:
+        tags: of any shape.
+        ids: of the same shape.
+        in_bands: does the work, perhaps in several threads.
+    """
+    flat, numbers, words = np.ravel(tags), np.ravel(ids), np.empty(tags.size, "<u4")
+    in_bands(len(flat), lambda first, last: instance_words(flat, numbers, first, last, words))
+    return bytes_of(words, tags.shape)
 
 
 def encode_normals(normals: NDArray[np.floating]) -> NDArray[np.uint8]:
@@ -178,7 +189,7 @@ class DepthCamera(HitCamera):
 
     def encoded(self, view: View, hits: Hits) -> NDArray[np.uint8]:
         """The depth."""
-        return encode_depth(hits.t)
+        return encode_depth(hits.t, view.in_bands)
 
 
 @SensorRegistry.register("sensor.camera.semantic_segmentation")
@@ -200,7 +211,7 @@ class InstanceCamera(HitCamera):
 
     def encoded(self, view: View, hits: Hits) -> NDArray[np.uint8]:
         """Tags and ids."""
-        return encode_instances(view.tags(hits), view.instance_ids(hits))
+        return encode_instances(view.tags(hits), view.instance_ids(hits), view.in_bands)
 
 
 @SensorRegistry.register("sensor.camera.normals")

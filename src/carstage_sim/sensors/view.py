@@ -21,17 +21,16 @@ from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.picture import Picture, PictureMaker
 from carstage_sim.render.scene import Frame
 from carstage_sim.sensors.lens import PINHOLE, Lens, pixel_places
+from carstage_sim.sensors.pixel_kernels import FAR_M, hit_ids, hit_tags
 from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.state import Weather
 
 NEAR_M = 0.1
 """Nearest distance along the optical axis that a camera sees (CARLA's near plane)."""
-FAR_M = 1000.0
-"""Largest depth; also what a depth image shows for the sky."""
 
 _USUAL_FILM = Film()
-_ENVIRONMENT_ID = 0x8000
-"""First instance id of level objects: actor ids count up from 1 and do not come near."""
+_PIXELS = 1 << 16
+"""Pixels of a band: fewer take a thread less time than to be called."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +143,10 @@ class View:
         self._pending: dict[tuple[Camera, Film], Pending] = {}
         self._made: dict[tuple[Camera, Film, Product], NDArray[np.uint8]] = {}
         self.cast_count = 0
+
+    def in_bands(self, count: int, work: Callable[[int, int], None]) -> None:
+        """Call ``work(first, last)`` on bands of pixels, in several threads."""
+        self._caster.in_bands(count, work, _PIXELS)
 
     @cached_property
     def frame(self) -> Frame:
@@ -317,10 +320,16 @@ class View:
 
     def tags(self, hits: Hits) -> NDArray[np.uint8]:
         """``(N,)`` uint8 semantic tag of each ray; the sky's for rays that met nothing."""
-        tags = np.full(len(hits.row), CityObjectLabel.SKY, np.uint8)
-        static, actors = hits.row == STATIC, hits.row >= 0
-        tags[static] = self.frame.static.tag[hits.triangle[static]]
-        tags[actors] = self.frame.actors.tag[hits.triangle[actors]]
+        tags = np.empty(len(hits.row), np.uint8)
+        of_town, of_actors = self.frame.static.tag, self.frame.actors.tag
+
+        def work(first: int, last: int) -> None:
+            hit_tags(
+                hits.row, hits.triangle, STATIC, of_town, of_actors, int(CityObjectLabel.SKY),
+                first, last, tags,
+            )  # fmt: skip
+
+        self.in_bands(len(tags), work)
         return tags
 
     def instance_ids(self, hits: Hits) -> NDArray[np.uint16]:
@@ -329,13 +338,13 @@ class View:
         An actor's is the low half of its id (CARLA 0.9.16); a level object's is 0x8000 + its
         index; 0 stands for the sky and for ground that belongs to no object.
         """
-        ids = np.zeros(len(hits.row), np.uint16)
-        static, actors = hits.row == STATIC, hits.row >= 0
-        objects = self.frame.static.object_id[hits.triangle[static]]
-        ids[static] = np.where(
-            objects > 0, _ENVIRONMENT_ID | ((objects - 1) & (_ENVIRONMENT_ID - 1)), 0
-        ).astype(np.uint16)
-        ids[actors] = (self.frame.actor_id[hits.row[actors]] & 0xFFFF).astype(np.uint16)
+        ids = np.empty(len(hits.row), np.uint16)
+        objects, actor_id = self.frame.static.object_id, self.frame.actor_id
+
+        def work(first: int, last: int) -> None:
+            hit_ids(hits.row, hits.triangle, STATIC, objects, actor_id, first, last, ids)
+
+        self.in_bands(len(ids), work)
         return ids
 
     def actor_ids(self, hits: Hits) -> NDArray[np.uint32]:

@@ -95,6 +95,12 @@ class WorldSensors:
     def warm_up(self) -> None:
         """Compile, or load, every kernel: afterwards no capture waits for the compiler."""
         self._pictures.warm_up(self._store)
+        frame = self._store.frame([])
+        view = View(lambda: frame, self._caster, self._pictures, Weather(), 0.0)
+        ahead = np.array([[1.0, 0.0, 0.0]], np.float32)
+        hits = view.rays((0.0, 0.0, 0.0), ahead, high=1.0, owner_id=0)
+        cameras.encode_depth(hits.t, view.in_bands)
+        cameras.encode_instances(view.tags(hits), view.instance_ids(hits), view.in_bands)
         if self._cameras is not None:
             light = self._pictures.sky.lighting(Weather(), 0.0)
             self._cameras.warm_up(self._store.frame([]), light)

@@ -145,6 +145,9 @@ def test_exports_are_made_and_removed_by_what_the_page_shows(tmp_path: Path) -> 
         assert client.get("/api/exports").json()["exports"] == []
         checked = carstage(*shown(client, do="validate", dataset="town"))
         assert checked.returncode == 0, checked.stdout
+        told = carstage(*shown(client, do="report", dataset="town"))
+        assert told.returncode == 0, told.stderr
+        assert (root / "town" / "report.html").stat().st_size > 10_000
 
 
 def test_a_start_is_one_command_with_its_configuration(tmp_path: Path) -> None:

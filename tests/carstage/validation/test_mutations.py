@@ -455,7 +455,7 @@ MUTATIONS: dict[str, tuple[Damage, str, tuple[str, ...]]] = {
         ("corners_uv",),
     ),
     "truncation paper": (
-        edit_one("camera_objects", put("truncation_paper", lambda v: 1.0 - v), in_camera),
+        edit_one("camera_objects", put("truncation_paper", lambda v: (v + 0.25) % 1.0), in_camera),
         "camera_columns",
         ("truncation_paper",),
     ),

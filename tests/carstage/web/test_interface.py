@@ -59,7 +59,7 @@ def disturbed(site: Site, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("carstage.runs.launching.launch", start)
         patch.setattr("carstage.web.datasets.jobs.WORKER", ("true",))
-        patch.setattr(SensorPreviewService, "warm", lambda _: False)
+        patch.setattr(SensorPreviewService, "warm", lambda *_: False)
         patch.setattr("carstage.storage.objects.ObjectStore.check", lambda _: None)
         patch.setattr("carstage.web.roots.Roots.add", lambda *_: None)
         with open_site(root, token=TOKEN) as client:

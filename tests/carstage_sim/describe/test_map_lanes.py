@@ -4,6 +4,8 @@ import json
 import math
 from itertools import pairwise
 
+import numpy as np
+
 from carstage_sim.describe.map_lanes import map_lanes
 from carstage_sim.maps import Town
 
@@ -16,3 +18,16 @@ def test_lanes_are_lines_along_the_samples_with_a_width_each(stage01: Town) -> N
     assert all(2.0 < width_m < 6.0 for width_m in document["widths_m"])
     assert any(document["in_junction"])
     assert not all(document["in_junction"])
+
+
+def test_heights_and_spawn_points_are_those_of_the_town(stage01: Town) -> None:
+    document = json.loads(json.dumps(map_lanes(stage01)))
+    points = np.array([point for lane in document["lanes"] for point in lane])
+    heights_m = np.concatenate([np.array(heights) for heights in document["heights_m"]])
+    assert len(points) == len(heights_m)
+    away_m = np.linalg.norm(stage01.lanes.location[None, :, :2] - points[::40, None], axis=2)
+    nearest = stage01.lanes.location[away_m.argmin(axis=1), 2]
+    np.testing.assert_allclose(heights_m[::40], nearest, atol=0.3)
+    np.testing.assert_allclose(
+        document["spawn_points"], stage01.spawn_points[:, [0, 1, 2, 4]], atol=0.006
+    )

@@ -185,8 +185,8 @@ def test_in_one_frame_all_that_do_not_read_hold_up_the_world_once_and_miss_nothi
         ]
         await_listeners(server, len(stuck))
         server.publish(STREAM, [bytes(LARGE)], wait=True)
-        server.begin_frame()
         began_s = time.monotonic()
+        server.begin_frame()
         server.publish(STREAM, [b"kept"], wait=True)
         server.publish(STREAM, [b"kept, too"], wait=True)
         assert time.monotonic() - began_s < len(stuck) * LONGEST_WAIT_S
@@ -202,8 +202,8 @@ def test_who_took_nothing_in_a_whole_frame_holds_up_no_other_until_it_reads_on(
     connection = subscribers()
 
     def frame() -> float:
-        server.begin_frame()
         began_s = time.monotonic()
+        server.begin_frame()
         server.publish(STREAM, [b"kept"], wait=True)
         return time.monotonic() - began_s
 

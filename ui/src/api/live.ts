@@ -1,5 +1,5 @@
 import { createStore } from "../state/store";
-import type { Channel, ClientMessage, ConfigState, Job, LiveMessage, LogLine, RunSummary, TickPoint } from "./types";
+import type { Channel, ClientMessage, ConfigState, Job, LiveMessage, LoadPoint, LogLine, RunSummary, TickPoint } from "./types";
 
 /** What the server sends unasked: runs, the watched run's log and ticks, jobs. */
 export interface Live {
@@ -8,6 +8,7 @@ export interface Live {
   watched: string | null;
   log: readonly LogLine[];
   ticks: readonly TickPoint[];
+  loads: readonly LoadPoint[];
   channels: readonly Channel[];
   jobs: readonly Job[];
   /** Grows whenever lists of datasets are to be asked for anew. */
@@ -32,6 +33,7 @@ export const live = createStore<Live>({
   watched: null,
   log: [],
   ticks: [],
+  loads: [],
   channels: [],
   jobs: [],
   datasetsVersion: 0,
@@ -80,7 +82,7 @@ function open(wait: number): void {
 export function watch(run: string | null, previews: boolean): void {
   if (run !== wanted.run) {
     pictures.clear();
-    live.set((now) => ({ ...now, watched: run, log: [], ticks: [], channels: [] }));
+    live.set((now) => ({ ...now, watched: run, log: [], ticks: [], loads: [], channels: [] }));
   }
   wanted = { run, previews };
   sendWatch();
@@ -125,7 +127,11 @@ function receive(message: LiveMessage): void {
       return;
     case "ticks":
       if (message.run_id === wanted.run)
-        live.set((now) => ({ ...now, ticks: joined(now.ticks, message.ticks, message.reset, MOST_TICKS) }));
+        live.set((now) => ({
+          ...now,
+          ticks: joined(now.ticks, message.ticks, message.reset, MOST_TICKS),
+          loads: joined(now.loads, message.loads ?? [], message.reset, MOST_TICKS),
+        }));
       return;
     case "channels":
       if (message.run_id === wanted.run) live.set((now) => ({ ...now, channels: message.channels }));

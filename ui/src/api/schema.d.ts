@@ -232,6 +232,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/map": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Town Map
+         * @description Lanes and spawn points of a map; of a server that runs, what it tells. Nothing is started.
+         */
+        post: operations["town_map"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/preview": {
         parameters: {
             query?: never;
@@ -243,7 +263,7 @@ export interface paths {
         put?: never;
         /**
          * Preview
-         * @description A picture through one sensor, from the embedded simulator, which stays warm for minutes.
+         * @description A picture through one sensor, from the configuration's server, which is kept for a while.
          */
         post: operations["preview"];
         delete?: never;
@@ -263,7 +283,7 @@ export interface paths {
         put?: never;
         /**
          * Warm
-         * @description Begin to start the simulator, so that the first picture comes sooner.
+         * @description Begin to start the server, so that the first picture comes sooner.
          */
         post: operations["warm"];
         delete?: never;
@@ -1911,6 +1931,30 @@ export interface components {
          */
         LiveMessage: components["schemas"]["SnapshotMessage"] | components["schemas"]["ConfigMessage"] | components["schemas"]["RunsMessage"] | components["schemas"]["RunMessage"] | components["schemas"]["LogMessage"] | components["schemas"]["TicksMessage"] | components["schemas"]["ChannelsMessage"] | components["schemas"]["JobMessage"] | components["schemas"]["DatasetsMessage"];
         /**
+         * LoadPoint
+         * @description What the processes of a run took of the machine, see ``carstage.runs.events.Load``.
+         *
+         *     Attributes:
+         *         worker: whose processes; 0: all of the run on its machine.
+         */
+        LoadPoint: {
+            /** Time */
+            time: number;
+            /**
+             * Worker
+             * @default 0
+             */
+            worker: number;
+            /** Cpu Cores */
+            cpu_cores: number;
+            /** Memory Bytes */
+            memory_bytes: number;
+            /** Written Bytes S */
+            written_bytes_s?: number | null;
+            /** Disk Free Bytes */
+            disk_free_bytes: number;
+        };
+        /**
          * LogLine
          * @description One line of a run's log, in words.
          */
@@ -1998,7 +2042,7 @@ export interface components {
          * @description A picture through one sensor of a configuration that need not be saved.
          *
          *     Attributes:
-         *         config: what the picture's map, weather and ego are taken from.
+         *         config: what the picture's server, map, weather and ego are taken from.
          *         sensor: one entry of ``rig.sensors``; any camera, LiDAR or radar.
          *         width: of the picture; cameras keep the shape of theirs.
          */
@@ -2016,6 +2060,16 @@ export interface components {
              * @default 640
              */
             width: number;
+        };
+        /**
+         * PreviewWarm
+         * @description Which server pictures will come from: the section ``server`` of a configuration.
+         */
+        PreviewWarm: {
+            /** Server */
+            server?: {
+                [key: string]: unknown;
+            };
         };
         /**
          * RecordAgainCommand
@@ -2225,6 +2279,8 @@ export interface components {
             log: components["schemas"]["LogLine"][];
             /** Ticks */
             ticks: components["schemas"]["TickPoint"][];
+            /** Loads */
+            loads?: components["schemas"]["LoadPoint"][];
             /** Channels */
             channels: components["schemas"]["Channel"][];
             /** Committed */
@@ -2756,9 +2812,11 @@ export interface components {
          * @description The numbers of a tick event.
          *
          *     Attributes:
-         *         tick_s: wall seconds per step since the point before.
+         *         tick_s: wall seconds per step since the point before of this worker.
+         *         frames_s: saved frames per second since this worker told the rate before; None between.
          *         queued_bytes: sensor data that wait for the disk.
          *         waited_s: how long ticks have waited for room, in sum.
+         *         worker: which of several workers it is of; 0: there is one.
          */
         TickPoint: {
             /** Time */
@@ -2767,14 +2825,21 @@ export interface components {
             tick: number;
             /** Tick S */
             tick_s: number | null;
+            /** Frames S */
+            frames_s?: number | null;
             /** Queued Bytes */
             queued_bytes: number;
             /** Waited S */
             waited_s: number;
+            /**
+             * Worker
+             * @default 0
+             */
+            worker: number;
         };
         /**
          * TicksMessage
-         * @description New tick times of the watched run; ``reset``: these are all.
+         * @description New tick times and loads of the watched run; ``reset``: these are all.
          */
         TicksMessage: {
             /**
@@ -2791,6 +2856,47 @@ export interface components {
             reset: boolean;
             /** Ticks */
             ticks: components["schemas"]["TickPoint"][];
+            /** Loads */
+            loads?: components["schemas"]["LoadPoint"][];
+        };
+        /**
+         * TownMap
+         * @description A map from above, as far as it is known.
+         *
+         *     Attributes:
+         *         lanes: polylines of lane centres in the direction of travel, x, y in world metres.
+         *         lane_heights_m: z of each point of each lane.
+         *         spawn_points: x, y, z (m) and yaw (deg), in the order of their numbers.
+         *         note: what is not known, and why; empty when nothing is missing.
+         */
+        TownMap: {
+            /** Map */
+            map: string;
+            /** Lanes */
+            lanes?: number[][][];
+            /** Lane Heights M */
+            lane_heights_m?: number[][];
+            /** Lane Widths M */
+            lane_widths_m?: number[];
+            /** Spawn Points */
+            spawn_points?: number[][];
+            /**
+             * Note
+             * @default
+             */
+            note: string;
+        };
+        /**
+         * TownMapRequest
+         * @description Which map on which server: the section ``server`` of a configuration.
+         */
+        TownMapRequest: {
+            /** Server */
+            server: {
+                [key: string]: unknown;
+            };
+            /** Map */
+            map: string;
         };
         /**
          * TrackSpan
@@ -3701,6 +3807,93 @@ export interface operations {
             };
         };
     };
+    town_map: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["TownMapRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["TownMap"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The state does not allow it now. */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Something that it needs cannot be had now. */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
     preview: {
         parameters: {
             query?: never;
@@ -3804,7 +3997,11 @@ export interface operations {
             path?: never;
             cookie?: never;
         };
-        requestBody?: never;
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PreviewWarm"];
+            };
+        };
         responses: {
             /** @description Successful Response */
             202: {

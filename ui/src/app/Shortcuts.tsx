@@ -7,6 +7,10 @@ const KEYS: readonly (readonly [string, readonly (readonly [string, string])[]])
     ["Ctrl-Z, Ctrl-Shift-Z", "Undo, redo"], ["Arrow keys", "Move the chosen sensors by 5 cm, with Shift by 1 cm"],
     ["[ ]", "Turn them"], ["W, E", "Move, rotate in 3D"], ["Ctrl-D", "Duplicate"], ["Del", "Delete"],
   ]],
+  ["Map", [
+    ["Arrow keys", "The next spawn point"], ["Enter", "Take it as the start, or for the route"],
+    ["+ −, 0", "Closer, farther, all of it"], ["← →", "Move a change of the weather by 0.1 s, with Shift by 1 s"],
+  ]],
   ["Episode", [["Space", "Play, pause"], ["← →", "One frame back, on"], ["Home, End", "First, last frame"]]],
 ];
 

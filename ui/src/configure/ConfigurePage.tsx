@@ -6,6 +6,8 @@ import { Form, type FormContext } from "../form/context";
 import type { SchemaNode } from "../form/schema";
 import { kindOf } from "../rig/kinds";
 import { RigEditor } from "../rig/RigEditor";
+import { useEditor } from "../scenario/EditorChoice";
+import { ScenarioEditor } from "../scenario/ScenarioEditor";
 import { dispatch, draft, edit } from "../state/draft";
 import { getAt, isObject, setAt, type JsonObject, type Path } from "../state/json";
 import { useStore } from "../state/store";
@@ -26,6 +28,7 @@ export function ConfigurePage() {
   const releases = useAnswer<Releases>("/server/releases");
   const [text, setText] = useState(false);
   const document = history.present;
+  const editor = useEditor();
 
   const form: FormContext = useMemo(
     () => ({
@@ -66,7 +69,16 @@ export function ConfigurePage() {
           )}
           <StartBar />
         </section>
-        <RigEditor document={document} schema={schema.data} />
+        {editor === "rig" ? (
+          <RigEditor document={document} schema={schema.data} />
+        ) : (
+          <ScenarioEditor
+            document={document}
+            defaults={schema.data.defaults as JsonObject}
+            maps={mapsKnown(document, description.data, factsOf(document, facts))}
+            presets={schema.data.weather_presets}
+          />
+        )}
       </main>
     </Form.Provider>
   );
@@ -128,6 +140,12 @@ function shortMap(name: string): string {
   return name.split("/").at(-1) ?? name;
 }
 
+/** The maps of the chosen server; never the embedded ones for another one, as those are not there. */
+function mapsKnown(document: JsonObject, description: Description | null, server: ServerCheck | null): string[] {
+  if (isEmbedded(document)) return description?.maps.map(({ name }) => name) ?? [];
+  return (server?.maps ?? []).map(shortMap);
+}
+
 /** Names that a server or this document knows, by where they are asked for. */
 function suggestions(
   path: Path,
@@ -138,8 +156,7 @@ function suggestions(
   const embedded = isEmbedded(document);
   if (section === "server" && key === "path") return releases;
   if (section === "map" && (key === "choice" || key === "random_from")) {
-    // Never the embedded ones for another server: those are not there.
-    const maps = embedded ? (description?.maps.map(({ name }) => name) ?? []) : (server?.maps ?? []).map(shortMap);
+    const maps = mapsKnown(document, description, server);
     return key === "random_from" ? ["all", ...maps] : maps;
   }
   if (section === "weather" && key === "choice") return schema?.weather_presets ?? null;

@@ -5,6 +5,7 @@ import { useAnswer } from "../api/useAnswer";
 import type { ReportState } from "../api/types";
 import { useStore } from "../state/store";
 import { day } from "../ui/format";
+import { CommandButton } from "../ui/CommandDialog";
 import { Icon } from "../ui/Icon";
 import { JobProgress } from "./JobProgress";
 
@@ -27,6 +28,7 @@ export function ReportView({ base, dataset, version }: { base: string; dataset: 
         <button type="button" className={`button${there ? "" : " primary"}`} disabled={running} onClick={begin}>
           <Icon name="eye" /> {there ? "Write it again" : "Write the report"}
         </button>
+        <CommandButton command={{ do: "report", dataset }} />
         {there && (
           <>
             <span className="muted">

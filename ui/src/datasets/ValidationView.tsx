@@ -6,6 +6,7 @@ import type { EpisodeSummary, Validation } from "../api/types";
 import { href } from "../app/routes";
 import { useStore } from "../state/store";
 import { count, day } from "../ui/format";
+import { CommandButton } from "../ui/CommandDialog";
 import { Icon } from "../ui/Icon";
 import { JobProgress } from "./JobProgress";
 
@@ -43,6 +44,7 @@ export function ValidationView({ base, dataset, episodes, version }: Props) {
         <button type="button" className="button primary" disabled={running} onClick={begin}>
           <Icon name="check" /> {report ? "Validate again" : "Validate"}
         </button>
+        <CommandButton command={{ do: "validate", dataset }} />
         {report && !running && (
           <span className={report.ok ? "good" : "bad"} role="status">
             <Icon name={report.ok ? "check" : "warn"} /> {report.ok ? "valid" : "not valid"}

@@ -1,6 +1,7 @@
 import { useMemo, useState } from "react";
 import { useAnswer } from "../api/useAnswer";
 import type { EpisodeMap, FrameMessage } from "../api/types";
+import { lanePaths, polyline } from "../ui/lanes";
 import { trackText } from "../ui/tracks";
 import { distance as distanceOf } from "./FrameFacts";
 
@@ -18,7 +19,7 @@ const SPANS_M = [40, 80, 160, 400];
 export function MapView({ base, frame, egoBox, chosen, onChoose }: Props) {
   const map = useAnswer<EpisodeMap>(`${base}/map`);
   const [span, setSpan] = useState(1);
-  const lanes = useMemo(() => lanePaths(map.data), [map.data]);
+  const lanes = useMemo(() => lanePaths(map.data?.lanes ?? [], map.data?.lane_widths_m ?? []), [map.data]);
   const track = useMemo(() => polyline((map.data?.track ?? []).map(([x = 0, y = 0]) => [x, y])), [map.data]);
   const { ego } = frame;
   const metres = SPANS_M[span] ?? 80;
@@ -78,20 +79,4 @@ export function MapView({ base, frame, egoBox, chosen, onChoose }: Props) {
       </div>
     </section>
   );
-}
-
-/** One path per lane width: thousands of lanes are a handful of elements. */
-function lanePaths(map: EpisodeMap | null): { width: number; path: string }[] {
-  const byWidth = new Map<number, string[]>();
-  map?.lanes.forEach((lane, i) => {
-    const width = Math.round((map.lane_widths_m[i] ?? 3) * 2) / 2;
-    const paths = byWidth.get(width) ?? [];
-    byWidth.set(width, paths);
-    paths.push(polyline(lane.map(([x = 0, y = 0]) => [x, y])));
-  });
-  return [...byWidth].map(([width, paths]) => ({ width, path: paths.join("") }));
-}
-
-function polyline(points: readonly (readonly [number, number])[]): string {
-  return points.map(([x, y], i) => `${i === 0 ? "M" : "L"}${x.toFixed(2)},${y.toFixed(2)}`).join("");
 }

@@ -22,11 +22,15 @@ export interface Bundle {
   pointsNote: string;
 }
 
-const MOST_KEPT = 16;
+/** Frames whose pictures are kept decoded: a hand that goes to and fro finds them again. */
+const MOST_KEPT = 64;
+/** Points are large; of a few frames with very many, fewer are kept. */
+const MOST_POINT_BYTES = 256_000_000;
 
 /** Loads frames of one episode, keeps the last few, and knows which are on their way. */
 export class FrameLoader {
   private readonly kept = new Map<string, Promise<Bundle>>();
+  private readonly pointBytes = new Map<string, number>();
   /** Decoded pictures live as long as something refers to them. */
   private readonly images = new Map<string, Promise<HTMLImageElement>>();
 
@@ -42,10 +46,33 @@ export class FrameLoader {
     }
     const asked = this.ask(k, wanted);
     this.kept.set(key, asked);
-    asked.catch(() => this.kept.delete(key));
-    trim(this.kept, MOST_KEPT);
-    trim(this.images, MOST_KEPT * 2 * Math.max(1, wanted.pictures.length));
+    asked.then(
+      ({ points }) => {
+        if (this.kept.get(key) !== asked) return; // it has gone meanwhile
+        this.pointBytes.set(key, points?.byteLength ?? 0);
+        this.trim(wanted);
+      },
+      () => this.kept.delete(key),
+    );
+    this.trim(wanted);
     return asked;
+  }
+
+  /** Let go of what was used longest ago. */
+  private trim(wanted: Wanted): void {
+    let bytes = 0;
+    for (const one of this.pointBytes.values()) bytes += one;
+    for (const old of this.kept.keys()) {
+      if (this.kept.size <= 1 || (this.kept.size <= MOST_KEPT && bytes <= MOST_POINT_BYTES)) break;
+      bytes -= this.pointBytes.get(old) ?? 0;
+      this.kept.delete(old);
+      this.pointBytes.delete(old);
+    }
+    const pictures = MOST_KEPT * 2 * Math.max(1, wanted.pictures.length);
+    for (const old of this.images.keys()) {
+      if (this.images.size <= pictures) break;
+      this.images.delete(old);
+    }
   }
 
   private async ask(k: number, wanted: Wanted): Promise<Bundle> {
@@ -95,12 +122,5 @@ export class FrameLoader {
     this.images.set(url, asked);
     asked.catch(() => this.images.delete(url));
     return asked;
-  }
-}
-
-function trim(kept: Map<string, unknown>, most: number): void {
-  for (const old of kept.keys()) {
-    if (kept.size <= most) return;
-    kept.delete(old);
   }
 }

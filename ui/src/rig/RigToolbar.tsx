@@ -1,5 +1,6 @@
 import { useState } from "react";
 import type { SchemaMessage, SensorKind } from "../api/types";
+import { EditorChoice } from "../scenario/EditorChoice";
 import { edit } from "../state/draft";
 import { useStore } from "../state/store";
 import { Icon } from "../ui/Icon";
@@ -38,6 +39,7 @@ export function RigToolbar({ schema, coverage, onCoverage, onPreset }: Props) {
   return (
     <header className="panel-head toolbar">
       <h2>Sensor rig</h2>
+      <EditorChoice />
       <label className="inline-label">
         <span className="sr-only">Rig preset</span>
         <select

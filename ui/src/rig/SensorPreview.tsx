@@ -1,5 +1,6 @@
 import { useEffect, useRef, useState } from "react";
 import { post, postForBlob, sentence } from "../api/client";
+import { isEmbedded } from "../configure/serverFacts";
 import { getAt } from "../state/json";
 import { Icon } from "../ui/Icon";
 import type { RigSensor } from "./sensors";
@@ -18,7 +19,7 @@ export function SensorPreview({ sensor }: { sensor: RigSensor }) {
   const [picture, setPicture] = useState<string | null>(null);
   const [state, setState] = useState("");
   const own = sensor.index === null ? null : getAt(rig.document, ["rig", "sensors", sensor.index]);
-  const wanted = JSON.stringify([own, rig.document.map, rig.document.weather, rig.document.ego]);
+  const wanted = JSON.stringify([own, rig.document.map, rig.document.weather, rig.document.ego, rig.document.server]);
   const shown = useRef<string | null>(null);
   const body = useRef({ config: rig.document, sensor: own });
   body.current = { config: rig.document, sensor: own };
@@ -44,7 +45,7 @@ export function SensorPreview({ sensor }: { sensor: RigSensor }) {
         const blob = await postForBlob("/preview", { ...body.current, width: 640 }, stop.signal);
         if (blob === null) {
           const first = shown.current === null;
-          if (first) setState("starting the simulator…");
+          if (first) setState(isEmbedded(body.current.config) ? "starting the simulator…" : "waiting for the server…");
           timer = later(first ? STARTING_MS : BUSY_MS);
           return;
         }
@@ -77,7 +78,7 @@ export function SensorPreview({ sensor }: { sensor: RigSensor }) {
         className="button wide"
         onClick={() => {
           setOn(true);
-          post("/preview/warm").catch((error: unknown) => setState(sentence(error)));
+          post("/preview/warm", { server: rig.document.server ?? {} }).catch((error: unknown) => setState(sentence(error)));
         }}
       >
         <Icon name="eye" /> Preview through this sensor

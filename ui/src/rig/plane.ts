@@ -76,15 +76,15 @@ export function fromScreen(screen: Screen, [px, py]: Point): Point {
   ];
 }
 
-/** The camera that shows a rectangle, with a margin in pixels. */
-export function fit(low: Point, high: Point, width: number, height: number, margin = 18): Camera {
+/** The camera that shows a rectangle, with a margin in pixels and so many pixels per metre at least. */
+export function fit(low: Point, high: Point, width: number, height: number, least = 0.5, margin = 18): Camera {
   const scale = Math.min(
     (width - 2 * margin) / Math.max(high[0] - low[0], 0.1),
     (height - 2 * margin) / Math.max(high[1] - low[1], 0.1),
   );
   return {
     center: [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2],
-    scale: Math.max(scale, 0.5),
+    scale: Math.max(scale, least),
   };
 }
 

@@ -1,9 +1,15 @@
 import { useCallback, useEffect, useRef, useState, type PointerEvent, type RefObject } from "react";
-import { fit, fromScreen, type Camera, type Screen } from "./plane";
+import { fit, fromScreen, toScreen, type Camera, type Screen } from "./plane";
 import type { Point } from "./outline";
 
-const MOST_SCALE = 600;
-const LEAST_SCALE = 1;
+/** Pixels per metre that a car is looked at with: the least when fitted, the least and the most by zooming. */
+const CAR: Scales = { fitted: 0.5, least: 1, most: 600 };
+
+interface Scales {
+  fitted: number;
+  least: number;
+  most: number;
+}
 
 interface Pan {
   pointer: number;
@@ -17,10 +23,11 @@ export function usePlaneCamera(
   size: { width: number; height: number },
   low: Point,
   high: Point,
+  scales = CAR,
 ) {
   const [own, setOwn] = useState<Camera | null>(null);
   const pan = useRef<Pan | null>(null);
-  const fitted = fit(low, high, Math.max(size.width, 50), Math.max(size.height, 50));
+  const fitted = fit(low, high, Math.max(size.width, 50), Math.max(size.height, 50), scales.fitted);
   const camera = own ?? fitted;
   const screen: Screen = { ...camera, ...size };
   const current = useRef(screen);
@@ -30,13 +37,13 @@ export function usePlaneCamera(
     const now = current.current;
     const place: Point = at ?? [now.width / 2, now.height / 2];
     const [u, v] = fromScreen(now, place);
-    const scale = Math.min(MOST_SCALE, Math.max(LEAST_SCALE, now.scale * factor));
+    const scale = Math.min(scales.most, Math.max(scales.least, now.scale * factor));
     const ratio = now.scale / scale;
     setOwn({
       scale,
       center: [u + (now.center[0] - u) * ratio, v + (now.center[1] - v) * ratio],
     });
-  }, []);
+  }, [scales]);
 
   useEffect(() => {
     const svg = element.current;
@@ -72,5 +79,13 @@ export function usePlaneCamera(
       if (pan.current?.pointer === event.pointerId) pan.current = null;
     },
   };
-  return { screen, ground, zoom, reset: () => setOwn(null) };
+  /** Bring a place into the view, if it is outside or near the edge. */
+  const show = useCallback((place: Point) => {
+    const now = current.current;
+    const [x, y] = toScreen(now, place);
+    const edge = Math.min(40, now.width / 4, now.height / 4);
+    if (x < edge || y < edge || x > now.width - edge || y > now.height - edge)
+      setOwn({ scale: now.scale, center: place });
+  }, []);
+  return { screen, ground, zoom, show, reset: () => setOwn(null) };
 }

@@ -41,7 +41,7 @@ export default function RunPage({ run: chosen }: { run: string | null }) {
         <Progress run={run} />
         <Thumbnails run={run} />
         <div className="run-lower">
-          <TickPlots />
+          <TickPlots run={run} />
           <LogView run={run} />
         </div>
       </div>

@@ -41,7 +41,7 @@ export class CloudScene extends SceneView {
   private mark: LineSegments | null = null;
 
   constructor(host: HTMLElement) {
-    super(host, 200);
+    super(host, 200, false); // points have no edges to smooth, and frames follow each other
     this.cloud = new Points(this.geometry, this.dots(1.6));
     this.cloud.frustumCulled = false; // its bounds would have to be found anew for each sweep
     this.content.add(this.cloud, this.boxes);

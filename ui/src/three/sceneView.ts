@@ -26,16 +26,20 @@ export class SceneView {
   private readonly observer: ResizeObserver;
   private grid: GridHelper | null = null;
 
-  /** @throws Error where there is no WebGL. */
+  /**
+   * @param antialias smooth edges; without a graphics card that doubles the time of a picture.
+   * @throws Error where there is no WebGL.
+   */
   constructor(
     private readonly host: HTMLElement,
     private readonly gridSize: number,
+    antialias = true,
   ) {
     const canvas = document.createElement("canvas");
     // Asked for here: three.js would write an error to the console before it throws.
-    const context = canvas.getContext("webgl2", { antialias: true, alpha: false, stencil: false });
+    const context = canvas.getContext("webgl2", { antialias, alpha: false, stencil: false });
     if (!context) throw new Error("no WebGL");
-    this.renderer = new WebGLRenderer({ canvas, context, antialias: true, alpha: false });
+    this.renderer = new WebGLRenderer({ canvas, context, antialias, alpha: false });
     // To look for a shader's errors is to wait for the compiler.
     this.renderer.debug.checkShaderErrors = false;
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));

@@ -27,7 +27,8 @@ DEFAULT_LOAD_TIMEOUT_S = 200.0
 class ServerPlan:
     """Where the server is, and how long one call to it, or loading a map, may take.
 
-    ``gnss``: what a self-test found; None takes what its release does.
+    ``gnss``: what a self-test found; None takes what its release does. ``shared``: others may use
+    it, and a preview must leave it to them.
     """
 
     host: str
@@ -36,6 +37,7 @@ class ServerPlan:
     load_timeout_s: float
     traffic_manager_port: int
     gnss: Optional[GnssConvention] = None
+    shared: bool = False
 
 
 @dataclass(frozen=True)
@@ -127,6 +129,7 @@ def _plan(plan: Fields) -> Plan:
             else DEFAULT_LOAD_TIMEOUT_S,
             traffic_manager_port=server.integer("traffic_manager_port", 1, 65535),
             gnss=_gnss(server.object("gnss")) if "gnss" in server else None,
+            shared=server.flag("shared") if "shared" in server else False,
         ),
         queue_bytes=plan.integer("queue_bytes", 1) if "queue_bytes" in plan else QUEUE_BYTES,
         raw_store=plan.text("raw_store", RAW_STORES) if "raw_store" in plan else RAW_STORE,

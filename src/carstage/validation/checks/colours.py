@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.dataset.masks import decode_mask
+from carstage.dataset.masks import mask_pixels
 from carstage.validation.checks.findings import Findings
 
 Row = Mapping[str, Any]
@@ -40,9 +40,9 @@ class ColourFigures:
 
     def add_sky(self, rgb: NDArray[np.uint8], sky: NDArray[np.bool_]) -> None:
         """Count the sky of one picture by day."""
-        seen = rgb[sky].astype(np.int64)
-        self.sky += float((seen[:, 2] - seen[:, 0]).sum())
-        self.sky_pixels += len(seen)
+        red, blue = (int(rgb[..., c][sky].sum(dtype=np.int64)) for c in (0, 2))
+        self.sky += float(blue - red)
+        self.sky_pixels += int(np.count_nonzero(sky))
 
     def add_paint(
         self, rgb: NDArray[np.uint8], rows: Sequence[Row], paints: Mapping[int, Paint]
@@ -52,7 +52,7 @@ class ColourFigures:
             paint = paints.get(row["track_id"])
             if paint is None or row["mask_modal"] is None:
                 continue
-            seen = rgb[decode_mask(row["mask_modal"], rgb.shape[0], rgb.shape[1])]
+            seen = rgb[mask_pixels(row["mask_modal"], rgb.shape[0], rgb.shape[1])]
             sign = 1.0 if paint[0] > paint[2] else -1.0
             red, blue = (seen[:, c].astype(np.int64) for c in (0, 2))
             total = self.paint.setdefault(row["track_id"], [0.0, 0.0])

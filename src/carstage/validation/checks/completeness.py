@@ -11,13 +11,22 @@ import pyarrow as pa
 
 from carstage.dataset.reading import SensorCalibration
 from carstage.dataset.tracks import may_come_back
-from carstage.geometry import clip_polygon_to_image, polygon_area
+from carstage.geometry import (
+    OPTICAL_FROM_SENSOR,
+    Z_NEAR_M,
+    clip_polygon_to_image,
+    invert_pose,
+    length,
+    polygon_area,
+    transform_points,
+)
 from carstage.validation.checks.findings import Findings, Severity
 from carstage.validation.checks.labels import LabelledBox
 from carstage.validation.checks.silhouettes import projected_hull
 
 MIN_AREA_PX = 1.0
 DISTANCE_MARGIN_M = 0.01
+_BALL_MARGIN_M = 0.01
 
 
 def check_gaps(objects: pa.Table, frames: int, *, ego_labelled: bool, findings: Findings) -> None:
@@ -88,9 +97,8 @@ def check_missing_rows(
         findings: where problems go.
     """
     origin = np.zeros(3) if from_ego else camera.ego_from_sensor[:3, 3]
-    for box in boxes:
-        if box.track_id in labelled or box.track_id == carrier:
-            continue
+    unlabelled = [b for b in boxes if b.track_id not in labelled and b.track_id != carrier]
+    for box in perhaps_in_view(camera, unlabelled):
         distance_m = float(np.linalg.norm(box.ego_from_box[:3, 3] - origin))
         if distance_m > max_distance_m - DISTANCE_MARGIN_M:
             continue
@@ -106,3 +114,20 @@ def check_missing_rows(
                 sensor=camera.id,
                 severity=severity,
             )
+
+
+def perhaps_in_view(camera: SensorCalibration, boxes: Sequence[LabelledBox]) -> list[LabelledBox]:
+    """The boxes whose ball reaches into what a camera sees: for the others no hull is needed."""
+    if not boxes:
+        return []
+    centers = np.stack([box.ego_from_box[:3, 3] for box in boxes])
+    reach = length(np.stack([box.extent for box in boxes])) + _BALL_MARGIN_M
+    optical = transform_points(invert_pose(camera.ego_from_sensor), centers) @ OPTICAL_FROM_SENSOR.T
+    # Rows are planes through the camera: u >= 0, u <= width, v >= 0, v <= height, Z >= near.
+    first, second, third = camera.k
+    width, height = camera.width, camera.height
+    planes = np.stack([first, width * third - first, second, height * third - second, third])
+    above = optical @ planes.T / length(planes)
+    above[:, 4] -= Z_NEAR_M
+    inside = ~(above < -reach[:, None]).any(axis=1)
+    return [box for box, seen in zip(boxes, inside.tolist(), strict=True) if seen]

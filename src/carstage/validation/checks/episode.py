@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import defaultdict
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -32,6 +33,7 @@ from carstage.validation.checks.columns import (
     check_object_columns,
 )
 from carstage.validation.checks.completeness import check_gaps, check_missing_rows
+from carstage.validation.checks.decoding import DecodedFrame, decoded_frames
 from carstage.validation.checks.edges import (
     EdgeFigures,
     FrameFit,
@@ -203,16 +205,20 @@ class EpisodeChecks:
         boxes = labelled_boxes(tables, findings)
         rows = camera_rows(tables.camera_objects)
         available = {sensor: set(frames) for sensor, frames in recorded.items()}
-        for k in range(episode.frames):
-            data = {
-                sensor.id: array
-                for sensor in episode.sensors
-                if sensor.content not in ROWS and k in available[sensor.id]
-                if (array := self._decoded(sensor, k)) is not None
-            }
-            self._check_frame(k, rows, boxes.get(k, []), data)
-            self._figures.frames += 1
-            advance()
+        with_files = [
+            [s for s in episode.sensors if s.content not in ROWS and k in available[s.id]]
+            for k in range(episode.frames)
+        ]
+        with closing(decoded_frames(self._files, with_files)) as frames:
+            for k, decoded in enumerate(frames):
+                data = {
+                    one.sensor.id: array
+                    for one in decoded
+                    if (array := self._accepted(one, k)) is not None
+                }
+                self._check_frame(k, rows, boxes.get(k, []), data)
+                self._figures.frames += 1
+                advance()
         self._conclude()
 
     def _check_tables(self, tables: LabelTables) -> None:
@@ -269,17 +275,15 @@ class EpisodeChecks:
         figures.files += self._files.files
         figures.bytes += self._files.bytes
 
-    def _decoded(self, sensor: Sensor, k: int) -> NDArray[Any] | None:
-        names = sensor.file_names(k)
-        contents = [self._files.read(name, frame=k, sensor=sensor.id) for name in names]
-        whole = [content for content in contents if content is not None]
-        if len(whole) != len(contents):
-            return None
+    def _accepted(self, decoded: DecodedFrame, k: int) -> NDArray[Any] | None:
+        """The array, if it is as it should be; else the reason is reported."""
+        sensor, array = decoded.sensor, decoded.array
         where: dict[str, Any] = {"frame": k, "sensor": sensor.id}
-        try:
-            array = sensor.decode(whole)
-        except ValueError as error:
-            self._findings.add("decode", f"the frame does not decode: {error}", **where)
+        for found in decoded.files:
+            self._files.accept(found, **where)
+        if decoded.damage is not None:
+            self._findings.add("decode", f"the frame does not decode: {decoded.damage}", **where)
+        if array is None:
             return None
         camera = sensor.calibration
         if camera.is_camera and array.shape[:2] != (camera.height, camera.width):
@@ -406,10 +410,8 @@ class EpisodeChecks:
         """``(H, W)`` numbers that differ between things, by ids and tags or by masks."""
         camera = sensor.calibration
         if camera.instance is not None and camera.instance in data:
-            instance = data[camera.instance].astype(np.uint32)
-            labels: NDArray[np.generic] = (
-                instance[..., Instance.ID] << 8 | instance[..., Instance.TAG]
-            )
+            both = np.ascontiguousarray(data[camera.instance])  # id and tag, read as one number
+            labels: NDArray[np.generic] = both.view(np.uint32)[..., 0]
             return labels
         return visible_objects(camera, rows.get((k, camera.id), []))
 

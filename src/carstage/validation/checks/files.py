@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import TypedDict
 
@@ -29,6 +30,14 @@ TABLES = (
 class _Place(TypedDict, total=False):
     sensor: str
     frame: int
+
+
+@dataclass(frozen=True, slots=True)
+class FileRead:
+    """A file as it was read: its content, if it could be, and what is wrong (check, message)."""
+
+    content: bytes | None = None
+    problem: tuple[str, str] | None = None
 
 
 class VerifiedFiles:
@@ -61,30 +70,37 @@ class VerifiedFiles:
         self, name: str, *, frame: int | None = None, sensor: str | None = None
     ) -> bytes | None:
         """The content of a file, by its path below the episode; ``None``: it cannot be read."""
+        return self.accept(self.look_at(name), frame=frame, sensor=sensor)
+
+    def look_at(self, name: str) -> FileRead:
+        """Read a file and compare it with the marker, and tell nobody; any thread may."""
         path = self._folder / name
-        problem: tuple[str, str] | None = None
-        content: bytes | None = None
         if name in self._missing:
-            return None
+            return FileRead()
         try:
             found, entry = self._size(name), self._entries.get(name)
             if entry is not None and found != entry.bytes:
                 # Not read: a wrong size says enough, and may be huge.
-                problem = "file_size", f"{name} has {found} bytes, committed were {entry.bytes}"
-                self._findings.add(*problem, frame=frame, sensor=sensor)
-                return None
+                differs = f"{name} has {found} bytes, committed were {entry.bytes}"
+                return FileRead(problem=("file_size", differs))
             content = read_bounded(path)
         except FileNotFoundError:
-            problem = "file_missing", f"{name} is missing"
+            return FileRead(problem=("file_missing", f"{name} is missing"))
         except OSError as error:
             problem = "file_missing", f"{name} cannot be read: {error.strerror}"
-        else:
+            return FileRead(problem=problem)
+        return FileRead(content, self._difference(name, content))
+
+    def accept(
+        self, found: FileRead, *, frame: int | None = None, sensor: str | None = None
+    ) -> bytes | None:
+        """Count what :meth:`look_at` read, report what is wrong with it, and give its content."""
+        if found.content is not None:
             self.files += 1
-            self.bytes += len(content)
-            problem = self._difference(name, content)
-        if problem is not None:
-            self._findings.add(*problem, frame=frame, sensor=sensor)
-        return content
+            self.bytes += len(found.content)
+        if found.problem is not None:
+            self._findings.add(*found.problem, frame=frame, sensor=sensor)
+        return found.content
 
     def fetched_ahead(self) -> AbstractContextManager[None]:
         """A stretch in which files of an object store are fetched before they are read."""

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from carstage.dataset.reading import Episode
 from carstage.dataset.tables import require_columns
-from carstage.geometry import invert_pose, pose_matrix
+from carstage.geometry import invert_pose, length, multiply, pose_matrix
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.ledger import TIMESTAMP_TOLERANCE_S
+from carstage.validation.checks.recomputing import numbers, rows_at
 
 _PI = math.pi
 _RANGES: dict[str, dict[str, tuple[float, float]]] = {
@@ -54,10 +55,12 @@ _KEYS = {
     "camera_objects": ("k", "sensor_id", "track_id"),
     "ego": ("k",),
 }
+_BOX_ROW_COLUMNS = (
+    "k", "track_id", "semantic_tags", "num_lidar_points", "is_ego", "is_static", "box_source",
+)  # fmt: skip
 _BOX_COLUMNS = (
-    "k", "track_id", "box_center", "box_rotation_deg", "box_extent", "box_center_ego",
-    "box_rotation_ego_deg", "semantic_tags", "num_lidar_points", "is_ego", "is_static",
-    "box_source",
+    *_BOX_ROW_COLUMNS, "box_center", "box_rotation_deg", "box_extent", "box_center_ego",
+    "box_rotation_ego_deg",
 )  # fmt: skip
 _CAMERA_COLUMNS = (
     "k", "sensor_id", "track_id", "bbox_amodal", "bbox_modal", "mask_modal", "visible_px",
@@ -204,30 +207,30 @@ def labelled_boxes(tables: LabelTables, findings: Findings) -> dict[int, list[La
     """
     world_from_ego = tables.world_from_ego
     boxes: dict[int, list[LabelledBox]] = defaultdict(list)
-    for row in tables.objects.select(_BOX_COLUMNS).to_pylist():
-        if row["box_center"] is None:
-            continue
-        ego_from_box = pose_matrix(row["box_center_ego"], row["box_rotation_ego_deg"])
-        k = row["k"]
-        if k in world_from_ego:
-            world_from_box = pose_matrix(row["box_center"], row["box_rotation_deg"])
-            computed = invert_pose(world_from_ego[k]) @ world_from_box
-            reach = float(np.linalg.norm(row["box_extent"]))
-            shift = np.abs(computed[:3, 3] - ego_from_box[:3, 3]).max()
-            turn = np.abs(computed[:3, :3] - ego_from_box[:3, :3]).max() * reach
-            if max(shift, turn) > _POSE_TOLERANCE_M:
-                findings.add(
-                    "label_poses",
-                    f"object {row['track_id']}: its box in the world and in the ego's frame "
-                    f"are {max(shift, turn):.3f} m apart",
-                    frame=k,
-                )
-            ego_from_box = computed
-        boxes[k].append(
+    boxed = tables.objects.filter(pc.is_valid(tables.objects["box_center"]))
+    poses = pose_matrix(
+        numbers(boxed, "box_center_ego", 3), numbers(boxed, "box_rotation_ego_deg", 3)
+    )
+    extents = numbers(boxed, "box_extent", 3)
+    ks = boxed["k"].to_numpy()
+    placed = np.flatnonzero(np.isin(ks, list(world_from_ego)))
+    if len(placed):
+        world_from_box = pose_matrix(
+            numbers(boxed, "box_center", 3)[placed], numbers(boxed, "box_rotation_deg", 3)[placed]
+        )
+        frames, of_row = np.unique(ks[placed], return_inverse=True)
+        ego_from_world = invert_pose(np.stack([world_from_ego[k] for k in frames.tolist()]))
+        computed = multiply(ego_from_world[of_row], world_from_box)
+        _check_poses(rows_at(boxed, placed.tolist()), computed, poses[placed], findings)
+        poses[placed] = computed
+    for row, ego_from_box, extent in zip(
+        boxed.select(_BOX_ROW_COLUMNS).to_pylist(), poses, extents, strict=True
+    ):
+        boxes[row["k"]].append(
             LabelledBox(
                 track_id=row["track_id"],
                 ego_from_box=ego_from_box,
-                extent=np.array(row["box_extent"]),
+                extent=extent,
                 tags=frozenset(row["semantic_tags"]),
                 lidar_points=dict(row["num_lidar_points"]),
                 is_ego=row["is_ego"],
@@ -236,6 +239,26 @@ def labelled_boxes(tables: LabelTables, findings: Findings) -> dict[int, list[La
             )
         )
     return boxes
+
+
+def _check_poses(
+    boxed: pa.Table,
+    computed: NDArray[np.float64],
+    labelled: NDArray[np.float64],
+    findings: Findings,
+) -> None:
+    """Report boxes that are elsewhere in the world than in the ego's frame (``label_poses``)."""
+    reach = length(numbers(boxed, "box_extent", 3))
+    off = np.abs(computed - labelled)
+    shift = off[:, :3, 3].max(axis=1, initial=0.0)
+    apart = np.maximum(shift, off[:, :3, :3].max(axis=(1, 2), initial=0.0) * reach)
+    for row in np.flatnonzero(~(apart <= _POSE_TOLERANCE_M)).tolist():
+        findings.add(
+            "label_poses",
+            f"object {boxed['track_id'][row]}: its box in the world and in the ego's frame "
+            f"are {apart[row]:.3f} m apart",
+            frame=boxed["k"][row].as_py(),
+        )
 
 
 def camera_rows(table: pa.Table) -> dict[tuple[int, str], list[dict[str, Any]]]:

@@ -45,7 +45,8 @@ class PictureFigures:
 
     def add_picture(self, k: int, rgb: NDArray[np.uint8]) -> None:
         """Count the image ``(H, W, 3)`` of frame ``k``."""
-        brightness = rgb[::_STRIDE, ::_STRIDE].max(axis=2)
+        red, green, blue = (rgb[::_STRIDE, ::_STRIDE, channel] for channel in range(3))
+        brightness = np.maximum(np.maximum(red, green), blue)  # faster than over the last axis
         self.frames += 1
         self.brightness += float(brightness.mean())
         fault = fault_of(brightness)

@@ -99,34 +99,55 @@ def compare_with_depth(
         camera: the depth camera's calibration.
     """
     lidar_from_camera = invert_pose(lidar.ego_from_sensor) @ camera.ego_from_sensor
-    xyz = points[:, :3].astype(np.float64)
-    in_camera = transform_points(invert_pose(lidar_from_camera), xyz)
-    optical = in_camera @ OPTICAL_FROM_SENSOR.T
-    ahead = optical[:, 2] >= Z_NEAR_M
-    optical, xyz = optical[ahead], xyz[ahead]
-    z = optical[:, 2]
-    u = camera.k[0, 0] * optical[:, 0] / z + camera.k[0, 2]
-    v = camera.k[1, 1] * optical[:, 1] / z + camera.k[1, 2]
+    right, down, forward = OPTICAL_FROM_SENSOR @ invert_pose(lidar_from_camera)[:3]
+    xyz = points[:, :3].astype(np.float64).T
+    z = _along(forward, xyz)
+    ahead = np.flatnonzero(z >= Z_NEAR_M)
+    xyz, z = xyz[:, ahead], z[ahead]
+    u = camera.k[0, 0] * _along(right, xyz) / z + camera.k[0, 2]
+    v = camera.k[1, 1] * _along(down, xyz) / z + camera.k[1, 2]
     height, width = depth_m.shape
-    inside = (u >= 1) & (u < width - 1) & (v >= 1) & (v < height - 1)
-    xyz, z, u, v = xyz[inside], z[inside], u[inside], v[inside]
+    inside = np.flatnonzero((u >= 1) & (u < width - 1) & (v >= 1) & (v < height - 1))
+    xyz, z, u, v = xyz[:, inside].T, z[inside], u[inside], v[inside]
     column, row = np.floor(u).astype(np.intp), np.floor(v).astype(np.intp)
 
     tolerance_m = ABSOLUTE_TOLERANCE_M + RELATIVE_TOLERANCE * z
     agrees = np.abs(_interpolated(depth_m, u, v) - z) < tolerance_m
-    for dv, du in _NEIGHBOURS:
-        agrees |= np.abs(depth_m[row + dv, column + du] - z) < tolerance_m
+    # What agrees is comparable: the rest of the work is for the few that do not.
+    rest = np.flatnonzero(~agrees)
+    rest = rest[~_agrees_nearby(depth_m, row[rest], column[rest], z[rest], tolerance_m[rest])]
+    row, column, z, tolerance_m = row[rest], column[rest], z[rest], tolerance_m[rest]
 
     nearest_m, farthest_m, bend = _neighbourhood(depth_m, row, column)
     between = (z > nearest_m - tolerance_m) & (z < farthest_m + tolerance_m)
     unresolved = (bend > EDGE_BEND) & between
 
     surface_m = depth_m[row, column].astype(np.float64)
-    surface_optical = back_project(np.column_stack([u, v]), surface_m, camera.k)
+    surface_optical = back_project(np.column_stack([u[rest], v[rest]]), surface_m, camera.k)
     surface = transform_points(lidar_from_camera, surface_optical @ OPTICAL_FROM_SENSOR)
-    hidden = (surface_m < z) & (_angle(surface, xyz) > PARALLAX_PX / camera.k[0, 0])
-    comparable = agrees | ~(hidden | unresolved)
-    return RangingFigures(len(z), int(comparable.sum()), int(agrees.sum()))
+    hidden = (surface_m < z) & (_angle(surface, xyz[rest]) > PARALLAX_PX / camera.k[0, 0])
+    agreeing = len(u) - len(rest)
+    return RangingFigures(len(u), agreeing + int((~(hidden | unresolved)).sum()), agreeing)
+
+
+def _along(axis: NDArray[np.float64], xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``(N,)`` coordinates of points ``(3, N)`` along one row of a pose ``(4,)``."""
+    x, y, z = xyz
+    return np.asarray(axis[0] * x + axis[1] * y + axis[2] * z + axis[3])
+
+
+def _agrees_nearby(
+    depth_m: NDArray[np.float32],
+    row: NDArray[np.intp],
+    column: NDArray[np.intp],
+    z: NDArray[np.float64],
+    tolerance_m: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Whether a depth is that of any of the 3 x 3 pixels around it."""
+    agrees = np.zeros(len(z), np.bool_)
+    for dv, du in _NEIGHBOURS:
+        agrees |= np.abs(depth_m[row + dv, column + du] - z) < tolerance_m
+    return agrees
 
 
 def _neighbourhood(
@@ -152,9 +173,12 @@ def _interpolated(
     x, y = u - 0.5, v - 0.5
     x0, y0 = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
     fx, fy = x - x0, y - y0
-    inverse = 1.0 / np.maximum(depth_m, 1e-3).astype(np.float64)
-    top = inverse[y0, x0] * (1 - fx) + inverse[y0, x0 + 1] * fx
-    bottom = inverse[y0 + 1, x0] * (1 - fx) + inverse[y0 + 1, x0 + 1] * fx
+
+    def inverse(row: NDArray[np.intp], column: NDArray[np.intp]) -> NDArray[np.float64]:
+        return np.asarray(1.0 / np.maximum(depth_m[row, column], 1e-3).astype(np.float64))
+
+    top = inverse(y0, x0) * (1 - fx) + inverse(y0, x0 + 1) * fx
+    bottom = inverse(y0 + 1, x0) * (1 - fx) + inverse(y0 + 1, x0 + 1) * fx
     return np.asarray(1.0 / (top * (1 - fy) + bottom * fy))
 
 
@@ -207,9 +231,10 @@ def check_point_counts(
     Returns:
         Points inside boxes, the ego's own left out.
     """
-    in_ego = transform_points(lidar.ego_from_sensor, points[:, :3].astype(np.float64))
-    in_ego = in_ego[np.argsort(in_ego[:, 0])]
-    x = in_ego[:, 0].copy()
+    xyz = points[:, :3].astype(np.float64).T
+    x, y, z = (_along(axis, xyz) for axis in lidar.ego_from_sensor[:3])
+    order = np.argsort(x)
+    x, y, z = x[order], y[order], z[order]
     total = 0
     for box in boxes:
         labelled = box.lidar_points.get(lidar.id)
@@ -218,13 +243,18 @@ def check_point_counts(
         reach = float(np.linalg.norm(box.extent)) + BOX_SKIN_M
         center = box.ego_from_box[:3, 3]
         first, end = np.searchsorted(x, [center[0] - reach, center[0] + reach])
-        slab = in_ego[first:end]
-        near = slab[np.abs(slab[:, 1] - center[1]) <= reach]
-        local = np.abs(transform_points(invert_pose(box.ego_from_box), near))
-        fewest, most = (
-            int((local <= box.extent + skin).all(axis=1).sum())
-            for skin in (-BOX_SKIN_M, BOX_SKIN_M)
+        near = first + np.flatnonzero(
+            (np.abs(y[first:end] - center[1]) <= reach)
+            & (np.abs(z[first:end] - center[2]) <= reach)
         )
+        fewest = most = 0
+        if len(near):
+            in_ego = np.column_stack([x[near], y[near], z[near]])
+            local = np.abs(transform_points(invert_pose(box.ego_from_box), in_ego))
+            fewest, most = (
+                int((local <= box.extent + skin).all(axis=1).sum())
+                for skin in (-BOX_SKIN_M, BOX_SKIN_M)
+            )
         total += 0 if box.is_ego else labelled
         if not fewest <= labelled <= most:
             findings.add(

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import ArrayLike, NDArray
 
 from carstage.geometry import FloatArray
@@ -15,11 +16,32 @@ from carstage.validation.checks.findings import Findings
 
 def numbers(table: pa.Table, column: str, *shape: int) -> FloatArray:
     """A column as ``(N, *shape)`` float64; NaN where it is null."""
+    flat = _flat_numbers(table[column], shape)
+    if flat is not None:
+        return flat
     nothing = np.full(shape, np.nan)
     found = [nothing if v is None else _with_nan(v) for v in entries(table, column)]
     if not found:
         return np.empty((0, *shape))
     return np.array(found, dtype=np.float64).reshape(len(found), *shape)
+
+
+def _flat_numbers(column: Any, shape: tuple[int, ...]) -> FloatArray | None:
+    """``numbers`` of a column of numbers, or of lists of them of that length; None of others."""
+    present = column.drop_null()
+    if len(shape) == 1 and (
+        pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type)
+    ):
+        if (pc.list_value_length(present).to_numpy() != shape[0]).any():
+            return None
+        present = pc.list_flatten(present)
+    elif shape:
+        return None
+    if not (pa.types.is_integer(present.type) or pa.types.is_floating(present.type)):
+        return None
+    found = np.full((len(column), *shape), np.nan)
+    found[column.is_valid().to_numpy()] = present.to_numpy().reshape(-1, *shape)
+    return found
 
 
 def entries(table: pa.Table, column: str) -> list[Any]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.dataset.masks import decode_mask
+from carstage.dataset.masks import mask_pixels
 from carstage.dataset.reading import SensorCalibration
 from carstage.errors import DatasetError
 from carstage.geometry import (
@@ -29,6 +29,8 @@ from carstage.sensor_kinds.columns import Instance
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelledBox
 
+Pixels = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""Rows and columns of pixels."""
 HULL_MARGIN_PX = 2.0
 BOX_TOLERANCE_PX = 0.5
 BODY_REACH_M = np.array([0.5, 0.5, 0.2])
@@ -80,12 +82,18 @@ def distance_outside(polygon: Sequence[Point], points: NDArray[np.float64]) -> N
     start, along = corners, np.roll(corners, -1, axis=0) - corners
     normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
     normals *= np.sign(np.sum((corners - corners.mean(axis=0)) * normals, axis=1))[:, None]
-    offset = points[:, None, :] - start[None]
-    inside = (np.einsum("nej,ej->ne", offset, normals) <= 0.0).all(axis=1)
-    length = np.maximum(np.sum(along * along, axis=1), 1e-12)
-    share = np.clip(np.einsum("nej,ej->ne", offset, along) / length, 0.0, 1.0)
-    nearest = np.linalg.norm(offset - share[..., None] * along[None], axis=2).min(axis=1)
-    return np.where(inside, 0.0, nearest)
+    inside = np.ones(len(points), np.bool_)
+    for (x, y), (across, up) in zip(start.tolist(), normals.tolist(), strict=True):
+        inside &= (points[:, 0] - x) * across + (points[:, 1] - y) * up <= 0.0
+    found = np.zeros(len(points))
+    outside = np.flatnonzero(~inside)  # few or none: the distance costs ten times as much
+    if len(outside):
+        offset = points[outside, None, :] - start[None]
+        length = np.maximum(np.sum(along * along, axis=1), 1e-12)
+        share = np.clip(np.einsum("nej,ej->ne", offset, along) / length, 0.0, 1.0)
+        away = offset - share[..., None] * along[None]
+        found[outside] = np.linalg.norm(away, axis=2).min(axis=1)
+    return found
 
 
 def check_silhouettes(
@@ -120,6 +128,7 @@ def check_silhouettes(
     """
     by_track = {box.track_id: box for box in boxes}
     where: dict[str, Any] = {"frame": k, "sensor": camera.id}
+    ids = None if instance is None else np.ascontiguousarray(instance[..., Instance.ID])
     for row in rows:
         box = by_track.get(row["track_id"])
         if box is None or not row["pinhole"]:
@@ -135,21 +144,22 @@ def check_silhouettes(
             continue
         # Where two actors share the bits of an id, the image cannot tell whose pixels they are,
         # and it never does of level objects.
-        if instance is None or row["instance_ambiguous"] or box.is_static:
+        if instance is None or ids is None or row["instance_ambiguous"] or box.is_static:
             own = mask
         else:
-            own = _own_pixels(instance, box)
-            if mask is not None and (mask & ~own).any():
+            own, is_own = _own_pixels(ids, instance, box)
+            if mask is not None and not is_own[mask].all():
                 message = f"{name}: its mask has pixels of another instance id"
                 findings.add("mask", message, **where)
         if own is None:
             continue
-        v, u = np.nonzero(own)
+        v, u = own
+        centers = np.column_stack([u + 0.5, v + 0.5])
         if row.get("outside_px") is not None:
-            _check_outside(camera, name, row, box, own, findings, where)
+            _check_outside(camera, name, row, box, centers, findings, where)
             if box.is_capsule:
                 hull = projected_hull(camera, box, grown_m=BODY_REACH_M)
-        beyond = distance_outside(hull, np.column_stack([u + 0.5, v + 0.5]))
+        beyond = distance_outside(hull, centers)
         outside = int((beyond > HULL_MARGIN_PX).sum())
         figures.objects += 1
         figures.pixels += len(u)
@@ -172,18 +182,22 @@ def visible_objects(
     for row in rows:
         if row["mask_modal"] is not None:
             try:
-                mask = decode_mask(row["mask_modal"], camera.height, camera.width)
+                pixels = mask_pixels(row["mask_modal"], camera.height, camera.width)
             except DatasetError:
                 continue  # check_silhouettes reports it
-            objects[mask] = row["track_id"]
+            objects[pixels] = row["track_id"]
     return objects
 
 
-def _own_pixels(instance: NDArray[np.uint16], box: LabelledBox) -> NDArray[np.bool_]:
-    own: NDArray[np.bool_] = instance[..., Instance.ID] == (box.track_id & 0xFFFF)
-    rows, columns = np.nonzero(own)
-    own[rows, columns] = np.isin(instance[rows, columns, 1], list(box.tags))
-    return own
+def _own_pixels(
+    ids: NDArray[np.uint16], instance: NDArray[np.uint16], box: LabelledBox
+) -> tuple[Pixels, NDArray[np.bool_]]:
+    """Pixels of an object's id with a tag that it has, and where they are, ``(H, W)``."""
+    is_own: NDArray[np.bool_] = ids == (box.track_id & 0xFFFF)
+    rows, columns = np.divmod(np.flatnonzero(is_own), max(ids.shape[1], 1))
+    fits = np.isin(instance[rows, columns, Instance.TAG], list(box.tags))
+    is_own[rows[~fits], columns[~fits]] = False
+    return (rows[fits], columns[fits]), is_own
 
 
 def _check_amodal(
@@ -214,16 +228,15 @@ def _check_outside(
     name: str,
     row: Mapping[str, Any],
     box: LabelledBox,
-    own: NDArray[np.bool_],
+    centers: NDArray[np.float64],
     findings: Findings,
     where: dict[str, Any],
 ) -> None:
     """``outside_px`` counts the pixels outside the silhouette; only walkers have such."""
     outside = 0
     if box.is_capsule:
-        v, u = np.nonzero(own)
         hull = projected_hull(camera, box, grown_m=BOX_MARGIN_M)
-        outside = int((distance_outside(hull, np.column_stack([u + 0.5, v + 0.5])) > 0.0).sum())
+        outside = int((distance_outside(hull, centers) > 0.0).sum())
     if abs(outside - row["outside_px"]) > OUTSIDE_TOLERANCE_PX * box.is_capsule:
         findings.add(
             "hull",
@@ -239,15 +252,14 @@ def _mask(
     row: Mapping[str, Any],
     findings: Findings,
     where: dict[str, Any],
-) -> NDArray[np.bool_] | None:
+) -> Pixels | None:
     if row["mask_modal"] is None:
         return None
     try:
-        mask = decode_mask(row["mask_modal"], camera.height, camera.width)
+        v, u = mask_pixels(row["mask_modal"], camera.height, camera.width)
     except DatasetError as error:
         findings.add("mask", f"{name}: {error}", **where)
         return None
-    v, u = np.nonzero(mask)
     if len(u) != row["visible_px"]:
         findings.add(
             "mask",
@@ -256,4 +268,4 @@ def _mask(
         )
     elif len(u) and row["bbox_modal"] != [u.min(), v.min(), u.max() + 1, v.max() + 1]:
         findings.add("mask", f"{name}: bbox_modal does not bound its mask", **where)
-    return mask
+    return v, u

@@ -10,6 +10,7 @@ from carstage.web.configure.problems import problems_of
 from carstage.web.messages import ConfigCheck, Estimate, FieldProblem
 from carstage.web.messages.base import Document
 from carstage.web.roots import Roots
+from carstage.web.wording import page_words, problem_in_page_words
 
 if TYPE_CHECKING:
     from carstage.config import Config
@@ -48,13 +49,14 @@ class ConfigChecker:
         """The verdict; never raises for what a user can write."""
         try:
             config = self.parse(document)
-            warnings = [*config.warnings(), *_notes(config)]
+            warnings = [*map(page_words, config.warnings()), *_notes(config)]
             return ConfigCheck(ok=True, warnings=warnings, estimate=self.estimate(config))
         except ConfigError as error:
-            return ConfigCheck(ok=False, errors=problems_of(error))
+            found = [problem_in_page_words(problem) for problem in problems_of(error)]
+            return ConfigCheck(ok=False, errors=found)
         except CarStageError as error:
             whole = FieldProblem(path=[], message=error.message, hint=error.hint)
-            return ConfigCheck(ok=False, errors=[whole])
+            return ConfigCheck(ok=False, errors=[problem_in_page_words(whole)])
 
     def estimate(self, config: Config) -> Estimate:
         """What a configuration would record.
@@ -163,7 +165,7 @@ def _check_interpreter(wanted: str) -> None:
     known = sorted({sys.executable, *(str(python.path) for python in clients_here())})
     if wanted not in known:
         message = f"{wanted!r} is none of the interpreters with a client wheel here."
-        hint = f"`auto`, or one of: {', '.join(known)}. The command line takes any."
+        hint = f"`auto`, or one of: {', '.join(known)}."
         raise _refusal("server", "client_python", message, hint)
 
 

@@ -6,9 +6,10 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from carstage.errors import CarStageError, ConfigError
+from carstage.errors import CarStageError
 from carstage.web.messages import ServerCheck
 from carstage.web.messages.base import Document
+from carstage.web.wording import page_words
 
 if TYPE_CHECKING:
     from carstage.config import Config
@@ -54,10 +55,9 @@ class ServerCheckService:
         try:
             config = check_config({"server": server})
             return self._check(config)
-        except ConfigError as error:
-            return ServerCheck(ok=False, message=error.message, hint=error.hint)
         except CarStageError as error:
-            return ServerCheck(ok=False, message=error.message, hint=error.hint)
+            hint = page_words(error.hint, hint=True)
+            return ServerCheck(ok=False, message=page_words(error.message), hint=hint)
 
     def _check(self, config: Config) -> ServerCheck:
         from carstage.config.servers import EmbeddedServerConfig, RemoteServerConfig

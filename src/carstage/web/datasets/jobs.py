@@ -30,6 +30,7 @@ from carstage.web.messages import (
 )
 from carstage.web.roots import Roots
 from carstage.web.runs.launches import identify_child
+from carstage.web.wording import page_words
 
 WORKER = (sys.executable, "-m", "carstage.web.datasets.job_worker")
 _MOST_RUNNING = 2
@@ -298,7 +299,7 @@ class JobService:
             started=document["started"],
             ended=status.get("ended"),
             result=status.get("result"),
-            error=error,
+            error=page_words(error) if isinstance(error, str) else error,
         )
         if job.state != "running":
             self._over[job_id] = job

@@ -45,7 +45,13 @@ from carstage.web.messages.datasets import (
     TableRequest,
     TrackSpan,
 )
-from carstage.web.messages.description import DescriptionMessage, MapEntry, VehicleEntry
+from carstage.web.messages.description import (
+    DescriptionMessage,
+    MapEntry,
+    TownMap,
+    TownMapRequest,
+    VehicleEntry,
+)
 from carstage.web.messages.jobs import (
     ExportChange,
     ExportEntry,
@@ -75,6 +81,7 @@ from carstage.web.messages.runs import (
     Channel,
     CurrentEpisodeMessage,
     EpisodeCountsMessage,
+    LoadPoint,
     LogLine,
     RunAgain,
     RunChange,
@@ -86,7 +93,11 @@ from carstage.web.messages.runs import (
     TickPoint,
     WorkerMessage,
 )
-from carstage.web.messages.sensor_preview import PreviewPending, PreviewRequest
+from carstage.web.messages.sensor_preview import (
+    PreviewPending,
+    PreviewRequest,
+    PreviewWarm,
+)
 
 __all__ = [
     "CameraObject",
@@ -135,6 +146,7 @@ __all__ = [
     "JobList",
     "JobMessage",
     "LiveMessage",
+    "LoadPoint",
     "LogLine",
     "LogMessage",
     "MapEntry",
@@ -142,6 +154,7 @@ __all__ = [
     "Moment",
     "PreviewPending",
     "PreviewRequest",
+    "PreviewWarm",
     "ReleaseFolders",
     "Removed",
     "ReportMessage",
@@ -168,6 +181,8 @@ __all__ = [
     "TableRequest",
     "TickPoint",
     "TicksMessage",
+    "TownMap",
+    "TownMapRequest",
     "TrackSpan",
     "ValidationMessage",
     "VehicleEntry",

@@ -15,7 +15,7 @@ from pydantic import Field, RootModel
 from carstage.web.messages.base import Message, RunId
 from carstage.web.messages.config import ConfigState
 from carstage.web.messages.jobs import Job
-from carstage.web.messages.runs import Channel, LogLine, RunDetail, RunSummary, TickPoint
+from carstage.web.messages.runs import Channel, LoadPoint, LogLine, RunDetail, RunSummary, TickPoint
 
 
 class SnapshotMessage(Message):
@@ -60,12 +60,13 @@ class LogMessage(Message):
 
 
 class TicksMessage(Message):
-    """New tick times of the watched run; ``reset``: these are all."""
+    """New tick times and loads of the watched run; ``reset``: these are all."""
 
     type: Literal["ticks"] = "ticks"
     run_id: RunId
     reset: bool = False
     ticks: list[TickPoint]
+    loads: list[LoadPoint] = Field(default_factory=list)
 
 
 class ChannelsMessage(Message):

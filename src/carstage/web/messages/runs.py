@@ -159,16 +159,35 @@ class TickPoint(Message):
     """The numbers of a tick event.
 
     Attributes:
-        tick_s: wall seconds per step since the point before.
+        tick_s: wall seconds per step since the point before of this worker.
+        frames_s: saved frames per second since this worker told the rate before; None between.
         queued_bytes: sensor data that wait for the disk.
         waited_s: how long ticks have waited for room, in sum.
+        worker: which of several workers it is of; 0: there is one.
     """
 
     time: float
     tick: int
     tick_s: float | None
+    frames_s: float | None = None
     queued_bytes: int
     waited_s: float
+    worker: int = 0
+
+
+class LoadPoint(Message):
+    """What the processes of a run took of the machine, see ``carstage.runs.events.Load``.
+
+    Attributes:
+        worker: whose processes; 0: all of the run on its machine.
+    """
+
+    time: float
+    worker: int = 0
+    cpu_cores: float
+    memory_bytes: int
+    written_bytes_s: int | None = None
+    disk_free_bytes: int
 
 
 class Channel(Message):
@@ -196,6 +215,7 @@ class RunDetail(Message):
     config: Document
     log: list[LogLine]
     ticks: list[TickPoint]
+    loads: list[LoadPoint] = Field(default_factory=list)
     channels: list[Channel]
     committed: list[Name] = Field(default_factory=list)
     bytes: int = 0

@@ -13,7 +13,7 @@ class PreviewRequest(Message):
     """A picture through one sensor of a configuration that need not be saved.
 
     Attributes:
-        config: what the picture's map, weather and ego are taken from.
+        config: what the picture's server, map, weather and ego are taken from.
         sensor: one entry of ``rig.sensors``; any camera, LiDAR or radar.
         width: of the picture; cameras keep the shape of theirs.
     """
@@ -21,6 +21,12 @@ class PreviewRequest(Message):
     config: Document
     sensor: Document
     width: Annotated[int, Field(ge=64, le=1280)] = 640
+
+
+class PreviewWarm(Message):
+    """Which server pictures will come from: the section ``server`` of a configuration."""
+
+    server: Document = Field(default_factory=dict)
 
 
 class PreviewPending(Message):

@@ -1,7 +1,7 @@
-"""Preview through a sensor: an embedded simulator and a collector, kept warm for some minutes.
+"""Preview through a sensor: a server and a collector, kept warm while somebody looks.
 
-The simulator starts with the first request and ends when nobody has asked for a while. A look is a
-collector's plan; its log is drawn here.
+The server starts with the first request and ends when nobody has asked for a while: the embedded
+simulator, or the CARLA of the configuration. A look is a collector's plan; its log is drawn here.
 """
 
 from __future__ import annotations
@@ -9,9 +9,11 @@ from __future__ import annotations
 import json
 import logging
 import selectors
+import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,19 +23,20 @@ from carstage.web.configure.checking import ConfigChecker
 from carstage.web.errors import WebError
 from carstage.web.messages import PreviewPending, PreviewRequest
 from carstage.web.messages.base import Document
+from carstage.web.preview.picture_server import PictureServer, refuse_used
 
 if TYPE_CHECKING:
+    from carstage.config import Config
     from carstage.execution import CollectorProcess
-    from carstage.server import EmbeddedServer
     from carstage.spec import EpisodeSpec
 
-_IDLE_S = 240.0
 _LOOK_EVERY_S = 10.0
 _TURN_S = 5.0
 """How long a request waits for those before it."""
 _ANSWER_S = 30.0
 """For a look at another map, which has to be loaded."""
 _CALL_S = 20.0
+_SHOWN = ("seed", "map", "weather", "ego", "server")
 _SHAPELESS = (360, 640)
 _BUSY = "Other pictures are being made."
 
@@ -45,37 +48,60 @@ class SensorPreviewService:
 
     Args:
         checker: what is a valid sensor.
+        used_by_run: whether a run needs a server, by the key that runs tell servers apart by.
     """
 
-    def __init__(self, checker: ConfigChecker) -> None:
+    def __init__(
+        self, checker: ConfigChecker, used_by_run: Callable[[str], bool] = lambda key: False
+    ) -> None:
         self._checker = checker
+        self._used_by_run = used_by_run
         self._turn = threading.Lock()
         self._lock = threading.Lock()
         self._folder = tempfile.TemporaryDirectory(prefix="carstage-preview-")
-        self._server: EmbeddedServer | None = None
+        self._server: PictureServer | None = None
         self._collector: CollectorProcess | None = None
         self._starting: threading.Thread | None = None
-        self._candidate: EmbeddedServer | None = None
-        self._problem: CarStageError | None = None
+        self._candidate: PictureServer | None = None
+        self._problem: tuple[PictureServer, CarStageError] | None = None
         self._used_s = 0.0
         self._number = 0
         self._newest = 0
         self._closing = threading.Event()
 
-    def warm(self) -> bool:
-        """Begin to start the simulator, if it does not run; whether it is ready."""
+    def warm(self, config: Config | None = None) -> bool:
+        """Begin to start the server of a configuration, if it does not run; whether it is ready.
+
+        Args:
+            config: whose; None: the embedded simulator.
+        """
+        from carstage.config import Config as AnyConfig
+
+        wanted = AnyConfig() if config is None else config
         with self._lock:
             self._used_s = time.monotonic()
-            if self._server is not None and self._server.alive():
+            server = self._server
+            if server is not None and server.fits(wanted) and server.alive():
                 return True
             if (self._starting is None or not self._starting.is_alive()) and (
                 not self._closing.is_set()
             ):
                 self._starting = threading.Thread(
-                    target=self._start, name="sensor preview", daemon=True
+                    target=self._start, args=(wanted,), name="sensor preview", daemon=True
                 )
                 self._starting.start()
             return False
+
+    def warm_for(self, server: Document) -> bool:
+        """Begin to start the server of a section ``server``; whether it is ready.
+
+        Raises:
+            ConfigError: the section is wrong.
+            WebError: a run uses the server.
+        """
+        config = self._checker.parse({"server": server})
+        self._leave_to_runs(config)
+        return self.warm(config)
 
     def look(self, request: PreviewRequest) -> bytes | PreviewPending:
         """What a sensor sees, as JPEG; LiDAR and radar from above.
@@ -88,12 +114,15 @@ class SensorPreviewService:
             WebError: it sees nothing.
             CarStageError: it cannot make the picture.
         """
-        spec = self._plan(request)
-        if not self.warm():
+        config = self._config(request)
+        self._leave_to_runs(config)
+        starting = PreviewPending(state="starting", message="The simulator is starting.")
+        if not self.warm(config):
             problem, self._problem = self._problem, None
-            if problem is not None:
-                raise problem
-            return PreviewPending(state="starting", message="The simulator is starting.")
+            if problem is not None and problem[0].fits(config):
+                raise problem[1]
+            return starting
+        spec = self._plan(config)
         with self._lock:
             self._newest += 1
             number = self._newest
@@ -102,11 +131,20 @@ class SensorPreviewService:
         try:
             if number != self._newest:
                 return PreviewPending(state="busy", message=_BUSY)
-            if self._server is None:  # it ended meanwhile, as nobody had asked
-                return PreviewPending(state="starting", message="The simulator is starting.")
+            if self._server is None:  # it ended meanwhile: nobody had asked, or a run needs it
+                return starting
             return self._draw(spec, self._record(spec), request.width)
         finally:
             self._turn.release()
+
+    def make_room(self, key: str) -> None:
+        """Give a server back that a run is about to use."""
+        server = self._server
+        if server is None or server.key != key:
+            return
+        with self._turn:
+            if self._server is server:
+                self._end()
 
     def close(self) -> None:
         """End simulator and collector."""
@@ -119,21 +157,21 @@ class SensorPreviewService:
             self._end()
         self._folder.cleanup()
 
-    def _plan(self, request: PreviewRequest) -> EpisodeSpec:
-        """The episode to look at: the configuration's map, weather and ego, and the one sensor."""
-        from carstage.plan import plan_episodes
-        from carstage.runs.servers import embedded_facts
+    def _leave_to_runs(self, config: Config) -> None:
+        key = PictureServer(config).key
+        refuse_used(key is not None and self._used_by_run(key))
 
+    def _config(self, request: PreviewRequest) -> Config:
+        """What to look at: the configuration's map, weather, ego and server, and the one sensor."""
         given = request.config
-        sensor = dict(request.sensor)
         document: Document = {
             "episodes": 1,
             "vehicles": {"count": 0},
             "pedestrians": {"count": 0},
             "labels": {"cameras": []},
             "timing": {"warmup_ticks": 0},
-            "rig": {"sensors": [_sized(sensor, given, request.width)]},
-            **{key: given[key] for key in ("seed", "map", "weather", "ego") if key in given},
+            "rig": {"sensors": [_sized(dict(request.sensor), given, request.width)]},
+            **{key: given[key] for key in _SHOWN if key in given},
         }
         try:
             config = self._checker.parse(document)
@@ -141,22 +179,38 @@ class SensorPreviewService:
             raise _of_sensor(error) from error
         if config.sensors[0].row.viewer == "none":
             raise WebError(422, "This sensor sees nothing.", "Choose a camera, LiDAR or radar.")
+        return config
+
+    def _plan(self, config: Config) -> EpisodeSpec:
+        """The episode to look at, on a server that runs."""
+        from carstage.config.scene import Ego, MapConfig
+        from carstage.plan import plan_episodes
+        from carstage.runs.servers import embedded_facts
+
+        if config.server.kind != "embedded":
+            server = self._server
+            if server is None or server.facts is None:
+                raise CollectorError("The server was given back.", "Try again.")
+            return plan_episodes(config, server.facts)[0]
         facts = embedded_facts("0.9.16")
-        if config.map.choice not in facts.maps:  # a map of another server, or a random one
-            document["map"] = {"choice": next(iter(facts.maps))}
-            document["ego"] = {"blueprint": config.ego.blueprint}
-            config = self._checker.parse(document)
+        if config.map.choice not in facts.maps:  # a random one
+            config = config.model_copy(
+                update={
+                    "map": MapConfig(choice=next(iter(facts.maps))),
+                    "ego": Ego(blueprint=config.ego.blueprint),
+                }
+            )
         return plan_episodes(config, facts)[0]
 
-    def _start(self) -> None:
-        from carstage.server import EmbeddedServer
-
-        server = EmbeddedServer(arguments=("--quality", "low"))
+    def _start(self, config: Config) -> None:
+        with self._turn:
+            self._end()  # what another configuration has looked at
+        server = PictureServer(config)
         self._candidate = server
         try:
             server.start()
         except CarStageError as error:
-            self._problem = error
+            self._problem = (server, error)
             return
         finally:
             self._candidate = None
@@ -164,25 +218,33 @@ class SensorPreviewService:
             self._server = server
             self._used_s = time.monotonic()
         threading.Thread(
-            target=self._end_when_idle, name="sensor preview idle", daemon=True
+            target=self._end_when_idle, args=(server,), name="sensor preview idle", daemon=True
         ).start()
 
-    def _end_when_idle(self) -> None:
+    def _end_when_idle(self, server: PictureServer) -> None:
         while not self._closing.wait(_LOOK_EVERY_S):
             with self._turn:
-                if time.monotonic() - self._used_s > _IDLE_S:
+                if self._server is not server:
+                    return
+                if time.monotonic() - self._used_s > server.idle_s:
                     self._end()
                     return
 
     def _end(self) -> None:
-        collector, self._collector = self._collector, None
-        if collector is not None:
-            collector.kill()
-            collector.__exit__(None, None, None)
+        self._end_collector()
         with self._lock:
             server, self._server = self._server, None
         if server is not None:
             server.stop()
+
+    def _end_collector(self) -> None:
+        """End the collector; one on a server of others is let give that back first."""
+        collector, self._collector = self._collector, None
+        if collector is None:
+            return
+        if self._server is None or not self._server.shared:
+            collector.kill()
+        collector.__exit__(None, None, None)
 
     def _record(self, spec: EpisodeSpec) -> Path:
         """Have the collector look; the folder of the raw log."""
@@ -194,10 +256,7 @@ class SensorPreviewService:
         try:
             self._ask(plan, folder)
         except CollectorError:
-            collector, self._collector = self._collector, None
-            if collector is not None:
-                collector.kill()
-                collector.__exit__(None, None, None)
+            self._end_collector()
             raise
         return folder / "raw"
 
@@ -212,6 +271,7 @@ class SensorPreviewService:
                 plan,
                 plan_path=folder / "plan.json",
                 log_path=Path(self._folder.name) / "collector.log",
+                python=self._server.python if self._server is not None else sys.executable,
                 module="carstage.collector.sensor_preview",
             )
             self._collector = collector.__enter__()
@@ -233,16 +293,10 @@ class SensorPreviewService:
 
     def _plan_document(self, spec: EpisodeSpec, folder: Path) -> dict[str, Any]:
         assert self._server is not None
-        endpoint = self._server.endpoint
         return {
             "plan_version": 1,
             "plugins": plugins_of(sensor.kind for sensor in spec.sensors),
-            "server": {
-                "host": endpoint.host,
-                "port": endpoint.port,
-                "timeout_s": _CALL_S,
-                "traffic_manager_port": endpoint.traffic_manager_port,
-            },
+            "server": {"timeout_s": _CALL_S, **self._server.plan()},
             "episodes": [
                 {
                     "episode_id": "preview",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse, Response
 
-from carstage.web.messages import PreviewPending, PreviewRequest
+from carstage.web.messages import PreviewPending, PreviewRequest, PreviewWarm
 from carstage.web.routes.access import BUSY, Access, Responses
 
 router = APIRouter(prefix="/api", tags=["preview"])
@@ -19,7 +19,7 @@ _PICTURE: Responses = {
 
 @router.post("/preview", responses=_PICTURE, response_class=Response)
 def preview(request: PreviewRequest, services: Access) -> Response:
-    """A picture through one sensor, from the embedded simulator, which stays warm for minutes."""
+    """A picture through one sensor, from the configuration's server, which is kept for a while."""
     picture = services.sensor_preview.look(request)
     if isinstance(picture, PreviewPending):
         return JSONResponse(picture.model_dump(mode="json"), status_code=202)
@@ -27,6 +27,6 @@ def preview(request: PreviewRequest, services: Access) -> Response:
 
 
 @router.post("/preview/warm", status_code=202, responses=BUSY)
-def warm(services: Access) -> dict[str, bool]:
-    """Begin to start the simulator, so that the first picture comes sooner."""
-    return {"warm": services.sensor_preview.warm()}
+def warm(request: PreviewWarm, services: Access) -> dict[str, bool]:
+    """Begin to start the server, so that the first picture comes sooner."""
+    return {"warm": services.sensor_preview.warm_for(request.server or {"kind": "embedded"})}

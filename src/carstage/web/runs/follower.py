@@ -1,19 +1,81 @@
-"""Log lines, tick times and rate of one run, read on as its files grow."""
+"""Log lines, tick times, loads and rate of one run, read on as its files grow."""
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import deque
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
+
+from pydantic import ValidationError
 
 from carstage.runs.reading import EventTail
-from carstage.web.messages import LogLine, TickPoint
+from carstage.web.messages import LoadPoint, LogLine, TickPoint
 from carstage.web.runs.log import log_line
 
 _MOST_LINES = 500
-_MOST_TICKS = 3000
+_MOST_POINTS = 3000
 _RATE_OVER_S = 10.0
+_FRAMES_OVER_S = 1.0
+_Point = TypeVar("_Point")
+
+
+class Series(Generic[_Point]):
+    """Points over a whole run: of a long one every second, fourth, eighth … one is kept.
+
+    Each has a number that only grows, so that readers can ask what is new to them.
+    """
+
+    def __init__(self) -> None:
+        self._points: list[tuple[int, _Point]] = []
+        self.seen = 0
+
+    def append(self, point: _Point) -> None:
+        """Take in a point."""
+        self.seen += 1
+        self._points.append((self.seen, point))
+        if len(self._points) > _MOST_POINTS:
+            del self._points[1::2]
+
+    def after(self, seen: int) -> list[_Point]:
+        """The points after the first ``seen`` ones, as far as they are kept."""
+        first = bisect_right(self._points, seen, key=lambda numbered: numbered[0])
+        return [point for _, point in self._points[first:]]
+
+
+class _Pace:
+    """What one worker's ticks were before."""
+
+    def __init__(self) -> None:
+        self.ticks: deque[tuple[float, int]] = deque(maxlen=2 * int(_RATE_OVER_S) * 10)
+        self.frames: tuple[float, int] | None = None
+
+    def tick_s(self, time_s: float, tick: int) -> float | None:
+        """Wall seconds per step since the tick before."""
+        if self.ticks and tick <= self.ticks[-1][1]:
+            self.ticks.clear()  # another episode
+            self.frames = None
+        before = self.ticks[-1] if self.ticks else None
+        self.ticks.append((time_s, tick))
+        return None if before is None else (time_s - before[0]) / (tick - before[1])
+
+    def frames_s(self, time_s: float, k: object) -> float | None:
+        """Saved frames per second, once a second."""
+        if not isinstance(k, int):
+            return None  # this step is not saved
+        before = self.frames
+        if before is not None and time_s - before[0] < _FRAMES_OVER_S:
+            return None
+        self.frames = (time_s, k)
+        return None if before is None else (k - before[1]) / (time_s - before[0])
+
+    def rate_ticks_s(self, now_s: float) -> float | None:
+        """Steps per second over the last seconds; None before there are two."""
+        lately = [one for one in self.ticks if now_s - one[0] <= _RATE_OVER_S]
+        if len(lately) < 2 or lately[-1][0] <= lately[0][0]:
+            return None
+        return (lately[-1][1] - lately[0][1]) / (lately[-1][0] - lately[0][0])
 
 
 class RunFollower:
@@ -28,9 +90,10 @@ class RunFollower:
     def __init__(self, folder: Path) -> None:
         self._tail = EventTail(folder / "events.jsonl")
         self._lines: deque[LogLine] = deque(maxlen=_MOST_LINES)
-        self._ticks: deque[TickPoint] = deque(maxlen=_MOST_TICKS)
+        self.ticks: Series[TickPoint] = Series()
+        self.loads: Series[LoadPoint] = Series()
+        self._paces: dict[int, _Pace] = {}
         self.lines_seen = 0
-        self.ticks_seen = 0
         self.committed: list[str] = []
         """Ids of the episodes that the run has committed."""
         self.retried: dict[str, str] = {}
@@ -42,6 +105,9 @@ class RunFollower:
             if event["event"] == "tick":
                 self._tick(event)
                 continue
+            if event["event"] == "load":
+                self._load(event)
+                continue
             self._count(event)
             line = log_line(event)
             if line is not None:
@@ -52,21 +118,15 @@ class RunFollower:
         """The lines after the first ``seen`` ones, as far as they are kept."""
         return list(islice(self._lines, max(0, len(self._lines) - (self.lines_seen - seen)), None))
 
-    def ticks_after(self, seen: int) -> list[TickPoint]:
-        """The tick times after the first ``seen`` ones, as far as they are kept."""
-        return list(islice(self._ticks, max(0, len(self._ticks) - (self.ticks_seen - seen)), None))
-
     def rate_ticks_s(self) -> float | None:
-        """Steps per second of wall time over the last seconds; None before there are two."""
-        if len(self._ticks) < 2:
-            return None
-        last = first = self._ticks[-1]
-        for point in reversed(self._ticks):
-            if point.tick > first.tick or last.time - point.time > _RATE_OVER_S:
-                break  # another episode, or long ago
-            first = point
-        passed_s = last.time - first.time
-        return (last.tick - first.tick) / passed_s if passed_s > 0 else None
+        """Steps per second of wall time over the last seconds, of all workers together.
+
+        None before a worker has made two.
+        """
+        last_s = max((pace.ticks[-1][0] for pace in self._paces.values()), default=0.0)
+        rates = [pace.rate_ticks_s(last_s) for pace in self._paces.values()]
+        known = [rate for rate in rates if rate is not None]
+        return sum(known) if known else None
 
     def _count(self, event: dict[str, Any]) -> None:
         episode = event.get("episode_id")
@@ -77,21 +137,34 @@ class RunFollower:
         elif event["event"] == "episode_retried":
             self.retried[episode] = str(event.get("reason", ""))
 
-    def _tick(self, event: dict[str, object]) -> None:
+    def _tick(self, event: dict[str, Any]) -> None:
         time_s, tick = event.get("time"), event.get("tick")
         if not isinstance(time_s, int | float) or not isinstance(tick, int):
             return
-        tick_s = None
-        if self._ticks and tick > self._ticks[-1].tick:
-            tick_s = (time_s - self._ticks[-1].time) / (tick - self._ticks[-1].tick)
+        worker = _worker(event)
+        pace = self._paces.setdefault(worker, _Pace())
+        tick_s = pace.tick_s(float(time_s), tick)
         queued, waited = event.get("queued_bytes", 0), event.get("waited_s", 0.0)
-        self._ticks.append(
+        self.ticks.append(
             TickPoint(
                 time=float(time_s),
                 tick=tick,
                 tick_s=tick_s,
+                frames_s=pace.frames_s(float(time_s), event.get("k")),
                 queued_bytes=queued if isinstance(queued, int) else 0,
                 waited_s=float(waited) if isinstance(waited, int | float) else 0.0,
+                worker=worker,
             )
         )
-        self.ticks_seen += 1
+
+    def _load(self, event: dict[str, Any]) -> None:
+        known = {key: event.get(key) for key in LoadPoint.model_fields}
+        try:
+            self.loads.append(LoadPoint.model_validate({**known, "worker": _worker(event)}))
+        except ValidationError:
+            return  # of another version
+
+
+def _worker(event: dict[str, Any]) -> int:
+    worker = event.get("worker", 0)
+    return worker if isinstance(worker, int) else 0

@@ -7,6 +7,7 @@ from typing import Any
 
 from carstage.web.messages import LogLine
 from carstage.web.messages.runs import Level
+from carstage.web.wording import page_words
 
 Event = Mapping[str, Any]
 
@@ -87,7 +88,9 @@ _LINES: dict[str, tuple[Level, Callable[[Event], str]]] = {
     ),
     "error": (
         "error",
-        lambda e: f"{e['message']} {e.get('hint') or ''}".strip(),
+        lambda e: (
+            f"{page_words(e['message'])} {page_words(e.get('hint') or '', hint=True)}".strip()
+        ),
     ),
     "collector_finished": ("debug", lambda e: f"The collector has ended ({e['exit_code']})."),
     "attempt_reserved": ("debug", lambda e: f"Attempt {e['attempt']} of {e['episode_id']}."),
@@ -102,10 +105,10 @@ _LINES: dict[str, tuple[Level, Callable[[Event], str]]] = {
     ),
     "episode_failed": (
         "error",
-        lambda e: f"Episode {e['episode_id']} failed: {e['reason']}",
+        lambda e: f"Episode {e['episode_id']} failed: {page_words(e['reason'])}",
     ),
     "episode_retried": (
         "warning",
-        lambda e: f"Episode {e['episode_id']} is recorded again: {e['reason']}",
+        lambda e: f"Episode {e['episode_id']} is recorded again: {page_words(e['reason'])}",
     ),
 }

@@ -6,7 +6,7 @@ import shutil
 import stat
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -40,6 +40,14 @@ class RunService:
 
     A run belongs to nobody: its state is in its folder and process, so one that an earlier server
     has started, or somebody in a terminal, is shown and stopped like any other.
+
+    Args:
+        roots: where datasets are.
+        launches: runs that were asked for here.
+        checker: what is a valid configuration.
+        store: the saved configuration.
+        previews: live pictures of runs.
+        make_room: has a server given back, by its key, that a run is about to use.
     """
 
     def __init__(
@@ -49,12 +57,14 @@ class RunService:
         checker: ConfigChecker,
         store: ConfigStore,
         previews: Previews,
+        make_room: Callable[[str], None] = lambda server: None,
     ) -> None:
         self._roots = roots
         self._launches = launches
         self._checker = checker
         self._store = store
         self._previews = previews
+        self._make_room = make_room
         self._records = RunRecords(roots, launches)
         for launch in launches.all():
             self._show(launch.place)
@@ -345,7 +355,8 @@ class RunService:
                 run=run,
                 config=dict(plan.config) if plan else {},
                 log=follower.lines_after(0),
-                ticks=follower.ticks_after(0),
+                ticks=follower.ticks.after(0),
+                loads=follower.loads.after(0),
                 channels=self._previews.channels(run.sensors),
                 committed=list(follower.committed),
                 bytes=_size(record.folder),
@@ -394,15 +405,26 @@ class RunService:
     def advance(self) -> None:
         """Begin what is next in the queue, for each server that is free."""
         with self._lock:
-            records = self._records.all()
-            busy = {self._server_of(record) for record in records.values() if _lives(record)}
-            for launch in self._launches.all():
-                if launch.run_id not in records and self._launches.alive(launch):
-                    busy.add(launch.server)
+            busy = self._busy()
             for launch in self._launches.all():
                 if launch.queued and launch.server not in busy:
                     busy.add(launch.server)
+                    self._make_room(launch.server)
                     self._launches.begin(launch.run_id)
+
+    def uses(self, server: str) -> bool:
+        """Whether a run uses a server, by its key, or waits for it."""
+        waiting = any(launch.queued and launch.server == server for launch in self._launches.all())
+        return waiting or server in self._busy()
+
+    def _busy(self) -> set[str]:
+        """The servers that runs use."""
+        records = self._records.all()
+        busy = {self._server_of(record) for record in records.values() if _lives(record)}
+        for launch in self._launches.all():
+            if launch.run_id not in records and self._launches.alive(launch):
+                busy.add(launch.server)
+        return busy
 
     def _server_of(self, record: RunRecord) -> str:
         launch = self._launches.get(record.run_id)

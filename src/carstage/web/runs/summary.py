@@ -17,6 +17,7 @@ from carstage.web.messages import (
 from carstage.web.messages.runs import RunState
 from carstage.web.runs.launches import Launch
 from carstage.web.runs.records import RunPlan, RunRecord
+from carstage.web.wording import page_words
 
 _STATES = get_args(RunState)
 _MOST_WORDS = 2000
@@ -207,12 +208,12 @@ def _last_words(tail: str) -> str:
     for position in range(len(lines) - 1, -1, -1):
         if lines[position].startswith("Error: "):
             words = " ".join(lines[position:]).removeprefix("Error: ")
-            return words[:_MOST_WORDS]
+            return page_words(words)[:_MOST_WORDS]
     return lines[-1][:_MOST_WORDS] if lines else "The run ended before it began."
 
 
 def _shortened(message: Any) -> str | None:
-    return str(message)[:_MOST_WORDS] if message else None
+    return page_words(str(message))[:_MOST_WORDS] if message else None
 
 
 def _time(value: Any) -> float | None:

@@ -20,7 +20,18 @@ from carstage_sim.kernels import device
 FloatArray = NDArray[np.float64]
 
 GRAVITY = 9.81
-STEER_RATE_DEG_S = 180.0
+PEDAL_PRESSED_PER_S, PEDAL_RELEASED_PER_S = 6.0, 10.0
+STEERED_OUT_PER_S, STEERED_BACK_PER_S = 2.5, 5.0
+"""How fast pedals and the steering wheel follow a command, in shares of their range per second: the
+defaults of Unreal's vehicles, on which CARLA's are built."""
+CORNERING_STIFFNESS = 12.0
+"""Of an axle, as a multiple of its load, 1/rad: cars have 10 to 15 (Rajamani, "Vehicle Dynamics and
+Control", chapter 2)."""
+RELAXATION_M = 0.5
+"""Way that a tyre rolls until most of its side force is there (Pacejka, "Tire and Vehicle
+Dynamics", chapter 1)."""
+SLOWEST_TURN_IN_M_S = 1.0
+"""The relaxation counts as at this speed for who is slower."""
 ROLLING_RESISTANCE = 0.12  # m/s^2
 ENGINE_BRAKING = 0.15  # m/s^2 with the throttle released
 ENGINE_BRAKING_PER_SPEED = 0.015  # 1/s
@@ -92,10 +103,41 @@ def next_speed(speed, push, holding, drag_per_mass, dt_s):  # type: ignore[no-un
 
 
 @device
-def next_steer_angle(angle_deg, target_deg, dt_s):  # type: ignore[no-untyped-def]
-    """Front wheel angle after one substep: towards the target at a bounded rate, degrees."""
-    bound = STEER_RATE_DEG_S * dt_s
-    return angle_deg + min(max(target_deg - angle_deg, -bound), bound)
+def next_pedal(pressed, target, dt_s):  # type: ignore[no-untyped-def]
+    """How far a pedal is pressed after one substep, 0 to 1."""
+    pressing, releasing = PEDAL_PRESSED_PER_S * dt_s, PEDAL_RELEASED_PER_S * dt_s
+    return pressed + min(max(target - pressed, -releasing), pressing)
+
+
+@device
+def next_steer_angle(angle_deg, target_deg, max_deg, dt_s):  # type: ignore[no-untyped-def]
+    """Front wheel angle after one substep, degrees: towards the target at a bounded rate."""
+    change = target_deg - angle_deg
+    outwards = change * angle_deg >= 0.0
+    bound = (STEERED_OUT_PER_S if outwards else STEERED_BACK_PER_S) * max_deg * dt_s
+    return angle_deg + min(max(change, -bound), bound)
+
+
+@device
+def next_yaw_rate(rate, target, before, speed, dt_s):  # type: ignore[no-untyped-def]
+    """Yaw rate (rad/s) after one substep: the tyres need a moment to turn the car in.
+
+    Who slows down meanwhile stays on the same arc, and at rest nobody turns.
+
+    The linear single-track model of a car whose radius of gyration is half its wheelbase L moves
+    like two axles, each with half the mass and its own tyres: the front axle takes on the sideways
+    speed that its wheels are steered to with the time constant ``v / (c g)``, c the cornering
+    stiffness over the load (Rajamani, chapter 2). Before that, a tyre's force builds up over the
+    relaxation length.
+
+    Args:
+        rate, target: rad/s as it was, and as :func:`yaw_rate` has it.
+        before, speed: m/s at the begin and the end of the substep.
+    """
+    kept = min(max(speed / before, 0.0), 1.0) if before != 0.0 else 0.0
+    moving = max(abs(speed), SLOWEST_TURN_IN_M_S)
+    lag_s = moving / (CORNERING_STIFFNESS * GRAVITY) + RELAXATION_M / moving
+    return target + (kept * rate - target) * math.exp(-dt_s / lag_s)
 
 
 @device

@@ -304,6 +304,7 @@ class VehicleFleet:
         if enabled and not rows.simulated[row]:
             rows.airborne[row] = True
             rows.spin[row] = rows.turn_rate[row] = rows.shift_left_s[row] = 0.0
+            rows.throttle[row] = rows.brake[row] = 0.0
             rows.gear[row] = 1
             self._set_velocity(row, np.zeros(3))
         rows.simulated[row] = enabled

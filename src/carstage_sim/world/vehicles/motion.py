@@ -26,16 +26,21 @@ class TickConstants(NamedTuple):
 
     Attributes:
         lands_in_s: when wheels begin to work, infinite where they do not within the tick.
+        throttle, brake: what the pedals are pressed to, 0 to 1.
+        hand_brake: its deceleration, m/s².
+        hold: the most that all tyres together can slow down by, m/s².
     """
 
     lands_in_s: FloatArray
     held: BoolArray
     throttle: FloatArray
+    brake: FloatArray
     wheel_target_deg: FloatArray
     slope_and_forces: FloatArray
     sideways_force: FloatArray
     spin_force: FloatArray
-    holding: FloatArray
+    hand_brake: FloatArray
+    hold: FloatArray
     traction: FloatArray
     lateral_limit: FloatArray
     wheelbase: FloatArray
@@ -55,25 +60,20 @@ def tick_constants(rows: VehicleRows, lands_in_s: FloatArray) -> TickConstants:
     along = rows.force[:, 0] * np.cos(yaw) + rows.force[:, 1] * np.sin(yaw)
     aside = rows.force[:, 1] * np.cos(yaw) - rows.force[:, 0] * np.sin(yaw)
     slope = np.where(rows.airborne | ~rows.gravity, 0.0, -dynamics.GRAVITY * np.sin(pitch))
-    braking = np.minimum(brake * rows.brake_deceleration, rows.max_deceleration * rows.grip)
-    hand_brake = np.minimum(
-        rows.hand_brake_deceleration,
-        dynamics.HAND_BRAKE_SHARE * rows.max_deceleration * rows.grip,
-    )
-    braking = np.minimum(
-        braking + np.where(rows.hand_brake, hand_brake, 0.0), rows.max_deceleration * rows.grip
-    )
+    hold = rows.max_deceleration * rows.grip
+    hand_brake = np.minimum(rows.hand_brake_deceleration, dynamics.HAND_BRAKE_SHARE * hold)
     return TickConstants(
         lands_in_s=np.where(rows.simulated, lands_in_s, np.inf),
         held=~np.isnan(rows.constant_velocity[:, 0]),
         throttle=throttle,
+        brake=brake,
         wheel_target_deg=steer * rows.max_steer_deg,
         slope_and_forces=slope + along * rows.inverse_mass,
         sideways_force=aside * rows.inverse_mass,
         spin_force=rows.torque_up * rows.inverse_inertia,
-        holding=braking
-        + np.minimum(dynamics.ROLLING_RESISTANCE, rows.max_deceleration * rows.grip),
-        traction=dynamics.TRACTION_SHARE * rows.max_deceleration * rows.grip,
+        hand_brake=np.where(rows.hand_brake, hand_brake, 0.0),
+        hold=hold,
+        traction=dynamics.TRACTION_SHARE * hold,
         lateral_limit=np.minimum(
             rows.max_lateral_acceleration * rows.grip, rows.rollover_acceleration
         ),
@@ -108,10 +108,14 @@ class _Columns(NamedTuple):
     spin: FloatArray
     turn_rate: FloatArray
     wheel_angle_deg: FloatArray
+    throttle: FloatArray
+    brake: FloatArray
     gear: NDArray[np.int64]
     shift_left_s: FloatArray
     grip: FloatArray
     rear_axle_x: FloatArray
+    max_steer_deg: FloatArray
+    brake_deceleration: FloatArray
     steering_curve: FloatArray
     understeer: FloatArray
     power_per_mass: FloatArray
@@ -160,11 +164,14 @@ def _move_one(rows, tick, i, rolling, dt_s):  # type: ignore[no-untyped-def]
         slide = rows.constant_velocity[i, 1]
 
     target_deg = dynamics.steering_share(rows.steering_curve, i, speed) * tick.wheel_target_deg[i]
-    angle_deg = dynamics.next_steer_angle(rows.wheel_angle_deg[i], target_deg, dt_s)
+    angle_deg = dynamics.next_steer_angle(
+        rows.wheel_angle_deg[i], target_deg, rows.max_steer_deg[i], dt_s
+    )
     rate = 0.0
     if rolling:
         limit = tick.lateral_limit[i]
-        rate = dynamics.yaw_rate(speed, angle_deg, wheelbase, limit, rows.understeer[i])
+        steered = dynamics.yaw_rate(speed, angle_deg, wheelbase, limit, rows.understeer[i])
+        rate = dynamics.next_yaw_rate(rows.turn_rate[i], steered, before, speed, dt_s)
 
     yaw = math.radians(rows.rotation_deg[i, _YAW])
     turn = rate + spin
@@ -207,10 +214,12 @@ def _next_speed(rows, tick, i, rolling, dt_s):  # type: ignore[no-untyped-def]
     """Speed after the engine, the brakes and the slope have worked."""
     speed, gear = rows.speed[i], rows.gear[i]
     magnitude = abs(speed)
+    throttle = rows.throttle[i] = dynamics.next_pedal(rows.throttle[i], tick.throttle[i], dt_s)
+    brake = rows.brake[i] = dynamics.next_pedal(rows.brake[i], tick.brake[i], dt_s)
     if not rolling:
         drag = rows.drag_per_mass[i] * speed * magnitude
         return speed + (tick.slope_and_forces[i] - drag) * dt_s
-    drive = tick.throttle[i] * powertrain.drive_acceleration(
+    drive = throttle * powertrain.drive_acceleration(
         i, speed, gear, rows.torque, rows.max_rpm, rows.rpm_per_speed, rows.force_per_torque
     )
     drive = min(drive, rows.power_per_mass[i] / max(magnitude, 0.1), tick.traction[i])
@@ -219,8 +228,9 @@ def _next_speed(rows, tick, i, rolling, dt_s):  # type: ignore[no-untyped-def]
     too_fast_backwards = gear < 0 and speed <= -rows.max_reverse_speed[i]
     if rows.shift_left_s[i] > 0.0 or too_fast_backwards:
         drive = 0.0
-    holding = tick.holding[i]
-    if tick.throttle[i] < 0.01 and gear != 0:
+    braking = brake * rows.brake_deceleration[i] + tick.hand_brake[i]
+    holding = min(braking, tick.hold[i]) + min(dynamics.ROLLING_RESISTANCE, tick.hold[i])
+    if throttle < 0.01 and gear != 0:
         braking = dynamics.ENGINE_BRAKING + dynamics.ENGINE_BRAKING_PER_SPEED * magnitude
         holding += min(braking * rows.engine_brake[i], tick.traction[i])
     push = drive + tick.slope_and_forces[i]

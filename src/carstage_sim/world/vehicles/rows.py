@@ -30,7 +30,8 @@ class VehicleRows:
 
     Motion is that of the middle of the rear axle: ``speed`` along the heading, ``slide`` to the
     right of it, ``spin`` (rad/s) on top of the turn that the front wheels steer, ``vertical_speed``
-    upwards while in the air.
+    upwards while in the air. ``throttle`` and ``brake`` are where the pedals are, ``control`` where
+    they are to go.
     """
 
     ids: NDArray[np.uint32]
@@ -61,6 +62,8 @@ class VehicleRows:
     vertical_speed: FloatArray
     airborne: BoolArray
     wheel_angle_deg: FloatArray
+    throttle: FloatArray
+    brake: FloatArray
     gear: IntArray
     shift_left_s: FloatArray
     grip: FloatArray

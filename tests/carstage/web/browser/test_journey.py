@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 from playwright.sync_api import Page, expect
 
-from browser_pages import PICTURES, Gui, OpenPage, Watch, field, load_demo, saved_config
+from browser_pages import (
+    PICTURES,
+    Gui,
+    OpenPage,
+    Watch,
+    field,
+    load_demo,
+    picture,
+    saved_config,
+)
 
 pytestmark = [pytest.mark.xdist_group("journey"), pytest.mark.end_to_end]
 
@@ -53,12 +61,6 @@ def runs(page: Page) -> list[dict[str, Any]]:
     return found
 
 
-def picture(page: Page, name: str) -> None:
-    """A picture of the page for the documentation, where one was asked for."""
-    if PICTURES:
-        page.screenshot(path=Path(PICTURES) / f"gui-{name}.png")
-
-
 def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui) -> None:
     page = open_page()
     configure_small(page, "journey", FRAMES)
@@ -66,7 +68,7 @@ def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui
     page.get_by_role("list", name="Sensors").get_by_role("button", name="CAM_FRONT").click()
     page.locator(".scene-host[data-ready=true]").wait_for()
     page.locator(".view-top .car-body").first.wait_for()
-    picture(page, "configure")
+    picture(page, "gui-configure", gui)
     page.get_by_role("button", name="Start", exact=True).click()
     expect(page.get_by_role("heading", name="journey")).to_be_visible()
     stop = page.get_by_role("button", name="Stop", exact=True)
@@ -83,7 +85,7 @@ def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui
     if PICTURES:
         page.get_by_text(re.compile(r"^[1-9]\d* / 50 frames$")).wait_for(timeout=RUN_MS)
         expect(page.locator(SHOWN)).to_have_count(7)
-    picture(page, "run")
+    picture(page, "gui-run", gui)
     badge = page.locator(".page-head .badge")
     expect(badge).to_have_text("done", timeout=RUN_MS)
     expect(page.get_by_text("1 of 1")).to_be_visible()
@@ -98,7 +100,7 @@ def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui
     page.locator(f'.scene-cameras [data-k="{FRAMES // 2}"]').wait_for()
     page.locator(".cloud-view:not([data-points='0'])").wait_for()
     page.locator(".map-view .lane").first.wait_for()
-    picture(page, "episode")
+    picture(page, "gui-episode", gui)
 
     page.goto(gui.url + "#/datasets/journey")
     page.get_by_role("tab", name="Export").click()
@@ -108,7 +110,7 @@ def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui
     assert any(gui.datasets.glob("exports/journey-coco/**/*.json"))
     page.get_by_role("tab", name="Statistics").click()
     expect(page.get_by_role("heading", name="Objects by class")).to_be_visible()
-    picture(page, "datasets")
+    picture(page, "gui-datasets", gui)
 
 
 def test_a_killed_interface_finds_its_run_again_and_another_browser_stops_it(

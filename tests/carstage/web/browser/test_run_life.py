@@ -13,11 +13,11 @@ from playwright.sync_api import Locator, Page, expect
 
 import analytic_dataset
 from browser_pages import (
-    PICTURES,
     Gui,
     OpenPage,
     field,
     load_demo,
+    picture,
     server_config,
     wait_until,
     wait_until_saved,
@@ -78,11 +78,6 @@ def at(run: FakeRun) -> str:
     return f"#/run/{run.folder.name}"
 
 
-def picture(page: Page, name: str) -> None:
-    if PICTURES:
-        page.screenshot(path=Path(PICTURES) / f"{name}.png")
-
-
 def action(page: Page, name: str, of: str = "run") -> None:
     page.get_by_role("button", name=f"Actions: {of}").click()
     page.get_by_role("menuitem", name=name).click()
@@ -92,7 +87,9 @@ def tile(page: Page, name: str) -> Locator:
     return page.locator(".tile").filter(has_text=name).locator("dd")
 
 
-def test_each_end_of_a_run_is_told_as_it_was(open_page: OpenPage, runs: dict[str, FakeRun]) -> None:
+def test_each_end_of_a_run_is_told_as_it_was(
+    open_page: OpenPage, runs: dict[str, FakeRun], gui: Gui
+) -> None:
     page = open_page(at(runs["failed"]))
     head = page.locator(".page-head")
     told = {
@@ -113,7 +110,7 @@ def test_each_end_of_a_run_is_told_as_it_was(open_page: OpenPage, runs: dict[str
         took = tile(page, "Took").inner_text()
         page.wait_for_timeout(1500)
         assert tile(page, "Took").inner_text() == took
-    picture(page, "gui-run-stopped")
+    picture(page, "gui-run-stopped", gui)
 
 
 def test_a_second_attempt_is_marked_with_its_reason(
@@ -122,6 +119,52 @@ def test_a_second_attempt_is_marked_with_its_reason(
     page = open_page(at(runs["going"]))
     expect(page.locator(".attempt")).to_contain_text("attempt 2")
     expect(page.locator(".attempt")).to_contain_text("The server ended.")
+
+
+def test_load_and_speed_are_drawn_with_axes_and_read_by_pointer_and_keys(
+    open_page: OpenPage, runs: dict[str, FakeRun], gui: Gui
+) -> None:
+    run = runs["going"]
+    page = open_page(at(run))
+    memory = page.get_by_role("figure").filter(has_text="Memory")
+    expect(memory).to_contain_text("not measured yet")
+    expect(memory.locator("svg")).to_have_count(0)
+    status = run._status
+    for second in range(8):
+        time_s = status["pid_started"] + 10.0 + second
+        for worker in (1, 2):
+            tick = {"episode_id": f"e{worker}", "tick": 10 * second * worker, "queued_bytes": 5000}
+            run.event("tick", worker=worker, k=second * worker, time=time_s, waited_s=0, **tick)
+        load = {"cpu_cores": 1.5, "memory_bytes": 10**9 * (second + 1), "written_bytes_s": 2e6}
+        run.event("load", time=time_s, disk_free_bytes=10**10, **load)
+    expect(memory).to_contain_text("now 8.0 GB, at most 8.0 GB")
+    expect(memory.locator(".chart-label").first).to_have_text("0 B")
+    chart = memory.get_by_role("group")
+    chart.hover(position={"x": 62, "y": 40})
+    expect(memory.get_by_role("status")).to_have_text("1.0 GB at 10 s")
+    page.mouse.move(0, 0)
+    chart.focus()
+    page.keyboard.press("ArrowLeft")
+    expect(memory.get_by_role("status")).to_have_text("8.0 GB at 17 s")
+    page.keyboard.press("ArrowLeft")
+    expect(memory.get_by_role("status")).to_have_text("7.0 GB at 16 s")
+    frames = page.get_by_role("figure").filter(has_text="Saved frames")
+    for worker in (1, 2):
+        page.get_by_role("button", name=f"worker {worker}").click()
+        expect(frames).to_contain_text(f"at most {worker}.00/s")
+    page.get_by_role("group", name="Workers").get_by_role("button", name="all").click()
+    expect(frames).to_contain_text("at most 3.00/s")
+    page.get_by_role("region", name="Speed and load").scroll_into_view_if_needed()
+    picture(page, "gui-run-load", gui)
+
+
+def test_validation_and_report_are_shown_as_commands(open_page: OpenPage, gui: Gui) -> None:
+    for tab, command in (("Validation", "validate"), ("Report", "report")):
+        page = open_page("#/datasets/scene")
+        page.get_by_role("tab", name=tab).or_(page.get_by_role("button", name=tab)).first.click()
+        page.get_by_role("button", name="Copy as command").click()
+        shown = page.get_by_label("Command", exact=True)
+        expect(shown).to_have_text(f"carstage {command} {gui.datasets / 'scene'}")
 
 
 def test_a_run_is_renamed_and_its_command_shown(
@@ -184,7 +227,7 @@ def test_a_stopped_run_goes_on_by_one_click(open_page: OpenPage, runs: dict[str,
     page.get_by_role("button", name="Take out").click()
 
 
-def test_all_runs_stand_in_one_table(open_page: OpenPage) -> None:
+def test_all_runs_stand_in_one_table(open_page: OpenPage, gui: Gui) -> None:
     page = open_page("#/runs")
     rows = page.locator(".runs-table tbody tr")
     expect(rows.filter(has_text="failed").first).to_contain_text("scene")
@@ -195,7 +238,7 @@ def test_all_runs_stand_in_one_table(open_page: OpenPage) -> None:
     expect(rows.filter(has_text="going")).to_have_count(0)
     page.get_by_label("Search the runs").fill("killed")
     expect(rows).to_have_count(1)
-    picture(page, "gui-runs")
+    picture(page, "gui-runs", gui)
 
 
 def test_a_dataset_that_holds_episodes_is_asked_about(open_page: OpenPage) -> None:
@@ -283,7 +326,7 @@ def test_another_server_has_no_maps_of_the_embedded_one(open_page: OpenPage) -> 
     assert server_config(page)["map"]["choice"] == "Town10HD_Opt"
 
 
-def test_settings_are_searched_and_told_from_the_usual_ones(open_page: OpenPage) -> None:
+def test_settings_are_searched_and_told_from_the_usual_ones(open_page: OpenPage, gui: Gui) -> None:
     page = open_page()
     load_demo(page)
     form = page.locator(".config-form")
@@ -295,7 +338,7 @@ def test_settings_are_searched_and_told_from_the_usual_ones(open_page: OpenPage)
     for name in ("Map", "Weather", "Episodes", "Duration", "Frame rate", "Image size",
                  "Maximum distance", "Ground truth", "Timing"):  # fmt: skip
         expect(form).to_contain_text(re.compile(name, re.IGNORECASE))
-    picture(page, "gui-paper")
+    picture(page, "gui-paper", gui)
     page.get_by_role("button", name="Changed", exact=True).click()
     field(page, "Name").first.wait_for()
 

@@ -9,10 +9,12 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import carla
 import numpy as np
 import pytest
 from PIL import Image
 
+from carstage.errors import CarStageError
 from carstage.server import Endpoint, free_port
 from carstage.spec import EpisodeSpec
 from carstage.web.configure.checking import ConfigChecker
@@ -99,7 +101,7 @@ def test_of_requests_that_wait_only_the_newest_is_looked_at(
         assert go_on.wait(60)
         return tmp_path
 
-    monkeypatch.setattr(SensorPreviewService, "warm", lambda _: True)
+    monkeypatch.setattr(SensorPreviewService, "warm", lambda *_: True)
     monkeypatch.setattr(SensorPreviewService, "_record", record)
     monkeypatch.setattr(SensorPreviewService, "_draw", lambda *_: b"picture")
     service = SensorPreviewService(ConfigChecker(Roots((tmp_path,))))
@@ -128,7 +130,7 @@ def test_of_requests_that_wait_only_the_newest_is_looked_at(
 def test_while_the_simulator_starts_the_page_is_told_to_ask_again(
     site: Site, demo: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(SensorPreviewService, "warm", lambda _: False)
+    monkeypatch.setattr(SensorPreviewService, "warm", lambda *_: False)
     request = asked(demo, "rgb").model_dump()
     answer = site.client.post("/api/preview", json=request)
     assert (answer.status_code, answer.json()["state"]) == (202, "starting")
@@ -141,3 +143,123 @@ def test_wrong_sensors_are_refused_with_the_field(
     answer = site.client.post("/api/preview", json={"config": demo, "sensor": sensor})
     assert answer.status_code == 422
     assert answer.json()["errors"][0]["path"][0] in ("id", "kind")
+
+
+@pytest.fixture
+def remote(simulator: RunningSimulator, demo: dict[str, Any]) -> dict[str, Any]:
+    """The demonstration on a server that somebody else has started."""
+    server = {"kind": "remote", "host": simulator.host, "port": simulator.port}
+    return {**demo, "server": server}
+
+
+@pytest.fixture
+def client(simulator: RunningSimulator) -> Iterator[Any]:
+    """Somebody else's client of that server, whose world is free again at the end."""
+    made = carla.Client(simulator.host, simulator.port)
+    made.set_timeout(60.0)
+    made.load_world("Stage01")
+    yield made
+    world = made.get_world()
+    settings = world.get_settings()
+    settings.synchronous_mode, settings.fixed_delta_seconds = False, None
+    world.apply_settings(settings)
+    made.load_world("Stage01")
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path) -> Iterator[SensorPreviewService]:
+    service = SensorPreviewService(ConfigChecker(Roots((tmp_path,))))
+    yield service
+    service.close()
+
+
+def looked(service: SensorPreviewService, request: PreviewRequest) -> bytes:
+    """The answer when the server is ready."""
+    answers: list[bytes] = []
+
+    def look() -> bool:
+        answer = service.look(request)
+        if isinstance(answer, bytes):
+            answers.append(answer)
+        return bool(answers)
+
+    await_that(look)
+    return answers[0]
+
+
+def values_of(settings: Any) -> dict[str, Any]:
+    return {name: getattr(settings, name) for name in dir(settings) if not name.startswith("_")}
+
+
+def test_pictures_come_from_a_server_at_an_address_which_is_given_back_as_it_was(
+    elsewhere: SensorPreviewService, remote: dict[str, Any], client: Any
+) -> None:
+    world = client.get_world()
+    settings = values_of(world.get_settings())
+    assert not settings["synchronous_mode"]
+    front = picture(looked(elsewhere, asked(remote, "rgb")))
+    assert (front.format, front.size) == ("JPEG", (160, 90))
+    assert np.asarray(picture(looked(elsewhere, asked(remote, "lidar")))).any()
+    assert client.get_world().get_settings().synchronous_mode
+    elsewhere.make_room("another server")
+    assert client.get_world().get_settings().synchronous_mode, "it is not the one to give back"
+    elsewhere.make_room(f"{remote['server']['host']}:{remote['server']['port']}")
+    left = client.get_world()
+    assert values_of(left.get_settings()) == settings
+    assert not [a for a in left.get_actors() if a.type_id.startswith(("vehicle", "sensor"))]
+
+
+def test_a_server_that_somebody_uses_is_left_alone(
+    elsewhere: SensorPreviewService, remote: dict[str, Any], client: Any
+) -> None:
+    world = client.get_world()
+    before = world.id
+    blueprint = world.get_blueprint_library().find("vehicle.tesla.model3")
+    car = world.spawn_actor(blueprint, world.get_map().get_spawn_points()[0])
+    world.wait_for_tick()
+    with pytest.raises(CarStageError, match=r"somebody else: 1 actors of others") as refused:
+        looked(elsewhere, asked(remote, "rgb"))
+    assert "when they have finished" in refused.value.hint
+    now = client.get_world()
+    assert now.id == before
+    assert now.get_actor(car.id) is not None
+    assert not now.get_settings().synchronous_mode
+    car.destroy()
+
+
+def test_who_comes_between_two_pictures_keeps_the_world(
+    elsewhere: SensorPreviewService, remote: dict[str, Any], client: Any
+) -> None:
+    looked(elsewhere, asked(remote, "rgb"))
+    world = client.load_world("Stage01", False)
+    settings = world.get_settings()
+    settings.synchronous_mode, settings.fixed_delta_seconds = True, 0.02
+    world.apply_settings(settings)
+    blueprint = world.get_blueprint_library().find("vehicle.tesla.model3")
+    car = world.spawn_actor(blueprint, world.get_map().get_spawn_points()[0])
+    world.tick()
+    with pytest.raises(CarStageError, match="somebody else"):
+        looked(elsewhere, asked(remote, "rgb"))
+    elsewhere.close()
+    now = client.get_world()
+    assert now.id == world.id
+    assert now.get_settings().fixed_delta_seconds == pytest.approx(0.02)
+    assert now.get_actor(car.id) is not None
+
+
+def test_a_server_that_a_run_needs_is_refused(tmp_path: Path, remote: dict[str, Any]) -> None:
+    service = SensorPreviewService(ConfigChecker(Roots((tmp_path,))), lambda key: True)
+    with pytest.raises(WebError, match="A run uses this server"):
+        service.look(asked(remote, "rgb"))
+    with pytest.raises(WebError, match="A run uses this server"):
+        service.warm_for(remote["server"])
+    service.close()
+
+
+def test_a_server_that_does_not_answer_is_told(
+    elsewhere: SensorPreviewService, demo: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("carstage.server.remote.ANSWER_S", 1.0)
+    nobody = {**demo, "server": {"kind": "remote", "port": free_port()}}
+    with pytest.raises(CarStageError, match="answer"):
+        looked(elsewhere, asked(nobody, "rgb"))

@@ -183,7 +183,7 @@ def test_a_command_that_is_refused_says_why(
     with open_site(tmp_path) as client:
         run_id = begin(client, demo, "a")
         await_that(lambda: states(client)[run_id] == "failed/ended")
-        assert runs(client)[0].message == "server.host: nobody is there. Start it."
+        assert runs(client)[0].message == "Host: nobody is there. Start it."
 
 
 def test_runs_that_others_have_started_are_shown_and_stopped(

@@ -109,9 +109,37 @@ def test_traffic_managers_strongest_pedals_accelerate_and_brake_as_it_expects() 
     fleet = fleet_of_one()
     drive(fleet, 2.0, throttle=0.85)
     assert 3.0 < fleet.velocity[0, 0] / 2.0 < 4.2
+    drive(fleet, 0.15, brake=0.7)  # until the pedal is down
     before = fleet.velocity[0, 0]
     drive(fleet, 0.5, brake=0.7)
     assert before - fleet.velocity[0, 0] >= 0.5 * 6.0
+
+
+def test_pedals_and_wheel_take_their_time() -> None:
+    fleet = fleet_of_one()
+    drive(fleet, 0.1, throttle=1.0, steer=1.0)
+    assert float(fleet.wheel_angle_deg[0]) == pytest.approx(0.25 * 70.0, rel=0.01)
+    soon = float(fleet.acceleration[0, 0])
+    drive(fleet, 0.2, throttle=1.0)
+    assert 0.2 < soon / float(fleet.acceleration[0, 0]) < 0.7
+    drive(fleet, 0.1)
+    assert float(fleet.wheel_angle_deg[0]) == 0.0
+    drive(fleet, 0.1)
+    assert float(fleet.acceleration[0, 0]) < 0.0
+
+
+def test_a_car_turns_in_gradually_and_stops_turning_when_it_stops() -> None:
+    fleet = fleet_of_one()
+    fleet.set_target_velocity(7, (15.0, 0.0, 0.0))
+    rates = []
+    for _ in range(8):
+        drive(fleet, DELTA_S, throttle=0.3, steer=0.1)
+        rates.append(float(fleet.angular_velocity_deg[0, 2]))
+    changes = np.diff(rates)
+    assert (changes > 0.0).all()
+    assert changes.max() < 0.4 * rates[-1]
+    drive(fleet, 4.0, steer=0.1, brake=1.0)
+    assert float(fleet.angular_velocity_deg[0, 2]) == 0.0
 
 
 def test_released_pedals_coast_to_a_stop_gently() -> None:
@@ -140,7 +168,7 @@ def test_hand_brake_holds_against_throttle_of_a_parking_car() -> None:
 def test_slow_turning_radius_follows_the_single_track_model(steer: float) -> None:
     fleet = fleet_of_one()
     fleet.set_constant_velocity(7, (2.0, 0.0, 0.0))
-    drive(fleet, 2.0, steer=steer)
+    drive(fleet, 6.0, steer=steer)  # until the tyres have turned it in
     vehicle = parameters()
     angle_deg = float(fleet.wheel_angle_deg[0])
     # 7.2 km/h lies on the first slope of the steering curve.

@@ -1,0 +1,72 @@
+"""Frames of sensors read, hashed and decoded by threads, while the frames before are checked."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Generator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from carstage.dataset.reading import Sensor
+from carstage.validation.checks.files import FileRead, VerifiedFiles
+
+_MOST_THREADS = 4
+"""More decode faster than one thread checks."""
+_FRAMES_AHEAD = 2
+
+
+@dataclass(frozen=True, slots=True)
+class DecodedFrame:
+    """One frame of one sensor.
+
+    Attributes:
+        sensor: whose.
+        files: as they were read, in the order of their names.
+        array: what they hold; ``None``: they cannot be read, or do not decode.
+        damage: why they do not decode.
+    """
+
+    sensor: Sensor
+    files: Sequence[FileRead]
+    array: NDArray[Any] | None = None
+    damage: str | None = None
+
+
+def decoded_frames(
+    files: VerifiedFiles, frames: Sequence[Sequence[Sensor]]
+) -> Generator[list[DecodedFrame], None, None]:
+    """The data of frame after frame, of which at most two are decoded ahead.
+
+    Reading, hashing and decoding leave the interpreter's lock for most of their time.
+
+    Args:
+        files: reads them; nothing is reported.
+        frames: of each frame the sensors that have files of it.
+    """
+    threads = max(1, min(_MOST_THREADS, os.cpu_count() or 1))
+    waiting: deque[list[Future[DecodedFrame]]] = deque()
+    pool = ThreadPoolExecutor(threads, thread_name_prefix="decode")
+    try:
+        for k, sensors in enumerate(frames):
+            waiting.append([pool.submit(_decoded, files, sensor, k) for sensor in sensors])
+            if len(waiting) > _FRAMES_AHEAD:
+                yield [task.result() for task in waiting.popleft()]
+        while waiting:
+            yield [task.result() for task in waiting.popleft()]
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _decoded(files: VerifiedFiles, sensor: Sensor, k: int) -> DecodedFrame:
+    found = [files.look_at(name) for name in sensor.file_names(k)]
+    contents = [one.content for one in found if one.content is not None]
+    if len(contents) != len(found):
+        return DecodedFrame(sensor, found)
+    try:
+        return DecodedFrame(sensor, found, sensor.decode(contents))
+    except ValueError as error:
+        return DecodedFrame(sensor, found, damage=str(error))

@@ -1,0 +1,88 @@
+"""What pixels met, and their bytes, in one pass over a band of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.kernels import kernel
+
+FAR_M = 1000.0
+"""Largest depth; also what a depth image shows for the sky."""
+ENVIRONMENT_ID = 0x8000
+"""First instance id of level objects: actor ids count up from 1 and do not come near."""
+
+InBands = Callable[[int, Callable[[int, int], None]], None]
+"""Calls work on bands that cover a number of pixels, see ``RayCaster.in_bands``."""
+
+_STEPS_PER_M = (2**24 - 1) / FAR_M
+_OPAQUE = np.uint32(0xFF000000)
+_BYTE = np.uint32(0xFF)
+
+
+def in_one(count: int, work: Callable[[int, int], None]) -> None:
+    """All pixels as one band."""
+    work(0, count)
+
+
+@kernel
+def hit_tags(row, triangle, static, static_tag, actor_tag, sky, first, last, tags):  # type: ignore[no-untyped-def]
+    """The semantic tag of what each ray met; see ``View.tags``.
+
+    Args:
+        static: the row of what belongs to the town.
+        sky: the tag of what met nothing.
+    """
+    for k in range(first, last):
+        if row[k] == static:
+            tags[k] = static_tag[triangle[k]]
+        elif row[k] >= 0:
+            tags[k] = actor_tag[triangle[k]]
+        else:
+            tags[k] = sky
+
+
+@kernel
+def hit_ids(row, triangle, static, static_object, actor_id, first, last, ids):  # type: ignore[no-untyped-def]
+    """The instance id of what each ray met; see ``View.instance_ids``."""
+    for k in range(first, last):
+        ids[k] = 0
+        if row[k] == static:
+            number = np.int64(static_object[triangle[k]])
+            if number > 0:
+                ids[k] = ENVIRONMENT_ID | ((number - 1) & (ENVIRONMENT_ID - 1))
+        elif row[k] >= 0:
+            ids[k] = np.int64(actor_id[row[k]]) & 0xFFFF
+
+
+@kernel
+def depth_words(depth_m, first, last, words):  # type: ignore[no-untyped-def]
+    """BGRA bytes of depths as little-endian words: the code's low byte in R, its high one in B."""
+    for k in range(first, last):
+        metres = np.float64(depth_m[k])
+        if not metres < FAR_M:  # nor is what is not a number
+            metres = np.float64(FAR_M)
+        metres = max(metres, np.float64(0.0))
+        code = np.uint32(np.rint(metres * _STEPS_PER_M))
+        low, middle = code & _BYTE, code & np.uint32(0xFF00)
+        words[k] = low << np.uint32(16) | middle | code >> np.uint32(16) | _OPAQUE
+
+
+@kernel
+def instance_words(tags, ids, first, last, words):  # type: ignore[no-untyped-def]
+    """BGRA bytes as little-endian words: tag in R, id low byte in G, high in B."""
+    for k in range(first, last):
+        number = np.uint32(ids[k])
+        words[k] = (
+            np.uint32(tags[k]) << np.uint32(16)
+            | (number & _BYTE) << np.uint32(8)
+            | number >> np.uint32(8)
+            | _OPAQUE
+        )
+
+
+def bytes_of(words: NDArray[np.uint32], shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    """``(*shape, 4)`` bytes of flat words."""
+    return words.view(np.uint8).reshape(*shape, 4)

@@ -1,0 +1,38 @@
+"""Sensor kinds of installed packages, looked up by several threads."""
+
+from __future__ import annotations
+
+import threading
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import replace
+
+import pytest
+
+from carstage.sensor_kinds import table
+
+LIMIT_S = 60.0
+
+
+def test_a_thread_waits_for_the_kinds_that_another_looks_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    began, go_on = threading.Event(), threading.Event()
+    late = replace(table.sensor_kind("rgb"), name="late", blueprint="sensor.camera.late")
+
+    def slowly_imported(_modules: object) -> None:
+        began.set()
+        assert go_on.wait(LIMIT_S)
+        assert table.known_kind("later") is None  # a plugin may ask while it is imported
+        table.register(late)
+
+    monkeypatch.setattr(table, "_kinds", dict(table._kinds))
+    monkeypatch.setattr(table, "_scanned", [])
+    monkeypatch.setattr(table, "import_plugins", slowly_imported)
+    with ThreadPoolExecutor(2) as threads:
+        first = threads.submit(table.known_kind, "late")
+        assert began.wait(LIMIT_S)
+        second = threads.submit(table.known_kind, "late")
+        done, _ = wait([second], 0.2)
+        go_on.set()
+        assert not done
+        assert first.result(LIMIT_S) == second.result(LIMIT_S) == late

@@ -1,0 +1,72 @@
+"""Tags, ids and bytes of pixels, whatever bands they are counted in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from carstage_sim.labels import CityObjectLabel
+from carstage_sim.render.cast import NOTHING, STATIC
+from carstage_sim.sensors.cameras import encode_depth, encode_instances
+from carstage_sim.sensors.pixel_kernels import in_one
+from carstage_sim.sensors.view import View
+
+TAGS = np.array([7, 1, 14, 22], np.uint8)
+OBJECTS = np.array([0, 1, 9, 0x8001], np.uint32)
+ACTORS = np.array([3, 70_000], np.uint32)
+
+
+def in_threes(count: int, work: Callable[[int, int], None]) -> None:
+    """The bands in another order than that of the pixels."""
+    for first in reversed(range(0, count, 3)):
+        work(first, min(first + 3, count))
+
+
+def a_view(in_bands: Callable[[int, Callable[[int, int], None]], None]) -> Any:
+    frame = SimpleNamespace(
+        static=SimpleNamespace(tag=TAGS, object_id=OBJECTS),
+        actors=SimpleNamespace(tag=TAGS[::-1].copy()),
+        actor_id=ACTORS,
+    )
+    return SimpleNamespace(frame=frame, in_bands=in_bands)
+
+
+HITS: Any = SimpleNamespace(
+    row=np.array([STATIC, STATIC, NOTHING, 0, 1, STATIC, STATIC], np.int32),
+    triangle=np.array([0, 1, -1, 0, 3, 2, 3], np.int32),
+)
+
+
+@pytest.mark.parametrize("in_bands", [in_one, in_threes])
+def test_tags_and_ids_are_those_of_the_triangle_and_the_actor(
+    in_bands: Callable[[int, Callable[[int, int], None]], None],
+) -> None:
+    view = a_view(in_bands)
+    tags, ids = View.tags(view, HITS), View.instance_ids(view, HITS)
+    assert tags.tolist() == [7, 1, int(CityObjectLabel.SKY), 22, 7, 14, 22]
+    # Of level objects 0x8000 + index in 15 bits, of actors the low 16 bits.
+    assert ids.tolist() == [0, 0x8000, 0, 3, 70_000 & 0xFFFF, 0x8008, 0x8000]
+    pixels = encode_instances(tags, ids, in_bands)
+    assert pixels.tolist() == [
+        [number >> 8, number & 0xFF, tag, 255]
+        for tag, number in zip(tags.tolist(), ids.tolist(), strict=True)
+    ]
+
+
+@pytest.mark.parametrize("in_bands", [in_one, in_threes])
+def test_bytes_of_depths_are_numpys(
+    in_bands: Callable[[int, Callable[[int, int], None]], None],
+) -> None:
+    rng = np.random.default_rng(5)
+    odd = [np.nan, np.inf, -np.inf, -0.0, -3.0, 1000.0, 1000.1, 999.99997]
+    depth_m = np.concatenate([odd, rng.uniform(0.0, 1001.0, 4088)]).astype(np.float32)
+    pixels = encode_depth(depth_m.reshape(64, 64), in_bands)
+    steps = np.clip(np.fmin(depth_m.astype(np.float64), 1000.0), 0.0, None)
+    code = np.rint(steps * ((2**24 - 1) / 1000.0)).astype(np.int64)
+    wanted = np.stack([code >> 16, code >> 8 & 0xFF, code & 0xFF, np.full_like(code, 255)], axis=1)
+    np.testing.assert_array_equal(pixels.reshape(-1, 4), wanted)
+    assert pixels.shape == (64, 64, 4)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -19,6 +20,7 @@ from carstage.errors import BadInputError, ConfigError
 from carstage.runs import record_beside
 from carstage.server import free_port
 from running_simulator import RunningSimulator
+from waiting import await_that
 
 RIG: dict[str, Any] = {
     "image_size": [64, 36],
@@ -109,3 +111,50 @@ def test_a_rig_that_does_not_fit_is_refused(
     with pytest.raises(error, match=words):
         record_beside("127.0.0.1:2000", "hero", rig, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_what_overruns_is_missing_in_the_ledger_with_its_reason(
+    simulator: RunningSimulator, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    large = {**RIG, "image_size": [1280, 720]}
+    with ticking(simulator, 30):
+        record_beside(
+            address(simulator), "hero", large, out, settings=("output.raw_queue_mb=1",), episodes=1
+        )
+    (ledger,) = (pq.read_table(path) for path in out.glob("episodes/*/*/frames.parquet"))
+    rows = ledger.to_pylist()
+    lost = [row for row in rows if row["CAM.state"] == "missing"]
+    assert lost
+    assert all("waited for the disk" in row["CAM.reason"] for row in lost)
+    assert [row["tick"] for row in rows] == list(range(len(rows)))
+    report = carstage.validate(out)
+    assert any(problem.check == "ledger_state" for problem in report.problems), report.problems
+    assert not report.ok
+
+
+def test_ctrl_c_keeps_what_is_whole(simulator: RunningSimulator, tmp_path: Path) -> None:
+    out, rig = tmp_path / "out", tmp_path / "rig.yaml"
+    rig.write_text(json.dumps(FAST_RIG))
+    command = [
+        *(sys.executable, "-m", "carstage.cli", "record", "--server", address(simulator)),
+        *("--ego", "hero", "--rig", str(rig), "--out", str(out)),
+    ]
+    with ticking(simulator, 2000):
+        recorder = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+        try:
+            events = out / "runs"
+            await_that(lambda: told(events).count('"event": "tick"') > 2, 120.0)
+            recorder.send_signal(signal.SIGINT)
+            _, said = recorder.communicate(timeout=60.0)
+        finally:
+            recorder.kill()
+            recorder.communicate()
+    assert recorder.returncode == 130, said
+    (episode,) = carstage.Dataset(out).episodes
+    assert 20 < episode.spec.steps < 2000
+    assert carstage.validate(out).ok
+
+
+def told(runs: Path) -> str:
+    return "".join(path.read_text() for path in runs.glob("*/events.jsonl"))

@@ -121,7 +121,7 @@ class WorldObserver:
             weather: the values that the tick was made with.
         """
         new_actors = self._new_actors(snapshot)
-        return self._moment(snapshot, weather, new_actors, self.states())
+        return self._moment(snapshot, weather, new_actors, self.states(), self.vehicle_lights())
 
     def watch_lights(self, lights: Iterable[Any]) -> None:
         """Have the states of traffic lights noted from now on."""
@@ -156,17 +156,29 @@ class WorldObserver:
             },
         }
 
+    def vehicle_lights(self) -> Dict[str, int]:
+        """Ask the server which lights of which vehicles are on, by actor id."""
+        return {
+            str(actor_id): int(state)
+            for actor_id, state in self._world.get_vehicles_light_states().items()
+        }
+
     def observe_past(
-        self, snapshot: Any, weather: Mapping[str, float], states: Mapping[str, Any]
+        self,
+        snapshot: Any,
+        weather: Mapping[str, float],
+        states: Mapping[str, Any],
+        vehicle_lights: Mapping[str, int],
     ) -> WorldMoment:
         """Take the truth of a tick after which others may have been made.
 
         Args:
             snapshot: ``carla.WorldSnapshot``.
-            weather: as far as it is known.
+            weather, vehicle_lights: as far as they are known.
             states: what :meth:`states` gave while this frame was the newest.
         """
-        return self._moment(snapshot, weather, self._new_actors(snapshot), states)
+        new_actors = self._new_actors(snapshot)
+        return self._moment(snapshot, weather, new_actors, states, vehicle_lights)
 
     def _moment(
         self,
@@ -174,15 +186,13 @@ class WorldObserver:
         weather: Mapping[str, float],
         new_actors: Sequence[Mapping[str, Any]],
         states: Mapping[str, Any],
+        vehicle_lights: Mapping[str, int],
     ) -> WorldMoment:
         meta = {
             "delta_s": snapshot.timestamp.delta_seconds,
             "weather": weather,
             "ego": states["ego"],
-            "vehicle_lights": {
-                str(actor_id): int(state)
-                for actor_id, state in self._world.get_vehicles_light_states().items()
-            },
+            "vehicle_lights": vehicle_lights,
             "traffic_lights": states["traffic_lights"],
         }
         level_objects, self._level_objects = self._level_objects, ()

@@ -18,7 +18,7 @@ duration_s: {duration_s}
 fps: {fps}
 vehicles: {{count: 6}}
 pedestrians: {{count: 3}}
-timing: {{warmup_ticks: 25}}
+timing: {{warmup_ticks: 40}}
 conversion: {{workers: 1}}
 server: {{kind: embedded, self_test: off}}
 scenario: {scenario}

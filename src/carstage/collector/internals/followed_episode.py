@@ -8,6 +8,7 @@ import threading
 import time
 from collections import deque
 from contextlib import ExitStack
+from dataclasses import replace
 from typing import Any, Deque, Dict, Iterator, List, Mapping, NamedTuple, Optional, Tuple
 
 import carla
@@ -338,13 +339,12 @@ class FollowedEpisode:
         ticks: int,
         town: Any,
     ) -> Mapping[str, Any]:
-        spec = self._spec.to_json()
-        spec["steps"] = ticks
+        spec = replace(self._spec, steps=ticks)
         return {
             "format_version": FORMAT_VERSION,
             "episode_id": "",
             "attempt": "",
-            "spec": spec,
+            "spec": spec.to_json(),
             "ticks_per_segment": segment_ticks,
             "ticks": ticks,
             "client_version": versions[0],

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[3]
 @pytest.mark.xdist_group("runs")
 def test_eight_episodes_are_there_once_whatever_breaks() -> None:
     """In a process of its own, as it leaves the network."""
-    options = ["--episodes", "8", "--workers", "2", "--seed", "8", "--every-s", "5", "--json"]
+    options = ["--episodes", "8", "--workers", "2", "--seed", "8", "--every-s", "2", "--json"]
     ended = subprocess.run(
         [sys.executable, "-m", "benchmarks", "chaos", *options],
         cwd=ROOT,

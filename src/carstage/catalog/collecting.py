@@ -82,7 +82,7 @@ def leftovers(
 
 
 def collect(store: Store, found: Iterable[Leftover]) -> Mapping[Leftover, str]:
-    """Remove attempts; one that was committed meanwhile stays.
+    """Remove attempts; one that was committed meanwhile stays. Leases of episodes go, too.
 
     Args:
         store: the dataset's.
@@ -97,6 +97,7 @@ def collect(store: Store, found: Iterable[Leftover]) -> Mapping[Leftover, str]:
             store.discard_attempt(leftover.episode_id, leftover.attempt)
         except (StorageError, OSError) as error:
             kept[leftover] = str(error)
+    store.forget_leases(store.committed().keys())
     return kept
 
 

@@ -8,7 +8,7 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from itertools import chain
@@ -254,6 +254,11 @@ class LocalStore(Store):
                     "Remove its marker first if the episode shall go.",
                 )
         self._remove_attempt(episode_id, attempt)
+
+    def forget_leases(self, episode_ids: Collection[str]) -> None:
+        """See ``Store.forget_leases``."""
+        for episode_id in episode_ids:
+            self._remove_leases(episode_id)
 
     def attempts(self) -> Iterator[tuple[str, str]]:
         """The folders below ``episodes``; see ``Store.attempts``."""

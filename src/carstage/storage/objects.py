@@ -6,7 +6,7 @@ import json
 import secrets
 import tempfile
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
@@ -229,6 +229,13 @@ class ObjectStore(Store):
                     "Remove its marker first if the episode shall go.",
                 )
         self._files.delete(found.key for found in self._files.below(prefix))
+
+    def forget_leases(self, episode_ids: Collection[str]) -> None:
+        """By one listing; see ``Store.forget_leases``."""
+        leases = [one.key for one in self._files.below("leases")]
+        names = {key: key.partition("/")[2].rpartition(".")[0] for key in leases}
+        with suppress(StorageError):
+            self._files.delete(key for key in leases if names[key] in episode_ids)
 
     def attempts(self) -> Iterator[tuple[str, str]]:
         """One listing for each episode, many at a time; see ``Store.attempts``."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any
@@ -236,6 +236,12 @@ class Store(ABC):
 
         Raises:
             StorageError: the attempt is the committed one.
+        """
+
+    def forget_leases(self, episode_ids: Collection[str]) -> None:  # noqa: B027 - they do no harm
+        """Remove the leases of episodes that are there.
+
+        ``commit`` does so; a run that was killed right after its marker could not.
         """
 
     @abstractmethod

@@ -47,6 +47,17 @@ class TestLocalStore(StoreTests):
             store.commit("0123456789abcdef", "a2", frames=1, versions={})
         assert not (place / "out" / "leases").exists()
 
+    def test_leases_that_a_killed_commit_left_are_forgotten(
+        self, place: Path, store: Store
+    ) -> None:
+        self.write(store, "a1")
+        store.commit("0123456789abcdef", "a1", frames=1, versions={})
+        store.reserve_attempt("0123456789abcdef", {})
+        store.reserve_attempt("fedcba9876543210", {})  # which somebody may be recording
+        store.forget_leases(store.committed().keys())
+        (lease,) = (place / "out" / "leases").iterdir()
+        assert lease.name == "fedcba9876543210.1"
+
     def test_an_attempt_that_cannot_be_begun_is_a_storage_error(self, place: Path) -> None:
         (place / "out").mkdir()
         (place / "out" / "episodes").write_text("a file")

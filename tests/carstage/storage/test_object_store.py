@@ -81,6 +81,15 @@ class ObjectStoreTests(StoreTests):
         store.commit("0123456789abcdef", attempt, frames=1, versions={})
         assert remote_files(self.address).below("leases") == []
 
+    def test_leases_that_a_killed_commit_left_are_forgotten(self, store: Store) -> None:
+        self.write(store, "a1")
+        store.commit("0123456789abcdef", "a1", frames=1, versions={})
+        store.reserve_attempt("0123456789abcdef", {})
+        store.reserve_attempt("fedcba9876543210", {})  # which somebody may be recording
+        store.forget_leases(store.committed().keys())
+        kept = [one.key for one in remote_files(self.address).below("leases")]
+        assert kept == ["leases/fedcba9876543210.1"]
+
     def test_the_probe_leaves_nothing_behind(self, store: Store) -> None:
         store.check()
         assert [found.key for found in remote_files(self.address).below("")] == ["dataset.json"]

@@ -1,3 +1,4 @@
+import type { ReactNode } from "react";
 import { edit } from "../state/draft";
 import type { JsonObject } from "../state/json";
 import { useForm } from "../form/context";
@@ -22,21 +23,15 @@ export function ScenarioPlaces({ document, spawnPoints, severalMaps, replay, veh
   const set = (make: (now: Stop[]) => Stop[]) => edit((now) => withStops(now, make(stopsOf(now))));
   if (replay)
     return (
-      <aside className="panel sensors" aria-label="Places">
-        <header className="panel-head">
-          <h2>Places</h2>
-        </header>
+      <Panel>
         <p className="empty">
           A recorded episode is played again: its map, start, ways and traffic are used, not those of this configuration. Only the
           weather is this configuration’s own.
         </p>
-      </aside>
+      </Panel>
     );
   return (
-    <aside className="panel sensors" aria-label="Places">
-      <header className="panel-head">
-        <h2>Places</h2>
-      </header>
+    <Panel>
       <div className="places">
         <h3>Start</h3>
         <select
@@ -120,7 +115,7 @@ export function ScenarioPlaces({ document, spawnPoints, severalMaps, replay, veh
         </ul>
         <p className="muted">Their numbers and how they drive stand in the parameters below Traffic.</p>
       </div>
-    </aside>
+    </Panel>
   );
 }
 
@@ -132,4 +127,15 @@ function nameOf(stop: Stop): string {
 function numbers(count: number, start: unknown): number[] {
   const list = Array.from({ length: count }, (_, i) => i);
   return typeof start === "number" && start >= count ? [...list, start] : list;
+}
+
+function Panel({ children }: { children: ReactNode }) {
+  return (
+    <aside className="panel sensors" aria-label="Places">
+      <header className="panel-head">
+        <h2>Places</h2>
+      </header>
+      {children}
+    </aside>
+  );
 }

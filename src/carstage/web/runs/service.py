@@ -94,12 +94,16 @@ class RunService:
         Raises:
             WebError: there is none of that id.
         """
-        for _ in range(2):
-            for run in self.summaries():
-                if run.run_id == run_id:
-                    return run
+        found = self._find(run_id)
+        if found is None:
             self._roots.forget()  # its dataset may have been made within the second
-        raise not_found(f"run {run_id}")
+            found = self._find(run_id)
+        if found is None:
+            raise not_found(f"run {run_id}")
+        return found
+
+    def _find(self, run_id: str) -> RunSummary | None:
+        return next((run for run in self.summaries() if run.run_id == run_id), None)
 
     def start(self, request: RunStart) -> RunSummary:
         """Freeze a configuration, put it at the end of the queue, begin it if it is its turn.

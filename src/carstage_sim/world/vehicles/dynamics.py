@@ -3,9 +3,9 @@
 Pure functions of one vehicle, which the kernel of a physics step calls. The model is the kinematic
 single-track model (KS) of Althoff, Koschi, Manzinger, "CommonRoad: Composable Benchmarks for Motion
 Planning on Roads" (2017), with the reference point on the rear axle, extended by a bound on the
-lateral acceleration: without it a wheel that turns 70 degrees would spin the car at any speed. What
-collisions and impulses add to the motion that the wheels allow, a slide and a spin, dry friction
-takes away again.
+lateral acceleration: without it a wheel that turns 70 degrees would spin the car at any speed.
+Pedals, steering wheel and tyres follow what is asked of them with a lag. What collisions and
+impulses add to the motion that the wheels allow, a slide and a spin, dry friction takes away again.
 """
 
 from __future__ import annotations

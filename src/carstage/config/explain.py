@@ -12,6 +12,7 @@ from carstage.config.fields import path_text, shortened, unknown
 from carstage.config.scene import SCENARIO_KINDS
 from carstage.config.sensors import SENSOR_KINDS
 from carstage.errors import ConfigError
+from carstage.spec import EVENT_SPECS
 
 _MOST_SHOWN = 8
 #: Errors that say that a value has another shape than one alternative of several.
@@ -20,6 +21,7 @@ _SHAPES = ("model_type", "model_attributes_type", "tuple_type")
 _TAGS = {
     "server": ("embedded", "carla", "remote"),
     "scenario": SCENARIO_KINDS,
+    "events": tuple(EVENT_SPECS),
     "sensors": tuple(SENSOR_KINDS),
 }
 #: Names that pydantic gives to the alternatives of a union such as `auto` or a number.
@@ -142,7 +144,7 @@ def _explain(details: ErrorDetails, data: Any) -> tuple[tuple[str | int, ...], s
 
 
 def _tags_at(path: Sequence[str | int]) -> tuple[str, ...]:
-    return next(tags for name, tags in _TAGS.items() if name in path)
+    return next(_TAGS[part] for part in reversed(path) if part in _TAGS)
 
 
 def config_error(error: ValidationError, data: Any) -> ConfigError:

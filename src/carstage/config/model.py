@@ -9,6 +9,7 @@ from pydantic import model_validator
 from carstage.config.attributes import ImageSize, SweepAttributes
 from carstage.config.campaign import Campaign, Condition
 from carstage.config.conversion import Conversion
+from carstage.config.events import check_events
 from carstage.config.fields import Section, path_text, problem, setting, unknown
 from carstage.config.labels import GroundTruth, Labels
 from carstage.config.output import Output
@@ -224,6 +225,7 @@ class Config(Section):
             PydanticCustomError: with the path of one of them.
         """
         check_substepping(self.timing, self.fps)
+        check_events(self.scenario, self.timing)
         self.check_steps()
         for path, sensor in self.located_sensors():
             self._check_sensor(path, sensor)

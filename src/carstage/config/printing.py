@@ -99,9 +99,17 @@ def _rig_reference(schema: Schema) -> Iterator[str]:
 def _sections(path: str, node: Schema, root: Schema) -> Iterator[tuple[str, Schema]]:
     """The mappings at and below a key, each with its title."""
     if "oneOf" in node:
+        lists: dict[str, Schema] = {}  # several kinds may have a list in common
         for tag, reference in node["discriminator"]["mapping"].items():
             section = root["$defs"][reference.rsplit("/", 1)[1]]
             yield f"{path}: kind {tag}", section
+            lists |= {
+                key: below["items"]
+                for key, below in section.get("properties", {}).items()
+                if "oneOf" in below.get("items", {})
+            }
+        for key, items in lists.items():
+            yield from _sections(f"{path}.{key}[]", items, root)
         return
     for alternative in node.get("anyOf", [node]):
         section = _resolve(alternative, root)

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Strict, model_validator
 
+from carstage.config.events import Events, no_events
 from carstage.config.fields import Names, Section, problem, setting, shortened, unknown
 
 DEFAULT_MAP = "Stage01"
@@ -158,6 +159,7 @@ class AutopilotScenario(Section):
         description="The Traffic Manager drives the ego through town.",
         group="ego",
     )
+    events: Events = no_events()
 
 
 class RouteScenario(Section):
@@ -175,6 +177,7 @@ class RouteScenario(Section):
             min_length=1,
         )
     )
+    events: Events = no_events()
 
 
 class StationaryScenario(Section):

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from carstage.config import Config
+from carstage.config.events import Event
 from carstage.config.scene import Place as ConfiguredPlace
 from carstage.config.scene import ReplayScenario, RouteScenario, StationaryScenario
 from carstage.errors import ConfigError
 from carstage.geometry import FloatArray
 from carstage.spec import (
+    EVENT_SPECS,
     AutopilotSpec,
     Control,
+    EventSpec,
     Place,
     ReplayedActor,
     ReplaySpec,
@@ -100,7 +103,8 @@ def plan_scenario(
     scenario = config.scenario
     if isinstance(scenario, RouteScenario):
         places = enumerate(scenario.through)
-        return RouteSpec(tuple(_place(place, i, spawn_points) for i, place in places))
+        through = tuple(_place(place, i, spawn_points) for i, place in places)
+        return RouteSpec(through, _events(scenario.events))
     if isinstance(scenario, ReplayScenario):
         if recording is None:
             raise ConfigError(
@@ -108,7 +112,15 @@ def plan_scenario(
                 "Give the folder of a recorded episode.",
             )
         return _replay(config, recording)
-    return StationarySpec() if isinstance(scenario, StationaryScenario) else AutopilotSpec()
+    if isinstance(scenario, StationaryScenario):
+        return StationarySpec()
+    return AutopilotSpec(_events(scenario.events))
+
+
+def _events(events: Sequence[Event]) -> tuple[EventSpec, ...] | None:
+    """None for no event, so that episodes without any keep their ids."""
+    planned = (EVENT_SPECS[event.kind](**event.model_dump(exclude={"kind"})) for event in events)
+    return tuple(planned) or None
 
 
 def _place(place: int | ConfiguredPlace, position: int, spawn_points: int | None) -> int | Place:

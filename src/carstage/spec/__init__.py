@@ -5,6 +5,7 @@ standard library only and runs on Python 3.8, as the collector needs it there.
 """
 
 from carstage.spec.episode import SPEC_VERSION, EpisodeSpec, Seeds
+from carstage.spec.events import EVENT_SPECS, EventSpec
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.labels import GroundTruthSpec, LabelsSpec
 from carstage.spec.road_users import GroupSpec, PedestriansSpec, TrafficSpec, VehiclesSpec
@@ -33,6 +34,7 @@ from carstage.spec.timing import SavedSteps, TimingSpec
 __all__ = [
     "ATTACHMENTS",
     "EGO",
+    "EVENT_SPECS",
     "FOLLOW",
     "ON_MAP",
     "RIGID",
@@ -41,6 +43,7 @@ __all__ = [
     "Control",
     "EgoSpec",
     "EpisodeSpec",
+    "EventSpec",
     "Fields",
     "GroundTruthSpec",
     "GroupSpec",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Dict, List, Mapping, NamedTuple, Optional, Tuple, Type, Union
 
+from carstage.spec.events import EventSpec, read_events
 from carstage.spec.fields import Fields, SpecError, is_number, shown
 from carstage.spec.plain import LEFT_OUT, plain
 from carstage.spec.scene import Place
@@ -31,10 +32,12 @@ class ScenarioSpec:
     Attributes:
         kind: its name.
         json_kind: its name in the JSON form, which is part of the episode's id.
+        events: what happens to the ego on its way; None: nothing that was asked for.
     """
 
     kind: ClassVar[str]
     json_kind: ClassVar[str]
+    events: Optional[Tuple[EventSpec, ...]] = None
 
     @classmethod
     def read(cls, fields: Fields, steps: int) -> ScenarioSpec:
@@ -52,6 +55,13 @@ class AutopilotSpec(ScenarioSpec):
     """The Traffic Manager drives the ego through town."""
 
     kind = json_kind = "autopilot"
+    events: Optional[Tuple[EventSpec, ...]] = field(default=None, metadata=LEFT_OUT)
+
+    @classmethod
+    def read(cls, fields: Fields, steps: int) -> AutopilotSpec:
+        """Check and read the section."""
+        del steps
+        return cls(read_events(fields))
 
 
 @dataclass(frozen=True)
@@ -69,6 +79,7 @@ class RouteSpec(ScenarioSpec):
 
     kind = json_kind = "route"
     through: Tuple[Union[int, Place], ...]
+    events: Optional[Tuple[EventSpec, ...]] = field(default=None, metadata=LEFT_OUT)
 
     @classmethod
     def read(cls, fields: Fields, steps: int) -> RouteSpec:
@@ -84,7 +95,7 @@ class RouteSpec(ScenarioSpec):
                 places.append(Place(place.number("x_m"), place.number("y_m")))
         if not places:
             raise SpecError("%s: is empty." % fields.path("through"))
-        return cls(tuple(places))
+        return cls(tuple(places), read_events(fields))
 
 
 @dataclass(frozen=True)

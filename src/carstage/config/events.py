@@ -1,0 +1,167 @@
+"""Events that happen to the ego on its way, placed ahead of it while the episode is recorded."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Strict, model_validator
+
+from carstage.config.fields import Section, problem, setting
+from carstage.config.timing import Timing
+from carstage.spec import EVENT_SPECS
+
+MOST_EVENTS = 100
+
+
+def _number(kind: str, name: str, title: str, description: str, unit: str) -> Any:
+    """A number of an event; default and limits are the specification's."""
+    field = next(each for each in fields(EVENT_SPECS[kind]) if each.name == name)
+    return setting(
+        field.default,
+        title=title,
+        description=description,
+        unit=unit,
+        group="ego",
+        ge=field.metadata["low"],
+        le=field.metadata["high"],
+    )
+
+
+def _at_s(kind: str) -> Any:
+    return _number(kind, "at_s", "From", "Simulated time from which on a place is looked for.", "s")
+
+
+def _kind(title: str, sentence: str) -> Any:
+    return setting(title=title, description=sentence, group="ego")
+
+
+class PedestrianCrosses(Section):
+    """A pedestrian waits at the kerb ahead and crosses before the ego."""
+
+    kind: Literal["pedestrian_crosses"] = _kind("Event", "A pedestrian crosses before the ego.")
+    at_s: float = _at_s("pedestrian_crosses")
+    distance_m: float = _number(
+        "pedestrian_crosses", "distance_m", "Distance", "From the ego to where it crosses.", "m"
+    )
+    trigger_m: float = _number(
+        "pedestrian_crosses", "trigger_m", "Trigger", "It steps out when the ego is this near.", "m"
+    )
+    speed_m_s: float = _number(
+        "pedestrian_crosses", "speed_m_s", "Speed", "How fast it walks.", "m/s"
+    )
+    side: Literal["right", "left"] = setting(
+        "right",
+        title="Side",
+        description="Side of the road, seen by the ego, from which it comes.",
+        group="ego",
+    )
+    parked_car: bool = setting(
+        False,
+        title="Parked car",
+        description="It steps out from behind a car at the kerb.",
+        group="ego",
+    )
+
+    @model_validator(mode="after")
+    def _check_trigger(self) -> PedestrianCrosses:
+        _check_trigger(self.trigger_m, self.distance_m)
+        return self
+
+
+class HardBrakingLeader(Section):
+    """A car drives ahead of the ego and brakes to a stop."""
+
+    kind: Literal["hard_braking_leader"] = _kind("Event", "A car ahead of the ego brakes hard.")
+    at_s: float = _at_s("hard_braking_leader")
+    gap_m: float = _number(
+        "hard_braking_leader", "gap_m", "Gap", "From the ego's front to its rear.", "m"
+    )
+    lead_s: float = _number(
+        "hard_braking_leader", "lead_s", "Leads for", "How long it leads before it brakes.", "s"
+    )
+    deceleration_m_s2: float = _number(
+        "hard_braking_leader", "deceleration_m_s2", "Deceleration", "How hard it brakes.", "m/s²"
+    )
+    stand_s: float = _number(
+        "hard_braking_leader", "stand_s", "Stands for", "Then it drives on.", "s"
+    )
+
+
+class CutIn(Section):
+    """A car in the lane beside the ego's moves over, closely ahead, and drives slower."""
+
+    kind: Literal["cut_in"] = _kind("Event", "A car moves into the ego's lane, closely ahead.")
+    at_s: float = _at_s("cut_in")
+    gap_m: float = _number(
+        "cut_in", "gap_m", "Gap", "From the ego's front to its rear, as it begins.", "m"
+    )
+    change_s: float = _number(
+        "cut_in", "change_s", "Change", "How long it takes to move over.", "s"
+    )
+    slower_m_s: float = _number(
+        "cut_in", "slower_m_s", "Slower by", "Than the ego, once it has moved over.", "m/s"
+    )
+
+
+class StoppedVehicle(Section):
+    """A car stands in the ego's lane with its hazard lights on, then drives on."""
+
+    kind: Literal["stopped_vehicle"] = _kind("Event", "A car stands in the ego's lane.")
+    at_s: float = _at_s("stopped_vehicle")
+    distance_m: float = _number(
+        "stopped_vehicle", "distance_m", "Distance", "From the ego to where it stands.", "m"
+    )
+    trigger_m: float = _number(
+        "stopped_vehicle", "trigger_m", "Trigger", "The event begins at this distance.", "m"
+    )
+    stand_s: float = _number(
+        "stopped_vehicle", "stand_s", "Stands for", "From then on; then it drives on.", "s"
+    )
+
+    @model_validator(mode="after")
+    def _check_trigger(self) -> StoppedVehicle:
+        _check_trigger(self.trigger_m, self.distance_m)
+        return self
+
+
+def _check_trigger(trigger_m: float, distance_m: float) -> None:
+    if trigger_m > distance_m:
+        raise problem(
+            f"{trigger_m:g} m are more than distance_m, {distance_m:g} m.",
+            f"Give at most {distance_m:g}, or a larger distance_m.",
+            "trigger_m",
+        )
+
+
+Event = Annotated[
+    PedestrianCrosses | HardBrakingLeader | CutIn | StoppedVehicle, Discriminator("kind")
+]
+Events = Annotated[tuple[Event, ...], Strict(strict=False)]
+
+
+def no_events() -> Any:
+    """The setting of a scenario; by default nothing happens but traffic."""
+    return setting(
+        (),
+        title="Events",
+        description="What happens to the ego on its way, such as `{kind: pedestrian_crosses}`; "
+        "see docs/how-to/events.md.",
+        group="ego",
+        max_length=MOST_EVENTS,
+    )
+
+
+def check_events(scenario: Section, timing: Timing) -> None:
+    """Refuse events where the world does not wait for who moves them.
+
+    Raises:
+        PydanticCustomError: it runs by the clock.
+    """
+    if getattr(scenario, "events", ()) and timing.mode != "sync":
+        raise problem(
+            "events need a world that waits for each step.",
+            "Set timing.mode to sync, or leave the events out.",
+            "scenario",
+            "events",
+        )

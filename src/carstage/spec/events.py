@@ -1,0 +1,148 @@
+"""Events that happen to the ego in an episode: what is asked for, one class for each kind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any, Dict, List, Optional, Tuple, Type, TypeVar
+
+from carstage.spec.fields import Fields
+
+LONGEST_S = 86_400.0
+SIDES = ("right", "left")
+
+
+def quantity(default: float, low: float, high: float) -> Any:
+    """A number of an event, with the values that it may have."""
+    return field(default=default, metadata={"low": low, "high": high})
+
+
+def word(default: str, known: Tuple[str, ...]) -> Any:
+    """A word of an event, one of those that are known."""
+    return field(default=default, metadata={"known": known})
+
+
+def named(kind: str) -> Any:
+    """The field that holds the name of a kind."""
+    return field(default=kind, init=False)
+
+
+EventClass = TypeVar("EventClass", bound="EventSpec")
+
+
+@dataclass(frozen=True)
+class EventSpec:
+    """One event.
+
+    Attributes:
+        kind: its name.
+        at_s: seconds after the first recorded step; a place is looked for from then on.
+    """
+
+    kind: str = named("")
+    at_s: float = quantity(0.0, 0.0, LONGEST_S)
+
+    @classmethod
+    def read(cls: Type[EventClass], section: Fields) -> EventClass:
+        """Check and read the section of this kind."""
+        given: Dict[str, Any] = {}
+        for each in fields(cls):
+            if not each.init:
+                continue
+            if "known" in each.metadata:
+                given[each.name] = section.text(each.name, each.metadata["known"])
+            elif isinstance(each.default, bool):
+                given[each.name] = section.flag(each.name)
+            else:
+                low, high = each.metadata["low"], each.metadata["high"]
+                given[each.name] = section.number(each.name, least=low, most=high)
+        return cls(**given)
+
+    def parameters(self) -> Dict[str, Any]:
+        """All but the kind, by name."""
+        return {each.name: getattr(self, each.name) for each in fields(self) if each.init}
+
+
+@dataclass(frozen=True)
+class PedestrianCrosses(EventSpec):
+    """A pedestrian waits at the kerb ahead and crosses before the ego.
+
+    Attributes:
+        distance_m: from the ego to where it crosses, when it is placed.
+        trigger_m: it steps out when the ego is that near.
+        speed_m_s: how fast it walks.
+        side: of the road, as the ego sees it, from which it comes.
+        parked_car: it steps out from behind a car at the kerb.
+    """
+
+    kind: str = named("pedestrian_crosses")
+    distance_m: float = quantity(35.0, 10.0, 150.0)
+    trigger_m: float = quantity(20.0, 3.0, 150.0)
+    speed_m_s: float = quantity(1.6, 0.3, 5.0)
+    side: str = word("right", SIDES)
+    parked_car: bool = False
+
+
+@dataclass(frozen=True)
+class HardBrakingLeader(EventSpec):
+    """A car drives ahead of the ego and brakes to a stop.
+
+    Attributes:
+        gap_m: from the ego's front to its rear, as it leads.
+        lead_s: how long it leads before it brakes.
+        deceleration_m_s2: how hard it brakes.
+        stand_s: how long it stands; then it drives on.
+    """
+
+    kind: str = named("hard_braking_leader")
+    gap_m: float = quantity(12.0, 5.0, 60.0)
+    lead_s: float = quantity(2.0, 0.0, 30.0)
+    deceleration_m_s2: float = quantity(6.0, 1.0, 10.0)
+    stand_s: float = quantity(3.0, 0.0, 300.0)
+
+
+@dataclass(frozen=True)
+class CutIn(EventSpec):
+    """A car beside the ego's lane moves over, closely ahead, and drives slower.
+
+    Attributes:
+        gap_m: from the ego's front to its rear, as it begins to move over.
+        change_s: how long it takes to move over.
+        slower_m_s: how much slower than the ego it drives then.
+    """
+
+    kind: str = named("cut_in")
+    gap_m: float = quantity(8.0, 2.0, 60.0)
+    change_s: float = quantity(2.5, 1.0, 8.0)
+    slower_m_s: float = quantity(2.0, 0.0, 15.0)
+
+
+@dataclass(frozen=True)
+class StoppedVehicle(EventSpec):
+    """A car stands in the ego's lane with its hazard lights on, then drives on.
+
+    Attributes:
+        distance_m: from the ego to it, when it is placed.
+        trigger_m: the event begins when the ego is that near.
+        stand_s: how long it stands from then on.
+    """
+
+    kind: str = named("stopped_vehicle")
+    distance_m: float = quantity(50.0, 15.0, 200.0)
+    trigger_m: float = quantity(25.0, 8.0, 200.0)
+    stand_s: float = quantity(5.0, 0.0, 300.0)
+
+
+EVENT_SPECS: Dict[str, Type[EventSpec]] = {
+    cls().kind: cls for cls in (PedestrianCrosses, HardBrakingLeader, CutIn, StoppedVehicle)
+}
+"""The classes by kind."""
+
+
+def read_events(section: Fields) -> Optional[Tuple[EventSpec, ...]]:
+    """Check and read ``events`` of a scenario; None where there are none."""
+    if "events" not in section:
+        return None
+    found: List[EventSpec] = []
+    for event in section.objects("events"):
+        found.append(EVENT_SPECS[event.text("kind", tuple(EVENT_SPECS))].read(event))
+    return tuple(found) or None

@@ -171,7 +171,9 @@ class EpisodeRecorder:
             k = saved.index(tick) if seen else None
             moment: Optional[WorldMoment] = None
             if seen:
-                moment = observer.observe(step.snapshot, session.weather.values)
+                moment = observer.observe(
+                    step.snapshot, session.weather.values, scene.event_states()
+                )
             pipeline.expect(
                 ExpectedFrame(tick, step.frame, step.timestamp_s, k, step.tick_s, moment, seen)
             )

@@ -33,6 +33,17 @@ def lights_for(weather: Mapping[str, float]) -> int:
     return bits
 
 
+def planned_lights(mode: str, weather: Mapping[str, float]) -> int:
+    """``carla.VehicleLightState`` bits of a vehicle that nobody else lights.
+
+    Args:
+        mode: ``auto``, ``on`` or ``off``.
+        weather: its parameters.
+    """
+    bits = {"on": DRIVING_LIGHTS, "off": 0}.get(mode)
+    return lights_for(weather) if bits is None else bits
+
+
 class Lamps:
     """Switches lamps as planned.
 
@@ -58,9 +69,7 @@ class Lamps:
 
     def light(self, vehicles: Sequence[Any], weather: Mapping[str, float]) -> None:
         """Set the lights of vehicles that nobody else sets; repeated calls do nothing new."""
-        bits = {"on": DRIVING_LIGHTS, "off": 0}.get(self._mode)
-        if bits is None:
-            bits = lights_for(weather)
+        bits = planned_lights(self._mode, weather)
         changed = [vehicle.id for vehicle in vehicles if self._shown.get(vehicle.id) != bits]
         self._shown = {vehicle.id: bits for vehicle in vehicles}
         if changed:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable, Dict, Optional
+from typing import Any, Callable, Dict, List, Optional
 
 from carstage.collector.internals.plan import ServerPlan
 from carstage.collector.internals.traffic_manager_wakeup import TickWatch, started_threads
 from carstage.collector.scenario import Population, Scenario, make_scenario
+from carstage.collector.scenario.events import EventRunner, check_map
 from carstage.collector.sensors.rig import Rig
 from carstage.collector.timing import CLOCKS, Clock, Tick
 from carstage.collector.world import WorldSession
@@ -23,6 +24,7 @@ class Scene:
         rig: the sensors.
         population: who was spawned.
         step_s: simulated time of a step.
+        event_runner: what happens to the ego beside the scenario.
     """
 
     def __init__(
@@ -33,11 +35,13 @@ class Scene:
         rig: Rig,
         population: Population,
         step_s: float,
+        event_runner: EventRunner,
     ) -> None:
         self._session = session
         self._clock = clock
         self._scenario = scenario
         self._step_s = step_s
+        self._event_runner = event_runner
         self.rig = rig
         self.ego: Any = population.ego
         self.requested: Dict[str, int] = population.requested
@@ -52,8 +56,13 @@ class Scene:
         """
         self._session.weather.advance((tick or 0) * self._step_s)
         self._scenario.before_step(tick)
+        self._event_runner.before_step(tick)
         self.rig.move_followers()
         return self._clock.step()
+
+    def event_states(self) -> Optional[List[Dict[str, Any]]]:
+        """How the planned events stood in the last step; None: none are planned."""
+        return self._event_runner.states()
 
 
 def build_scene(
@@ -76,6 +85,7 @@ def build_scene(
         SceneError: the server cannot make the planned scene.
     """
     check()
+    check_map(spec, session.map)
     scenario = make_scenario(client, session, spec, server.traffic_manager_port)
     population = scenario.populate(check)
     check()
@@ -87,4 +97,5 @@ def build_scene(
     clock.step()  # so that the client knows what was spawned
     scenario.start(population)
     rig = Rig(session, spec, population.ego)
-    return Scene(session, clock, scenario, rig, population, spec.step_s)
+    event_runner = EventRunner(session, spec, population, server.traffic_manager_port)
+    return Scene(session, clock, scenario, rig, population, spec.step_s, event_runner)

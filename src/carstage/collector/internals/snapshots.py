@@ -113,15 +113,24 @@ class WorldObserver:
         self._known: Set[int] = set()
         self._traffic_lights: List[Any] = []
 
-    def observe(self, snapshot: Any, weather: Mapping[str, float]) -> WorldMoment:
+    def observe(
+        self,
+        snapshot: Any,
+        weather: Mapping[str, float],
+        events: Optional[Sequence[Mapping[str, Any]]] = None,
+    ) -> WorldMoment:
         """Take the truth of the tick that ``snapshot`` belongs to, before the next one.
 
         Args:
             snapshot: ``carla.WorldSnapshot``.
             weather: the values that the tick was made with.
+            events: how the planned events stood; None: none are planned.
         """
         new_actors = self._new_actors(snapshot)
-        return self._moment(snapshot, weather, new_actors, self.states(), self.vehicle_lights())
+        states = self.states()
+        if events is not None:
+            states["events"] = list(events)
+        return self._moment(snapshot, weather, new_actors, states, self.vehicle_lights())
 
     def watch_lights(self, lights: Iterable[Any]) -> None:
         """Have the states of traffic lights noted from now on."""
@@ -195,6 +204,8 @@ class WorldObserver:
             "vehicle_lights": vehicle_lights,
             "traffic_lights": states["traffic_lights"],
         }
+        if "events" in states:
+            meta["events"] = states["events"]
         level_objects, self._level_objects = self._level_objects, ()
         return WorldMoment(snapshot, meta, new_actors, level_objects)
 

@@ -1,0 +1,260 @@
+"""What events see of the world around the ego, and how they change it."""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
+
+import carla
+
+from carstage.collector.actors import dress
+from carstage.collector.internals.lamps import planned_lights
+from carstage.collector.scenario.base import Population
+from carstage.collector.world import WorldSession
+from carstage.spec import EpisodeSpec
+
+SPACING_M = 1.0
+"""Between the places of a stretch of road."""
+LANE_HALF_M = 1.9
+"""A vehicle whose middle is that near to the middle of a lane is in it."""
+DROPS_M = (0.2, 0.6)
+"""Heights above the road to try: a spawn that touches it fails."""
+ROLE = "event"
+
+
+class Stretch(NamedTuple):
+    """The road that the ego has before it, up to the next junction or fork.
+
+    ``places``: waypoints a metre apart, the first one beside the ego.
+    """
+
+    places: List[Any]
+
+    @property
+    def length_m(self) -> float:
+        """Its length."""
+        return (len(self.places) - 1) * SPACING_M
+
+    def at(self, distance_m: float) -> Any:
+        """The waypoint at a distance along it."""
+        return self.places[min(round(distance_m / SPACING_M), len(self.places) - 1)]
+
+
+class Surroundings:
+    """The ego, the road ahead, other vehicles; and a list of commands for the next step.
+
+    All that is read is what the client knows of the last step; only spawning asks the server.
+
+    Args:
+        session: the episode's world.
+        spec: the episode.
+        population: who was spawned.
+        traffic_manager_port: where the client's Traffic Manager listens.
+        rng: of the events.
+    """
+
+    def __init__(
+        self,
+        session: WorldSession,
+        spec: EpisodeSpec,
+        population: Population,
+        traffic_manager_port: int,
+        rng: random.Random,
+    ) -> None:
+        self._session = session
+        self._spec = spec
+        self._port = traffic_manager_port
+        self._vehicles = list(population.vehicles)
+        self._lights: Dict[int, int] = {}
+        self.ego = population.ego
+        self.rng = rng
+        self.step_s = spec.step_s
+        self.time_s = 0.0
+        self.commands: List[Any] = []
+
+    @property
+    def ego_speed_m_s(self) -> float:
+        """How fast the ego drives."""
+        velocity = self.ego.get_velocity()
+        return math.hypot(velocity.x, velocity.y)
+
+    @property
+    def ego_half_m(self) -> float:
+        """Half the ego's length."""
+        return float(self.ego.bounding_box.extent.x)
+
+    def from_ego(self, place: Any) -> Tuple[float, float]:
+        """How far a ``carla.Location`` is ahead of the ego's middle, and to its right."""
+        transform = self.ego.get_transform()
+        yaw = math.radians(transform.rotation.yaw)
+        x, y = place.x - transform.location.x, place.y - transform.location.y
+        return x * math.cos(yaw) + y * math.sin(yaw), y * math.cos(yaw) - x * math.sin(yaw)
+
+    def is_far(self, actors: Sequence[Any], distance_m: float) -> bool:
+        """Whether all of them are farther from the ego than that."""
+        here = self.ego.get_location()
+        return all(actor.get_location().distance(here) > distance_m for actor in actors)
+
+    def stretch(self, longest_m: float) -> Stretch:
+        """The road ahead, as long as there is no choice of ways, at most that long."""
+        place = self._session.map.get_waypoint(self.ego.get_location())
+        places: List[Any] = []
+        while not place.is_junction:
+            places.append(place)
+            following = place.next(SPACING_M)
+            if (len(places) - 1) * SPACING_M >= longest_m or len(following) != 1:
+                break
+            place = following[0]
+        return Stretch(places)
+
+    def free_stretch(
+        self, needed_m: float, free_m: Optional[float] = None
+    ) -> Tuple[Stretch, Optional[str]]:
+        """The road ahead, and why it is of no use: a junction is near, or somebody drives there.
+
+        Args:
+            needed_m: so long it has to be.
+            free_m: so far ahead nobody may drive; None: nowhere.
+        """
+        stretch = self.stretch(needed_m)
+        if not stretch.places:
+            return stretch, "the ego was in a junction"
+        if stretch.length_m < needed_m:
+            return stretch, "the road ahead had no %.0f m without a junction" % needed_m
+        far = len(stretch.places) if free_m is None else round(free_m / SPACING_M)
+        if self.is_taken(stretch.places[:far]):
+            return stretch, "another vehicle was ahead of the ego"
+        return stretch, None
+
+    def is_taken(self, places: Sequence[Any], half_m: float = LANE_HALF_M) -> bool:
+        """Whether a vehicle but the ego is within half a lane of one of the waypoints."""
+        spots = [place.transform.location for place in places]
+        return self.first_taken([(spot.x, spot.y) for spot in spots], half_m) is not None
+
+    def first_taken(
+        self,
+        spots: Sequence[Tuple[float, float]],
+        half_m: float = LANE_HALF_M,
+        but: Optional[Any] = None,
+    ) -> Optional[int]:
+        """Which of some places is the first with a vehicle; neither the ego counts nor ``but``."""
+        others = [one for one in self._vehicles if but is None or one.id != but.id]
+        places = [one.get_location() for one in others]
+        for index, (x, y) in enumerate(spots):
+            if any(math.hypot(at.x - x, at.y - y) < half_m for at in places):
+                return index
+        return None
+
+    def car_ahead(self, stretch: Stretch) -> Optional[Tuple[Any, float, float]]:
+        """The first vehicle ahead, if the Traffic Manager drives it and it has four wheels.
+
+        Returns:
+            The vehicle, and where it is: along the stretch, and to the right of its lane's middle.
+        """
+        spots = [(one.transform.location.x, one.transform.location.y) for one in stretch.places]
+        first = self.first_taken(spots)
+        if first is None:
+            return None
+        (x, y), yaw = spots[first], math.radians(stretch.places[first].transform.rotation.yaw)
+        vehicle = min(
+            self._vehicles,
+            key=lambda one: math.hypot(one.get_location().x - x, one.get_location().y - y),
+        )
+        attributes = vehicle.attributes
+        if attributes.get("role_name") == ROLE or attributes.get("number_of_wheels") != "4":
+            return None
+        at = vehicle.get_location()
+        ahead_m = (at.x - x) * math.cos(yaw) + (at.y - y) * math.sin(yaw)
+        right_m = (at.y - y) * math.cos(yaw) - (at.x - x) * math.sin(yaw)
+        return vehicle, first * SPACING_M + ahead_m, right_m
+
+    def take_over(self, actor: Any) -> None:
+        """Have the Traffic Manager drive a vehicle no longer."""
+        actor.set_autopilot(False, self._port)
+
+    @staticmethod
+    def transform(x: float, y: float, z: float, yaw_deg: float) -> Any:
+        """A place on the ground and a heading, as ``carla.Transform``."""
+        return carla.Transform(carla.Location(x, y, z), carla.Rotation(0.0, yaw_deg, 0.0))
+
+    def spawn(self, blueprint: Any, transform: Any) -> Optional[Any]:
+        """Spawn somebody a little above a place on the ground; None where there is no room."""
+        if blueprint.has_attribute("role_name"):  # walkers of some servers have none
+            blueprint.set_attribute("role_name", ROLE)
+        for drop_m in DROPS_M:
+            above = carla.Location(
+                transform.location.x, transform.location.y, transform.location.z + drop_m
+            )
+            actor = self._session.world.try_spawn_actor(
+                blueprint, carla.Transform(above, transform.rotation)
+            )
+            if actor is not None:
+                self._session.destroy_on_exit("event's actor %d" % actor.id, actor)
+                if actor.type_id.startswith("vehicle."):
+                    self._vehicles.append(actor)
+                return actor
+        return None
+
+    def remove(self, actors: Sequence[Any]) -> None:
+        """Destroy actors now."""
+        gone = {actor.id for actor in actors}
+        self._vehicles = [one for one in self._vehicles if one.id not in gone]
+        if gone:
+            destroy = [carla.command.DestroyActor(actor_id) for actor_id in sorted(gone)]
+            self._session.client.apply_batch_sync(destroy, False)
+
+    def draw(self, pattern: str, **attributes: str) -> Optional[Any]:
+        """A blueprint of a family whose attributes have these values, where it has them."""
+        library = sorted(
+            self._session.world.get_blueprint_library().filter(pattern),
+            key=lambda blueprint: str(blueprint.id),
+        )
+        fitting = [
+            blueprint
+            for blueprint in library
+            if all(
+                not blueprint.has_attribute(name)
+                or str(blueprint.get_attribute(name).as_str()) == value
+                for name, value in attributes.items()
+            )
+        ]
+        if not fitting:
+            return None
+        chosen = self.rng.choice(fitting)
+        dress(chosen, self.rng)
+        return chosen
+
+    def draw_car(self) -> Optional[Any]:
+        """The blueprint of a passenger car."""
+        return self.draw("vehicle.*", base_type="car", special_type="")
+
+    def light(self, actor: Any, bits: int = 0) -> None:
+        """Set a vehicle's lights: what the weather asks for, and these."""
+        bits |= planned_lights(self._spec.weather.lights, self._session.weather.values)
+        if self._lights.get(actor.id) != bits:
+            self._lights[actor.id] = bits
+            state = carla.VehicleLightState(bits)
+            self.commands.append(carla.command.SetVehicleLightState(actor.id, state))
+
+    def keep_lane(self, keeps: bool) -> None:
+        """Have the ego stay in its lane, or change lanes again as the traffic is planned to."""
+        manager = self._session.client.get_trafficmanager(self._port)
+        manager.auto_lane_change(self.ego, not keeps and self._spec.traffic.lane_changes)
+
+    def hand_over(self, actor: Any, velocity: Any) -> None:
+        """Let the Traffic Manager drive a vehicle on from here."""
+        self.commands += [
+            carla.command.SetSimulatePhysics(actor.id, True),
+            carla.command.ApplyTargetVelocity(actor.id, velocity),
+        ]
+        self.send()
+        actor.set_autopilot(True, self._port)
+        manager = self._session.client.get_trafficmanager(self._port)
+        manager.update_vehicle_lights(actor, self._spec.weather.lights == "auto")
+
+    def send(self) -> None:
+        """Give the server what is to hold in its next step."""
+        if self.commands:
+            self._session.client.apply_batch(self.commands)
+            self.commands = []

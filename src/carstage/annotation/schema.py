@@ -5,8 +5,8 @@
 
 Types: ``bool str i32 i64 u8 u32 u64 f64`` scalars; ``f64[n]`` a list of n, of fixed size where
 the column is never null; ``f64[8][2]`` a list of eight such lists, where an inner one may be null;
-``u8[]`` a list of any length; ``map[str,u32]`` a list of ``(key, value)`` pairs; ``json`` a string
-that holds a JSON object with sorted keys.
+``u8[]``, ``i64[]`` a list of any length; ``map[str,u32]`` a list of ``(key, value)`` pairs;
+``json`` a string that holds a JSON object with sorted keys.
 """
 
 from __future__ import annotations
@@ -239,7 +239,44 @@ SENSOR_POSE_COLUMNS: tuple[Column, ...] = (
         "4x4 rows: sensor axes to the ego actor's, left-handed"),
 )
 
+_BEGAN = "null: it did not happen"
+
+EVENT_COLUMNS: tuple[Column, ...] = (
+    Column("event", "i32", "", "position in the scenario's `events`, from 0"),
+    Column("episode_id", "str", "", "the episode's id"),
+    Column("kind", "str", "", "such as `pedestrian_crosses`"),
+    Column("state", "str", "happened, did not happen, not placed",
+        "`did not happen`: it was placed and never began"),
+    Column("reason", "str", "", "why it did not happen, as it was last; else null", nullable=True),
+    Column("placed_tick", "i32", "", "first tick in which its actors stood there; null: never",
+        nullable=True),
+    Column("begin_tick", "i32", "", f"tick in which it began; {_BEGAN}", nullable=True),
+    Column("end_tick", "i32", "", "last tick of it; null: it went on when the episode ended",
+        nullable=True),
+    Column("begin_s", "f64", "s", f"time of `begin_tick`; {_BEGAN}", nullable=True),
+    Column("end_s", "f64", "s", "time of `end_tick`; null with it", nullable=True),
+    Column("actors", "i64[]", "",
+        "track ids of who took part, the one that acts first; empty: it did not happen"),
+    Column("parameters", "json", "", "what was asked for"),
+    Column("min_distance", "f64", "m",
+        f"smallest distance of the ego's and the first actor's box on the ground; {_BEGAN}",
+        nullable=True),
+    Column("min_distance_tick", "i32", "", "tick of it; null with it", nullable=True),
+    Column("min_ttc", "f64", "s",
+        "smallest time until both boxes touch if both go straight on; null: they never would",
+        nullable=True),
+    Column("min_ttc_tick", "i32", "", "tick of it; null with it", nullable=True),
+    Column("collision", "bool", "", f"both boxes overlapped; {_BEGAN}", nullable=True),
+    Column("ego_speed_begin", "f64", "m/s", f"the ego's speed at the begin; {_BEGAN}",
+        nullable=True),
+    Column("ego_deceleration", "f64", "m/s²",
+        f"hardest braking of the ego while it went on; {_BEGAN}", nullable=True),
+)
+
 # fmt: on
+
+EVENTS = "events.parquet"
+"""The table of events: of the episode as a whole, and only where events are planned."""
 
 TABLES: dict[str, tuple[Column, ...]] = {
     "objects.parquet": OBJECT_COLUMNS,
@@ -252,7 +289,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
 def markdown() -> str:
     """The tables as Markdown, as they stand in ``docs/formats/dataset.md``."""
     lines: list[str] = []
-    for file, columns in TABLES.items():
+    for file, columns in {**TABLES, EVENTS: EVENT_COLUMNS}.items():
         lines += [
             f"### {file}",
             "",

@@ -15,7 +15,8 @@ from typing import Any
 
 import pyarrow as pa
 
-from carstage.annotation.schema import TABLES
+from carstage.annotation.events import event_rows
+from carstage.annotation.schema import EVENT_COLUMNS, EVENTS, TABLES
 from carstage.codecs import codec_for
 from carstage.conversion.documents import (
     calibration_document,
@@ -30,13 +31,14 @@ from carstage.conversion.segment import (
     label_schema,
     label_segment,
     read_label_part,
+    rows_to_table,
 )
 from carstage.conversion.sensors import SensorPlan, plan_sensors
 from carstage.dataset.tables import row_sensor, write_table
 from carstage.errors import ConversionError, ConverterDiedError
 from carstage.files.hashing import hash_of
 from carstage.rawlog.format import LEDGER, WORLD
-from carstage.rawlog.reader import EpisodeLog
+from carstage.rawlog.reader import ActorInfo, EpisodeLog
 from carstage.storage.attempt_files import AttemptFiles, write_document
 from carstage.storage.marker import FileEntry
 
@@ -263,6 +265,7 @@ class EpisodeConversion:
                 f"Episode {log.header['episode_id']}: the world log never names the ego vehicle.",
                 "Record the episode again.",
             )
+        self._write_events(log, actors)
         opendrive = log.opendrive()
         named = None if opendrive is None else hash_of(opendrive)
         documents = {
@@ -392,6 +395,14 @@ class EpisodeConversion:
                     f"Label parts of {name} are of another version of Car-STAGE.", "Try again."
                 )
             self._write_table(pa.concat_tables(parts), name)
+
+    def _write_events(self, log: EpisodeLog, actors: Mapping[int, ActorInfo]) -> None:
+        """Write the table of events, where any are planned."""
+        if log.spec.scenario.events is None:
+            return
+        frames = (world for index in self._segments(log) for world in log.world_frames(index))
+        rows = event_rows(log.spec, frames, actors, int(log.header["ego_id"]))
+        self._write_table(rows_to_table(rows, EVENT_COLUMNS, EVENTS), EVENTS)
 
     def _remove_strays(self) -> None:
         """Remove what an earlier, broken-off conversion into this folder left behind."""

@@ -405,6 +405,12 @@ class Episode:
         """``ego.parquet``: one row per frame; none when ego motion was not asked for."""
         return read_table(self.folder / "ego.parquet")
 
+    def events(self) -> pa.Table | None:
+        """``events.parquet``: one row per planned event; ``None`` where none was planned."""
+        if self.spec.scenario.events is None:
+            return None
+        return read_table(self.folder / "events.parquet")
+
     def ledger(self) -> pa.Table:
         """``frames.parquet``: one row per tick."""
         return read_table(self.folder / "frames.parquet")

@@ -77,8 +77,34 @@ def episode_section(pictures: EpisodePictures, *, films: bool = False) -> str:
             '<p class="soft">Forward is up; points are coloured by height; boxes are all labelled '
             f'objects.</p><div class="grid wide">{birds_eye}</div>'
         )
-    parts += [_rig(episode), _ledger(episode)]
+    parts += [_events(episode), _rig(episode), _ledger(episode)]
     return "\n".join(parts)
+
+
+def _events(episode: Episode) -> str:
+    """What happened to the ego, event by event; empty where none was planned."""
+    table = episode.events()
+    if table is None:
+        return ""
+    rows = []
+    for row in table.to_pylist():
+        began = row["begin_s"] is not None
+        until = "the end" if row["end_s"] is None else f"{row['end_s']:.1f} s"
+        never = "never" if row["min_ttc"] is None else f"{row['min_ttc']:.1f} s"
+        near = "" if row["min_distance"] is None else f"{row['min_distance']:.1f} m"
+        rows.append(
+            (
+                row["kind"],
+                row["state"] if began else f"{row['state']}: {row['reason']}",
+                f"{row['begin_s']:.1f} s to {until}" if began else "",
+                ", ".join(str(track) for track in row["actors"]),
+                near,
+                never if began else "",
+                ("yes" if row["collision"] else "no") if began else "",
+            )
+        )
+    head = ("event", "state", "when", "tracks", "nearest", "least time to collision", "collision")
+    return "<h3>Events</h3>" + html.table(head, rows)
 
 
 def showcase(pictures: EpisodePictures) -> str:

@@ -44,6 +44,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "tracks": "an object keeps its class, blueprint, size and tags, and they fit each other",
         "lights": "heads of a traffic light agree, and turn in its order",
         "sensor_poses": "sensors are where ego, calibration and spec put them",
+        "events": "events are those that were planned, as near as the labels say",
         "readings": "IMU and GNSS read what the motion of their sensor makes them",
     },
     "Labels against the data": {

@@ -46,7 +46,13 @@ from carstage.validation.checks.edges import (
     new_fits,
     steepness,
 )
-from carstage.validation.checks.files import DOCUMENTS, TABLES, VerifiedFiles, check_file_list
+from carstage.validation.checks.events import check_events
+from carstage.validation.checks.files import (
+    DOCUMENTS,
+    VerifiedFiles,
+    check_file_list,
+    tables_of,
+)
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.flow import FlowFigures, check_flow, compare_with_motion
 from carstage.validation.checks.labels import (
@@ -177,7 +183,9 @@ class EpisodeChecks:
 
     def _run(self, advance: Callable[[], None]) -> None:
         episode, findings = self._episode, self._findings
-        for name in (*DOCUMENTS, *TABLES):
+        for name in DOCUMENTS:
+            self._files.read(name)
+        for name in tables_of(episode):
             self._files.read(name)
         ledger = episode.ledger()
         recorded = recorded_frames(episode.calibration.sensors, ledger)
@@ -199,6 +207,7 @@ class EpisodeChecks:
         check_tracks(episode, tables, findings)
         check_sensor_poses(episode, tables, findings)
         check_readings(episode, tables, findings)
+        check_events(episode, ledger, tables, findings)
         self._poses = episode.world_from_sensor()
         self._carriers = episode.carriers()
         self._check_tables(tables)

@@ -27,6 +27,14 @@ TABLES = (
 )
 
 
+EVENTS = "events.parquet"
+
+
+def tables_of(episode: Episode) -> tuple[str, ...]:
+    """The tables that an episode has."""
+    return TABLES if episode.spec.scenario.events is None else (*TABLES, EVENTS)
+
+
 class _Place(TypedDict, total=False):
     sensor: str
     frame: int
@@ -160,7 +168,7 @@ def check_file_list(
         findings: checks ``file_unlisted`` and ``file_unexpected``.
     """
     listed = {entry.path for entry in episode.marker.files}
-    promised = {*TABLES, *DOCUMENTS}
+    promised = {*tables_of(episode), *DOCUMENTS}
     for sensor in episode.sensors:
         if row_sensor(sensor.kind):
             promised.add(f"sensors/{sensor.id}.parquet")

@@ -1,0 +1,120 @@
+"""The check of the table of events: what labels, ledger and plan contradict is found."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+import analytic_scene
+from carstage.annotation.events import event_rows
+from carstage.annotation.schema import EVENT_COLUMNS
+from carstage.conversion.segment import rows_to_table
+from carstage.dataset.reading import Episode
+from carstage.rawlog.reader import ActorInfo, WorldFrame
+from carstage.spec import EpisodeSpec
+from carstage.validation.checks.events import check_events
+from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.labels import LabelTables
+
+EGO, CAR, STEPS = 5, 7, 30
+HALF = (2.2, 0.9, 0.7)
+EVENT = {
+    "kind": "stopped_vehicle", "at_s": 0.0, "distance_m": 40.0, "trigger_m": 25.0, "stand_s": 2.0,
+}  # fmt: skip
+
+
+def actor(actor_id: int) -> ActorInfo:
+    return ActorInfo(
+        actor_id, "vehicle.tesla.model3", 0, {"base_type": "car", "number_of_wheels": "4"}, (),
+        np.array([0.0, 0.0, 0.7]), np.array(HALF), np.zeros(3),
+    )  # fmt: skip
+
+
+def frame(tick: int, state: str) -> WorldFrame:
+    """The ego drives 1 m in a tick towards a car that stands 40 m ahead."""
+    rows = np.zeros((2, 3))
+    location, velocity = rows.copy(), rows.copy()
+    location[:, 0], velocity[0, 0] = (tick, 40.0), 10.0
+    meta = {"events": [{"state": state, "actors": [CAR], "reason": ""}]}
+    ids = np.array([EGO, CAR], np.uint32)
+    return WorldFrame(tick, tick, tick / 10, ids, location, rows, velocity, rows, rows, meta)
+
+
+@pytest.fixture
+def spec() -> EpisodeSpec:
+    scenario = {"kind": "autopilot", "events": [EVENT]}
+    return EpisodeSpec.from_json({**analytic_scene.spec(steps=STEPS), "scenario": scenario})
+
+
+@pytest.fixture
+def row(spec: EpisodeSpec) -> dict[str, Any]:
+    frames = [
+        frame(tick, "placed" if tick < 5 else "running" if tick < 25 else "ended")
+        for tick in range(STEPS)
+    ]
+    (found,) = event_rows(spec, frames, {one: actor(one) for one in (EGO, CAR)}, EGO)
+    return found
+
+
+def problems(spec: EpisodeSpec, row: dict[str, Any]) -> list[str]:
+    table = rows_to_table([row], EVENT_COLUMNS, "events.parquet")
+    episode = SimpleNamespace(spec=spec, events=lambda: table)
+    ledger = pa.table({"tick": range(STEPS), "k": range(STEPS)})
+    objects = pa.Table.from_pylist(
+        [
+            {
+                "k": k,
+                "track_id": track,
+                "is_ego": track == EGO,
+                "box_center": [x, 0.0, 0.7],
+                "box_rotation_deg": [0.0, 0.0, 0.0],
+                "box_extent": list(HALF),
+                "velocity": [speed, 0.0, 0.0],
+            }
+            for k in range(STEPS)
+            for track, x, speed in ((EGO, float(k), 10.0), (CAR, 40.0, 0.0))
+        ]
+    )
+    findings = Findings("x")
+    tables = LabelTables(objects, objects, objects)
+    check_events(cast(Episode, episode), ledger, tables, findings)
+    return [problem.message for problem in findings.problems()]
+
+
+def test_the_table_says_what_the_record_shows(spec: EpisodeSpec, row: dict[str, Any]) -> None:
+    assert (row["state"], row["begin_tick"], row["end_tick"]) == ("happened", 5, 24)
+    assert row["actors"] == [CAR]
+    assert row["min_distance"] == pytest.approx(40.0 - 24.0 - 4.4)
+    assert row["min_ttc"] == pytest.approx(1.16)
+    assert row["min_distance_tick"] == row["min_ttc_tick"] == 24
+    assert row["collision"] is False
+    assert problems(spec, row) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"kind": "cut_in"}, "planned"),
+        ({"parameters": "{}"}, "planned"),
+        ({"min_distance": 9.0}, "smallest distance"),
+        ({"min_distance": 13.0}, "smallest distance"),
+        ({"min_distance": None}, "no smallest distance"),
+        ({"min_ttc": 3.0}, "time to collision"),
+        ({"min_ttc": None}, "time to collision"),
+        ({"collision": True}, "collision"),
+        ({"begin_s": 0.7}, "begin is 0.7 s at tick 5"),
+        ({"end_tick": 3, "end_s": 0.3}, "no order"),
+        ({"state": "not placed"}, "state"),
+        ({"reason": "it rained"}, "reason"),
+        ({"actors": []}, "nobody"),
+    ],
+)
+def test_what_was_changed_is_found(
+    spec: EpisodeSpec, row: dict[str, Any], change: dict[str, Any], words: str
+) -> None:
+    (found, *_) = problems(spec, {**row, **change})
+    assert words in found

@@ -510,3 +510,34 @@ def on_paper(
     rows = computed(load_measured(), workers=workers, frames=frames, episode_s=episode_s)
     result(table(rows))
     return 0
+
+
+@benchmark("events", takes="15 minutes")
+def events(
+    kind: Annotated[
+        list[str] | None, typer.Option("--kind", help="Of events; may be given again; all.")
+    ] = None,
+    town: Annotated[
+        list[str] | None, typer.Option("--town", help="May be given again; two for each kind.")
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Episodes of each kind in each town.")] = 20,
+    seconds: Annotated[float, typer.Option(min=5.0, help="Simulated, of each episode.")] = 60.0,
+    json: Json = False,
+) -> int:
+    """Whether built-in events happen as they were asked for, by the world's record."""
+    from benchmarks.framework.events import TOWNS, measure_events
+    from carstage.cli.progress import watch_steps
+
+    for name in kind or ():
+        if name not in TOWNS:
+            note(f"Unknown kind {name}. Known: {', '.join(TOWNS)}.")
+            return 2
+    with watch_steps("Episodes", "episodes") as progress:
+        campaign = measure_events(
+            tuple(kind or TOWNS),
+            towns=tuple(town or ()),
+            seeds=seeds,
+            seconds=seconds,
+            progress=progress,
+        )
+    return report(campaign, json)

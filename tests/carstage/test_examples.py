@@ -16,6 +16,7 @@ import carstage
 from carstage.config import load_config
 from carstage.dataset import Dataset
 from carstage.runs.preflight import judge
+from carstage.spec import EVENT_SPECS
 from recorded_dataset import FRAMES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -113,6 +114,14 @@ def test_example_campaigns_can_be_recorded(name: str, episodes: int) -> None:
     assert len(set(head)) >= 5
 
 
+def test_example_events_have_parameters_of_their_own_in_each_episode() -> None:
+    plan = judge(load_config(EXAMPLES / "events.yaml"))
+    events = [spec.scenario.events or () for spec in plan]
+    assert {event.kind for event in events[0]} == set(EVENT_SPECS)
+    assert len({each[0].parameters()["speed_m_s"] for each in events}) == len(plan) == 4
+    assert "events.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
+
+
 def test_every_example_configuration_is_tested() -> None:
     names = sorted(path.name for path in EXAMPLES.glob("*.yaml"))
-    assert names == ["night_crowds.yaml", "sweep_lidar.yaml"]
+    assert names == ["events.yaml", "night_crowds.yaml", "sweep_lidar.yaml"]

@@ -15,13 +15,13 @@ import pyarrow.parquet as pq
 import pytest
 
 import carstage
-import ticking_program
 from carstage.errors import BadInputError, ConfigError
 from carstage.runs import record_beside
 from carstage.server import free_port
 from running_simulator import RunningSimulator
 from waiting import await_that
 
+PROGRAM = Path(__file__).parents[3] / "benchmarks/framework/clients/ticking_program.py"
 RIG: dict[str, Any] = {
     "image_size": [64, 36],
     "rig": {
@@ -37,7 +37,7 @@ FAST_RIG: dict[str, Any] = {"rig": {"sensors": [{"id": "IMU", "kind": "imu"}]}}
 @contextmanager
 def ticking(simulator: RunningSimulator, ticks: int, lives: int = 1) -> Iterator[list[int]]:
     """Run the program; the list gets the last frame of each life, at the end."""
-    command = [sys.executable, ticking_program.__file__, simulator.host, str(simulator.port)]
+    command = [sys.executable, str(PROGRAM), simulator.host, str(simulator.port)]
     process = subprocess.Popen([*command, str(ticks), str(lives)], stdout=subprocess.PIPE)
     last_frames: list[int] = []
     try:

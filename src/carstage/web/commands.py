@@ -12,6 +12,7 @@ from carstage.web.configure.store import ConfigStore
 from carstage.web.configure.texts import ConfigTexts
 from carstage.web.datasets.exports import Exports
 from carstage.web.datasets.jobs import export_name
+from carstage.web.errors import WebError
 from carstage.web.messages import (
     CommandRequest,
     CommandText,
@@ -70,6 +71,8 @@ class CommandService:
             return self._start(asked.run)
         if isinstance(asked, c.RunCommand):
             return self._of_run(asked.do, asked.run_id)
+        if isinstance(asked, c.CompareRunsCommand):
+            return _joined("runs", "compare", *map(self._folder, asked.run_ids))
         if isinstance(asked, c.RecordAgainCommand):
             out = self._roots.destination(asked.dataset)
             options = self._runs.options(asked.run_id)
@@ -117,6 +120,13 @@ class CommandService:
             place = self._place_of(run_id)
             return self._record(self._runs.settings(run_id), place, options)
         return _joined("runs", "resume", str(self._place_of(run_id)), run_id, *given)
+
+    def _folder(self, run_id: str) -> str:
+        self._runs.summary(run_id)
+        folder = self._runs.folder(run_id)
+        if folder is None:
+            raise WebError(409, f"Run {run_id} has made no folder.", "Leave it out.")
+        return str(folder)
 
     def _run(self, run_id: str) -> list[str]:
         """How a run is named on the command line."""

@@ -344,6 +344,26 @@ export interface paths {
         patch: operations["rename_run"];
         trace?: never;
     };
+    "/api/comparison": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Comparison
+         * @description Several runs: what each took, its load over time, and the settings that differ.
+         */
+        get: operations["comparison"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/runs/{run_id}/stop": {
         parameters: {
             query?: never;
@@ -1010,7 +1030,7 @@ export interface components {
          */
         CommandRequest: {
             /** Command */
-            command: components["schemas"]["StartCommand"] | components["schemas"]["RunCommand"] | components["schemas"]["RecordAgainCommand"] | components["schemas"]["RenameRunCommand"] | components["schemas"]["DatasetCommand"] | components["schemas"]["RenameDatasetCommand"] | components["schemas"]["ExportCommand"] | components["schemas"]["KeptExportCommand"] | components["schemas"]["RenameExportCommand"];
+            command: components["schemas"]["StartCommand"] | components["schemas"]["RunCommand"] | components["schemas"]["CompareRunsCommand"] | components["schemas"]["RecordAgainCommand"] | components["schemas"]["RenameRunCommand"] | components["schemas"]["DatasetCommand"] | components["schemas"]["RenameDatasetCommand"] | components["schemas"]["ExportCommand"] | components["schemas"]["KeptExportCommand"] | components["schemas"]["RenameExportCommand"];
         };
         /**
          * CommandText
@@ -1019,6 +1039,34 @@ export interface components {
         CommandText: {
             /** Text */
             text: string;
+        };
+        /**
+         * CompareRunsCommand
+         * @description Compare runs.
+         */
+        CompareRunsCommand: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            do: "compare-runs";
+            /** Run Ids */
+            run_ids: string[];
+        };
+        /**
+         * ComparedRun
+         * @description One of several runs.
+         *
+         *     Attributes:
+         *         figures: None where it has made no folder.
+         */
+        ComparedRun: {
+            run: components["schemas"]["RunSummary"];
+            figures?: components["schemas"]["RunFiguresMessage"] | null;
+            /** Ticks */
+            ticks?: components["schemas"]["TickPoint"][];
+            /** Loads */
+            loads?: components["schemas"]["LoadPoint"][];
         };
         /**
          * ConfigChange
@@ -2262,6 +2310,25 @@ export interface components {
             run_id: string;
         };
         /**
+         * RunComparison
+         * @description Several runs beside each other.
+         *
+         *     Attributes:
+         *         settings: those that differ; those of runs without a configuration are not compared.
+         *         note: why settings are not compared; empty where they are.
+         */
+        RunComparison: {
+            /** Runs */
+            runs: components["schemas"]["ComparedRun"][];
+            /** Settings */
+            settings: components["schemas"]["SettingDifference"][];
+            /**
+             * Note
+             * @default
+             */
+            note: string;
+        };
+        /**
          * RunDetail
          * @description A run with what a page needs to show it from the start.
          *
@@ -2290,6 +2357,36 @@ export interface components {
              * @default 0
              */
             bytes: number;
+        };
+        /**
+         * RunFiguresMessage
+         * @description What a run took, see ``carstage.runs.comparing.RunFigures``.
+         */
+        RunFiguresMessage: {
+            /** Run Id */
+            run_id: string;
+            /** Name */
+            name: string;
+            /** State */
+            state: string;
+            /** Took S */
+            took_s: number | null;
+            /** Episodes */
+            episodes: number;
+            /** Planned */
+            planned: number;
+            /** Failed */
+            failed: number;
+            /** Frames */
+            frames: number;
+            /** Frames S */
+            frames_s: number | null;
+            /** Cpu Cores */
+            cpu_cores: number | null;
+            /** Memory Bytes */
+            memory_bytes: number | null;
+            /** Written Bytes */
+            written_bytes: number | null;
         };
         /**
          * RunList
@@ -2633,6 +2730,22 @@ export interface components {
             server: {
                 [key: string]: unknown;
             };
+        };
+        /**
+         * SettingDifference
+         * @description A setting that is not the same in all of several runs.
+         *
+         *     Attributes:
+         *         title: as the form has it; empty where that has none.
+         *         values: one for each run, in their order; None where it has none.
+         */
+        SettingDifference: {
+            /** Path */
+            path: string;
+            /** Title */
+            title: string;
+            /** Values */
+            values: unknown[];
         };
         /**
          * SnapshotMessage
@@ -4398,6 +4511,92 @@ export interface operations {
             };
             /** @description Values are wrong; `errors` lists them. */
             422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    comparison: {
+        parameters: {
+            query: {
+                /** @description Which runs; give it repeatedly. */
+                run: string[];
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RunComparison"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The state does not allow it now. */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Something that it needs cannot be had now. */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };

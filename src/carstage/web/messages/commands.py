@@ -8,7 +8,7 @@ from pydantic import Field
 
 from carstage.web.messages.base import DatasetId, Label, Message, Name, Place, RunId
 from carstage.web.messages.jobs import ExportRequest
-from carstage.web.messages.runs import RunStart
+from carstage.web.messages.runs import MOST_COMPARED, RunStart
 
 
 class StartCommand(Message):
@@ -23,6 +23,13 @@ class RunCommand(Message):
 
     do: Literal["resume", "stop", "delete-run"]
     run_id: RunId
+
+
+class CompareRunsCommand(Message):
+    """Compare runs."""
+
+    do: Literal["compare-runs"]
+    run_ids: Annotated[list[RunId], Field(min_length=2, max_length=MOST_COMPARED)]
 
 
 class RecordAgainCommand(Message):
@@ -85,6 +92,7 @@ class CommandRequest(Message):
     command: Annotated[
         StartCommand
         | RunCommand
+        | CompareRunsCommand
         | RecordAgainCommand
         | RenameRunCommand
         | DatasetCommand

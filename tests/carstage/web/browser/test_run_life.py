@@ -12,6 +12,7 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 import analytic_dataset
+from axe_checks import ALL_RULES, AXE, COLOUR_RULES, settle, violations
 from browser_pages import (
     Gui,
     OpenPage,
@@ -44,7 +45,10 @@ def lives(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Gui, dict[
     description = (folder / "scene" / "dataset.json").read_bytes()
     runs: dict[str, FakeRun] = {}
     for number, name in enumerate(("failed", "killed", "stopped", "going")):
-        config = dump_config(demo_config((*SMALL, f"name={name}")))
+        other = ("seed=8", "rig.sensors[CAM_FRONT].attributes.fov_deg=60")
+        config = dump_config(
+            demo_config((*SMALL, f"name={name}", *(other if name == "killed" else ())))
+        )
         out = folder / ("scene" if name == "failed" else name)
         runs[name] = FakeRun(out, f"20260101-00000{number}-abcdef", config)
     (folder / "scene" / "dataset.json").write_bytes(description)
@@ -127,16 +131,17 @@ def test_load_and_speed_are_drawn_with_axes_and_read_by_pointer_and_keys(
     run = runs["going"]
     page = open_page(at(run))
     memory = page.get_by_role("figure").filter(has_text="Memory")
-    expect(memory).to_contain_text("not measured yet")
-    expect(memory.locator("svg")).to_have_count(0)
+    load = page.get_by_role("region", name="Speed and load")
+    expect(load.get_by_text("No measurements yet")).to_have_count(1)
+    expect(memory).to_have_count(0)
     status = run._status
     for second in range(8):
         time_s = status["pid_started"] + 10.0 + second
         for worker in (1, 2):
             tick = {"episode_id": f"e{worker}", "tick": 10 * second * worker, "queued_bytes": 5000}
             run.event("tick", worker=worker, k=second * worker, time=time_s, waited_s=0, **tick)
-        load = {"cpu_cores": 1.5, "memory_bytes": 10**9 * (second + 1), "written_bytes_s": 2e6}
-        run.event("load", time=time_s, disk_free_bytes=10**10, **load)
+        taken = {"cpu_cores": 1.5, "memory_bytes": 10**9 * (second + 1), "written_bytes_s": 2e6}
+        run.event("load", time=time_s, disk_free_bytes=10**10, **taken)
     expect(memory).to_contain_text("now 8.0 GB, at most 8.0 GB")
     expect(memory.locator(".chart-label").first).to_have_text("0 B")
     chart = memory.get_by_role("group")
@@ -154,8 +159,108 @@ def test_load_and_speed_are_drawn_with_axes_and_read_by_pointer_and_keys(
         expect(frames).to_contain_text(f"at most {worker}.00/s")
     page.get_by_role("group", name="Workers").get_by_role("button", name="all").click()
     expect(frames).to_contain_text("at most 3.00/s")
-    page.get_by_role("region", name="Speed and load").scroll_into_view_if_needed()
+    load.scroll_into_view_if_needed()
     picture(page, "gui-run-load", gui)
+
+
+def test_a_run_without_measurements_says_so_once(
+    open_page: OpenPage, runs: dict[str, FakeRun]
+) -> None:
+    runs["stopped"].event("server_lost", reason="it fell over")
+    page = open_page(at(runs["stopped"]))
+    load = page.get_by_role("region", name="Speed and load")
+    expect(load).to_have_text("Speed and loadNo measurements")
+    expect(load.get_by_role("figure")).to_have_count(0)
+    expect(page.get_by_label("Log", exact=True)).to_contain_text(re.compile(r"Log1 warning(?!s)"))
+
+
+def measured(run: FakeRun, seconds: int, cores: float, memory_bytes: int) -> None:
+    """Loads and ticks of a run, every second from its begin."""
+    for second in range(seconds):
+        time_s = run._status["pid_started"] + 1.0 + second
+        tick = {"episode_id": "e1", "tick": 10 * second, "queued_bytes": 5000}
+        run.event("tick", k=5 * second, time=time_s, waited_s=0, **tick)
+        taken = {"cpu_cores": cores, "memory_bytes": memory_bytes, "written_bytes_s": 2e6}
+        run.event("load", time=time_s, disk_free_bytes=10**10, **taken)
+
+
+def test_runs_are_compared_on_common_axes_at_one_address(
+    open_page: OpenPage, runs: dict[str, FakeRun], gui: Gui
+) -> None:
+    one, two = runs["failed"], runs["killed"]
+    measured(one, 20, 1.5, 10**9)
+    measured(two, 10, 3.0, 2 * 10**9)
+    page = open_page("#/runs")
+    expect(page.get_by_role("button", name="Compare", exact=True)).to_be_disabled()
+    for name in ("failed", "killed"):
+        page.get_by_role("checkbox", name=f"Compare {name}").check()
+    page.reload()
+    expect(page.get_by_role("checkbox", name="Compare killed")).to_be_checked()
+    page.get_by_role("link", name="Compare 2 runs").click()
+    expect(page.get_by_role("heading", level=1)).to_have_text("Runs compared")
+    assert page.url.endswith(f"#/compare?run={one.folder.name}&run={two.folder.name}")
+    table = page.get_by_role("table")
+    row = {name: table.get_by_role("row").filter(has_text=name) for name in ("State", "CPU")}
+    expect(row["State"].get_by_role("cell")).to_have_text(["failed", "died"])
+    expect(row["CPU"].get_by_role("cell")).to_have_text(["1.50 cores", "3.00 cores"])
+    settings = table.locator("tbody").nth(1).get_by_role("row")
+    expect(settings).to_have_count(3)  # the heading, and the two that differ
+    expect(settings.nth(1)).to_contain_text("Seed")
+    expect(settings.nth(2).get_by_role("cell")).to_have_text(["90", "60"])
+
+    memory = page.get_by_role("figure").filter(has_text="Memory")
+    expect(memory.locator(".chart-line")).to_have_count(2)
+    expect(memory.get_by_role("status")).to_have_text("at most 2.0 GB")
+    chart = memory.get_by_role("group")
+    chart.hover(position={"x": 62, "y": 40})
+    expect(memory.get_by_role("status")).to_have_text("failed 1.0 GB, killed 2.0 GB at 1 s")
+    page.mouse.move(0, 0)
+    chart.focus()
+    page.keyboard.press("ArrowLeft")  # the last second, which the shorter one has not reached
+    expect(memory.get_by_role("status")).to_have_text("failed 1.0 GB at 20 s")
+    chart.blur()
+    page.mouse.move(0, 0)
+    picture(page, "gui-compare", gui)
+    page.get_by_role("button", name="Copy as command").click()
+    expect(page.get_by_label("Command", exact=True)).to_have_text(
+        f"carstage runs compare {one.folder} {two.folder}"
+    )
+    page.get_by_role("button", name="Close").click()
+    page.get_by_role("link", name="Choose runs").click()
+    expect(page.get_by_role("checkbox", name="Compare killed")).to_be_checked()
+    page.get_by_role("checkbox", name="Compare killed").uncheck()
+    expect(page.get_by_role("link", name="Compare 2 runs")).to_have_count(0)
+
+
+def test_the_comparison_fits_every_screen_in_both_themes_and_axe_finds_nothing(
+    open_page: OpenPage, runs: dict[str, FakeRun]
+) -> None:
+    if not AXE.exists():
+        pytest.skip("no axe-core: npm ci in ui/")
+    chosen = "&".join(f"run={run.folder.name}" for run in runs.values())
+    page = open_page(f"#/compare?{chosen}")
+    page.get_by_role("figure").first.wait_for()
+    page.evaluate(AXE.read_text())
+    found = []
+    for theme in ("dark", "light"):
+        rules = ALL_RULES if theme == "dark" else COLOUR_RULES
+        for width, height in ((1440, 900), (1024, 768), (768, 1024), (390, 844)):
+            page.set_viewport_size({"width": width, "height": height})
+            settle(page)
+            look(page, f"compare-{theme}-{width}")
+            found += [f"{width} {theme} {wrong}" for wrong in violations(page, rules)]
+            inner = page.evaluate("document.getElementById('content').scrollWidth")
+            assert inner <= width, (theme, width)
+        page.get_by_role("button", name="Light theme").or_(
+            page.get_by_role("button", name="Dark theme")
+        ).click()
+    assert found == []
+
+
+def look(page: Page, name: str) -> None:
+    """A picture to be looked at, where a folder for it is named."""
+    if folder := os.environ.get("CARSTAGE_LOOK"):
+        page.screenshot(path=Path(folder) / f"{name}.png", full_page=True)
 
 
 def test_validation_and_report_are_shown_as_commands(open_page: OpenPage, gui: Gui) -> None:
@@ -386,6 +491,4 @@ def test_start_is_in_view_and_nothing_wider_than_the_screen(
         wide = page.evaluate("document.documentElement.scrollWidth")
         inner = page.evaluate("document.getElementById('content').scrollWidth")
         assert max(wide, inner) <= width, address
-        if folder := os.environ.get("CARSTAGE_LOOK"):
-            name = f"{width}-{theme}-{address.strip('#/').replace('/', '-')[:20]}"
-            page.screenshot(path=Path(folder) / f"{name}.png")
+        look(page, f"{width}-{theme}-{address.strip('#/').replace('/', '-')[:20]}")

@@ -103,17 +103,23 @@ class CommandService:
         return self._record(document, self._roots.destination(asked.dataset), options)
 
     def _record(self, document: Document, out: DatasetPath, options: RunOptions) -> str:
+        return self._reading(document, "run", "-", "--out", str(out), *options.arguments())
+
+    def _reading(self, document: Document, *parts: str) -> str:
+        """A command that reads a configuration from standard input."""
         text = self._texts.write(ConfigExportRequest(config=document)).text.rstrip("\n")
-        command = _joined("run", "-", "--out", str(out), *options.arguments())
         if _END in text.splitlines():  # nobody names anything so; JSON has no such line
             text = json.dumps(document, ensure_ascii=False)
-        return f"{command} <<'{_END}'\n{text}\n{_END}"
+        return f"{_joined(*parts)} <<'{_END}'\n{text}\n{_END}"
 
     def _of_run(self, do: str, run_id: str) -> str:
         if do == "delete-run":
             return _joined("runs", "delete", *self._run(run_id), "--yes")
         if do == "stop":
             return _joined("runs", "stop", *self._run(run_id))
+        if do == "campaign-report":
+            place, settings = self._place_of(run_id), self._runs.settings(run_id)
+            return self._reading(settings, "campaign", "report", str(place), "-")
         options = self._runs.options(run_id)
         given = options.arguments()
         if self._runs.folder(run_id) is None:  # refused before it made a folder

@@ -72,7 +72,10 @@ def title_of(path: str) -> str:
     Args:
         path: keys, with places in lists in brackets.
     """
-    return _titles()[0].get(re.sub(r"\[[^\]]*\]", "", path), "")
+    titles, _ = _titles()
+    path = re.sub(r"\[[^\]]*\]", "", path)
+    # The form has a section's choice as the section itself.
+    return titles.get(path.removesuffix(".choice")) or titles.get(path, "")
 
 
 def _title(key: str, titles: dict[str, str], names: dict[str, str]) -> str:

@@ -594,6 +594,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/datasets/{dataset}/campaigns": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Campaigns
+         * @description How far the campaigns are that have been recorded into a dataset.
+         */
+        get: operations["campaigns"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/datasets/{dataset}/files.zip": {
         parameters: {
             query?: never;
@@ -967,6 +987,92 @@ export interface components {
             row: {
                 [key: string]: unknown;
             };
+        };
+        /**
+         * CampaignAxis
+         * @description A sampled setting.
+         *
+         *     Attributes:
+         *         path: of the setting.
+         *         title: as the form has it; empty where that has none.
+         */
+        CampaignAxis: {
+            /** Path */
+            path: string;
+            /** Title */
+            title: string;
+            /** Bins */
+            bins: components["schemas"]["CampaignBin"][];
+        };
+        /**
+         * CampaignBin
+         * @description Values of a sampled setting, and its episodes; see ``carstage.dataset.campaigns.Bin``.
+         */
+        CampaignBin: {
+            /** Label */
+            label: string;
+            /** Planned */
+            planned: number;
+            /** Episodes */
+            episodes: number;
+        };
+        /**
+         * CampaignList
+         * @description The campaigns that have been recorded into a dataset, the newest first.
+         *
+         *     Attributes:
+         *         problems: why others cannot be shown, a sentence each.
+         */
+        CampaignList: {
+            /** Campaigns */
+            campaigns: components["schemas"]["CampaignMessage"][];
+            /** Problems */
+            problems?: string[];
+        };
+        /**
+         * CampaignMessage
+         * @description How far a campaign is in a dataset, see ``carstage.dataset.campaigns.CampaignState``.
+         *
+         *     Attributes:
+         *         run_id: the newest run of its configuration.
+         *         others: episodes of the dataset that are of other configurations.
+         *         covered: combinations with a committed episode, of ``combinations``.
+         */
+        CampaignMessage: {
+            /** Run Id */
+            run_id: string;
+            /** Name */
+            name: string;
+            /** Method */
+            method: string;
+            /** Planned */
+            planned: number;
+            /** Committed */
+            committed: number;
+            /** Others */
+            others: number;
+            /** Axes */
+            axes: components["schemas"]["CampaignAxis"][];
+            /** Combinations */
+            combinations: number;
+            /** Covered */
+            covered: number;
+            /** Quotas */
+            quotas: components["schemas"]["CampaignQuota"][];
+        };
+        /**
+         * CampaignQuota
+         * @description How far a quota is.
+         */
+        CampaignQuota: {
+            /** Name */
+            name: string;
+            /** Wanted */
+            wanted: number;
+            /** Frames */
+            frames: number;
+            /** Met */
+            met: boolean;
         };
         /**
          * Channel
@@ -2298,14 +2404,14 @@ export interface components {
         };
         /**
          * RunCommand
-         * @description Go on with a run, stop it, or remove it.
+         * @description Go on with a run, stop it, remove it, or say how far its campaign is.
          */
         RunCommand: {
             /**
              * @description discriminator enum property added by openapi-typescript
              * @enum {string}
              */
-            do: "delete-run" | "resume" | "stop";
+            do: "campaign-report" | "delete-run" | "resume" | "stop";
             /** Run Id */
             run_id: string;
         };
@@ -5472,6 +5578,73 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Statistics"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    campaigns: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                dataset: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CampaignList"];
                 };
             };
             /** @description The request is wrong. */

@@ -24,6 +24,11 @@ from carstage.web.messages.config import (
 )
 from carstage.web.messages.datasets import (
     CameraObject,
+    CampaignAxis,
+    CampaignBin,
+    CampaignList,
+    CampaignMessage,
+    CampaignQuota,
     DatasetChange,
     DatasetDetail,
     DatasetList,
@@ -105,6 +110,11 @@ from carstage.web.messages.sensor_preview import (
 
 __all__ = [
     "CameraObject",
+    "CampaignAxis",
+    "CampaignBin",
+    "CampaignList",
+    "CampaignMessage",
+    "CampaignQuota",
     "Channel",
     "ChannelsMessage",
     "ClientMessage",

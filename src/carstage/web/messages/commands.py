@@ -19,9 +19,9 @@ class StartCommand(Message):
 
 
 class RunCommand(Message):
-    """Go on with a run, stop it, or remove it."""
+    """Go on with a run, stop it, remove it, or say how far its campaign is."""
 
-    do: Literal["resume", "stop", "delete-run"]
+    do: Literal["resume", "stop", "delete-run", "campaign-report"]
     run_id: RunId
 
 

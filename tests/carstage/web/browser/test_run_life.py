@@ -23,9 +23,11 @@ from browser_pages import (
     wait_until,
     wait_until_saved,
 )
-from carstage.config import dump_config
+from carstage.config import dump_config, parse_config
 from carstage.config import load_demo as demo_config
+from carstage.plan import ServerFacts, plan_episodes
 from sites import FakeRun
+from small_episodes import add_episode
 
 pytestmark = pytest.mark.xdist_group("browser")
 
@@ -34,6 +36,32 @@ SMALL = (
     *("image_size=[64, 36]",),
 )
 COUNTS = {"total": 2, "committed": 0, "failed": 1, "skipped": 0}
+
+
+CAMPAIGN = """
+name: sampled
+vehicles: {count: {range: [10, 50], steps: 3}}
+weather: {choice: [ClearNoon, ClearNight]}
+campaign:
+  method: grid
+  quotas: [{name: town, frames: 20, where: {maps: [Stage01]}}]
+"""
+
+
+def campaign_run(out: Path) -> FakeRun:
+    """A run that has ended after five of the six episodes of a campaign."""
+    config = parse_config(CAMPAIGN)
+    plan = plan_episodes(config, ServerFacts(maps={"Stage01": 100}))
+    for spec in plan[:5]:
+        add_episode(out, spec.episode_id, planned=spec.to_json())
+    add_episode(out, "0123456789abcdef")  # of other settings
+    description = (out / "dataset.json").read_bytes()
+    run = FakeRun(out, "20260101-000004-abcdef", dump_config(config))
+    (out / "dataset.json").write_bytes(description)
+    run.end()
+    counts = {"total": 6, "committed": 5, "failed": 0, "skipped": 0}
+    run.say(state="interrupted", current=None, episodes=counts)
+    return run
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +87,7 @@ def lives(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Gui, dict[
     runs["stopped"].say(state="interrupted", **over)
     runs["going"].event("episode_retried", episode_id="e2", reason="The server ended.")
     runs["going"].say(current={**runs["going"]._status["current"], "attempt": "a2"})
+    runs["sampled"] = campaign_run(folder / "sampled")
     made = Gui(folder)
     made.start()
     try:
@@ -232,11 +261,12 @@ def test_runs_are_compared_on_common_axes_at_one_address(
     expect(page.get_by_role("link", name="Compare 2 runs")).to_have_count(0)
 
 
-def test_the_comparison_fits_every_screen_in_both_themes_and_axe_finds_nothing(
+def test_comparison_and_campaign_fit_every_screen_in_both_themes_and_axe_finds_nothing(
     open_page: OpenPage, runs: dict[str, FakeRun]
 ) -> None:
     if not AXE.exists():
         pytest.skip("no axe-core: npm ci in ui/")
+    measured(runs["sampled"], 15, 2.0, 10**8)
     chosen = "&".join(f"run={run.folder.name}" for run in runs.values())
     page = open_page(f"#/compare?{chosen}")
     page.get_by_role("figure").first.wait_for()
@@ -251,9 +281,18 @@ def test_the_comparison_fits_every_screen_in_both_themes_and_axe_finds_nothing(
             found += [f"{width} {theme} {wrong}" for wrong in violations(page, rules)]
             inner = page.evaluate("document.getElementById('content').scrollWidth")
             assert inner <= width, (theme, width)
+        page.evaluate("location.hash = '#/datasets/sampled?tab=campaign'")
+        page.locator(".coverage-table").first.wait_for()
+        for width in (1440, 390):
+            page.set_viewport_size({"width": width, "height": 900})
+            settle(page)
+            look(page, f"campaign-{theme}-{width}")
+            found += [f"campaign {width} {theme} {wrong}" for wrong in violations(page, rules)]
         page.get_by_role("button", name="Light theme").or_(
             page.get_by_role("button", name="Dark theme")
         ).click()
+        page.evaluate(f"location.hash = '#/compare?{chosen}'")
+        page.locator(".line-chart").first.wait_for()
     assert found == []
 
 
@@ -261,6 +300,36 @@ def look(page: Page, name: str) -> None:
     """A picture to be looked at, where a folder for it is named."""
     if folder := os.environ.get("CARSTAGE_LOOK"):
         page.screenshot(path=Path(folder) / f"{name}.png", full_page=True)
+
+
+def test_a_campaign_shows_what_of_it_is_recorded(
+    open_page: OpenPage, runs: dict[str, FakeRun], gui: Gui
+) -> None:
+    page = open_page("#/datasets/scene")
+    page.get_by_role("tab", name="Statistics").wait_for()
+    expect(page.get_by_role("tab", name="Campaign")).to_have_count(0)
+    page.evaluate("location.hash = '#/datasets/sampled'")
+    page.get_by_role("tab", name="Campaign").click()
+    tiles = page.locator(".campaign .tile")
+    expect(tiles).to_have_text(
+        ["Planned6", "Recorded5", "Missing1", "Sampledgrid", "Combinations5 of 6"]
+    )
+    expect(page.locator(".campaign .page-head")).to_contain_text(
+        "1 episode of the dataset of other"
+    )
+    vehicles = page.get_by_role("region", name="Coverage of Vehicles").get_by_role("row")
+    expect(vehicles).to_have_count(4)
+    expect(vehicles.nth(1)).to_have_text(re.compile("^102 of 20$"))
+    missing = page.get_by_role("region", name="Coverage of Weather").locator(".short")
+    expect(missing).to_have_text(["1"])
+    quota = page.get_by_role("region", name="Coverage of Quotas").get_by_role("row").nth(1)
+    expect(quota).to_have_text("town20 of 200")
+    expect(page.get_by_text("the missing episodes are not needed")).to_be_visible()
+    picture(page, "gui-campaign", gui)
+    page.get_by_role("button", name="Copy as command").click()
+    expect(page.get_by_label("Command", exact=True)).to_contain_text(
+        f"carstage campaign report {gui.datasets / 'sampled'} - <<'CONFIG'"
+    )
 
 
 def test_validation_and_report_are_shown_as_commands(open_page: OpenPage, gui: Gui) -> None:
@@ -483,7 +552,8 @@ def test_start_is_in_view_and_nothing_wider_than_the_screen(
             for where in (".parameters", ".rig")
         ]
         assert tops[0] < tops[1]
-    for address in ("#/configure", "#/run", "#/runs", at(runs["failed"]), "#/datasets/scene"):
+    for address in ("#/configure", "#/run", "#/runs", at(runs["failed"]), "#/datasets/scene",
+                    "#/datasets/sampled?tab=campaign"):  # fmt: skip
         page.evaluate(f"location.hash = '{address}'")
         page.get_by_role("heading", level=1).first.wait_for(state="attached")
         page.wait_for_load_state("networkidle")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from collections.abc import Iterator
@@ -399,6 +400,55 @@ def test_a_stopped_run_goes_on_by_one_click(open_page: OpenPage, runs: dict[str,
     expect(page.get_by_text(f"goes on with {run.folder.name}")).to_be_visible()
     expect(page.locator(".page-head").get_by_role("status").first).to_contain_text("queued")
     page.get_by_role("button", name="Take out").click()
+
+
+def test_a_failed_run_is_retried_and_duplicated_by_its_buttons(
+    open_page: OpenPage, runs: dict[str, FakeRun], gui: Gui
+) -> None:
+    """Both wait behind the run that goes on, with the settings of the one that failed."""
+    run = runs["failed"]
+    page = open_page(at(run))
+    expect(page.get_by_role("button", name="Resume")).to_have_count(0)
+    badge = page.locator(".page-head").get_by_role("status").first
+    recorded = into(gui, run.folder.parents[1].name)
+
+    page.get_by_role("button", name="Retry").click()
+    expect(page.get_by_text(f"goes on with {run.folder.name}")).to_be_visible()
+    expect(badge).to_have_text("queued, place 1")
+    retried = page.evaluate(RUN_OF_PAGE)
+    assert retried["run"]["location"] == str(run.folder.parents[1])
+    assert retried["config"] == recorded
+    page.get_by_role("button", name="Take out").click()
+
+    page.evaluate(f"location.hash = '{at(run)}'")
+    expect(page.get_by_role("heading", level=1)).to_have_text("failed")
+    action(page, "Duplicate…")
+    dialog = page.get_by_role("dialog")
+    expect(dialog.get_by_label("Into the dataset")).to_have_value("scene-2")
+    dialog.get_by_label("Into the dataset").fill("no/name")
+    dialog.get_by_role("button", name="Queue").click()
+    expect(dialog.get_by_role("alert")).to_be_visible()
+    dialog.get_by_label("Into the dataset").fill("scene-copy")
+    dialog.get_by_role("button", name="Queue").click()
+    expect(page.get_by_text("goes on with")).to_have_count(0)
+    expect(badge).to_have_text("queued, place 1")
+    copied = page.evaluate(RUN_OF_PAGE)
+    assert copied["run"]["location"] == str(gui.datasets / "scene-copy")
+    assert copied["config"] == recorded
+    page.get_by_role("button", name="Take out").click()
+    expect(page.get_by_text("queued, place 1")).to_have_count(0)
+
+
+#: What the server says of the run that the address names.
+RUN_OF_PAGE = "fetch(`api/runs/${location.hash.split('/').at(-1)}`).then((a) => a.json())"
+
+
+def into(gui: Gui, dataset: str) -> dict[str, Any]:
+    """The settings of the run that has recorded into a dataset."""
+    (plan,) = (gui.datasets / dataset / "runs").glob("*/plan.json")
+    document: dict[str, Any] = json.loads(plan.read_text())
+    config: dict[str, Any] = document["config"]
+    return config
 
 
 def test_all_runs_stand_in_one_table(open_page: OpenPage, gui: Gui) -> None:

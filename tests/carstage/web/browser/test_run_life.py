@@ -17,6 +17,7 @@ from axe_checks import ALL_RULES, AXE, COLOUR_RULES, settle, violations
 from browser_pages import (
     Gui,
     OpenPage,
+    Watch,
     field,
     load_demo,
     picture,
@@ -565,6 +566,27 @@ def test_settings_are_searched_and_told_from_the_usual_ones(open_page: OpenPage,
     picture(page, "gui-paper", gui)
     page.get_by_role("button", name="Changed", exact=True).click()
     field(page, "Name").first.wait_for()
+
+
+def test_what_is_not_there_is_said_and_never_loads_for_ever(
+    open_page: OpenPage, watch: Watch, runs: dict[str, FakeRun]
+) -> None:
+    watch.may_ask_in_vain = True
+    page = open_page("#/runs")
+    there = runs["failed"].folder.name
+    content = page.locator("#content")
+    for address, told in (
+        ("#/datasets/nowhere", "There is no dataset nowhere."),
+        ("#/datasets/nowhere?tab=campaign", "There is no dataset nowhere."),
+        ("#/datasets/nowhere/0123456789abcdef", "There is no dataset nowhere."),
+        ("#/datasets/scene/fedcba9876543210", "There is no episode fedcba9876543210"),
+        ("#/run/nowhere", "There is no such run."),
+        (f"#/compare?run={there}&run=nowhere", "There is no run nowhere."),
+        (f"#/compare?run={there}", "Choose two or more runs"),
+    ):
+        page.evaluate(f"location.hash = '{address}'")
+        expect(content).to_contain_text(told)
+        expect(content).not_to_contain_text("Loading")
 
 
 def test_the_shortcuts_are_listed(open_page: OpenPage) -> None:

@@ -322,6 +322,21 @@ def busy_machine(
     return report(verdict, json)
 
 
+@benchmark("recording-beside", takes="10 minutes")
+def recording_beside(
+    ticks: Annotated[int, typer.Option(min=100, help="Of each run of the program.")] = 5000,
+    rounds: Annotated[int, typer.Option(min=1, help="Runs of each kind.")] = 3,
+    json: Json = False,
+) -> int:
+    """Whether `record` loses no frame of a program at full speed, and how much it slows it."""
+    from benchmarks.framework.recording_beside import measure_recording_beside
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Programs", "programs") as progress:
+        verdict = measure_recording_beside(ticks, rounds, progress)
+    return report(verdict, json)
+
+
 @benchmark("interrupting", takes="60 minutes")
 def interrupting(
     trials: Annotated[int, typer.Option(min=1, help="Runs that are interrupted.")] = 30,

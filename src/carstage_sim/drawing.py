@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import threading
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar
+
+logger = logging.getLogger(__name__)
 
 _MOST_WAITING = 64
 
@@ -23,12 +27,15 @@ class DrawingThread:
     def __init__(self) -> None:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="drawing")
         self._room = threading.BoundedSemaphore(_MOST_WAITING)
-        self._last: Future[Any] | None = None
+        self._changed = threading.Condition()
+        self._undone = 0
+        self._put_off: deque[Callable[[], None]] = deque()
+        self._leaves_out = False
 
     @property
     def busy(self) -> bool:
         """Whether something that was handed over is not finished."""
-        return self._last is not None and not self._last.done()
+        return self._undone > 0
 
     def submit(
         self,
@@ -38,11 +45,29 @@ class DrawingThread:
         **kwargs: _Parameters.kwargs,
     ) -> Future[_Result]:
         """Hand work over; waits only if far too much is waiting already."""
+
+        def counted() -> _Result:
+            try:
+                return work(*args, **kwargs)
+            finally:
+                self._count(-1)
+
         self._room.acquire()
-        future = self._pool.submit(work, *args, **kwargs)
+        self._count(+1)
+        future = self._pool.submit(counted)
         future.add_done_callback(lambda _: self._room.release())
-        self._last = future
         return future
+
+    def put_off(self, work: Callable[[], None]) -> None:
+        """Hand work over that comes after all other work, also after what is submitted later.
+
+        Other work waits for one piece of it at most: for the one that is being done.
+        """
+        with self._changed:
+            self._undone += 1
+            self._put_off.append(work)
+            if len(self._put_off) == 1:
+                self._pool.submit(self._do_one_put_off)
 
     def at_once_or_later(
         self,
@@ -63,9 +88,35 @@ class DrawingThread:
 
     def finish(self) -> None:
         """Wait until everything is done."""
-        if self._last is not None:
-            self._last.exception()
+        with self._changed:
+            self._changed.wait_for(lambda: not self._undone)
+
+    def finish_without_what_is_put_off(self) -> None:
+        """Wait until everything is done; what is put off and not begun is left out."""
+        with self._changed:
+            self._leaves_out = True
+            self._changed.wait_for(lambda: not self._undone)
+            self._leaves_out = False
 
     def close(self) -> None:
-        """End the thread when everything is done."""
+        """End the thread when everything is done; what is put off and not begun is left out."""
+        self.finish_without_what_is_put_off()
         self._pool.shutdown()
+
+    def _do_one_put_off(self) -> None:
+        if not self._leaves_out:
+            try:
+                self._put_off[0]()
+            except Exception:
+                logger.exception("what was put off failed")
+        with self._changed:
+            self._put_off.popleft()
+            self._undone -= 1
+            self._changed.notify_all()
+            if self._put_off:
+                self._pool.submit(self._do_one_put_off)  # behind what was submitted meanwhile
+
+    def _count(self, change: int) -> None:
+        with self._changed:
+            self._undone += change
+            self._changed.notify_all()

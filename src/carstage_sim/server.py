@@ -2,8 +2,9 @@
 
 :meth:`Server.run` is the simulation thread. It alone touches the world; the socket threads move
 bytes, and one more draws pictures of frames that are frozen. In synchronous mode it serves calls
-until one of them is a tick, for which it waits until the last frame is drawn; otherwise it ticks by
-the wall clock, whatever the pictures take, and serves calls in between.
+until one of them is a tick, for which it waits until the last frame is drawn, but not for pictures
+that nobody has shown to read; otherwise it ticks by the wall clock, whatever the pictures take, and
+serves calls in between.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from typing import Any
 from carstage_sim.simulation import CapturedFrame, Scene, Simulation
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.handlers import Session, TickRequest, serve
+from carstage_sim.wire.late_pictures import LatePictures
 from carstage_sim.wire.payloads import encode_frame, sensor_header
 from carstage_sim.wire.relabelling import Relabelling
 from carstage_sim.wire.rpc import Disconnected, Event, RpcServer
@@ -98,6 +100,7 @@ class Server:
             self._streams = StreamingServer(stream_loop, streaming_socket)
             resources.callback(self._streams.close)
             self._resources = resources.pop_all()
+        self._late = LatePictures(self._streams.taking, self._rpc.wake)
         self.rpc_port = self._rpc.port
         self.streaming_port = self._streams.port
         self._session = Session(
@@ -134,8 +137,7 @@ class Server:
         try:
             self._run()
         finally:
-            if self._drawn is not None:
-                self._drawn.exception()  # what is drawn is published here
+            self._simulation.finish_drawing()  # what is drawn is published here
 
     def _run(self) -> None:
         while not self._stop.is_set():
@@ -165,7 +167,8 @@ class Server:
 
     @property
     def _is_drawing(self) -> bool:
-        return self._drawn is not None and not self._drawn.done()
+        drawn = self._drawn is None or self._drawn.done()
+        return not drawn or self._late.hold_up_the_world
 
     def _due_requests(self) -> list[TickRequest]:
         """Who wants a tick; not those that would miss it, because they subscribe still."""
@@ -281,7 +284,7 @@ class Server:
 
         for captured in self._simulation.measure(scene):
             publish(captured)
-        drawn = self._simulation.draw(scene, publish, may_skip=not wait)
+        drawn = self._simulation.draw(scene, publish, self._late.turn if wait else None)
         if drawn is not None:
             self._drawn = drawn
             drawn.add_done_callback(lambda _: self._rpc.wake())

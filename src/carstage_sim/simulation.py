@@ -13,7 +13,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from types import TracebackType
+from typing import Protocol
 
 from carstage_sim.drawing import DrawingThread
 from carstage_sim.maps import BackgroundBakes, Bake, MapCatalogue, Town
@@ -24,7 +26,7 @@ from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from carstage_sim.sensors.looping import Looping
 from carstage_sim.sensors.measurements import SensorFrame, SensorRequest
 from carstage_sim.sensors.projection import GeoProjection
-from carstage_sim.sensors.sensor import SensorRegistry
+from carstage_sim.sensors.sensor import Sensor, SensorRegistry
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.controls import EpisodeSettings
 from carstage_sim.world.errors import SpawnError
@@ -71,6 +73,17 @@ class Scene:
     looking: Sequence[SensorRequest]
     watched: Mapping[int, tuple[Actor, Pose]]
     actors: Mapping[int, Actor]
+
+
+class LateTurn(Protocol):
+    """The turn of data that may come after those of later frames."""
+
+    @property
+    def worth_making(self) -> bool:
+        """Whether anybody may still take them."""
+
+    def end(self) -> None:
+        """They are published, or left out."""
 
 
 class Simulation:
@@ -280,38 +293,68 @@ class Simulation:
             yield CapturedFrame(*scene.watched[sensor_id], frame)
 
     def draw(
-        self, scene: Scene, publish: Callable[[CapturedFrame], None], *, may_skip: bool
+        self,
+        scene: Scene,
+        publish: Callable[[CapturedFrame], None],
+        late_turn: Callable[[int], LateTurn | None] | None,
     ) -> Future[None] | None:
         """Begin to draw what the other sensors see.
 
         Args:
             scene: the frame.
             publish: called with the data of one sensor after the other, in the drawing thread.
-            may_skip: leave the frame out if another is still drawn.
+            late_turn: gives, by stream number, a turn to data that may come after those of later
+                frames, None to others. Without it the whole frame is left out if another is still
+                drawn.
 
         Returns:
-            What is done when all of it is published; None where nothing is drawn.
+            What is done when all is published that is not late; None where nothing is drawn.
         """
-        if self._drawing.busy and (may_skip or not scene.looking):
+        if self._drawing.busy and (late_turn is None or not scene.looking):
             self._missed.append(scene)
             return None
         missed = tuple(self._missed)
         self._missed.clear()
         sensors = self._sensors
+        waiting = {} if late_turn is None else _late_turns(scene, late_turn)
+
+        def publish_all(due: Sequence[tuple[SensorRequest, Sensor]]) -> None:
+            for sensor_id, frame in sensors.frames_of(scene.state, due):
+                publish(CapturedFrame(*scene.watched[sensor_id], frame))
+
+        def draw_late(one: tuple[SensorRequest, Sensor], turn: LateTurn) -> None:
+            try:
+                if turn.worth_making:
+                    publish_all([one])
+            finally:
+                turn.end()
 
         def drawn() -> None:
+            prompt = []
             try:
                 for one in missed:
                     sensors.miss(one.state, one.looking)
-                for sensor_id, frame in sensors.frames(scene.state, scene.looking):
-                    publish(CapturedFrame(*scene.watched[sensor_id], frame))
+                for due in sensors.due(scene.state, scene.looking):
+                    turn = waiting.pop(due[0].sensor_id, None)
+                    if turn is None:
+                        prompt.append(due)
+                    else:
+                        self._drawing.put_off(partial(draw_late, due, turn))
+                publish_all(prompt)
             except Exception:
                 logger.exception("sensors of frame %d failed", scene.state.frame)
+            finally:
+                for turn in waiting.values():
+                    turn.end()
 
         if not scene.looking:
             drawn()
             return None
         return self._drawing.submit(drawn)
+
+    def finish_drawing(self) -> None:
+        """Wait until what :meth:`draw` began is published; data that are late are left out."""
+        self._drawing.finish_without_what_is_put_off()
 
     def _before_spawn(self, type_id: str, attributes: Mapping[str, str]) -> None:
         """Refuse a sensor that could not be captured, before it is in the world.
@@ -335,6 +378,17 @@ class Simulation:
             self._sensors.expect(type_id)
         except Exception:
             logger.exception("the shape of %s cannot be made", type_id)
+
+
+def _late_turns(scene: Scene, turn_of: Callable[[int], LateTurn | None]) -> dict[int, LateTurn]:
+    """The turns, by sensor id, of the sensors whose data of a frame may be late."""
+    turns: dict[int, LateTurn] = {}
+    for request in scene.looking:
+        if SensorRegistry.may_be_late(request.type_id):
+            turn = turn_of(scene.watched[request.sensor_id][0].stream_id)
+            if turn is not None:
+                turns[request.sensor_id] = turn
+    return turns
 
 
 def _request(sensor: Actor, pose: Pose, gravity: float, projection: GeoProjection) -> SensorRequest:

@@ -60,6 +60,7 @@ class CommitQueue:
         environment: Mapping[str, str],
         raw_must_last: bool,
         failed: Failed,
+        irreplaceable: bool = False,
     ) -> None:
         self._store = store
         self._record = record
@@ -68,6 +69,7 @@ class CommitQueue:
         self._environment = environment
         self._raw_must_last = raw_must_last
         self._failed = failed
+        self._irreplaceable = irreplaceable
         self._codecs = config.conversion.codecs
         self._deferred = config.conversion.mode == "deferred"
         self._keep_raw = config.output.keep_raw
@@ -209,8 +211,9 @@ class CommitQueue:
 
     def give_back(self) -> None:
         """Remove what was not committed and end the converters, whatever fails."""
-        for attempt_commit in self:
-            self.drop(attempt_commit)
+        if not self._irreplaceable:
+            for attempt_commit in self:
+                self.drop(attempt_commit)
         self.converters.end(at_once=self._record.left_s() < math.inf)
 
     def drop(self, attempt_commit: AttemptCommit) -> None:
@@ -249,9 +252,12 @@ class CommitQueue:
             self._record.event(EpisodeCommitted(episode_id, attempt_commit.attempt))
 
     def _give_up(self, attempt_commit: AttemptCommit, error: CarStageError) -> None:
-        """Converting or committing an attempt failed: what it has written goes."""
+        """Converting or committing an attempt failed: what can be recorded again goes."""
         self._forget(attempt_commit)
-        attempt_commit.give_up()
+        if self._irreplaceable:
+            attempt_commit.cancel()
+        else:
+            attempt_commit.give_up()
         self._failed(attempt_commit, error, isinstance(error, BadInputError))
 
     def _forget(self, attempt_commit: AttemptCommit) -> None:

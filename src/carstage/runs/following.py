@@ -11,7 +11,7 @@ import secrets
 import selectors
 import threading
 from collections.abc import Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -45,13 +45,15 @@ from carstage.runs.folder import CurrentEpisode, RunFolder
 from carstage.runs.interruption import ANSWER_S, Interruption
 from carstage.runs.orphans import marked
 from carstage.runs.outcome import RunResult
+from carstage.runs.pending import pending_recordings
 from carstage.runs.preflight import check_open_files, check_output, work_folder
+from carstage.runs.reading import read_document
 from carstage.runs.record import RunRecord
 from carstage.runs.run_session import RunSession
 from carstage.runs.wakeup_pipe import WakeupPipe
-from carstage.sensor_kinds import plugins_of
+from carstage.sensor_kinds import plugins_of, registered_kinds
 from carstage.server import ClientPython, find_client, probe_version
-from carstage.spec import FOLLOW, EpisodeSpec, Stand
+from carstage.spec import FOLLOW, EpisodeSpec, SpecError, Stand
 from carstage.spec.scenario import RecordedSpec
 from carstage.storage import Store, open_store
 
@@ -176,7 +178,14 @@ class _FollowingSession(RunSession):
         self._stop = stop
         server = self._config.server
         self._queue = CommitQueue(
-            self._config, self._store, self._record, self._wakeup, environment, False, self._failed
+            self._config,
+            self._store,
+            self._record,
+            self._wakeup,
+            environment,
+            True,
+            self._failed,
+            irreplaceable=True,
         )
         self._plan: dict[str, Any] = {
             "server": {"host": server.host, "port": server.port, "timeout_s": CALL_S},  # type: ignore[union-attr]
@@ -199,6 +208,7 @@ class _FollowingSession(RunSession):
         self._folder.raw.mkdir(exist_ok=True)
         with self._interruption.deferred(), ExitStack() as stack:
             self._queue.converters.pool()
+            self._convert_pending()
             collector = stack.enter_context(
                 CollectorProcess(
                     self._plan,
@@ -220,6 +230,21 @@ class _FollowingSession(RunSession):
         if code != 0:
             raise self._explained(code)
         self._interruption.check()
+
+    def _convert_pending(self) -> None:
+        """Begin to convert what earlier recordings into this dataset could not."""
+        jobs = []
+        for recording in pending_recordings(self._folder.work):
+            header = read_document(recording.folder / "episode.json") or {}
+            with suppress(SpecError):  # not ours
+                spec = EpisodeSpec.from_json(header.get("spec"), kinds=registered_kinds())
+                if isinstance(spec.scenario, RecordedSpec):
+                    jobs.append(Job(spec, recording.episode_id))
+        for episode_id in self._queue.take_pending(jobs):
+            self._specs += [job.spec for job in jobs if job.episode_id == episode_id]
+            self._status.episodes.total += 1
+            self._attempted = True
+            self._queue.begin_next()
 
     def _listen(self, collector: CollectorProcess) -> None:
         """Do what the collector's events ask for, until it ends."""
@@ -324,12 +349,16 @@ class _FollowingSession(RunSession):
                 "the ledger frames.parquet names them."
             )
         self._queue.add(attempt_commit)
-        attempt_commit.convert_all(self._queue.converters.pool())
+        self._queue.begin_next()
 
     def _failed(self, attempt: AttemptCommit, error: CarStageError, final: bool) -> None:
-        """An episode could not be converted; nobody can record it again."""
+        """An episode could not be converted; nobody can record it again, so it is kept."""
         del final
         episode_id = attempt.job.episode_id
+        self._record.notice(
+            f"Episode {episode_id} is kept as it was recorded: the next `carstage record` into "
+            "this dataset converts it."
+        )
         self._failures[episode_id] = str(error)
         self._status.episodes.failed += 1
         self._record.event(EpisodeFailed(episode_id, attempt.attempt, str(error)))
@@ -415,10 +444,12 @@ def _settings_of(rig: RigSource, settings: tuple[str, ...]) -> dict[str, Any]:
 def _config(asked: Mapping[str, Any]) -> Config:
     """Checked; what drives where is not ours to ask for.
 
+    Conversion is deferred: what is recorded is set aside, on the disk, before anything else.
+
     Raises:
         ConfigError: a value is wrong, or cannot be had beside a program that ticks.
     """
-    conversion = {**asked.get("conversion", {}), "mode": "streaming"}
+    conversion = {**asked.get("conversion", {}), "mode": "deferred"}
     nobody = {"vehicles": {"count": 0}, "pedestrians": {"count": 0}, "episodes": 1}
     config = check_config({**asked, "conversion": conversion, **nobody})
     if not (config.timing.mode == "sync" and config.timing.sensor_sync):

@@ -148,6 +148,8 @@ def film_of(attributes: Mapping[str, str]) -> Film:
 class RgbCamera(CameraSensor):
     """A colour picture."""
 
+    may_be_late = True
+
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)
         self.film = film_of(request.attributes)

@@ -26,9 +26,12 @@ class Sensor(ABC):
     Attributes:
         looks: whether it asks the view for anything. One that does not measures in every tick,
             however long pictures take.
+        may_be_late: whether its reports may be made after later ticks. That needs reports that
+            depend on their own tick alone, and pays for those that take long.
     """
 
     looks: ClassVar[bool] = True
+    may_be_late: ClassVar[bool] = False
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
         self.request = request
@@ -114,6 +117,11 @@ class SensorRegistry:
     def looks(cls, type_id: str) -> bool:
         """Whether sensors of a blueprint id need to see the town and the actors."""
         return type_id not in cls._classes or cls._classes[type_id].looks
+
+    @classmethod
+    def may_be_late(cls, type_id: str) -> bool:
+        """Whether reports of a blueprint id's sensors may be made after later ticks."""
+        return type_id in cls._classes and cls._classes[type_id].may_be_late
 
     @classmethod
     def make(cls, request: SensorRequest, town: Town) -> Sensor:

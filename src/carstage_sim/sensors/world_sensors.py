@@ -33,6 +33,7 @@ from carstage_sim.sensors.actors import ActorModels
 from carstage_sim.sensors.known_sensors import KnownSensors
 from carstage_sim.sensors.looping import Looping
 from carstage_sim.sensors.measurements import SensorFrame, SensorRequest
+from carstage_sim.sensors.sensor import Sensor
 from carstage_sim.sensors.view import View
 from carstage_sim.world.pose import Vector3
 from carstage_sim.world.state import Weather, WorldState
@@ -131,10 +132,25 @@ class WorldSensors:
         self, state: WorldState, requests: Sequence[SensorRequest]
     ) -> Iterator[tuple[int, SensorFrame]]:
         """As :meth:`capture`, one after the other: a card makes the next while one is sent."""
+        return self.frames_of(state, self.due(state, requests))
+
+    def due(
+        self, state: WorldState, requests: Sequence[SensorRequest]
+    ) -> list[tuple[SensorRequest, Sensor]]:
+        """The sensors whose turn it is, in the order of ``requests``; the others see the tick.
+
+        Raises:
+            KeyError, SensorAttributeError: as :meth:`capture`.
+        """
+        return self._known.due(state, requests)
+
+    def frames_of(
+        self, state: WorldState, due: Sequence[tuple[SensorRequest, Sensor]]
+    ) -> Iterator[tuple[int, SensorFrame]]:
+        """Frames of sensors whose turn it is in a tick, from :meth:`due`."""
         view = self._view(state)
         views = {frozenset[int](): view}
         rays_before = self._caster.ray_count
-        due = self._known.due(state, requests)
         for request, sensor in due:
             if request.ignored not in views:
                 views[request.ignored] = self._view(state, view, request.ignored)

@@ -5,11 +5,17 @@ from __future__ import annotations
 import logging
 import selectors
 import socket
+import struct
+import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
+
+if sys.platform == "linux":
+    import fcntl
+    import termios
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
@@ -36,6 +42,7 @@ class Channel:
         on_close: called in the loop's thread when the connection is gone.
         reading: whether the loop reads; while it does not, the other side waits.
         silent: whether nothing was ever received.
+        sent_bytes: how much was ever to be sent.
     """
 
     def __init__(self, loop: SocketLoop, sock: socket.socket, peer: str) -> None:
@@ -45,6 +52,7 @@ class Channel:
         self.on_close: Callable[[], None] = lambda: None
         self.reading = True
         self.silent = True
+        self.sent_bytes = 0
         self._loop = loop
         self._sock = sock
         self._unwritten: deque[memoryview] = deque()
@@ -62,6 +70,17 @@ class Channel:
     def unwritten_bytes(self) -> int:
         """Bytes that the kernel has not taken yet."""
         return self._unwritten_bytes
+
+    @property
+    def taken_bytes(self) -> int:
+        """Bytes that reached the other side, of :attr:`sent_bytes`.
+
+        Where the system does not tell what waits in its own buffers, what it accepted.
+        """
+        with self._changed:
+            unwritten = self._unwritten_bytes
+            waiting = 0 if self._closing else _unacknowledged_bytes(self._sock)
+            return self.sent_bytes - unwritten - waiting
 
     @property
     def stalled_s(self) -> float:
@@ -85,7 +104,9 @@ class Channel:
                 return
             was_idle = not self._unwritten
             self._unwritten.extend(views)
-            self._unwritten_bytes += sum(view.nbytes for view in views)
+            size = sum(view.nbytes for view in views)
+            self._unwritten_bytes += size
+            self.sent_bytes += size
             if was_idle:
                 self._progress_s = time.monotonic()
                 self._write()
@@ -181,3 +202,12 @@ class Channel:
         self._loop.forget(self)
         self._sock.close()
         self.on_close()
+
+
+def _unacknowledged_bytes(sock: socket.socket) -> int:
+    """Bytes in the kernel's send buffer that the other side has not acknowledged (``tcp(7)``)."""
+    if sys.platform != "linux":
+        return 0
+    size = fcntl.ioctl(sock.fileno(), termios.TIOCOUTQ, bytes(4))
+    (waiting,) = struct.unpack("i", size)
+    return int(waiting)

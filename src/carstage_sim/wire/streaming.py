@@ -14,6 +14,7 @@ bound is reached, or when it goes on reading.
 
 from __future__ import annotations
 
+import enum
 import logging
 import math
 import socket
@@ -46,6 +47,38 @@ LONGEST_WAIT_S = 0.4
 _MISTRUST_S = 2.0
 """After a wait for who did not come: others may announce without end that they will."""
 _MOST_UNREAD_BYTES = 64 << 20
+_GIVEN_UP_AFTER_S = 2.0
+"""Who takes nothing for so long is sent no more pictures that take long to draw."""
+
+
+class Taking(enum.Enum):
+    """What the subscribers of a stream take of what they are sent."""
+
+    ALL = enum.auto()
+    """One at least has taken everything."""
+    UNKNOWN = enum.auto()
+    """Nothing was sent yet, or it is being taken."""
+    NOTHING = enum.auto()
+    """There is none, or none took anything for seconds."""
+
+
+class _Progress:
+    """How far a subscriber is with what it was sent."""
+
+    def __init__(self) -> None:
+        self._taken_bytes = -1
+        self._since_s = 0.0
+
+    def taking(self, channel: Channel) -> Taking:
+        """What it takes, as far as seen by asking again and again."""
+        now_s, taken_bytes = time.monotonic(), channel.taken_bytes
+        if taken_bytes > self._taken_bytes:
+            self._taken_bytes, self._since_s = taken_bytes, now_s
+        if taken_bytes == channel.sent_bytes:
+            self._since_s = now_s
+            return Taking.ALL if taken_bytes else Taking.UNKNOWN
+        gave_up = now_s - self._since_s > _GIVEN_UP_AFTER_S
+        return Taking.NOTHING if gave_up else Taking.UNKNOWN
 
 
 class StreamingServer:
@@ -66,7 +99,7 @@ class StreamingServer:
         self._patience_s = patience_s
         self._warnings = ThrottledWarnings(logger)
         self._lock = threading.Condition()
-        self._subscribers: dict[int, list[Channel]] = {}
+        self._subscribers: dict[int, dict[Channel, _Progress]] = {}
         self._awaited: dict[int, dict[object, float]] = {}
         self._waits_until_s = math.inf
         self._frame_began_s = self._frame_before_began_s = -math.inf
@@ -133,6 +166,13 @@ class StreamingServer:
                 if not came:
                     self._trusts_again_s = time.monotonic() + _MISTRUST_S
             return len(self._subscribers.get(stream_id, ()))
+
+    def taking(self, stream_id: int) -> Taking:
+        """What the subscribers of a stream take: what the one takes who takes most."""
+        with self._lock:
+            subscribers = self._subscribers.get(stream_id, {})
+            found = {progress.taking(channel) for channel, progress in subscribers.items()}
+        return next((taking for taking in Taking if taking in found), Taking.NOTHING)
 
     def publish(self, stream_id: int, parts: Sequence[Buffer], *, wait: bool) -> None:
         """Send one message to every subscriber of a stream.
@@ -203,7 +243,7 @@ class StreamingServer:
         logger.debug("stream %d: subscribed by %s", stream_id, channel.peer)
         channel.on_close = lambda: self._unsubscribe(stream_id, channel)
         with self._lock:
-            self._subscribers.setdefault(stream_id, []).append(channel)
+            self._subscribers.setdefault(stream_id, {})[channel] = _Progress()
             # Nobody says who subscribes: it is taken for the one that is expected longest.
             expected = self._awaited.get(stream_id, {})
             expected.pop(next(iter(expected), None), None)
@@ -215,7 +255,7 @@ class StreamingServer:
         logger.debug("stream %d: unsubscribed by %s", stream_id, channel.peer)
         with self._lock:
             channels = self._subscribers[stream_id]
-            channels.remove(channel)
+            del channels[channel]
             if not channels:
                 del self._subscribers[stream_id]
 

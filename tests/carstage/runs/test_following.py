@@ -15,13 +15,15 @@ import pyarrow.parquet as pq
 import pytest
 
 import carstage
-import ticking_program
-from carstage.errors import BadInputError, ConfigError
-from carstage.runs import record_beside
+from carstage.errors import BadInputError, ConfigError, ConversionError
+from carstage.runs import RunResult, record_beside
+from carstage.runs.attempt_commit import AttemptCommit
+from carstage.runs.events import RunEvent
 from carstage.server import free_port
 from running_simulator import RunningSimulator
 from waiting import await_that
 
+PROGRAM = Path(__file__).parents[3] / "benchmarks/framework/clients/ticking_program.py"
 RIG: dict[str, Any] = {
     "image_size": [64, 36],
     "rig": {
@@ -37,7 +39,7 @@ FAST_RIG: dict[str, Any] = {"rig": {"sensors": [{"id": "IMU", "kind": "imu"}]}}
 @contextmanager
 def ticking(simulator: RunningSimulator, ticks: int, lives: int = 1) -> Iterator[list[int]]:
     """Run the program; the list gets the last frame of each life, at the end."""
-    command = [sys.executable, ticking_program.__file__, simulator.host, str(simulator.port)]
+    command = [sys.executable, str(PROGRAM), simulator.host, str(simulator.port)]
     process = subprocess.Popen([*command, str(ticks), str(lives)], stdout=subprocess.PIPE)
     last_frames: list[int] = []
     try:
@@ -154,6 +156,31 @@ def test_ctrl_c_keeps_what_is_whole(simulator: RunningSimulator, tmp_path: Path)
     (episode,) = carstage.Dataset(out).episodes
     assert 20 < episode.spec.steps < 2000
     assert carstage.validate(out).ok
+
+
+def test_what_could_not_be_converted_is_kept_and_converted_by_the_next_recording(
+    simulator: RunningSimulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(_: AttemptCommit) -> int:
+        raise ConversionError("the disk of the converters is away", "Bring it back.")
+
+    def recorded() -> RunResult:
+        with ticking(simulator, 40):
+            return record_beside(address(simulator), "hero", RIG, out, said.append, episodes=1)
+
+    out, said = tmp_path / "out", list[RunEvent]()
+    with monkeypatch.context() as patched:
+        patched.setattr(AttemptCommit, "commit", fails)
+        ended = recorded()
+    assert (ended.state, ended.committed, len(ended.failures)) == ("failed", 0, 1)
+    assert any("is kept as it was recorded" in str(event) for event in said)
+    (kept,) = ended.failures
+
+    ended = recorded()
+    assert (ended.state, ended.committed, ended.total) == ("done", 2, 2)
+    assert kept in [episode.id for episode in carstage.Dataset(out).episodes]
+    assert carstage.validate(out).ok
+    assert not list(out.glob("runs/*/raw/*"))
 
 
 def told(runs: Path) -> str:

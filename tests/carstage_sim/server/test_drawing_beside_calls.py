@@ -9,11 +9,13 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
+import numpy as np
 import pytest
 
-from carstage_sim.sensors.cameras import HitCamera
+from carstage_sim.sensors.cameras import HitCamera, RgbCamera
 from carstage_sim.server import Server
 from carstage_sim.simulation import Simulation
+from carstage_sim.wire import streaming
 from carstage_sim.wire.dialect import dialect
 from carstage_sim.wire.socket_loop import bind
 from carstage_sim.world.actors import Actor
@@ -25,6 +27,7 @@ from waiting import await_that, holds_for
 pytestmark = pytest.mark.xdist_group("kernels")
 
 SIZE = {"image_size_x": "16", "image_size_y": "9"}
+LARGE = {"image_size_x": "1280", "image_size_y": "720"}
 SYNCHRONOUS = EpisodeSettings(synchronous_mode=True, fixed_delta_seconds=0.05)
 
 
@@ -52,6 +55,20 @@ def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
         return measure(*arguments)
 
     monkeypatch.setattr(HitCamera, "measure", gated)
+    yield gate
+    gate.open.set()
+
+
+@pytest.fixture
+def colour_gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
+    """A gate for colour cameras, whose pictures are black."""
+    gate = Gate()
+
+    def gated(camera: RgbCamera, *_: Any) -> Any:
+        gate.pass_through()
+        return camera.image(np.zeros((camera.height, camera.width, 4), np.uint8))
+
+    monkeypatch.setattr(RgbCamera, "measure", gated)
     yield gate
     gate.open.set()
 
@@ -85,6 +102,7 @@ class Rig:
     def __init__(self, simulation: Simulation, resources: ExitStack) -> None:
         world = simulation.world
         self.camera = world.spawn("sensor.camera.depth", SIZE, Pose((0.0, 0.0, 3.0)))
+        self.colour = world.spawn("sensor.camera.rgb", LARGE, Pose((0.0, 0.0, 3.0)))
         self.imu = world.spawn("sensor.other.imu", {}, Pose((0.0, 0.0, 3.0)))
         server = resources.enter_context(serving(simulation))
         self.client, self.other = (
@@ -107,10 +125,18 @@ class Rig:
         self._resources.callback(thread.join)
         return lambda: answers[0] if answers else None
 
+    def ticks(self, count: int) -> list[int]:
+        """Frames of so many ticks."""
+        return [self.client.value("tick_cue") for _ in range(count)]
+
 
 def frame_of(message: bytes) -> int:
     (frame,) = struct.unpack_from("<Q", message, 8)
     return int(frame)
+
+
+def frames_of(stream: socket.socket, count: int) -> list[int]:
+    return [frame_of(read_message(stream)) for _ in range(count)]
 
 
 @pytest.fixture
@@ -209,6 +235,56 @@ def test_an_asynchronous_world_goes_on_and_a_camera_that_is_not_ready_skips_fram
     gate.open.set()
     first, second = (frame_of(read_message(pictures)) for _ in range(2))
     assert first < moving[-1] < second
+
+
+def test_the_world_does_not_wait_for_a_colour_camera_until_somebody_reads_its_pictures(
+    rig: Rig, colour_gate: Gate
+) -> None:
+    pictures, depths = rig.subscribed(rig.colour), rig.subscribed(rig.camera)
+    colour_gate.open.clear()
+    first, second = rig.ticks(2)
+    assert colour_gate.came == 1
+    # No frame is lost, neither of who reads nor of who has not read yet.
+    colour_gate.open.set()
+    assert frames_of(depths, 2) == [first, second]
+    assert frames_of(pictures, 2) == [first, second]
+
+    def waits() -> bool:
+        """Whether a tick waits for the picture of the one before."""
+        colour_gate.open.clear()
+        frame, second = *rig.ticks(1), rig.asking("tick_cue")
+        waited = holds_for(0.2, lambda: second() is None)
+        colour_gate.open.set()
+        await_that(lambda: second() == frame + 1)
+        assert frames_of(pictures, 2) == [frame, frame + 1]
+        return waited
+
+    await_that(waits)  # the other side says a moment later that all has come
+
+
+def test_no_picture_is_drawn_for_who_takes_nothing_until_he_reads_again(
+    rig: Rig, colour_gate: Gate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(streaming, "_GIVEN_UP_AFTER_S", 0.3)
+    pictures, depths = rig.subscribed(rig.colour), rig.subscribed(rig.camera)
+    first, *_ = rig.ticks(1)
+
+    def passed_over() -> bool:
+        came, frames = colour_gate.came, rig.ticks(2)
+        assert frames_of(depths, 2)[-1] in frames
+        return colour_gate.came == came
+
+    frames_of(depths, 1)
+    await_that(passed_over)
+    drawn = colour_gate.came
+    frames_of(pictures, drawn)
+
+    def drawn_again() -> bool:
+        rig.ticks(1)
+        return colour_gate.came > drawn
+
+    await_that(drawn_again)
+    assert frames_of(pictures, 1)[0] > first + drawn
 
 
 def test_a_world_that_is_late_makes_up_for_it_by_longer_steps(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 
@@ -69,3 +70,56 @@ def test_far_too_much_work_makes_who_hands_it_over_wait(drawing: DrawingThread) 
     gate.set()
     thread.join()
     assert len(handed) == 1000
+
+
+def test_what_is_put_off_comes_after_all_else_that_waits_one_piece_at_a_time(
+    drawing: DrawingThread,
+) -> None:
+    gate, began, done = threading.Event(), threading.Event(), []
+
+    def first() -> None:
+        began.set()
+        gate.wait()
+        done.append("put off 0")
+
+    drawing.put_off(first)
+    for number in (1, 2):
+        drawing.put_off(partial(done.append, f"put off {number}"))
+    assert began.wait(10.0)
+    for number in range(3):
+        drawing.submit(done.append, f"submitted {number}")
+    assert drawing.busy
+    gate.set()
+    drawing.finish()
+    submitted = [f"submitted {number}" for number in range(3)]
+    assert done == ["put off 0", *submitted, "put off 1", "put off 2"]
+    assert not drawing.busy
+
+
+def test_what_is_put_off_may_fail_and_the_rest_is_done(drawing: DrawingThread) -> None:
+    done: list[int] = []
+    drawing.put_off(lambda: done.append(1 // 0))
+    drawing.put_off(partial(done.append, 1))
+    drawing.finish()
+    assert done == [1]
+
+
+def test_at_the_end_what_is_put_off_and_not_begun_is_left_out(drawing: DrawingThread) -> None:
+    gate, began, done = threading.Event(), threading.Event(), []
+
+    def first() -> None:
+        began.set()
+        gate.wait()
+        done.append(0)
+
+    drawing.put_off(first)
+    drawing.put_off(partial(done.append, 1))
+    assert began.wait(10.0)
+    ending = threading.Thread(target=drawing.finish_without_what_is_put_off)
+    ending.start()
+    gate.set()
+    ending.join()
+    assert done == [0]
+    drawing.put_off(partial(done.append, 2))
+    drawing.finish()
+    assert done == [0, 2]

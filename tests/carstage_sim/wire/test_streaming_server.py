@@ -10,10 +10,10 @@ from contextlib import ExitStack
 
 import pytest
 
-from carstage_sim.wire import socket_loop
+from carstage_sim.wire import socket_loop, streaming
 from carstage_sim.wire.errors import PortInUseError
 from carstage_sim.wire.socket_loop import SocketLoop, bind
-from carstage_sim.wire.streaming import LONGEST_WAIT_S, StreamingServer
+from carstage_sim.wire.streaming import LONGEST_WAIT_S, StreamingServer, Taking
 from raw_client import read_message, subscribe
 from waiting import await_that
 
@@ -306,3 +306,31 @@ def test_port_that_something_began_to_listen_on_meanwhile_is_refused() -> None:
         faster.listen()
         with pytest.raises(PortInUseError, match=str(port)):
             StreamingServer(loop, reserved)
+
+
+def test_it_is_known_whether_a_subscriber_reads_what_it_was_sent(
+    server: StreamingServer,
+    subscribers: Callable[[], socket.socket],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert server.taking(STREAM) is Taking.NOTHING
+    idle = subscribers()
+    assert server.taking(STREAM) is Taking.UNKNOWN
+    # The server's kernel may take all of it; the other side has not.
+    server.publish(STREAM, [bytes(2 << 20)], wait=False)
+    assert server.taking(STREAM) is Taking.UNKNOWN
+    now_s = time.monotonic()
+    monkeypatch.setattr(streaming.time, "monotonic", lambda: now_s + 3.0)
+    assert server.taking(STREAM) is Taking.NOTHING
+    monkeypatch.undo()
+
+    reader = subscribers()
+    assert server.taking(STREAM) is Taking.UNKNOWN
+    server.publish(STREAM, [b"little"], wait=False)
+    assert read_message(reader) == b"little"
+    await_that(lambda: server.taking(STREAM) is Taking.ALL)
+
+    assert read_message(idle) == bytes(2 << 20)
+    reader.close()
+    await_listeners(server, 1)
+    await_that(lambda: server.taking(STREAM) is Taking.ALL)

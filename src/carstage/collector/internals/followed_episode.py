@@ -210,7 +210,7 @@ class FollowedEpisode:
                 self._budget.give_back,
                 lambda sealed: None,
                 failures.append,
-                durable=False,
+                durable=True,
             )
         )
         pipeline = Pipeline(

@@ -1,0 +1,75 @@
+"""Which pictures may be late, and when the world waits for them all the same."""
+
+from __future__ import annotations
+
+import pytest
+
+from carstage_sim.wire.late_pictures import LatePictures
+from carstage_sim.wire.streaming import Taking
+
+STREAM, OTHER = 7, 8
+
+
+class Subscribers:
+    """What is taken of each stream, and how often somebody heard of a change."""
+
+    def __init__(self) -> None:
+        self.taking = {STREAM: Taking.UNKNOWN, OTHER: Taking.ALL}
+        self.changes = 0
+
+    def changed(self) -> None:
+        self.changes += 1
+
+
+@pytest.fixture
+def subscribers() -> Subscribers:
+    return Subscribers()
+
+
+@pytest.fixture
+def late(subscribers: Subscribers) -> LatePictures:
+    return LatePictures(subscribers.taking.__getitem__, subscribers.changed)
+
+
+def test_who_takes_everything_gets_pictures_that_the_world_waits_for(late: LatePictures) -> None:
+    assert late.turn(OTHER) is None
+    assert not late.hold_up_the_world
+
+
+def test_the_world_waits_for_late_pictures_of_who_turns_out_to_read(
+    late: LatePictures, subscribers: Subscribers
+) -> None:
+    turns = [late.turn(STREAM) for _ in range(3)]
+    assert not late.hold_up_the_world
+    subscribers.taking[STREAM] = Taking.ALL
+    assert late.hold_up_the_world
+    # Later ones must not overtake those that wait.
+    turns.append(late.turn(STREAM))
+    for turn in turns:
+        assert late.hold_up_the_world
+        assert turn is not None
+        assert turn.worth_making
+        turn.end()
+    assert not late.hold_up_the_world
+    assert late.turn(STREAM) is None
+    assert subscribers.changes == 4
+
+
+def test_the_world_waits_when_too_many_pictures_of_a_stream_are_late(late: LatePictures) -> None:
+    turns = [late.turn(STREAM) for _ in range(15)]
+    assert not late.hold_up_the_world
+    turns.append(late.turn(STREAM))
+    assert late.hold_up_the_world
+    assert turns[0] is not None
+    turns[0].end()
+    assert not late.hold_up_the_world
+
+
+def test_pictures_that_nobody_takes_are_not_worth_making(
+    late: LatePictures, subscribers: Subscribers
+) -> None:
+    turn = late.turn(STREAM)
+    assert turn is not None
+    assert turn.worth_making
+    subscribers.taking[STREAM] = Taking.NOTHING
+    assert not turn.worth_making

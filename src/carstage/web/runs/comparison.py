@@ -8,7 +8,6 @@ from functools import lru_cache
 from pathlib import Path
 
 from carstage.errors import CarStageError
-from carstage.runs.comparing import differing_settings, run_figures
 from carstage.web.errors import WebError
 from carstage.web.messages import (
     ComparedRun,
@@ -34,6 +33,8 @@ def compare_runs(runs: RunService, run_ids: Sequence[str]) -> RunComparison:
     Raises:
         WebError: there is no such run, or its events cannot be read.
     """
+    from carstage.runs.comparing import differing_settings
+
     compared = [_compared(runs, run_id) for run_id in dict.fromkeys(run_ids)]
     try:
         configs = [runs.settings(one.run.run_id) for one in compared]
@@ -47,6 +48,8 @@ def compare_runs(runs: RunService, run_ids: Sequence[str]) -> RunComparison:
 
 
 def _compared(runs: RunService, run_id: str) -> ComparedRun:
+    from carstage.runs.comparing import run_figures
+
     summary = runs.summary(run_id)
     folder = runs.folder(run_id)
     if folder is None:

@@ -133,10 +133,10 @@ def test_from_an_empty_page_to_an_exported_dataset_by_keys_alone(
     tab_to(page, "Episodes")
     page.keyboard.press("ArrowLeft")  # round the row's end
     expect(page.get_by_role("tab", name="Export")).to_be_focused()
-    page.get_by_label("coco").wait_for()
+    page.get_by_role("radio", name="coco").wait_for()
     page.keyboard.press("Tab")
     page.keyboard.press("Tab")
-    while not page.get_by_label("coco").is_checked():
+    while not page.get_by_role("radio", name="coco").is_checked():
         before = page.evaluate(FOCUSED)
         page.keyboard.press("ArrowDown")
         assert page.evaluate(FOCUSED) != before, "arrow keys go through the formats"
@@ -190,7 +190,7 @@ def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui
 
     page.goto(gui.url + "#/datasets/journey")
     page.get_by_role("tab", name="Export").click()
-    page.get_by_label("coco").check()
+    page.get_by_role("radio", name="coco").check()
     page.get_by_role("button", name="Export", exact=True).click()
     page.locator('.job[data-state="done"]').wait_for(timeout=60_000)
     assert any(gui.datasets.glob("exports/journey-coco/**/*.json"))

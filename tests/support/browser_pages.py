@@ -26,6 +26,8 @@ START_S = 60.0
 PATIENCE_MS = 25_000
 #: Refusals that a page provokes on purpose and shows at the field; browsers log them as errors.
 REFUSALS = re.compile(r"status of (409|422) ")
+#: What a page asks for by an address that names what is not there.
+MISSING = re.compile(r"status of 404 ")
 #: While the server is gone, requests of the page fail.
 GONE = re.compile(r"ERR_CONNECTION|ERR_EMPTY_RESPONSE|WebSocket connection to")
 
@@ -94,6 +96,7 @@ class Watch:
     def __init__(self) -> None:
         self.faults: list[str] = []
         self.server_may_be_gone = False
+        self.may_ask_in_vain = False
 
     def follow(self, page: Page) -> None:
         page.on("console", self._console)
@@ -104,6 +107,8 @@ class Watch:
         if message.type != "error" or REFUSALS.search(message.text):
             return
         if self.server_may_be_gone and GONE.search(message.text):
+            return
+        if self.may_ask_in_vain and MISSING.search(message.text):
             return
         self.faults.append(f"console: {message.text}")
 

@@ -29,6 +29,7 @@ def add_episode(
     attempt: str = "a1",
     rows_of_group: int | None = None,
     commit: bool = True,
+    planned: Mapping[str, Any] | None = None,
 ) -> CommitMarker | None:
     """Add one to a dataset, which is made if it is missing.
 
@@ -41,6 +42,7 @@ def add_episode(
         attempt: name of the attempt.
         rows_of_group: of the table of objects; default: all in one group.
         commit: else the attempt stays one.
+        planned: its spec as a plan has it, in place of ``town`` and ``weather``.
     """
     store = LocalStore(folder)
     if not (folder / "dataset.json").exists():
@@ -48,6 +50,8 @@ def add_episode(
     place = store.attempt_folder(episode_id, attempt)
     spec = analytic_scene.spec(steps=FRAMES)
     spec |= {"map": town, "weather": {**spec["weather"], "preset": weather}}
+    if planned is not None:
+        spec = dict(planned)
     header = analytic_scene.header(spec, attempt=attempt, ticks_per_segment=1)
     (place / "episode.json").write_text(json.dumps({**header, "episode_id": episode_id}))
     (place / "calibration.json").write_text(json.dumps(_calibration(sensors)))

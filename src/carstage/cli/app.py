@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,6 +12,7 @@ from carstage.cli import comparison  # noqa: F401 - adds its commands to bench_a
 from carstage.cli.bench import bench_app
 from carstage.cli.campaign import campaign_app
 from carstage.cli.catalog import catalog_app
+from carstage.cli.configuration import read_configuration
 from carstage.cli.dataset import dataset_app
 from carstage.cli.estimate import estimate
 from carstage.cli.export import export
@@ -194,15 +194,9 @@ def run(
 ) -> int:
     """Record a configuration into a dataset; the same command again continues where it ended."""
     del debug
-    import carstage
     from carstage.runs.allotment import parse_workers
 
-    if str(config) == "-":
-        from carstage.config import parse_config
-
-        configured = parse_config(sys.stdin.read(), settings or (), source="standard input")
-    else:
-        configured = carstage.load_config(config, settings or ())
+    configured = read_configuration(config, settings or ())
     options: dict[str, Any] = {"retries": retries, "append": append}
     options |= {"shard": shard, "run_id": run_id, "work": work, "catalog": catalog}
     if ray_address is None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from carstage.cli.configuration import read_configuration
 from carstage.cli.output import Debug, Json, command, dataset_address, result, result_json
 
 if TYPE_CHECKING:
@@ -22,7 +23,10 @@ def campaign_report(
         Path,
         typer.Argument(metavar="DATASET", help="Folder of the dataset.", callback=dataset_address),
     ],
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="The configuration, YAML.")],
+    config: Annotated[
+        Path,
+        typer.Argument(metavar="CONFIG", help="The configuration, YAML; `-`: standard input."),
+    ],
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Override one value. Repeatable."),
@@ -32,11 +36,10 @@ def campaign_report(
 ) -> None:
     """Say what of a campaign is recorded: episodes by sampled value, and quotas."""
     del debug
-    from carstage.config import load_config
     from carstage.dataset import Dataset
     from carstage.dataset.campaigns import campaign_state
 
-    state = campaign_state(load_config(config, settings or ()), Dataset(dataset))
+    state = campaign_state(read_configuration(config, settings or ()), Dataset(dataset))
     if json:
         result_json(state.to_json())
     else:

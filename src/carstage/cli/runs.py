@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from json import dumps as json_text
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,10 +22,12 @@ from carstage.cli.output import (
 )
 
 if TYPE_CHECKING:
+    from carstage.runs.comparing import DifferingSetting, RunFigures
     from carstage.runs.launching import RunOptions
 
 runs_app = typer.Typer(
-    help="List the runs of a dataset; resume, stop, rename and delete them.", no_args_is_help=True
+    help="List and compare the runs of a dataset; resume, stop, rename and delete them.",
+    no_args_is_help=True,
 )
 
 Dataset = Annotated[
@@ -82,6 +86,83 @@ def list_runs(
         result(f"{run['run_id']}  {run['state']:<11}  {done} of {total} episodes  {run['name']}")
     if not found:
         note("No run of this machine has recorded there.")
+
+
+@runs_app.command("compare")
+@command
+def compare(
+    runs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FOLDER...", help="Folders of two or more runs, as `runs list --json` has them."
+        ),
+    ],
+    json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Print what several runs took, and which of their settings differ."""
+    del debug
+    from dataclasses import asdict
+
+    from carstage.errors import BadInputError
+    from carstage.runs.comparing import differing_settings, run_figures
+    from carstage.runs.keeping import settings_of
+
+    for place in runs:
+        if not (place / "status.json").is_file():
+            raise BadInputError(
+                f"{place} is no run's folder: it has no status.json.",
+                "Name folders such as datasets/demo/runs/RUN; `carstage runs list DIR` lists them.",
+            )
+    if len(runs) < 2:
+        raise BadInputError("One run has nothing to be compared with.", "Name a second folder.")
+    figures = [run_figures(place) for place in runs]
+    settings = differing_settings([settings_of(place) for place in runs])
+    if json:
+        result_json(
+            {
+                "runs": [asdict(one) for one in figures],
+                "settings": [asdict(one) for one in settings],
+            }
+        )
+        return
+    result("\n".join(_compared(figures, settings)))
+
+
+def _compared(figures: Sequence[RunFigures], settings: Sequence[DifferingSetting]) -> list[str]:
+    """Figures and settings as columns, one for each run."""
+    rows = [["", *(one.run_id for one in figures)]]
+    for title, text in _FIGURES:
+        rows.append([title, *(text(one) for one in figures)])
+    rows += [[one.path, *(_value(value) for value in one.values)] for one in settings]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+    return lines if settings else [*lines, "No setting differs."]
+
+
+_FIGURES: tuple[tuple[str, Callable[[RunFigures], str]], ...] = (
+    ("name", lambda one: one.name),
+    ("state", lambda one: one.state),
+    ("took", lambda one: _shown(one.took_s, "{:.1f} s")),
+    ("episodes", lambda one: f"{one.episodes} of {one.planned}"),
+    ("failed", lambda one: str(one.failed)),
+    ("saved frames", lambda one: str(one.frames)),
+    ("saved frames per second", lambda one: _shown(one.frames_s, "{:.2f}")),
+    ("CPU, mean", lambda one: _shown(one.cpu_cores, "{:.2f} cores")),
+    ("memory, at most", lambda one: _shown(one.memory_bytes, "{:.0f} MB", 1e-6)),
+    ("written to disks", lambda one: _shown(one.written_bytes, "{:.0f} MB", 1e-6)),
+)
+
+
+def _shown(value: float | None, form: str, factor: float = 1.0) -> str:
+    return "-" if value is None else form.format(value * factor)
+
+
+def _value(value: Any) -> str:
+    """A setting's value in a cell."""
+    if value is None:
+        return "-"
+    return value if isinstance(value, str) else json_text(value)
 
 
 @runs_app.command("resume")

@@ -12,6 +12,7 @@ from carstage.web.configure.store import ConfigStore
 from carstage.web.configure.texts import ConfigTexts
 from carstage.web.datasets.exports import Exports
 from carstage.web.datasets.jobs import export_name
+from carstage.web.errors import WebError
 from carstage.web.messages import (
     CommandRequest,
     CommandText,
@@ -70,6 +71,8 @@ class CommandService:
             return self._start(asked.run)
         if isinstance(asked, c.RunCommand):
             return self._of_run(asked.do, asked.run_id)
+        if isinstance(asked, c.CompareRunsCommand):
+            return _joined("runs", "compare", *map(self._folder, asked.run_ids))
         if isinstance(asked, c.RecordAgainCommand):
             out = self._roots.destination(asked.dataset)
             options = self._runs.options(asked.run_id)
@@ -100,23 +103,36 @@ class CommandService:
         return self._record(document, self._roots.destination(asked.dataset), options)
 
     def _record(self, document: Document, out: DatasetPath, options: RunOptions) -> str:
+        return self._reading(document, "run", "-", "--out", str(out), *options.arguments())
+
+    def _reading(self, document: Document, *parts: str) -> str:
+        """A command that reads a configuration from standard input."""
         text = self._texts.write(ConfigExportRequest(config=document)).text.rstrip("\n")
-        command = _joined("run", "-", "--out", str(out), *options.arguments())
         if _END in text.splitlines():  # nobody names anything so; JSON has no such line
             text = json.dumps(document, ensure_ascii=False)
-        return f"{command} <<'{_END}'\n{text}\n{_END}"
+        return f"{_joined(*parts)} <<'{_END}'\n{text}\n{_END}"
 
     def _of_run(self, do: str, run_id: str) -> str:
         if do == "delete-run":
             return _joined("runs", "delete", *self._run(run_id), "--yes")
         if do == "stop":
             return _joined("runs", "stop", *self._run(run_id))
+        if do == "campaign-report":
+            place, settings = self._place_of(run_id), self._runs.settings(run_id)
+            return self._reading(settings, "campaign", "report", str(place), "-")
         options = self._runs.options(run_id)
         given = options.arguments()
         if self._runs.folder(run_id) is None:  # refused before it made a folder
             place = self._place_of(run_id)
             return self._record(self._runs.settings(run_id), place, options)
         return _joined("runs", "resume", str(self._place_of(run_id)), run_id, *given)
+
+    def _folder(self, run_id: str) -> str:
+        self._runs.summary(run_id)
+        folder = self._runs.folder(run_id)
+        if folder is None:
+            raise WebError(409, f"Run {run_id} has made no folder.", "Leave it out.")
+        return str(folder)
 
     def _run(self, run_id: str) -> list[str]:
         """How a run is named on the command line."""

@@ -15,6 +15,7 @@ from carstage.web.configure.server_check import ServerCheckService
 from carstage.web.configure.store import ConfigStore
 from carstage.web.configure.texts import ConfigTexts
 from carstage.web.configure.town_maps import TownMapService
+from carstage.web.datasets.campaigns import CampaignService
 from carstage.web.datasets.catalogue import Catalogue
 from carstage.web.datasets.episode_index import EpisodeIndex
 from carstage.web.datasets.episodes import EpisodeService
@@ -65,6 +66,7 @@ class Services:
         self.runs = RunService(
             roots, launches, self.checker, self.config, self.previews, self._make_room
         )
+        self.campaigns = CampaignService(roots, self.runs)
         self.sensor_preview = SensorPreviewService(self.checker, self.runs.uses)
         self.exports = Exports(roots, self.jobs)
         self.commands = CommandService(roots, self.runs, self.exports, self.config, self.texts)

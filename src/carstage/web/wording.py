@@ -66,6 +66,18 @@ def problem_in_page_words(problem: FieldProblem) -> FieldProblem:
     )
 
 
+def title_of(path: str) -> str:
+    """The form's title of a setting; empty where it has none.
+
+    Args:
+        path: keys, with places in lists in brackets.
+    """
+    titles, _ = _titles()
+    path = re.sub(r"\[[^\]]*\]", "", path)
+    # The form has a section's choice as the section itself.
+    return titles.get(path.removesuffix(".choice")) or titles.get(path, "")
+
+
 def _title(key: str, titles: dict[str, str], names: dict[str, str]) -> str:
     title = titles.get(key) if "." in key else names.get(key) if "_" in key else None
     return key if title is None else f"“{title}”"

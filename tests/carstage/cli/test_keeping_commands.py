@@ -55,6 +55,30 @@ def ended_run(place: Path, config: dict[str, Any]) -> FakeRun:
     return run
 
 
+def test_runs_are_compared_by_what_the_page_shows(drives: Path) -> None:
+    one = ended_run(drives, {"name": "a drive", "fps": 10.0, "map": {"choice": "Stage01"}})
+    two = FakeRun(drives, f"{RUN[:-1]}0", {"name": "b", "fps": 20.0, "map": {"choice": "Stage01"}})
+    two.end()
+    with open_site(drives.parent) as client:
+        ids = [one.folder.name, two.folder.name]
+        told = client.get("/api/comparison", params={"run": ids}).json()
+        words = shown(client, do="compare-runs", run_ids=ids)
+        assert client.get("/api/comparison", params={"run": ids[:1]}).status_code == 422
+        assert client.get("/api/comparison", params={"run": ["a", "b"]}).status_code == 404
+    assert told["settings"] == [{"path": "fps", "title": "Frame rate (Hz)", "values": [10.0, 20.0]}]
+    assert [entry["run"]["run_id"] for entry in told["runs"]] == ids
+    printed = json.loads(carstage(*words, "--json").stdout)
+    assert [entry["state"] for entry in printed["runs"]] == ["interrupted", "dead"]
+    assert [entry["figures"]["state"] for entry in told["runs"]] == ["interrupted", "dead"]
+    assert printed["settings"] == [{"path": "fps", "values": [10.0, 20.0]}]
+    lines = carstage(*words).stdout.splitlines()
+    assert lines[1].split() == ["name", "a", "drive", "b"]
+    assert lines[-1].split() == ["fps", "10.0", "20.0"]
+    refused = carstage("runs", "compare", str(drives), str(one.folder))
+    assert refused.returncode == 2
+    assert "is no run's folder" in refused.stderr
+
+
 def test_runs_are_listed_renamed_and_removed_by_what_the_page_shows(drives: Path) -> None:
     run = ended_run(drives, {"name": "a drive"})
     with open_site(drives.parent) as client:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import shlex
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from driving import SMALL, carstage, differing, hashes, status
+from sites import open_site
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("runs")]
 
@@ -92,6 +96,32 @@ def test_the_report_says_what_is_recorded(
     # A configuration of another seed has none of them.
     other = last_line(carstage([*arguments, "--set", "seed=8", "--json"], home).stdout)
     assert (other["committed"], other["others"]) == (0, count)
+
+
+def test_the_page_shows_what_the_report_says_and_its_command(
+    recorded_until_enough: Path, config: Path, home: Path
+) -> None:
+    with open_site(recorded_until_enough.parent) as client:
+        answer = client.get(f"/api/datasets/{recorded_until_enough.name}/campaigns").json()
+        (shown,) = answer["campaigns"]
+        asked = {"do": "campaign-report", "run_id": shown["run_id"]}
+        text = client.post("/api/command", json={"command": asked}).json()["text"]
+    command, _, document = text.partition(" <<'CONFIG'\n")
+    words = shlex.split(command)[1:]
+    assert words == ["campaign", "report", str(recorded_until_enough), "-"]
+    told = subprocess.run(
+        [sys.executable, "-m", "carstage.cli", *words, "--json"],
+        input=document.removesuffix("CONFIG"),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    state = last_line(told.stdout)
+    assert answer["problems"] == []
+    axes = {axis["path"]: axis["bins"] for axis in shown.pop("axes")}
+    assert axes == state.pop("dimensions")
+    del shown["run_id"]
+    assert shown == state
 
 
 def test_an_episode_has_the_bytes_of_the_fixed_configuration(

@@ -344,6 +344,26 @@ export interface paths {
         patch: operations["rename_run"];
         trace?: never;
     };
+    "/api/comparison": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Comparison
+         * @description Several runs: what each took, its load over time, and the settings that differ.
+         */
+        get: operations["comparison"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/runs/{run_id}/stop": {
         parameters: {
             query?: never;
@@ -566,6 +586,26 @@ export interface paths {
          * @description Counts over the labels.
          */
         get: operations["statistics"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/datasets/{dataset}/campaigns": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Campaigns
+         * @description How far the campaigns are that have been recorded into a dataset.
+         */
+        get: operations["campaigns"];
         put?: never;
         post?: never;
         delete?: never;
@@ -949,6 +989,92 @@ export interface components {
             };
         };
         /**
+         * CampaignAxis
+         * @description A sampled setting.
+         *
+         *     Attributes:
+         *         path: of the setting.
+         *         title: as the form has it; empty where that has none.
+         */
+        CampaignAxis: {
+            /** Path */
+            path: string;
+            /** Title */
+            title: string;
+            /** Bins */
+            bins: components["schemas"]["CampaignBin"][];
+        };
+        /**
+         * CampaignBin
+         * @description Values of a sampled setting, and its episodes; see ``carstage.dataset.campaigns.Bin``.
+         */
+        CampaignBin: {
+            /** Label */
+            label: string;
+            /** Planned */
+            planned: number;
+            /** Episodes */
+            episodes: number;
+        };
+        /**
+         * CampaignList
+         * @description The campaigns that have been recorded into a dataset, the newest first.
+         *
+         *     Attributes:
+         *         problems: why others cannot be shown, a sentence each.
+         */
+        CampaignList: {
+            /** Campaigns */
+            campaigns: components["schemas"]["CampaignMessage"][];
+            /** Problems */
+            problems?: string[];
+        };
+        /**
+         * CampaignMessage
+         * @description How far a campaign is in a dataset, see ``carstage.dataset.campaigns.CampaignState``.
+         *
+         *     Attributes:
+         *         run_id: the newest run of its configuration.
+         *         others: episodes of the dataset that are of other configurations.
+         *         covered: combinations with a committed episode, of ``combinations``.
+         */
+        CampaignMessage: {
+            /** Run Id */
+            run_id: string;
+            /** Name */
+            name: string;
+            /** Method */
+            method: string;
+            /** Planned */
+            planned: number;
+            /** Committed */
+            committed: number;
+            /** Others */
+            others: number;
+            /** Axes */
+            axes: components["schemas"]["CampaignAxis"][];
+            /** Combinations */
+            combinations: number;
+            /** Covered */
+            covered: number;
+            /** Quotas */
+            quotas: components["schemas"]["CampaignQuota"][];
+        };
+        /**
+         * CampaignQuota
+         * @description How far a quota is.
+         */
+        CampaignQuota: {
+            /** Name */
+            name: string;
+            /** Wanted */
+            wanted: number;
+            /** Frames */
+            frames: number;
+            /** Met */
+            met: boolean;
+        };
+        /**
          * Channel
          * @description What one channel of the binary previews holds.
          *
@@ -1010,7 +1136,7 @@ export interface components {
          */
         CommandRequest: {
             /** Command */
-            command: components["schemas"]["StartCommand"] | components["schemas"]["RunCommand"] | components["schemas"]["RecordAgainCommand"] | components["schemas"]["RenameRunCommand"] | components["schemas"]["DatasetCommand"] | components["schemas"]["RenameDatasetCommand"] | components["schemas"]["ExportCommand"] | components["schemas"]["KeptExportCommand"] | components["schemas"]["RenameExportCommand"];
+            command: components["schemas"]["StartCommand"] | components["schemas"]["RunCommand"] | components["schemas"]["CompareRunsCommand"] | components["schemas"]["RecordAgainCommand"] | components["schemas"]["RenameRunCommand"] | components["schemas"]["DatasetCommand"] | components["schemas"]["RenameDatasetCommand"] | components["schemas"]["ExportCommand"] | components["schemas"]["KeptExportCommand"] | components["schemas"]["RenameExportCommand"];
         };
         /**
          * CommandText
@@ -1019,6 +1145,34 @@ export interface components {
         CommandText: {
             /** Text */
             text: string;
+        };
+        /**
+         * CompareRunsCommand
+         * @description Compare runs.
+         */
+        CompareRunsCommand: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            do: "compare-runs";
+            /** Run Ids */
+            run_ids: string[];
+        };
+        /**
+         * ComparedRun
+         * @description One of several runs.
+         *
+         *     Attributes:
+         *         figures: None where it has made no folder.
+         */
+        ComparedRun: {
+            run: components["schemas"]["RunSummary"];
+            figures?: components["schemas"]["RunFiguresMessage"] | null;
+            /** Ticks */
+            ticks?: components["schemas"]["TickPoint"][];
+            /** Loads */
+            loads?: components["schemas"]["LoadPoint"][];
         };
         /**
          * ConfigChange
@@ -2250,16 +2404,35 @@ export interface components {
         };
         /**
          * RunCommand
-         * @description Go on with a run, stop it, or remove it.
+         * @description Go on with a run, stop it, remove it, or say how far its campaign is.
          */
         RunCommand: {
             /**
              * @description discriminator enum property added by openapi-typescript
              * @enum {string}
              */
-            do: "delete-run" | "resume" | "stop";
+            do: "campaign-report" | "delete-run" | "resume" | "stop";
             /** Run Id */
             run_id: string;
+        };
+        /**
+         * RunComparison
+         * @description Several runs beside each other.
+         *
+         *     Attributes:
+         *         settings: those that differ; those of runs without a configuration are not compared.
+         *         note: why settings are not compared; empty where they are.
+         */
+        RunComparison: {
+            /** Runs */
+            runs: components["schemas"]["ComparedRun"][];
+            /** Settings */
+            settings: components["schemas"]["SettingDifference"][];
+            /**
+             * Note
+             * @default
+             */
+            note: string;
         };
         /**
          * RunDetail
@@ -2290,6 +2463,36 @@ export interface components {
              * @default 0
              */
             bytes: number;
+        };
+        /**
+         * RunFiguresMessage
+         * @description What a run took, see ``carstage.runs.comparing.RunFigures``.
+         */
+        RunFiguresMessage: {
+            /** Run Id */
+            run_id: string;
+            /** Name */
+            name: string;
+            /** State */
+            state: string;
+            /** Took S */
+            took_s: number | null;
+            /** Episodes */
+            episodes: number;
+            /** Planned */
+            planned: number;
+            /** Failed */
+            failed: number;
+            /** Frames */
+            frames: number;
+            /** Frames S */
+            frames_s: number | null;
+            /** Cpu Cores */
+            cpu_cores: number | null;
+            /** Memory Bytes */
+            memory_bytes: number | null;
+            /** Written Bytes */
+            written_bytes: number | null;
         };
         /**
          * RunList
@@ -2633,6 +2836,22 @@ export interface components {
             server: {
                 [key: string]: unknown;
             };
+        };
+        /**
+         * SettingDifference
+         * @description A setting that is not the same in all of several runs.
+         *
+         *     Attributes:
+         *         title: as the form has it; empty where that has none.
+         *         values: one for each run, in their order; None where it has none.
+         */
+        SettingDifference: {
+            /** Path */
+            path: string;
+            /** Title */
+            title: string;
+            /** Values */
+            values: unknown[];
         };
         /**
          * SnapshotMessage
@@ -4407,6 +4626,92 @@ export interface operations {
             };
         };
     };
+    comparison: {
+        parameters: {
+            query: {
+                /** @description Which runs; give it repeatedly. */
+                run: string[];
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RunComparison"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The state does not allow it now. */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Something that it needs cannot be had now. */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
     stop: {
         parameters: {
             query?: never;
@@ -5273,6 +5578,73 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Statistics"];
+                };
+            };
+            /** @description The request is wrong. */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Refused: host, origin or token. */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description There is none. */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description The request is too large. */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+            /** @description Values are wrong; `errors` lists them. */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorMessage"];
+                };
+            };
+        };
+    };
+    campaigns: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                dataset: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CampaignList"];
                 };
             };
             /** @description The request is wrong. */

@@ -13,6 +13,7 @@ import { useTheme } from "./theme";
 
 const RunPage = lazy(() => import("../run/RunPage"));
 const RunsPage = lazy(() => import("../run/RunsPage"));
+const ComparePage = lazy(() => import("../run/ComparePage"));
 const DatasetsPage = lazy(() => import("../datasets/DatasetsPage"));
 const EpisodePage = lazy(() => import("../episode/EpisodePage"));
 
@@ -43,6 +44,8 @@ function Page({ route }: { route: Route }) {
       return <RunPage run={route.run} />;
     case "runs":
       return <RunsPage />;
+    case "compare":
+      return <ComparePage />;
     case "datasets":
       return <DatasetsPage dataset={route.dataset} />;
     case "episode":
@@ -55,7 +58,7 @@ function TopBar({ route }: { route: Route }) {
   const [theme, toggle] = useTheme();
   const going = runs.find((run) => run.alive === "running" || run.alive === "stalled");
   const tab = (page: Route["page"], label: string, target: Route) => {
-    const here = route.page === page || (page === "datasets" && route.page === "episode") || (page === "run" && route.page === "runs");
+    const here = route.page === page || (page === "datasets" && route.page === "episode") || (page === "run" && (route.page === "runs" || route.page === "compare"));
     return (
       <a href={href(target)} aria-current={here ? "page" : undefined}>
         {label}

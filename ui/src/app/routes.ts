@@ -5,6 +5,7 @@ export type Route =
   | { page: "configure" }
   | { page: "run"; run: string | null }
   | { page: "runs" }
+  | { page: "compare" }
   | { page: "datasets"; dataset: string | null }
   | { page: "episode"; dataset: string; episode: string };
 
@@ -12,7 +13,7 @@ export function parseRoute(hash: string): Route {
   const [path = ""] = hash.replace(/^#\/?/, "").split("?");
   const parts = path.split("/").filter(Boolean).map(decodeURIComponent);
   const [page, first, second] = parts;
-  if (page === "runs") return { page: "runs" };
+  if (page === "runs" || page === "compare") return { page };
   if (page === "run") return { page: "run", run: first ?? null };
   if (page === "datasets" && first && second) return { page: "episode", dataset: first, episode: second };
   if (page === "datasets") return { page: "datasets", dataset: first ?? null };
@@ -26,11 +27,9 @@ export function href(route: Route, query: Record<string, string | number> = {}):
       ? ["datasets", route.dataset, route.episode]
       : route.page === "run"
         ? ["run", ...(route.run ? [route.run] : [])]
-        : route.page === "runs"
-          ? ["runs"]
-          : route.page === "datasets"
+        : route.page === "datasets"
           ? ["datasets", ...(route.dataset ? [route.dataset] : [])]
-          : ["configure"];
+          : [route.page];
   const search = new URLSearchParams(Object.entries(query).map(([key, value]) => [key, String(value)])).toString();
   return `#/${parts.map(encodeURIComponent).join("/")}${search && `?${search}`}`;
 }

@@ -1,7 +1,8 @@
 import { useAnswer } from "../api/useAnswer";
-import type { DatasetDetail } from "../api/types";
+import type { CampaignList, DatasetDetail } from "../api/types";
 import { changeQuery, useQuery } from "../app/query";
 import { bytes, count } from "../ui/format";
+import { CampaignView } from "./CampaignView";
 import { DatasetActions } from "./DatasetActions";
 import { StateBadge } from "./DatasetsPage";
 import { EpisodeList } from "./EpisodeList";
@@ -11,15 +12,19 @@ import { ReportView } from "./ReportView";
 import { StatisticsView } from "./StatisticsView";
 import { ValidationView } from "./ValidationView";
 
-const TABS = ["Episodes", "Statistics", "Labels", "Validation", "Report", "Export"] as const;
+const TABS = ["Episodes", "Campaign", "Statistics", "Labels", "Validation", "Report", "Export"] as const;
 type Tab = (typeof TABS)[number];
 
 /** A dataset: its episodes, what it holds, whether it is right, and other formats of it. */
 export function DatasetDetailView({ dataset, version }: { dataset: string; version: number }) {
   const base = `/datasets/${encodeURIComponent(dataset)}`;
   const answer = useAnswer<DatasetDetail>(base, version);
+  const campaigns = useAnswer<CampaignList>(`${base}/campaigns`, version);
+  const found = [...(campaigns.data?.campaigns ?? []), ...(campaigns.data?.problems ?? [])];
+  const isCampaign = found.length > 0 || campaigns.error !== null;
+  const tabs = TABS.filter((name) => name !== "Campaign" || isCampaign);
   const asked = useQuery().get("tab");
-  const tab = TABS.find((name) => name.toLowerCase() === asked) ?? "Episodes";
+  const tab = tabs.find((name) => name.toLowerCase() === asked) ?? "Episodes";
   const setTab = (name: Tab) => changeQuery({ tab: name === "Episodes" ? null : name.toLowerCase() }, true);
   const detail = answer.data;
   if (!detail)
@@ -46,7 +51,7 @@ export function DatasetDetailView({ dataset, version }: { dataset: string; versi
         </p>
       )}
       <div className="tabs" role="tablist" aria-label="Dataset">
-        {TABS.map((name) => (
+        {tabs.map((name) => (
           <button
             key={name}
             type="button"
@@ -58,7 +63,7 @@ export function DatasetDetailView({ dataset, version }: { dataset: string; versi
             onClick={() => setTab(name)}
             onKeyDown={(event) => {
               const by = event.key === "ArrowRight" ? 1 : event.key === "ArrowLeft" ? -1 : 0;
-              const next = TABS[(TABS.indexOf(name) + by + TABS.length) % TABS.length];
+              const next = tabs[(tabs.indexOf(name) + by + tabs.length) % tabs.length];
               if (by === 0 || !next) return;
               setTab(next);
               document.getElementById(`tab-${next}`)?.focus();
@@ -70,6 +75,8 @@ export function DatasetDetailView({ dataset, version }: { dataset: string; versi
       </div>
       <div className="tab-panel" id="tab-panel" role="tabpanel" aria-labelledby={`tab-${tab}`} tabIndex={0}>
         {tab === "Episodes" && <EpisodeList dataset={dataset} episodes={detail.episodes} />}
+        {tab === "Campaign" && campaigns.data && <CampaignView {...campaigns.data} />}
+        {tab === "Campaign" && campaigns.error && <p className="empty">{campaigns.error}</p>}
         {tab === "Statistics" && <StatisticsView base={base} version={version} />}
         {tab === "Labels" && <LabelTable base={base} dataset={dataset} detail={detail} />}
         {tab === "Validation" && <ValidationView base={base} dataset={dataset} episodes={detail.episodes} version={version} />}

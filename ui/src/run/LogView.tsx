@@ -2,7 +2,7 @@ import { useEffect, useRef, useState } from "react";
 import { live } from "../api/live";
 import type { RunSummary } from "../api/types";
 import { useStore } from "../state/store";
-import { clock } from "../ui/format";
+import { clock, count } from "../ui/format";
 import { isActive } from "./states";
 
 const LEVELS = { all: ["debug", "info", "warning", "error"], warnings: ["warning", "error"] } as const;
@@ -23,7 +23,7 @@ export function LogView({ run }: { run: RunSummary }) {
     <section className="panel log" aria-label="Log">
       <header className="panel-head">
         <h2>Log</h2>
-        {warnings > 0 && <span className="badge badge-warn">{warnings} warnings</span>}
+        {warnings > 0 && <span className="badge badge-warn">{count(warnings, "warning")}</span>}
         <span className="spacer" />
         <div className="segments small" role="group" aria-label="Lines to show">
           {(Object.keys(LEVELS) as (keyof typeof LEVELS)[]).map((one) => (

@@ -1,9 +1,11 @@
 import { useState } from "react";
 import { get, patch, post, remove, sentence } from "../api/client";
 import type { Command, RunDetail, RunSummary } from "../api/types";
+import { live } from "../api/live";
 import { goTo } from "../app/routes";
 import { edit } from "../state/draft";
 import type { JsonObject } from "../state/json";
+import { useStore } from "../state/store";
 import { CommandDialog } from "../ui/CommandDialog";
 import { AskDialog, Dialog } from "../ui/Dialog";
 import { Icon } from "../ui/Icon";
@@ -32,7 +34,8 @@ export function RunActions({ run, onError }: { run: RunSummary; onError(text: st
     edit(() => detail.config as JsonObject);
     goTo({ page: "configure" });
   };
-  const going = isActive(run) || run.alive === "queued";
+  // As for Start: whatever goes on or waits comes first.
+  const ahead = useStore(live, (now) => now.runs.some((one) => isActive(one) || one.alive === "queued"));
   return (
     <>
       {run.resumable && (
@@ -87,7 +90,7 @@ export function RunActions({ run, onError }: { run: RunSummary; onError(text: st
           title={`Record ${run.name} once more`}
           label="Into the dataset"
           value={`${run.dataset.split("~").at(-1) ?? "dataset"}-2`}
-          action={going ? "Queue" : "Start"}
+          action={ahead ? "Queue" : "Start"}
           note={<p className="muted">The same settings and seeds: the same episodes, in a dataset of their own.</p>}
           onDo={again}
           onClose={close}

@@ -1,9 +1,11 @@
 import { useState } from "react";
 import { live } from "../api/live";
 import type { RunSummary } from "../api/types";
+import { changeQuery, useQuery } from "../app/query";
 import { href } from "../app/routes";
 import { useStore } from "../state/store";
 import { count, day, duration } from "../ui/format";
+import { chosenRuns, MOST_COMPARED, withRun } from "./selection";
 import { isActive, stateOf } from "./states";
 
 const KINDS = {
@@ -12,13 +14,16 @@ const KINDS = {
   done: (run: RunSummary) => run.alive === "ended" && run.state === "done",
   "not finished": (run: RunSummary) => run.alive === "dead" || (run.alive === "ended" && run.state !== "done"),
 };
+const NUMBERS = new Set(["Took", "Episodes", "Failed", "Steps/s", "Workers"]);
 type Kind = keyof typeof KINDS;
 
-/** All runs in one table: filtered, and by what it is sorted. */
+/** All runs in one table: filtered, and some of them chosen to be compared. */
 export default function RunsPage() {
   const runs = useStore(live, (now) => now.runs);
   const [kind, setKind] = useState<Kind>("all");
   const [words, setWords] = useState("");
+  const chosen = chosenRuns(useQuery());
+  const search = chosen.map((run) => `run=${encodeURIComponent(run)}`).join("&");
   const shown = runs.filter(
     (run) => KINDS[kind](run) && `${run.name} ${run.dataset} ${run.run_id}`.toLowerCase().includes(words.trim().toLowerCase()),
   );
@@ -45,13 +50,25 @@ export default function RunsPage() {
             </button>
           ))}
         </div>
+        {chosen.length > 1 ? (
+          <a className="button primary" href={`${href({ page: "compare" })}?${search}`}>
+            Compare {chosen.length} runs
+          </a>
+        ) : (
+          <button type="button" className="button" disabled title="Choose two or more runs in the table">
+            Compare
+          </button>
+        )}
       </header>
       <div className="panel table-scroll" tabIndex={0} role="region" aria-label="Table of runs">
         <table className="runs-table">
           <thead>
             <tr>
+              <th scope="col">
+                <span className="sr-only">Compare</span>
+              </th>
               {["Run", "State", "Dataset", "Begun", "Took", "Episodes", "Failed", "Steps/s", "Workers"].map((name) => (
-                <th key={name} scope="col">
+                <th key={name} scope="col" className={NUMBERS.has(name) ? "number-cell" : undefined}>
                   {name}
                 </th>
               ))}
@@ -59,7 +76,7 @@ export default function RunsPage() {
           </thead>
           <tbody>
             {shown.map((run) => (
-              <RunRow key={run.run_id} run={run} />
+              <RunRow key={run.run_id} run={run} chosen={chosen} />
             ))}
           </tbody>
         </table>
@@ -69,13 +86,22 @@ export default function RunsPage() {
   );
 }
 
-function RunRow({ run }: { run: RunSummary }) {
+function RunRow({ run, chosen }: { run: RunSummary; chosen: readonly string[] }) {
   const { text, tone } = stateOf(run);
   const { total = 0, committed = 0, skipped = 0, failed = 0 } = run.episodes;
   const until = run.ended ?? (isActive(run) ? Date.now() / 1000 : null);
   const rate = run.rate_ticks_s ?? run.mean_ticks_s;
   return (
     <tr>
+      <td className="choose-cell">
+        <input
+          type="checkbox"
+          aria-label={`Compare ${run.name || run.run_id}`}
+          checked={chosen.includes(run.run_id)}
+          disabled={!chosen.includes(run.run_id) && chosen.length >= MOST_COMPARED}
+          onChange={(event) => changeQuery({ run: withRun(chosen, run.run_id, event.target.checked) })}
+        />
+      </td>
       <th scope="row">
         <a href={href({ page: "run", run: run.run_id })}>{run.name || run.run_id}</a>
       </th>

@@ -4,13 +4,20 @@ import { useSize } from "./useSize";
 
 export type Point = readonly [number, number];
 
+/** Seconds, and what was measured then; of several lines, whose it is. */
+export interface Line {
+  name?: string;
+  points: readonly Point[];
+  colour: string;
+  /** Dashes tell lines apart without their colours. */
+  dash?: string;
+}
+
 interface Props {
   title: string;
   note?: string;
-  /** Seconds, and what was measured then. */
-  points: readonly Point[];
+  lines: readonly Line[];
   format(value: number): string;
-  colour: string;
 }
 
 const HEIGHT = 104;
@@ -19,41 +26,37 @@ const MOST_DRAWN = 400;
 const LEAST_TICK_PX = 90;
 const ROUND_S = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 21600, 86400];
 
-/** A line over seconds with axes; pointer and arrow keys read single values. */
-export function LineChart({ title, note, points, format, colour }: Props) {
+/** Lines over seconds on common axes; pointer and arrow keys read single values. */
+export function LineChart({ title, note, lines, format }: Props) {
   const [host, { width }] = useSize<HTMLDivElement>();
   const [at, setAt] = useState<number | null>(null);
-  const last = points.at(-1);
-  const shown = thinned(points);
-  const highest = Math.max(...shown.map(([, y]) => y), 0);
+  const shown = lines.map((line) => ({ ...line, points: thinned(line.points) }));
+  const times = [...new Set(shown.flatMap(({ points }) => points.map(([x]) => x)))].sort((a, b) => a - b);
+  const highest = Math.max(0, ...shown.flatMap(({ points }) => points.map(([, y]) => y)));
   const rows = axisTicks(0, highest, 3);
   const top = Math.max(rows.at(-1) ?? 0, highest, 1e-9);
-  const [from, to] = [shown[0]?.[0] ?? 0, Math.max(last?.[0] ?? 0, (shown[0]?.[0] ?? 0) + 1)];
+  const from = times[0] ?? 0;
+  const to = Math.max(times.at(-1) ?? 0, from + 1);
   const across = (x: number) => LEFT + ((x - from) / (to - from)) * Math.max(1, width - LEFT - RIGHT);
   const up = (y: number) => HEIGHT - BOTTOM - (y / top) * (HEIGHT - TOP - BOTTOM);
-  const path = shown.map(([x, y], i) => `${i === 0 ? "M" : "L"}${across(x).toFixed(1)},${up(y).toFixed(1)}`).join("");
-  const read = at === null ? undefined : shown[Math.min(at, shown.length - 1)];
+  const time = at === null ? undefined : times[nearest(times, at)];
   const point = (event: PointerEvent<HTMLDivElement>) => {
     const box = event.currentTarget.getBoundingClientRect();
-    const x = from + ((event.clientX - box.left - LEFT) / Math.max(1, width - LEFT - RIGHT)) * (to - from);
-    setAt(shown.length > 0 ? nearest(shown, x) : null);
+    setAt(from + ((event.clientX - box.left - LEFT) / Math.max(1, width - LEFT - RIGHT)) * (to - from));
   };
   const step = (event: KeyboardEvent<HTMLDivElement>) => {
     const way = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-    if (way === undefined || shown.length === 0) return;
+    if (way === undefined || times.length === 0) return;
     event.preventDefault();
-    setAt(Math.min(shown.length - 1, Math.max(0, (at ?? (way > 0 ? -1 : shown.length)) + way)));
+    const here = at === null ? (way > 0 ? -1 : times.length) : nearest(times, at);
+    setAt(times[Math.min(times.length - 1, Math.max(0, here + way))] ?? null);
   };
   return (
     <figure className="line-chart">
       <figcaption>
         <h3>{title}</h3>
         <span className="muted" role="status">
-          {read
-            ? `${format(read[1])} at ${duration(read[0])}`
-            : last
-              ? `now ${format(last[1])}, at most ${format(highest)}${note ? ` · ${note}` : ""}`
-              : "not measured yet"}
+          {time === undefined ? overview(shown, highest, format, note) : reading(shown, time, format)}
         </span>
       </figcaption>
       <div
@@ -67,7 +70,7 @@ export function LineChart({ title, note, points, format, colour }: Props) {
         onBlur={() => setAt(null)}
         onKeyDown={step}
       >
-        {width > 0 && shown.length > 1 && (
+        {width > 0 && times.length > 1 && (
           <svg width={width} height={HEIGHT} role="img" aria-label={title}>
             {rows.map((value) => (
               <g key={value}>
@@ -82,20 +85,53 @@ export function LineChart({ title, note, points, format, colour }: Props) {
                 {duration(value)}
               </text>
             ))}
-            {/* From the first to the last that was measured: nothing is known beside them. */}
-            <path className="chart-area" d={`${path}V${up(0)}H${across(from)}Z`} fill={colour} fillOpacity={0.12} />
-            <path className="chart-line" d={path} stroke={colour} />
-            {read && (
-              <>
-                <path className="chart-read" d={`M${across(read[0])},${TOP}V${up(0)}`} />
-                <circle cx={across(read[0])} cy={up(read[1])} r={3.5} fill={colour} />
-              </>
-            )}
+            {shown.map(({ points, colour, dash }, i) => {
+              const path = points.map(([x, y], k) => `${k === 0 ? "M" : "L"}${across(x).toFixed(1)},${up(y).toFixed(1)}`).join("");
+              // From the first to the last that was measured: nothing is known beside them.
+              const area = shown.length === 1 && `${path}V${up(0)}H${across(points[0]?.[0] ?? from)}Z`;
+              return (
+                <g key={i}>
+                  {area && <path className="chart-area" d={area} fill={colour} fillOpacity={0.12} />}
+                  <path className="chart-line" d={path} stroke={colour} strokeDasharray={dash} />
+                </g>
+              );
+            })}
+            {time !== undefined && <path className="chart-read" d={`M${across(time)},${TOP}V${up(0)}`} />}
+            {time !== undefined &&
+              shown.map(({ points, colour }, i) => {
+                const read = readAt(points, time);
+                return read && <circle key={i} cx={across(read[0])} cy={up(read[1])} r={3.5} fill={colour} />;
+              })}
           </svg>
         )}
       </div>
     </figure>
   );
+}
+
+/** What is said of a chart that nobody reads a value of. */
+function overview(lines: readonly Line[], highest: number, format: (value: number) => string, note?: string): string {
+  const [only] = lines;
+  if (lines.every(({ points }) => points.length === 0)) return lines.length > 1 ? "not measured" : "not measured yet";
+  const most = `at most ${format(highest)}`;
+  const last = lines.length === 1 ? only?.points.at(-1) : undefined;
+  return `${last ? `now ${format(last[1])}, ` : ""}${most}${note ? ` · ${note}` : ""}`;
+}
+
+/** The values at a time; of several lines, of those that were measured then. */
+function reading(lines: readonly Line[], time: number, format: (value: number) => string): string {
+  const read = lines.flatMap(({ name, points }) => {
+    const found = readAt(points, time);
+    return found ? [`${name === undefined ? "" : `${name} `}${format(found[1])}`] : [];
+  });
+  return `${read.join(", ")} at ${duration(time)}`;
+}
+
+/** The point that is nearest to a time within the measured span; undefined beside it. */
+export function readAt(points: readonly Point[], time: number): Point | undefined {
+  const [first, last] = [points[0], points.at(-1)];
+  if (!first || !last || time < first[0] || time > last[0]) return undefined;
+  return points[nearest(points.map(([x]) => x), time)];
 }
 
 /** Round values of an axis between two ends, about so many; of seconds, minutes and hours are round. */
@@ -109,8 +145,9 @@ export function axisTicks(low: number, high: number, about: number, seconds = fa
   return Array.from({ length: Math.floor(high / step) - first + 1 }, (_, i) => (first + i) * step);
 }
 
-function nearest(points: readonly Point[], x: number): number {
-  return points.reduce((best, [at], i) => (Math.abs(at - x) < Math.abs((points[best]?.[0] ?? 0) - x) ? i : best), 0);
+/** Where in a list of times the nearest one is. */
+function nearest(times: readonly number[], x: number): number {
+  return times.reduce((best, time, i) => (Math.abs(time - x) < Math.abs((times[best] ?? 0) - x) ? i : best), 0);
 }
 
 /** At most so many points, each the highest of its share: peaks stay. */

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from carstage.web.messages.base import DatasetId, Label, Message, Name, Place, RunId
 from carstage.web.messages.jobs import ExportRequest
-from carstage.web.messages.runs import RunStart
+from carstage.web.messages.runs import MOST_COMPARED, RunStart
 
 
 class StartCommand(Message):
@@ -19,10 +19,17 @@ class StartCommand(Message):
 
 
 class RunCommand(Message):
-    """Go on with a run, stop it, or remove it."""
+    """Go on with a run, stop it, remove it, or say how far its campaign is."""
 
-    do: Literal["resume", "stop", "delete-run"]
+    do: Literal["resume", "stop", "delete-run", "campaign-report"]
     run_id: RunId
+
+
+class CompareRunsCommand(Message):
+    """Compare runs."""
+
+    do: Literal["compare-runs"]
+    run_ids: Annotated[list[RunId], Field(min_length=2, max_length=MOST_COMPARED)]
 
 
 class RecordAgainCommand(Message):
@@ -85,6 +92,7 @@ class CommandRequest(Message):
     command: Annotated[
         StartCommand
         | RunCommand
+        | CompareRunsCommand
         | RecordAgainCommand
         | RenameRunCommand
         | DatasetCommand

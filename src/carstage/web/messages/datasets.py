@@ -112,6 +112,68 @@ class DatasetDetail(Message):
     class_colours: dict[str, Colour]
 
 
+class CampaignBin(Message):
+    """Values of a sampled setting, and its episodes; see ``carstage.dataset.campaigns.Bin``."""
+
+    label: str
+    planned: int
+    episodes: int
+
+
+class CampaignAxis(Message):
+    """A sampled setting.
+
+    Attributes:
+        path: of the setting.
+        title: as the form has it; empty where that has none.
+    """
+
+    path: str
+    title: str
+    bins: list[CampaignBin]
+
+
+class CampaignQuota(Message):
+    """How far a quota is."""
+
+    name: str
+    wanted: int
+    frames: int
+    met: bool
+
+
+class CampaignMessage(Message):
+    """How far a campaign is in a dataset, see ``carstage.dataset.campaigns.CampaignState``.
+
+    Attributes:
+        run_id: the newest run of its configuration.
+        others: episodes of the dataset that are of other configurations.
+        covered: combinations with a committed episode, of ``combinations``.
+    """
+
+    run_id: Name
+    name: str
+    method: str
+    planned: int
+    committed: int
+    others: int
+    axes: list[CampaignAxis]
+    combinations: int
+    covered: int
+    quotas: list[CampaignQuota]
+
+
+class CampaignList(Message):
+    """The campaigns that have been recorded into a dataset, the newest first.
+
+    Attributes:
+        problems: why others cannot be shown, a sentence each.
+    """
+
+    campaigns: list[CampaignMessage]
+    problems: list[str] = Field(default_factory=list)
+
+
 class RigSensor(Message):
     """A sensor of an episode.
 

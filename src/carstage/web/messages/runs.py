@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -13,6 +13,8 @@ RunState = Literal[
     "queued", "planning", "starting", "recording", "converting", "done", "failed", "interrupted"
 ]
 Alive = Literal["queued", "running", "stalled", "dead", "ended"]
+MOST_COMPARED = 6
+"""So many runs at once: their curves have to be told apart."""
 Level = Literal["debug", "info", "warning", "error"]
 Workers = Annotated[int, Field(ge=1, le=MOST_WORKERS)] | Literal["auto"]
 
@@ -219,3 +221,59 @@ class RunDetail(Message):
     channels: list[Channel]
     committed: list[Name] = Field(default_factory=list)
     bytes: int = 0
+
+
+class RunFiguresMessage(Message):
+    """What a run took, see ``carstage.runs.comparing.RunFigures``."""
+
+    run_id: RunId
+    name: str
+    state: str
+    took_s: float | None
+    episodes: int
+    planned: int
+    failed: int
+    frames: int
+    frames_s: float | None
+    cpu_cores: float | None
+    memory_bytes: int | None
+    written_bytes: int | None
+
+
+class ComparedRun(Message):
+    """One of several runs.
+
+    Attributes:
+        figures: None where it has made no folder.
+    """
+
+    run: RunSummary
+    figures: RunFiguresMessage | None = None
+    ticks: list[TickPoint] = Field(default_factory=list)
+    loads: list[LoadPoint] = Field(default_factory=list)
+
+
+class SettingDifference(Message):
+    """A setting that is not the same in all of several runs.
+
+    Attributes:
+        title: as the form has it; empty where that has none.
+        values: one for each run, in their order; None where it has none.
+    """
+
+    path: str
+    title: str
+    values: list[Any]
+
+
+class RunComparison(Message):
+    """Several runs beside each other.
+
+    Attributes:
+        settings: those that differ; those of runs without a configuration are not compared.
+        note: why settings are not compared; empty where they are.
+    """
+
+    runs: list[ComparedRun]
+    settings: list[SettingDifference]
+    note: str = ""

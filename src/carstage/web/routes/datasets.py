@@ -9,6 +9,7 @@ from fastapi.responses import StreamingResponse
 
 from carstage.web.datasets.history import NEAR_M
 from carstage.web.messages import (
+    CampaignList,
     DatasetChange,
     DatasetDetail,
     DatasetList,
@@ -78,6 +79,12 @@ def table(dataset: DatasetId, request: TableRequest, services: Access) -> TableP
 def statistics(dataset: DatasetId, services: Access) -> Statistics:
     """Counts over the labels."""
     return services.tables.statistics(dataset)
+
+
+@router.get("/{dataset}/campaigns", responses=MISSING)
+def campaigns(dataset: DatasetId, services: Access) -> CampaignList:
+    """How far the campaigns are that have been recorded into a dataset."""
+    return services.campaigns.all(dataset)
 
 
 @router.patch("/{dataset}", responses=BUSY)

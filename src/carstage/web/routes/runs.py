@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from typing import Annotated
+
+from fastapi import APIRouter, Query
 from fastapi.responses import StreamingResponse
 
 from carstage.web.messages import (
     RunAgain,
     RunChange,
+    RunComparison,
     RunDetail,
     RunList,
     RunStart,
     RunSummary,
 )
 from carstage.web.messages.base import RunId
+from carstage.web.messages.runs import MOST_COMPARED
 from carstage.web.routes.access import ARCHIVE, BUSY, MISSING, Access, archive
+from carstage.web.runs.comparison import compare_runs
+
+Compared = Annotated[
+    list[RunId],
+    Query(min_length=2, max_length=MOST_COMPARED, description="Which runs; give it repeatedly."),
+]
 
 router = APIRouter(prefix="/api", tags=["runs"])
 
@@ -35,6 +45,12 @@ def start(request: RunStart, services: Access) -> RunSummary:
 def run(run_id: RunId, services: Access) -> RunDetail:
     """A run with its configuration, log and tick times."""
     return services.runs.detail(run_id)
+
+
+@router.get("/comparison", responses=BUSY)
+def comparison(run: Compared, services: Access) -> RunComparison:
+    """Several runs: what each took, its load over time, and the settings that differ."""
+    return compare_runs(services.runs, run)
 
 
 @router.post("/runs/{run_id}/stop", responses=BUSY)

@@ -99,9 +99,10 @@ class RunFollower:
         self.retried: dict[str, str] = {}
         """Why an episode was begun once more, by its id."""
 
-    def read(self) -> None:
-        """Take in what was written since."""
-        for event in self._tail.read():
+    def read(self) -> bool:
+        """Take in what was written since; whether there was something, and may be more."""
+        events = self._tail.read()
+        for event in events:
             if event["event"] == "tick":
                 self._tick(event)
                 continue
@@ -113,6 +114,7 @@ class RunFollower:
             if line is not None:
                 self._lines.append(line)
                 self.lines_seen += 1
+        return bool(events)
 
     def lines_after(self, seen: int) -> list[LogLine]:
         """The lines after the first ``seen`` ones, as far as they are kept."""

@@ -165,6 +165,17 @@ class RunService:
             raise not_found(f"run {run_id}")
         return dict(settings_of(folder))
 
+    def configurations(self, dataset: str) -> list[tuple[str, Document]]:
+        """What planned runs have recorded into a dataset by, each with its run, the newest first.
+
+        Args:
+            dataset: id of the dataset.
+        """
+        into = (one for one in self._records.all().values() if one.dataset == dataset)
+        plans = ((one.run_id, one.plan()) for one in into)
+        found = [(run_id, dict(plan.config)) for run_id, plan in plans if plan is not None]
+        return sorted(found, key=lambda entry: entry[0], reverse=True)
+
     def options(self, run_id: str) -> RunOptions:
         """How the command of a run was given its options; of runs of others, the usual ones."""
         launch = self._launches.get(run_id)

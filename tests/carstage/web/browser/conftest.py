@@ -47,7 +47,7 @@ def all_pages() -> Watch:
 @pytest.fixture
 def watch(all_pages: Watch) -> Iterator[Watch]:
     all_pages.faults.clear()
-    all_pages.server_may_be_gone = False
+    all_pages.server_may_be_gone = all_pages.may_ask_in_vain = False
     yield all_pages
     assert all_pages.faults == []
 

@@ -61,6 +61,92 @@ def runs(page: Page) -> list[dict[str, Any]]:
     return found
 
 
+#: Counts what no keyboard makes: presses of a pointer, and clicks that a script makes.
+NO_MOUSE = """
+window.pressed = [];
+for (const kind of ['pointerdown', 'mousedown'])
+  addEventListener(kind, (event) => pressed.push(`${kind} ${event.target.outerHTML}`), true);
+addEventListener('click', (event) => event.isTrusted || pressed.push('click by script'), true);
+"""
+#: How the focused element is called, as far as the journey has to know it.
+FOCUSED = """(() => {
+  const at = document.activeElement;
+  const text = at.matches('a, button') ? at.innerText : '';
+  return at.getAttribute('aria-label') ?? at.labels?.[0]?.innerText ?? text;
+})()"""
+MOST_TABS = 300
+
+
+def tab_to(page: Page, name: str) -> None:
+    """Press Tab until what has such a name has the focus."""
+    wanted, seen = re.compile(name), []
+    for _ in range(MOST_TABS):
+        page.keyboard.press("Tab")
+        seen.append(" ".join(page.evaluate(FOCUSED).split()))
+        if wanted.fullmatch(seen[-1]):
+            return
+    raise AssertionError(f"Tab does not reach {name}: {seen}")
+
+
+def type_into(page: Page, name: str, text: str) -> None:
+    tab_to(page, name)
+    page.keyboard.press("Control+A")
+    page.keyboard.type(text)
+
+
+def test_from_an_empty_page_to_an_exported_dataset_by_keys_alone(
+    open_page: OpenPage, gui: Gui
+) -> None:
+    page = open_page(script=NO_MOUSE)
+    page.locator("[data-saved=saved]").wait_for()
+    type_into(page, "Name", "keys")
+    for name, text in (("Duration.*", "0.3"), ("Vehicles", "0"), ("Pedestrians", "0"),
+                       ("Image size: Width.*", "64"), ("Image size: Height.*", "36")):  # fmt: skip
+        type_into(page, name, text)
+    config = saved_config(page)
+    assert (config["name"], config["duration_s"], config["image_size"]) == ("keys", 0.3, [64, 36])
+    assert (config["vehicles"]["count"], config["pedestrians"]["count"]) == (0, 0)
+    tab_to(page, "Start")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("heading", level=1)).to_have_text("keys")
+    expect(page.locator(".page-head .badge")).to_have_text("done", timeout=RUN_MS)
+    # The tile of the points stays, as those of the cameras do.
+    last = page.get_by_label("Last pictures")
+    last.locator('[data-sensor="LIDAR_TOP"] canvas:not([data-points=""])').wait_for()
+    expect(last.locator('[data-sensor="CAM_FRONT"] img')).to_be_visible()
+
+    tab_to(page, "Open the dataset")
+    page.keyboard.press("Enter")
+    page.get_by_role("link", name="Episode 1").wait_for()
+    tab_to(page, "Episode 1.*")
+    page.keyboard.press("Enter")
+    page.locator('.scene-cameras [data-k="0"]').wait_for()
+    page.keyboard.press("ArrowRight")
+    page.locator('.scene-cameras [data-k="1"]').wait_for()
+    page.keyboard.press("End")
+    page.locator('.scene-cameras [data-k="2"]').wait_for()
+    page.locator(".cloud-view[data-k='2']:not([data-points='0'])").wait_for()
+    tab_to(page, "keys")
+    page.keyboard.press("Enter")
+
+    page.get_by_role("tab", name="Episodes").wait_for()
+    tab_to(page, "Episodes")
+    page.keyboard.press("ArrowLeft")  # round the row's end
+    expect(page.get_by_role("tab", name="Export")).to_be_focused()
+    page.get_by_role("radio", name="coco").wait_for()
+    page.keyboard.press("Tab")
+    page.keyboard.press("Tab")
+    while not page.get_by_role("radio", name="coco").is_checked():
+        before = page.evaluate(FOCUSED)
+        page.keyboard.press("ArrowDown")
+        assert page.evaluate(FOCUSED) != before, "arrow keys go through the formats"
+    tab_to(page, "Export")
+    page.keyboard.press("Enter")
+    page.locator('.job[data-state="done"]').wait_for(timeout=60_000)
+    assert any(gui.datasets.glob("exports/keys-coco/**/*.json"))
+    assert page.evaluate("pressed") == []
+
+
 def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui) -> None:
     page = open_page()
     configure_small(page, "journey", FRAMES)
@@ -104,7 +190,7 @@ def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui
 
     page.goto(gui.url + "#/datasets/journey")
     page.get_by_role("tab", name="Export").click()
-    page.get_by_label("coco").check()
+    page.get_by_role("radio", name="coco").check()
     page.get_by_role("button", name="Export", exact=True).click()
     page.locator('.job[data-state="done"]').wait_for(timeout=60_000)
     assert any(gui.datasets.glob("exports/journey-coco/**/*.json"))

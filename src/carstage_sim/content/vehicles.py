@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from carstage_sim.content.car_body import BodyFrame, CarBody
+from carstage_sim.content.car_body import BodyFrame, CarBody, Lamps
+from carstage_sim.content.car_faces import add_front, add_rear
+from carstage_sim.content.lettering import plate_number
 from carstage_sim.content.lofting import ShapeBuilder
 from carstage_sim.content.two_wheelers import add_two_wheeler
-from carstage_sim.content.vehicle_shapes import SHAPES, Build, build_of
+from carstage_sim.content.vehicle_shapes import SHAPES, Build, build_of, shape_of
 from carstage_sim.content.wheels import add_wheel
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, TriangleMesh, build_mesh
@@ -39,12 +41,19 @@ class VehicleFrame:
         low, high: corners of the box; nothing is below the ground or outside.
         axles: x of the front and the rear axle.
         wheel_radius: of the tyres.
+        type_id: id of its blueprint.
     """
 
     low: Vector
     high: Vector
     axles: tuple[float, float]
     wheel_radius: float
+    type_id: str
+
+    @property
+    def plate(self) -> str:
+        """What its number plates say."""
+        return plate_number(self.type_id)
 
     @property
     def half_width(self) -> float:
@@ -98,6 +107,7 @@ def vehicle_mesh(
         high,
         axles_m if axles_m is not None else (cx + 0.62 * hx, cx - 0.60 * hx),
         wheel_radius_m if wheel_radius_m is not None else usual,
+        type_id,
     )
     if build in _TWO_WHEELERS:
         add_two_wheeler(builder, build, low, high, frame.axles, frame.wheel_radius)
@@ -120,12 +130,15 @@ def _add_wheels(builder: ShapeBuilder, frame: VehicleFrame, body: BodyFrame, spo
 
 def _add_car(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
     """Cars, vans and buses: one body with its wheels."""
-    shape = SHAPES[build]
+    shape = shape_of(frame.type_id)
     if build is Build.BUBBLE:
         frame = replace(frame, wheel_radius=min(frame.wheel_radius, 0.27))
     share = 0.885 if shape.mirrors else 0.98
     body = frame.body(share, frame.low[0], frame.high[0], frame.high[2])
-    CarBody(shape, body).add_to(builder)
+    car = CarBody(shape, body)
+    car.add_to(builder)
+    add_front(builder, car, frame.plate)
+    add_rear(builder, car, frame.plate)
     _add_wheels(builder, frame, body, 5)
 
 
@@ -134,7 +147,9 @@ def _add_ambulance(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> 
     half, top = frame.half_width, frame.high[2]
     shape = replace(SHAPES[Build.VAN], side_glass=(0.36, 0.74), rear_glass=None)
     body = frame.body(0.80, frame.low[0], frame.high[0], top * 0.90)
-    CarBody(shape, body).add_to(builder)
+    car = CarBody(shape, body)
+    car.add_to(builder)
+    add_front(builder, car, frame.plate)
     front = frame.low[0] + 0.62 * (frame.high[0] - frame.low[0])
     wide = half * 0.94
     rear = frame.low[0] + 0.01
@@ -148,7 +163,9 @@ def _add_ambulance(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> 
         )
         light = sorted((sign * 0.25 * wide, sign * 0.75 * wide))
         builder.box(
-            (front - 0.35, light[0], top * 0.965), (front - 0.1, light[1], top), Material.TAIL_LAMP
+            (front - 0.35, light[0], top * 0.965),
+            (front - 0.1, light[1], top),
+            Material.BEACON_BLUE,
         )
     _add_rear_lamps(builder, rear, wide, 0.44 * top)
     _add_wheels(builder, frame, body, 6)
@@ -181,8 +198,10 @@ def _add_truck(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None
         clearance=0.14,
         tail_round=0.02,
         mirrors=build is not Build.DELIVERY,
-        head_lamp=(0.62, 0.95, 0.19, 0.25),
-        grille=(0.28, 0.40, 0.7),
+        head_lamp=(0.62, 1.08, 0.19, 0.26),
+        lamps=Lamps.SQUARE,
+        grille=(0.29, 0.44, 0.72),
+        intake=(0.155, 0.185, 0.6),
         tumblehome=0.08,
         tail_lamp=(0.0, 0.01, 0.3, 0.31),
         top=(
@@ -194,7 +213,9 @@ def _add_truck(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None
     )  # fmt: skip
     cab_height = {Build.LORRY: 0.93, Build.FIRE_ENGINE: 0.86, Build.DELIVERY: 0.96}[build] * top
     body = frame.body(wide / half, cab_rear, frame.high[0], cab_height)
-    CarBody(shape, body).add_to(builder)
+    cab = CarBody(shape, body)
+    cab.add_to(builder)
+    add_front(builder, cab, frame.plate)
     rear = frame.low[0] + 0.012
     floor = frame.wheel_radius * (2.15 if build is not Build.DELIVERY else 2.05)
     load_front = cab_rear - (0.12 if build is not Build.DELIVERY else -0.02)

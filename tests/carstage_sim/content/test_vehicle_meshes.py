@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from carstage_sim.content.lettering import add_text, plate_number, text_width
+from carstage_sim.content.lofting import ShapeBuilder
 from carstage_sim.content.vehicles import vehicle_mesh
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material
@@ -13,6 +15,21 @@ from carstage_sim.world.state import ActorKind
 
 VEHICLES = [b for b in catalogue().values() if b.kind == ActorKind.VEHICLE]
 _CENTIMETRE = 0.01
+_MOST_TRIANGLES = 9000
+"""A body of 3000, four wheels of 500, and lamps, plates, cabin and driver."""
+
+
+CARS = [b for b in VEHICLES if set(b.semantic_tags) == {CityObjectLabel.CAR}]
+SHINES = {
+    Material.HEAD_LAMP,
+    Material.TAIL_LAMP,
+    Material.BLINKER_LEFT,
+    Material.BLINKER_RIGHT,
+    Material.REVERSE_LAMP,
+    Material.LAMP_COVER,
+    Material.PLASTIC_DARK,
+}
+"""What a lamp is made of, its dark joints among it."""
 
 
 def mesh_of(blueprint):
@@ -36,8 +53,11 @@ def test_vehicle_keeps_its_box_budget_and_tags(blueprint):
     # The box is filled, or boxes drawn on pictures would look wrong.
     ground = max(center[2] - extent[2], 0.0)
     assert high[0] - low[0] > 1.9 * extent[0] - 0.06
-    assert high[2] > ground + 0.95 * (center[2] + extent[2] - ground) - 0.03
-    assert len(mesh.triangles) <= 6000
+    if CityObjectLabel.RIDER not in blueprint.semantic_tags:
+        assert high[0] - low[0] > 0.97 * 2.0 * extent[0]
+        assert high[1] - low[1] > 0.97 * 2.0 * extent[1]
+    assert high[2] - ground > 0.97 * (center[2] + extent[2] - ground)
+    assert len(mesh.triangles) <= _MOST_TRIANGLES
     assert set(mesh.tag.tolist()) == set(blueprint.semantic_tags)
     assert np.allclose(np.linalg.norm(mesh.normals, axis=2), 1.0, atol=1e-3)
 
@@ -53,6 +73,9 @@ def test_vehicle_keeps_its_box_budget_and_tags(blueprint):
         Material.BLINKER_RIGHT,
         Material.PAINT,
         Material.LICENCE_PLATE,
+        Material.REVERSE_LAMP,
+        Material.BRAKE_LAMP,
+        Material.LAMP_COVER,
     ],
 )
 def test_a_car_has_windows_wheels_and_lamps(material):
@@ -67,6 +90,52 @@ def test_lamps_sit_at_their_ends_and_sides():
     assert middle[mesh.material == Material.TAIL_LAMP, 0].max() < -1.5
     assert middle[mesh.material == Material.BLINKER_LEFT, 1].max() < 0
     assert middle[mesh.material == Material.BLINKER_RIGHT, 1].min() > 0
+
+
+@pytest.mark.parametrize("blueprint", CARS, ids=lambda b: b.id)
+def test_lamps_are_seen_from_their_end(blueprint):
+    """What shines must not lie under the paint: rays along the road meet lamps first."""
+    mesh = mesh_of(blueprint)
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    middle = corners.mean(axis=1)
+    area = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    for material, end in ((Material.HEAD_LAMP, 1.0), (Material.TAIL_LAMP, -1.0)):
+        lit = np.flatnonzero((mesh.material == material) & (area > 1e-5))
+        free = [first_met(corners, middle[k] + [end * 9.0, 0, 0], -end) for k in lit[::5]]
+        assert {mesh.material[k] for k in free} <= SHINES
+
+
+def first_met(corners, origin, direction):
+    """Number of the triangle that a ray along x meets first."""
+    a, b, c = (corners[:, k, 1:] - origin[1:] for k in range(3))
+
+    def cross(u, v):
+        return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+
+    w = np.stack([cross(b, c), cross(c, a), cross(a, b)], axis=1)
+    total = w.sum(axis=1)
+    inside = (np.all(w >= -1e-12, axis=1) | np.all(w <= 1e-12, axis=1)) & (np.abs(total) > 1e-9)
+    share = w / np.where(np.abs(total) > 1e-9, total, 1.0)[:, None]
+    away = ((share * corners[:, :, 0]).sum(axis=1) - origin[0]) * direction
+    return int(np.where(inside & (away > 0), away, np.inf).argmin())
+
+
+def test_a_plate_number_belongs_to_its_model():
+    numbers = {plate_number(b.id) for b in VEHICLES}
+    assert len(numbers) == len(VEHICLES)
+    assert plate_number("vehicle.audi.tt") == plate_number("vehicle.audi.tt")
+
+
+def test_a_text_is_as_wide_and_high_as_said():
+    builder = ShapeBuilder(CityObjectLabel.CAR)
+    add_text(
+        builder, "BUS 12", 0.35, lambda a, b: np.stack([a, 0 * a, b], axis=1), Material.DISPLAY
+    )
+    low, high = builder.mesh().bounds
+    assert high[0] - low[0] == pytest.approx(text_width("BUS 12", 0.35), rel=0.05)
+    assert high[2] - low[2] == pytest.approx(0.35)
 
 
 def test_bodies_are_symmetric():

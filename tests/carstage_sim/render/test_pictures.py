@@ -74,6 +74,8 @@ def test_a_shadow_lies_away_from_the_sun():
         (Material.LIGHT_GREEN, 2, 0, 1),
         (Material.TAIL_LAMP, 8, 0, 0),
         (Material.HEAD_LAMP, 2, 0, 1),
+        (Material.BRAKE_LAMP, 8, 3, 0),
+        (Material.BEACON_BLUE, 512, 3, 2),
         (Material.REVERSE_LAMP, 64, 0, 1),
     ],
 )

@@ -303,11 +303,40 @@ class CarBody:
         rows[:2] = Material.PLASTIC_DARK
         builder.grid(points if end < 0 else points[:, ::-1], rows)
 
+    def roof(self, x: float) -> float:
+        """Height in metres of the middle line at relative ``x``."""
+        return float(self._top(x)) * self.frame.height
+
+    def belt(self, x: float) -> float:
+        """Height in metres of the line under the side windows at relative ``x``."""
+        return float(self._belt(x)) * self.frame.height
+
     def across(self, x: float, z: Array) -> Array:
         """Half width in metres of the skin at relative ``x`` and heights ``z`` (m)."""
         half = self._section(x)[self._SILL :]
         width: Array = np.interp(z, half[:, 1], half[:, 0])
         return width
+
+    def inside(self, points: Array, margin: float) -> Array:
+        """Points ``(N, 3)``, those moved that are not ``margin`` metres within the skin."""
+        f = self.frame
+        x, y, z = points.T
+        along = f.half_length - 0.025
+        relative = (x - f.center_x) / along
+        for _ in range(3):
+            relative = relative + (x - self._place(relative, y, z)[:, 0]) / along
+        relative = np.round(np.clip(relative, -0.96, 0.96), 2)
+        kept = points.copy()
+        for station in np.unique(relative):
+            here = relative == station
+            kept[here, 2] = np.minimum(z[here], self.roof(float(station)) - margin)
+            wide = np.maximum(self.across(float(station), kept[here, 2] + margin) - margin, 0.0)
+            # Between the wheel housings, wherever they are: edges run past them.
+            low = kept[here, 2] < f.wheel_radius + self._arch_radius + margin
+            inner = float(self._section(float(station))[self._ARCH, 0]) - margin
+            wide[low] = np.minimum(wide[low], inner)
+            kept[here, 1] = np.clip(y[here], -wide, wide)
+        return kept
 
     def on_face(self, end: float, y: Array, z: Array, raised: float) -> Array:
         """Points (metric ``y``, ``z``) on the front (``end`` 1) or rear (-1) face."""

@@ -96,7 +96,8 @@ def add_text(
     """
     unit = height / ROWS
     left = -text_width(text, height) / 2
-    corners, triangles = [], []
+    corners: list[tuple[float, float]] = []
+    triangles: list[tuple[int, int, int]] = []
     for number, letter in enumerate(text):
         first = left + number * _PITCH * unit
         for c0, c1, r0, r1 in _rectangles(letter):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from carstage_sim.content.cabins import Cabin, add_cabin
 from carstage_sim.content.car_body import BodyFrame, CarBody, Lamps
 from carstage_sim.content.car_faces import add_front, add_rear
 from carstage_sim.content.lettering import plate_number
@@ -30,6 +31,13 @@ _TAGS = {
     Build.BICYCLE: CityObjectLabel.BICYCLE,
 }
 _TWO_WHEELERS = (Build.MOTORCYCLE, Build.SCOOTER, Build.BICYCLE)
+_CABINS = {
+    Build.COUPE: Cabin(rows=1),
+    Build.VAN: Cabin(rows=0),
+    Build.BUBBLE: Cabin(rows=0),
+    Build.CAMPER: Cabin(rows=2),
+    Build.BUS: Cabin(rows=11, passengers=5),
+}
 _HEAVY = (Build.LORRY, Build.FIRE_ENGINE, Build.DELIVERY, Build.BUS)
 
 
@@ -42,6 +50,7 @@ class VehicleFrame:
         axles: x of the front and the rear axle.
         wheel_radius: of the tyres.
         type_id: id of its blueprint.
+        occupied: whether somebody sits in it.
     """
 
     low: Vector
@@ -49,6 +58,7 @@ class VehicleFrame:
     axles: tuple[float, float]
     wheel_radius: float
     type_id: str
+    occupied: bool
 
     @property
     def plate(self) -> str:
@@ -82,6 +92,7 @@ def vehicle_mesh(
     *,
     axles_m: tuple[float, float] | None = None,
     wheel_radius_m: float | None = None,
+    occupied: bool = True,
 ) -> TriangleMesh:
     """A vehicle in its actor's frame: x forward, y right, origin on the ground.
 
@@ -91,6 +102,7 @@ def vehicle_mesh(
         box_center: centre of the bounding box, metres.
         axles_m: x of the front and rear axle; default by the length.
         wheel_radius_m: default by the kind of vehicle.
+        occupied: whether a car has a driver; riders are part of their machine.
 
     Returns:
         A mesh of which every vertex lies in the box, wheels on the ground.
@@ -108,6 +120,7 @@ def vehicle_mesh(
         axles_m if axles_m is not None else (cx + 0.62 * hx, cx - 0.60 * hx),
         wheel_radius_m if wheel_radius_m is not None else usual,
         type_id,
+        occupied,
     )
     if build in _TWO_WHEELERS:
         add_two_wheeler(builder, build, low, high, frame.axles, frame.wheel_radius)
@@ -139,6 +152,7 @@ def _add_car(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
     car.add_to(builder)
     add_front(builder, car, frame.plate)
     add_rear(builder, car, frame.plate)
+    add_cabin(builder, car, replace(_CABINS.get(build, Cabin()), occupied=frame.occupied))
     _add_wheels(builder, frame, body, 5)
 
 
@@ -150,6 +164,7 @@ def _add_ambulance(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> 
     car = CarBody(shape, body)
     car.add_to(builder)
     add_front(builder, car, frame.plate)
+    add_cabin(builder, car, Cabin(rows=0, occupied=frame.occupied))
     front = frame.low[0] + 0.62 * (frame.high[0] - frame.low[0])
     wide = half * 0.94
     rear = frame.low[0] + 0.01
@@ -216,6 +231,8 @@ def _add_truck(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None
     cab = CarBody(shape, body)
     cab.add_to(builder)
     add_front(builder, cab, frame.plate)
+    rows = 1 if build is Build.FIRE_ENGINE else 0
+    add_cabin(builder, cab, Cabin(rows=rows, occupied=frame.occupied))
     rear = frame.low[0] + 0.012
     floor = frame.wheel_radius * (2.15 if build is not Build.DELIVERY else 2.05)
     load_front = cab_rear - (0.12 if build is not Build.DELIVERY else -0.02)

@@ -10,8 +10,11 @@ from carstage_sim.content.lofting import ShapeBuilder
 from carstage_sim.content.vehicles import vehicle_mesh
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material
+from carstage_sim.render.caster import RayCaster
+from carstage_sim.render.scene import Placement
 from carstage_sim.world.blueprints import catalogue
 from carstage_sim.world.state import ActorKind
+from ray_scenes import frame_of
 
 VEHICLES = [b for b in catalogue().values() if b.kind == ActorKind.VEHICLE]
 _CENTIMETRE = 0.01
@@ -105,6 +108,39 @@ def test_lamps_are_seen_from_their_end(blueprint):
         lit = np.flatnonzero((mesh.material == material) & (area > 1e-5))
         free = [first_met(corners, middle[k] + [end * 9.0, 0, 0], -end) for k in lit[::5]]
         assert {mesh.material[k] for k in free} <= SHINES
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["tesla.model3", "seat.leon", "micro.microlino", "mitsubishi.fusorosa", "ford.ambulance"],
+)
+def test_no_ray_from_outside_meets_the_cabin(name):
+    """Glass belongs to the car for all but colour: what is behind it has no label of its own."""
+    blueprint = catalogue()[f"vehicle.{name}"]
+    mesh = mesh_of(blueprint)
+    inside = np.isin(mesh.material, (Material.SEAT, Material.SKIN, Material.HAIR))
+    assert inside.any()
+    frame = frame_of(None, [Placement(1, "car", np.zeros(3), np.eye(3))], {"car": mesh})
+    chance = np.random.default_rng(3)
+    turn = chance.uniform(0.0, 2 * np.pi, 60)
+    eyes = np.stack([9 * np.cos(turn), 9 * np.sin(turn), chance.uniform(0.3, 6.0, 60)], axis=1)
+    aims = mesh.vertices[mesh.triangles[inside]].mean(axis=1)
+    caster = RayCaster(1)
+    for eye in eyes:
+        rays = (aims[chance.integers(len(aims), size=200)] - eye).astype(np.float32)
+        hits = caster.cast(frame.scene, eye, rays, low=0.0, high=100.0)
+        assert not inside[hits.triangle[hits.row == 0]].any()
+    caster.close()
+
+
+def test_only_cars_that_somebody_drives_have_a_driver():
+    blueprint = catalogue()["vehicle.audi.tt"]
+    box = (blueprint.box_extent, blueprint.box_center)
+    driven = vehicle_mesh(blueprint.id, *box)
+    parked = vehicle_mesh(blueprint.id, *box, occupied=False)
+    assert (driven.material == Material.SKIN).any()
+    assert not (parked.material == Material.SKIN).any()
+    assert (parked.material == Material.SEAT).any()
 
 
 def first_met(corners, origin, direction):

@@ -29,6 +29,11 @@ _COLUMN, _SIDE_COLUMN, _ROW = 0.15, 0.08, 0.07
 """Widest quads of a panel: on a face, round its corner (shares of the half width), and tallest."""
 
 
+_VAULT = ((0.90, 0.20), (0.72, 0.62), (0.62, 0.74), (0.34, 0.93), (0.0, 1.0))
+_FLAT = ((0.94, 0.86), (0.90, 0.99), (0.62, 1.0), (0.34, 1.0), (0.0, 1.0))
+"""Sections over a bonnet: share of the half width, share of the rise over the belt."""
+
+
 class Lamps(Enum):
     """How head lamps look."""
 
@@ -78,6 +83,7 @@ class BodyShape:
         bars: how the grille looks.
         intake: z from, z to, and half width as a share of the opening in the bumper.
         boot: whether the rear has a lid under the window; else the whole rear opens.
+        faceted: whether the body is of flat sheets that meet in edges.
         cladding: height up to which the sills are bare plastic.
         mirrors: whether outside mirrors reach out to the box's sides.
         rear_glass: z from, z to and half width as a share of a window in an upright rear face.
@@ -104,6 +110,7 @@ class BodyShape:
     bars: Bars = Bars.ACROSS
     intake: tuple[float, float, float] = (0.16, 0.27, 0.72)
     boot: bool = True
+    faceted: bool = False
     cladding: float = 0.0
     mirrors: bool = True
     rear_glass: tuple[float, float, float] | None = None
@@ -218,7 +225,7 @@ class CarBody:
             (w * 0.955, belt),
         ]
         # Over the bonnet the section is a flat vault, in the cabin windows and a roof.
-        vault = [(0.90, 0.20), (0.72, 0.62), (0.62, 0.74), (0.34, 0.93), (0.0, 1.0)]
+        vault = _FLAT if s.faceted else _VAULT
         cabin = [
             (w * 0.925, belt + 0.012),
             (roof + 0.10 * (w - roof), belt + 0.88 * rise),
@@ -255,7 +262,8 @@ class CarBody:
         points = self._place(
             np.repeat(x[:, None], full.shape[1], axis=1), full[..., 0], full[..., 1]
         )
-        builder.grid(points, self._materials(x, half), closed=False)
+        crease = 8.0 if self.shape.faceted else 40.0
+        builder.grid(points, self._materials(x, half), crease_deg=crease)
         self._add_face(builder, half[-1], 1.0)
         self._add_face(builder, half[0], -1.0)
         self._add_doors(builder)
@@ -402,6 +410,15 @@ class CarBody:
         fan = np.stack([np.full(sides, sides), k, (k + 1) % sides], axis=1)
         builder.add(np.concatenate([ring, middle]), fan, material)
 
+    def on_screen(self, y: Array, z: Array, raised: float) -> Array:
+        """Points (metric ``y``, ``z``) on the windscreen."""
+        high, low = self.shape.windscreen
+        x = np.linspace(low, high, 16)
+        relative = np.interp(z, self._top(x) * self.frame.height, x)
+        points = self._place(relative, y, z)
+        points[..., 0] += raised
+        return points
+
     def skin(self, x: Array, column: Array) -> Array:
         """Points of the right side's skin at relative ``x`` and (fractional) section columns."""
         points = np.empty((len(x), 2))
@@ -467,6 +484,26 @@ class CarBody:
                 builder.box(
                     (x, side[0], grip - 0.012), (x + 0.17, side[1], grip + 0.012), Material.PAINT
                 )
+
+    def side_band(
+        self,
+        builder: ShapeBuilder,
+        x: tuple[float, float],
+        z: tuple[float, float],
+        material: int,
+        *,
+        raised: float = 0.005,
+        sides: Sequence[float] = (-1.0, 1.0),
+        rows: int = 2,
+    ) -> None:
+        """Add a level strip (relative ``x``, metric ``z``) along the sides."""
+        stations = np.linspace(*x, max(2, int(np.ceil((x[1] - x[0]) / 0.12)) + 1))
+        height = np.linspace(*z, rows + 1)
+        wide = np.stack([self.across(float(station), height) for station in stations]) + raised
+        for sign in sides:
+            along = np.repeat(stations[:, None], len(height), axis=1)
+            up = np.broadcast_to(height, along.shape)
+            builder.grid(self._place(along, sign * wide, up), material)
 
     def _add_lids(self, builder: ShapeBuilder) -> None:
         """Seams of the bonnet and the boot, wipers, door handles' line."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from enum import Enum
+from itertools import pairwise
 from typing import Any
 
 from carstage_sim.content.car_body import Bars, BodyShape, Lamps, Tails
@@ -37,6 +38,20 @@ _ROUND = (
     (0.72, 0.985), (0.88, 0.955), (0.96, 0.91), (1.0, 0.85),
 )
 _SQUARE = ((-1.0, 0.93), (-0.96, 0.985), (-0.8, 1.0), (0.8, 1.0), (0.95, 0.97), (1.0, 0.90))
+
+
+
+def _straight(*points: tuple[float, float]) -> tuple[tuple[float, float], ...]:
+    """Points of a curve that runs straight between corners."""
+    line = list(points[:1])
+    for (x0, y0), (x1, y1) in pairwise(points):
+        # Only neighbours of a corner bend: they stand close to it.
+        for share in (0.004 / (x1 - x0), 1.0 - 0.004 / (x1 - x0)):
+            if 0.0 < share < 1.0 and x1 - x0 > 0.05:
+                line.append((x0 + share * (x1 - x0), y0 + share * (y1 - y0)))
+        line.append((x1, y1))
+    return tuple(line)
+
 
 _SEDAN = BodyShape(
     top=(
@@ -143,16 +158,15 @@ SHAPES: dict[Build, BodyShape] = {
         boot=False,
     ),
     Build.PICKUP: BodyShape(
-        top=(
-            (-1.0, 0.66), (-0.97, 0.67), (-0.60, 0.76), (-0.1, 0.965), (0.02, 1.0), (0.06, 0.985),
-            (0.48, 0.76), (0.56, 0.715), (0.80, 0.60), (0.94, 0.535), (1.0, 0.49),
-        ),
-        belt=((-1.0, 0.60), (-0.2, 0.655), (0.1, 0.66), (0.6, 0.60), (0.9, 0.50), (1.0, 0.45)),
-        width=_SQUARE, rear_window=(-0.42, -0.10), windscreen=(0.06, 0.56),
-        side_glass=(-0.24, 0.44), pillars=(0.0,), clearance=0.17, tumblehome=0.26,
-        nose_round=0.12, tail_round=0.04, nose_lean=0.02, tail_lean=0.01, cladding=0.30,
-        head_lamp=(0.0, 1.0, 0.43, 0.445), tail_lamp=(0.0, 1.0, 0.56, 0.575), lamps=Lamps.STRIP,
-        tails=Tails.STRIP, grille=None, intake=(0.20, 0.28, 0.85), boot=False, mirrors=False,
+        top=_straight((-1.0, 0.70), (-0.99, 0.715), (-0.02, 0.99), (0.02, 1.0), (0.06, 0.985),
+                      (0.99, 0.57), (1.0, 0.54)),
+        belt=_straight((-1.0, 0.63), (0.55, 0.60), (1.0, 0.52)),
+        width=_straight((-1.0, 0.93), (-0.6, 1.0), (0.70, 1.0), (1.0, 0.90)),
+        rear_window=(-0.34, -0.05), windscreen=(0.06, 0.62), side_glass=(-0.34, 0.50),
+        pillars=(0.02,), clearance=0.17, tumblehome=0.34, nose_round=0.10, tail_round=0.02,
+        nose_lean=0.0, tail_lean=0.0, cladding=0.27, head_lamp=(0.0, 1.0, 0.495, 0.512),
+        tail_lamp=(0.0, 1.0, 0.595, 0.615), lamps=Lamps.STRIP, tails=Tails.STRIP, grille=None,
+        intake=(0.21, 0.33, 0.90), boot=False, mirrors=False, faceted=True,
     ),
     Build.BUS: BodyShape(
         top=(

@@ -28,8 +28,10 @@ class Build(Enum):
     DELIVERY = "delivery"
     BUS = "bus"
     MOTORCYCLE = "motorcycle"
+    CRUISER = "cruiser"
     SCOOTER = "scooter"
     BICYCLE = "bicycle"
+    CITY_BIKE = "city bike"
 
 
 # fmt: off
@@ -244,13 +246,13 @@ _BUILDS: dict[str, Build] = {
     "carlamotors.firetruck": Build.FIRE_ENGINE,
     "tesla.cybertruck": Build.PICKUP,
     "mitsubishi.fusorosa": Build.BUS,
-    "harley-davidson.low_rider": Build.MOTORCYCLE,
+    "harley-davidson.low_rider": Build.CRUISER,
     "kawasaki.ninja": Build.MOTORCYCLE,
     "vespa.zx125": Build.SCOOTER,
     "yamaha.yzf": Build.MOTORCYCLE,
     "bh.crossbike": Build.BICYCLE,
     "diamondback.century": Build.BICYCLE,
-    "gazelle.omafiets": Build.BICYCLE,
+    "gazelle.omafiets": Build.CITY_BIKE,
 }
 
 

@@ -27,9 +27,13 @@ _TAGS = {
     Build.BUS: CityObjectLabel.BUS,
     Build.MOTORCYCLE: CityObjectLabel.MOTORCYCLE,
     Build.SCOOTER: CityObjectLabel.MOTORCYCLE,
+    Build.CRUISER: CityObjectLabel.MOTORCYCLE,
     Build.BICYCLE: CityObjectLabel.BICYCLE,
+    Build.CITY_BIKE: CityObjectLabel.BICYCLE,
 }
-_TWO_WHEELERS = (Build.MOTORCYCLE, Build.SCOOTER, Build.BICYCLE)
+_TWO_WHEELERS = (
+    Build.MOTORCYCLE, Build.CRUISER, Build.SCOOTER, Build.BICYCLE, Build.CITY_BIKE,
+)  # fmt: skip
 _CABINS = {
     Build.COUPE: Cabin(rows=1),
     Build.VAN: Cabin(rows=0),

@@ -55,10 +55,8 @@ def test_vehicle_keeps_its_box_budget_and_tags(blueprint):
     assert low[2] == pytest.approx(max(center[2] - extent[2], 0.0), abs=0.02)
     # The box is filled, or boxes drawn on pictures would look wrong.
     ground = max(center[2] - extent[2], 0.0)
-    assert high[0] - low[0] > 1.9 * extent[0] - 0.06
-    if CityObjectLabel.RIDER not in blueprint.semantic_tags:
-        assert high[0] - low[0] > 0.97 * 2.0 * extent[0]
-        assert high[1] - low[1] > 0.97 * 2.0 * extent[1]
+    assert high[0] - low[0] > 0.97 * 2.0 * extent[0]
+    assert high[1] - low[1] > 0.97 * 2.0 * extent[1]
     assert high[2] - ground > 0.97 * (center[2] + extent[2] - ground)
     assert len(mesh.triangles) <= _MOST_TRIANGLES
     assert set(mesh.tag.tolist()) == set(blueprint.semantic_tags)

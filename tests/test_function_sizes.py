@@ -39,7 +39,6 @@ REASONS = {
     "carstage/server/embedded.py __init__": "the options of its command line, all with defaults",
     "carstage/validation/checks/completeness.py check_missing_rows": _OWNER,
     "carstage_sim/cli.py _parser": _OPTIONS,
-    "carstage_sim/content/two_wheelers.py _add_motorcycle": _PARTS,
     "carstage_sim/maps/opendrive.py sample": _ROW,
     "carstage_sim/maps/writer/junctions.py path": _PARTS,
     "carstage_sim/render/bvh.py _split_place": _KERNEL,

@@ -61,6 +61,20 @@ class Material(IntEnum):
     PAINT_BLACK = 43
     PAINT_BLUE = 44
     PAINT_RED = 45
+    LAMP_COVER = 46
+    """Clear cover of a lamp that is off."""
+    BRAKE_LAMP = 47
+    """Lit by the brakes only."""
+    BEACON_BLUE = 48
+    """Flashes with the special lights of emergency vehicles."""
+    BEACON_RED = 49
+    SEAT = 50
+    SIGN_BLUE = 51
+    SIGN_YELLOW = 52
+    DISPLAY = 53
+    """Letters of light, as a bus shows its destination."""
+    GLASS_DARK = 54
+    """Glass before a dark room, which nobody sees through."""
 
 
 @dataclass(frozen=True, slots=True)

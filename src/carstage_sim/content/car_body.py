@@ -7,7 +7,10 @@ from 0 (ground) to 1 (roof).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +19,44 @@ from carstage_sim.content.lofting import Array, Curve, ShapeBuilder, uniform
 from carstage_sim.mesh import Material
 
 _Points = tuple[tuple[float, float], ...]
+Outline = Sequence[tuple[float, float, float]]
+"""Columns of a panel: share of the half width (beyond 1: round the corner), z from, z to."""
+
+
+_COWL = 0.022
+"""Length of the dark strip at the windscreen's foot, relative."""
+_COLUMN, _SIDE_COLUMN, _ROW = 0.15, 0.08, 0.07
+"""Widest quads of a panel: on a face, round its corner (shares of the half width), and tallest."""
+
+
+_VAULT = ((0.90, 0.20), (0.72, 0.62), (0.62, 0.74), (0.34, 0.93), (0.0, 1.0))
+_FLAT = ((0.94, 0.86), (0.90, 0.99), (0.62, 1.0), (0.34, 1.0), (0.0, 1.0))
+"""Sections over a bonnet: share of the half width, share of the rise over the belt."""
+
+
+class Lamps(Enum):
+    """How head lamps look."""
+
+    SWEPT = "a cover that is drawn back round the corner, with two lenses"
+    ROUND = "one round lens"
+    SQUARE = "an upright cover with one lens over the other"
+    STRIP = "a line across the front"
+
+
+class Tails(Enum):
+    """How tail lamps look."""
+
+    SWEPT = "drawn round the corner"
+    UPRIGHT = "a column at the edge"
+    STRIP = "a line across the rear"
+
+
+class Bars(Enum):
+    """How a grille looks."""
+
+    ACROSS = "bars from side to side"
+    UPRIGHT = "slots side by side"
+    MESH = "a dark mesh"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +75,15 @@ class BodyShape:
         tumblehome: how far the roof's edge stands in from the belt, as a share of the half width.
         nose_round, tail_round: how far the corners stand back from the middle, in metres.
         nose_lean, tail_lean: how far the top of the face stands back from the bumper, in metres.
-        head_lamp: y from, y to (shares of the half width), z from, z to.
+        head_lamp: y from, y to (shares of the half width, beyond 1 round the corner), z from, z to.
         tail_lamp: the same at the rear.
-        grille: z from, z to, and half width as a share.
+        lamps: how the head lamps look.
+        tails: how the tail lamps look.
+        grille: z from, z to, and half width as a share; None for a closed front.
+        bars: how the grille looks.
+        intake: z from, z to, and half width as a share of the opening in the bumper.
+        boot: whether the rear has a lid under the window; else the whole rear opens.
+        faceted: whether the body is of flat sheets that meet in edges.
         cladding: height up to which the sills are bare plastic.
         mirrors: whether outside mirrors reach out to the box's sides.
         rear_glass: z from, z to and half width as a share of a window in an upright rear face.
@@ -55,9 +102,15 @@ class BodyShape:
     tail_round: float = 0.16
     nose_lean: float = 0.10
     tail_lean: float = 0.06
-    head_lamp: tuple[float, float, float, float] = (0.52, 0.96, 0.40, 0.50)
-    tail_lamp: tuple[float, float, float, float] = (0.50, 0.97, 0.48, 0.60)
-    grille: tuple[float, float, float] = (0.20, 0.33, 0.55)
+    head_lamp: tuple[float, float, float, float] = (0.52, 1.2, 0.40, 0.50)
+    tail_lamp: tuple[float, float, float, float] = (0.50, 1.2, 0.48, 0.60)
+    lamps: Lamps = Lamps.SWEPT
+    tails: Tails = Tails.SWEPT
+    grille: tuple[float, float, float] | None = (0.32, 0.44, 0.42)
+    bars: Bars = Bars.ACROSS
+    intake: tuple[float, float, float] = (0.16, 0.27, 0.72)
+    boot: bool = True
+    faceted: bool = False
     cladding: float = 0.0
     mirrors: bool = True
     rear_glass: tuple[float, float, float] | None = None
@@ -88,6 +141,18 @@ class BodyFrame:
     tyre_width: float
 
 
+def _refined(outline: Outline) -> Outline:
+    """The same outline with columns so close that a plate does not sink into a curved face."""
+    columns = np.array(outline)
+    at = [columns[:1]]
+    for before, after in pairwise(columns):
+        beyond = max(abs(before[0]), abs(after[0])) > 1.0
+        count = int(np.ceil(abs(after[0] - before[0]) / (_SIDE_COLUMN if beyond else _COLUMN)))
+        at.append(before + (after - before) * np.linspace(0.0, 1.0, max(count, 1) + 1)[1:, None])
+    refined: list[tuple[float, float, float]] = [tuple(c) for c in np.concatenate(at).tolist()]
+    return refined
+
+
 class CarBody:
     """A lofted body.
 
@@ -108,6 +173,7 @@ class CarBody:
         """Relative x of the sections: even ones, feature edges, and arches in fine steps."""
         s, f = self.shape, self.frame
         edges = [*s.rear_window, *s.windscreen, *s.side_glass, -1.0, 1.0]
+        edges.append(s.windscreen[1] + _COWL)
         half_pillar = 0.04 / f.half_length
         for pillar in s.pillars:
             edges += [pillar - half_pillar, pillar + half_pillar]
@@ -159,7 +225,7 @@ class CarBody:
             (w * 0.955, belt),
         ]
         # Over the bonnet the section is a flat vault, in the cabin windows and a roof.
-        vault = [(0.90, 0.20), (0.72, 0.62), (0.62, 0.74), (0.34, 0.93), (0.0, 1.0)]
+        vault = _FLAT if s.faceted else _VAULT
         cabin = [
             (w * 0.925, belt + 0.012),
             (roof + 0.10 * (w - roof), belt + 0.88 * rise),
@@ -189,18 +255,19 @@ class CarBody:
         return np.stack([f.center_x + x * (f.half_length - 0.025) - back, y, z], axis=-1)
 
     def add_to(self, builder: ShapeBuilder) -> None:
-        """Add the body, its windows, lamps, plates and mirrors."""
+        """Add the body, its windows, doors and mirrors."""
         x = self._stations()
         half = np.stack([self._section(station) for station in x])
         full = np.concatenate([half[:, ::-1] * [-1.0, 1.0], half[:, 1:]], axis=1)
         points = self._place(
             np.repeat(x[:, None], full.shape[1], axis=1), full[..., 0], full[..., 1]
         )
-        builder.grid(points, self._materials(x, half), closed=False)
+        crease = 8.0 if self.shape.faceted else 40.0
+        builder.grid(points, self._materials(x, half), crease_deg=crease)
         self._add_face(builder, half[-1], 1.0)
         self._add_face(builder, half[0], -1.0)
-        self._add_lamps(builder)
         self._add_doors(builder)
+        self._add_lids(builder)
         if self.shape.mirrors:
             self._add_mirrors(builder)
 
@@ -229,6 +296,8 @@ class CarBody:
         screen = (middle > s.windscreen[0]) & (middle < s.windscreen[1])
         back = (middle > s.rear_window[0]) & (middle < s.rear_window[1])
         quads[screen | back, self._ROOF :] = Material.GLASS
+        cowl = (middle > s.windscreen[1]) & (middle < s.windscreen[1] + _COWL)
+        quads[cowl, self._ROOF :] = Material.PLASTIC_DARK
         return np.concatenate([quads[:, ::-1], quads], axis=1)
 
     def _add_face(self, builder: ShapeBuilder, half: Array, end: float) -> None:
@@ -242,81 +311,155 @@ class CarBody:
         rows[:2] = Material.PLASTIC_DARK
         builder.grid(points if end < 0 else points[:, ::-1], rows)
 
-    def patch(
+    def roof(self, x: float) -> float:
+        """Height in metres of the middle line at relative ``x``."""
+        return float(self._top(x)) * self.frame.height
+
+    def belt(self, x: float) -> float:
+        """Height in metres of the line under the side windows at relative ``x``."""
+        return float(self._belt(x)) * self.frame.height
+
+    def across(self, x: float, z: Array) -> Array:
+        """Half width in metres of the skin at relative ``x`` and heights ``z`` (m)."""
+        half = self._section(x)[self._SILL :]
+        width: Array = np.interp(z, half[:, 1], half[:, 0])
+        return width
+
+    def inside(self, points: Array, margin: float) -> Array:
+        """Points ``(N, 3)``, those moved that are not ``margin`` metres within the skin."""
+        f = self.frame
+        x, y, z = points.T
+        along = f.half_length - 0.025
+        relative = (x - f.center_x) / along
+        for _ in range(3):
+            relative = relative + (x - self._place(relative, y, z)[:, 0]) / along
+        relative = np.round(np.clip(relative, -0.96, 0.96), 2)
+        kept = points.copy()
+        for station in np.unique(relative):
+            here = relative == station
+            kept[here, 2] = np.minimum(z[here], self.roof(float(station)) - margin)
+            wide = np.maximum(self.across(float(station), kept[here, 2] + margin) - margin, 0.0)
+            # Between the wheel housings, wherever they are: edges run past them.
+            low = kept[here, 2] < f.wheel_radius + self._arch_radius + margin
+            inner = float(self._section(float(station))[self._ARCH, 0]) - margin
+            wide[low] = np.minimum(wide[low], inner)
+            kept[here, 1] = np.clip(y[here], -wide, wide)
+        return kept
+
+    def on_face(self, end: float, y: Array, z: Array, raised: float) -> Array:
+        """Points (metric ``y``, ``z``) on the front (``end`` 1) or rear (-1) face."""
+        points = self._place(np.full_like(y, end), y, z)
+        points[..., 0] += end * raised
+        return points
+
+    def panel(
         self,
         builder: ShapeBuilder,
         end: float,
-        y: tuple[float, float],
-        z: tuple[float, float],
+        outline: Outline,
         material: int,
         *,
         raised: float = 0.008,
-        columns: int = 5,
-        sweep: float = 0.0,
+        rows: int = 2,
     ) -> None:
-        """Add a plate on the front (``end`` 1) or rear (-1) face.
+        """Add a plate on a face that may go round the corner.
 
         Args:
             builder: receives it.
-            end: which face.
-            y: from and to, in shares of the face's half width.
-            z: from and to, in shares of the height.
+            end: which face, 1 front and -1 rear.
+            outline: its columns.
             material: of the plate.
-            raised: metres before the face.
-            columns: points across.
-            sweep: how much higher, in shares of the height, its outer edge stands than y = 0.
+            raised: metres before the skin.
+            rows: quads from its lower to its upper edge.
         """
         f = self.frame
-        wide = float(self._width(end)) * f.half_width * 0.985
-        share = np.linspace(y[0], y[1], columns)
-        yy, zz = np.meshgrid(share * wide, np.linspace(z[0], z[1], 3) * f.height)
-        zz += sweep * np.abs(share) * f.height
-        points = self._place(np.full_like(yy, end), yy, zz)
+        outline = _refined(outline)
+        tallest = max(high - low for _, low, high in outline)
+        rows = max(rows, int(np.ceil(tallest / _ROW)))
+        points = np.empty((rows + 1, len(outline), 3))
+        for column, (share, low, high) in enumerate(outline):
+            z = np.linspace(low, high, rows + 1) * f.height
+            beyond = max(abs(share) - 1.0, 0.0)
+            x = end * (1.0 - beyond * f.half_width / f.half_length)
+            wide = self.across(x, z if beyond else np.full_like(z, z.mean()))
+            side = np.clip((abs(share) - 0.85) / 0.15, 0.0, 1.0) * np.sign(share)
+            y = np.clip(share, -1.0, 1.0) * wide
+            points[:, column] = self._place(np.full_like(y, x), y, z)
+            points[:, column, 1] += side * raised
         points[..., 0] += end * raised
-        builder.grid(points if end < 0 else points[:, ::-1], material)
+        builder.grid(points, material)
 
-    def _add_lamps(self, builder: ShapeBuilder) -> None:
-        s = self.shape
-        low, high, wide = s.grille
-        self.patch(builder, 1.0, (-wide, wide), (low, high), Material.PLASTIC_DARK, columns=7)
-        plate = (0.11 / self.frame.height) / 2
-        front = low + (high - low) * 0.35
-        self.patch(
-            builder, 1.0, (-0.28, 0.28), (front - plate, front + plate),
-            Material.LICENCE_PLATE, raised=0.016,
-        )  # fmt: skip
-        if s.rear_glass is not None:
-            sill, lintel, wide = s.rear_glass
-            self.patch(builder, -1.0, (-wide, wide), (sill, lintel), Material.GLASS, columns=7)
-        y0, y1, z0, z1 = s.tail_lamp
-        rear = max(z0 - 0.10, s.clearance + 0.14)
-        self.patch(
-            builder, -1.0, (-0.28, 0.28), (rear - plate, rear + plate),
-            Material.LICENCE_PLATE, raised=0.012,
-        )  # fmt: skip
-        self.patch(
-            builder, -1.0, (-0.8, 0.8), (s.clearance, s.clearance + 0.08), Material.PLASTIC_DARK,
-            columns=9,
-        )  # fmt: skip
-        for sign, blinker in ((-1.0, Material.BLINKER_LEFT), (1.0, Material.BLINKER_RIGHT)):
-            inner, outer = sign * y0, sign * y1
-            turn = sign * (y1 - 0.22 * (y1 - y0))
-            span = (min(inner, turn), max(inner, turn))
-            edge = (min(turn, outer), max(turn, outer))
-            self.patch(builder, -1.0, span, (z0, z1), Material.TAIL_LAMP)
-            self.patch(builder, -1.0, edge, (z0, z1), blinker)
-            third = sign * (y0 + 0.08)
-            self.patch(
-                builder, -1.0, (min(inner, third), max(inner, third)), (z0, z0 + 0.4 * (z1 - z0)),
-                Material.REVERSE_LAMP, raised=0.012,
-            )  # fmt: skip
-            h0, h1, v0, v1 = s.head_lamp
-            inner, outer = sign * h0, sign * h1
-            turn = sign * (h1 - 0.2 * (h1 - h0))
-            self.patch(
-                builder, 1.0, (min(inner, turn), max(inner, turn)), (v0, v1), Material.HEAD_LAMP
-            )
-            self.patch(builder, 1.0, (min(turn, outer), max(turn, outer)), (v0, v1), blinker)
+    def disc(
+        self,
+        builder: ShapeBuilder,
+        end: float,
+        place: tuple[float, float],
+        radius: float,
+        material: int,
+        *,
+        raised: float,
+        sides: int = 12,
+    ) -> None:
+        """Add a round plate (metres) at a share of the half width and of the height of a face."""
+        z = place[1] * self.frame.height
+        y = place[0] * float(self.across(end, np.array(z)))
+        angle = np.linspace(0.0, 2 * np.pi, sides, endpoint=False)
+        ring = self.on_face(end, y + radius * np.cos(angle), z + radius * np.sin(angle), raised)
+        middle = self.on_face(end, np.array([y]), np.array([z]), raised)
+        k = np.arange(sides)
+        fan = np.stack([np.full(sides, sides), k, (k + 1) % sides], axis=1)
+        builder.add(np.concatenate([ring, middle]), fan, material)
+
+    def on_screen(self, y: Array, z: Array, raised: float) -> Array:
+        """Points (metric ``y``, ``z``) on the windscreen."""
+        high, low = self.shape.windscreen
+        x = np.linspace(low, high, 16)
+        relative = np.interp(z, self._top(x) * self.frame.height, x)
+        points = self._place(relative, y, z)
+        points[..., 0] += raised
+        return points
+
+    def skin(self, x: Array, column: Array) -> Array:
+        """Points of the right side's skin at relative ``x`` and (fractional) section columns."""
+        points = np.empty((len(x), 2))
+        for k, (station, place) in enumerate(zip(x, column, strict=True)):
+            half = self._section(float(station))
+            number = np.arange(len(half))
+            points[k] = [np.interp(place, number, half[:, axis]) for axis in range(2)]
+        return self._place(x, points[:, 0], points[:, 1])
+
+    def ribbon(
+        self,
+        builder: ShapeBuilder,
+        path: Sequence[tuple[float, float]],
+        material: int,
+        *,
+        wide: float = 0.009,
+        raised: float = 0.003,
+        sides: Sequence[float] = (-1.0, 1.0),
+    ) -> None:
+        """Add a line on the skin, on both sides of the vehicle unless told otherwise.
+
+        Args:
+            builder: receives it.
+            path: relative x and section column of its points.
+            material: of the line.
+            wide: metres.
+            raised: metres before the skin.
+            sides: signs of y.
+        """
+        x, column = np.array(path).T
+        line = self.skin(x, column)
+        along = np.gradient(line, axis=0)
+        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+        outward = line - np.array([0.0, 0.0, 0.30 * self.frame.height])
+        outward[:, 0] = 0.0
+        outward -= (outward * along).sum(axis=1, keepdims=True) * along
+        outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-9)
+        aside = np.cross(along, outward) * wide / 2
+        edges = np.stack([line - aside, line + aside]) + outward * raised
+        for sign in sides:
+            builder.grid(edges * np.array([1.0, sign, 1.0]), material)
 
     def _add_doors(self, builder: ShapeBuilder) -> None:
         """Seams below the pillars and at the windows' ends, and a handle before each seam."""
@@ -341,6 +484,48 @@ class CarBody:
                 builder.box(
                     (x, side[0], grip - 0.012), (x + 0.17, side[1], grip + 0.012), Material.PAINT
                 )
+
+    def side_band(
+        self,
+        builder: ShapeBuilder,
+        x: tuple[float, float],
+        z: tuple[float, float],
+        material: int,
+        *,
+        raised: float = 0.005,
+        sides: Sequence[float] = (-1.0, 1.0),
+        rows: int = 2,
+    ) -> None:
+        """Add a level strip (relative ``x``, metric ``z``) along the sides."""
+        stations = np.linspace(*x, max(2, int(np.ceil((x[1] - x[0]) / 0.12)) + 1))
+        height = np.linspace(*z, rows + 1)
+        wide = np.stack([self.across(float(station), height) for station in stations]) + raised
+        for sign in sides:
+            along = np.repeat(stations[:, None], len(height), axis=1)
+            up = np.broadcast_to(height, along.shape)
+            builder.grid(self._place(along, sign * wide, up), material)
+
+    def _add_lids(self, builder: ShapeBuilder) -> None:
+        """Seams of the bonnet and the boot, wipers, door handles' line."""
+        s = self.shape
+        dark = Material.PLASTIC_DARK
+        foot = s.windscreen[1] + _COWL
+        shoulder = self._GLASS + 0.05
+        if foot < 0.92:
+            sides = [(x, shoulder) for x in np.linspace(foot, 0.955, 7)]
+            lid = [(0.955, c) for c in np.linspace(shoulder, self._MIDDLE, 5)]
+            self.ribbon(builder, [*sides, *lid[1:]], dark)
+        if s.boot:
+            start = s.rear_window[0] - 0.01
+            sides = [(x, shoulder) for x in np.linspace(start, -0.985, 5)]
+            self.ribbon(builder, sides, dark)
+        low, high = s.windscreen[1], s.windscreen[0]
+        for first, last, sign in ((0.10, 0.80, 1.0), (0.55, 0.05, -1.0)):
+            # The blade rests along the foot of the pane.
+            x0, x1 = (low - share * 0.16 * (low - high) for share in (0.2, 1.0))
+            columns = self._MIDDLE - (self._MIDDLE - self._ROOF) * np.array([first, last])
+            blade = [(x0, float(columns[0])), (x1, float(columns[1]))]
+            self.ribbon(builder, blade, dark, wide=0.025, raised=0.012, sides=(sign,))
 
     def _add_mirrors(self, builder: ShapeBuilder) -> None:
         """Two mirrors at the front end of the side windows, out to the box's sides."""

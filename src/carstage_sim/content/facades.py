@@ -252,7 +252,11 @@ def _shops(drawing: WallDrawing, style: FacadeStyle, rng: np.random.Generator) -
         door = u0 + 1.1
         drawing.panel(style.trim, left, u0, 0.0, 3.1)
         drawing.opening(
-            Material.GLASS if number % 2 else Material.WOOD, style.trim, (u0, door), (0.0, 3.1), 0.5
+            Material.GLASS_DARK if number % 2 else Material.WOOD,
+            style.trim,
+            (u0, door),
+            (0.0, 3.1),
+            0.5,
         )
         drawing.panel(style.trim, door, u1, 0.0, 0.45)
         drawing.opening(Material.FACADE_WINDOW, style.trim, (door, u1), (0.45, 3.1), 0.18)

@@ -46,6 +46,7 @@ class Build:
         long_hair: hair down to the shoulders.
         helmet: material of a helmet, or None for hair.
         upper, lower: materials of the clothes.
+        gloves: whether the hands are covered.
     """
 
     size: float
@@ -57,6 +58,7 @@ class Build:
     helmet: Material | None = None
     upper: Material = Material.CLOTH_UPPER
     lower: Material = Material.CLOTH_LOWER
+    gloves: bool = False
 
 
 def _between(a: Array, b: Array, shares: ArrayLike) -> Array:
@@ -114,7 +116,8 @@ def _add_arm(builder: ShapeBuilder, pose: Pose, build: Build, side: int, tag: in
     material = build.upper if build.sleeves else Material.SKIN
     builder.limb(fore, np.array([0.041, 0.042, 0.03]) * unit, material, sides=6, tag=tag)
     palm = _between(elbow, hand, [0.83, 0.95, 1.12])
-    builder.limb(palm, np.array([0.026, 0.036, 0.018]) * unit, Material.SKIN, sides=5, tag=tag)
+    hands = Material.SHOE if build.gloves else Material.SKIN
+    builder.limb(palm, np.array([0.026, 0.036, 0.018]) * unit, hands, sides=5, tag=tag)
 
 
 def _add_leg(builder: ShapeBuilder, pose: Pose, build: Build, side: int, tag: int) -> None:

@@ -38,7 +38,7 @@ def _crate(builder: ShapeBuilder, extent: Vector, material: Material = Material.
 
 
 def _cabinet(
-    builder: ShapeBuilder, extent: Vector, *, body: Material, front: Material = Material.GLASS
+    builder: ShapeBuilder, extent: Vector, *, body: Material, front: Material = Material.GLASS_DARK
 ) -> None:
     """A machine or a kiosk: a body with a roof that overhangs and a front of another material."""
     hx, hy, hz = extent

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from enum import Enum
+from itertools import pairwise
+from typing import Any
 
-from carstage_sim.content.car_body import BodyShape
+from carstage_sim.content.car_body import Bars, BodyShape, Lamps, Tails
 
 
 class Build(Enum):
@@ -26,51 +28,68 @@ class Build(Enum):
     DELIVERY = "delivery"
     BUS = "bus"
     MOTORCYCLE = "motorcycle"
+    CRUISER = "cruiser"
     SCOOTER = "scooter"
     BICYCLE = "bicycle"
+    CITY_BIKE = "city bike"
 
 
 # fmt: off
 _ROUND = (
-    (-1.0, 0.84), (-0.97, 0.91), (-0.90, 0.95), (-0.72, 0.985), (-0.3, 1.0), (0.4, 1.0),
-    (0.72, 0.98), (0.88, 0.945), (0.96, 0.89), (1.0, 0.80),
+    (-1.0, 0.87), (-0.97, 0.92), (-0.90, 0.96), (-0.72, 0.985), (-0.3, 1.0), (0.4, 1.0),
+    (0.72, 0.985), (0.88, 0.955), (0.96, 0.91), (1.0, 0.85),
 )
 _SQUARE = ((-1.0, 0.93), (-0.96, 0.985), (-0.8, 1.0), (0.8, 1.0), (0.95, 0.97), (1.0, 0.90))
+
+
+
+def _straight(*points: tuple[float, float]) -> tuple[tuple[float, float], ...]:
+    """Points of a curve that runs straight between corners."""
+    line = list(points[:1])
+    for (x0, y0), (x1, y1) in pairwise(points):
+        # Only neighbours of a corner bend: they stand close to it.
+        for share in (0.004 / (x1 - x0), 1.0 - 0.004 / (x1 - x0)):
+            if 0.0 < share < 1.0 and x1 - x0 > 0.05:
+                line.append((x0 + share * (x1 - x0), y0 + share * (y1 - y0)))
+        line.append((x1, y1))
+    return tuple(line)
+
 
 _SEDAN = BodyShape(
     top=(
         (-1.0, 0.67), (-0.93, 0.705), (-0.76, 0.735), (-0.70, 0.75), (-0.34, 0.955),
         (-0.05, 1.0), (0.12, 0.985), (0.22, 0.95), (0.50, 0.72), (0.56, 0.695),
-        (0.78, 0.63), (0.93, 0.55), (1.0, 0.46),
+        (0.78, 0.645), (0.93, 0.585), (1.0, 0.525),
     ),
-    belt=((-1.0, 0.61), (-0.7, 0.665), (0.2, 0.625), (0.5, 0.60), (0.8, 0.53), (1.0, 0.42)),
+    belt=((-1.0, 0.61), (-0.7, 0.665), (0.2, 0.625), (0.5, 0.60), (0.8, 0.545), (1.0, 0.475)),
     width=_ROUND, rear_window=(-0.69, -0.34), windscreen=(0.20, 0.50),
     side_glass=(-0.52, 0.41), pillars=(-0.06,),
-    head_lamp=(0.50, 0.97, 0.36, 0.43), tail_lamp=(0.46, 0.97, 0.49, 0.58),
-    grille=(0.17, 0.30, 0.62),
+    head_lamp=(0.52, 1.26, 0.385, 0.465), tail_lamp=(0.46, 1.22, 0.485, 0.59),
+    grille=(0.335, 0.46, 0.42), intake=(0.165, 0.275, 0.72),
 )
 _HATCH = BodyShape(
     top=(
         (-1.0, 0.72), (-0.95, 0.78), (-0.88, 0.84), (-0.62, 0.965), (-0.2, 1.0), (0.10, 0.985),
-        (0.20, 0.955), (0.52, 0.70), (0.60, 0.665), (0.80, 0.60), (0.94, 0.53), (1.0, 0.44),
+        (0.20, 0.955), (0.52, 0.70), (0.60, 0.67), (0.80, 0.615), (0.94, 0.56), (1.0, 0.50),
     ),
-    belt=((-1.0, 0.62), (-0.7, 0.63), (0.2, 0.60), (0.5, 0.575), (0.8, 0.51), (1.0, 0.41)),
+    belt=((-1.0, 0.62), (-0.7, 0.63), (0.2, 0.60), (0.5, 0.575), (0.8, 0.525), (1.0, 0.455)),
     width=_ROUND, rear_window=(-0.97, -0.64), windscreen=(0.18, 0.52),
     side_glass=(-0.74, 0.43), pillars=(-0.40, 0.0),
-    head_lamp=(0.50, 0.97, 0.37, 0.45), tail_lamp=(0.62, 0.98, 0.44, 0.60),
-    grille=(0.17, 0.30, 0.6), tail_lean=0.04,
+    head_lamp=(0.54, 1.24, 0.365, 0.45), tail_lamp=(0.60, 1.18, 0.45, 0.60),
+    grille=(0.345, 0.435, 0.48), bars=Bars.MESH, intake=(0.165, 0.285, 0.66), tail_lean=0.04,
+    boot=False,
 )
 _SUV = BodyShape(
     top=(
         (-1.0, 0.74), (-0.965, 0.82), (-0.90, 0.91), (-0.78, 0.975), (-0.3, 1.0), (0.12, 0.99),
-        (0.22, 0.955), (0.46, 0.72), (0.54, 0.685), (0.78, 0.645), (0.94, 0.58), (1.0, 0.48),
+        (0.22, 0.955), (0.46, 0.72), (0.54, 0.695), (0.78, 0.665), (0.94, 0.62), (1.0, 0.56),
     ),
-    belt=((-1.0, 0.61), (-0.5, 0.62), (0.3, 0.60), (0.5, 0.59), (0.8, 0.56), (1.0, 0.45)),
+    belt=((-1.0, 0.61), (-0.5, 0.62), (0.3, 0.60), (0.5, 0.60), (0.8, 0.575), (1.0, 0.515)),
     width=_ROUND, rear_window=(-0.97, -0.80), windscreen=(0.20, 0.47),
     side_glass=(-0.84, 0.39), pillars=(-0.48, -0.04),
     clearance=0.135, tumblehome=0.18, cladding=0.24, nose_lean=0.06, tail_lean=0.03,
-    head_lamp=(0.52, 0.97, 0.41, 0.48), tail_lamp=(0.64, 0.98, 0.42, 0.60),
-    grille=(0.22, 0.40, 0.48),
+    head_lamp=(0.56, 1.2, 0.42, 0.50), tail_lamp=(0.68, 1.12, 0.42, 0.62), tails=Tails.UPRIGHT,
+    grille=(0.36, 0.515, 0.50), intake=(0.19, 0.28, 0.70), boot=False,
 )
 
 SHAPES: dict[Build, BodyShape] = {
@@ -80,13 +99,13 @@ SHAPES: dict[Build, BodyShape] = {
         top=(
             (-1.0, 0.68), (-0.93, 0.72), (-0.84, 0.745), (-0.40, 0.935), (-0.12, 1.0),
             (0.04, 0.985), (0.12, 0.955), (0.40, 0.735), (0.47, 0.71), (0.78, 0.645),
-            (0.93, 0.565), (1.0, 0.47),
+            (0.93, 0.585), (1.0, 0.515),
         ),
-        belt=((-1.0, 0.62), (-0.7, 0.68), (0.1, 0.645), (0.4, 0.62), (0.8, 0.55), (1.0, 0.43)),
+        belt=((-1.0, 0.62), (-0.7, 0.68), (0.1, 0.645), (0.4, 0.62), (0.8, 0.56), (1.0, 0.465)),
         width=_ROUND, rear_window=(-0.78, -0.40), windscreen=(0.11, 0.40),
         side_glass=(-0.40, 0.31), pillars=(-0.22,),
-        head_lamp=(0.52, 0.96, 0.38, 0.45), tail_lamp=(0.40, 0.95, 0.51, 0.59),
-        grille=(0.18, 0.32, 0.6), clearance=0.10,
+        head_lamp=(0.56, 1.24, 0.385, 0.455), tail_lamp=(0.42, 1.16, 0.505, 0.59),
+        grille=(0.29, 0.44, 0.52), bars=Bars.MESH, intake=(0.15, 0.255, 0.78), clearance=0.10,
     ),
     Build.SUV: _SUV,
     Build.OFFROAD: replace(
@@ -98,8 +117,9 @@ SHAPES: dict[Build, BodyShape] = {
         belt=((-1.0, 0.63), (0.3, 0.63), (0.6, 0.62), (0.95, 0.59), (1.0, 0.53)),
         width=_SQUARE, rear_window=(-1.2, -1.1), windscreen=(0.14, 0.31), side_glass=(-0.93, 0.26),
         pillars=(-0.45, -0.08), tumblehome=0.09, nose_round=0.08, tail_round=0.06, nose_lean=0.02,
-        tail_lean=0.01, cladding=0.26, head_lamp=(0.55, 0.85, 0.42, 0.52),
-        tail_lamp=(0.78, 0.97, 0.44, 0.58), grille=(0.36, 0.52, 0.45),
+        tail_lean=0.01, cladding=0.26, head_lamp=(0.55, 0.83, 0.42, 0.53), lamps=Lamps.ROUND,
+        tail_lamp=(0.80, 0.97, 0.44, 0.58), grille=(0.37, 0.555, 0.46), bars=Bars.UPRIGHT,
+        intake=(0.22, 0.30, 0.85),
         rear_glass=(0.66, 0.90, 0.78),
     ),
     Build.BUBBLE: replace(
@@ -110,18 +130,20 @@ SHAPES: dict[Build, BodyShape] = {
         ),
         belt=((-1.0, 0.55), (-0.4, 0.58), (0.5, 0.54), (0.85, 0.46), (1.0, 0.36)),
         rear_window=(-0.93, -0.66), windscreen=(0.34, 0.84), side_glass=(-0.66, 0.62),
-        pillars=(-0.2,), head_lamp=(0.55, 0.95, 0.34, 0.42),
+        pillars=(-0.2,), head_lamp=(0.62, 0.9, 0.34, 0.42), lamps=Lamps.ROUND, grille=None,
+        intake=(0.165, 0.20, 0.6), tail_lamp=(0.66, 1.1, 0.44, 0.54),
     ),
     Build.VAN: BodyShape(
         top=(
             (-1.0, 0.93), (-0.985, 0.965), (-0.94, 0.985), (-0.3, 1.0), (0.40, 0.99),
-            (0.50, 0.965), (0.545, 0.94), (0.80, 0.56), (0.85, 0.53), (0.95, 0.46), (1.0, 0.36),
+            (0.50, 0.965), (0.545, 0.94), (0.80, 0.56), (0.85, 0.535), (0.95, 0.485), (1.0, 0.415),
         ),
-        belt=((-1.0, 0.50), (0.4, 0.50), (0.8, 0.48), (0.9, 0.44), (1.0, 0.33)),
+        belt=((-1.0, 0.50), (0.4, 0.50), (0.8, 0.485), (0.9, 0.455), (1.0, 0.38)),
         width=_SQUARE, rear_window=(-1.2, -1.1), windscreen=(0.53, 0.81),
         side_glass=(0.20, 0.74), pillars=(), clearance=0.09, tumblehome=0.12, nose_round=0.20,
-        tail_round=0.05, nose_lean=0.05, tail_lean=0.01, head_lamp=(0.55, 0.96, 0.30, 0.38),
-        tail_lamp=(0.84, 0.98, 0.26, 0.50), grille=(0.15, 0.27, 0.55), cladding=0.16,
+        tail_round=0.05, nose_lean=0.05, tail_lean=0.01, head_lamp=(0.58, 1.12, 0.285, 0.375),
+        tail_lamp=(0.84, 1.03, 0.26, 0.50), tails=Tails.UPRIGHT, grille=(0.27, 0.355, 0.52),
+        intake=(0.13, 0.20, 0.72), cladding=0.16, boot=False,
         rear_glass=(0.56, 0.82, 0.74),
     ),
     Build.CAMPER: BodyShape(
@@ -133,20 +155,20 @@ SHAPES: dict[Build, BodyShape] = {
         width=_SQUARE, rear_window=(-0.99, -0.86), windscreen=(0.79, 0.957),
         side_glass=(-0.86, 0.86), pillars=(-0.42, 0.05, 0.46), clearance=0.13, tumblehome=0.12,
         nose_round=0.20, tail_round=0.14, nose_lean=0.03, tail_lean=0.03,
-        head_lamp=(0.58, 0.88, 0.32, 0.42), tail_lamp=(0.74, 0.95, 0.36, 0.48),
-        grille=(0.18, 0.24, 0.5),
+        head_lamp=(0.60, 0.84, 0.32, 0.415), lamps=Lamps.ROUND, grille=None,
+        tail_lamp=(0.78, 1.02, 0.34, 0.48), tails=Tails.UPRIGHT, intake=(0.17, 0.195, 0.8),
+        boot=False,
     ),
     Build.PICKUP: BodyShape(
-        top=(
-            (-1.0, 0.66), (-0.97, 0.67), (-0.60, 0.76), (-0.1, 0.965), (0.02, 1.0), (0.06, 0.985),
-            (0.48, 0.76), (0.56, 0.715), (0.80, 0.60), (0.94, 0.535), (1.0, 0.49),
-        ),
-        belt=((-1.0, 0.60), (-0.2, 0.655), (0.1, 0.66), (0.6, 0.60), (0.9, 0.50), (1.0, 0.45)),
-        width=_SQUARE, rear_window=(-0.42, -0.10), windscreen=(0.06, 0.56),
-        side_glass=(-0.24, 0.44), pillars=(0.0,), clearance=0.17, tumblehome=0.26,
-        nose_round=0.12, tail_round=0.04, nose_lean=0.02, tail_lean=0.01, cladding=0.30,
-        head_lamp=(0.0, 0.97, 0.44, 0.465), tail_lamp=(0.0, 0.97, 0.55, 0.575),
-        grille=(0.24, 0.32, 0.75), mirrors=False,
+        top=_straight((-1.0, 0.70), (-0.99, 0.715), (-0.02, 0.99), (0.02, 1.0), (0.06, 0.985),
+                      (0.99, 0.57), (1.0, 0.54)),
+        belt=_straight((-1.0, 0.63), (0.55, 0.60), (1.0, 0.52)),
+        width=_straight((-1.0, 0.93), (-0.6, 1.0), (0.70, 1.0), (1.0, 0.90)),
+        rear_window=(-0.34, -0.05), windscreen=(0.06, 0.62), side_glass=(-0.34, 0.50),
+        pillars=(0.02,), clearance=0.17, tumblehome=0.34, nose_round=0.10, tail_round=0.02,
+        nose_lean=0.0, tail_lean=0.0, cladding=0.27, head_lamp=(0.0, 1.0, 0.495, 0.512),
+        tail_lamp=(0.0, 1.0, 0.595, 0.615), lamps=Lamps.STRIP, tails=Tails.STRIP, grille=None,
+        intake=(0.21, 0.33, 0.90), boot=False, mirrors=False, faceted=True,
     ),
     Build.BUS: BodyShape(
         top=(
@@ -157,12 +179,46 @@ SHAPES: dict[Build, BodyShape] = {
         width=_SQUARE, rear_window=(-1.2, -1.1), windscreen=(0.935, 0.987),
         side_glass=(-0.94, 0.93), pillars=(-0.62, -0.30, 0.02, 0.34, 0.66), clearance=0.10,
         tumblehome=0.05, nose_round=0.28, tail_round=0.12, nose_lean=0.02, tail_lean=0.02,
-        head_lamp=(0.62, 0.95, 0.21, 0.27), tail_lamp=(0.80, 0.97, 0.22, 0.34),
-        grille=(0.13, 0.18, 0.7), mirrors=False, rear_glass=(0.50, 0.82, 0.76),
+        head_lamp=(0.62, 1.06, 0.20, 0.265), lamps=Lamps.SQUARE, grille=None,
+        tail_lamp=(0.84, 0.98, 0.22, 0.40), tails=Tails.UPRIGHT, boot=False,
+        intake=(0.13, 0.175, 0.75), mirrors=False, rear_glass=(0.50, 0.82, 0.76),
     ),
 }
 # fmt: on
 SHAPES[Build.AMBULANCE] = SHAPES[Build.VAN]
+
+# What tells a model from others of its build.
+_OWN: dict[str, dict[str, Any]] = {
+    "audi.a2": {"grille": (0.335, 0.43, 0.40), "bars": Bars.ACROSS},
+    "audi.etron": {"grille": (0.25, 0.48, 0.42), "bars": Bars.UPRIGHT, "tails": Tails.SWEPT},
+    "bmw.grandtourer": {"grille": (0.33, 0.44, 0.30), "bars": Bars.UPRIGHT},
+    "dodge.charger_2020": {
+        "grille": (0.33, 0.46, 0.62),
+        "bars": Bars.MESH,
+        "tails": Tails.STRIP,
+        "tail_lamp": (0.0, 1.0, 0.52, 0.565),
+    },
+    "dodge.charger_police_2020": {"grille": (0.33, 0.46, 0.62), "bars": Bars.MESH},
+    "ford.crown": {"grille": (0.33, 0.455, 0.34), "bars": Bars.UPRIGHT},
+    "ford.mustang": {
+        "grille": (0.31, 0.46, 0.60),
+        "tails": Tails.UPRIGHT,
+        "tail_lamp": (0.62, 0.96, 0.48, 0.61),
+    },
+    "lincoln.mkz_2020": {"tails": Tails.STRIP, "tail_lamp": (0.0, 1.0, 0.53, 0.57)},
+    "mini.cooper_s": {"lamps": Lamps.ROUND, "head_lamp": (0.60, 0.86, 0.385, 0.49)},
+    "mini.cooper_s_2021": {"lamps": Lamps.ROUND, "head_lamp": (0.60, 0.86, 0.385, 0.49)},
+    "nissan.micra": {"grille": (0.36, 0.42, 0.36), "bars": Bars.ACROSS},
+    "tesla.model3": {"grille": None, "intake": (0.15, 0.24, 0.66)},
+    "toyota.prius": {"grille": (0.40, 0.445, 0.36), "intake": (0.16, 0.31, 0.62)},
+}
+
+
+def shape_of(type_id: str) -> BodyShape:
+    """The body's outline of a blueprint that has one."""
+    own = _OWN.get(type_id.removeprefix("vehicle."), {})
+    return replace(SHAPES[build_of(type_id)], **own)
+
 
 _BUILDS: dict[str, Build] = {
     "audi.a2": Build.HATCH,
@@ -190,13 +246,13 @@ _BUILDS: dict[str, Build] = {
     "carlamotors.firetruck": Build.FIRE_ENGINE,
     "tesla.cybertruck": Build.PICKUP,
     "mitsubishi.fusorosa": Build.BUS,
-    "harley-davidson.low_rider": Build.MOTORCYCLE,
+    "harley-davidson.low_rider": Build.CRUISER,
     "kawasaki.ninja": Build.MOTORCYCLE,
     "vespa.zx125": Build.SCOOTER,
     "yamaha.yzf": Build.MOTORCYCLE,
     "bh.crossbike": Build.BICYCLE,
     "diamondback.century": Build.BICYCLE,
-    "gazelle.omafiets": Build.BICYCLE,
+    "gazelle.omafiets": Build.CITY_BIKE,
 }
 
 

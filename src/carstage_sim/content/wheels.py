@@ -1,6 +1,8 @@
-"""Wheels: tyre and spoked rim, turned about their axle."""
+"""Wheels: tyre, rim with a barrel that lies deep, spokes before the brake disc."""
 
 from __future__ import annotations
+
+import numpy as np
 
 from carstage_sim.content.lofting import ShapeBuilder, uniform
 from carstage_sim.mesh import Material
@@ -27,12 +29,14 @@ def add_wheel(
     """
     segments = spokes * 4
     half = width / 2 * outward
-    rim = radius * 0.68
+    rim = radius * 0.70
     profile = [
-        (0.001, half * 0.62),
-        (rim * 0.22, half * 0.66),
-        (rim * 0.86, half * 0.86),
-        (rim, half * 0.92),
+        (0.001, half * 0.26),
+        (rim * 0.62, half * 0.26),
+        (rim * 0.64, half * 0.06),
+        (rim * 0.93, half * 0.10),
+        (rim * 0.95, half * 0.86),
+        (rim, half * 0.94),
         (radius * 0.90, half),
         (radius, half * 0.72),
         (radius, -half * 0.72),
@@ -40,8 +44,39 @@ def add_wheel(
         (0.001, -half * 0.6),
     ]
     materials = uniform(Material.RUBBER, len(profile) - 1, segments)
-    materials[:3] = Material.RIM
-    spoke_gap = [k for k in range(segments) if k % 4 in (2, 3)]
-    materials[1, spoke_gap] = Material.PLASTIC_DARK
-    materials[7] = Material.PLASTIC_DARK
+    materials[0] = Material.METAL
+    materials[1:4] = Material.PLASTIC_DARK
+    materials[4] = Material.RIM
+    materials[9] = Material.PLASTIC_DARK
     builder.lathe(center, profile, materials, segments=segments)
+    cap = [(0.001, half * 0.80), (rim * 0.20, half * 0.76), (rim * 0.24, half * 0.40)]
+    rows = uniform(Material.RIM, 2, spokes * 2)
+    builder.lathe(center, cap, rows, segments=spokes * 2)
+    for k in range(spokes):
+        _add_spoke(builder, center, 2 * np.pi * (k + 0.5) / spokes, rim, half)
+
+
+def _add_spoke(
+    builder: ShapeBuilder, center: tuple[float, float, float], turn: float, rim: float, half: float
+) -> None:
+    """A bar from the hub to the rim, wider at the rim, with cheeks that show its depth."""
+    along = np.array([np.cos(turn), 0.0, np.sin(turn)])
+    aside = np.array([-np.sin(turn), 0.0, np.cos(turn)])
+    out = np.array([0.0, 1.0, 0.0])
+    rows = []
+    for away, wide, front in ((0.16, 0.09, 0.72), (0.60, 0.085, 0.84), (0.97, 0.14, 0.84)):
+        middle = along * away * rim + np.asarray(center)
+        left, right = aside * wide * rim, -aside * wide * rim
+        back = out * half * 0.45
+        face = out * half * front
+        rows.append(
+            [
+                middle + left * 1.2 + back,
+                middle + left + face,
+                middle + right + face,
+                middle + right * 1.2 + back,
+            ]
+        )
+    quads = np.full((2, 3), Material.PLASTIC_DARK)
+    quads[:, 1] = Material.RIM
+    builder.grid(np.array(rows), quads, crease_deg=30)

@@ -68,7 +68,7 @@ class ParkedVehicle:
     def mesh(self) -> TriangleMesh:
         """The vehicle in its own frame, painted."""
         x, y, z = self.kind.extent
-        mesh = vehicle_mesh(self.kind.type_id, (x, y, z), (0.0, 0.0, z))
+        mesh = vehicle_mesh(self.kind.type_id, (x, y, z), (0.0, 0.0, z), occupied=False)
         mesh.material[mesh.material == Material.PAINT] = self.paint
         return mesh
 

@@ -14,10 +14,13 @@ from carstage_sim.render.materials import Glow
 
 _HEAD, _TAIL, _REVERSE = int(Glow.HEAD_LAMP), int(Glow.TAIL_LAMP), int(Glow.REVERSE_LAMP)
 _LEFT, _RIGHT = int(Glow.BLINKER_LEFT), int(Glow.BLINKER_RIGHT)
+_BRAKE, _DISPLAY = int(Glow.BRAKE_LAMP), int(Glow.DISPLAY)
+_BEACON_BLUE, _BEACON_RED = int(Glow.BEACON_BLUE), int(Glow.BEACON_RED)
 _RED, _YELLOW, _GREEN = int(Glow.LENS_RED), int(Glow.LENS_YELLOW), int(Glow.LENS_GREEN)
 
 # Bits of carla.VehicleLightState, values of carla.TrafficLightState.
 _POSITION_BIT, _BEAM_BITS, _BRAKE_BIT, _RIGHT_BIT, _LEFT_BIT, _REVERSE_BIT = 1, 6, 8, 16, 32, 64
+_SPECIAL_BITS = 512 | 1024
 _RED_STATE, _YELLOW_STATE, _GREEN_STATE = 0, 1, 2
 
 CELL_M = 24.0
@@ -102,6 +105,18 @@ def glow(kind, bits, time_s):  # type: ignore[no-untyped-def]
         return np.float32(2.6), np.float32(1.0), np.float32(0.36), np.float32(0.02)
     if kind == _REVERSE and bits & _REVERSE_BIT:
         return np.float32(3.0), np.float32(1.0), np.float32(1.0), np.float32(0.95)
+    if kind == _BRAKE and bits & _BRAKE_BIT:
+        return np.float32(3.0), np.float32(1.0), np.float32(0.03), np.float32(0.02)
+    if bits & _SPECIAL_BITS:
+        # Double flashes, red and blue in turn.
+        beat = (time_s * np.float32(2.0)) % _ONE
+        flash = (beat * np.float32(6.0)) % _ONE < np.float32(0.6)
+        if kind == _BEACON_BLUE and flash and beat < np.float32(0.5):
+            return np.float32(6.0), np.float32(0.06), np.float32(0.22), np.float32(1.0)
+        if kind == _BEACON_RED and flash and beat >= np.float32(0.5):
+            return np.float32(6.0), np.float32(1.0), np.float32(0.04), np.float32(0.03)
+    if kind == _DISPLAY:
+        return np.float32(1.1), np.float32(1.0), np.float32(0.42), np.float32(0.03)
     if kind == _RED and bits == _RED_STATE:
         return np.float32(2.6), np.float32(1.0), np.float32(0.05), np.float32(0.03)
     if kind == _YELLOW and bits == _YELLOW_STATE:

@@ -33,6 +33,7 @@ class Detail(IntEnum):
     PLASTER = 9
     CLOTH = 10
     BARK = 11
+    GLAZING = 12
 
 
 class Glow(IntEnum):
@@ -49,6 +50,10 @@ class Glow(IntEnum):
     LENS_GREEN = 8
     STREET_LAMP = 9
     WINDOW = 10
+    BRAKE_LAMP = 11
+    BEACON_BLUE = 12
+    BEACON_RED = 13
+    DISPLAY = 14
 
 
 class Paint(IntEnum):
@@ -102,7 +107,7 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.BARK: MaterialAppearance((88, 70, 54), 1.0, 0.02, Detail.BARK),
     Material.FOLIAGE: MaterialAppearance((68, 96, 46), 0.9, 0.03, Detail.LEAVES),
     Material.PAINT: MaterialAppearance((160, 24, 28), 0.17, 0.05, paint=Paint.BODY),
-    Material.GLASS: MaterialAppearance((14, 17, 20), 0.03, 0.08),
+    Material.GLASS: MaterialAppearance((14, 17, 20), 0.03, 0.08, Detail.GLAZING),
     Material.RUBBER: MaterialAppearance((26, 26, 27), 0.9, 0.02),
     Material.RIM: MaterialAppearance((168, 172, 176), 0.3, 0.5),
     Material.PLASTIC_DARK: MaterialAppearance((30, 30, 32), 0.6, 0.04),
@@ -134,6 +139,15 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.PAINT_BLACK: MaterialAppearance((18, 18, 20), 0.17, 0.05),
     Material.PAINT_BLUE: MaterialAppearance((30, 56, 112), 0.17, 0.05),
     Material.PAINT_RED: MaterialAppearance((128, 20, 22), 0.17, 0.05),
+    Material.LAMP_COVER: MaterialAppearance((104, 110, 116), 0.05, 0.20),
+    Material.BRAKE_LAMP: MaterialAppearance((112, 8, 10), 0.15, 0.08, glow=Glow.BRAKE_LAMP),
+    Material.BEACON_BLUE: MaterialAppearance((20, 48, 168), 0.12, 0.08, glow=Glow.BEACON_BLUE),
+    Material.BEACON_RED: MaterialAppearance((168, 16, 18), 0.12, 0.08, glow=Glow.BEACON_RED),
+    Material.SEAT: MaterialAppearance((98, 94, 90), 0.9, 0.02),
+    Material.SIGN_BLUE: MaterialAppearance((24, 62, 150), 0.5, 0.05),
+    Material.SIGN_YELLOW: MaterialAppearance((222, 226, 40), 0.5, 0.05),
+    Material.DISPLAY: MaterialAppearance((214, 128, 20), 0.6, 0.02, glow=Glow.DISPLAY),
+    Material.GLASS_DARK: MaterialAppearance((14, 17, 20), 0.03, 0.08),
 }
 
 

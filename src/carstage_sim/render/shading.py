@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, inlined, kernel
+from carstage_sim.mesh import Material
 from carstage_sim.render.arithmetic import exp_down, power_of_slant
 from carstage_sim.render.cast import NOTHING, Scene, trace
-from carstage_sim.render.detail import hash_unit, noise
+from carstage_sim.render.detail import GLAZING, hash_unit, noise
 from carstage_sim.render.incoming_light import (
     OVER_PI,
     OVERHANG_M,
@@ -37,7 +38,7 @@ from carstage_sim.render.incoming_light import (
     under_overhang,
 )
 from carstage_sim.render.lamps import Lamps, glow, lamp_light
-from carstage_sim.render.materials import Glow, MaterialTable
+from carstage_sim.render.materials import Glow, MaterialTable, Paint
 from carstage_sim.render.object_appearance import ObjectAppearance
 from carstage_sim.render.packets import PacketScratch, new_packet_scratch
 from carstage_sim.render.scene import Surfaces
@@ -51,6 +52,8 @@ _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
 _HALF: Any = np.float32(0.5)
 _STREET_LAMP = int(Glow.STREET_LAMP)
+_BODY = int(Paint.BODY)
+_FIRST_PAINT, _LAST_PAINT = int(Material.PAINT_WHITE), int(Material.PAINT_RED)
 _SUN_DISC_COS: Any = np.float32(0.99996)
 """Cosine of the sun disc's angular radius, half a degree: twice the real one."""
 _SUN_DISC_GAIN: Any = np.float32(40)
@@ -79,6 +82,18 @@ _MIRRORING_ROUGHNESS: Any = np.float32(0.35)
 """Roughness below which surfaces mirror the town, quality epic."""
 _MATT_ROUGHNESS: Any = np.float32(0.75)
 """Roughness from which nothing is mirrored."""
+_THROUGH_WITHIN_M: Any = np.float32(40.0)
+"""Distance from the camera from which nobody sees what is behind glass."""
+_CABIN_M: Any = np.float32(14.0)
+"""Length of the longest room behind a pane."""
+_INDOOR_SKY: Any = np.float32(0.42)
+_INDOOR_SUN: Any = np.float32(0.16)
+"""Shares of the light that come to the inside of a car."""
+_PANE: Any = np.float32(0.68)
+"""Share of the light that a pane lets through."""
+_BEYOND_PANE_M: Any = np.float32(5e-3)
+_TRIM: Any = np.float32(0.045)
+"""Colour of the lining behind painted sheet metal."""
 _TOWN_HORIZON: Any = np.float32(0.12)
 """Sine of the elevation below which mirrored sky fades into the town."""
 _OPENNESS_WITHIN_M: Any = np.float32(60.0)
@@ -225,6 +240,48 @@ def _mirrored(frame, scratch, skip, o, d, lamps_on):  # type: ignore[no-untyped-
     )
 
 
+@device
+def _seen_through(frame, scratch, skip, o, d, owner, lamps_on):  # type: ignore[no-untyped-def]
+    """Radiance from behind a pane: its own object's inside in half light, or what is beyond.
+
+    ``owner``: instance row and level object of the pane.
+    """
+    light, materials = frame.light, frame.materials
+    dx, dy, dz = d
+    hit = trace(frame.scene, scratch, o, d, _MIRROR_NEAR_M, _CABIN_M, skip, False)
+    distance, hit_actor, number, u, v = hit[0], hit[1], hit[2], hit[3], hit[4]
+    if hit_actor == NOTHING or hit_actor != owner[0]:
+        return _mirrored(frame, scratch, skip, o, d, lamps_on)
+    surfaces = frame.static if hit_actor < 0 else frame.actors
+    if hit_actor < 0 and int(surfaces.object_id[number]) != owner[1]:
+        return _mirrored(frame, scratch, skip, o, d, lamps_on)
+    m = surfaces.material[number]
+    px, py, pz = o[0] + dx * distance, o[1] + dy * distance, o[2] + dz * distance
+    if materials.detail[m] == GLAZING:
+        beyond = (px + dx * _BEYOND_PANE_M, py + dy * _BEYOND_PANE_M, pz + dz * _BEYOND_PANE_M)
+        r, g, b = _mirrored(frame, scratch, skip, beyond, d, lamps_on)
+        return r * _PANE, g * _PANE, b * _PANE
+    nx, ny, nz, _, _, _ = facing_normals(
+        frame.scene, surfaces, hit_actor, number, u, v, False, dx, dy, dz
+    )
+    _, cr, cg, cb, _, _, _ = surface_material(
+        frame, surfaces, (hit_actor, number, u, v), (px, py, pz), (nx, ny, nz),
+        _MIRROR_FOOTPRINT_M,
+    )  # fmt: skip
+    if materials.paint[m] == _BODY or _FIRST_PAINT <= m <= _LAST_PAINT:
+        cr, cg, cb = _TRIM, _TRIM, _TRIM
+    er, eg, eb = sky_irradiance(light, nx, ny, nz)
+    s = light.sun_direction
+    sunny = max(nx * s[0] + ny * s[1] + nz * s[2], _ZERO) * _INDOOR_SUN
+    er = er * _INDOOR_SKY + light.sun[0] * sunny
+    eg = eg * _INDOOR_SKY + light.sun[1] * sunny
+    eb = eb * _INDOOR_SKY + light.sun[2] * sunny
+    if lamps_on:
+        lr, lg, lb = lamp_light(frame.lamps, light.night, px, py, pz, nx, ny, nz)
+        er, eg, eb = er + lr * _INDOOR_SUN, eg + lg * _INDOOR_SUN, eb + lb * _INDOOR_SUN
+    return cr * er * OVER_PI, cg * eg * OVER_PI, cb * eb * OVER_PI
+
+
 @inlined
 def _mirrored_sky(light, rx, ry, rz):  # type: ignore[no-untyped-def]
     """Radiance that comes from a unit direction where no ray is traced."""
@@ -366,6 +423,12 @@ def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance, normals,
         lr, lg, lb = lamp_light(frame.lamps, light.night, px, py, pz, nx, ny, nz)
         er, eg, eb = er + lr, eg + lg, eb + lb
     r, g, b = cr * er * OVER_PI, cg * eg * OVER_PI, cb * eb * OVER_PI
+    if kind == GLAZING and distance < _THROUGH_WITHIN_M:
+        o = _lifted((px, py, pz), (-gx, -gy, -gz), distance)
+        owner = (hit_actor, int(surfaces.object_id[number]))
+        tr, tg, tb = _seen_through(frame, scratch, rays.skip, o, d, owner, lamps_on)
+        near = _PANE * min((_THROUGH_WITHIN_M - distance) * np.float32(0.1), _ONE)
+        r, g, b = r + tr * near, g + tg * near, b + tb * near
     if rough < _MATT_ROUGHNESS:
         smooth = _ONE - rough
         facing = min(abs(dx * nx + dy * ny + dz * nz), _ONE)

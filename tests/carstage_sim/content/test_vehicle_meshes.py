@@ -5,14 +5,34 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from carstage_sim.content.lettering import add_text, plate_number, text_width
+from carstage_sim.content.lofting import ShapeBuilder
 from carstage_sim.content.vehicles import vehicle_mesh
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material
+from carstage_sim.render.caster import RayCaster
+from carstage_sim.render.scene import Placement
 from carstage_sim.world.blueprints import catalogue
 from carstage_sim.world.state import ActorKind
+from ray_scenes import frame_of
 
 VEHICLES = [b for b in catalogue().values() if b.kind == ActorKind.VEHICLE]
 _CENTIMETRE = 0.01
+_MOST_TRIANGLES = 9000
+"""A body of 3000, four wheels of 500, and lamps, plates, cabin and driver."""
+
+
+CARS = [b for b in VEHICLES if set(b.semantic_tags) == {CityObjectLabel.CAR}]
+SHINES = {
+    Material.HEAD_LAMP,
+    Material.TAIL_LAMP,
+    Material.BLINKER_LEFT,
+    Material.BLINKER_RIGHT,
+    Material.REVERSE_LAMP,
+    Material.LAMP_COVER,
+    Material.PLASTIC_DARK,
+}
+"""What a lamp is made of, its dark joints among it."""
 
 
 def mesh_of(blueprint):
@@ -35,9 +55,10 @@ def test_vehicle_keeps_its_box_budget_and_tags(blueprint):
     assert low[2] == pytest.approx(max(center[2] - extent[2], 0.0), abs=0.02)
     # The box is filled, or boxes drawn on pictures would look wrong.
     ground = max(center[2] - extent[2], 0.0)
-    assert high[0] - low[0] > 1.9 * extent[0] - 0.06
-    assert high[2] > ground + 0.95 * (center[2] + extent[2] - ground) - 0.03
-    assert len(mesh.triangles) <= 6000
+    assert high[0] - low[0] > 0.97 * 2.0 * extent[0]
+    assert high[1] - low[1] > 0.97 * 2.0 * extent[1]
+    assert high[2] - ground > 0.97 * (center[2] + extent[2] - ground)
+    assert len(mesh.triangles) <= _MOST_TRIANGLES
     assert set(mesh.tag.tolist()) == set(blueprint.semantic_tags)
     assert np.allclose(np.linalg.norm(mesh.normals, axis=2), 1.0, atol=1e-3)
 
@@ -53,6 +74,9 @@ def test_vehicle_keeps_its_box_budget_and_tags(blueprint):
         Material.BLINKER_RIGHT,
         Material.PAINT,
         Material.LICENCE_PLATE,
+        Material.REVERSE_LAMP,
+        Material.BRAKE_LAMP,
+        Material.LAMP_COVER,
     ],
 )
 def test_a_car_has_windows_wheels_and_lamps(material):
@@ -67,6 +91,110 @@ def test_lamps_sit_at_their_ends_and_sides():
     assert middle[mesh.material == Material.TAIL_LAMP, 0].max() < -1.5
     assert middle[mesh.material == Material.BLINKER_LEFT, 1].max() < 0
     assert middle[mesh.material == Material.BLINKER_RIGHT, 1].min() > 0
+
+
+@pytest.mark.parametrize("blueprint", CARS, ids=lambda b: b.id)
+def test_lamps_are_seen_from_their_end(blueprint):
+    """What shines must not lie under the paint: rays along the road meet lamps first."""
+    mesh = mesh_of(blueprint)
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    middle = corners.mean(axis=1)
+    area = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    for material, end in ((Material.HEAD_LAMP, 1.0), (Material.TAIL_LAMP, -1.0)):
+        lit = np.flatnonzero((mesh.material == material) & (area > 1e-5))
+        free = [first_met(corners, middle[k] + [end * 9.0, 0, 0], -end) for k in lit[::9]]
+        assert {mesh.material[k] for k in free} <= SHINES
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["tesla.model3", "seat.leon", "micro.microlino", "mitsubishi.fusorosa", "ford.ambulance"],
+)
+def test_no_ray_from_outside_meets_the_cabin(name):
+    """Glass belongs to the car for all but colour: what is behind it has no label of its own."""
+    blueprint = catalogue()[f"vehicle.{name}"]
+    mesh = mesh_of(blueprint)
+    inside = np.isin(mesh.material, (Material.SEAT, Material.SKIN, Material.HAIR))
+    assert inside.any()
+    frame = frame_of(None, [Placement(1, "car", np.zeros(3), np.eye(3))], {"car": mesh})
+    chance = np.random.default_rng(3)
+    turn = chance.uniform(0.0, 2 * np.pi, 60)
+    eyes = np.stack([9 * np.cos(turn), 9 * np.sin(turn), chance.uniform(0.3, 6.0, 60)], axis=1)
+    aims = mesh.vertices[mesh.triangles[inside]].mean(axis=1)
+    caster = RayCaster(1)
+    for eye in eyes:
+        rays = (aims[chance.integers(len(aims), size=200)] - eye).astype(np.float32)
+        hits = caster.cast(frame.scene, eye, rays, low=0.0, high=100.0)
+        assert not inside[hits.triangle[hits.row == 0]].any()
+    caster.close()
+
+
+def test_only_cars_that_somebody_drives_have_a_driver():
+    blueprint = catalogue()["vehicle.audi.tt"]
+    box = (blueprint.box_extent, blueprint.box_center)
+    driven = vehicle_mesh(blueprint.id, *box)
+    parked = vehicle_mesh(blueprint.id, *box, occupied=False)
+    assert (driven.material == Material.SKIN).any()
+    assert not (parked.material == Material.SKIN).any()
+    assert (parked.material == Material.SEAT).any()
+
+
+def first_met(corners, origin, direction):
+    """Number of the triangle that a ray along x meets first."""
+    a, b, c = (corners[:, k, 1:] - origin[1:] for k in range(3))
+
+    def cross(u, v):
+        return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+
+    w = np.stack([cross(b, c), cross(c, a), cross(a, b)], axis=1)
+    total = w.sum(axis=1)
+    inside = (np.all(w >= -1e-12, axis=1) | np.all(w <= 1e-12, axis=1)) & (np.abs(total) > 1e-9)
+    share = w / np.where(np.abs(total) > 1e-9, total, 1.0)[:, None]
+    away = ((share * corners[:, :, 0]).sum(axis=1) - origin[0]) * direction
+    return int(np.where(inside & (away > 0), away, np.inf).argmin())
+
+
+@pytest.mark.parametrize(
+    ("name", "materials"),
+    [
+        ("dodge.charger_police", {Material.BEACON_BLUE, Material.BEACON_RED, Material.SIGN_BLUE}),
+        ("ford.ambulance", {Material.BEACON_BLUE, Material.BEACON_RED, Material.SIGN_RED}),
+        ("carlamotors.firetruck", {Material.BEACON_BLUE, Material.SIGN_YELLOW, Material.METAL}),
+        ("mitsubishi.fusorosa", {Material.DISPLAY, Material.SEAT, Material.GLASS}),
+    ],
+)
+def test_vehicles_bear_the_marks_of_their_trade(name, materials):
+    present = set(mesh_of(catalogue()[f"vehicle.{name}"]).material.tolist())
+    assert materials <= present
+    plain = set(mesh_of(catalogue()["vehicle.audi.tt"]).material.tolist())
+    assert not {Material.BEACON_BLUE, Material.BEACON_RED, Material.DISPLAY} & plain
+
+
+def test_beacons_stand_on_roofs():
+    for name in ("dodge.charger_police", "dodge.charger_police_2020", "ford.ambulance"):
+        mesh = mesh_of(catalogue()[f"vehicle.{name}"])
+        height = mesh.vertices[mesh.triangles].mean(axis=1)[:, 2]
+        beacons = np.isin(mesh.material, (Material.BEACON_BLUE, Material.BEACON_RED))
+        painted = mesh.material == Material.PAINT
+        assert height[beacons].min() > height[painted].max() - 0.08
+
+
+def test_a_plate_number_belongs_to_its_model():
+    numbers = {plate_number(b.id) for b in VEHICLES}
+    assert len(numbers) == len(VEHICLES)
+    assert plate_number("vehicle.audi.tt") == plate_number("vehicle.audi.tt")
+
+
+def test_a_text_is_as_wide_and_high_as_said():
+    builder = ShapeBuilder(CityObjectLabel.CAR)
+    add_text(
+        builder, "BUS 12", 0.35, lambda a, b: np.stack([a, 0 * a, b], axis=1), Material.DISPLAY
+    )
+    low, high = builder.mesh().bounds
+    assert high[0] - low[0] == pytest.approx(text_width("BUS 12", 0.35), rel=0.05)
+    assert high[2] - low[2] == pytest.approx(0.35)
 
 
 def test_bodies_are_symmetric():

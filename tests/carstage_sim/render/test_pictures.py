@@ -7,7 +7,7 @@ import pytest
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.mesh import Material, build_mesh
+from carstage_sim.mesh import Material, build_mesh, merge_meshes
 from carstage_sim.render.caster import RayCaster, picture_packets
 from carstage_sim.render.film import Film
 from carstage_sim.render.materials import APPEARANCES
@@ -74,6 +74,8 @@ def test_a_shadow_lies_away_from_the_sun():
         (Material.LIGHT_GREEN, 2, 0, 1),
         (Material.TAIL_LAMP, 8, 0, 0),
         (Material.HEAD_LAMP, 2, 0, 1),
+        (Material.BRAKE_LAMP, 8, 3, 0),
+        (Material.BEACON_BLUE, 512, 3, 2),
         (Material.REVERSE_LAMP, 64, 0, 1),
     ],
 )
@@ -84,6 +86,49 @@ def test_lamps_glow_in_their_state_only(material, on, off, channel):
         return codes[lens][:, channel].astype(int).mean()
 
     assert brightness(on) > brightness(off) + 25
+
+
+def behind_glass(*behind, static=()):
+    """Mean colour of a pane that an actor carries, with things behind it."""
+    pane = build_mesh(
+        [[-3.0, -2.0, 0.0], [-3.0, 2.0, 0.0], [-3.0, 2.0, 3.0], [-3.0, -2.0, 3.0]],
+        [[0, 1, 2], [0, 2, 3]], Material.GLASS, CityObjectLabel.CAR,
+    )  # fmt: skip
+    ground = merge_meshes([GROUND, *static])
+    mesh = merge_meshes([pane, *behind])
+    frame = frame_of(ground, [Placement(1, "car", np.zeros(3), np.eye(3))], {"car": mesh})
+    codes, hits = paint(frame)
+    # The pane's two triangles come first.
+    glass = ((hits.row == 0) & (hits.triangle < 2)).reshape(48, 64)
+    assert glass.sum() > 200
+    return codes[glass].astype(int).mean(axis=0)
+
+
+def wall(material, tag=CityObjectLabel.CAR, x=-1.0):
+    return build_mesh(
+        [[x, -6.0, 0.0], [x, 6.0, 0.0], [x, 6.0, 6.0], [x, -6.0, 6.0]],
+        [[0, 1, 2], [0, 2, 3]], material, tag,
+    )  # fmt: skip
+
+
+def test_glass_shows_what_is_behind_it_but_is_what_rays_meet():
+    seat, red = behind_glass(wall(Material.SEAT)), behind_glass(wall(Material.SIGN_RED))
+    assert red[0] - red[1] > seat[0] - seat[1] + 15
+    beyond = behind_glass(static=[wall(Material.SIGN_RED, CityObjectLabel.WALLS)])
+    assert beyond[0] - beyond[1] > seat[0] - seat[1] + 15
+
+
+def test_sheet_metal_shows_its_lining_inside():
+    lining, red = behind_glass(wall(Material.PAINT_RED)), behind_glass(wall(Material.SIGN_RED))
+    assert lining[0] - lining[1] < (red[0] - red[1]) / 2
+
+
+def test_a_second_pane_shows_the_street_beyond_darker():
+    street = [wall(Material.SIGN_WHITE, CityObjectLabel.WALLS, x=1.0)]
+    one = behind_glass(static=street)
+    two = behind_glass(wall(Material.GLASS, x=-2.0), static=street)
+    seat = behind_glass(wall(Material.SEAT, x=-2.0), static=street)
+    assert seat.mean() + 5 < two.mean() < one.mean() - 5
 
 
 def test_paint_takes_the_instances_colour():

@@ -1,0 +1,254 @@
+"""Fronts and rears of lofted bodies: lamps with lenses, grilles, bumpers, plates, badges."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from carstage_sim.content.car_body import Bars, CarBody, Lamps, Outline, Tails
+from carstage_sim.content.lettering import add_text
+from carstage_sim.content.lofting import Array, ShapeBuilder
+from carstage_sim.mesh import Material
+
+_SIDES = ((-1.0, Material.BLINKER_LEFT), (1.0, Material.BLINKER_RIGHT))
+_PLATE_HALF_M = (0.26, 0.056)
+_FRONT, _REAR = 1.0, -1.0
+
+
+def add_front(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
+    """Add lamps, grille, bumper and number plate of the front."""
+    s, f = body.shape, body.frame
+    low, high, wide = s.intake
+    dark = Material.PLASTIC_DARK
+    mouth = [(u * wide, low + 0.012 * abs(u), high - 0.03 * abs(u) ** 3) for u in _even(9)]
+    body.panel(builder, _FRONT, mouth, dark, raised=0.006)
+    for share in (0.32, 0.62):
+        z = low + share * (high - low)
+        slat = [(u * wide * 0.94, z, z + 0.008) for u in _even(5)]
+        body.panel(builder, _FRONT, slat, Material.PAINT_GREY, raised=0.011, rows=1)
+    lip = [(u, s.clearance + 0.012, s.clearance + 0.05) for u in _even(9)]
+    body.panel(builder, _FRONT, lip, dark, raised=0.010, rows=1)
+    if s.grille is not None:
+        _add_grille(builder, body, s.grille)
+    for sign, blinker in _SIDES:
+        _add_head_lamp(builder, body, sign, blinker)
+        fog = min(wide + 0.10, 0.86)
+        z = low + 0.45 * (high - low)
+        if fog > wide:
+            body.disc(builder, _FRONT, (sign * fog, z), 0.058, dark, raised=0.006)
+            body.disc(builder, _FRONT, (sign * fog, z), 0.042, Material.LAMP_COVER, raised=0.010)
+    middle = (low + 0.55 * (high - low)) * f.height
+    _add_plate(builder, body, _FRONT, middle, plate)
+
+
+def _even(count: int) -> list[float]:
+    return [float(u) for u in np.linspace(-1.0, 1.0, count)]
+
+
+def _add_grille(builder: ShapeBuilder, body: CarBody, opening: tuple[float, float, float]) -> None:
+    low, high, wide = opening
+    bars = body.shape.bars
+    step = (high - low) / 7
+    rim = [(u * wide * 1.06, low - 0.010, high + 0.010) for u in _even(5)]
+    body.panel(builder, _FRONT, rim, Material.RIM, raised=0.005)
+    hole = [(u * wide, low, high) for u in _even(5)]
+    body.panel(builder, _FRONT, hole, Material.PLASTIC_DARK, raised=0.008)
+    if bars is Bars.ACROSS:
+        for k in (1, 3, 5):
+            bar = [(u * wide, low + k * step, low + (k + 0.55) * step) for u in _even(5)]
+            body.panel(builder, _FRONT, bar, Material.RIM, raised=0.013, rows=1)
+    elif bars is Bars.UPRIGHT:
+        for k in range(7):
+            u = (k - 3) / 3.5 * wide
+            bar = [(u - 0.05 * wide, low, high), (u + 0.05 * wide, low, high)]
+            body.panel(builder, _FRONT, bar, Material.PAINT, raised=0.013)
+    else:
+        for k in range(1, 7):
+            bar = [(u * wide, low + k * step, low + (k + 0.25) * step) for u in _even(5)]
+            body.panel(builder, _FRONT, bar, Material.PAINT_GREY, raised=0.011, rows=1)
+    badge = (0.0, low + 0.58 * (high - low))
+    body.disc(builder, _FRONT, badge, 0.055, Material.RIM, raised=0.018)
+    body.disc(builder, _FRONT, badge, 0.040, Material.PAINT_BLACK, raised=0.021)
+
+
+def _lamp_outline(
+    sign: float, box: tuple[float, float, float, float], swept: float
+) -> list[tuple[float, float, float]]:
+    """Columns from the inner end, which is narrow if ``swept``, to the outer one."""
+    y0, y1, z0, z1 = box
+    high = z1 - z0
+    columns = []
+    for share in (0.0, 0.3, 0.6, 0.85, 1.0):
+        u = y0 + share * (y1 - y0)
+        tip = 0.30 * swept * (1.0 - share) ** 2
+        rise = 0.16 * swept * high * share
+        close = 0.55 * swept * max(share - 0.6, 0.0) / 0.4
+        columns.append((sign * u, z0 + high * (tip + close) + rise, z1 - high * tip + rise))
+    return columns
+
+
+def _slice(outline: Outline, low: float, high: float) -> list[tuple[float, float, float]]:
+    """The same columns between two shares of their height."""
+    return [(u, a + low * (b - a), a + high * (b - a)) for u, a, b in outline]
+
+
+def _add_head_lamp(builder: ShapeBuilder, body: CarBody, sign: float, blinker: Material) -> None:
+    s, f = body.shape, body.frame
+    y0, y1, z0, z1 = s.head_lamp
+    high = z1 - z0
+    lens, cover = Material.HEAD_LAMP, Material.LAMP_COVER
+    radius = high * f.height / 2
+    if s.lamps is Lamps.ROUND:
+        middle = (sign * (y0 + y1) / 2, (z0 + z1) / 2)
+        body.disc(builder, _FRONT, middle, radius * 1.12, Material.RIM, raised=0.010, sides=18)
+        body.disc(builder, _FRONT, middle, radius, lens, raised=0.016, sides=18)
+        below = (middle[0], z0 - 0.045)
+        body.disc(builder, _FRONT, below, radius * 0.42, blinker, raised=0.012)
+        return
+    if s.lamps is Lamps.STRIP:
+        line = [(sign * u, z0, z1) for u in np.linspace(y0, y1, 6)]
+        body.panel(builder, _FRONT, line, lens, raised=0.012, rows=1)
+        edge = [(sign * u, z0 - 0.05, z0 - 0.012) for u in np.linspace(y1 - 0.25, y1, 3)]
+        body.panel(builder, _FRONT, edge, blinker, raised=0.012, rows=1)
+        return
+    swept = 1.0 if s.lamps is Lamps.SWEPT else 0.0
+    outline = _lamp_outline(sign, s.head_lamp, swept)
+    grown = [(u, a - 0.006, b + 0.006) for u, a, b in outline]
+    body.panel(builder, _FRONT, grown, Material.PLASTIC_DARK, raised=0.005)
+    body.panel(builder, _FRONT, outline, cover, raised=0.009)
+    body.panel(builder, _FRONT, _slice(outline, 0.02, 0.20), lens, raised=0.013, rows=1)
+    turn = _lamp_outline(sign, (y1 - 0.30 * (y1 - y0), y1, z0, z1), 0.0)
+    inside = [(u, *_between(outline, u)) for u, _, _ in turn]
+    body.panel(builder, _FRONT, _slice(inside, 0.25, 0.80), blinker, raised=0.013, rows=1)
+    last = min(y1 - 0.34 * (y1 - y0), 0.88)
+    if swept:
+        lenses = [(y0 + 0.42 * (last - y0), 0.55, 0.33), (last, 0.58, 0.42)]
+    else:
+        lenses = [((y0 + last) / 2, 0.72, 0.24), ((y0 + last) / 2, 0.40, 0.20)]
+    for u, share, size in lenses:
+        bottom, top = _between(outline, sign * u)
+        place = (sign * u, bottom + share * (top - bottom))
+        wide = (1.0 if swept else 2.0) * 0.20 * (last - y0) * f.half_width
+        radius = min(size * high * f.height, max(wide, 0.04))
+        body.disc(builder, _FRONT, place, radius * 1.16, Material.PAINT_BLACK, raised=0.012)
+        body.disc(builder, _FRONT, place, radius, lens, raised=0.016)
+        body.disc(builder, _FRONT, place, radius * 0.45, cover, raised=0.019, sides=8)
+
+
+def _between(outline: Outline, u: float) -> tuple[float, float]:
+    """Lower and upper edge of an outline at a share of the half width."""
+    columns = sorted(outline)
+    at = [column[0] for column in columns]
+    return (
+        float(np.interp(u, at, [column[1] for column in columns])),
+        float(np.interp(u, at, [column[2] for column in columns])),
+    )
+
+
+def add_rear(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
+    """Add lamps, lid, bumper and number plate of the rear."""
+    s, f = body.shape, body.frame
+    dark = Material.PLASTIC_DARK
+    y0, _, z0, z1 = s.tail_lamp
+    if s.rear_glass is not None:
+        sill, lintel, wide = s.rear_glass
+        frame = [(u * (wide + 0.03), sill - 0.02, lintel + 0.02) for u in _even(7)]
+        body.panel(builder, _REAR, frame, dark, raised=0.004)
+        pane = [(u * wide, sill, lintel) for u in _even(7)]
+        body.panel(builder, _REAR, pane, Material.GLASS)
+    valance = [(u * 0.9, s.clearance + 0.01, s.clearance + 0.085) for u in _even(9)]
+    body.panel(builder, _REAR, valance, dark, raised=0.010)
+    bumper = s.clearance + 0.17
+    crease = [(u, bumper, bumper + 0.008) for u in (-1.2, -1.05, *_even(9), 1.05, 1.2)]
+    body.panel(builder, _REAR, crease, dark, raised=0.004, rows=1)
+    under_plate = max(z0 - 0.10, bumper + 0.07) if s.boot else max(z0 - 0.02, bumper + 0.08)
+    recess = [(u * 0.40, under_plate - 0.055, under_plate + 0.062) for u in _even(3)]
+    body.panel(builder, _REAR, recess, Material.PAINT_GREY, raised=0.003)
+    _add_plate(builder, body, _REAR, under_plate * f.height, plate)
+    bright = [(u * 0.34, under_plate + 0.058, under_plate + 0.070) for u in _even(3)]
+    body.panel(builder, _REAR, bright, Material.RIM, raised=0.012, rows=1)
+    badge = under_plate + 0.068 + 0.045
+    body.disc(builder, _REAR, (0.0, badge), 0.042, Material.RIM, raised=0.012)
+    for sign, blinker in _SIDES:
+        _add_tail_lamp(builder, body, sign, blinker)
+        seam = y0 + 0.03 if s.boot else 0.93
+        lid = [(sign * seam, bumper, z0 if s.boot else z1 + 0.02)]
+        lid.append((sign * (seam + 0.012), *lid[0][1:]))
+        body.panel(builder, _REAR, lid, dark, raised=0.004)
+        glint = [(sign * u, bumper - 0.045, bumper - 0.020) for u in (0.66, 0.86)]
+        body.panel(builder, _REAR, glint, Material.SIGN_RED, raised=0.008, rows=1)
+        if s.boot or s.cladding:
+            tip = (sign * 0.58, s.clearance + 0.03)
+            body.disc(builder, _REAR, tip, 0.042, Material.RIM, raised=0.016)
+            body.disc(builder, _REAR, tip, 0.032, Material.PAINT_BLACK, raised=0.019)
+    _add_high_brake_lamp(builder, body)
+
+
+def _add_high_brake_lamp(builder: ShapeBuilder, body: CarBody) -> None:
+    """A bar of red light at the upper edge of the rear window."""
+    s = body.shape
+    if s.rear_glass is not None:
+        top = s.rear_glass[1] + 0.022
+        bar = [(u * 0.2, top, top + 0.018) for u in _even(3)]
+        body.panel(builder, _REAR, bar, Material.BRAKE_LAMP, raised=0.010, rows=1)
+        return
+    edge = s.rear_window[1] - 0.05 * (s.rear_window[1] - s.rear_window[0])
+    path = [(edge, c) for c in (12.72, 13.0)]
+    body.ribbon(builder, path, Material.BRAKE_LAMP, wide=0.03, raised=0.006)
+
+
+def _add_tail_lamp(builder: ShapeBuilder, body: CarBody, sign: float, blinker: Material) -> None:
+    s = body.shape
+    y0, y1, z0, z1 = s.tail_lamp
+    tail, back = Material.TAIL_LAMP, Material.REVERSE_LAMP
+    if s.tails is Tails.STRIP:
+        line = [(sign * u, z0, z1) for u in np.linspace(y0, y1, 6)]
+        body.panel(builder, _REAR, line, tail, raised=0.012, rows=1)
+        for first, last, material in ((0.66, 0.80, back), (0.82, 0.98, blinker)):
+            edge = [(sign * u, z0 - 0.045, z0 - 0.012) for u in (first, last)]
+            body.panel(builder, _REAR, edge, material, raised=0.012, rows=1)
+        return
+    swept = 0.6 if s.tails is Tails.SWEPT else 0.0
+    outline = _lamp_outline(sign, s.tail_lamp, swept)
+    grown = [(u, a - 0.005, b + 0.005) for u, a, b in outline]
+    body.panel(builder, _REAR, grown, Material.PLASTIC_DARK, raised=0.005)
+    body.panel(builder, _REAR, outline, tail, raised=0.010)
+    if s.tails is Tails.SWEPT:
+        inner = [(sign * u, *_between(outline, sign * u)) for u in (y0 + 0.02, y0 + 0.16)]
+        body.panel(builder, _REAR, _slice(inner, 0.15, 0.60), back, raised=0.014, rows=1)
+        spans = [(0.30, 0.46)]
+    else:
+        body.panel(builder, _REAR, _slice(outline[:4], 0.06, 0.22), back, raised=0.014, rows=1)
+        spans = [(0.40, 0.58)]
+    for low, high in spans:
+        first = 1 if s.tails is Tails.SWEPT else 0
+        body.panel(
+            builder, _REAR, _slice(outline[first:], low, high), blinker, raised=0.014, rows=1
+        )
+    body.panel(
+        builder, _REAR, _slice(outline, 0.66, 0.70), Material.PLASTIC_DARK, raised=0.013, rows=1
+    )
+
+
+def _add_plate(builder: ShapeBuilder, body: CarBody, end: float, z: float, number: str) -> None:
+    """A plate with its number and a coloured end, in the middle of a face."""
+    half, tall = _PLATE_HALF_M
+
+    def place(along: Array, up: Array) -> Array:
+        # Plates are flat: they stand where the face does in its middle.
+        x = body.on_face(end, np.zeros(1), np.array([z]), 0.022)[0, 0]
+        return np.stack([np.full_like(along, x), -end * along, z + up], axis=-1)
+
+    corners = np.array([(-half, -tall), (half, -tall), (half, tall), (-half, tall)])
+    quad = [(0, 1, 2), (0, 2, 3)]
+    builder.add(place(*corners.T), quad, Material.LICENCE_PLATE)
+
+    def before(along: Array, up: Array) -> Array:
+        points = place(along, up)
+        points[:, 0] += end * 0.002
+        return points
+
+    band = np.array([(-half, -tall), (-half + 0.04, -tall), (-half + 0.04, tall), (-half, tall)])
+    builder.add(before(*band.T), quad, Material.SIGN_BLUE)
+    add_text(
+        builder, number, 0.075, lambda along, up: before(along + 0.02, up), Material.PAINT_BLACK
+    )

@@ -236,8 +236,8 @@ class _FollowingSession(RunSession):
         jobs = []
         for recording in pending_recordings(self._folder.work):
             header = read_document(recording.folder / "episode.json") or {}
-            with suppress(SpecError):  # not ours
-                spec = EpisodeSpec.from_json(header.get("spec"), kinds=registered_kinds())
+            with suppress(SpecError, KeyError):  # not ours
+                spec = EpisodeSpec.from_json(header["spec"], kinds=registered_kinds())
                 if isinstance(spec.scenario, RecordedSpec):
                     jobs.append(Job(spec, recording.episode_id))
         for episode_id in self._queue.take_pending(jobs):

@@ -60,7 +60,7 @@ def test_each_life_of_the_ego_becomes_a_valid_episode(
     simulator: RunningSimulator, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    with ticking(simulator, 60, lives=2):
+    with ticking(simulator, 300, lives=2):
         ended = record_beside(address(simulator), "hero", RIG, out, episodes=2)
     assert (ended.state, ended.committed, ended.exit_code) == ("done", 2, 0)
     report = carstage.validate(out)
@@ -73,7 +73,7 @@ def test_each_life_of_the_ego_becomes_a_valid_episode(
         assert document["scenario"]["role"] == "hero"
         assert document["map"] == "Stage01"
         assert spec.fps == 10.0
-        assert 10 <= spec.steps <= 60  # all but those in which the streams came up
+        assert 10 <= spec.steps <= 300  # all but those in which the streams came up
 
 
 def test_a_program_at_full_speed_loses_no_frame(
@@ -165,7 +165,7 @@ def test_what_could_not_be_converted_is_kept_and_converted_by_the_next_recording
         raise ConversionError("the disk of the converters is away", "Bring it back.")
 
     def recorded() -> RunResult:
-        with ticking(simulator, 40):
+        with ticking(simulator, 200):
             return record_beside(address(simulator), "hero", RIG, out, said.append, episodes=1)
 
     out, said = tmp_path / "out", list[RunEvent]()

@@ -24,7 +24,9 @@ def serving(
     advance: Callable[[Server], None], pace_hz: float | None = None
 ) -> Iterator[tuple[Server, Any]]:
     """A server of a simulation that has settings and bakes, and no world."""
-    simulation = SimpleNamespace(settings=SYNCHRONOUS, bakes=SimpleNamespace())
+    simulation = SimpleNamespace(
+        settings=SYNCHRONOUS, bakes=SimpleNamespace(), finish_drawing=lambda: None
+    )
     with (
         bind("127.0.0.1", 0) as rpc_socket,
         bind("127.0.0.1", 0) as streaming_socket,

@@ -115,7 +115,8 @@ def test_a_route_is_pressed_put_in_order_and_cleared(town: Page) -> None:
     for number in (20, 5):
         press(page, *points[number][:2])
     page.get_by_label("Add a spawn point to the route").select_option("9")
-    assert saved_config(page)["scenario"] == {"kind": "route", "through": [20, 5, 9]}
+    route = {"kind": "route", "through": [20, 5, 9], "events": []}
+    assert saved_config(page)["scenario"] == route
     expect(page.locator("[data-stop]")).to_have_count(3)
     page.get_by_role("button", name="Earlier, place 3").click()
     page.get_by_role("button", name="Remove place 1").click()

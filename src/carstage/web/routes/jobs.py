@@ -87,7 +87,7 @@ def rename_export(name: Name, change: ExportChange, services: Access) -> ExportE
     return services.exports.rename(name, change.name)
 
 
-@router.delete("/exports/{name}", status_code=204, responses=BUSY)
+@router.delete("/exports/{name}", status_code=204, response_model=None, responses=BUSY)
 def remove_export(name: Name, services: Access) -> None:
     """Remove an export."""
     services.exports.remove(name)

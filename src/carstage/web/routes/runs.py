@@ -74,7 +74,7 @@ def rename_run(run_id: RunId, change: RunChange, services: Access) -> RunSummary
     return services.runs.rename(run_id, change.name)
 
 
-@router.delete("/runs/{run_id}", status_code=204, responses=BUSY)
+@router.delete("/runs/{run_id}", status_code=204, response_model=None, responses=BUSY)
 def remove_run(run_id: RunId, services: Access) -> None:
     """Remove a run with its logs; its episodes stay in the dataset."""
     services.runs.remove(run_id)

@@ -55,10 +55,10 @@ def _ticking(port: int, ticks: int) -> Iterator[dict[str, Any]]:
     said: dict[str, Any] = {}
     try:
         yield said
-        printed, _ = process.communicate(timeout=_TIMEOUT_S)
+        output, _ = process.communicate(timeout=_TIMEOUT_S)
         if process.returncode:
             raise RuntimeError(f"the program that ticks ended with {process.returncode}")
-        said.update(json.loads(printed))
+        said.update(json.loads(output))
     finally:
         process.kill()
         process.communicate()

@@ -12,7 +12,6 @@ import time
 
 import carla
 
-_LOOKS_EVERY_S = 0.1
 _WAIT_S = 120.0
 
 
@@ -23,7 +22,7 @@ def _world_and_ego(client: carla.Client) -> tuple[carla.World, carla.Actor]:
         for vehicle in world.get_actors().filter("vehicle.*"):
             if vehicle.attributes.get("role_name") == "hero":
                 return world, vehicle
-        time.sleep(_LOOKS_EVERY_S)  # a program of its own: nothing tells it
+        world.wait_for_tick(_WAIT_S)
     raise SystemExit("no ego came")
 
 
@@ -42,8 +41,8 @@ def main() -> None:
         sensors.append(world.spawn_actor(blueprint, place, attach_to=ego))
     for sensor in sensors:
         sensor.listen(lambda _data: None)
-    while world.get_snapshot().has_actor(ego.id):
-        time.sleep(_LOOKS_EVERY_S)
+    while world.wait_for_tick(_WAIT_S).has_actor(ego.id):
+        pass
     for sensor in sensors:
         sensor.stop()
 

@@ -183,8 +183,8 @@ class _FollowingSession(RunSession):
             self._record,
             self._wakeup,
             environment,
-            True,
-            self._failed,
+            raw_must_last=True,
+            failed=self._failed,
             irreplaceable=True,
         )
         self._plan: dict[str, Any] = {

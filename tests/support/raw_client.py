@@ -9,6 +9,9 @@ from typing import Any
 
 import msgpack
 
+_RECEIVE_BUFFER_BYTES = 1 << 18
+"""Set, as the kernel lets the buffer of who reads much grow to tens of megabytes otherwise."""
+
 
 class RawClient:
     """Sends requests one by one and returns ``(error, result)``."""
@@ -51,8 +54,11 @@ class RawClient:
 
 
 def subscribe(host: str, port: int, stream_id: int) -> socket.socket:
-    """A connection that is subscribed to a stream."""
-    connection = socket.create_connection((host, port), timeout=5.0)
+    """A connection that is subscribed to a stream, with a receive buffer that does not grow."""
+    connection = socket.socket()
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
+    connection.settimeout(5.0)
+    connection.connect((host, port))
     connection.sendall(struct.pack("<I", stream_id))
     return connection
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import ParamSpec, TypeVar
 
 logger = logging.getLogger(__name__)
@@ -15,6 +15,15 @@ _MOST_WAITING = 64
 
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _PutOff:
+    """A piece of work that comes after all other."""
+
+    work: Callable[[], None]
+    is_urgent: Callable[[], bool]
+    leave_out: Callable[[], None]
 
 
 class DrawingThread:
@@ -29,7 +38,7 @@ class DrawingThread:
         self._room = threading.BoundedSemaphore(_MOST_WAITING)
         self._changed = threading.Condition()
         self._undone = 0
-        self._put_off: deque[Callable[[], None]] = deque()
+        self._put_off: list[_PutOff] = []
         self._begun_put_off = False
         self._leaves_out = False
         self._held = False
@@ -60,18 +69,28 @@ class DrawingThread:
         future.add_done_callback(lambda _: self._room.release())
         return future
 
-    def put_off(self, work: Callable[[], None]) -> None:
+    def put_off(
+        self,
+        work: Callable[[], None],
+        is_urgent: Callable[[], bool] = lambda: False,
+        leave_out: Callable[[], None] = lambda: None,
+    ) -> None:
         """Hand work over that comes after all other work, also after what is submitted later.
 
         Other work waits for one piece of it at most: for the one that is being done.
+
+        Args:
+            work: what is done.
+            is_urgent: whether it comes before the rest of what is put off.
+            leave_out: called instead if it is left out in the end.
         """
         with self._changed:
             self._undone += 1
-            self._put_off.append(work)
+            self._put_off.append(_PutOff(work, is_urgent, leave_out))
             self._begin_one_put_off()
 
     def hold(self, *, held: bool) -> None:
-        """Whether nothing more of what is put off is begun for now."""
+        """Whether nothing more of what is put off is begun for now but what is urgent."""
         with self._changed:
             self._held = held
             self._begin_one_put_off()
@@ -115,23 +134,27 @@ class DrawingThread:
 
     def _begin_one_put_off(self) -> None:
         """Queue one piece of what is put off, behind what was submitted. The lock is held."""
-        if self._put_off and not self._held and not self._begun_put_off:
+        if not self._begun_put_off and self._next_put_off() is not None:
             self._begun_put_off = True
             self._pool.submit(self._do_one_put_off)
 
+    def _next_put_off(self) -> _PutOff | None:
+        """What comes next of what is put off, if it may be begun. The lock is held."""
+        urgent = (one for one in self._put_off if one.is_urgent())
+        return next(urgent, None if self._held else next(iter(self._put_off), None))
+
     def _do_one_put_off(self) -> None:
         with self._changed:
-            if self._held:  # since it was queued
+            one = self._next_put_off()
+            if one is None:  # it was queued before it was held
                 self._begun_put_off = False
                 return
-            work = None if self._leaves_out else self._put_off[0]
-        if work is not None:
-            try:
-                work()
-            except Exception:
-                logger.exception("what was put off failed")
+            self._put_off.remove(one)
+        try:
+            (one.leave_out if self._leaves_out else one.work)()
+        except Exception:
+            logger.exception("what was put off failed")
         with self._changed:
-            self._put_off.popleft()
             self._undone -= 1
             self._begun_put_off = False
             self._begin_one_put_off()

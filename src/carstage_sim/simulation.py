@@ -82,6 +82,9 @@ class LateTurn(Protocol):
     def worth_making(self) -> bool:
         """Whether anybody may still take them."""
 
+    def is_urgent(self) -> bool:
+        """Whether the next tick waits for them, or for those of their sensor that come before."""
+
     def end(self) -> None:
         """They are published, or left out."""
 
@@ -339,7 +342,9 @@ class Simulation:
                     if turn is None:
                         prompt.append(due)
                     else:
-                        self._drawing.put_off(partial(draw_late, due, turn))
+                        self._drawing.put_off(
+                            partial(draw_late, due, turn), turn.is_urgent, turn.end
+                        )
                 publish_all(prompt)
             except Exception:
                 logger.exception("sensors of frame %d failed", scene.state.frame)

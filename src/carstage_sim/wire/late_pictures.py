@@ -17,8 +17,9 @@ class LatePictures:
 
     In synchronous mode the next tick waits for the pictures of the last one. Those of light take
     long, and whoever subscribes to cameras without reading would slow down the one who ticks. So a
-    stream's pictures may be late until a subscriber has taken what it was sent: then the next tick
-    waits for them as for all others. None is lost, unless who subscribed takes nothing for seconds.
+    stream's pictures may be late until a subscriber has taken what it was sent. Then each tick
+    waits for one of them, and for a second of the stream with the most, until none is late: not for
+    all at once. None is lost, unless who subscribed takes nothing for seconds.
 
     Args:
         taking: tells by stream number what the subscribers take.
@@ -30,6 +31,7 @@ class LatePictures:
         self._changed = changed
         self._lock = threading.Lock()
         self._waiting: Counter[int] = Counter()
+        self._owed: Counter[int] = Counter()
 
     def turn(self, stream_id: int) -> LatePicture | None:
         """The turn of a stream's next picture if it may be late; it must, if an earlier one is."""
@@ -39,15 +41,28 @@ class LatePictures:
             self._waiting[stream_id] += 1
         return LatePicture(self, stream_id)
 
+    def owe(self) -> None:
+        """A frame is under way: of the streams that are read, the next tick waits for some."""
+        with self._lock:
+            read = [one for one in self._waiting if self._taking(one) is Taking.ALL]
+            self._owed = Counter(read)
+            if read:
+                self._owed[max(read, key=self._waiting.__getitem__)] += 1
+
     @property
     def hold_up_the_world(self) -> bool:
         """Whether the next tick waits for late pictures: for a reader, or as too many wait."""
         with self._lock:
-            waiting = +self._waiting
-        return any(
-            count >= _MOST_WAITING or self._taking(stream_id) is Taking.ALL
-            for stream_id, count in waiting.items()
-        )
+            waiting = list(self._waiting)
+        return any(map(self.is_urgent, waiting))
+
+    def is_urgent(self, stream_id: int) -> bool:
+        """Whether the next tick waits for a late picture of a stream."""
+        with self._lock:
+            waiting, owed = self._waiting[stream_id], self._owed[stream_id]
+        if waiting >= _MOST_WAITING:
+            return True
+        return min(waiting, owed) > 0 and self._taking(stream_id) is Taking.ALL
 
     def may_be_taken(self, stream_id: int) -> bool:
         """Whether anybody may still take a picture of a stream."""
@@ -57,6 +72,7 @@ class LatePictures:
         """One of the pictures that waited is drawn, or left out."""
         with self._lock:
             self._waiting[stream_id] -= 1
+            self._owed[stream_id] -= 1
             if not self._waiting[stream_id]:
                 del self._waiting[stream_id]
         self._changed()
@@ -73,6 +89,10 @@ class LatePicture:
     def worth_making(self) -> bool:
         """Whether anybody may still take it."""
         return self.pictures.may_be_taken(self.stream_id)
+
+    def is_urgent(self) -> bool:
+        """Whether the next tick waits for a picture of its stream."""
+        return self.pictures.is_urgent(self.stream_id)
 
     def end(self) -> None:
         """It is drawn, or left out."""

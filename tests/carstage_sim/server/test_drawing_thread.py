@@ -159,3 +159,21 @@ def test_who_waits_for_the_end_does_not_wait_for_what_is_held(
     getattr(drawing, finish)()
     assert done == ([1] if finish == "finish" else [])
     assert not drawing.busy
+
+
+def test_what_is_urgent_comes_first_of_what_is_put_off_held_or_not(drawing: DrawingThread) -> None:
+    done: list[str] = []
+    drawing.hold(held=True)
+    for name in ("first", "urgent 1", "second", "urgent 2"):
+        drawing.put_off(partial(done.append, name), partial(str.startswith, name, "urgent"))
+    await_that(lambda: len(done) == 2)
+    drawing.finish()
+    assert done == ["urgent 1", "urgent 2", "first", "second"]
+
+
+def test_who_put_off_what_is_left_out_hears_of_it(drawing: DrawingThread) -> None:
+    done: list[str] = []
+    drawing.hold(held=True)
+    drawing.put_off(partial(done.append, "done"), leave_out=partial(done.append, "left out"))
+    drawing.finish_without_what_is_put_off()
+    assert done == ["left out"]

@@ -77,22 +77,12 @@ class GeoFrame:
     def places(self, locations_m: ArrayLike) -> FloatArray:
         """Longitude, latitude (deg) and altitude (m) ``(N, 3)`` of world locations ``(N, 3)``.
 
-        The formulas of :meth:`place`, for many at once; digits beyond the twelfth may differ.
+        One by one as :meth:`place` does: NumPy's own functions round as its version likes.
         """
-        x, y, z = np.asarray(locations_m, dtype=np.float64).reshape(-1, 3).T
-        reference, north = self.reference, -y
-        if self.projection == "spherical_mercator":
-            unit = math.cos(math.radians(reference.latitude_deg)) * EARTH_RADIUS_M
-            my = unit * _isometric_latitude(reference.latitude_deg) + north
-            latitude = np.degrees(2.0 * np.arctan(np.exp(my / unit))) - 90.0
-            longitude = reference.longitude_deg + np.degrees(x / unit)
-        else:
-            scale = _TRANSVERSE_SCALE * EARTH_RADIUS_M
-            along, foot = x / scale, north / scale + math.radians(reference.latitude_deg)
-            latitude = np.degrees(np.arcsin(np.sin(foot) / np.cosh(along)))
-            turned = np.degrees(np.arctan2(np.sinh(along), np.cos(foot)))
-            longitude = reference.longitude_deg + turned
-        return np.stack([longitude, latitude, z + reference.altitude_m], axis=1)
+        world = np.asarray(locations_m, dtype=np.float64).reshape(-1, 3).tolist()
+        found = [self._place(x, -y, z) for x, y, z in world]
+        rows = [(place.longitude_deg, place.latitude_deg, place.altitude_m) for place in found]
+        return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
     def location(self, place: GeoPoint) -> FloatArray:
         """World location ``(3,)`` of a position, the inverse of ``place``."""

@@ -130,6 +130,10 @@ class DatasetError(CarStageError, ValueError):
     exit_code = 2
 
 
+class VectorMapError(CarStageError, ValueError):
+    """No vector map can be made of an OpenDRIVE text; says where in it, and what is wrong."""
+
+
 class CatalogError(CarStageError, RuntimeError):
     """A catalog cannot be used: unreachable, refused, of a newer schema (exit code 2)."""
 

@@ -115,3 +115,10 @@ class Labels(Section):
         description="Compare a corner with its four diagonal neighbour pixels instead of its own.",
         group="labels",
     )
+    vector_map: bool = setting(
+        LabelsSpec.vector_map,
+        title="Vector map",
+        description="Add the town's lanes, markings, crosswalks, stop lines and signals, once per "
+        "town.",
+        group="labels",
+    )

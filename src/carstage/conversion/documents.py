@@ -42,6 +42,7 @@ def episode_document(
     frames: int,
     actors: Mapping[int, ActorInfo],
     opendrive: str | None,
+    vector_map: Mapping[str, str | None],
 ) -> dict[str, Any]:
     """``episode.json`` of the dataset: the raw log's header without facts of a try or machine.
 
@@ -51,6 +52,7 @@ def episode_document(
         frames: number of saved frames.
         actors: everybody that the world log names.
         opendrive: named hash of the town's OpenDRIVE text; None where it was not recorded.
+        vector_map: what it says of the town's vector map.
     """
     document = {key: header[key] for key in _EPISODE_KEYS}
     ids = header["sensor_actor_ids"]
@@ -58,6 +60,7 @@ def episode_document(
         "format_version": FORMAT_VERSION,
         **document,
         "opendrive": opendrive,
+        **vector_map,
         "sensor_actor_ids": {s.id: ids[s.id] for s in plan.written if s.id in ids},
         "frames": frames,
         "actors": {

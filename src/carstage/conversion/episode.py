@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shutil
 import threading
@@ -34,6 +35,7 @@ from carstage.conversion.segment import (
     rows_to_table,
 )
 from carstage.conversion.sensors import SensorPlan, plan_sensors
+from carstage.conversion.town import Town, make_vector_map
 from carstage.dataset.tables import row_sensor, write_table
 from carstage.errors import ConversionError, ConverterDiedError
 from carstage.files.hashing import hash_of
@@ -43,6 +45,10 @@ from carstage.storage.attempt_files import AttemptFiles, write_document
 from carstage.storage.marker import FileEntry
 
 _LOOK_S = 0.2
+_MOST_TOWNS = 4
+_towns: dict[tuple[str, str], Town] = {}
+"""What was made of the last towns, by the hash of the text and the place on the globe."""
+_towns_lock = threading.Lock()
 _LABELS = ""
 """Key of the label task among a segment's tasks; no stream has an empty name."""
 
@@ -56,11 +62,13 @@ class Converted:
         files: what the workers wrote, hashed from memory; tables and documents are not among them.
         opendrive: the town's OpenDRIVE text, which ``episode.json`` names by its hash; None where
             it was not recorded.
+        vector_map: the town's vector map, which it names likewise; None where there is none.
     """
 
     frames: int
     files: tuple[FileEntry, ...]
     opendrive: bytes | None
+    vector_map: bytes | None
 
 
 class EpisodeConversion:
@@ -268,8 +276,10 @@ class EpisodeConversion:
         self._write_events(log, actors)
         opendrive = log.opendrive()
         named = None if opendrive is None else hash_of(opendrive)
+        town = self._town(log, named)
+        drawn = _vector_map_entries(town)
         documents = {
-            "episode.json": episode_document(log.header, self._plan, frames, actors, named),
+            "episode.json": episode_document(log.header, self._plan, frames, actors, named, drawn),
             "calibration.json": calibration_document(log.spec, self._plan, ego),
         }
         for name, document in documents.items():
@@ -284,7 +294,7 @@ class EpisodeConversion:
             for segment in segments
             for file in self._tasks[segment, sensor.id].result().files
         )
-        return Converted(frames, files, opendrive)
+        return Converted(frames, files, opendrive, town.content)
 
     def remove_parts(self) -> None:
         """Remove what lies beside the raw log for the conversion alone, once nobody needs it."""
@@ -404,6 +414,22 @@ class EpisodeConversion:
         rows = event_rows(log.spec, frames, actors, int(log.header["ego_id"]))
         self._write_table(rows_to_table(rows, EVENT_COLUMNS, EVENTS), EVENTS)
 
+    def _town(self, log: EpisodeLog, opendrive: str | None) -> Town:
+        """The town's vector map, made anew only where the episodes before were of another town."""
+        if opendrive is None or not log.spec.labels.vector_map:
+            return Town()
+        key = opendrive, json.dumps(log.header["geo_reference"], sort_keys=True)
+        town = _towns.get(key)
+        if town is None:
+            task = self._submit(make_vector_map, self.raw_folder)
+            _raise_error_of(task)
+            town = task.result()
+            with _towns_lock:
+                while len(_towns) >= _MOST_TOWNS:
+                    del _towns[next(iter(_towns))]
+                _towns[key] = town
+        return town
+
     def _remove_strays(self) -> None:
         """Remove what an earlier, broken-off conversion into this folder left behind."""
         endings: dict[str, tuple[str, ...]] = {
@@ -425,6 +451,12 @@ class EpisodeConversion:
 
 def _is_well_done(task: Future[Any] | None) -> bool:
     return task is not None and task.done() and not task.cancelled() and task.exception() is None
+
+
+def _vector_map_entries(town: Town) -> dict[str, str | None]:
+    """What ``episode.json`` says of the town's vector map."""
+    entries = {"vector_map": None if town.content is None else hash_of(town.content)}
+    return entries if town.problem is None else {**entries, "vector_map_problem": town.problem}
 
 
 def _raise_error_of(task: Future[Any]) -> None:

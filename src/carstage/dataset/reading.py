@@ -13,22 +13,22 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from carstage.codecs import codec_for
+from carstage.dataset.maps import map_path, read_map, read_vector_map, vector_map_table
 from carstage.dataset.querying import EpisodeTables, query_episodes
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.dataset.splits import Split, StoredSplits, read_splits
 from carstage.dataset.tables import read_table, require_columns, row_sensor
 from carstage.errors import BadInputError, DatasetError
 from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
-from carstage.files.hashing import hash_of
 from carstage.geometry import GeoFrame, is_pinhole, pose_matrix
 from carstage.sensor_kinds import content_of
 from carstage.spec import EpisodeSpec, SpecError
 from carstage.storage.address import dataset_root
 from carstage.storage.description import read_description
-from carstage.storage.maps import map_name
 from carstage.storage.marker import CommitMarker
 from carstage.storage.opening import open_store
 from carstage.storage.remote_path import DatasetPath
+from carstage.vector_map import VectorMap
 
 EPISODE_FORMAT = 1
 CALIBRATION_FORMAT = 1
@@ -288,13 +288,7 @@ class Episode:
         Raises:
             DatasetError: ``episode.json`` is missing or damaged.
         """
-        named = self.document.get("opendrive")  # episodes of 0.1 have no such key
-        if named is None:
-            return None
-        try:
-            return self.folder.parents[2] / map_name(named)
-        except (TypeError, ValueError) as error:
-            raise DatasetError(f"{self.folder / 'episode.json'} is damaged: {error}.") from error
+        return map_path(self.folder, self.document, "xodr")
 
     def opendrive(self) -> str | None:
         """The town's OpenDRIVE text as the server gave it; ``None`` where it was not recorded.
@@ -302,19 +296,30 @@ class Episode:
         Raises:
             DatasetError: ``episode.json`` is damaged, or the text is missing or damaged.
         """
-        path = self.map_file
-        if path is None:
-            return None
+        content = read_map(self.folder, self.document, "xodr")
         try:
-            content = read_bounded(path)
-            if hash_of(content) != self.document["opendrive"]:
-                raise DatasetError(f"{path} is damaged: its hash is not in its name.")
-            return content.decode()
-        except (OSError, UnicodeDecodeError) as error:
-            raise DatasetError(
-                f"The map of episode {self.id} cannot be read: {error}.",
-                f"Put the dataset's {path.parent.name}/{path.name} back.",
-            ) from error
+            return None if content is None else content.decode()
+        except UnicodeDecodeError as error:
+            raise DatasetError(f"{self.map_file} is damaged: {error}.") from error
+
+    @property
+    def vector_map_file(self) -> DatasetPath | None:
+        """The town's vector map, GeoParquet; ``None`` where there is none."""
+        return map_path(self.folder, self.document, "parquet")
+
+    def vector_map_table(self) -> pa.Table | None:
+        """:meth:`vector_map` as the table that is stored, which raises the same."""
+        return vector_map_table(self.folder, self.document)
+
+    def vector_map(self) -> VectorMap | None:
+        """The town's lanes, markings, junctions, crosswalks, stop lines and signals.
+
+        ``None`` where there is none; ``document["vector_map_problem"]`` may say why.
+
+        Raises:
+            DatasetError: ``episode.json`` is damaged, or the map is missing or damaged.
+        """
+        return read_vector_map(self.folder, self.document)
 
     @cached_property
     def calibration(self) -> Calibration:

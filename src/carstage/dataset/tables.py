@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -158,15 +158,22 @@ def arrow_type(name: str, *, nullable: bool) -> pa.DataType:
     raise ValueError(f"no Arrow type for {name!r}")
 
 
-def write_table(table: pa.Table, path: Path) -> None:
+def write_table(table: pa.Table, path: Path, *, keep: Sequence[bytes] = ()) -> None:
     """Write a Parquet file whose bytes depend on the table alone, whole or not at all.
 
     Compression, encodings and row groups are fixed; metadata of the table (pandas' index, times)
     is dropped.
+
+    Args:
+        table: the rows.
+        path: of the file.
+        keep: keys of metadata that stay.
     """
+    given = table.schema.metadata or {}
+    metadata = {key: given[key] for key in keep} or None
     with whole_file(path) as temporary:
         pq.write_table(
-            table.replace_schema_metadata(None).combine_chunks(),
+            table.replace_schema_metadata(metadata).combine_chunks(),
             temporary,
             row_group_size=_ROW_GROUP_ROWS,
             compression=_COMPRESSION,

@@ -74,6 +74,16 @@ class GeoFrame:
         x, y, z = (float(value) for value in np.asarray(location_m, dtype=np.float64))
         return self._place(x, -y, z)
 
+    def places(self, locations_m: ArrayLike) -> FloatArray:
+        """Longitude, latitude (deg) and altitude (m) ``(N, 3)`` of world locations ``(N, 3)``.
+
+        One by one as :meth:`place` does: NumPy's own functions round as its version likes.
+        """
+        world = np.asarray(locations_m, dtype=np.float64).reshape(-1, 3).tolist()
+        found = [self._place(x, -y, z) for x, y, z in world]
+        rows = [(place.longitude_deg, place.latitude_deg, place.altitude_m) for place in found]
+        return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
     def location(self, place: GeoPoint) -> FloatArray:
         """World location ``(3,)`` of a position, the inverse of ``place``."""
         forward = _mercator if self.projection == "spherical_mercator" else _transverse_mercator

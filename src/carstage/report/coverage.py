@@ -34,6 +34,10 @@ _EGO_COLOURS: tuple[RgbColour, ...] = (
 )  # fmt: skip
 _VEHICLE: RgbColour = (74, 118, 190)
 _WALKER: RgbColour = (200, 84, 84)
+_LANE_EDGE: RgbColour = (64, 70, 82)
+_MARKING: tuple[RgbColour, RgbColour] = (120, 126, 136), (140, 118, 52)
+_CROSSWALK: RgbColour = (96, 132, 150)
+_STOP_LINE: RgbColour = (190, 110, 70)
 
 Points = dict[str, list[tuple[float, float]]]
 """Right and down, by group of road users."""
@@ -62,7 +66,7 @@ def coverage_section(episodes: Sequence[Episode]) -> str:
         "<h2>Where and when</h2>"
         '<p class="soft">North is up. Bright lines are the egos, one colour per episode, a dot '
         "where they end; blue are other vehicles, red pedestrians. The ground is what LiDAR "
-        "measured on the way.</p>"
+        "measured on the way, thin lines are the town's vector map.</p>"
         f'<div class="grid maps">{"".join(pictures)}</div>'
         f"<h3>Frames by map and weather</h3>{_weather_table(by_map)}"
     )
@@ -114,6 +118,7 @@ def _map_picture(episodes: Sequence[Episode]) -> Image.Image:
     canvas = _Canvas.around(np.concatenate(egos or everywhere or [np.zeros((1, 2))]))
     picture = Image.fromarray(_ground(episodes, canvas))
     draw = ImageDraw.Draw(picture)
+    _town(draw, canvas, episodes)
     for found in tracks:
         for kind, is_ego, path in found:
             if not is_ego:
@@ -165,6 +170,28 @@ def _ground(episodes: Sequence[Episode], canvas: _Canvas) -> NDArray[np.uint8]:
         grey = 46.0 + 90.0 * np.clip((highest[seen] - floor) / 8.0, 0.0, 1.0)
         picture[seen] = grey[:, None].astype(np.uint8)
     return picture
+
+
+def _town(draw: ImageDraw.ImageDraw, canvas: _Canvas, episodes: Sequence[Episode]) -> None:
+    """The town's lanes in outline, where one of the episodes has its vector map."""
+    for episode in episodes:
+        try:
+            town = episode.vector_map()
+        except DatasetError:
+            continue  # the validation reports it
+        if town is not None:
+            break
+    else:
+        return
+    edges = [
+        (lane.left_boundary, lane.right_boundary) for lane in town.lanes if lane.type != "none"
+    ]
+    shapes = [*((line, _LANE_EDGE) for pair in edges for line in pair)]
+    shapes += [(mark.line, _MARKING[mark.colour == "yellow"]) for mark in town.markings]
+    shapes += [(walk.outline, _CROSSWALK) for walk in town.crosswalks]
+    shapes += [(stop.line, _STOP_LINE) for stop in town.stop_lines]
+    for line, colour in shapes:
+        draw.line([tuple(point) for point in canvas.pixels(line).tolist()], fill=colour)
 
 
 def _sweeps(episode: Episode, wanted: int) -> list[NDArray[np.float64]]:

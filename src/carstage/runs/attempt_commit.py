@@ -197,6 +197,8 @@ class AttemptCommit:
             converted = self._conversion.finish()
             if converted.opendrive is not None:
                 self._store.keep_map(converted.opendrive)
+            if converted.vector_map is not None:
+                self._store.keep_map(converted.vector_map, "parquet")
             header = json.loads((self.raw_folder / "episode.json").read_bytes())
             self._store.commit(
                 self.job.episode_id,

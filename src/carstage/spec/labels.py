@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Tuple
 
 from carstage.spec.fields import Fields
+from carstage.spec.plain import LEFT_OUT
 
 METHODS = ("stage_vo", "pixels", "both")
 BOXES = ("2d", "3d")
@@ -64,6 +65,7 @@ class LabelsSpec:
         stage_vo_tolerance_m: how much nearer the depth must be to occlude; 0 is the paper.
         stage_vo_strict: level 2 instead of 3 when no vertex lies in the image.
         stage_vo_vote: compare with the diagonal neighbours instead of the vertex's own pixel.
+        vector_map: whether the dataset gets the town's vector map.
     """
 
     method: str = "both"
@@ -74,6 +76,7 @@ class LabelsSpec:
     stage_vo_tolerance_m: float = 0.0
     stage_vo_strict: bool = False
     stage_vo_vote: bool = False
+    vector_map: bool = field(default=True, metadata=LEFT_OUT)
 
     @classmethod
     def read(cls, fields: Fields) -> LabelsSpec:
@@ -94,6 +97,7 @@ class LabelsSpec:
             else given.stage_vo_tolerance_m,
             stage_vo_strict="stage_vo_strict" in fields and fields.flag("stage_vo_strict"),
             stage_vo_vote="stage_vo_vote" in fields and fields.flag("stage_vo_vote"),
+            vector_map="vector_map" not in fields or fields.flag("vector_map"),
         )
 
     @property

@@ -23,7 +23,7 @@ from carstage.files.whole import flush_folder, make_folders
 from carstage.storage.attempt_files import FolderFiles
 from carstage.storage.description import describe_dataset, read_description
 from carstage.storage.disk import disk_error
-from carstage.storage.maps import map_name
+from carstage.storage.maps import MapKind, map_name
 from carstage.storage.marker import CommitMarker, FileEntry, read_marker
 from carstage.storage.names import ATTEMPT, NAME, check_attempt
 from carstage.storage.store import AttemptSize, Lease, Store
@@ -229,10 +229,10 @@ class LocalStore(Store):
         self._remove_leases(episode_id)
         return marker
 
-    def keep_map(self, opendrive: bytes) -> str:
-        """``maps/<digest>.xodr`` by a link from a whole file; see ``Store.keep_map``."""
-        named = hash_of(opendrive)
-        path = self.root / map_name(named)
+    def keep_map(self, content: bytes, kind: MapKind = "xodr") -> str:
+        """``maps/<digest>.<kind>`` by a link from a whole file; see ``Store.keep_map``."""
+        named = hash_of(content)
+        path = self.root / map_name(named, kind)
         if not path.exists():
             try:
                 path.parent.mkdir(exist_ok=True)
@@ -240,7 +240,7 @@ class LocalStore(Store):
                 raise disk_error(error, str(path.parent)) from error
             flush_folder(self.root)
             with suppress(FileExistsError):
-                self._create_if_absent(path, opendrive)
+                self._create_if_absent(path, content)
         return named
 
     def discard_attempt(self, episode_id: str, attempt: str) -> None:

@@ -22,7 +22,7 @@ from carstage.errors import (
 from carstage.files.hashing import hash_of
 from carstage.storage.attempt_files import AttemptFiles, FileWriter
 from carstage.storage.description import describe_dataset, parse_description
-from carstage.storage.maps import map_name
+from carstage.storage.maps import MapKind, map_name
 from carstage.storage.marker import CommitMarker, FileEntry
 from carstage.storage.names import ATTEMPT, check_attempt
 from carstage.storage.remote_files import RemoteFiles, remote_files
@@ -209,12 +209,12 @@ class ObjectStore(Store):
         self._remove_leases(episode_id)
         return marker
 
-    def keep_map(self, opendrive: bytes) -> str:
-        """``maps/<digest>.xodr``, where it is not there; see ``Store.keep_map``."""
-        named = hash_of(opendrive)
-        name = map_name(named)
-        if self._files.size(name) != len(opendrive):
-            self._files.write(name, opendrive)
+    def keep_map(self, content: bytes, kind: MapKind = "xodr") -> str:
+        """``maps/<digest>.<kind>``, where it is not there; see ``Store.keep_map``."""
+        named = hash_of(content)
+        name = map_name(named, kind)
+        if self._files.size(name) != len(content):
+            self._files.write(name, content)
         return named
 
     def discard_attempt(self, episode_id: str, attempt: str) -> None:

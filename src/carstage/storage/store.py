@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from carstage.storage.attempt_files import AttemptFiles
+from carstage.storage.maps import MapKind
 from carstage.storage.marker import CommitMarker, FileEntry
 from carstage.storage.remote_path import DatasetPath
 
@@ -54,7 +55,8 @@ class Store(ABC):
       removes its own attempt, leaves the winner's files alone and raises ``EpisodeExistsError``.
     * A reader never sees half a marker, and every file that a marker lists is durable before it.
     * Nothing that was committed is ever overwritten or removed.
-    * A town's OpenDRIVE text stands once, under its hash, however many episodes are of the town.
+    * A town's OpenDRIVE text and its vector map stand once, under their hashes, however many
+      episodes are of the town.
     """
 
     @property
@@ -211,14 +213,15 @@ class Store(ABC):
         """
 
     @abstractmethod
-    def keep_map(self, opendrive: bytes) -> str:
-        """Make sure that the dataset has a town's OpenDRIVE text; it is durable on return.
+    def keep_map(self, content: bytes, kind: MapKind = "xodr") -> str:
+        """Make sure that the dataset has a town's map; it is durable on return.
 
         Called before the ``commit`` of an episode whose ``episode.json`` names it, also at the
         same time by several.
 
         Args:
-            opendrive: the text as it stands in the file.
+            content: an OpenDRIVE text or a vector map, as it stands in the file.
+            kind: which of them, by the ending of the file's name.
 
         Returns:
             Its named hash, ``blake3:<hex>``; see ``map_name`` for the place.

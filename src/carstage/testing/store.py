@@ -17,6 +17,7 @@ from carstage.files.bounded import read_bounded
 from carstage.files.hashing import hash_of
 from carstage.storage import Store
 from carstage.storage.attempt_files import write_document
+from carstage.storage.maps import map_name
 from carstage.storage.marker import FileEntry
 
 _EPISODE = "0123456789abcdef"
@@ -66,6 +67,9 @@ class StoreTests:
         assert named == "blake3:6437b3ac38465133ffb63b75273a8db548c558465d79db03fd359c6cd5bd9d85"
         assert self.open(place).keep_map(b"abc") == named
         assert store.keep_map(b"abd") != named
+        assert store.keep_map(b"abc", "parquet") == named
+        for kind in ("xodr", "parquet"):
+            assert read_bounded(store.root / map_name(named, kind)) == b"abc"
 
     def test_maps_may_be_kept_at_the_same_time(self, place: Path, store: Store) -> None:
         start, found = threading.Barrier(6), list[str]()

@@ -18,6 +18,7 @@ from carstage.validation.checks.pictures import check_repeated_episodes
 from carstage.validation.checks.population import check_population
 from carstage.validation.checks.splits import check_splits
 from carstage.validation.checks.tag_images import check_tag_table
+from carstage.validation.checks.vector_maps import VectorMapChecks
 
 REPORT_FORMAT = 1
 
@@ -84,7 +85,7 @@ def validate_dataset(
     total = sum(episode.frames for episode in dataset.episodes)
     figures = Figures()
     everything: list[Findings] = []
-    maps = MapChecks()
+    maps, vector_maps = MapChecks(), VectorMapChecks()
     for episode in dataset.episodes:
         findings = Findings(episode.id)
         everything.append(findings)
@@ -96,6 +97,7 @@ def validate_dataset(
             findings.add("unreadable", str(error))
             figures.frames = before + episode.frames
         maps.check(episode, findings)
+        vector_maps.check(episode, findings)
     findings = Findings(None)
     everything.append(findings)
     if not dataset.episodes:

@@ -11,11 +11,12 @@ from typing import Any
 import pytest
 
 import analytic_scene
-from carstage.dataset import Dataset
+import small_maps
+from carstage.dataset import Dataset, Episode
 from carstage.errors import ConverterDiedError
 from carstage.files.hashing import hash_of
 from carstage.rawlog.reader import EpisodeLog
-from carstage.rawlog.writing import write_episode_file
+from carstage.rawlog.writing import write_episode_file, write_map_file
 from carstage.runs.attempt_commit import AttemptCommit, Job
 from carstage.storage.local import LocalStore
 
@@ -122,3 +123,45 @@ def test_recording_without_the_town_s_text_makes_a_dataset_without_it(tmp_path: 
         attempt_commit.commit()
     assert not (tmp_path / "out" / "maps").exists()
     assert Dataset(tmp_path / "out").episodes[0].opendrive() is None
+
+
+def _committed(tmp_path: Path, opendrive: str, **labels: Any) -> Episode:
+    """An episode of the analytic scene in a town of some text."""
+    raw = tmp_path / "raw"
+    header = analytic_scene.write_raw_log(raw)
+    header["map_crc32"] = write_map_file(str(raw), opendrive)
+    header["spec"]["labels"] = {**header["spec"].get("labels", {}), **labels}
+    write_episode_file(str(raw), header)
+    store = LocalStore(tmp_path / "out")
+    store.initialise("test")
+    job: Any = Job(SimpleNamespace(saved_frames=6), header["episode_id"])
+    with ThreadPoolExecutor(1) as pool:
+        attempt_commit = AttemptCommit(job, "a1", raw, store, pool, {}, deferred=True)
+        attempt_commit.convert_all(pool)
+        attempt_commit.commit()
+    (episode,) = Dataset(tmp_path / "out").episodes
+    return episode
+
+
+def test_the_town_s_vector_map_is_kept_beside_its_text(tmp_path: Path) -> None:
+    episode = _committed(tmp_path, small_maps.parking_street())
+    town = episode.vector_map()
+    assert town is not None
+    assert {lane.type for lane in town.lanes} == {"driving", "parking", "sidewalk"}
+    assert "vector_map_problem" not in episode.document
+    assert {path.suffix for path in (tmp_path / "out" / "maps").iterdir()} == {".xodr", ".parquet"}
+
+
+def test_a_vector_map_that_is_not_asked_for_is_not_made(tmp_path: Path) -> None:
+    episode = _committed(tmp_path, small_maps.hill_road(), vector_map=False)
+    assert episode.document["vector_map"] is None
+    assert episode.vector_map() is None
+    assert episode.opendrive() == small_maps.hill_road()
+
+
+def test_a_text_that_is_no_map_costs_the_map_and_not_the_recording(tmp_path: Path) -> None:
+    text = small_maps.one_road().replace("<line/>", "<bezier/>")
+    episode = _committed(tmp_path, text)
+    assert episode.vector_map() is None
+    assert "road 1: a <geometry> has none of line" in episode.document["vector_map_problem"]
+    assert episode.opendrive() == text

@@ -14,6 +14,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "file_unlisted": "what spec and ledger promise was committed",
         "file_unexpected": "nothing else lies in an episode's folder",
         "map": "the town's OpenDRIVE text is there, and is the one that was committed",
+        "vector_map": "the town's vector map holds together and is what the OpenDRIVE text says",
         "splits": "the splits can be read, each has an episode, and every episode is there",
         "decode": "every file decodes",
         "image_size": "every image has the size of the calibration",

@@ -213,14 +213,15 @@ class Catalogue:
         for name in ("dataset.json", "splits.json"):
             if (found.path / name).is_file():
                 yield name, found.path / name
-        maps = set()
+        maps: set[DatasetPath] = set()
         for episode in self.episodes(found.dataset):
             inside = f"episodes/{episode.id}/{episode.marker.attempt}"
             for entry in episode.marker.files:
                 yield f"{inside}/{entry.path}", episode.folder / entry.path
-            if episode.map_file is not None and episode.map_file not in maps:
-                maps.add(episode.map_file)
-                yield f"maps/{episode.map_file.name}", episode.map_file
+            for path in (episode.map_file, episode.vector_map_file):
+                if path is not None and path not in maps:
+                    maps.add(path)
+                    yield f"maps/{path.name}", path
             marker = found.path / "commits" / f"{episode.id}.json"
             yield f"commits/{marker.name}", marker  # last: what is broken off is no episode
 

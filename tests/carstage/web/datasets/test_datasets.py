@@ -1,13 +1,20 @@
 """Datasets over the wire: lists, frames, pictures, points, tables, counts."""
 
 import io
+import json
+import shutil
+import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from analytic_dataset import attempt_of, recommit
 from carstage.dataset import Dataset
-from sites import Site
+from carstage.storage.local import LocalStore
+from carstage.storage.maps import map_name
+from sites import Site, open_site
 
 pytestmark = pytest.mark.xdist_group("web")  # one site for all
 
@@ -242,3 +249,16 @@ def test_rows_are_counted_by_class_beside_a_choice_of_class(site: Site) -> None:
     trucks = site.client.post(url, json={"table": "objects", "filters": [chosen]}).json()
     assert trucks["total"] == every["classes"]["truck"]
     assert trucks["classes"] == every["classes"]
+
+
+def test_a_dataset_is_sent_with_the_maps_of_its_towns(site: Site, tmp_path: Path) -> None:
+    town = Path(shutil.copytree(site.root / "town", tmp_path / "datasets" / "town"))
+    store = LocalStore(town)
+    named = {"opendrive": store.keep_map(b"a text"), "vector_map": store.keep_map(b"M", "parquet")}
+    path = attempt_of(town) / "episode.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | named))
+    recommit(town)
+    with open_site(town.parent) as client:
+        sent = zipfile.ZipFile(io.BytesIO(client.get("/api/datasets/town/files.zip").content))
+    for kind, name in zip(("xodr", "parquet"), named.values(), strict=True):
+        assert f"town/{map_name(name, kind)}" in sent.namelist()

@@ -62,7 +62,7 @@ def _crowd(weather: Weather, away: float) -> Shot:
 
 
 def _shots() -> Iterator[Shot]:
-    def alone(number: int, phase: int, turn_deg: float, name: str, weather: Weather) -> Shot:
+    def portrait(number: int, phase: int, turn_deg: float, name: str, weather: Weather) -> Shot:
         person = _placed(number, phase, (0.0, 0.0), 0.0)
         middle: Vector = (0.0, 0.0, float(person.location[2]))
         # Children as large in the picture as others.
@@ -70,15 +70,15 @@ def _shots() -> Iterator[Shot]:
         return Shot(name, [person], eye, rotation, _FOV_DEG, weather)
 
     for number in _STANDING:
-        yield alone(number, 0, 15.0, f"{number:04d}", DAY)
+        yield portrait(number, 0, 15.0, f"{number:04d}", DAY)
     for number in _ASIDE:
-        yield alone(number, 2, 80.0, f"{number:04d}, aside", DAY)
+        yield portrait(number, 2, 80.0, f"{number:04d}, aside", DAY)
     for number in _BEHIND:
-        yield alone(number, 26, 160.0, f"{number:04d}, behind", DAY)
+        yield portrait(number, 26, 160.0, f"{number:04d}, behind", DAY)
     for step in range(6):
-        yield alone(_WALKING, 1 + 8 * step, 90.0, f"walk, {step + 1} of 6", DAY)
+        yield portrait(_WALKING, 1 + 8 * step, 90.0, f"walk, {step + 1} of 6", DAY)
     for step in range(3):
-        yield alone(_RUNNING, WALK_PHASES + 1 + 10 * step, 90.0, f"run, {step + 1} of 3", DAY)
+        yield portrait(_RUNNING, WALK_PHASES + 1 + 10 * step, 90.0, f"run, {step + 1} of 3", DAY)
     yield _crowd(DAY, 10.0)
     yield _crowd(DAY, 25.0)
     yield _crowd(NIGHT, 10.0)

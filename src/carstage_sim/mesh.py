@@ -75,6 +75,12 @@ class Material(IntEnum):
     """Letters of light, as a bus shows its destination."""
     GLASS_DARK = 54
     """Glass before a dark room, which nobody sees through."""
+    CLOTH_ACCENT = 55
+    """Second colour of what covers the trunk: a pattern, or the shirt below a jacket."""
+    BAG = 56
+    """Bags and hats."""
+    LIPS = 57
+    SOLE = 58
 
 
 @dataclass(frozen=True, slots=True)

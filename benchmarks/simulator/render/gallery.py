@@ -1,4 +1,4 @@
-"""The pictures of the documentation: each preset, both qualities, each kind of sensor."""
+"""The pictures of the documentation: presets, qualities, sensors, people and vehicles."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from benchmarks.simulator.render.people_sheet import people_pictures
 from benchmarks.simulator.render.scene import ReferenceScene, named_presets, populate, rgb, town_of
+from benchmarks.simulator.render.vehicle_sheet import vehicle_pictures
 from carstage_sim.render.quality import Quality
 from carstage_sim.sensors import WorldSensors
 from carstage_sim.sensors.measurements import FlowFrame, ImageFrame, SemanticLidarFrame, SensorFrame
@@ -42,6 +44,8 @@ def paint_gallery(folder: Path, *, town: str, seed: int) -> list[str]:
                 2,
             ),
             "sensors": _sheet(_sensors(scene), 3),
+            "people": _sheet(people_pictures(200, 270), 6),
+            "vehicles": _sheet(vehicle_pictures(200, 126), 6),
         }
     for name, sheet in sheets.items():
         sheet.save(folder / f"{name}.jpg", quality=_QUALITY_OF_JPEG)

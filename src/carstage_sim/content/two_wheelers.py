@@ -5,17 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from carstage_sim.content.figures import Build as Dress
-from carstage_sim.content.figures import Pose, add_figure
 from carstage_sim.content.lofting import Array, ShapeBuilder, uniform
+from carstage_sim.content.riders import BICYCLES, add_rider
 from carstage_sim.content.vehicle_shapes import Build
-from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material
 
 Vector = tuple[float, float, float]
-
-
-_BICYCLES = (Build.BICYCLE, Build.CITY_BIKE)
 
 
 def add_two_wheeler(
@@ -36,7 +31,7 @@ def add_two_wheeler(
         wheel_radius: metres.
     """
     front, rear = axles
-    if build in _BICYCLES:
+    if build in BICYCLES:
         # Wheels of a bicycle reach to both ends, wherever its axles are said to be.
         radius = min(wheel_radius, 0.215 * (high[0] - low[0]))
         front, rear = high[0] - radius - 0.004, low[0] + radius + 0.004
@@ -53,10 +48,10 @@ def add_two_wheeler(
         Build.SCOOTER: _add_scooter,
     }[build]
     seat, grip, peg = machine(builder, front, rear, radius, low, high)
-    if build not in _BICYCLES:
+    if build not in BICYCLES:
         _add_mirrors(builder, grip, high[1])
         _add_tail(builder, low[0], rear, seat[2] - 0.20)
-    _add_rider(builder, build, low, high, seat, grip, peg)
+    add_rider(builder, build, low, high, seat, grip, peg)
 
 
 def _add_mirrors(builder: ShapeBuilder, grip: Array, reach: float) -> None:
@@ -505,105 +500,4 @@ def _add_scooter(
         _at(rear + 0.12 * base, 0.0, seat_z + 0.12),
         _at(bar[0], grip - 0.06, bar[2] + 0.02),
         _at(rear + 0.5 * base, 0.0, 0.34),
-    )
-
-
-def _add_rider(
-    builder: ShapeBuilder,
-    build: Build,
-    low: Vector,
-    high: Vector,
-    seat: Array,
-    grip: Array,
-    peg: Array,
-) -> None:
-    """A rider between seat, grips and pegs whose head touches the top of the box."""
-    crown = high[2] - 0.012
-    size = float(np.clip((crown - seat[2]) / 0.50, 1.35, 1.80))
-    unit = size / 1.80
-    lean = {
-        Build.BICYCLE: 0.24, Build.CITY_BIKE: 0.08, Build.MOTORCYCLE: 0.26, Build.CRUISER: 0.02,
-        Build.SCOOTER: 0.06,
-    }[build]  # fmt: skip
-    neck_z = crown - 0.27 * unit
-    pelvis = seat
-    neck = np.array([pelvis[0] + lean, 0.0, neck_z])
-    head = np.array([neck[0] + 0.05, 0.0, crown - 0.125 * unit])
-    half = min(0.17 * unit, high[1] - 0.06)
-    sides: list[dict[str, Array]] = []
-    for sign in (-1.0, 1.0):
-        mirror = np.array([1.0, sign, 1.0])
-        hip = pelvis + np.array([0.0, sign * 0.09 * unit, -0.02])
-        down = sign < 0 or build not in _BICYCLES
-        foot = peg + np.array([0.0, sign * 0.11, 0.0])
-        foot[2] += 0.0 if build not in _BICYCLES else (-0.10 if down else 0.16)
-        ankle = np.array([foot[0] - 0.04, foot[1], max(foot[2] + 0.07, 0.10)])
-        knee = (hip + ankle) / 2 + np.array([0.24 * unit, sign * 0.05, 0.06 * unit])
-        shoulder = neck + np.array([-0.01, sign * half, -0.07 * unit])
-        hand = grip * mirror
-        elbow = (shoulder + hand) / 2 + np.array([-0.05, sign * 0.05, -0.08]) * unit
-        # Elbows of cyclists stand out as far as the box does, those of others do not leave it.
-        room = high[1] - 0.044 * unit
-        wide = room if build in _BICYCLES else min(abs(elbow[1]), room)
-        elbow[1] = sign * wide
-        toe = ankle + np.array([0.15 * unit, 0.0, -0.05])
-        sides.append(
-            {
-                "hip": hip,
-                "knee": knee,
-                "ankle": ankle,
-                "toe": toe,
-                "shoulder": shoulder,
-                "elbow": elbow,
-                "hand": hand,
-            }
-        )
-    joints = {key: (sides[0][key], sides[1][key]) for key in sides[0]}
-    pose = Pose(pelvis=pelvis, neck=neck, head=head, **joints)
-    motor = build not in _BICYCLES
-    dress = Dress(
-        size=size,
-        width=min(0.22 * unit, high[1] * 0.9),
-        depth=0.115 * unit,
-        helmet=Material.SIGN_WHITE if not motor else Material.PAINT_BLACK,
-        upper=Material.PLASTIC_DARK if build is Build.CRUISER else Material.CLOTH_UPPER,
-        gloves=motor,
-    )
-    add_figure(builder, pose, dress, CityObjectLabel.RIDER)
-    if motor:
-        _add_full_helmet(builder, head, unit)
-    else:
-        _add_backpack(builder, pelvis, neck, unit)
-
-
-def _add_full_helmet(builder: ShapeBuilder, head: Array, unit: float) -> None:
-    """A helmet that closes round the chin, with a dark visor, in the machine's colour."""
-    up = np.array([0.0, 0.0, 1.0]) * unit
-    rings = head + up * np.array([-0.125, -0.09, -0.02, 0.06, 0.105, 0.122])[:, None]
-    builder.limb(
-        rings, np.array([0.07, 0.098, 0.112, 0.104, 0.07, 0.02]) * unit, Material.PAINT, sides=12,
-        squash=1.15, tag=CityObjectLabel.RIDER,
-    )  # fmt: skip
-    turn = np.radians(np.linspace(-62.0, 62.0, 7))
-    rows = []
-    for z, away in ((-0.045, 0.112), (-0.01, 0.118), (0.035, 0.113)):
-        x = head[0] + away * 1.16 * unit * np.cos(turn)
-        y = away * 1.01 * unit * np.sin(turn)
-        rows.append(np.stack([x, y, np.full_like(x, head[2] + z * unit)], axis=-1))
-    builder.grid(np.stack(rows), Material.GLASS_DARK, tag=CityObjectLabel.RIDER)
-
-
-def _add_backpack(builder: ShapeBuilder, pelvis: Array, neck: Array, unit: float) -> None:
-    """A bag on the back, with a reflecting strip."""
-    along = neck - pelvis
-    behind = np.array([-along[2], 0.0, along[0]]) / np.linalg.norm(along) * 0.15 * unit
-    line = pelvis + behind + along * np.array([0.30, 0.42, 0.75, 0.88])[:, None]
-    tag = CityObjectLabel.RIDER
-    builder.limb(
-        line, np.array([0.10, 0.14, 0.13, 0.07]) * unit, Material.CLOTH_LOWER, sides=8,
-        squash=0.6, tag=tag,
-    )  # fmt: skip
-    strip = line[1] + (line[2] - line[1]) * np.array([0.45, 0.60])[:, None]
-    builder.limb(
-        strip, np.array([0.143, 0.143]) * unit, Material.SIGN_YELLOW, sides=8, squash=0.62, tag=tag
     )

@@ -64,6 +64,9 @@ class Paint(IntEnum):
     LOWER = 2
     SKIN = 3
     HAIR = 4
+    ACCENT = 5
+    SHOES = 6
+    BAG = 7
 
 
 class MaterialAppearance(NamedTuple):
@@ -132,7 +135,7 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.SIGN_RED: MaterialAppearance((176, 22, 28), 0.5, 0.05),
     Material.LICENCE_PLATE: MaterialAppearance((224, 224, 218), 0.5, 0.05),
     Material.CROSSWALK_WHITE: MaterialAppearance((218, 218, 212), 0.7, 0.04, Detail.MARKING),
-    Material.SHOE: MaterialAppearance((34, 30, 28), 0.8, 0.03),
+    Material.SHOE: MaterialAppearance((34, 30, 28), 0.7, 0.03, paint=Paint.SHOES),
     Material.PAINT_WHITE: MaterialAppearance((236, 236, 232), 0.17, 0.05),
     Material.PAINT_SILVER: MaterialAppearance((176, 180, 184), 0.17, 0.05),
     Material.PAINT_GREY: MaterialAppearance((92, 96, 100), 0.17, 0.05),
@@ -148,6 +151,12 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.SIGN_YELLOW: MaterialAppearance((222, 226, 40), 0.5, 0.05),
     Material.DISPLAY: MaterialAppearance((214, 128, 20), 0.6, 0.02, glow=Glow.DISPLAY),
     Material.GLASS_DARK: MaterialAppearance((14, 17, 20), 0.03, 0.08),
+    Material.CLOTH_ACCENT: MaterialAppearance(
+        (186, 186, 182), 0.95, 0.02, Detail.CLOTH, paint=Paint.ACCENT
+    ),
+    Material.BAG: MaterialAppearance((58, 44, 36), 0.7, 0.03, paint=Paint.BAG),
+    Material.LIPS: MaterialAppearance((142, 78, 70), 0.6, 0.04),
+    Material.SOLE: MaterialAppearance((58, 54, 50), 0.9, 0.02),
 }
 
 

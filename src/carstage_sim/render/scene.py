@@ -34,6 +34,9 @@ PAINTS = len(Paint)
 PASSING = "@"
 """A model whose key has this mark is given up as soon as no frame shows it."""
 
+QUICK = "~"
+"""A model whose key has this mark is made as quickly as a stored one is read: it is not stored."""
+
 _log = logging.getLogger(__name__)
 
 
@@ -285,6 +288,7 @@ class SceneStore:
         static: the town's mesh, or None for an empty world.
         mesh_of: gives the mesh of a model key; called once per key.
         cache: folder of stored hierarchies; None stores none.
+        beside: gives the keys of models that are soon needed when one is; they are built with it.
     """
 
     def __init__(
@@ -293,8 +297,10 @@ class SceneStore:
         mesh_of: Callable[[str], TriangleMesh],
         *,
         cache: Path | None,
+        beside: Callable[[str], Sequence[str]] = lambda key: (),
     ) -> None:
         self._mesh_of = mesh_of
+        self._beside = beside
         self._cache = cache
         self._stale = False
         self._models: list[_Model] = []
@@ -330,11 +336,12 @@ class SceneStore:
 
     def prepare(self, keys: Sequence[str]) -> None:
         """Build models now, so that the first frame that shows them need not."""
-        for key in dict.fromkeys(keys):
+        new = [key for key in dict.fromkeys(keys) if key not in self._index]
+        for key in dict.fromkeys(one for first in new for one in (first, *self._beside(first))):
             if key in self._index:
                 continue
             mesh = self._mesh_of(key)
-            kept_in = None if PASSING in key else self._cache
+            kept_in = None if PASSING in key or QUICK in key else self._cache
             tree = cached_tree(mesh, kept_in) if kept_in is not None else None
             self._index[key] = len(self._models)
             self._models.append(_model(mesh, tree))

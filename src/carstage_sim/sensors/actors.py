@@ -10,21 +10,19 @@ from pathlib import Path
 import numpy as np
 
 from carstage_sim.content.doors import open_doors_mesh
-from carstage_sim.content.figures import Pose as Joints
-from carstage_sim.content.pedestrians import (
-    PHASES,
-    dress_of,
-    pedestrian_mesh,
-    walking_joints,
-)
+from carstage_sim.content.figures import Dress
+from carstage_sim.content.pedestrians import pedestrian_mesh, walking_joints
+from carstage_sim.content.people import colours_of, dress_of, stoop_m
+from carstage_sim.content.posing import Pose as Joints
 from carstage_sim.content.props import prop_mesh
 from carstage_sim.content.street_furniture import traffic_light_mesh
 from carstage_sim.content.vehicles import vehicle_mesh
+from carstage_sim.content.walking import PHASES, WALK_PHASES
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import Town
 from carstage_sim.mesh import TriangleMesh, merge_meshes
-from carstage_sim.render.scene import PASSING, Placement
+from carstage_sim.render.scene import PASSING, QUICK, Placement
 from carstage_sim.sensors.mesh_store import MeshStore
 from carstage_sim.world.blueprints import Blueprint, catalogue
 from carstage_sim.world.blueprints.props import has_shape
@@ -39,34 +37,22 @@ _BARE_STEEL = (152, 156, 160)
 
 Colour = tuple[int, int, int]
 
-_CLOTHES: tuple[Colour, ...] = (
-    (44, 62, 96), (150, 42, 40), (206, 202, 192), (58, 60, 62), (60, 98, 72), (176, 136, 70),
-    (104, 70, 110), (74, 128, 160), (190, 110, 84), (30, 32, 38), (128, 132, 136), (212, 170, 60),
-)  # fmt: skip
-_TROUSERS: tuple[Colour, ...] = (
-    (42, 52, 78), (36, 36, 40), (112, 98, 78), (72, 76, 82), (28, 34, 52), (92, 70, 54),
-)  # fmt: skip
-_SKINS: tuple[Colour, ...] = (
-    (224, 182, 154), (198, 150, 120), (166, 116, 86), (122, 82, 60), (86, 58, 44),
-)  # fmt: skip
-_HAIRS: tuple[Colour, ...] = (
-    (40, 28, 22), (24, 20, 18), (92, 62, 38), (150, 116, 70), (128, 126, 124),
-)  # fmt: skip
-
 
 def _colours(state: WorldState, row: int) -> tuple[Colour, ...]:
     """Paint, clothes, skin and hair of an actor; what no attribute says follows from its id."""
     red, green, blue = state.colour[row].tolist()
     own = (red, green, blue)
-    seed = hashlib.sha256(f"{state.type_id[row]} {state.actor_id[row]}".encode()).digest()
+    body = colours_of(state.type_id[row], int(state.actor_id[row]))
     walker = state.kind[row] == ActorKind.WALKER
-    upper = own if walker and any(own) else _CLOTHES[seed[0] % len(_CLOTHES)]
     return (
         own if any(own) else _BARE_STEEL,
-        upper,
-        _TROUSERS[seed[1] % len(_TROUSERS)],
-        _SKINS[seed[2] % len(_SKINS)],
-        _HAIRS[seed[3] % len(_HAIRS)],
+        own if walker and any(own) else body["upper"],
+        body["lower"],
+        body["skin"],
+        body["hair"],
+        body["accent"],
+        body["shoes"],
+        body["bag"],
     )
 
 
@@ -92,7 +78,7 @@ class ActorModels:
         self._light_keys = [f"traffic_light#{heads.index(head)}" for head in heads]
         self._figures: dict[str, str] = {}
         self._posed: dict[str, Joints] = {}
-        self._stand_ins: dict[tuple[int, tuple[float, float, float]], str] = {}
+        self._stand_ins: dict[tuple[Dress, float, tuple[float, float, float]], str] = {}
         stored = MeshStore(self._built_in, self._identity, cache)
         self.mesh: Callable[[str], TriangleMesh] = meshes if meshes is not None else stored
 
@@ -102,10 +88,18 @@ class ActorModels:
         if blueprint is None:
             return ()
         if blueprint.kind == ActorKind.WALKER:
-            figure = self._figure(type_id)
-            return tuple(f"{figure}#{phase}" for phase in range(PHASES + 1))
+            return self.beside(f"{self._figure(type_id)}{QUICK}0")
         shown = blueprint.kind == ActorKind.VEHICLE or has_shape(type_id)
         return (type_id,) if shown else ()
+
+    def beside(self, key: str) -> tuple[str, ...]:
+        """Model keys that are soon needed where one is: those of a walk or of a run."""
+        figure, mark, phase = key.partition(QUICK)
+        if not mark:
+            return ()
+        walks = int(phase) <= WALK_PHASES
+        phases = range(WALK_PHASES + 1) if walks else range(WALK_PHASES + 1, PHASES + 1)
+        return tuple(f"{figure}{QUICK}{one}" for one in phases)
 
     def placements(self, state: WorldState) -> list[Placement]:
         """The actors of a frame that have a shape, in the state's order."""
@@ -143,7 +137,7 @@ class ActorModels:
         figure = self._figure(state.type_id[row])
         joints = state.figures.get(int(state.actor_id[row]))
         if joints is None:
-            return f"{figure}#{self._phase(state, row)}"
+            return f"{figure}{QUICK}{self._phase(state, row)}"
         digest = hashlib.sha256(b"".join(np.asarray(j).tobytes() for j in astuple(joints)))
         key = f"{figure}{PASSING}{digest.hexdigest()[:16]}"
         self._posed = {**self._posed, key: joints} if len(self._posed) < _POSED else {key: joints}
@@ -155,23 +149,25 @@ class ActorModels:
         if known is None:
             blueprint = self._catalogue.get(type_id)
             size = blueprint.box_extent if blueprint is not None else (0.0, 0.0, 0.0)
-            known = self._stand_ins.setdefault((dress_of(type_id), size), type_id)
+            kind = (dress_of(type_id), stoop_m(type_id), size)
+            known = self._stand_ins.setdefault(kind, type_id)
             self._figures[type_id] = known
         return known
 
-    @staticmethod
-    def _phase(state: WorldState, row: int) -> int:
+    def _phase(self, state: WorldState, row: int) -> int:
+        blueprint = self._catalogue.get(state.type_id[row])
         return walk_phase(
             int(state.actor_id[row]),
             state.location[row],
             float(state.rotation_deg[row, Rotation.YAW]),
             state.velocity[row],
+            blueprint.box_extent if blueprint is not None else (0.0, 0.0, 0.0),
         )
 
     def _identity(self, key: str) -> str | None:
-        """What the mesh of a key follows from, apart from the code; None if it is of one moment."""
+        """What the mesh of a key follows from, apart from the code; None if it is not stored."""
         name, _, number = key.partition("#")
-        if PASSING in key:
+        if PASSING in key or QUICK in key:
             return None
         if name == "traffic_light":
             return f"{name} {self._town.traffic_lights[int(number)].head}"
@@ -184,13 +180,14 @@ class ActorModels:
         if PASSING in key:
             name = key.partition(PASSING)[0]
             return pedestrian_mesh(name, self._catalogue[name].box_extent, self._posed[key])
+        if QUICK in key:
+            name, _, phase = key.partition(QUICK)
+            extent = self._catalogue[name].box_extent
+            return pedestrian_mesh(name, extent, walking_joints(name, extent, int(phase)))
         name, _, number = key.partition("#")
         if name == "traffic_light":
             return traffic_light_mesh(self._town.traffic_lights[int(number)].head)
         blueprint = self._catalogue[name]
-        if blueprint.kind == ActorKind.WALKER:
-            joints = walking_joints(blueprint.box_extent, int(number))
-            return pedestrian_mesh(name, blueprint.box_extent, joints)
         if has_shape(name):
             return prop_mesh(name, blueprint.box_extent)
         return _vehicle_mesh(name, blueprint, int(number or 0))

@@ -73,7 +73,9 @@ class WorldSensors:
             self._caster, self._cameras = caster, GpuCameras(caster, quality)
         folder = cache if cache is not None else cache_folder()
         self._models = ActorModels(town, meshes, cache=folder / "meshes")
-        self._store = SceneStore(town.static_mesh, self._models.mesh, cache=folder / "trees")
+        self._store = SceneStore(
+            town.static_mesh, self._models.mesh, cache=folder / "trees", beside=self._models.beside
+        )
         self._pictures = PictureMaker(self._caster, quality)
         self._known = KnownSensors(town, loop)
         self.instant = InstantSensors(KnownSensors(town, loop), self._view)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.content.figures import Pose as Joints
+from carstage_sim.content.posing import Pose as Joints
 from carstage_sim.maps.town import Town
 from carstage_sim.world.signals.traffic_lights import TrafficLightState, TrafficLightSystem
 from carstage_sim.world.snapshot import (

@@ -9,7 +9,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.content.figures import Pose as Joints
+from carstage_sim.content.posing import Pose as Joints
 from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.town_changes import TownChanges
 

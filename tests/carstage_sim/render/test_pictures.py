@@ -12,7 +12,7 @@ from carstage_sim.render.caster import RayCaster, picture_packets
 from carstage_sim.render.film import Film
 from carstage_sim.render.materials import APPEARANCES
 from carstage_sim.render.picture import Picture, PictureMaker
-from carstage_sim.render.scene import Placement
+from carstage_sim.render.scene import PAINTS, Placement
 from carstage_sim.sensors.view import Camera, pixel_rays
 from carstage_sim.world.state import Weather
 from ray_scenes import frame_of, turned_box
@@ -133,7 +133,7 @@ def test_a_second_pane_shows_the_street_beyond_darker():
 
 def test_paint_takes_the_instances_colour():
     def colour(srgb):
-        codes, hits = paint(with_box(colours=(srgb,) * 5))
+        codes, hits = paint(with_box(colours=(srgb,) * PAINTS))
         return codes[(hits.row == 0).reshape(48, 64)].astype(int).mean(axis=0)
 
     red, blue = colour((200, 10, 10)), colour((10, 10, 200))

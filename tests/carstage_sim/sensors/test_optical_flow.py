@@ -170,8 +170,9 @@ def walking(frame: int, *, step_m: float = WALKED_M, yaw: float = 90.0):
 def figure_of(world):
     """``(T, 3, 3)`` corners of the walker's triangles in the world, from its joints."""
     blueprint = catalogue()["walker.pedestrian.0001"]
-    phase = walk_phase(9, world.location[0], world.rotation_deg[0, 1], world.velocity[0])
-    joints = walking_joints(blueprint.box_extent, phase)
+    extent = blueprint.box_extent
+    phase = walk_phase(9, world.location[0], world.rotation_deg[0, 1], world.velocity[0], extent)
+    joints = walking_joints(blueprint.id, extent, phase)
     mesh = pedestrian_mesh(blueprint.id, blueprint.box_extent, joints)
     pose = pose_matrix(world.location[0], world.rotation_deg[0])
     return mesh.vertices[mesh.triangles].astype(float) @ pose[:3, :3].T + pose[:3, 3]
@@ -231,7 +232,8 @@ def between_pixels(picture, x, y):
 @pytest.mark.parametrize("yaw", [90.0, -60.0, 20.0])
 def test_warping_with_flow_explains_pedestrians(sensors, step_m, yaw):
     """Each picture is the one before, moved by the flow, on a pedestrian's pixels too."""
-    lens = LENS | {"image_size_x": 2 * WIDTH, "image_size_y": 2 * HEIGHT}
+    # Fine enough for faces and patterns of clothes, which else differ by being sampled twice.
+    lens = LENS | {"image_size_x": 4 * WIDTH, "image_size_y": 4 * HEIGHT}
     pictures, errors = [], []
     for frame in range(1, 9):
         rig = [
@@ -239,7 +241,7 @@ def test_warping_with_flow_explains_pedestrians(sensors, step_m, yaw):
             for k, kind in enumerate(("rgb", "optical_flow", "instance_segmentation"))
         ]
         frames = dict(sensors.capture(walking(frame, step_m=step_m, yaw=yaw), rig))
-        flow = frames[201].flow.astype(float) * (WIDTH, -HEIGHT)
+        flow = frames[201].flow.astype(float) * (2 * WIDTH, -2 * HEIGHT)
         walker = frames[202].pixels[..., 1] == 9
         pictures.append((frames[200].pixels[..., :3].astype(float), flow, walker))
     for (before, _, _), (now, flow, walker) in itertools.pairwise(pictures):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from carstage_sim.content.walking import WALK_PHASES
 from carstage_sim.mesh import TriangleMesh
 from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from carstage_sim.sensors.looping import Looping
@@ -283,6 +284,6 @@ def test_shapes_that_are_expected_are_made_before_a_sensor_looks(trees):
         sensors.capture(state(1, **WORLD), [request("camera.depth", 10)])
         assert made == ["vehicle.tesla.model3"]
         sensors.expect("walker.pedestrian.0001")
-        assert len(set(made)) == 1 + 9, "one that stands and eight that walk"
+        assert len(set(made)) == 1 + 1 + WALK_PHASES, "one that stands, and all of a walk"
         sensors.expect("sensor.other.imu")
-        assert len(made) == 10
+        assert len(made) == 2 + WALK_PHASES

@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
+from carstage_sim.content.people import CHILDREN, COUNT, ELDERLY, FEMALE, SMALL_CHILDREN
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.world.blueprints.model import Attribute, AttributeType, Blueprint
 from carstage_sim.world.state import ActorKind
 from carstage_sim.world.vehicles.parameters import Vector3
 
-_COUNT = 50
-_SMALL_CHILDREN = (9, 10, 11, 48, 49)
-_CHILDREN = (12, 13, 14)
-_POLICE = (30, 32)
-_ELDERLY = (20, 27, 34, 42, 46)
-_FEMALE = (1, 5, 6, 7, 8, 9, 10, 11, 15, 19, 20, 22, 23, 24, 25, 31, 33, 35, 36, 37, 40, 41, 48)
 # Standing, walking and running, m/s.
 _ADULT_SPEEDS = ("0.0", "1.6", "2.6")
 _CHILD_SPEEDS = ("0.0", "1.1", "2.0")
 
 
 def _age(number: int) -> str:
-    if number in _SMALL_CHILDREN or number in _CHILDREN:
+    if number in SMALL_CHILDREN or number in CHILDREN:
         return "child"
-    return "elderly" if number in _ELDERLY else "adult"
+    return "elderly" if number in ELDERLY else "adult"
 
 
 def _extent(number: int) -> Vector3:
     # CARLA's capsules: the same for all adults, two sizes of children.
-    if number in _SMALL_CHILDREN:
+    if number in SMALL_CHILDREN:
         return (0.25, 0.25, 0.55)
-    if number in _CHILDREN:
+    if number in CHILDREN:
         return (0.187679, 0.187679, 0.65)
     return (0.187679, 0.187679, 0.93)
 
@@ -43,7 +38,7 @@ def _pedestrian(number: int) -> Blueprint:
         tags=f"walker,pedestrian,{number:04d}",
         attributes=(
             Attribute("role_name", text, "pedestrian", ("pedestrian",)),
-            Attribute("gender", text, "female" if number in _FEMALE else "male", modifiable=False),
+            Attribute("gender", text, "female" if number in FEMALE else "male", modifiable=False),
             Attribute("age", text, age, modifiable=False),
             Attribute("generation", AttributeType.INT, "2", modifiable=False),
             Attribute("speed", AttributeType.FLOAT, speeds[0], speeds),
@@ -74,4 +69,4 @@ def walker_blueprints() -> list[Blueprint]:
         box_extent=(0.0, 0.0, 0.0),
         semantic_tags=(),
     )
-    return [controller, *(_pedestrian(number) for number in range(1, _COUNT + 1))]
+    return [controller, *(_pedestrian(number) for number in range(1, COUNT + 1))]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from carstage_sim.content.figures import Pose as Joints
 from carstage_sim.content.pedestrians import walking_joints
+from carstage_sim.content.posing import Pose as Joints
 from carstage_sim.content.skeleton import (
     BONES,
     Transforms,
@@ -111,8 +111,9 @@ def _animated(table: ActorTable, walker: Actor) -> Transforms:
         table.location[row],
         float(table.rotation_deg[row, Rotation.YAW]),
         table.velocity[row],
+        walker.box_extent,
     )
-    joints = walking_joints(walker.box_extent, phase)
+    joints = walking_joints(walker.type_id, walker.box_extent, phase)
     return relative_transforms(component_from_bones(joints, walker.box_extent[2]))
 
 

@@ -1,15 +1,18 @@
-"""Which pose of its walk a pedestrian is in."""
+"""Which pose of its gait a pedestrian is in."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.content.pedestrians import PHASES
-
-_STRIDE_M = 1.35
-"""Way of two steps; the legs swing with the distance walked."""
-_STANDING_M_S = 0.15
+from carstage_sim.content.walking import (
+    RUN_PHASES,
+    WALK_PHASES,
+    Vector,
+    gait_at,
+    size_m,
+    stride_m,
+)
 
 
 def walk_phase(
@@ -17,12 +20,19 @@ def walk_phase(
     location: NDArray[np.float64],
     yaw_deg: float,
     velocity: NDArray[np.float64],
+    extent: Vector,
 ) -> int:
-    """Phase of the walk, 0 for standing, else 1 to 8; a function of this frame alone."""
-    speed = float(np.hypot(velocity[0], velocity[1]))
-    if speed < _STANDING_M_S:
+    """Phase of a figure as :func:`carstage_sim.content.walking.joints_at` counts them.
+
+    A function of this frame alone: the legs move with the way along the heading, so that a foot on
+    the ground stays where it is. ``extent`` is that of the walker's box.
+    """
+    size = size_m(extent)
+    gait = gait_at(size, float(np.hypot(velocity[0], velocity[1])))
+    if gait == "stand":
         return 0
     yaw = np.radians(yaw_deg)
     way = location[0] * np.cos(yaw) + location[1] * np.sin(yaw)
-    turns = float(way) / _STRIDE_M + actor_id * 0.37
-    return 1 + int(turns % 1.0 * PHASES) % PHASES
+    turns = float(way) / stride_m(size, gait) + actor_id * 0.37
+    first, count = (0, WALK_PHASES) if gait == "walk" else (WALK_PHASES, RUN_PHASES)
+    return first + 1 + int(turns % 1.0 * count) % count

@@ -12,6 +12,8 @@ from carstage.config.timing import Timing
 from carstage.spec import EVENT_SPECS
 
 MOST_EVENTS = 100
+SLOWEST_PASSED_M_S = 1.0
+"""A car that an oncoming one passes drives at least that fast."""
 
 
 def _number(kind: str, name: str, title: str, description: str, unit: str) -> Any:
@@ -125,6 +127,40 @@ class StoppedVehicle(Section):
         return self
 
 
+class OncomingOvertaker(Section):
+    """A car that comes towards the ego passes another one in the ego's lane, and moves back."""
+
+    kind: Literal["oncoming_overtaker"] = _kind("Event", "An oncoming car passes another one.")
+    at_s: float = _at_s("oncoming_overtaker")
+    distance_m: float = _number(
+        "oncoming_overtaker", "distance_m", "Distance", "From the ego, as it swings out.", "m"
+    )
+    speed_m_s: float = _number(
+        "oncoming_overtaker", "speed_m_s", "Speed", "How fast it passes.", "m/s"
+    )
+    slower_m_s: float = _number(
+        "oncoming_overtaker",
+        "slower_m_s",
+        "Slower by",
+        "How much slower the other car drives; at least 1 m/s remain.",
+        "m/s",
+    )
+    change_s: float = _number(
+        "oncoming_overtaker", "change_s", "Change", "How long it moves over, and back.", "s"
+    )
+
+    @model_validator(mode="after")
+    def _check_slower(self) -> OncomingOvertaker:
+        most_m_s = self.speed_m_s - SLOWEST_PASSED_M_S
+        if self.slower_m_s > most_m_s:
+            raise problem(
+                f"slower by {self.slower_m_s:g} m/s than {self.speed_m_s:g}, the other car stands.",
+                f"Give at most {most_m_s:g}, or a larger speed_m_s.",
+                "slower_m_s",
+            )
+        return self
+
+
 def _check_trigger(trigger_m: float, distance_m: float) -> None:
     if trigger_m > distance_m:
         raise problem(
@@ -135,7 +171,8 @@ def _check_trigger(trigger_m: float, distance_m: float) -> None:
 
 
 Event = Annotated[
-    PedestrianCrosses | HardBrakingLeader | CutIn | StoppedVehicle, Discriminator("kind")
+    PedestrianCrosses | HardBrakingLeader | CutIn | StoppedVehicle | OncomingOvertaker,
+    Discriminator("kind"),
 ]
 Events = Annotated[tuple[Event, ...], Strict(strict=False)]
 

@@ -132,8 +132,33 @@ class StoppedVehicle(EventSpec):
     stand_s: float = quantity(5.0, 0.0, 300.0)
 
 
+@dataclass(frozen=True)
+class OncomingOvertaker(EventSpec):
+    """A car that comes towards the ego passes another one in the ego's lane.
+
+    Attributes:
+        distance_m: from the ego to it, as it begins to swing out.
+        speed_m_s: how fast it passes.
+        slower_m_s: how much slower the other car drives.
+        change_s: how long it takes to move over, and how long to move back.
+    """
+
+    kind: str = named("oncoming_overtaker")
+    distance_m: float = quantity(70.0, 20.0, 200.0)
+    speed_m_s: float = quantity(13.0, 3.0, 30.0)
+    slower_m_s: float = quantity(10.0, 2.0, 25.0)
+    change_s: float = quantity(1.2, 0.5, 5.0)
+
+
 EVENT_SPECS: Dict[str, Type[EventSpec]] = {
-    cls().kind: cls for cls in (PedestrianCrosses, HardBrakingLeader, CutIn, StoppedVehicle)
+    cls().kind: cls
+    for cls in (
+        PedestrianCrosses,
+        HardBrakingLeader,
+        CutIn,
+        StoppedVehicle,
+        OncomingOvertaker,
+    )
 }
 """The classes by kind."""
 

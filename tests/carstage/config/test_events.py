@@ -39,6 +39,11 @@ EVENTS = "scenario: {kind: autopilot, events: [%s]}"
             "larger distance_m",
         ),
         (
+            "{kind: oncoming_overtaker, speed_m_s: 8, slower_m_s: 7.5}",
+            "scenario.events[0].slower_m_s: ",
+            "at most 7, or a larger speed_m_s",
+        ),
+        (
             "{kind: cut_in, gap_m: {range: [8, 80]}}",
             "scenario.events[0].gap_m.range[1]: ",
             "at most 60",

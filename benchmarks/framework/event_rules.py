@@ -16,6 +16,8 @@ IN_LANE_M = 1.0
 """So near to the ego's way a car's middle is in the ego's lane."""
 OTHER_LANE_M = 2.2
 """That far from it, it is in another one."""
+FLASHING = 0x600
+"""Both special lamps of ``carla.VehicleLightState``."""
 WAY_M = 120.0
 """So much of the ego's way counts: it may come back on the other side of the road."""
 
@@ -41,7 +43,9 @@ class View:
         moved = np.diff(self.places[:, :2], axis=0)
         self.speeds: FloatArray = np.hypot(moved[:, 0], moved[:, 1]) * fps
         self._way = places_of(frames[row["begin_tick"] :], ego_id)[:, :2]
-        driven_m = np.cumsum(np.hypot(*np.diff(self._way, axis=0).T))
+        steps_m = np.hypot(*np.diff(self._way, axis=0).T)
+        self.ego_speeds: FloatArray = steps_m[: len(self.speeds)] * fps
+        driven_m = np.cumsum(steps_m)
         self._way = self._way[: 1 + np.searchsorted(driven_m, WAY_M)]
         self._ego = [
             invert_pose(pose_matrix(one.location[i], one.rotation_deg[i]))
@@ -53,6 +57,10 @@ class View:
         """``(3,)`` where the actor is, forward and right of the ego, or of where the ego was."""
         seen = transform_points(self._ego[tick if by is None else by], self.places[tick])
         return np.asarray(seen)
+
+    def lights(self, frame: WorldFrame) -> int:
+        """``carla.VehicleLightState`` of the actor."""
+        return int(frame.meta["vehicle_lights"].get(str(self.actor_id), 0))
 
     def beside_way_m(self) -> FloatArray:
         """How far the actor was from where the ego drove then and next, in each tick."""
@@ -151,6 +159,51 @@ def _overtaking(view: View, asked: Mapping[str, Any], row: Mapping[str, Any]) ->
         yield f"it passed at {beside_m_s:.1f} m/s"
 
 
+def _coming_from_behind(
+    view: View, asked: Mapping[str, Any], row: Mapping[str, Any]
+) -> Iterator[str]:
+    ahead_m, right_m = view.seen_m(0)[:2]
+    away_m = float(np.hypot(ahead_m, right_m))
+    if ahead_m > 0.0 or not asked["distance_m"] < away_m < asked["distance_m"] + 8.0:
+        yield f"it appeared {away_m:.1f} m away, {-ahead_m:.1f} m behind"
+    dark = [one.tick for one in view.frames if view.lights(one) & FLASHING != FLASHING]
+    if dark:
+        yield f"its lamps were off in ticks {dark[0]} to {dark[-1]}"
+    seen = np.array([view.seen_m(tick) for tick in range(len(view.places))])
+    if row["end_tick"] is None:
+        return
+    if asked["manner"] == "follow":
+        gap_m = -seen[-1, 0]
+        if not 0.5 * asked["gap_m"] + 2.0 < gap_m < 2.0 * asked["gap_m"] + 8.0:
+            yield f"it followed {gap_m:.1f} m behind"
+        return
+    if seen[-1, 0] < 3.0:
+        yield f"it ended {seen[-1, 0]:.1f} m ahead"
+    beside = int(np.abs(seen[:, 0]).argmin())
+    if abs(seen[beside, 1]) < OTHER_LANE_M:
+        yield f"it passed {seen[beside, 1]:.1f} m to the right"
+    faster_m_s = float(view.speeds[beside - 1] - view.ego_speeds[beside - 1])
+    if abs(faster_m_s - asked["faster_m_s"]) > 1.5:
+        yield f"it passed {faster_m_s:.1f} m/s faster"
+
+
+def _riding_towards(view: View, asked: Mapping[str, Any], row: Mapping[str, Any]) -> Iterator[str]:
+    away_m = float(np.hypot(*view.seen_m(0)[:2]))
+    if not asked["trigger_m"] - 4.0 <= away_m <= asked["trigger_m"] + 1.0:
+        yield f"it began {away_m:.1f} m away"
+    seen = np.array([view.seen_m(tick) for tick in range(len(view.places))])
+    nearest = int(np.abs(seen[:, 0]).argmin())
+    if not 0.5 < seen[nearest, 1] < AHEAD_M:
+        yield f"it rode {seen[nearest, 1]:.1f} m to the right of the ego"
+    if len(seen) > 1 and view.seen_m(-1, by=0)[0] >= seen[0, 0]:
+        yield "it did not ride towards the ego"
+    speed_m_s = float(np.median(view.speeds)) if len(view.speeds) else asked["speed_m_s"]
+    if abs(speed_m_s - asked["speed_m_s"]) > 0.1 * asked["speed_m_s"]:
+        yield f"it rode at {speed_m_s:.2f} m/s"
+    if row["end_tick"] is not None and seen[-1, 0] > 0.0:
+        yield "it did not get past the ego"
+
+
 _Rule = Callable[[View, Mapping[str, Any], Mapping[str, Any]], Iterator[str]]
 RULES: dict[str, _Rule] = {
     "pedestrian_crosses": _crossing,
@@ -158,4 +211,6 @@ RULES: dict[str, _Rule] = {
     "cut_in": _cutting_in,
     "stopped_vehicle": _standing,
     "oncoming_overtaker": _overtaking,
+    "emergency_vehicle": _coming_from_behind,
+    "wrong_way_cyclist": _riding_towards,
 }

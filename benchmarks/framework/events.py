@@ -33,6 +33,8 @@ TOWNS = {
     "cut_in": ("Stage01", "Stage03"),
     "stopped_vehicle": ("Stage01", "Stage02"),
     "oncoming_overtaker": ("Stage01", "Stage02"),
+    "emergency_vehicle": ("Stage01", "Stage03"),
+    "wrong_way_cyclist": ("Stage01", "Stage02"),
 }
 """Two towns for each kind; a car cuts in where there are two lanes in one direction."""
 PARAMETERS: dict[str, dict[str, Any]] = {
@@ -63,10 +65,23 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "slower_m_s": {"range": [9.5, 10.5]},
         "change_s": {"range": [1.0, 1.2]},
     },
+    "emergency_vehicle": {
+        "distance_m": {"range": [12.0, 18.0]},
+        "faster_m_s": {"range": [8.0, 11.0]},
+        "manner": {"choice": ["pass", "follow"]},
+        "gap_m": {"range": [4.0, 9.0]},
+        "follow_s": {"range": [2.0, 5.0]},
+    },
+    "wrong_way_cyclist": {
+        "distance_m": {"range": [35.0, 60.0]},
+        "trigger_m": {"range": [15.0, 30.0]},
+        "speed_m_s": {"range": [3.0, 6.0]},
+        "kerb_m": {"range": [0.2, 0.4]},
+    },
 }
 """What is sampled for each kind."""
 _LOOK_S = 200.0
-_ROAD_M = {"cut_in": 70, "oncoming_overtaker": 90}
+_ROAD_M = {"cut_in": 70, "oncoming_overtaker": 90, "emergency_vehicle": 100}
 """So much road with the lanes that it takes the ego begins with before it."""
 _MOST_STARTS = 1000
 """As many as a configuration may choose among."""
@@ -144,10 +159,11 @@ def starts_for(port: int, kind: str, town: str) -> list[int]:
 
     if kind not in _ROAD_M:
         return list(range(len(starts)))
-    beside = oncoming_lane if kind == "oncoming_overtaker" else lanes_beside
 
     def has_lanes(start: Any) -> bool:
-        return all(beside(place) for place in road_before(start, _ROAD_M[kind]))
+        road = road_before(start, _ROAD_M[kind])
+        same_way = kind != "oncoming_overtaker" and all(lanes_beside(place) for place in road)
+        return same_way or (kind != "cut_in" and all(oncoming_lane(place) for place in road))
 
     return [
         index
@@ -158,7 +174,7 @@ def starts_for(port: int, kind: str, town: str) -> list[int]:
 
 def road_before(place: Any, longest_m: int) -> list[Any]:
     """Waypoints a metre apart up to the next junction or fork, at most so far."""
-    road = []
+    road: list[Any] = []
     following = [place]
     while len(following) == 1 and not following[0].is_junction and len(road) <= longest_m:
         road.append(following[0])

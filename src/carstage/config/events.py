@@ -161,6 +161,65 @@ class OncomingOvertaker(Section):
         return self
 
 
+class EmergencyVehicle(Section):
+    """An emergency vehicle comes from behind, its lamps flashing, and passes or follows the ego."""
+
+    kind: Literal["emergency_vehicle"] = _kind("Event", "An emergency vehicle comes from behind.")
+    at_s: float = _at_s("emergency_vehicle")
+    distance_m: float = _number(
+        "emergency_vehicle", "distance_m", "Distance", "From the ego, as it appears.", "m"
+    )
+    faster_m_s: float = _number(
+        "emergency_vehicle", "faster_m_s", "Faster by", "Than the ego, as it comes.", "m/s"
+    )
+    manner: Literal["pass", "follow"] = setting(
+        "pass",
+        title="Manner",
+        description="What it does once it is near.",
+        group="ego",
+    )
+    gap_m: float = _number(
+        "emergency_vehicle", "gap_m", "Gap", "From it to the ego, as it follows.", "m"
+    )
+    follow_s: float = _number(
+        "emergency_vehicle", "follow_s", "Follows for", "Once it is near.", "s"
+    )
+
+    @model_validator(mode="after")
+    def _check_gap(self) -> EmergencyVehicle:
+        if self.manner == "follow" and self.gap_m > self.distance_m:
+            raise problem(
+                f"{self.gap_m:g} m are more than distance_m, {self.distance_m:g} m.",
+                f"Give at most {self.distance_m:g}, or a larger distance_m.",
+                "gap_m",
+            )
+        return self
+
+
+class WrongWayCyclist(Section):
+    """A cyclist rides against the traffic, near the kerb of the ego's lane."""
+
+    kind: Literal["wrong_way_cyclist"] = _kind("Event", "A cyclist comes in the ego's lane.")
+    at_s: float = _at_s("wrong_way_cyclist")
+    distance_m: float = _number(
+        "wrong_way_cyclist", "distance_m", "Distance", "From the ego to where it is placed.", "m"
+    )
+    trigger_m: float = _number(
+        "wrong_way_cyclist", "trigger_m", "Trigger", "The event begins at this distance.", "m"
+    )
+    speed_m_s: float = _number(
+        "wrong_way_cyclist", "speed_m_s", "Speed", "How fast it rides.", "m/s"
+    )
+    kerb_m: float = _number(
+        "wrong_way_cyclist", "kerb_m", "Kerb", "From the lane's right edge to its middle.", "m"
+    )
+
+    @model_validator(mode="after")
+    def _check_trigger(self) -> WrongWayCyclist:
+        _check_trigger(self.trigger_m, self.distance_m)
+        return self
+
+
 def _check_trigger(trigger_m: float, distance_m: float) -> None:
     if trigger_m > distance_m:
         raise problem(
@@ -171,7 +230,13 @@ def _check_trigger(trigger_m: float, distance_m: float) -> None:
 
 
 Event = Annotated[
-    PedestrianCrosses | HardBrakingLeader | CutIn | StoppedVehicle | OncomingOvertaker,
+    PedestrianCrosses
+    | HardBrakingLeader
+    | CutIn
+    | StoppedVehicle
+    | OncomingOvertaker
+    | EmergencyVehicle
+    | WrongWayCyclist,
     Discriminator("kind"),
 ]
 Events = Annotated[tuple[Event, ...], Strict(strict=False)]

@@ -42,6 +42,14 @@ def endpoint() -> Iterator[Endpoint]:
             "oncoming_overtaker", 25, 6.0,
             {"distance_m": (30.0, "swung out"), "speed_m_s": (20.0, "passed at")},
         ),
+        (
+            "emergency_vehicle", 25, 10.0,
+            {"distance_m": (60.0, "m behind"), "faster_m_s": (2.0, "m/s faster")},
+        ),
+        (
+            "wrong_way_cyclist", 17, 8.0,
+            {"trigger_m": (5.0, "m away"), "speed_m_s": (1.0, "rode at")},
+        ),
     ],
 )  # fmt: skip
 def test_events_happen_as_asked_and_other_wishes_are_contradicted(

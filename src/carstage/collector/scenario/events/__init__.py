@@ -4,7 +4,25 @@
 what is beside a place, ``cars`` how their cars move.
 """
 
-from carstage.collector.scenario.events import crossing, cut_in, leader, overtaker, stopped
+from carstage.collector.scenario.events import (
+    crossing,
+    cut_in,
+    cyclist,
+    emergency,
+    leader,
+    overtaker,
+    stopped,
+)
 from carstage.collector.scenario.events.runner import EventRunner, check_map
 
-__all__ = ["EventRunner", "check_map", "crossing", "cut_in", "leader", "overtaker", "stopped"]
+__all__ = [
+    "EventRunner",
+    "check_map",
+    "crossing",
+    "cut_in",
+    "cyclist",
+    "emergency",
+    "leader",
+    "overtaker",
+    "stopped",
+]

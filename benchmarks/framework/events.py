@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 
 from benchmarks.campaign import Campaign
+from benchmarks.framework.event_rules import RULES, View
 from benchmarks.simulator.client_process import run_trial
 from carstage.annotation.events import HAPPENED, event_rows
 from carstage.bench.episodes import Progress, client_plan, events_of
 from carstage.bench.verdict import Figure, Verdict
 from carstage.config import check_config
 from carstage.execution import CollectorProcess
-from carstage.geometry import FloatArray, invert_pose, pose_matrix, transform_points
 from carstage.plan import plan_episodes
 from carstage.rawlog.format import WORLD
-from carstage.rawlog.reader import EpisodeLog, WorldFrame
+from carstage.rawlog.reader import EpisodeLog
 from carstage.runs.servers import ServerSetup
 from carstage.server import EmbeddedServer, Endpoint, allot_ports
 from carstage.spec import EpisodeSpec
@@ -32,6 +32,9 @@ TOWNS = {
     "hard_braking_leader": ("Stage01", "Stage02"),
     "cut_in": ("Stage01", "Stage03"),
     "stopped_vehicle": ("Stage01", "Stage02"),
+    "oncoming_overtaker": ("Stage01", "Stage02"),
+    "emergency_vehicle": ("Stage01", "Stage03"),
+    "wrong_way_cyclist": ("Stage01", "Stage02"),
 }
 """Two towns for each kind; a car cuts in where there are two lanes in one direction."""
 PARAMETERS: dict[str, dict[str, Any]] = {
@@ -56,15 +59,32 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "trigger_m": {"range": [15.0, 30.0]},
         "stand_s": {"range": [2.0, 6.0]},
     },
+    "oncoming_overtaker": {
+        "distance_m": {"range": [62.0, 72.0]},
+        "speed_m_s": {"range": [12.0, 14.0]},
+        "slower_m_s": {"range": [9.5, 10.5]},
+        "change_s": {"range": [1.0, 1.2]},
+    },
+    "emergency_vehicle": {
+        "distance_m": {"range": [12.0, 18.0]},
+        "faster_m_s": {"range": [8.0, 11.0]},
+        "manner": {"choice": ["pass", "follow"]},
+        "gap_m": {"range": [4.0, 9.0]},
+        "follow_s": {"range": [2.0, 5.0]},
+    },
+    "wrong_way_cyclist": {
+        "distance_m": {"range": [35.0, 60.0]},
+        "trigger_m": {"range": [15.0, 30.0]},
+        "speed_m_s": {"range": [3.0, 6.0]},
+        "kerb_m": {"range": [0.2, 0.4]},
+    },
 }
 """What is sampled for each kind."""
 _LOOK_S = 200.0
-_STRAIGHT_M = 70.0
-"""An ego that is to be cut in on begins with so much road of two lanes before it."""
+_ROAD_M = {"cut_in": 70, "oncoming_overtaker": 90, "emergency_vehicle": 100}
+"""So much road with the lanes that it takes the ego begins with before it."""
 _MOST_STARTS = 1000
 """As many as a configuration may choose among."""
-AHEAD_M = 2.5
-"""Half the width of what is straight ahead of the ego."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,24 +144,42 @@ def starts_for(port: int, kind: str, town: str) -> list[int]:
 
     Args:
         port: of the server.
-        kind: of the event; ``cut_in`` needs a lane beside.
+        kind: of the event; some need lanes beside the ego's.
         town: is loaded.
     """
     import carla
 
     from carstage.collector.maps import spawn_points
-    from carstage.collector.scenario.events.cut_in import lanes_beside
+    from carstage.collector.scenario.events.lanes import lanes_beside, oncoming_lane
 
     client = carla.Client("127.0.0.1", port)
     client.set_timeout(_LOOK_S)
     world_map = client.load_world(town).get_map()
     starts = [world_map.get_waypoint(point.location) for point in spawn_points(world_map)]
 
-    def has_lanes(start: carla.Waypoint) -> bool:
-        later = start.next(_STRAIGHT_M)
-        return all(lanes_beside(place) and not place.is_junction for place in (start, *later))
+    if kind not in _ROAD_M:
+        return list(range(len(starts)))
 
-    return [index for index, start in enumerate(starts) if kind != "cut_in" or has_lanes(start)]
+    def has_lanes(start: Any) -> bool:
+        road = road_before(start, _ROAD_M[kind])
+        same_way = kind != "oncoming_overtaker" and all(lanes_beside(place) for place in road)
+        return same_way or (kind != "cut_in" and all(oncoming_lane(place) for place in road))
+
+    return [
+        index
+        for index, start in enumerate(starts)
+        if len(road_before(start, _ROAD_M[kind])) > _ROAD_M[kind] and has_lanes(start)
+    ]
+
+
+def road_before(place: Any, longest_m: int) -> list[Any]:
+    """Waypoints a metre apart up to the next junction or fork, at most so far."""
+    road: list[Any] = []
+    following = [place]
+    while len(following) == 1 and not following[0].is_junction and len(road) <= longest_m:
+        road.append(following[0])
+        following = following[0].next(1.0)
+    return road
 
 
 def planned(
@@ -202,107 +240,9 @@ def judged(log: EpisodeLog, asked: Mapping[str, Any] | None = None) -> Outcome:
     (event,) = log.spec.scenario.events or ()
     if row["state"] != HAPPENED:
         return Outcome(row, ())
-    end = len(frames) if row["end_tick"] is None else row["end_tick"] + 1
-    running = frames[row["begin_tick"] : end]
-    view = _View(running, ego_id, row["actors"][0], log.spec.fps)
+    view = View(frames, ego_id, row, log.spec.fps)
     asked = event.parameters() if asked is None else asked
-    return Outcome(row, tuple(_RULES[row["kind"]](view, asked, row)))
-
-
-class _View:
-    """An event's first actor as the ego saw it, tick by tick, from poses of the record.
-
-    Args:
-        frames: while the event went on.
-        ego_id: the ego.
-        actor_id: the actor.
-        fps: ticks in a second.
-    """
-
-    def __init__(
-        self, frames: Sequence[WorldFrame], ego_id: int, actor_id: int, fps: float
-    ) -> None:
-        self.fps = fps
-        self.places = np.array([one.location[one.row(actor_id)] for one in frames])
-        moved = np.diff(self.places[:, :2], axis=0)
-        self.speeds: FloatArray = np.hypot(moved[:, 0], moved[:, 1]) * fps
-        self._ego = [
-            invert_pose(pose_matrix(one.location[i], one.rotation_deg[i]))
-            for one in frames
-            for i in [one.row(ego_id)]
-        ]
-
-    def seen_m(self, tick: int, by: int | None = None) -> FloatArray:
-        """``(3,)`` where the actor is, forward and right of the ego, or of where the ego was."""
-        seen = transform_points(self._ego[tick if by is None else by], self.places[tick])
-        return np.asarray(seen)
-
-
-def _crossing(view: _View, asked: Mapping[str, Any], row: Mapping[str, Any]) -> Iterator[str]:
-    ahead_m, right_m = view.seen_m(0)[:2]
-    if not asked["trigger_m"] - 4.0 <= ahead_m <= asked["trigger_m"] + 2.0:
-        yield f"it stepped out {ahead_m:.1f} m ahead"
-    if (right_m > 0.0) != (asked["side"] == "right"):
-        yield "it came from the other side"
-    if row["end_tick"] is None:
-        return
-    if view.seen_m(-1, by=0)[1] * right_m > 0.0:
-        yield "it did not come to the other side"
-    speed_m_s = float(np.median(view.speeds))
-    if abs(speed_m_s - asked["speed_m_s"]) > 0.15 * asked["speed_m_s"]:
-        yield f"it walked at {speed_m_s:.2f} m/s"
-
-
-def _leading(view: _View, asked: Mapping[str, Any], row: Mapping[str, Any]) -> Iterator[str]:
-    ahead_m, right_m = view.seen_m(0)[:2]
-    if abs(right_m) > AHEAD_M or not 0.5 * asked["gap_m"] < ahead_m - 4.5 < 2.0 * asked["gap_m"]:
-        yield f"it was {ahead_m:.1f} m ahead and {right_m:.1f} m to the right"
-    slower = -np.diff(view.speeds) * view.fps
-    braking = slower[slower > 0.5]
-    if row["end_tick"] is not None and not len(braking):
-        yield "it did not brake"
-    wanted = asked["deceleration_m_s2"]
-    if len(braking) > 2 and abs(np.median(braking) - wanted) > 0.15 * wanted:
-        yield f"it braked at {np.median(braking):.1f} m/s²"
-    if row["end_tick"] is not None and view.speeds[-2] > 0.1:
-        yield "it did not stop"
-
-
-def _cutting_in(view: _View, asked: Mapping[str, Any], row: Mapping[str, Any]) -> Iterator[str]:
-    ahead_m, right_m = view.seen_m(0)[:2]
-    if abs(right_m) < 1.5:
-        yield f"it began {right_m:.1f} m to the right"
-    if not 0.5 * asked["gap_m"] < ahead_m - 4.5 < 2.0 * asked["gap_m"] + 1.0:
-        yield f"it began {ahead_m:.1f} m ahead"
-    moved_over = round(asked["change_s"] * view.fps) + 1
-    if moved_over < len(view.places):
-        after_m = abs(view.seen_m(moved_over)[1])
-        if after_m > AHEAD_M:
-            yield f"it ended {after_m:.1f} m beside"
-
-
-def _standing(view: _View, asked: Mapping[str, Any], row: Mapping[str, Any]) -> Iterator[str]:
-    ahead_m = view.seen_m(0)[0]
-    if not 0.0 < ahead_m <= asked["trigger_m"] + 1.0:
-        yield f"it began {ahead_m:.1f} m ahead"
-    # Where the road bends, it is straight ahead only once the ego is near.
-    seen = [view.seen_m(tick) for tick in range(len(view.places))]
-    nearest = min(seen, key=lambda one: float(np.hypot(one[0], one[1])))
-    if abs(nearest[1]) > AHEAD_M:
-        yield f"it stood {nearest[1]:.1f} m to the right of the ego"
-    if view.speeds.max(initial=0.0) > 0.05:
-        yield "it moved"
-    if row["end_tick"] is not None and abs(row["end_s"] - row["begin_s"] - asked["stand_s"]) > 0.21:
-        yield f"it stood {row['end_s'] - row['begin_s']:.1f} s"
-
-
-_Rule = Callable[[_View, Mapping[str, Any], Mapping[str, Any]], Iterator[str]]
-_RULES: dict[str, _Rule] = {
-    "pedestrian_crosses": _crossing,
-    "hard_braking_leader": _leading,
-    "cut_in": _cutting_in,
-    "stopped_vehicle": _standing,
-}
+    return Outcome(row, tuple(RULES[row["kind"]](view, asked, row)))
 
 
 def verdict_on(kind: str, town: str, outcomes: Sequence[Outcome]) -> Verdict:

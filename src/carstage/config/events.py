@@ -12,6 +12,8 @@ from carstage.config.timing import Timing
 from carstage.spec import EVENT_SPECS
 
 MOST_EVENTS = 100
+SLOWEST_PASSED_M_S = 1.0
+"""A car that an oncoming one passes drives at least that fast."""
 
 
 def _number(kind: str, name: str, title: str, description: str, unit: str) -> Any:
@@ -125,6 +127,99 @@ class StoppedVehicle(Section):
         return self
 
 
+class OncomingOvertaker(Section):
+    """A car that comes towards the ego passes another one in the ego's lane, and moves back."""
+
+    kind: Literal["oncoming_overtaker"] = _kind("Event", "An oncoming car passes another one.")
+    at_s: float = _at_s("oncoming_overtaker")
+    distance_m: float = _number(
+        "oncoming_overtaker", "distance_m", "Distance", "From the ego, as it swings out.", "m"
+    )
+    speed_m_s: float = _number(
+        "oncoming_overtaker", "speed_m_s", "Speed", "How fast it passes.", "m/s"
+    )
+    slower_m_s: float = _number(
+        "oncoming_overtaker",
+        "slower_m_s",
+        "Slower by",
+        "How much slower the other car drives; at least 1 m/s remain.",
+        "m/s",
+    )
+    change_s: float = _number(
+        "oncoming_overtaker", "change_s", "Change", "How long it moves over, and back.", "s"
+    )
+
+    @model_validator(mode="after")
+    def _check_slower(self) -> OncomingOvertaker:
+        most_m_s = self.speed_m_s - SLOWEST_PASSED_M_S
+        if self.slower_m_s > most_m_s:
+            raise problem(
+                f"slower by {self.slower_m_s:g} m/s than {self.speed_m_s:g}, the other car stands.",
+                f"Give at most {most_m_s:g}, or a larger speed_m_s.",
+                "slower_m_s",
+            )
+        return self
+
+
+class EmergencyVehicle(Section):
+    """An emergency vehicle comes from behind, its lamps flashing, and passes or follows the ego."""
+
+    kind: Literal["emergency_vehicle"] = _kind("Event", "An emergency vehicle comes from behind.")
+    at_s: float = _at_s("emergency_vehicle")
+    distance_m: float = _number(
+        "emergency_vehicle", "distance_m", "Distance", "From the ego, as it appears.", "m"
+    )
+    faster_m_s: float = _number(
+        "emergency_vehicle", "faster_m_s", "Faster by", "Than the ego, as it comes.", "m/s"
+    )
+    manner: Literal["pass", "follow"] = setting(
+        "pass",
+        title="Manner",
+        description="What it does once it is near.",
+        group="ego",
+    )
+    gap_m: float = _number(
+        "emergency_vehicle", "gap_m", "Gap", "From it to the ego, as it follows.", "m"
+    )
+    follow_s: float = _number(
+        "emergency_vehicle", "follow_s", "Follows for", "Once it is near.", "s"
+    )
+
+    @model_validator(mode="after")
+    def _check_gap(self) -> EmergencyVehicle:
+        if self.manner == "follow" and self.gap_m > self.distance_m:
+            raise problem(
+                f"{self.gap_m:g} m are more than distance_m, {self.distance_m:g} m.",
+                f"Give at most {self.distance_m:g}, or a larger distance_m.",
+                "gap_m",
+            )
+        return self
+
+
+class WrongWayCyclist(Section):
+    """A cyclist rides against the traffic, near the kerb of the ego's lane."""
+
+    kind: Literal["wrong_way_cyclist"] = _kind("Event", "A cyclist comes in the ego's lane.")
+    at_s: float = _at_s("wrong_way_cyclist")
+    distance_m: float = _number(
+        "wrong_way_cyclist", "distance_m", "Distance", "From the ego to where it is placed.", "m"
+    )
+    trigger_m: float = _number(
+        "wrong_way_cyclist", "trigger_m", "Trigger", "The event begins at this distance.", "m"
+    )
+    speed_m_s: float = _number(
+        "wrong_way_cyclist", "speed_m_s", "Speed", "How fast it rides.", "m/s"
+    )
+    kerb_m: float = _number(
+        "wrong_way_cyclist", "kerb_m", "Kerb", "From the lane's right edge to its middle.", "m"
+    )
+
+    @model_validator(mode="after")
+    def _check_trigger(self) -> WrongWayCyclist:
+        _check_trigger(self.trigger_m, self.distance_m)
+        return self
+
+
 def _check_trigger(trigger_m: float, distance_m: float) -> None:
     if trigger_m > distance_m:
         raise problem(
@@ -135,7 +230,14 @@ def _check_trigger(trigger_m: float, distance_m: float) -> None:
 
 
 Event = Annotated[
-    PedestrianCrosses | HardBrakingLeader | CutIn | StoppedVehicle, Discriminator("kind")
+    PedestrianCrosses
+    | HardBrakingLeader
+    | CutIn
+    | StoppedVehicle
+    | OncomingOvertaker
+    | EmergencyVehicle
+    | WrongWayCyclist,
+    Discriminator("kind"),
 ]
 Events = Annotated[tuple[Event, ...], Strict(strict=False)]
 

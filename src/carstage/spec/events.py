@@ -9,6 +9,7 @@ from carstage.spec.fields import Fields
 
 LONGEST_S = 86_400.0
 SIDES = ("right", "left")
+MANNERS = ("pass", "follow")
 
 
 def quantity(default: float, low: float, high: float) -> Any:
@@ -132,8 +133,73 @@ class StoppedVehicle(EventSpec):
     stand_s: float = quantity(5.0, 0.0, 300.0)
 
 
+@dataclass(frozen=True)
+class OncomingOvertaker(EventSpec):
+    """A car that comes towards the ego passes another one in the ego's lane.
+
+    Attributes:
+        distance_m: from the ego to it, as it begins to swing out.
+        speed_m_s: how fast it passes.
+        slower_m_s: how much slower the other car drives.
+        change_s: how long it takes to move over, and how long to move back.
+    """
+
+    kind: str = named("oncoming_overtaker")
+    distance_m: float = quantity(70.0, 20.0, 200.0)
+    speed_m_s: float = quantity(13.0, 3.0, 30.0)
+    slower_m_s: float = quantity(10.0, 2.0, 25.0)
+    change_s: float = quantity(1.2, 0.5, 5.0)
+
+
+@dataclass(frozen=True)
+class EmergencyVehicle(EventSpec):
+    """An emergency vehicle comes from behind with flashing lamps, and passes or follows the ego.
+
+    Attributes:
+        distance_m: from its front to the ego's rear, as it appears.
+        faster_m_s: than the ego, as it comes nearer and passes.
+        manner: it passes, or it follows.
+        gap_m: from its front to the ego's rear, as it follows.
+        follow_s: how long it follows.
+    """
+
+    kind: str = named("emergency_vehicle")
+    distance_m: float = quantity(15.0, 5.0, 100.0)
+    faster_m_s: float = quantity(9.0, 1.0, 20.0)
+    manner: str = word("pass", MANNERS)
+    gap_m: float = quantity(6.0, 2.0, 50.0)
+    follow_s: float = quantity(5.0, 0.0, 60.0)
+
+
+@dataclass(frozen=True)
+class WrongWayCyclist(EventSpec):
+    """A cyclist rides against the traffic, near the kerb of the ego's lane.
+
+    Attributes:
+        distance_m: from the ego to the cyclist, when it is placed.
+        trigger_m: the event begins when the ego is that near.
+        speed_m_s: how fast it rides.
+        kerb_m: from the right edge of the lane to the middle of the bicycle.
+    """
+
+    kind: str = named("wrong_way_cyclist")
+    distance_m: float = quantity(50.0, 10.0, 200.0)
+    trigger_m: float = quantity(30.0, 5.0, 200.0)
+    speed_m_s: float = quantity(4.0, 1.0, 12.0)
+    kerb_m: float = quantity(0.3, 0.0, 1.5)
+
+
 EVENT_SPECS: Dict[str, Type[EventSpec]] = {
-    cls().kind: cls for cls in (PedestrianCrosses, HardBrakingLeader, CutIn, StoppedVehicle)
+    cls().kind: cls
+    for cls in (
+        PedestrianCrosses,
+        HardBrakingLeader,
+        CutIn,
+        StoppedVehicle,
+        OncomingOvertaker,
+        EmergencyVehicle,
+        WrongWayCyclist,
+    )
 }
 """The classes by kind."""
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -11,7 +13,7 @@ from typer.testing import CliRunner
 import benchmarks.__main__  # noqa: F401 - registers the commands
 from benchmarks.framework.events import judged, planned, recorded, verdict_on
 from benchmarks.registry import app
-from carstage.server import EmbeddedServer, allot_ports
+from carstage.server import EmbeddedServer, Endpoint, allot_ports
 
 
 def test_a_kind_that_is_none_is_refused_by_name() -> None:
@@ -21,22 +23,54 @@ def test_a_kind_that_is_none_is_refused_by_name() -> None:
     assert "cut_in" in ended.stderr
 
 
+@pytest.fixture(scope="module")
+def endpoint() -> Iterator[Endpoint]:
+    with EmbeddedServer(port=allot_ports().rpc) as server:
+        yield server.endpoint
+
+
 @pytest.mark.end_to_end
 @pytest.mark.xdist_group("bench")
-def test_leaders_brake_as_asked_and_other_wishes_are_contradicted(tmp_path: Path) -> None:
-    specs = planned("hard_braking_leader", "Stage01", 2, 20.0, [9, 100])
-    with EmbeddedServer(port=allot_ports().rpc) as server:
-        logs = list(recorded(specs, server.endpoint, tmp_path / "logs"))
-    outcomes = [judged(log) for log in logs]
-    verdict = verdict_on("hard_braking_leader", "Stage01", outcomes)
+@pytest.mark.parametrize(
+    ("kind", "start", "seconds", "otherwise"),
+    [
+        (
+            "hard_braking_leader", 9, 20.0,
+            {"deceleration_m_s2": (1.0, "braked at"), "gap_m": (50.0, "m ahead")},
+        ),
+        (
+            "oncoming_overtaker", 25, 6.0,
+            {"distance_m": (30.0, "swung out"), "speed_m_s": (20.0, "passed at")},
+        ),
+        (
+            "emergency_vehicle", 25, 10.0,
+            {"distance_m": (60.0, "m behind"), "faster_m_s": (2.0, "m/s faster")},
+        ),
+        (
+            "wrong_way_cyclist", 17, 8.0,
+            {"trigger_m": (5.0, "m away"), "speed_m_s": (1.0, "rode at")},
+        ),
+    ],
+)  # fmt: skip
+def test_events_happen_as_asked_and_other_wishes_are_contradicted(
+    endpoint: Endpoint,
+    tmp_path: Path,
+    kind: str,
+    start: int,
+    seconds: float,
+    otherwise: dict[str, tuple[Any, str]],
+) -> None:
+    specs = planned(kind, "Stage01", 1, seconds, [start])
+    (log,) = recorded(specs, endpoint, tmp_path / "logs")
+    outcome = judged(log)
+    verdict = verdict_on(kind, "Stage01", [outcome])
     assert verdict.ok, verdict.text()
-    for log in logs:
-        (event,) = log.spec.scenario.events or ()
-        asked = {**event.parameters(), "deceleration_m_s2": 1.0, "gap_m": 50.0}
-        wrong = judged(log, asked).wrong
-        assert any("braked at" in words for words in wrong)
-        assert any("m ahead" in words for words in wrong)
-    absent = replace(outcomes[0], row={**outcomes[0].row, "state": "not placed", "reason": "rain"})
-    refused = verdict_on("hard_braking_leader", "Stage01", [absent, outcomes[1]])
+    (event,) = log.spec.scenario.events or ()
+    asked = event.parameters()
+    wrong = judged(log, {**asked, **{name: value for name, (value, _) in otherwise.items()}}).wrong
+    for _, words in otherwise.values():
+        assert any(words in each for each in wrong), wrong
+    absent = replace(outcome, row={**outcome.row, "state": "not placed", "reason": "rain"})
+    refused = verdict_on(kind, "Stage01", [absent, outcome])
     assert not refused.ok
     assert "not placed: rain" in refused.notes

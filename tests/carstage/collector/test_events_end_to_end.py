@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -112,12 +113,20 @@ def test_events_happen_as_asked_and_the_same_again(
     assert table.to_pylist() == [crossing, leader, late]
 
 
+CUT_IN = {"kind": "cut_in", "at_s": 0.0, "gap_m": 8.0, "change_s": 2.0, "slower_m_s": 1.0}
+OVERTAKER = {
+    "kind": "oncoming_overtaker", "at_s": 0.0, "distance_m": 60.0, "speed_m_s": 12.0,
+    "slower_m_s": 8.0, "change_s": 1.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("event", [CUT_IN, OVERTAKER], ids=lambda event: str(event["kind"]))
 def test_a_map_without_a_place_for_an_event_is_refused_before_recording(
-    make_plan: PlanMaker,
+    make_plan: PlanMaker, event: dict[str, Any]
 ) -> None:
-    one_lane = carla.Map("OneLane", small_maps.one_road())
-    cut_in = {"kind": "cut_in", "at_s": 0.0, "gap_m": 8.0, "change_s": 2.0, "slower_m_s": 1.0}
-    scenario = {"kind": "autopilot", "events": [CROSSING, cut_in]}
+    one_way = re.sub("<left>.*?</left>", "<left/>", small_maps.one_road(), flags=re.DOTALL)
+    one_lane = carla.Map("OneLane", one_way)
+    scenario = {"kind": "autopilot", "events": [CROSSING, event]}
     plan = make_plan("raw", sensors=[GNSS], scenario=scenario)
     spec = EpisodeSpec.from_json(plan["episodes"][0]["spec"])
     with pytest.raises(SceneError, match=r"^scenario.events\[1\]: map Stage01 has no place for"):

@@ -39,6 +39,26 @@ EVENTS = "scenario: {kind: autopilot, events: [%s]}"
             "larger distance_m",
         ),
         (
+            "{kind: oncoming_overtaker, speed_m_s: 8, slower_m_s: 7.5}",
+            "scenario.events[0].slower_m_s: ",
+            "at most 7, or a larger speed_m_s",
+        ),
+        (
+            "{kind: emergency_vehicle, manner: follow, gap_m: 20}",
+            "scenario.events[0].gap_m: ",
+            "at most 15, or a larger distance_m",
+        ),
+        (
+            "{kind: emergency_vehicle, manner: overtake}",
+            "scenario.events[0].manner: ",
+            "Known: follow, pass",
+        ),
+        (
+            "{kind: wrong_way_cyclist, trigger_m: 60}",
+            "scenario.events[0].trigger_m: ",
+            "at most 50",
+        ),
+        (
             "{kind: cut_in, gap_m: {range: [8, 80]}}",
             "scenario.events[0].gap_m.range[1]: ",
             "at most 60",

@@ -71,6 +71,9 @@ class Event:
     def release(self) -> None:
         """Leave behind who took part; by default they stay where they are until they are gone."""
 
+    def after(self) -> None:
+        """A step after its end, while who took part is near; by default nothing."""
+
     def begin(self) -> None:
         """For :meth:`wait`: from this step on it happens."""
         self._enter(RUNNING)
@@ -101,9 +104,12 @@ class Event:
                 self._enter(ENDED)
                 self.world.keep_lane(False)
                 self.release()
-        elif self.actors and not self.adopted and self.world.is_far(self.actors, GONE_M):
-            self.world.remove(self.actors)
-            self.actors = []
+        elif self.actors and not self.adopted:
+            if self.world.is_far(self.actors, GONE_M):
+                self.world.remove(self.actors)
+                self.actors = []
+            else:
+                self.after()
 
     def _look(self) -> None:
         now_s = self.world.time_s

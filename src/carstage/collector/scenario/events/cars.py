@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any, List, Optional, Tuple
+from typing import Any, List, Optional, Sequence, Tuple
 
 import carla
 
 from carstage.collector.scenario.events.surroundings import SPACING_M, Surroundings
 
 BRAKE = int(carla.VehicleLightState.Brake)
-HAZARD = int(carla.VehicleLightState.LeftBlinker) | int(carla.VehicleLightState.RightBlinker)
+LEFT = int(carla.VehicleLightState.LeftBlinker)
+RIGHT = int(carla.VehicleLightState.RightBlinker)
+HAZARD = LEFT | RIGHT
 
 GENTLE_M_S2 = 3.0
 """How fast a car changes its speed that keeps a distance."""
@@ -34,13 +36,17 @@ class LaneLine:
 
     Args:
         begin: ``carla.Waypoint`` at its length 0.
+        then: more of them, a metre apart; the line goes on after the last.
+        against: it leads against the traffic.
     """
 
-    def __init__(self, begin: Any) -> None:
-        self._last = begin
-        self._poses: List[Pose] = [_pose_of(begin)]
-        self._junctions: List[bool] = [bool(begin.is_junction)]
+    def __init__(self, begin: Any, then: Sequence[Any] = (), against: bool = False) -> None:
+        self._against = against
+        self._poses: List[Pose] = []
+        self._junctions: List[bool] = []
         self._ended = False
+        for place in (begin, *then):
+            self._add(place)
 
     def pose(self, along_m: float, right_m: float = 0.0, turned_deg: float = 0.0) -> Pose:
         """Where one is after a length along it, so far to the right, turned by an angle."""
@@ -64,14 +70,21 @@ class LaneLine:
         return self._junctions[index]
 
     def _extend(self) -> None:
-        following = self._last.next(SPACING_M)
-        if not following:
+        last = self._last
+        following = last.previous(SPACING_M) if self._against else last.next(SPACING_M)
+        if following:
+            self._add(straightest(following, last))
+        else:
             self._ended = True
-            return
-        yaw = self._last.transform.rotation.yaw
-        self._last = min(following, key=lambda place: _turn(place.transform.rotation.yaw, yaw))
-        self._poses.append(_pose_of(self._last))
-        self._junctions.append(bool(self._last.is_junction))
+
+    def _add(self, place: Any) -> None:
+        self._last = place
+        at, rotation = place.transform.location, place.transform.rotation
+        pitch, yaw = rotation.pitch, rotation.yaw
+        if self._against:
+            pitch, yaw = -pitch, yaw + 180.0
+        self._poses.append((at.x, at.y, at.z, pitch, yaw))
+        self._junctions.append(bool(place.is_junction))
 
 
 class DrivenCar:
@@ -86,6 +99,9 @@ class DrivenCar:
         along_m: where it begins on the line.
         speed_m_s: how fast it begins.
         right_m: how far to the right of the line.
+
+    Attributes:
+        along_m: where its middle is on the line.
     """
 
     def __init__(
@@ -99,7 +115,7 @@ class DrivenCar:
     ) -> None:
         self._world = world
         self._line = line
-        self._along_m = along_m
+        self.along_m = along_m
         self._right_m = right_m
         self.actor = actor
         self.speed_m_s = speed_m_s
@@ -124,11 +140,11 @@ class DrivenCar:
         mean_m_s = 0.5 * (self.speed_m_s + speed_m_s)
         if right_m is None:
             right_m = self._right_m * math.exp(-mean_m_s * step_s / ALIGN_M)
-        self._along_m += mean_m_s * step_s
+        self.along_m += mean_m_s * step_s
         sideways_m_s = (right_m - self._right_m) / step_s
         turned_deg = math.degrees(math.atan2(sideways_m_s, max(mean_m_s, 1.0)))
         self.speed_m_s, self._right_m = speed_m_s, right_m
-        self._put(self._line.pose(self._along_m, right_m, turned_deg))
+        self._put(self._line.pose(self.along_m, right_m, turned_deg))
         self._world.light(self.actor, lights)
 
     def approach(self, speed_m_s: float, rate_m_s2: float = GENTLE_M_S2) -> float:
@@ -153,12 +169,12 @@ class DrivenCar:
 
     def is_before_junction(self, within_m: float) -> bool:
         """Whether its way comes to a junction soon."""
-        return self._line.reaches_junction(self._along_m + within_m)
+        return self._line.reaches_junction(self.along_m + within_m)
 
     def _room_m(self) -> Optional[float]:
         """How much nearer it may come to the car before it; None: there is none."""
         ahead_m = range(math.ceil(self.half_m), LOOK_M)
-        spots = [self._line.pose(self._along_m + each, self._right_m)[:2] for each in ahead_m]
+        spots = [self._line.pose(self.along_m + each, self._right_m)[:2] for each in ahead_m]
         first = self._world.first_taken(spots, but=self.actor)
         # A place is taken from half a lane before the other's middle, which is half a car on.
         return None if first is None else float(first) - BETWEEN_M
@@ -186,9 +202,15 @@ class DrivenCar:
         ]
 
 
-def _pose_of(place: Any) -> Pose:
-    at, rotation = place.transform.location, place.transform.rotation
-    return (at.x, at.y, at.z, rotation.pitch, rotation.yaw)
+def straightest(places: Sequence[Any], before: Any) -> Any:
+    """Of some waypoints the one whose heading is most like that of another."""
+    yaw = before.transform.rotation.yaw
+    return min(places, key=lambda place: _turn(place.transform.rotation.yaw, yaw))
+
+
+def half_wave(share: float) -> float:
+    """From 0 to 1 while ``share`` goes there, smoothly: how cars move over."""
+    return 0.5 * (1.0 - math.cos(math.pi * min(max(share, 0.0), 1.0)))
 
 
 def _turn(one_deg: float, other_deg: float) -> float:

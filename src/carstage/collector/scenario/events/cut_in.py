@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, List, Optional, Tuple
 
-import carla
-
 from carstage.collector.scenario.events.base import Event, event
-from carstage.collector.scenario.events.cars import DrivenCar, LaneLine
+from carstage.collector.scenario.events.cars import LEFT, RIGHT, DrivenCar, LaneLine, half_wave
+from carstage.collector.scenario.events.lanes import lanes_beside
 from carstage.collector.scenario.events.leader import (
     FAR,
     FREE_M,
@@ -89,12 +87,10 @@ class CutIn(Event):
 
     def run(self) -> bool:
         """Move over, as smoothly as a half wave of a cosine, then drive slower."""
-        share = min(self.elapsed_s / self.spec.change_s, 1.0)
-        right_m = self._over_m * 0.5 * (1.0 - math.cos(math.pi * share))
+        share = self.elapsed_s / self.spec.change_s
+        right_m = self._over_m * half_wave(share)
         if share < 1.0:
-            left = int(carla.VehicleLightState.LeftBlinker)
-            right = int(carla.VehicleLightState.RightBlinker)
-            self._car.move(self._car.speed_m_s, right_m, right if self._over_m > 0.0 else left)
+            self._car.move(self._car.speed_m_s, right_m, RIGHT if self._over_m > 0.0 else LEFT)
             return True
         self._car.drive(max(self._begin_m_s - self.spec.slower_m_s, SLOWEST_M_S), right_m)
         goes_on = self.elapsed_s < self.spec.change_s + AFTER_S
@@ -116,13 +112,3 @@ class CutIn(Event):
                 width_m = 0.5 * (begin.lane_width + stretch.places[0].lane_width)
                 found.append((begin, -side * width_m))
         return found
-
-
-def lanes_beside(place: Any) -> List[Tuple[Any, int]]:
-    """Lanes beside a waypoint that lead the same way: left ones (-1) first, right ones (1)."""
-    found = []
-    for lane, side in ((place.get_left_lane(), -1), (place.get_right_lane(), 1)):
-        same_way = lane is not None and lane.lane_id * place.lane_id > 0
-        if same_way and lane.lane_type == carla.LaneType.Driving:
-            found.append((lane, side))
-    return found

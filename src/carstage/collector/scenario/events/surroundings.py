@@ -96,9 +96,13 @@ class Surroundings:
         here = self.ego.get_location()
         return all(actor.get_location().distance(here) > distance_m for actor in actors)
 
+    def here(self) -> Any:
+        """The waypoint at which the ego is."""
+        return self._session.map.get_waypoint(self.ego.get_location())
+
     def stretch(self, longest_m: float) -> Stretch:
         """The road ahead, as long as there is no choice of ways, at most that long."""
-        place = self._session.map.get_waypoint(self.ego.get_location())
+        place = self.here()
         places: List[Any] = []
         while not place.is_junction:
             places.append(place)
@@ -219,9 +223,18 @@ class Surroundings:
                 for name, value in attributes.items()
             )
         ]
-        if not fitting:
+        return self._chosen(fitting)
+
+    def draw_of(self, blueprints: Sequence[str]) -> Optional[Any]:
+        """One of these blueprints, of those that the server has."""
+        library = self._session.world.get_blueprint_library()
+        found = {str(blueprint.id): blueprint for blueprint in library}
+        return self._chosen([found[name] for name in blueprints if name in found])
+
+    def _chosen(self, blueprints: Sequence[Any]) -> Optional[Any]:
+        if not blueprints:
             return None
-        chosen = self.rng.choice(fitting)
+        chosen = self.rng.choice(blueprints)
         dress(chosen, self.rng)
         return chosen
 

@@ -30,7 +30,7 @@ from carstage.errors import (
     DiskFullError,
     ServerError,
 )
-from carstage.execution import CollectorProcess, Executor
+from carstage.execution import CollectorProcess
 from carstage.plan import EpisodePlan, plan_episodes
 from carstage.plan.estimate import costs_of
 from carstage.rawlog.writing import write_episode_file
@@ -135,10 +135,7 @@ def record_beside(
         session.prepare(ego, wait_s, episodes, environment, stop or threading.Event())
         nothing = EpisodePlan.empty()
         folder.write_plan(config, nothing, environment)
-        return session.run(nothing, nothing, _NO_EXECUTOR)
-
-
-_NO_EXECUTOR: Any = None
+        return session.run(nothing, nothing)
 
 
 class _FollowingSession(RunSession):
@@ -203,8 +200,8 @@ class _FollowingSession(RunSession):
         """Frames of the episodes that were committed."""
         return self._queue.frames
 
-    def _execute(self, todo: EpisodePlan, executor: Executor) -> None:
-        del todo, executor
+    def _execute(self, todo: EpisodePlan) -> None:
+        del todo  # what comes is not planned
         self._folder.raw.mkdir(exist_ok=True)
         with self._interruption.deferred(), ExitStack() as stack:
             self._queue.converters.pool()

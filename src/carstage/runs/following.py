@@ -94,7 +94,7 @@ def record_beside(
             drives where (map, traffic, duration) do not count.
         out: folder of the dataset, or its place in an object store.
         on_event: called with each typed event of ``carstage.runs.events``.
-        settings: overrides such as ``labels.method=visibility``.
+        settings: overrides such as ``labels.method=pixels``.
         wait_s: how long an ego is waited for.
         episodes: end after so many; None: when no further ego comes.
         catalog: also write what is committed to this catalog.

@@ -36,7 +36,7 @@ from carstage.spec import EpisodeSpec
 from carstage.spec.timing import SavedFrames
 
 MOST_WAITING_FRAMES = 1000
-"""World states that may wait to be noted; further ones are lost."""
+"""World states that may wait to be noted; the oldest are lost for further ones."""
 PATIENCE_S = 10.0
 """How long a sensor's data of a frame are waited for."""
 LOOK_S = 1.0
@@ -65,14 +65,17 @@ class FrameQueue:
     """The frames of a world, in their order, from the client's thread; bounded.
 
     Args:
+        world: ``carla.World``.
         observer: reads what only the newest frame tells.
         ego_id: the ego's.
     """
 
-    def __init__(self, observer: WorldObserver, ego_id: int) -> None:
+    def __init__(self, world: Any, observer: WorldObserver, ego_id: int) -> None:
+        self._world = world
         self._observer = observer
+        self._knows_lights = False
         self._ego_id = ego_id
-        self._frames: Deque[_Seen] = deque()
+        self._frames: Deque[_Seen] = deque(maxlen=MOST_WAITING_FRAMES)
         self._changed = threading.Condition()
         self._last_s = time.perf_counter()
 
@@ -83,13 +86,16 @@ class FrameQueue:
         states = None
         if snapshot.find(self._ego_id) is not None:
             try:
+                if not self._knows_lights:  # a client knows of nobody before the first frame
+                    lights = self._world.get_actors().filter("traffic.traffic_light")
+                    self._observer.watch_lights(lights)
+                    self._knows_lights = True
                 states = self._observer.states()
             except RuntimeError as error:
                 _log.info("frame %d: the ego tells nothing any more: %s", snapshot.frame, error)
         with self._changed:
-            if len(self._frames) < MOST_WAITING_FRAMES:
-                self._frames.append(_Seen(snapshot, states, tick_s))
-                self._changed.notify_all()
+            self._frames.append(_Seen(snapshot, states, tick_s))
+            self._changed.notify_all()
 
     @property
     def lags(self) -> bool:
@@ -166,10 +172,7 @@ class FollowedEpisode:
         stop.check()
         folder = prepare_folder(self._folder)
         spec, world = self._spec, self._world
-        town = world.get_map()
-        map_crc32 = write_map_file(folder, town.to_opendrive())
-        observer = WorldObserver(world, self._ego, level_objects(world, spec.labels.level_objects))
-        observer.watch_lights(world.get_actors().filter("traffic.traffic_light"))
+        observer = WorldObserver(world, self._ego)
         with ExitStack() as stack:
             attached = _Attached(self._client, world)
             stack.callback(attached.give_back, self._server.timeout_s)
@@ -181,11 +184,14 @@ class FollowedEpisode:
                 _log.info("the ego went before it had its sensors: %s", error)
                 return Followed(0, 0)
             segment_ticks, writers, pipeline = self._pipeline(stack, rig)
-            frames = FrameQueue(observer, int(self._ego.id))
+            frames = FrameQueue(world, observer, int(self._ego.id))
             stack.callback(world.remove_on_tick, world.on_tick(frames.on_tick))
             stack.callback(rig.stop)
             rig.listen({one.id: pipeline.callback_within_budget(one.id) for one in spec.sensors})
             events.emit("following", sensors=len(rig.actors), ego=int(self._ego.id))
+            # Only now: each frame that is made before the sensors are there is lost.
+            town = world.get_map()
+            map_crc32 = write_map_file(folder, town.to_opendrive())
             first: List[Tick] = []
             ticks = self._follow(pipeline, frames, observer, first, events, stop)
             if not ticks:
@@ -216,7 +222,7 @@ class FollowedEpisode:
         pipeline = Pipeline(
             {sensor.id: sensor_of(sensor.kind) for sensor in spec.sensors},
             writers,
-            FrameMatcher([sensor.id for sensor in spec.sensors], PATIENCE_S),
+            FrameMatcher([sensor.id for sensor in spec.sensors], PATIENCE_S, gather=True),
             self._budget,
             None,
             segment_ticks,
@@ -238,6 +244,7 @@ class FollowedEpisode:
         begun_after = self._first_data(pipeline, stop)
         if begun_after is None:
             return 0
+        observer.show_level(level_objects(self._world, self._spec.labels.level_objects))
         saved, ticks = SavedFrames(self._spec.saved), 0
         last: Optional[Tick] = None
         weather: Optional[Mapping[str, float]] = None
@@ -281,7 +288,7 @@ class FollowedEpisode:
             if not self._is_there():
                 _log.info("the ego went before every sensor had measured")
                 return None
-        begun_after = pipeline.begin_now(self._server.timeout_s)
+        begun_after = pipeline.begin_with_all(self._server.timeout_s)
         if begun_after is None:
             raise RecordingError("The recorder is too busy to begin.", "Use fewer sensors.")
         return begun_after

@@ -23,6 +23,7 @@ from carstage.collector.client import answers, client_version, connect, versions
 from carstage.collector.internals.dialect import check_versions
 from carstage.collector.internals.errors import (
     CollectorError,
+    ConnectionFailedError,
     InterruptedByRequestError,
     PlanError,
     SceneError,
@@ -194,7 +195,8 @@ class Follower:
         """Record until enough is recorded, nobody comes any more, or somebody asks to end.
 
         Raises:
-            CollectorError: nobody came at all, the world is not synchronous, the rig does not fit.
+            CollectorError: nobody came at all, the world is not synchronous, the rig does not fit,
+            the server is gone.
         """
         while self._plan.episodes is None or self._recorded < self._plan.episodes:
             try:
@@ -231,6 +233,8 @@ class Follower:
             ticks=recorded.ticks,
             incomplete=recorded.incomplete,
         )
+        if recorded.server_gone:
+            raise _server_gone()
 
     def _wait_for_ego(self) -> Optional[Tuple[Any, Any]]:
         """World and ego, once both are as they must be; None: nobody comes any more."""
@@ -248,10 +252,10 @@ class Follower:
                     settings = world.get_settings()
                 except RuntimeError as error:
                     if not answers(self._client, self._plan.server.timeout_s):
-                        if self._done:
+                        if self._done and self._plan.episodes is None:
                             _log.info("the server is gone: %s", error)
                             return None
-                        raise
+                        raise _server_gone() from error
                     ego = None  # its world is being replaced
                 if ego is None:
                     seen_since_s = None
@@ -318,6 +322,12 @@ class Follower:
                 place.rotation.yaw,
             ],
         }
+
+
+def _server_gone() -> ConnectionFailedError:
+    return ConnectionFailedError(
+        "The server is gone.", "Look into its log; start it, the program and this command again."
+    )
 
 
 def _not_synchronous() -> SceneError:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import secrets
 import selectors
+import shutil
 import threading
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
@@ -31,8 +32,8 @@ from carstage.errors import (
     ServerError,
 )
 from carstage.execution import CollectorProcess
-from carstage.plan import EpisodePlan, plan_episodes
-from carstage.plan.estimate import costs_of
+from carstage.plan import EpisodePlan, ServerFacts, plan_episodes
+from carstage.plan.estimate import costs_of, estimate_run
 from carstage.rawlog.writing import write_episode_file
 from carstage.releases import refusal
 from carstage.runs.asking import ask_server
@@ -44,9 +45,9 @@ from carstage.runs.events import AttemptReserved, EpisodeFailed, Notice, OnEvent
 from carstage.runs.folder import CurrentEpisode, RunFolder
 from carstage.runs.interruption import ANSWER_S, Interruption
 from carstage.runs.orphans import marked
-from carstage.runs.outcome import RunResult
+from carstage.runs.outcome import SOME_FAILED, RunResult
 from carstage.runs.pending import pending_recordings
-from carstage.runs.preflight import check_open_files, check_output, work_folder
+from carstage.runs.preflight import check_disk, check_open_files, check_output, work_folder
 from carstage.runs.reading import read_document
 from carstage.runs.record import RunRecord
 from carstage.runs.run_session import RunSession
@@ -55,13 +56,23 @@ from carstage.sensor_kinds import plugins_of, registered_kinds
 from carstage.server import ClientPython, find_client, probe_version
 from carstage.spec import FOLLOW, EpisodeSpec, SpecError, Stand
 from carstage.spec.scenario import RecordedSpec
-from carstage.storage import Store, open_store
+from carstage.storage import RemotePath, Store, open_store
 
 DEFAULT_WAIT_S = 120.0
 END_S = 600.0
 """After Ctrl-C, what is recorded is still converted and committed; that may take so long."""
 CALL_S = 20.0
 POLL_S = 0.2
+LEAST_S = 60.0
+"""So much simulated time must have room on the disk; nobody knows how long a drive will be."""
+_UNNAMED = "recorded-"
+"""What the collector calls a recording, before its length and so its id are known."""
+_ERRORS: Mapping[str, type[CarStageError]] = {
+    **dict.fromkeys(("scene", "plan", "version"), BadInputError),
+    "connection": ServerError,
+    "disk": DiskFullError,
+}
+"""By what the collector calls its errors."""
 _BYTES_PER_MB = 1_000_000
 _RECORDING_BYTES = 8
 
@@ -104,6 +115,8 @@ def record_beside(
     Raises:
         BadInputError: no server, no such ego, a rig that does not fit, or a world that is not
             synchronous with a fixed step.
+        ServerError: the server was gone before the ego; what it showed is committed.
+        DiskFullError: the disk is full; what was committed before stays.
         CarStageError: recording or committing failed.
     """
     host, port = _address(server)
@@ -123,6 +136,7 @@ def record_beside(
         check_output(place)
         check_open_files()
         store.check()
+        _check_room(asked, ask_server(host, port, version), place, store)
         client = find_client(version)
         follow = stack.enter_context(run_catalog(catalog, store.root, notice))
         store.initialise(config.name)
@@ -275,7 +289,7 @@ class _FollowingSession(RunSession):
                     return
                 self._status.episodes.total += 1
                 self._status.current = CurrentEpisode(
-                    f"recorded-{event['part']}", int(event["part"]), "a1"
+                    f"{_UNNAMED}{event['part']}", int(event["part"]), "a1"
                 )
                 self._record.enter("recording")
                 self._record.notice(f"Found the ego: {event['type_id']} on {event['map']}.")
@@ -366,8 +380,17 @@ class _FollowingSession(RunSession):
         said = self._last_words
         message = str(said.get("message") or f"The collector ended with exit code {code}.")
         hint = str(said.get("hint") or f"See {self._folder.logs / 'collector.log'}.")
-        bad = said.get("kind") in ("scene", "plan", "version")
-        return BadInputError(message, hint) if bad else CollectorError(message, hint)
+        error = _ERRORS.get(str(said.get("kind")), CollectorError)(message, hint)
+        if left := list(self._folder.raw.glob(f"{_UNNAMED}*")):
+            error.message += f" Lost is what was being recorded, {left[0].name}."
+        ids = [spec.episode_id for spec in self._specs if spec.episode_id not in self._failures]
+        if ids:
+            error.message += f" In the dataset is what was whole: {', '.join(ids)}."
+            error.exit_code = SOME_FAILED
+        return error
+
+    def _tell_how_to_go_on(self) -> None:
+        """Nothing: nobody can make the rest of a drive again."""
 
     def _interrupt(self) -> None:
         self._status.message = "Ended by the user; what was whole is committed."
@@ -381,6 +404,8 @@ class _FollowingSession(RunSession):
             ids = tuple(spec.episode_id for spec in specs)
             plan = EpisodePlan(lambda i: specs[i], np.arange(len(specs)), ids, costs_of(specs))
             self._folder.write_plan(self._config, plan, self._environment)
+        for left in self._folder.raw.glob(f"{_UNNAMED}*"):
+            shutil.rmtree(left, ignore_errors=True)  # nobody can finish it
         self._queue.give_back()
 
 
@@ -391,6 +416,22 @@ def _address(server: str) -> tuple[str, int]:
             f"--server: {server!r} is not HOST:PORT.", "Write, for example, localhost:2000."
         )
     return host, int(port)
+
+
+def _check_room(asked: Mapping[str, Any], facts: ServerFacts, place: Path, store: Store) -> None:
+    """Refuse a disk without room for a short drive, and sensors that the server does not have.
+
+    Raises:
+        BadInputError: with the field's path.
+    """
+    choice = {"map": {"choice": next(iter(facts.maps))}, "duration_s": LEAST_S}
+    config = _config({**asked, **choice})
+    check_disk(
+        place,
+        estimate_run(config, plan_episodes(config, facts)),
+        dataset_elsewhere=isinstance(store.root, RemotePath),
+        what=f"{LEAST_S:g} s of recording need",
+    )
 
 
 def _version_of(host: str, port: int, config: Config) -> str:

@@ -9,7 +9,7 @@ import time
 from collections import deque
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import Any, Deque, Dict, Iterator, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Any, Deque, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import carla
 
@@ -47,10 +47,17 @@ _log = logging.getLogger(__name__)
 
 
 class Followed(NamedTuple):
-    """What came of an ego; ``incomplete`` counts ticks with a sensor that is not ok."""
+    """What came of an ego.
+
+    Attributes:
+        ticks: how many are recorded.
+        incomplete: ticks with a sensor that is not ok.
+        server_gone: it did not end well: the server was gone before the ego.
+    """
 
     ticks: int
     incomplete: int
+    server_gone: bool = False
 
 
 class _Seen(NamedTuple):
@@ -161,6 +168,7 @@ class FollowedEpisode:
         self._folder = folder
         self._server = server
         self._budget = ByteBudget(queue_bytes)
+        self._server_gone = False
 
     def record(self, versions: Tuple[str, str], events: EventStream, stop: StopRequest) -> Followed:
         """Attach the rig, follow, and leave the world as it was.
@@ -185,8 +193,7 @@ class FollowedEpisode:
                 return Followed(0, 0)
             segment_ticks, writers, pipeline = self._pipeline(stack, rig)
             frames = FrameQueue(world, observer, int(self._ego.id))
-            stack.callback(world.remove_on_tick, world.on_tick(frames.on_tick))
-            stack.callback(rig.stop)
+            stack.callback(self._stop_listening, rig, world.on_tick(frames.on_tick))
             rig.listen({one.id: pipeline.callback_within_budget(one.id) for one in spec.sensors})
             events.emit("following", sensors=len(rig.actors), ego=int(self._ego.id))
             # Only now: each frame that is made before the sensors are there is lost.
@@ -195,11 +202,16 @@ class FollowedEpisode:
             first: List[Tick] = []
             ticks = self._follow(pipeline, frames, observer, first, events, stop)
             if not ticks:
-                return Followed(0, 0)
+                return Followed(0, 0, self._server_gone)
             self._finish(pipeline, writers, ticks)
             header = self._header(versions, rig, segment_ticks, first[0], ticks, town)
             write_episode_file(folder, {**header, "map_crc32": map_crc32})
-            return Followed(ticks, pipeline.incomplete_ticks)
+            return Followed(ticks, pipeline.incomplete_ticks, self._server_gone)
+
+    def _stop_listening(self, rig: Rig, on_tick: int) -> None:
+        self._world.remove_on_tick(on_tick)
+        if not self._server_gone:
+            rig.stop()
 
     def _pipeline(self, stack: ExitStack, rig: Rig) -> Tuple[int, LogWriters, Pipeline]:
         spec = self._spec
@@ -244,24 +256,30 @@ class FollowedEpisode:
         begun_after = self._first_data(pipeline, stop)
         if begun_after is None:
             return 0
-        observer.show_level(level_objects(self._world, self._spec.labels.level_objects))
         saved, ticks = SavedFrames(self._spec.saved), 0
         last: Optional[Tick] = None
         weather: Optional[Mapping[str, float]] = None
         for seen in self._frames(frames, pipeline, stop, begun_after):
             stamp = seen.snapshot.timestamp
             step = Tick(stamp.frame, stamp.elapsed_seconds, seen.tick_s, seen.snapshot)
+            try:
+                if last is None:
+                    observer.show_level(self._level())
+                # Each question is a round trip, which a fast world does not leave the time for.
+                if weather is None or not frames.lags:
+                    weather = weather_values(self._world.get_weather(), WEATHER_PARAMETERS)
+                    lights = observer.vehicle_lights()
+                moment = observer.observe_past(seen.snapshot, weather, seen.states or {}, lights)
+            except RuntimeError as error:
+                if self._answers(error):
+                    raise
+                return ticks  # what is known of this frame is not enough
             if not first:
                 first.append(step)
             for skipped in skipped_ticks(last, step):
                 _expect(pipeline, ticks, skipped, None, None)
                 ticks += 1
             k = saved.index(ticks)
-            # Each question is a round trip, which a fast world does not leave the time for.
-            if weather is None or not frames.lags:
-                weather = weather_values(self._world.get_weather(), WEATHER_PARAMETERS)
-                lights = observer.vehicle_lights()
-            moment = observer.observe_past(seen.snapshot, weather, seen.states or {}, lights)
             _expect(pipeline, ticks, step, k, moment)
             events.tick(
                 os.path.basename(self._folder),
@@ -326,8 +344,16 @@ class FollowedEpisode:
             world = self._client.get_world()
             return bool(world.id == self._world.id and self._ego.is_alive)
         except RuntimeError as error:
-            _log.info("the world does not answer: %s", error)
-            return answers(self._client, self._server.timeout_s)
+            return self._answers(error)
+
+    def _answers(self, error: RuntimeError) -> bool:
+        """Whether the server answers, though a call to it failed; notes where it does not."""
+        _log.info("the world does not answer: %s", error)
+        self._server_gone = not answers(self._client, self._server.timeout_s)
+        return not self._server_gone
+
+    def _level(self) -> Sequence[Mapping[str, Any]]:
+        return level_objects(self._world, self._spec.labels.level_objects)
 
     def _finish(self, pipeline: Pipeline, writers: LogWriters, ticks: int) -> None:
         """Wait until every tick is booked and every segment sealed."""

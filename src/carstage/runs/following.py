@@ -15,19 +15,15 @@ from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
-from carstage.config import Config, check_config, load_config
-from carstage.config.paths import place_value, steps_of
-from carstage.config.presets import RIG_PRESETS
-from carstage.config.yaml_text import parse_yaml
+from carstage.config import Config
 from carstage.errors import (
     BadInputError,
     CarStageError,
     CollectorError,
-    ConfigError,
     DiskFullError,
     ServerError,
 )
@@ -50,11 +46,12 @@ from carstage.runs.pending import pending_recordings
 from carstage.runs.preflight import check_disk, check_open_files, check_output, work_folder
 from carstage.runs.reading import read_document
 from carstage.runs.record import RunRecord
+from carstage.runs.rig_source import RigSource, config_of, settings_of
 from carstage.runs.run_session import RunSession
 from carstage.runs.wakeup_pipe import WakeupPipe
 from carstage.sensor_kinds import plugins_of, registered_kinds
 from carstage.server import ClientPython, find_client, probe_version
-from carstage.spec import FOLLOW, EpisodeSpec, SpecError, Stand
+from carstage.spec import EpisodeSpec, SpecError, Stand
 from carstage.spec.scenario import RecordedSpec
 from carstage.storage import RemotePath, Store, open_store
 
@@ -75,9 +72,6 @@ _ERRORS: Mapping[str, type[CarStageError]] = {
 """By what the collector calls its errors."""
 _BYTES_PER_MB = 1_000_000
 _RECORDING_BYTES = 8
-
-RigSource: TypeAlias = "Config | str | Path | Mapping[str, Any]"
-"""A preset's name, the path of a YAML file, a configuration, or its content as plain values."""
 
 
 def record_beside(
@@ -120,9 +114,9 @@ def record_beside(
         CarStageError: recording or committing failed.
     """
     host, port = _address(server)
-    asked = _settings_of(rig, settings)
-    asked["server"] = {"kind": "remote", "host": host, "port": port}
-    config = _config(asked)
+    asked, left_out = settings_of(rig, settings)
+    asked["server"] = {**asked["server"], "kind": "remote", "host": host, "port": port}
+    config = config_of(asked)
     version = _version_of(host, port, config)
     store = open_store(out)
     place = work_folder(store.root, work)
@@ -131,13 +125,19 @@ def record_beside(
         if on_event is not None:
             on_event(Notice(sentence))
 
+    if left_out:
+        notice(
+            f"{', '.join(left_out)}: the other program decides on it; the rest of the "
+            "configuration counts."
+        )
     with Interruption(notice, end_s=END_S) as interruption, ExitStack() as stack:
         stack.enter_context(store.within(lambda: interruption.left_before_s(ANSWER_S)))
         check_output(place)
         check_open_files()
         store.check()
         _check_room(asked, ask_server(host, port, version), place, store)
-        client = find_client(version)
+        server_python = config.server.client_python, config.server.create_client_env
+        client = find_client(version, server_python[0], create=server_python[1])
         follow = stack.enter_context(run_catalog(catalog, store.root, notice))
         store.initialise(config.name)
         folder = stack.enter_context(RunFolder(place))
@@ -305,7 +305,7 @@ class _FollowingSession(RunSession):
         server: Any = self._config.server
         fps = round(1.0 / float(seen["step_s"]), 9)
         asked = {**self._asked, "map": {"choice": seen["map"]}, "fps": fps, "duration_s": 1 / fps}
-        self._config = _config(asked)
+        self._config = config_of(asked)
         version = str(seen["server_version"])
         facts = ask_server(server.host, server.port, version)
         spec = plan_episodes(self._config, facts)[0]
@@ -425,7 +425,7 @@ def _check_room(asked: Mapping[str, Any], facts: ServerFacts, place: Path, store
         BadInputError: with the field's path.
     """
     choice = {"map": {"choice": next(iter(facts.maps))}, "duration_s": LEAST_S}
-    config = _config({**asked, **choice})
+    config = config_of({**asked, **choice})
     check_disk(
         place,
         estimate_run(config, plan_episodes(config, facts)),
@@ -446,60 +446,3 @@ def _version_of(host: str, port: int, config: Config) -> str:
     if reason:
         raise BadInputError(f"server: {reason}.", "Use a newer CARLA, or leave such sensors out.")
     return version
-
-
-def _settings_of(rig: RigSource, settings: tuple[str, ...]) -> dict[str, Any]:
-    """The keys of a configuration that say what is recorded."""
-    if isinstance(rig, Config):
-        asked: dict[str, Any] = rig.model_dump(mode="json", exclude_unset=True)
-    elif isinstance(rig, Mapping):
-        asked = dict(rig)
-    elif str(rig) in RIG_PRESETS:
-        asked = {"rig": {"preset": str(rig)}}
-    elif Path(rig).is_file():
-        load_config(rig)  # for its complaints, which name the file
-        asked = dict(parse_yaml(Path(rig).read_text("utf-8"), str(rig)) or {})
-    else:
-        raise BadInputError(
-            f"--rig: {str(rig)!r} is neither a preset nor a file.",
-            f"Presets are: {', '.join(sorted(RIG_PRESETS))}. A file is a configuration with `rig`.",
-        )
-    for key in ("map", "vehicles", "pedestrians", "scenario", "ego", "episodes", "campaign",
-                "weather", "server", "duration_s", "fps", "traffic"):  # fmt: skip
-        asked.pop(key, None)
-    for override in settings:
-        key, sign, text = override.partition("=")
-        steps = steps_of(key.strip())
-        if not sign or steps is None:
-            raise ConfigError(
-                f"--set {override}: this is not key=value.", "As in --set save_every=2."
-            )
-        place_value(asked, steps, parse_yaml(text, f"--set {key}"), f"--set {override}")
-    asked.setdefault("name", "recorded")
-    return asked
-
-
-def _config(asked: Mapping[str, Any]) -> Config:
-    """Checked; what drives where is not ours to ask for.
-
-    Conversion is deferred: what is recorded is set aside, on the disk, before anything else.
-
-    Raises:
-        ConfigError: a value is wrong, or cannot be had beside a program that ticks.
-    """
-    conversion = {**asked.get("conversion", {}), "mode": "deferred"}
-    nobody = {"vehicles": {"count": 0}, "pedestrians": {"count": 0}, "episodes": 1}
-    config = check_config({**asked, "conversion": conversion, **nobody})
-    if not (config.timing.mode == "sync" and config.timing.sensor_sync):
-        raise ConfigError(
-            "timing: beside another program every sensor measures in each of its steps.",
-            "Leave timing.mode and timing.sensor_sync out.",
-        )
-    for index, sensor in enumerate(config.rig.sensors):
-        if sensor.attachment == FOLLOW:
-            raise ConfigError(
-                f"rig.sensors[{index}].attachment: follow moves the sensor before each step, and "
-                "here somebody else makes them.",
-                "Use rigid.",
-            )
-    return config

@@ -20,6 +20,8 @@ from carstage.runs import record_beside
 from carstage.runs.events import OtherEvent, RunEvent
 from running_simulator import RunningSimulator
 
+pytestmark = pytest.mark.xdist_group("following")  # recorded once
+
 WARM_UP, FRAMES = 8, 12
 DRIVE: dict[str, Any] = {
     "seed": 5,

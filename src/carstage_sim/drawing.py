@@ -30,7 +30,9 @@ class DrawingThread:
         self._changed = threading.Condition()
         self._undone = 0
         self._put_off: deque[Callable[[], None]] = deque()
+        self._begun_put_off = False
         self._leaves_out = False
+        self._held = False
 
     @property
     def busy(self) -> bool:
@@ -66,8 +68,13 @@ class DrawingThread:
         with self._changed:
             self._undone += 1
             self._put_off.append(work)
-            if len(self._put_off) == 1:
-                self._pool.submit(self._do_one_put_off)
+            self._begin_one_put_off()
+
+    def hold(self, *, held: bool) -> None:
+        """Whether nothing more of what is put off is begun for now."""
+        with self._changed:
+            self._held = held
+            self._begin_one_put_off()
 
     def at_once_or_later(
         self,
@@ -89,12 +96,15 @@ class DrawingThread:
     def finish(self) -> None:
         """Wait until everything is done."""
         with self._changed:
+            self._held = False
+            self._begin_one_put_off()
             self._changed.wait_for(lambda: not self._undone)
 
     def finish_without_what_is_put_off(self) -> None:
         """Wait until everything is done; what is put off and not begun is left out."""
         with self._changed:
-            self._leaves_out = True
+            self._leaves_out, self._held = True, False
+            self._begin_one_put_off()
             self._changed.wait_for(lambda: not self._undone)
             self._leaves_out = False
 
@@ -103,18 +113,29 @@ class DrawingThread:
         self.finish_without_what_is_put_off()
         self._pool.shutdown()
 
+    def _begin_one_put_off(self) -> None:
+        """Queue one piece of what is put off, behind what was submitted. The lock is held."""
+        if self._put_off and not self._held and not self._begun_put_off:
+            self._begun_put_off = True
+            self._pool.submit(self._do_one_put_off)
+
     def _do_one_put_off(self) -> None:
-        if not self._leaves_out:
+        with self._changed:
+            if self._held:  # since it was queued
+                self._begun_put_off = False
+                return
+            work = None if self._leaves_out else self._put_off[0]
+        if work is not None:
             try:
-                self._put_off[0]()
+                work()
             except Exception:
                 logger.exception("what was put off failed")
         with self._changed:
             self._put_off.popleft()
             self._undone -= 1
+            self._begun_put_off = False
+            self._begin_one_put_off()
             self._changed.notify_all()
-            if self._put_off:
-                self._pool.submit(self._do_one_put_off)  # behind what was submitted meanwhile
 
     def _count(self, change: int) -> None:
         with self._changed:

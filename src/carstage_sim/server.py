@@ -160,10 +160,17 @@ class Server:
             wait_s = _SUBSCRIPTION_POLL_S if self._tick_requests else _POLL_S
         if wait_s > 0.0:
             self._serve_one(min(wait_s, _POLL_S))
+        self._draw_late_unless_a_tick_is_due()
         now_s = time.monotonic()
         if not self._is_drawing and self._due_requests() and now_s >= self._paced_until_s:
             self._paced_until_s = now_s + self._shortest_tick_s
             self._tick()
+            self._draw_late_unless_a_tick_is_due()
+
+    def _draw_late_unless_a_tick_is_due(self) -> None:
+        """What is drawn late must not come before the next tick, unless that waits for it."""
+        held = bool(self._due_requests()) and not self._late.hold_up_the_world
+        self._simulation.hold_late_drawing(held=held)
 
     @property
     def _is_drawing(self) -> bool:
@@ -176,6 +183,7 @@ class Server:
         return [one for one in waiting if not self._streams.awaits(one.call.connection)]
 
     def _run_freely(self) -> None:
+        self._simulation.hold_late_drawing(held=False)
         wait_s = self._next_tick_s - time.monotonic()
         if wait_s > 0.0:
             self._serve_one(min(wait_s, _POLL_S))

@@ -352,6 +352,10 @@ class Simulation:
             return None
         return self._drawing.submit(drawn)
 
+    def hold_late_drawing(self, *, held: bool) -> None:
+        """Whether no more late data are begun to be drawn for now; see :meth:`draw`."""
+        self._drawing.hold(held=held)
+
     def finish_drawing(self) -> None:
         """Wait until what :meth:`draw` began is published; data that are late are left out."""
         self._drawing.finish_without_what_is_put_off()

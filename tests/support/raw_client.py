@@ -65,8 +65,8 @@ def subscribe(host: str, port: int, stream_id: int) -> socket.socket:
 
 def read_message(connection: socket.socket) -> bytes:
     """The payload of the next message of a stream."""
-    (size,) = struct.unpack("<I", _read(connection, 4))
-    return _read(connection, size)
+    (size,) = struct.unpack("<I", read_bytes(connection, 4))
+    return read_bytes(connection, size)
 
 
 def await_first_message(client: RawClient, stream: socket.socket) -> bytes:
@@ -86,7 +86,7 @@ def await_first_message(client: RawClient, stream: socket.socket) -> bytes:
     raise AssertionError("no message came")
 
 
-def _read(connection: socket.socket, size: int) -> bytes:
+def read_bytes(connection: socket.socket, size: int) -> bytes:
     parts = b""
     while len(parts) < size:
         data = connection.recv(size - len(parts))

@@ -29,7 +29,8 @@ FRAMES = 1000
 RUNS = 200
 _RUNS_PER_DATASET = 100
 _RECORD_S = 900.0
-_SWEEP_STEPS = 60
+_SWEEP_STEPS = _FRAMES
+"""A hand that asks for another frame at each move: what is shown is not bounded by it."""
 
 _SHOWN = """() => {
   window.shownFrames = [];

@@ -35,8 +35,11 @@ FloatArray = NDArray[np.float64]
 class DvsCamera(CameraSensor):
     """Events since the last picture, in the order of their times; none is sent when there are none.
 
-    The first picture only sets the levels that later ones are compared with.
+    The first picture only sets the levels that later ones are compared with. Where pictures were
+    left out, brightness is taken as linear from the last one that was made.
     """
+
+    may_be_late = True
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)

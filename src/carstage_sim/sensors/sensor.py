@@ -27,7 +27,8 @@ class Sensor(ABC):
         looks: whether it asks the view for anything. One that does not measures in every tick,
             however long pictures take.
         may_be_late: whether its reports may be made after later ticks. That needs reports that
-            depend on their own tick alone, and pays for those that take long.
+            depend on their own tick and on reports before alone, some of which may be left out,
+            and pays for those that take long.
     """
 
     looks: ClassVar[bool] = True

@@ -15,7 +15,7 @@ _MOST_WAITING = 16
 class LatePictures:
     """Counts the pictures of each stream that wait to be drawn after those of other streams.
 
-    In synchronous mode the next tick waits for the pictures of the last one. Colour pictures take
+    In synchronous mode the next tick waits for the pictures of the last one. Those of light take
     long, and whoever subscribes to cameras without reading would slow down the one who ticks. So a
     stream's pictures may be late until a subscriber has taken what it was sent: then the next tick
     waits for them as for all others. None is lost, unless who subscribed takes nothing for seconds.

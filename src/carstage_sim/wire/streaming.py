@@ -8,8 +8,8 @@ a client that was merely stopped subscribes again by itself when it goes on.
 
 In one frame the world waits for all of them together no longer than a moment: a subscriber that
 never comes, or that does not read, must not hold up the others. What it has not taken by then is
-kept for it, up to a bound. Who took nothing in the whole frame before is waited for again when that
-bound is reached, or when it goes on reading.
+kept for it, up to a bound. Who has been waited for once and reads too slowly to be done in that
+moment is waited for again when that bound is reached, or when it has caught up.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import struct
 import threading
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from carstage_sim.wire.channel import Channel
 from carstage_sim.wire.socket_loop import SocketLoop
@@ -62,12 +62,37 @@ class Taking(enum.Enum):
     """There is none, or none took anything for seconds."""
 
 
+class _Behind(NamedTuple):
+    """How far a subscriber was when it was last looked at whether it may catch up."""
+
+    since_s: float
+    written_bytes: int
+    may_catch_up: bool
+
+
 class _Progress:
     """How far a subscriber is with what it was sent."""
 
     def __init__(self) -> None:
         self._taken_bytes = -1
         self._since_s = 0.0
+        self._behind: _Behind | None = None
+
+    def catch_up(self) -> None:
+        """It has been written all that it was sent."""
+        self._behind = None
+
+    def may_catch_up(self, channel: Channel, within_s: float) -> bool:
+        """Whether all may be written in time, at its rate of late; of who just fell behind, yes."""
+        now_s, unwritten_bytes = time.monotonic(), channel.unwritten_bytes
+        written_bytes = channel.sent_bytes - unwritten_bytes
+        if self._behind is None:
+            self._behind = _Behind(now_s, written_bytes, may_catch_up=True)
+        elif (passed_s := now_s - self._behind.since_s) >= LONGEST_WAIT_S:
+            bytes_per_s = (written_bytes - self._behind.written_bytes) / passed_s
+            in_time = bytes_per_s > 0.0 and bytes_per_s * within_s >= unwritten_bytes
+            self._behind = _Behind(now_s, written_bytes, may_catch_up=in_time)
+        return self._behind.may_catch_up
 
     def taking(self, channel: Channel) -> Taking:
         """What it takes, as far as seen by asking again and again."""
@@ -102,7 +127,6 @@ class StreamingServer:
         self._subscribers: dict[int, dict[Channel, _Progress]] = {}
         self._awaited: dict[int, dict[object, float]] = {}
         self._waits_until_s = math.inf
-        self._frame_began_s = self._frame_before_began_s = -math.inf
         self._trusts_again_s = 0.0
         self._ended = threading.Event()
         self.port = int(sock.getsockname()[1])
@@ -114,9 +138,7 @@ class StreamingServer:
 
     def begin_frame(self) -> None:
         """From now on, wait for subscribers :data:`LONGEST_WAIT_S` in all, until called again."""
-        self._frame_before_began_s = self._frame_began_s
-        self._frame_began_s = time.monotonic()
-        self._waits_until_s = self._frame_began_s + LONGEST_WAIT_S
+        self._waits_until_s = time.monotonic() + LONGEST_WAIT_S
 
     def expect(
         self,
@@ -187,13 +209,15 @@ class StreamingServer:
         """
         message = _framed(parts)
         with self._lock:
-            channels = list(self._subscribers.get(stream_id, ()))
-        for channel in channels:
-            if channel.unwritten_bytes:
+            subscribers = list(self._subscribers.get(stream_id, {}).items())
+        for channel, progress in subscribers:
+            if not channel.unwritten_bytes:
+                progress.catch_up()
+            else:
                 if not wait:
                     logger.debug("stream %d: %s is slow, left out", stream_id, channel.peer)
                     continue
-                self._wait_written(stream_id, channel)
+                self._wait_written(stream_id, channel, progress)
                 if channel.unwritten_bytes > _MOST_UNREAD_BYTES:
                     self._warnings.warn(
                         f"subscriber {channel.peer} is slow", f"stream {stream_id} left out"
@@ -201,10 +225,14 @@ class StreamingServer:
                     continue
             channel.send(message)
 
-    def _wait_written(self, stream_id: int, channel: Channel) -> None:
+    def _wait_written(self, stream_id: int, channel: Channel, progress: _Progress) -> None:
         """Wait until a message is written, the frame's time is over, or the patience ends."""
+        until_s = self._waits_until_s
+        in_time = progress.may_catch_up(channel, until_s - time.monotonic())
+        if not in_time and channel.unwritten_bytes <= _MOST_UNREAD_BYTES:
+            until_s = -math.inf
         while not self._ended.is_set():
-            left_s = 0.0 if self._is_idle(channel) else self._waits_until_s - time.monotonic()
+            left_s = until_s - time.monotonic()
             if channel.wait_written(max(min(_POLL_S, self._patience_s, left_s), 0.0)):
                 return
             if channel.stalled_s >= self._patience_s:
@@ -216,12 +244,6 @@ class StreamingServer:
                 return
             if left_s <= 0.0:
                 return
-
-    def _is_idle(self, channel: Channel) -> bool:
-        """Whether a subscriber took nothing in the whole frame before, and there is room still."""
-        took_last_s = time.monotonic() - channel.stalled_s
-        has_room = channel.unwritten_bytes <= _MOST_UNREAD_BYTES
-        return has_room and took_last_s < self._frame_before_began_s
 
     def _accept(self, channel: Channel) -> None:
         received = bytearray()

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from carstage_sim.sensors.cameras import HitCamera, RgbCamera
+from carstage_sim.sensors.dvs import DvsCamera
+from carstage_sim.sensors.measurements import DVS_EVENT, DvsFrame
 from carstage_sim.server import Server
 from carstage_sim.simulation import Simulation
 from carstage_sim.wire import streaming
@@ -39,11 +41,17 @@ class Gate:
         self.open.set()
         self.came = 0
         self.threads: set[str] = set()
+        self._one = threading.Event()
+
+    def let_one_through(self) -> None:
+        """The camera that waits at the gate, or the next that comes to it."""
+        self._one.set()
 
     def pass_through(self) -> None:
         self.came += 1
         self.threads.add(threading.current_thread().name)
-        assert self.open.wait(60.0)
+        await_that(lambda: self.open.is_set() or self._one.is_set(), within_s=60.0)
+        self._one.clear()
 
 
 @pytest.fixture
@@ -60,15 +68,20 @@ def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
 
 
 @pytest.fixture
-def colour_gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
-    """A gate for colour cameras, whose pictures are black."""
+def light_gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
+    """A gate for cameras of light: colour pictures are black, event cameras see one event."""
     gate = Gate()
 
-    def gated(camera: RgbCamera, *_: Any) -> Any:
+    def colours(camera: RgbCamera, *_: Any) -> Any:
         gate.pass_through()
         return camera.image(np.zeros((camera.height, camera.width, 4), np.uint8))
 
-    monkeypatch.setattr(RgbCamera, "measure", gated)
+    def events(camera: DvsCamera, *_: Any) -> Any:
+        gate.pass_through()
+        return DvsFrame(camera.width, camera.height, camera.fov_deg, np.zeros(1, DVS_EVENT))
+
+    monkeypatch.setattr(RgbCamera, "measure", colours)
+    monkeypatch.setattr(DvsCamera, "measure", events)
     yield gate
     gate.open.set()
 
@@ -97,12 +110,13 @@ def serving(simulation: Simulation) -> Iterator[Server]:
 
 
 class Rig:
-    """A served simulation with a depth camera and an IMU, and clients of it."""
+    """A served simulation with cameras and an IMU, and clients of it."""
 
     def __init__(self, simulation: Simulation, resources: ExitStack) -> None:
         world = simulation.world
         self.camera = world.spawn("sensor.camera.depth", SIZE, Pose((0.0, 0.0, 3.0)))
         self.colour = world.spawn("sensor.camera.rgb", LARGE, Pose((0.0, 0.0, 3.0)))
+        self.events = world.spawn("sensor.camera.dvs", SIZE, Pose((0.0, 0.0, 3.0)))
         self.imu = world.spawn("sensor.other.imu", {}, Pose((0.0, 0.0, 3.0)))
         server = resources.enter_context(serving(simulation))
         self.client, self.other = (
@@ -237,24 +251,25 @@ def test_an_asynchronous_world_goes_on_and_a_camera_that_is_not_ready_skips_fram
     assert first < moving[-1] < second
 
 
-def test_the_world_does_not_wait_for_a_colour_camera_until_somebody_reads_its_pictures(
-    rig: Rig, colour_gate: Gate
+@pytest.mark.parametrize("kind", ["colour", "events"])
+def test_the_world_does_not_wait_for_a_camera_of_light_until_somebody_reads_its_pictures(
+    rig: Rig, light_gate: Gate, kind: str
 ) -> None:
-    pictures, depths = rig.subscribed(rig.colour), rig.subscribed(rig.camera)
-    colour_gate.open.clear()
+    pictures, depths = rig.subscribed(getattr(rig, kind)), rig.subscribed(rig.camera)
+    light_gate.open.clear()
     first, second = rig.ticks(2)
-    assert colour_gate.came == 1
+    await_that(lambda: light_gate.came == 1)
     # No frame is lost, neither of who reads nor of who has not read yet.
-    colour_gate.open.set()
+    light_gate.open.set()
     assert frames_of(depths, 2) == [first, second]
     assert frames_of(pictures, 2) == [first, second]
 
     def waits() -> bool:
         """Whether a tick waits for the picture of the one before."""
-        colour_gate.open.clear()
+        light_gate.open.clear()
         frame, second = *rig.ticks(1), rig.asking("tick_cue")
         waited = holds_for(0.2, lambda: second() is None)
-        colour_gate.open.set()
+        light_gate.open.set()
         await_that(lambda: second() == frame + 1)
         assert frames_of(pictures, 2) == [frame, frame + 1]
         return waited
@@ -262,26 +277,45 @@ def test_the_world_does_not_wait_for_a_colour_camera_until_somebody_reads_its_pi
     await_that(waits)  # the other side says a moment later that all has come
 
 
+def test_a_tick_that_is_asked_for_waits_for_one_unread_picture_alone(
+    rig: Rig, light_gate: Gate
+) -> None:
+    pictures, depths = rig.subscribed(rig.colour), rig.subscribed(rig.camera)
+    light_gate.open.clear()
+    frames = rig.ticks(1)
+    await_that(lambda: light_gate.came == 1)
+    frames += rig.ticks(1)
+    third = rig.asking("tick_cue")
+    assert holds_for(0.1, lambda: third() is None)
+    light_gate.let_one_through()
+    await_that(lambda: third() is not None)
+    frames.append(third())
+    assert frames_of(depths, 3) == frames
+    light_gate.open.set()
+    assert frames_of(pictures, 3) == frames
+
+
 def test_no_picture_is_drawn_for_who_takes_nothing_until_he_reads_again(
-    rig: Rig, colour_gate: Gate, monkeypatch: pytest.MonkeyPatch
+    rig: Rig, light_gate: Gate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(streaming, "_GIVEN_UP_AFTER_S", 0.3)
     pictures, depths = rig.subscribed(rig.colour), rig.subscribed(rig.camera)
     first, *_ = rig.ticks(1)
+    await_that(lambda: light_gate.came == 1)
 
     def passed_over() -> bool:
-        came, frames = colour_gate.came, rig.ticks(2)
+        came, frames = light_gate.came, rig.ticks(2)
         assert frames_of(depths, 2)[-1] in frames
-        return colour_gate.came == came
+        return holds_for(0.1, lambda: light_gate.came == came)
 
     frames_of(depths, 1)
     await_that(passed_over)
-    drawn = colour_gate.came
+    drawn = light_gate.came
     frames_of(pictures, drawn)
 
     def drawn_again() -> bool:
         rig.ticks(1)
-        return colour_gate.came > drawn
+        return light_gate.came > drawn
 
     await_that(drawn_again)
     assert frames_of(pictures, 1)[0] > first + drawn

@@ -123,3 +123,39 @@ def test_at_the_end_what_is_put_off_and_not_begun_is_left_out(drawing: DrawingTh
     drawing.put_off(partial(done.append, 2))
     drawing.finish()
     assert done == [0, 2]
+
+
+def test_while_held_nothing_that_is_put_off_is_begun_though_it_was_queued(
+    drawing: DrawingThread,
+) -> None:
+    gate, began, done = threading.Event(), threading.Event(), []
+
+    def first() -> None:
+        began.set()
+        gate.wait()
+        done.append("put off 0")
+
+    drawing.put_off(first)
+    drawing.put_off(partial(done.append, "put off 1"))
+    assert began.wait(10.0)
+    drawing.submit(partial(drawing.hold, held=True))  # after the second was queued
+    gate.set()
+    drawing.submit(done.append, "submitted").result(10.0)
+    drawing.submit(done.append, "submitted").result(10.0)
+    assert done == ["put off 0", "submitted", "submitted"]
+    assert drawing.busy
+    drawing.hold(held=False)
+    drawing.finish()
+    assert done[3:] == ["put off 1"]
+
+
+@pytest.mark.parametrize("finish", ["finish", "finish_without_what_is_put_off"])
+def test_who_waits_for_the_end_does_not_wait_for_what_is_held(
+    drawing: DrawingThread, finish: str
+) -> None:
+    done: list[int] = []
+    drawing.hold(held=True)
+    drawing.put_off(partial(done.append, 1))
+    getattr(drawing, finish)()
+    assert done == ([1] if finish == "finish" else [])
+    assert not drawing.busy

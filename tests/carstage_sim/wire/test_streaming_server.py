@@ -14,11 +14,12 @@ from carstage_sim.wire import socket_loop, streaming
 from carstage_sim.wire.errors import PortInUseError
 from carstage_sim.wire.socket_loop import SocketLoop, bind
 from carstage_sim.wire.streaming import LONGEST_WAIT_S, StreamingServer, Taking
-from raw_client import read_message, subscribe
+from raw_client import read_bytes, read_message, subscribe
 from waiting import await_that
 
 STREAM = 7
 LARGE = 32 << 20  # more than any socket buffer takes
+_RECEIVED_SLOWLY_BYTES = 1 << 20
 
 
 @pytest.fixture
@@ -218,6 +219,25 @@ def test_who_took_nothing_in_a_whole_frame_holds_up_no_other_until_it_reads_on(
     frame()
     server.publish(STREAM, [bytes(LARGE)], wait=True)
     assert frame() >= LONGEST_WAIT_S
+
+
+def test_who_reads_too_slowly_to_catch_up_holds_up_one_frame_alone(
+    server: StreamingServer, subscribers: Callable[[], socket.socket]
+) -> None:
+    connection = subscribers()
+    server.begin_frame()
+    server.publish(STREAM, [bytes(LARGE)], wait=True)
+    took_s = []
+    for _ in range(4):
+        began_s = time.monotonic()
+        server.begin_frame()
+        server.publish(STREAM, [b"kept"], wait=True)
+        took_s.append(time.monotonic() - began_s)
+        read_bytes(connection, _RECEIVED_SLOWLY_BYTES)
+    assert took_s[0] >= LONGEST_WAIT_S
+    assert max(took_s[1:]) < LONGEST_WAIT_S / 2
+    read_bytes(connection, LARGE + 4 - len(took_s) * _RECEIVED_SLOWLY_BYTES)
+    assert [read_message(connection) for _ in took_s] == [b"kept"] * 4
 
 
 def test_what_nobody_takes_is_kept_up_to_a_bound(

@@ -1,3 +1,4 @@
+import { memo } from "react";
 import type { CameraObject, EpisodeSensor } from "../api/types";
 import { colourOf } from "../rig/kinds";
 import type { Bundle } from "./frameLoader";
@@ -20,7 +21,7 @@ interface Props {
 }
 
 /** A camera's picture with its labels; picture and labels are always of one frame. */
-export function CameraView({ sensor, bundle, overlays, chosen, onChoose, note }: Props) {
+export const CameraView = memo(function CameraView({ sensor, bundle, overlays, chosen, onChoose, note }: Props) {
   const { frame } = bundle;
   const shown = bundle.pictures.get(sensor.id);
   const objects = frame.camera_objects[sensor.id] ?? [];
@@ -61,7 +62,7 @@ export function CameraView({ sensor, bundle, overlays, chosen, onChoose, note }:
       </figcaption>
     </figure>
   );
-}
+});
 
 interface MarkProps {
   object: CameraObject;

@@ -1,4 +1,4 @@
-import { useEffect, useRef, useState, type PointerEvent } from "react";
+import { memo, useEffect, useRef, useState, type PointerEvent } from "react";
 import type { EpisodeDetail, EpisodeSensor } from "../api/types";
 import { useTheme } from "../app/theme";
 import { CloudScene } from "../three/CloudScene";
@@ -8,8 +8,8 @@ import { eachInside, paint, scaleOf, type PointColour } from "./pointColours";
 
 declare global {
   interface Window {
-    /** For tests: where a place in the ego's axes is on the canvas, and how often it was drawn. */
-    carstageCloud?: { project(x: number, y: number, z: number): [number, number]; drawn(): number };
+    /** For tests: where a place in the ego's axes is on the canvas, how often and by whom it was drawn. */
+    carstageCloud?: { project(x: number, y: number, z: number): [number, number]; drawn(): number; software: boolean };
   }
 }
 
@@ -37,7 +37,7 @@ interface Props {
 }
 
 /** Points of one sensor in 3D with everybody's boxes; loaded, with three.js, when it is shown. */
-export default function CloudView(props: Props) {
+const CloudView = memo(function CloudView(props: Props) {
   const { detail, sensors, bundle, sensor, sweeps, chosen, onChoose } = props;
   const host = useRef<HTMLDivElement>(null);
   const [scene, setScene] = useState<CloudScene | null>(null);
@@ -60,7 +60,7 @@ export default function CloudView(props: Props) {
     }
     made.chase();
     setScene(made);
-    window.carstageCloud = { project: (x, y, z) => made.project(x, y, z), drawn: () => made.drawn };
+    window.carstageCloud = { project: (x, y, z) => made.project(x, y, z), drawn: () => made.drawn, software: made.software };
     return () => {
       delete window.carstageCloud;
       made.dispose();
@@ -130,7 +130,9 @@ export default function CloudView(props: Props) {
       </div>
     </section>
   );
-}
+});
+
+export default CloudView;
 
 /** Calls with the place of a press that was no drag, CSS pixels of the element. */
 function useClick(call: (x: number, y: number) => void) {

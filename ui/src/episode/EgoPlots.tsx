@@ -1,3 +1,4 @@
+import { useMemo } from "react";
 import { useAnswer } from "../api/useAnswer";
 import type { EgoSignals } from "../api/types";
 import { SignalPlot } from "./SignalPlot";
@@ -14,8 +15,8 @@ const KMH = 3.6;
 /** How the ego drove: speed, acceleration, steering. Nothing where its motion was not recorded. */
 export function EgoPlots({ base, times, k, onSeek }: Props) {
   const { data } = useAnswer<EgoSignals>(`${base}/ego`);
-  if (!data || data.speed_m_s.length === 0) return null;
-  const speed = data.speed_m_s.map((value) => (value === null ? null : value * KMH));
+  const speed = useMemo(() => data?.speed_m_s.map((value) => (value === null ? null : value * KMH)) ?? [], [data]);
+  if (!data || speed.length === 0) return null;
   const shared = { times, k, onSeek };
   return (
     <section className="panel signals" aria-label="How the ego drove">

@@ -1,4 +1,4 @@
-import { lazy, Suspense, useEffect, useState, type MouseEvent } from "react";
+import { lazy, Suspense, useCallback, useEffect, useMemo, useState, type MouseEvent } from "react";
 import { href } from "../app/routes";
 import { changeQuery, numberOf, useQuery } from "../app/query";
 import { useAnswer } from "../api/useAnswer";
@@ -49,17 +49,20 @@ function useShown(pictures: readonly EpisodeSensor[]) {
     large: pictures.find((sensor) => sensor.id === asked) ?? pictures[0],
     grid: query.get("cameras") === "all",
     other: query.get("with"),
-    choose: (track: number | null) => changeQuery({ track }),
   };
 }
 
+const choose = (track: number | null) => changeQuery({ track });
+
 function PlayerOf({ base, detail, dataset }: { base: string; detail: EpisodeDetail; dataset: string }) {
   const pictures = detail.sensors.filter((sensor) => sensor.data === "image");
-  const clouds = detail.sensors.filter((sensor) => sensor.data === "points" || sensor.data === "radar");
+  const clouds = useMemo(() => detail.sensors.filter((sensor) => sensor.data === "points" || sensor.data === "radar"), [detail]);
   const shown = useShown(pictures);
-  const { chosen, large, grid, other, choose } = shown;
+  const { chosen, large, grid, other } = shown;
   const [overlays, setOverlays] = useState<Overlays>({ boxes2d: true, boxes3d: false, masks: false, hidden: false });
   const [cloud, setCloud] = useState({ sensor: clouds[0]?.id ?? "", sweeps: 1 });
+  const showPointsOf = useCallback((sensor: string) => setCloud((now) => ({ ...now, sensor })), []);
+  const showSweeps = useCallback((sweeps: number) => setCloud((now) => ({ ...now, sweeps })), []);
   const [nearM, setNearM] = useState(NEAR_M);
   const history = useAnswer<EpisodeHistory>(`${base}/history?near_m=${nearM}`);
   const wanted: Wanted = {
@@ -126,8 +129,8 @@ function PlayerOf({ base, detail, dataset }: { base: string; detail: EpisodeDeta
                     sensors={clouds}
                     bundle={bundle}
                     {...cloud}
-                    onSensor={(sensor) => setCloud({ ...cloud, sensor })}
-                    onSweeps={(sweeps) => setCloud({ ...cloud, sweeps })}
+                    onSensor={showPointsOf}
+                    onSweeps={showSweeps}
                     chosen={chosen}
                     onChoose={choose}
                   />

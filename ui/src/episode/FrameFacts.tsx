@@ -1,3 +1,4 @@
+import { memo } from "react";
 import type { EpisodeDetail, EpisodeSensor, FrameMessage, FrameObject } from "../api/types";
 import { trackText } from "../ui/tracks";
 
@@ -11,7 +12,7 @@ interface Props {
 }
 
 /** What is true in this frame: the ego, its small sensors, everybody around. */
-export function FrameFacts({ detail, camera, frame, chosen, onChoose }: Props) {
+export const FrameFacts = memo(function FrameFacts({ detail, camera, frame, chosen, onChoose }: Props) {
   const { ego } = frame;
   const near = [...frame.objects].sort((a, b) => distance(a) - distance(b));
   const row = chosenRow(frame, chosen, camera?.id);
@@ -104,7 +105,7 @@ export function FrameFacts({ detail, camera, frame, chosen, onChoose }: Props) {
       )}
     </div>
   );
-}
+});
 
 /** The label of the chosen object: that of the large camera, where it is seen there. */
 function chosenRow(frame: FrameMessage, chosen: number | null, camera: string | undefined) {

@@ -1,4 +1,4 @@
-import { useMemo, useState } from "react";
+import { memo, useMemo, useState } from "react";
 import { useAnswer } from "../api/useAnswer";
 import type { EpisodeMap, FrameMessage } from "../api/types";
 import { lanePaths, polyline } from "../ui/lanes";
@@ -16,7 +16,7 @@ interface Props {
 const SPANS_M = [40, 80, 160, 400];
 
 /** Everybody on the map from above, north as the map has it: x to the right, y down. */
-export function MapView({ base, frame, egoBox, chosen, onChoose }: Props) {
+export const MapView = memo(function MapView({ base, frame, egoBox, chosen, onChoose }: Props) {
   const map = useAnswer<EpisodeMap>(`${base}/map`);
   const [span, setSpan] = useState(1);
   const lanes = useMemo(() => lanePaths(map.data?.lanes ?? [], map.data?.lane_widths_m ?? []), [map.data]);
@@ -79,4 +79,4 @@ export function MapView({ base, frame, egoBox, chosen, onChoose }: Props) {
       </div>
     </section>
   );
-}
+});

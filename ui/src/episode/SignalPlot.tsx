@@ -1,4 +1,4 @@
-import type { PointerEvent } from "react";
+import { useMemo, type PointerEvent } from "react";
 
 interface Props {
   title: string;
@@ -17,11 +17,14 @@ const LEAST_SPAN = 0.2;
 
 /** One signal over an episode, with the frame that is shown; a press or drag goes to another. */
 export function SignalPlot({ title, unit, times, values, k, digits, onSeek }: Props) {
-  const known = values.filter((value) => value !== null);
-  const [low, high] = range(known);
   const end = times.at(-1) || 1;
-  const x = (i: number) => ((times[i] ?? 0) / end) * WIDTH;
-  const y = (value: number) => HEIGHT - MARGIN - ((value - low) / (high - low)) * (HEIGHT - 2 * MARGIN);
+  const { known, x, y, path } = useMemo(() => {
+    const known = values.filter((value) => value !== null);
+    const [low, high] = range(known);
+    const x = (i: number) => ((times[i] ?? 0) / end) * WIDTH;
+    const y = (value: number) => HEIGHT - MARGIN - ((value - low) / (high - low)) * (HEIGHT - 2 * MARGIN);
+    return { known, x, y, path: line(values, x, y) };
+  }, [times, values, end]);
   const now = values[k];
   const seek = (event: PointerEvent<SVGSVGElement>) => {
     if (event.buttons !== 1) return;
@@ -50,7 +53,7 @@ export function SignalPlot({ title, unit, times, values, k, digits, onSeek }: Pr
         onPointerMove={seek}
       >
         <path className="chart-grid" d={`M0,${y(0)}H${WIDTH}`} />
-        <path className="chart-line" d={line(values, x, y)} stroke="var(--accent-text)" />
+        <path className="chart-line" d={path} stroke="var(--accent-text)" />
         <path className="signal-now" d={`M${x(k)},0V${HEIGHT}`} />
       </svg>
     </figure>

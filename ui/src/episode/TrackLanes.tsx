@@ -1,4 +1,4 @@
-import { useMemo, useState, type PointerEvent } from "react";
+import { memo, useMemo, useState, type PointerEvent } from "react";
 import type { EpisodeHistory } from "../api/types";
 import { trackText } from "../ui/tracks";
 
@@ -25,11 +25,7 @@ const WEATHERS = ["var(--camera)", "var(--truth)", "var(--lidar)", "var(--radar)
 /** What is when: weather, the ego's traffic light, faults of sensors, and each object. */
 export function TrackLanes({ history, count, k, chosen, onSeek, onChoose }: Props) {
   const [all, setAll] = useState(false);
-  const { tracks, weather, lights, faults } = history;
-  const nearest = useMemo(() => [...tracks].sort((a, b) => (a.nearest_m ?? Infinity) - (b.nearest_m ?? Infinity)), [tracks]);
-  const shown = all ? nearest : nearest.filter((track, place) => place < USUAL || track.track_id === chosen);
-  const presets = [...new Set(weather.map((span) => span.value))];
-  const lane = { count, onSeek };
+  const { tracks } = history;
   return (
     <section className="panel lanes" aria-label="Tracks over time">
       <header className="panel-head">
@@ -38,50 +34,14 @@ export function TrackLanes({ history, count, k, chosen, onSeek, onChoose }: Prop
           {tracks.length} objects, nearest first; light parts: brake lights or blinkers
         </span>
         <span className="spacer" />
-        {nearest.length > USUAL && (
+        {tracks.length > USUAL && (
           <button type="button" className="button small" aria-pressed={all} onClick={() => setAll(!all)}>
             All objects
           </button>
         )}
       </header>
       <div className="lanes-body" tabIndex={0} role="region" aria-label="Lanes of the timeline">
-        <Lane
-          name="Weather"
-          bars={weather.map(({ first, last, value }) => ({ first, last, title: value, colour: WEATHERS[presets.indexOf(value) % WEATHERS.length] ?? "" }))}
-          words
-          {...lane}
-        />
-        {lights.some(({ value }) => LIGHTS[value]) && (
-          <Lane
-            name="Traffic light"
-            bars={lights.flatMap(({ first, last, value }) => (LIGHTS[value] ? [{ first, last, title: value, colour: LIGHTS[value] }] : []))}
-            words
-            {...lane}
-          />
-        )}
-        {Object.entries(faults).map(([sensor, spans]) => (
-          <Lane
-            key={sensor}
-            name={`${sensor} faults`}
-            bars={spans.map(({ first, last, value }) => ({ first, last, title: value, colour: "var(--bad)" }))}
-            words
-            {...lane}
-          />
-        ))}
-        {shown.map((track) => (
-          <Lane
-            key={track.track_id}
-            name={`${track.class_name.replaceAll("_", " ")} ${trackText(track.track_id)}`}
-            title={`track ${track.track_id}${track.nearest_m === null || track.nearest_m === undefined ? "" : `, at least ${track.nearest_m.toFixed(1)} m from the ego`}`}
-            chosen={track.track_id === chosen}
-            onChoose={() => onChoose(track.track_id === chosen ? null : track.track_id)}
-            bars={[
-              ...track.spans.map(([first = 0, last = 0]) => ({ first, last, title: `frames ${first} to ${last}`, colour: `rgb(${track.colour.join(",")})` })),
-              ...track.signals.map(({ first, last, value }) => ({ first, last, title: value, colour: "rgb(255 255 255 / 60%)" })),
-            ]}
-            {...lane}
-          />
-        ))}
+        <Lanes history={history} all={all} count={count} chosen={chosen} onSeek={onSeek} onChoose={onChoose} />
         <div className="lane-now" aria-hidden="true">
           <span style={{ left: `${((k + 0.5) / count) * 100}%` }} />
         </div>
@@ -89,6 +49,56 @@ export function TrackLanes({ history, count, k, chosen, onSeek, onChoose }: Prop
     </section>
   );
 }
+
+/** The lanes without the mark of the frame that is shown: they stay as they are while it moves. */
+const Lanes = memo(function Lanes({ history, all, count, chosen, onSeek, onChoose }: Omit<Props, "k"> & { all: boolean }) {
+  const { tracks, weather, lights, faults } = history;
+  const nearest = useMemo(() => [...tracks].sort((a, b) => (a.nearest_m ?? Infinity) - (b.nearest_m ?? Infinity)), [tracks]);
+  const shown = all ? nearest : nearest.filter((track, place) => place < USUAL || track.track_id === chosen);
+  const presets = [...new Set(weather.map((span) => span.value))];
+  const lane = { count, onSeek };
+  return (
+    <>
+      <Lane
+        name="Weather"
+        bars={weather.map(({ first, last, value }) => ({ first, last, title: value, colour: WEATHERS[presets.indexOf(value) % WEATHERS.length] ?? "" }))}
+        words
+        {...lane}
+      />
+      {lights.some(({ value }) => LIGHTS[value]) && (
+        <Lane
+          name="Traffic light"
+          bars={lights.flatMap(({ first, last, value }) => (LIGHTS[value] ? [{ first, last, title: value, colour: LIGHTS[value] }] : []))}
+          words
+          {...lane}
+        />
+      )}
+      {Object.entries(faults).map(([sensor, spans]) => (
+        <Lane
+          key={sensor}
+          name={`${sensor} faults`}
+          bars={spans.map(({ first, last, value }) => ({ first, last, title: value, colour: "var(--bad)" }))}
+          words
+          {...lane}
+        />
+      ))}
+      {shown.map((track) => (
+        <Lane
+          key={track.track_id}
+          name={`${track.class_name.replaceAll("_", " ")} ${trackText(track.track_id)}`}
+          title={`track ${track.track_id}${track.nearest_m === null || track.nearest_m === undefined ? "" : `, at least ${track.nearest_m.toFixed(1)} m from the ego`}`}
+          chosen={track.track_id === chosen}
+          onChoose={() => onChoose(track.track_id === chosen ? null : track.track_id)}
+          bars={[
+            ...track.spans.map(([first = 0, last = 0]) => ({ first, last, title: `frames ${first} to ${last}`, colour: `rgb(${track.colour.join(",")})` })),
+            ...track.signals.map(({ first, last, value }) => ({ first, last, title: value, colour: "rgb(255 255 255 / 60%)" })),
+          ]}
+          {...lane}
+        />
+      ))}
+    </>
+  );
+});
 
 interface LaneProps {
   name: string;

@@ -17,11 +17,13 @@ import {
   Box3,
 } from "three";
 import type { FrameObject } from "../api/types";
-import { disposeShapes } from "./sensorModel";
 import { cssColour, SceneView } from "./sceneView";
+import { isSoftware, SoftwarePoints } from "./softwarePoints";
 
 /** Left-handed to right-handed: y changes its sign on both sides of a transform. */
 const FLIP = new Matrix4().makeScale(1, -1, 1);
+/** Edges of a box of half size 1; all boxes share them. */
+const EDGES = new EdgesGeometry(new BoxGeometry(2, 2, 2));
 /** How far from a point one may press, CSS pixels. */
 const NEAR_PX = 7;
 
@@ -33,16 +35,19 @@ export interface Picked {
 
 /** A sweep of points in the ego's frame, with everybody's boxes. */
 export class CloudScene extends SceneView {
+  /** Whether points are drawn without WebGL, as that is computed on the processor here. */
+  readonly software: boolean;
   private readonly boxes = new Group();
   private readonly geometry = new BufferGeometry();
-  private readonly cloud: Points;
+  private readonly cloud: Points | SoftwarePoints;
   private points: Float32Array = new Float32Array();
   private objects: readonly FrameObject[] = [];
   private mark: LineSegments | null = null;
 
   constructor(host: HTMLElement) {
     super(host, 200, false); // points have no edges to smooth, and frames follow each other
-    this.cloud = new Points(this.geometry, this.dots(1.6));
+    this.software = isSoftware(this.renderer.getContext() as WebGL2RenderingContext);
+    this.cloud = this.software ? new SoftwarePoints(this.geometry) : new Points(this.geometry, this.dots(1));
     this.cloud.frustumCulled = false; // its bounds would have to be found anew for each sweep
     this.content.add(this.cloud, this.boxes);
     this.top();
@@ -75,20 +80,21 @@ export class CloudScene extends SceneView {
     paint(colours.array as Float32Array);
     colours.needsUpdate = true;
     this.geometry.setDrawRange(0, count);
-    this.cloud.material = this.dots(size);
+    if (this.cloud instanceof SoftwarePoints) this.cloud.size = size;
+    else this.cloud.material = this.dots(size);
     this.markPoint(null);
     this.invalidate();
   }
 
   showBoxes(objects: readonly FrameObject[], ego: Record<string, number[]>, chosen: number | null): void {
-    disposeShapes(this.boxes);
+    this.boxes.clear();
     this.objects = objects;
     for (const object of objects) {
       const [r = 128, g = 128, b = 128] = object.colour;
       const colour = object.track_id === chosen ? cssColour("--text") : new Color(`rgb(${r},${g},${b})`);
       const box = this.wireBox(object.extent, colour);
       box.matrixAutoUpdate = false;
-      box.matrix.copy(poseOf(object));
+      box.matrix.copy(poseOf(object)).scale(box.scale);
       this.boxes.add(box);
     }
     const own = this.wireBox(ego.extent ?? [2.4, 1, 0.75], cssColour("--accent-text"));
@@ -102,7 +108,6 @@ export class CloudScene extends SceneView {
   markPoint(point: number | null): void {
     if (this.mark) {
       this.content.remove(this.mark);
-      this.mark.geometry.dispose();
       this.mark = null;
     }
     if (point !== null) {
@@ -134,8 +139,7 @@ export class CloudScene extends SceneView {
 
   override dispose(): void {
     this.geometry.dispose();
-    this.markPoint(null);
-    disposeShapes(this.boxes);
+    if (this.cloud instanceof SoftwarePoints) this.cloud.dispose();
     super.dispose();
   }
 
@@ -173,10 +177,9 @@ export class CloudScene extends SceneView {
 
   private wireBox(extent: readonly number[], color: Color): LineSegments {
     const [x = 1, y = 1, z = 1] = extent;
-    const solid = new BoxGeometry(2 * x, 2 * y, 2 * z);
-    const edges = new EdgesGeometry(solid);
-    solid.dispose();
-    return new LineSegments(edges, this.materials.take("box", color, () => new LineBasicMaterial({ color })));
+    const box = new LineSegments(EDGES, this.materials.take("box", color, () => new LineBasicMaterial({ color })));
+    box.scale.set(x, y, z);
+    return box;
   }
 }
 

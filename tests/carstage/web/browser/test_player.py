@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
+from PIL import Image
 from playwright.sync_api import Page, expect
 
 import analytic_dataset
@@ -119,6 +123,33 @@ def test_sweeps_are_put_together(open_page: OpenPage) -> None:
     page.get_by_label("Sweeps").select_option("3")
     expect(cloud).not_to_have_attribute("data-points", str(one))
     assert int(cloud.get_attribute("data-points") or 0) == pytest.approx(3 * one, rel=0.1)
+
+
+def cloud_picture(page: Page) -> NDArray[np.uint8]:
+    """``(H, W, 3)`` what the view of the points shows."""
+    ready_cloud(page)
+    png = page.locator(".cloud-view canvas").screenshot()
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
+
+
+def test_points_look_the_same_whether_webgl_draws_them_or_the_page(open_page: OpenPage) -> None:
+    page = open_player(open_page)
+    by_page = cloud_picture(page)
+    assert page.evaluate("carstageCloud.software")
+    page.add_init_script(
+        "const known = WebGL2RenderingContext.prototype.getExtension;"
+        "WebGL2RenderingContext.prototype.getExtension = function (name) {"
+        " return name === 'WEBGL_debug_renderer_info' ? null : known.call(this, name); };"
+    )
+    page.reload()
+    by_webgl = cloud_picture(page)
+    assert not page.evaluate("carstageCloud.software")
+    background = by_webgl[0, 0]
+    drawn = [(one != background).any(axis=2) for one in (by_page, by_webgl)]
+    assert min(one.mean() for one in drawn) > 0.02
+    assert (drawn[0] != drawn[1]).mean() < 0.02
+    both = drawn[0] & drawn[1]
+    assert np.abs(by_page[both].astype(int) - by_webgl[both]).mean() < 8.0
 
 
 def test_a_picked_box_or_point_shows_its_row(open_page: OpenPage) -> None:

@@ -341,6 +341,7 @@ class _FollowingSession(RunSession):
         if self._spec is None or not ticks:
             self._status.episodes.total -= 1
             self._record.notice("The ego went before a frame was recorded.")
+            shutil.rmtree(recorded, ignore_errors=True)
             return
         spec = replace(self._spec, steps=ticks)
         episode_id = spec.episode_id

@@ -164,6 +164,15 @@ def test_every_frame_of_the_run_is_in_the_recording(drives: Drives) -> None:
         assert {row[name] for row in episode.ledger().to_pylist() for name in states} == {"ok"}
 
 
+def test_the_first_frame_tells_of_traffic_lights_as_the_next_one_does(drives: Drives) -> None:
+    told = [
+        {row["track_id"] for row in found if row["traffic_light_state"] is not None}
+        for _, found in sorted(rows(drives.beside.objects(), frames(drives.beside)).items())
+    ]
+    assert told[0]
+    assert told[0] == told[1]
+
+
 @pytest.mark.parametrize("name", ["ego", "objects", "camera_objects", "sensor_poses"])
 def test_labels_are_equal(drives: Drives, name: str) -> None:
     run, beside = (

@@ -190,7 +190,7 @@ class FollowedEpisode:
                 if "not found" not in str(error) and self._is_there():
                     raise
                 _log.info("the ego went before it had its sensors: %s", error)
-                return Followed(0, 0)
+                return Followed(0, 0, self._server_gone)
             segment_ticks, writers, pipeline = self._pipeline(stack, rig)
             frames = FrameQueue(world, observer, int(self._ego.id))
             stack.callback(self._stop_listening, rig, world.on_tick(frames.on_tick))

@@ -36,6 +36,7 @@ def main() -> None:
     for _ in range(lives):
         ego = world.spawn_actor(blueprint, points[0])
         ego.apply_control(carla.VehicleControl(throttle=0.5))
+        first_frame = world.tick()
         deadline_s = time.monotonic() + 120.0
         while not carries_sensors(world, ego) and time.monotonic() < deadline_s:
             world.tick()
@@ -43,7 +44,8 @@ def main() -> None:
         for _ in range(ticks):
             frame = world.tick()
         ticks_per_s = ticks / (time.perf_counter() - begin_s)
-        line = json.dumps({"last_frame": frame, "ticks_per_s": ticks_per_s})
+        frames = {"first_frame": first_frame, "last_frame": frame}
+        line = json.dumps({**frames, "ticks_per_s": ticks_per_s})
         sys.stdout.write(line + "\n")
         sys.stdout.flush()
         ego.destroy()

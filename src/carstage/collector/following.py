@@ -16,13 +16,14 @@ import threading
 import time
 from dataclasses import dataclass, replace
 from queue import Empty, SimpleQueue
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Optional, Set, Tuple
 
 from carstage.collector.__main__ import EXIT_FAILED, EXIT_OK, collector_parser, private_stdout
 from carstage.collector.client import answers, client_version, connect, versions
 from carstage.collector.internals.dialect import check_versions
 from carstage.collector.internals.errors import (
     CollectorError,
+    ConnectionFailedError,
     InterruptedByRequestError,
     PlanError,
     SceneError,
@@ -127,6 +128,46 @@ class Answers:
         self._stop.request("its standard input closed")
 
 
+class Newcomers:
+    """Wakes who waits for an ego as soon as a frame shows actors that the one before did not.
+
+    Each frame that passes until the rig is attached is a frame that is not recorded. A context
+    manager.
+    """
+
+    def __init__(self) -> None:
+        self._world: Optional[Any] = None
+        self._callback = 0
+        self._seen: Set[int] = set()
+        self._came = threading.Event()
+
+    def __enter__(self) -> Newcomers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._world is not None:
+            self._world.remove_on_tick(self._callback)
+
+    def look_at(self, world: Any) -> bool:
+        """Look at the frames of a world; return whether it is another one than before."""
+        if self._world is not None and self._world.id == world.id:
+            return False
+        # The client forgets the callbacks of a world that is gone.
+        self._world, self._callback = world, world.on_tick(self._on_tick)
+        return True
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait for newcomers, at most so long."""
+        self._came.wait(timeout_s)
+        self._came.clear()
+
+    def _on_tick(self, snapshot: Any) -> None:
+        seen = {int(actor.id) for actor in snapshot}
+        if seen - self._seen:
+            self._came.set()
+        self._seen = seen
+
+
 class Follower:
     """Waits for egos and records each.
 
@@ -154,7 +195,8 @@ class Follower:
         """Record until enough is recorded, nobody comes any more, or somebody asks to end.
 
         Raises:
-            CollectorError: nobody came at all, the world is not synchronous, the rig does not fit.
+            CollectorError: nobody came at all, the world is not synchronous, the rig does not fit,
+            the server is gone.
         """
         while self._plan.episodes is None or self._recorded < self._plan.episodes:
             try:
@@ -191,42 +233,43 @@ class Follower:
             ticks=recorded.ticks,
             incomplete=recorded.incomplete,
         )
+        if recorded.server_gone:
+            raise _server_gone()
 
     def _wait_for_ego(self) -> Optional[Tuple[Any, Any]]:
         """World and ego, once both are as they must be; None: nobody comes any more."""
         deadline_s = time.monotonic() + self._plan.wait_s
         seen_since_s: Optional[float] = None
-        while True:
-            self._stop.check()
-            now_s = time.monotonic()
-            try:
-                world = self._client.get_world()
-                ego = self._find(world)
-                settings = world.get_settings()
-            except RuntimeError as error:
-                if not answers(self._client, self._plan.server.timeout_s):
-                    if self._done:
-                        _log.info("the server is gone: %s", error)
-                        return None
-                    raise
-                ego = None  # its world is being replaced
-            if ego is None:
-                seen_since_s = None
-                if now_s >= deadline_s:
-                    if self._done:
-                        return None
-                    raise self._nobody(world)
-            else:
-                seen_since_s = seen_since_s or now_s
-                if settings.synchronous_mode and settings.fixed_delta_seconds:
-                    return world, ego
-                if now_s - seen_since_s > SETTLE_S:
-                    raise SceneError(
-                        "The server is not in synchronous mode with a fixed step: frames that it "
-                        "makes on its own cannot all be followed.",
-                        "Have the program set synchronous_mode and fixed_delta_seconds.",
-                    )
-            self._stop.wait(POLL_S)
+        with Newcomers() as newcomers:
+            while True:
+                self._stop.check()
+                now_s = time.monotonic()
+                try:
+                    world = self._client.get_world()
+                    if newcomers.look_at(world):
+                        world.get_map()  # the client keeps it: it is not waited for later
+                    ego = self._find(world)
+                    settings = world.get_settings()
+                except RuntimeError as error:
+                    if not answers(self._client, self._plan.server.timeout_s):
+                        if self._done and self._plan.episodes is None:
+                            _log.info("the server is gone: %s", error)
+                            return None
+                        raise _server_gone() from error
+                    ego = None  # its world is being replaced
+                if ego is None:
+                    seen_since_s = None
+                    if now_s >= deadline_s:
+                        if self._done:
+                            return None
+                        raise self._nobody(world)
+                else:
+                    seen_since_s = seen_since_s or now_s
+                    if settings.synchronous_mode and settings.fixed_delta_seconds:
+                        return world, ego
+                    if now_s - seen_since_s > SETTLE_S:
+                        raise _not_synchronous()
+                newcomers.wait(POLL_S)
 
     def _find(self, world: Any) -> Optional[Any]:
         wanted = self._plan.ego
@@ -243,7 +286,14 @@ class Follower:
         return min(fresh, key=lambda actor: int(actor.id)) if fresh else None
 
     def _nobody(self, world: Any) -> SceneError:
-        vehicles = [a for a in world.get_actors() if a.type_id.startswith("vehicle.")]
+        actors = world.get_actors()
+        if not len(actors):
+            return SceneError(
+                "ego: no vehicle %r appeared within %g s." % (self._plan.ego, self._plan.wait_s),
+                "The world made no step meanwhile, and before one a client sees nobody. Let it "
+                "step, or give the actor's id, by which it is seen all the same.",
+            )
+        vehicles = [a for a in actors if a.type_id.startswith("vehicle.")]
         roles = sorted({a.attributes.get("role_name", "") for a in vehicles} - {""})
         seen = "There are %d vehicles" % len(vehicles)
         if roles:
@@ -272,6 +322,20 @@ class Follower:
                 place.rotation.yaw,
             ],
         }
+
+
+def _server_gone() -> ConnectionFailedError:
+    return ConnectionFailedError(
+        "The server is gone.", "Look into its log; start it, the program and this command again."
+    )
+
+
+def _not_synchronous() -> SceneError:
+    return SceneError(
+        "The server is not in synchronous mode with a fixed step: frames that it makes on its own "
+        "cannot all be followed.",
+        "Have the program set synchronous_mode and fixed_delta_seconds.",
+    )
 
 
 def main(arguments: Optional[List[str]] = None) -> int:

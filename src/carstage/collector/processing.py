@@ -104,8 +104,8 @@ class _Datum(NamedTuple):
 _FORGET_EARLY = object()
 """In the inbox: drop the data of ticks that were not announced."""
 
-_BEGIN_NOW = object()
-"""In the inbox: begin with the first frame of which nothing has come yet."""
+_BEGIN_WITH_ALL = object()
+"""In the inbox: begin with the first frame that every sensor delivered."""
 
 
 class _End(NamedTuple):
@@ -228,13 +228,13 @@ class Pipeline:
 
         return deliver
 
-    def begin_now(self, timeout_s: float) -> Optional[int]:
-        """Begin with the first frame of which no sensor has delivered anything so far.
+    def begin_with_all(self, timeout_s: float) -> Optional[int]:
+        """Begin with the first frame from which on every sensor delivered, and lost nothing.
 
         Returns:
             The last frame before it; None when the matcher did not come to it in time.
         """
-        self._inbox.put(_BEGIN_NOW)
+        self._inbox.put(_BEGIN_WITH_ALL)
         with self._state:
             self._state.wait_for(
                 lambda: self._began_after is not None or bool(self._failures), timeout_s
@@ -332,11 +332,10 @@ class Pipeline:
             matcher.begin(item)
         elif isinstance(item, _End):
             self._end(item.ticks)
-        elif item is _BEGIN_NOW:
+        elif item is _BEGIN_WITH_ALL:
             with self._state:
-                self._began_after = max(self._newest.values())
+                self._began_after = matcher.begin_with_all()
                 self._state.notify_all()
-            matcher.begin(self._began_after)
         elif item is _FORGET_EARLY:
             matcher.forget_early()
         matcher.advance(now_s)

@@ -46,6 +46,7 @@ class Fleet(RunSession):
         record: the run's events and status.
         interruption: the run's signals.
         retries: further attempts of an episode that fails, or whose worker dies.
+        executor: where the slots are.
         program: what a slot runs, by its number.
     """
 
@@ -55,10 +56,12 @@ class Fleet(RunSession):
         record: RunRecord,
         interruption: Interruption,
         retries: int,
+        executor: Executor,
         program: Callable[[int], SlotProgram],
     ) -> None:
         super().__init__(store, record, interruption)
         self._retries = retries
+        self._executor = executor
         self._program = program
         self._tries: dict[str, Job] = {}
         self._recorded: set[str] = set()
@@ -73,13 +76,13 @@ class Fleet(RunSession):
         """Frames of the episodes that were committed."""
         return self._frames
 
-    def _execute(self, todo: EpisodePlan, executor: Executor) -> None:
+    def _execute(self, todo: EpisodePlan) -> None:
         self._jobs = JobQueue(todo)
         self._total = len(todo)
         waiting = pending_recordings(self._folder.work)
         self._recorded = {recording.episode_id for recording in waiting}
         with self._interruption.deferred():
-            executor.execute(self)
+            self._executor.execute(self)
 
     def _interrupted(self) -> None:
         """Nothing: all slots have ended by now, kept what they could, and said so."""

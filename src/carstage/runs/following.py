@@ -9,30 +9,27 @@ from __future__ import annotations
 import json
 import secrets
 import selectors
+import shutil
 import threading
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
-from carstage.config import Config, check_config, load_config
-from carstage.config.paths import place_value, steps_of
-from carstage.config.presets import RIG_PRESETS
-from carstage.config.yaml_text import parse_yaml
+from carstage.config import Config
 from carstage.errors import (
     BadInputError,
     CarStageError,
     CollectorError,
-    ConfigError,
     DiskFullError,
     ServerError,
 )
-from carstage.execution import CollectorProcess, Executor
-from carstage.plan import EpisodePlan, plan_episodes
-from carstage.plan.estimate import costs_of
+from carstage.execution import CollectorProcess
+from carstage.plan import EpisodePlan, ServerFacts, plan_episodes
+from carstage.plan.estimate import costs_of, estimate_run
 from carstage.rawlog.writing import write_episode_file
 from carstage.releases import refusal
 from carstage.runs.asking import ask_server
@@ -44,29 +41,37 @@ from carstage.runs.events import AttemptReserved, EpisodeFailed, Notice, OnEvent
 from carstage.runs.folder import CurrentEpisode, RunFolder
 from carstage.runs.interruption import ANSWER_S, Interruption
 from carstage.runs.orphans import marked
-from carstage.runs.outcome import RunResult
+from carstage.runs.outcome import SOME_FAILED, RunResult
 from carstage.runs.pending import pending_recordings
-from carstage.runs.preflight import check_open_files, check_output, work_folder
+from carstage.runs.preflight import check_disk, check_open_files, check_output, work_folder
 from carstage.runs.reading import read_document
 from carstage.runs.record import RunRecord
+from carstage.runs.rig_source import RigSource, config_of, settings_of
 from carstage.runs.run_session import RunSession
 from carstage.runs.wakeup_pipe import WakeupPipe
 from carstage.sensor_kinds import plugins_of, registered_kinds
 from carstage.server import ClientPython, find_client, probe_version
-from carstage.spec import FOLLOW, EpisodeSpec, SpecError, Stand
+from carstage.spec import EpisodeSpec, SpecError, Stand
 from carstage.spec.scenario import RecordedSpec
-from carstage.storage import Store, open_store
+from carstage.storage import RemotePath, Store, open_store
 
 DEFAULT_WAIT_S = 120.0
 END_S = 600.0
 """After Ctrl-C, what is recorded is still converted and committed; that may take so long."""
 CALL_S = 20.0
 POLL_S = 0.2
+LEAST_S = 60.0
+"""So much simulated time must have room on the disk; nobody knows how long a drive will be."""
+_UNNAMED = "recorded-"
+"""What the collector calls a recording, before its length and so its id are known."""
+_ERRORS: Mapping[str, type[CarStageError]] = {
+    **dict.fromkeys(("scene", "plan", "version"), BadInputError),
+    "connection": ServerError,
+    "disk": DiskFullError,
+}
+"""By what the collector calls its errors."""
 _BYTES_PER_MB = 1_000_000
 _RECORDING_BYTES = 8
-
-RigSource: TypeAlias = "Config | str | Path | Mapping[str, Any]"
-"""A preset's name, the path of a YAML file, a configuration, or its content as plain values."""
 
 
 def record_beside(
@@ -94,7 +99,7 @@ def record_beside(
             drives where (map, traffic, duration) do not count.
         out: folder of the dataset, or its place in an object store.
         on_event: called with each typed event of ``carstage.runs.events``.
-        settings: overrides such as ``labels.method=visibility``.
+        settings: overrides such as ``labels.method=pixels``.
         wait_s: how long an ego is waited for.
         episodes: end after so many; None: when no further ego comes.
         catalog: also write what is committed to this catalog.
@@ -104,12 +109,14 @@ def record_beside(
     Raises:
         BadInputError: no server, no such ego, a rig that does not fit, or a world that is not
             synchronous with a fixed step.
+        ServerError: the server was gone before the ego; what it showed is committed.
+        DiskFullError: the disk is full; what was committed before stays.
         CarStageError: recording or committing failed.
     """
     host, port = _address(server)
-    asked = _settings_of(rig, settings)
-    asked["server"] = {"kind": "remote", "host": host, "port": port}
-    config = _config(asked)
+    asked, left_out = settings_of(rig, settings)
+    asked["server"] = {**asked["server"], "kind": "remote", "host": host, "port": port}
+    config = config_of(asked)
     version = _version_of(host, port, config)
     store = open_store(out)
     place = work_folder(store.root, work)
@@ -118,12 +125,19 @@ def record_beside(
         if on_event is not None:
             on_event(Notice(sentence))
 
+    if left_out:
+        notice(
+            f"{', '.join(left_out)}: the other program decides on it; the rest of the "
+            "configuration counts."
+        )
     with Interruption(notice, end_s=END_S) as interruption, ExitStack() as stack:
         stack.enter_context(store.within(lambda: interruption.left_before_s(ANSWER_S)))
         check_output(place)
         check_open_files()
         store.check()
-        client = find_client(version)
+        _check_room(asked, ask_server(host, port, version), place, store)
+        server_python = config.server.client_python, config.server.create_client_env
+        client = find_client(version, server_python[0], create=server_python[1])
         follow = stack.enter_context(run_catalog(catalog, store.root, notice))
         store.initialise(config.name)
         folder = stack.enter_context(RunFolder(place))
@@ -135,10 +149,7 @@ def record_beside(
         session.prepare(ego, wait_s, episodes, environment, stop or threading.Event())
         nothing = EpisodePlan.empty()
         folder.write_plan(config, nothing, environment)
-        return session.run(nothing, nothing, _NO_EXECUTOR)
-
-
-_NO_EXECUTOR: Any = None
+        return session.run(nothing, nothing)
 
 
 class _FollowingSession(RunSession):
@@ -203,8 +214,8 @@ class _FollowingSession(RunSession):
         """Frames of the episodes that were committed."""
         return self._queue.frames
 
-    def _execute(self, todo: EpisodePlan, executor: Executor) -> None:
-        del todo, executor
+    def _execute(self, todo: EpisodePlan) -> None:
+        del todo  # what comes is not planned
         self._folder.raw.mkdir(exist_ok=True)
         with self._interruption.deferred(), ExitStack() as stack:
             self._queue.converters.pool()
@@ -278,7 +289,7 @@ class _FollowingSession(RunSession):
                     return
                 self._status.episodes.total += 1
                 self._status.current = CurrentEpisode(
-                    f"recorded-{event['part']}", int(event["part"]), "a1"
+                    f"{_UNNAMED}{event['part']}", int(event["part"]), "a1"
                 )
                 self._record.enter("recording")
                 self._record.notice(f"Found the ego: {event['type_id']} on {event['map']}.")
@@ -294,7 +305,7 @@ class _FollowingSession(RunSession):
         server: Any = self._config.server
         fps = round(1.0 / float(seen["step_s"]), 9)
         asked = {**self._asked, "map": {"choice": seen["map"]}, "fps": fps, "duration_s": 1 / fps}
-        self._config = _config(asked)
+        self._config = config_of(asked)
         version = str(seen["server_version"])
         facts = ask_server(server.host, server.port, version)
         spec = plan_episodes(self._config, facts)[0]
@@ -330,6 +341,7 @@ class _FollowingSession(RunSession):
         if self._spec is None or not ticks:
             self._status.episodes.total -= 1
             self._record.notice("The ego went before a frame was recorded.")
+            shutil.rmtree(recorded, ignore_errors=True)
             return
         spec = replace(self._spec, steps=ticks)
         episode_id = spec.episode_id
@@ -369,8 +381,17 @@ class _FollowingSession(RunSession):
         said = self._last_words
         message = str(said.get("message") or f"The collector ended with exit code {code}.")
         hint = str(said.get("hint") or f"See {self._folder.logs / 'collector.log'}.")
-        bad = said.get("kind") in ("scene", "plan", "version")
-        return BadInputError(message, hint) if bad else CollectorError(message, hint)
+        error = _ERRORS.get(str(said.get("kind")), CollectorError)(message, hint)
+        if left := list(self._folder.raw.glob(f"{_UNNAMED}*")):
+            error.message += f" Lost is what was being recorded, {left[0].name}."
+        ids = [spec.episode_id for spec in self._specs if spec.episode_id not in self._failures]
+        if ids:
+            error.message += f" In the dataset is what was whole: {', '.join(ids)}."
+            error.exit_code = SOME_FAILED
+        return error
+
+    def _tell_how_to_go_on(self) -> None:
+        """Nothing: nobody can make the rest of a drive again."""
 
     def _interrupt(self) -> None:
         self._status.message = "Ended by the user; what was whole is committed."
@@ -384,6 +405,8 @@ class _FollowingSession(RunSession):
             ids = tuple(spec.episode_id for spec in specs)
             plan = EpisodePlan(lambda i: specs[i], np.arange(len(specs)), ids, costs_of(specs))
             self._folder.write_plan(self._config, plan, self._environment)
+        for left in self._folder.raw.glob(f"{_UNNAMED}*"):
+            shutil.rmtree(left, ignore_errors=True)  # nobody can finish it
         self._queue.give_back()
 
 
@@ -394,6 +417,22 @@ def _address(server: str) -> tuple[str, int]:
             f"--server: {server!r} is not HOST:PORT.", "Write, for example, localhost:2000."
         )
     return host, int(port)
+
+
+def _check_room(asked: Mapping[str, Any], facts: ServerFacts, place: Path, store: Store) -> None:
+    """Refuse a disk without room for a short drive, and sensors that the server does not have.
+
+    Raises:
+        BadInputError: with the field's path.
+    """
+    choice = {"map": {"choice": next(iter(facts.maps))}, "duration_s": LEAST_S}
+    config = config_of({**asked, **choice})
+    check_disk(
+        place,
+        estimate_run(config, plan_episodes(config, facts)),
+        dataset_elsewhere=isinstance(store.root, RemotePath),
+        what=f"{LEAST_S:g} s of recording need",
+    )
 
 
 def _version_of(host: str, port: int, config: Config) -> str:
@@ -408,60 +447,3 @@ def _version_of(host: str, port: int, config: Config) -> str:
     if reason:
         raise BadInputError(f"server: {reason}.", "Use a newer CARLA, or leave such sensors out.")
     return version
-
-
-def _settings_of(rig: RigSource, settings: tuple[str, ...]) -> dict[str, Any]:
-    """The keys of a configuration that say what is recorded."""
-    if isinstance(rig, Config):
-        asked: dict[str, Any] = rig.model_dump(mode="json", exclude_unset=True)
-    elif isinstance(rig, Mapping):
-        asked = dict(rig)
-    elif str(rig) in RIG_PRESETS:
-        asked = {"rig": {"preset": str(rig)}}
-    elif Path(rig).is_file():
-        load_config(rig)  # for its complaints, which name the file
-        asked = dict(parse_yaml(Path(rig).read_text("utf-8"), str(rig)) or {})
-    else:
-        raise BadInputError(
-            f"--rig: {str(rig)!r} is neither a preset nor a file.",
-            f"Presets are: {', '.join(sorted(RIG_PRESETS))}. A file is a configuration with `rig`.",
-        )
-    for key in ("map", "vehicles", "pedestrians", "scenario", "ego", "episodes", "campaign",
-                "weather", "server", "duration_s", "fps", "traffic"):  # fmt: skip
-        asked.pop(key, None)
-    for override in settings:
-        key, sign, text = override.partition("=")
-        steps = steps_of(key.strip())
-        if not sign or steps is None:
-            raise ConfigError(
-                f"--set {override}: this is not key=value.", "As in --set save_every=2."
-            )
-        place_value(asked, steps, parse_yaml(text, f"--set {key}"), f"--set {override}")
-    asked.setdefault("name", "recorded")
-    return asked
-
-
-def _config(asked: Mapping[str, Any]) -> Config:
-    """Checked; what drives where is not ours to ask for.
-
-    Conversion is deferred: what is recorded is set aside, on the disk, before anything else.
-
-    Raises:
-        ConfigError: a value is wrong, or cannot be had beside a program that ticks.
-    """
-    conversion = {**asked.get("conversion", {}), "mode": "deferred"}
-    nobody = {"vehicles": {"count": 0}, "pedestrians": {"count": 0}, "episodes": 1}
-    config = check_config({**asked, "conversion": conversion, **nobody})
-    if not (config.timing.mode == "sync" and config.timing.sensor_sync):
-        raise ConfigError(
-            "timing: beside another program every sensor measures in each of its steps.",
-            "Leave timing.mode and timing.sensor_sync out.",
-        )
-    for index, sensor in enumerate(config.rig.sensors):
-        if sensor.attachment == FOLLOW:
-            raise ConfigError(
-                f"rig.sensors[{index}].attachment: follow moves the sensor before each step, and "
-                "here somebody else makes them.",
-                "Use rigid.",
-            )
-    return config

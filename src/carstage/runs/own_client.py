@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from carstage.runs.events import OtherEvent, RunEvent
-from carstage.runs.following import DEFAULT_WAIT_S, RigSource, record_beside
+from carstage.runs.following import DEFAULT_WAIT_S, record_beside
 from carstage.runs.outcome import RunResult
+from carstage.runs.rig_source import RigSource
 
 _LOOK_S = 0.2
 

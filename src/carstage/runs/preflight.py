@@ -149,13 +149,20 @@ def work_folder(root: DatasetPath, work: Path | str | None) -> Path:
     return root.absolute()
 
 
-def check_disk(work: Path, estimate: RunEstimate, *, dataset_elsewhere: bool = False) -> None:
+def check_disk(
+    work: Path,
+    estimate: RunEstimate,
+    *,
+    dataset_elsewhere: bool = False,
+    what: str = "the run needs",
+) -> None:
     """Refuse a run that will not fit on the disk.
 
     Args:
         work: folder of the run.
         estimate: of the run.
         dataset_elsewhere: only raw recordings need room here.
+        what: needs the room, in words.
 
     Raises:
         BadInputError: the estimate is above the free space.
@@ -165,7 +172,7 @@ def check_disk(work: Path, estimate: RunEstimate, *, dataset_elsewhere: bool = F
     peak_bytes = disk_need(estimate, dataset_elsewhere=dataset_elsewhere)
     if not fits(peak_bytes, free_bytes):
         raise BadInputError(
-            f"output: the run needs about {size_text(peak_bytes)} "
+            f"output: {what} about {size_text(peak_bytes)} "
             f"({size_text(dataset_bytes)} of them for the dataset), but only "
             f"{size_text(free_bytes)} are free at {work}.",
             "Record fewer or shorter episodes or smaller images, or choose another --out.",

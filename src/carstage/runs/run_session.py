@@ -11,7 +11,6 @@ from carstage.errors import (
     ServerError,
     StorageError,
 )
-from carstage.execution import Executor
 from carstage.plan import EpisodePlan
 from carstage.runs.events import EpisodeSkipped, RunFinished, RunStarted
 from carstage.runs.folder import State
@@ -52,7 +51,7 @@ class RunSession(ABC):
         """Frames of the episodes that were committed."""
 
     @abstractmethod
-    def _execute(self, todo: EpisodePlan, executor: Executor) -> None:
+    def _execute(self, todo: EpisodePlan) -> None:
         """Record the episodes."""
 
     @abstractmethod
@@ -63,7 +62,7 @@ class RunSession(ABC):
     def _give_back(self) -> None:
         """Remove attempts that were not committed and end what was started, whatever fails."""
 
-    def run(self, episodes: EpisodePlan, todo: EpisodePlan, executor: Executor) -> RunResult:
+    def run(self, episodes: EpisodePlan, todo: EpisodePlan) -> RunResult:
         """Record ``todo``; the other episodes are in the dataset already."""
         missing = set(todo.ids)
         self._status.episodes.total = len(episodes)
@@ -76,7 +75,7 @@ class RunSession(ABC):
                     reason = "it is in the dataset already"
                     self._record.event(EpisodeSkipped(episode_id=episode_id, reason=reason))
             self._record.enter("starting")
-            self._execute(todo, executor)
+            self._execute(todo)
             state = "done" if not self._failures else "failed"
         except KeyboardInterrupt:
             state = "interrupted"

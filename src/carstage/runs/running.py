@@ -163,14 +163,23 @@ def run(
                 record = RunRecord(folder, interruption, listener)
                 if executor.in_process:
                     session: RunSession = Session(
-                        config, setup, store, record, interruption, wakeup, retries, environment
+                        config,
+                        setup,
+                        store,
+                        record,
+                        interruption,
+                        wakeup,
+                        retries,
+                        environment,
+                        executor,
                     )
                 else:
                     setup.cool_down()
                     given = (folder, store, config, setup.client, environment, retries, executor)
-                    session = Fleet(store, record, interruption, retries, _programs(*given))
+                    programs = _programs(*given)
+                    session = Fleet(store, record, interruption, retries, executor, programs)
                 session.enough = quotas.met
-                return session.run(episodes, todo, executor)
+                return session.run(episodes, todo)
 
 
 def _programs(

@@ -68,6 +68,7 @@ class Session(RunSession):
         wakeup: wakes the run when something is converted.
         retries: further attempts of an episode that fails.
         environment: what is recorded with, by version.
+        executor: opens this session's worker.
         source: where jobs come from besides those of ``run``.
         self_test_folder: where the raw recording of a self-test lies; default: with the others.
     """
@@ -82,10 +83,12 @@ class Session(RunSession):
         wakeup: WakeupPipe,
         retries: int,
         environment: Mapping[str, str],
+        executor: Executor,
         source: JobSource | None = None,
         self_test_folder: Path | None = None,
     ) -> None:
         super().__init__(store, record, interruption)
+        self._executor = executor
         self._source = source
         self._self_test_folder = self_test_folder or record.folder.raw
         self._config = config
@@ -110,7 +113,7 @@ class Session(RunSession):
         """Frames of the episodes that were committed."""
         return self._queue.frames
 
-    def _execute(self, todo: EpisodePlan, executor: Executor) -> None:
+    def _execute(self, todo: EpisodePlan) -> None:
         self._jobs = JobQueue(todo)
         if todo or self._source is not None:
             with self._interruption.deferred():  # no pool that nobody knows of
@@ -120,7 +123,7 @@ class Session(RunSession):
             self._interruption.check()
         if self._jobs or self._source is not None:
             self._test_server()
-        executor.execute(self)
+        self._executor.execute(self)
 
     def _interrupted(self) -> None:
         if self._recording is not None:

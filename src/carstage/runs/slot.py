@@ -240,10 +240,11 @@ def _work(line: SlotLine, setup: Mapping[str, Any], interruption: Interruption) 
                 wakeup,
                 int(setup["retries"]),
                 setup["environment"],
+                InlineExecutor(),
                 _Jobs(line),
                 folder.self_test,
             )
-            session.run(EpisodePlan.empty(), EpisodePlan.empty(), InlineExecutor())
+            session.run(EpisodePlan.empty(), EpisodePlan.empty())
         finally:
             line.notifies(lambda: None)
             with suppress(OSError):  # a failed self-test's recording is kept

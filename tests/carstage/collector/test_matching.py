@@ -9,7 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher, LedgerRow
+from carstage.collector.internals.matching import (
+    ExpectedFrame,
+    FrameMatcher,
+    LedgerRow,
+    LostData,
+)
 
 PATIENCE_S = 10.0
 
@@ -64,6 +69,39 @@ def test_data_of_the_warm_up_are_dropped() -> None:
     frames.advance(0.0)
     assert frames.take_dropped() == ["before begin", "the last one"]
     assert frames.take_joined()[0].data == {"a": "a0"}
+
+
+def test_what_came_before_the_beginning_counts_from_the_first_whole_frame_on() -> None:
+    frames = FrameMatcher(["a", "b"], PATIENCE_S, gather=True)
+    for number in (99, 100, 101):
+        frames.offer("a", number, f"a{number}", 0.0)
+    frames.offer("b", 100, "b100", 0.0)
+    assert frames.take_dropped() == ["a99"]
+    assert frames.begin_with_all() == 99
+    frames.expect(tick(0), 0.0)
+    frames.expect(tick(1), 0.0)
+    frames.offer("b", 101, "b101", 0.0)
+    frames.advance(0.0)
+    joined = frames.take_joined()
+    assert [one.data for one in joined] == [
+        {"a": "a100", "b": "b100"},
+        {"a": "a101", "b": "b101"},
+    ]
+    assert frames.take_dropped() == []
+
+
+def test_recording_begins_after_what_was_lost_before_it() -> None:
+    frames = FrameMatcher(["a", "b"], PATIENCE_S, gather=True)
+    lost = LostData("too much")
+    frames.offer("a", 100, "a100", 0.0)
+    frames.offer("b", 100, "b100", 0.0)
+    frames.offer("a", 101, lost, 0.0)
+    assert frames.take_dropped() == ["a100", "b100"]
+    frames.offer("b", 101, "b101", 0.0)
+    frames.offer("a", 102, "a102", 0.0)
+    frames.offer("b", 102, "b102", 0.0)
+    assert frames.begin_with_all() == 101
+    assert frames.take_dropped() == ["b101"]
 
 
 def test_a_silent_sensor_is_recorded_as_missing_with_the_reason() -> None:

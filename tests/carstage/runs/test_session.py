@@ -21,6 +21,7 @@ from carstage.errors import (
     ServerError,
     StorageError,
 )
+from carstage.execution import InlineExecutor
 from carstage.plan import EpisodePlan, ServerFacts, plan_episodes
 from carstage.runs.attempt_commit import Job
 from carstage.runs.events import Notice, RunEvent
@@ -110,7 +111,15 @@ def make_session(
     config = check_config(written)
     setup = ServerSetup(config)
     record = RunRecord(folder, interruption, reader)
-    return Session(config, setup, store, record, interruption, wakeup, RETRIES, {})
+    return Session(
+        config, setup, store, record, interruption, wakeup, RETRIES, {}, InlineExecutor()
+    )
+
+
+def run_with(executor: Execute, session: Session, episodes: EpisodePlan) -> None:
+    """Run a session, of whose episodes all are there, with another executor."""
+    session._executor = executor  # type: ignore[assignment]
+    session.run(episodes, episodes[:0])
 
 
 def events(folder: RunFolder) -> list[str]:
@@ -221,7 +230,7 @@ def test_attempt_that_cannot_be_removed_keeps_no_other_from_it(
     last = GivenUp(spec, 1)
     session._queue.under_way.extend([Stubborn(spec, 0), last])  # type: ignore[list-item]
     with pytest.raises(CollectorError):
-        session.run(plan[:0], plan[:0], Execute(CollectorError("It broke.")))
+        run_with(Execute(CollectorError("It broke.")), session, plan[:0])
     assert last.given_up
     assert "could not be removed" in reader.notices[0]
     assert json.loads((folder.path / "status.json").read_bytes())["state"] == "failed"
@@ -231,7 +240,7 @@ def test_system_error_of_the_disk_is_explained_in_words(made: Made, plan: Episod
     session, _, folder = made
     full = OSError(errno.ENOSPC, "No space left on device")
     with pytest.raises(DiskFullError, match="No space left"):
-        session.run(plan[:0], plan[:0], Execute(full))
+        run_with(Execute(full), session, plan[:0])
     status = json.loads((folder.path / "status.json").read_bytes())
     assert status["state"] == "failed"
     assert "No space left" in status["message"]
@@ -251,7 +260,7 @@ def test_a_server_lost_on_the_way_says_how_to_go_on(
             super().execute(work)
 
     with pytest.raises(ServerError, match="No CARLA server"):
-        session.run(plan, plan[:0], Lose(ServerError("No CARLA server answers.")))
+        run_with(Lose(ServerError("No CARLA server answers.")), session, plan)
     said = ["1 of 1 episodes are in the dataset. The same command again continues with the rest."]
     assert reader.notices == (said if begun else [])
 
@@ -270,7 +279,7 @@ def test_disk_that_refuses_the_last_words_does_not_hide_why_the_run_ended(
             super().execute(work)
 
     with pytest.raises(CollectorError, match="It broke"):
-        session.run(plan[:0], plan[:0], Fail(CollectorError("It broke.")))
+        run_with(Fail(CollectorError("It broke.")), session, plan[:0])
     assert "The next run on this dataset clears up." in reader.notices[-1]
 
 

@@ -9,7 +9,7 @@ import time
 from collections import deque
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import Any, Deque, Dict, Iterator, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Any, Deque, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import carla
 
@@ -36,7 +36,7 @@ from carstage.spec import EpisodeSpec
 from carstage.spec.timing import SavedFrames
 
 MOST_WAITING_FRAMES = 1000
-"""World states that may wait to be noted; further ones are lost."""
+"""World states that may wait to be noted; the oldest are lost for further ones."""
 PATIENCE_S = 10.0
 """How long a sensor's data of a frame are waited for."""
 LOOK_S = 1.0
@@ -47,10 +47,17 @@ _log = logging.getLogger(__name__)
 
 
 class Followed(NamedTuple):
-    """What came of an ego; ``incomplete`` counts ticks with a sensor that is not ok."""
+    """What came of an ego.
+
+    Attributes:
+        ticks: how many are recorded.
+        incomplete: ticks with a sensor that is not ok.
+        server_gone: it did not end well: the server was gone before the ego.
+    """
 
     ticks: int
     incomplete: int
+    server_gone: bool = False
 
 
 class _Seen(NamedTuple):
@@ -65,14 +72,17 @@ class FrameQueue:
     """The frames of a world, in their order, from the client's thread; bounded.
 
     Args:
+        world: ``carla.World``.
         observer: reads what only the newest frame tells.
         ego_id: the ego's.
     """
 
-    def __init__(self, observer: WorldObserver, ego_id: int) -> None:
+    def __init__(self, world: Any, observer: WorldObserver, ego_id: int) -> None:
+        self._world = world
         self._observer = observer
+        self._knows_lights = False
         self._ego_id = ego_id
-        self._frames: Deque[_Seen] = deque()
+        self._frames: Deque[_Seen] = deque(maxlen=MOST_WAITING_FRAMES)
         self._changed = threading.Condition()
         self._last_s = time.perf_counter()
 
@@ -83,13 +93,16 @@ class FrameQueue:
         states = None
         if snapshot.find(self._ego_id) is not None:
             try:
+                if not self._knows_lights:  # a client knows of nobody before the first frame
+                    lights = self._world.get_actors().filter("traffic.traffic_light")
+                    self._observer.watch_lights(lights)
+                    self._knows_lights = True
                 states = self._observer.states()
             except RuntimeError as error:
                 _log.info("frame %d: the ego tells nothing any more: %s", snapshot.frame, error)
         with self._changed:
-            if len(self._frames) < MOST_WAITING_FRAMES:
-                self._frames.append(_Seen(snapshot, states, tick_s))
-                self._changed.notify_all()
+            self._frames.append(_Seen(snapshot, states, tick_s))
+            self._changed.notify_all()
 
     @property
     def lags(self) -> bool:
@@ -155,6 +168,7 @@ class FollowedEpisode:
         self._folder = folder
         self._server = server
         self._budget = ByteBudget(queue_bytes)
+        self._server_gone = False
 
     def record(self, versions: Tuple[str, str], events: EventStream, stop: StopRequest) -> Followed:
         """Attach the rig, follow, and leave the world as it was.
@@ -166,10 +180,7 @@ class FollowedEpisode:
         stop.check()
         folder = prepare_folder(self._folder)
         spec, world = self._spec, self._world
-        town = world.get_map()
-        map_crc32 = write_map_file(folder, town.to_opendrive())
-        observer = WorldObserver(world, self._ego, level_objects(world, spec.labels.level_objects))
-        observer.watch_lights(world.get_actors().filter("traffic.traffic_light"))
+        observer = WorldObserver(world, self._ego)
         with ExitStack() as stack:
             attached = _Attached(self._client, world)
             stack.callback(attached.give_back, self._server.timeout_s)
@@ -179,21 +190,28 @@ class FollowedEpisode:
                 if "not found" not in str(error) and self._is_there():
                     raise
                 _log.info("the ego went before it had its sensors: %s", error)
-                return Followed(0, 0)
+                return Followed(0, 0, self._server_gone)
             segment_ticks, writers, pipeline = self._pipeline(stack, rig)
-            frames = FrameQueue(observer, int(self._ego.id))
-            stack.callback(world.remove_on_tick, world.on_tick(frames.on_tick))
-            stack.callback(rig.stop)
+            frames = FrameQueue(world, observer, int(self._ego.id))
+            stack.callback(self._stop_listening, rig, world.on_tick(frames.on_tick))
             rig.listen({one.id: pipeline.callback_within_budget(one.id) for one in spec.sensors})
             events.emit("following", sensors=len(rig.actors), ego=int(self._ego.id))
+            # Only now: each frame that is made before the sensors are there is lost.
+            town = world.get_map()
+            map_crc32 = write_map_file(folder, town.to_opendrive())
             first: List[Tick] = []
             ticks = self._follow(pipeline, frames, observer, first, events, stop)
             if not ticks:
-                return Followed(0, 0)
+                return Followed(0, 0, self._server_gone)
             self._finish(pipeline, writers, ticks)
             header = self._header(versions, rig, segment_ticks, first[0], ticks, town)
             write_episode_file(folder, {**header, "map_crc32": map_crc32})
-            return Followed(ticks, pipeline.incomplete_ticks)
+            return Followed(ticks, pipeline.incomplete_ticks, self._server_gone)
+
+    def _stop_listening(self, rig: Rig, on_tick: int) -> None:
+        self._world.remove_on_tick(on_tick)
+        if not self._server_gone:
+            rig.stop()
 
     def _pipeline(self, stack: ExitStack, rig: Rig) -> Tuple[int, LogWriters, Pipeline]:
         spec = self._spec
@@ -216,7 +234,7 @@ class FollowedEpisode:
         pipeline = Pipeline(
             {sensor.id: sensor_of(sensor.kind) for sensor in spec.sensors},
             writers,
-            FrameMatcher([sensor.id for sensor in spec.sensors], PATIENCE_S),
+            FrameMatcher([sensor.id for sensor in spec.sensors], PATIENCE_S, gather=True),
             self._budget,
             None,
             segment_ticks,
@@ -244,17 +262,24 @@ class FollowedEpisode:
         for seen in self._frames(frames, pipeline, stop, begun_after):
             stamp = seen.snapshot.timestamp
             step = Tick(stamp.frame, stamp.elapsed_seconds, seen.tick_s, seen.snapshot)
+            try:
+                if last is None:
+                    observer.show_level(self._level())
+                # Each question is a round trip, which a fast world does not leave the time for.
+                if weather is None or not frames.lags:
+                    weather = weather_values(self._world.get_weather(), WEATHER_PARAMETERS)
+                    lights = observer.vehicle_lights()
+                moment = observer.observe_past(seen.snapshot, weather, seen.states or {}, lights)
+            except RuntimeError as error:
+                if self._answers(error):
+                    raise
+                return ticks  # what is known of this frame is not enough
             if not first:
                 first.append(step)
             for skipped in skipped_ticks(last, step):
                 _expect(pipeline, ticks, skipped, None, None)
                 ticks += 1
             k = saved.index(ticks)
-            # Each question is a round trip, which a fast world does not leave the time for.
-            if weather is None or not frames.lags:
-                weather = weather_values(self._world.get_weather(), WEATHER_PARAMETERS)
-                lights = observer.vehicle_lights()
-            moment = observer.observe_past(seen.snapshot, weather, seen.states or {}, lights)
             _expect(pipeline, ticks, step, k, moment)
             events.tick(
                 os.path.basename(self._folder),
@@ -281,7 +306,7 @@ class FollowedEpisode:
             if not self._is_there():
                 _log.info("the ego went before every sensor had measured")
                 return None
-        begun_after = pipeline.begin_now(self._server.timeout_s)
+        begun_after = pipeline.begin_with_all(self._server.timeout_s)
         if begun_after is None:
             raise RecordingError("The recorder is too busy to begin.", "Use fewer sensors.")
         return begun_after
@@ -319,8 +344,16 @@ class FollowedEpisode:
             world = self._client.get_world()
             return bool(world.id == self._world.id and self._ego.is_alive)
         except RuntimeError as error:
-            _log.info("the world does not answer: %s", error)
-            return answers(self._client, self._server.timeout_s)
+            return self._answers(error)
+
+    def _answers(self, error: RuntimeError) -> bool:
+        """Whether the server answers, though a call to it failed; notes where it does not."""
+        _log.info("the world does not answer: %s", error)
+        self._server_gone = not answers(self._client, self._server.timeout_s)
+        return not self._server_gone
+
+    def _level(self) -> Sequence[Mapping[str, Any]]:
+        return level_objects(self._world, self._spec.labels.level_objects)
 
     def _finish(self, pipeline: Pipeline, writers: LogWriters, ticks: int) -> None:
         """Wait until every tick is booked and every segment sealed."""

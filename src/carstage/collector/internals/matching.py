@@ -87,6 +87,7 @@ class FrameMatcher:
         patience_s: how long a frame is waited for.
         skip: do not wait for a frame that a sensor has passed over already (the paper's way).
         own_timelines: sensors measure at rates of their own; in between they are ``off``.
+        gather: keep what comes before the beginning, for :meth:`begin_with_all`.
     """
 
     def __init__(
@@ -95,11 +96,14 @@ class FrameMatcher:
         patience_s: float,
         skip: bool = False,
         own_timelines: bool = False,
+        gather: bool = False,
     ) -> None:
         self._sensors = tuple(sensors)
         self._patience_s = patience_s
         self._skip = skip
         self._own_timelines = own_timelines
+        self._gather = gather
+        self._whole_from: Dict[str, int] = {}
         self._after_frame: Optional[int] = None
         self._early: Dict[int, Dict[str, Any]] = {}
         self._waiting: Deque[_PendingFrame] = deque()
@@ -114,6 +118,18 @@ class FrameMatcher:
         """Begin to join: data up to and including ``after_frame`` belong to the warm-up."""
         self._after_frame = after_frame
 
+    def begin_with_all(self) -> int:
+        """Begin with the first frame from which on every sensor delivered, and lost nothing.
+
+        Each sensor must have delivered something.
+
+        Returns:
+            The last frame before it.
+        """
+        after_frame = max(self._whole_from.values()) - 1
+        self.begin(after_frame)
+        return after_frame
+
     def expect(self, expected: ExpectedFrame, now_s: float) -> None:
         """Announce a tick; ticks come in order."""
         frame = _PendingFrame(expected, now_s)
@@ -127,6 +143,9 @@ class FrameMatcher:
     def offer(self, sensor: str, frame: int, data: Any, now_s: float) -> None:
         """Hand in what a sensor delivered."""
         self.newest[sensor] = max(self.newest[sensor], frame)
+        if self._after_frame is None and self._gather:
+            self._keep_for_the_beginning(sensor, frame, data)
+            return
         if self._after_frame is None or frame <= self._after_frame:
             self._dropped.append(data)
             return
@@ -196,6 +215,17 @@ class FrameMatcher:
         """Data given up since the last call: warm-up, late, stray, forgotten or doubled."""
         dropped, self._dropped = self._dropped, []
         return dropped
+
+    def _keep_for_the_beginning(self, sensor: str, frame: int, data: Any) -> None:
+        """Keep what may be recorded, should the beginning come now; give up what surely is not."""
+        if isinstance(data, LostData):
+            self._whole_from[sensor] = frame + 1
+        else:
+            self._whole_from.setdefault(sensor, frame)
+            self._early.setdefault(frame, {})[sensor] = data
+        first = max(self._whole_from.values())
+        for number in [number for number in self._early if number < first]:
+            self._dropped.extend(self._early.pop(number).values())
 
     def _accept(self, pending: _PendingFrame, sensor: str, data: Any, now_s: float) -> None:
         wait_s = max(0.0, now_s - pending.since_s)

@@ -142,6 +142,10 @@ class WorldObserver:
             if light.id not in known
         ]
 
+    def show_level(self, level_objects: Sequence[Mapping[str, Any]]) -> None:
+        """Have what the level holds noted with the next tick."""
+        self._level_objects = level_objects
+
     def states(self) -> Dict[str, Any]:
         """What the client knows of the ego and the traffic lights in its newest frame.
 

@@ -22,15 +22,19 @@ export function count(value: number, one: string, many = `${one}s`): string {
   return `${value.toLocaleString("en")} ${value === 1 ? one : many}`;
 }
 
+/** Made once: to make one takes as long as to write a hundred times. */
+const CLOCK = new Intl.DateTimeFormat("en-GB", { timeStyle: "medium" });
+const DAY = new Intl.DateTimeFormat("en-GB");
+
 export function clock(unixSeconds: number): string {
-  return new Date(unixSeconds * 1000).toLocaleTimeString("en-GB");
+  return CLOCK.format(unixSeconds * 1000);
 }
 
 export function day(unixSeconds: number | null | undefined): string {
   if (!unixSeconds) return "–";
   const date = new Date(unixSeconds * 1000);
   const today = new Date().toDateString() === date.toDateString();
-  return today ? `today ${clock(unixSeconds).slice(0, 5)}` : date.toLocaleDateString("en-GB");
+  return today ? `today ${clock(unixSeconds).slice(0, 5)}` : DAY.format(date);
 }
 
 export function percent(share: number): string {

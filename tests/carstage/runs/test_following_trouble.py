@@ -16,7 +16,7 @@ import pytest
 
 import carstage
 from carstage.errors import BadInputError, DiskFullError, ServerError
-from carstage.runs import following, preflight, record_beside
+from carstage.runs import preflight, record_beside
 from carstage.runs.events import OtherEvent, RunEvent
 from running_simulator import RunningSimulator, start_simulator, stop_simulator
 
@@ -53,11 +53,8 @@ def address(simulator: RunningSimulator) -> str:
     return f"{simulator.host}:{simulator.port}"
 
 
-def test_a_server_that_dies_leaves_what_it_showed_until_then(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_server_that_dies_leaves_what_it_showed_until_then(tmp_path: Path) -> None:
     own = start_simulator(tmp_path / "stderr.log", "--exit-with-parent")
-    monkeypatch.setattr(following, "CALL_S", 8.0)  # so long a dead server is waited for
 
     def on_event(event: RunEvent) -> None:
         if isinstance(event, OtherEvent) and event.name == "tick" and event.fields["tick"] >= 20:

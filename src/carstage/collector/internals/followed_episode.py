@@ -341,6 +341,7 @@ class FollowedEpisode:
     def _is_there(self) -> bool:
         """Whether the server has the ego still."""
         try:
+            self._client.get_server_version()  # the rest is known without asking the server
             world = self._client.get_world()
             return bool(world.id == self._world.id and self._ego.is_alive)
         except RuntimeError as error:

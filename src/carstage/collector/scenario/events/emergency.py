@@ -137,7 +137,7 @@ class EmergencyVehicle(Event):
 
     def _pass(self, wanted_m_s: float, swing_s: float) -> bool:
         """Out, past the ego, and back into its lane."""
-        speed_m_s = self._car.approach(wanted_m_s)
+        speed_m_s = self._car.approach(wanted_m_s, HARD_M_S2)
         if self._back_s is None:
             self._out = half_wave((self.elapsed_s - swing_s) / CHANGE_S)
             lights = FLASHING | (LEFT if self._over_m < 0.0 else RIGHT)

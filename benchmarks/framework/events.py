@@ -76,7 +76,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "distance_m": {"range": [35.0, 60.0]},
         "trigger_m": {"range": [15.0, 30.0]},
         "speed_m_s": {"range": [3.0, 6.0]},
-        "kerb_m": {"range": [0.2, 0.4]},
+        "kerb_m": {"range": [0.0, 0.2]},
     },
 }
 """What is sampled for each kind."""

@@ -186,7 +186,7 @@ class WrongWayCyclist(EventSpec):
     distance_m: float = quantity(50.0, 10.0, 200.0)
     trigger_m: float = quantity(30.0, 5.0, 200.0)
     speed_m_s: float = quantity(4.0, 1.0, 12.0)
-    kerb_m: float = quantity(0.3, 0.0, 1.5)
+    kerb_m: float = quantity(0.1, 0.0, 1.5)
 
 
 EVENT_SPECS: Dict[str, Type[EventSpec]] = {

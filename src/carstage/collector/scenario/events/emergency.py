@@ -105,14 +105,16 @@ class EmergencyVehicle(Event):
         if self._swing_s is not None:
             return self._pass(ego_m_s + self.spec.faster_m_s, self._swing_s)
         near_m = self.spec.gap_m if self.spec.manner == "follow" else self._swing_gap_m()
-        nearer_m_s = min(GAP_RATE * (gap_m - near_m), self.spec.faster_m_s)
+        free = self.spec.manner == "pass" and not self.world.is_taken(self._lane)
+        slower_m_s = min(GAP_RATE * (gap_m - near_m), self.spec.faster_m_s)
+        nearer_m_s = self.spec.faster_m_s if free else slower_m_s
         speed_m_s = self._car.approach(max(ego_m_s + nearer_m_s, 0.0), HARD_M_S2)
         brakes = speed_m_s < self._car.speed_m_s - 1e-3
         self._car.move(speed_m_s, lights=FLASHING | (BRAKE if brakes else 0))
         near = gap_m <= near_m + NEAR_M
         if self.spec.manner == "follow":
             return self._follow(near)
-        if near and not self.world.is_taken(self._lane):
+        if near and free:
             self._swing_s = self.elapsed_s
         elif self._ends_late():
             self.give_up("there was no room to pass the ego")
@@ -135,7 +137,7 @@ class EmergencyVehicle(Event):
 
     def _pass(self, wanted_m_s: float, swing_s: float) -> bool:
         """Out, past the ego, and back into its lane."""
-        speed_m_s = self._car.approach(wanted_m_s)
+        speed_m_s = self._car.approach(wanted_m_s, HARD_M_S2)
         if self._back_s is None:
             self._out = half_wave((self.elapsed_s - swing_s) / CHANGE_S)
             lights = FLASHING | (LEFT if self._over_m < 0.0 else RIGHT)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import fields, is_dataclass
 from typing import Any, Mapping
 
-LEFT_OUT = {"left_out_at_default": True}
+_LEFT_OUT_AT_DEFAULT = "left_out_at_default"
+LEFT_OUT = {_LEFT_OUT_AT_DEFAULT: True}
 """Metadata of a field that has no key in the JSON form while it is its default, None or a flag."""
 
 
@@ -17,7 +18,8 @@ def plain(value: Any) -> Any:
         return {
             field.name: plain(below)
             for field in fields(value)
-            if (below := getattr(value, field.name)) is not field.default or not field.metadata
+            if (below := getattr(value, field.name)) is not field.default
+            or _LEFT_OUT_AT_DEFAULT not in field.metadata
         }
     if isinstance(value, Mapping):
         return {key: plain(below) for key, below in value.items()}

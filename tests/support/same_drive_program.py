@@ -1,7 +1,7 @@
 """Somebody's own program that makes the world of a recorded run again: ``HOST PORT SCENE.json``.
 
 It knows the CARLA client alone. It prints the ego's id when everybody stands where the scene says
-and drives, waits for a line on standard input, and ticks as fast as it can.
+and drives, waits for a line on standard input, and ticks at a pace that can be followed.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import socket
 import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ LAW_ABIDING = (
     "ignore_vehicles_percentage",
     "ignore_walkers_percentage",
 )
+PACE_S = 0.15
 
 
 def synchronous(world: carla.World, scene: dict[str, Any]) -> None:
@@ -72,8 +74,11 @@ def main() -> None:
     sys.stdout.write(f"{cars[0].id}\n")
     sys.stdout.flush()
     sys.stdin.readline()
+    pace = threading.Event()
     for _ in range(scene["ticks"]):
         world.tick()
+        # Lights are asked for beside the frames: who lags behind is told of a later frame's.
+        pace.wait(PACE_S)
     for car in cars:
         car.destroy()
     world.tick()

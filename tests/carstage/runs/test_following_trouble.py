@@ -57,7 +57,7 @@ def test_a_server_that_dies_leaves_what_it_showed_until_then(tmp_path: Path) -> 
     own = start_simulator(tmp_path / "stderr.log", "--exit-with-parent")
 
     def on_event(event: RunEvent) -> None:
-        if isinstance(event, OtherEvent) and event.name == "tick" and event.fields["tick"] >= 20:
+        if isinstance(event, OtherEvent) and event.name == "tick" and event.fields["tick"] >= 40:
             own.process.kill()
 
     out = tmp_path / "out"

@@ -25,7 +25,10 @@ def serving(
 ) -> Iterator[tuple[Server, Any]]:
     """A server of a simulation that has settings and bakes, and no world."""
     simulation = SimpleNamespace(
-        settings=SYNCHRONOUS, bakes=SimpleNamespace(), finish_drawing=lambda: None
+        settings=SYNCHRONOUS,
+        bakes=SimpleNamespace(),
+        finish_drawing=lambda: None,
+        hold_late_drawing=lambda *, held: None,
     )
     with (
         bind("127.0.0.1", 0) as rpc_socket,

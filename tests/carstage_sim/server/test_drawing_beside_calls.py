@@ -29,7 +29,7 @@ from waiting import await_that, holds_for
 pytestmark = pytest.mark.xdist_group("kernels")
 
 SIZE = {"image_size_x": "16", "image_size_y": "9"}
-LARGE = {"image_size_x": "1280", "image_size_y": "720"}
+LARGE = {"image_size_x": "640", "image_size_y": "360"}  # more than a client receives unread
 SYNCHRONOUS = EpisodeSettings(synchronous_mode=True, fixed_delta_seconds=0.05)
 
 

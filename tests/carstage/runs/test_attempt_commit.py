@@ -88,17 +88,22 @@ def test_commit_counts_the_frames_that_were_saved(tmp_path: Path) -> None:
     assert store.committed()[header["episode_id"]].frames == 6
 
 
+def _commit(raw: Path, store: LocalStore, episode_id: str) -> None:
+    """Convert a raw log and commit it."""
+    job: Any = Job(SimpleNamespace(saved_frames=6), episode_id)
+    with ThreadPoolExecutor(1) as pool:
+        attempt_commit = AttemptCommit(job, "a1", raw, store, pool, {}, deferred=True)
+        attempt_commit.convert_all(pool)
+        attempt_commit.commit()
+
+
 def test_the_town_s_text_is_kept_once_for_all_episodes(tmp_path: Path) -> None:
     store = LocalStore(tmp_path / "out")
     store.initialise("test")
     for attempt, episode_id in enumerate(["0123456789abcdef", "fedcba9876543210"]):
         raw = tmp_path / f"raw{attempt}"
         analytic_scene.write_raw_log(raw)
-        job: Any = Job(SimpleNamespace(saved_frames=6), episode_id)
-        with ThreadPoolExecutor(1) as pool:
-            attempt_commit = AttemptCommit(job, "a1", raw, store, pool, {}, deferred=True)
-            attempt_commit.convert_all(pool)
-            attempt_commit.commit()
+        _commit(raw, store, episode_id)
     (kept,) = (tmp_path / "out" / "maps").iterdir()
     assert kept.read_text() == analytic_scene.OPENDRIVE
     for episode in Dataset(tmp_path / "out").episodes:
@@ -116,11 +121,7 @@ def test_recording_without_the_town_s_text_makes_a_dataset_without_it(tmp_path: 
     write_episode_file(str(raw), header)
     store = LocalStore(tmp_path / "out")
     store.initialise("test")
-    job: Any = Job(SimpleNamespace(saved_frames=6), header["episode_id"])
-    with ThreadPoolExecutor(1) as pool:
-        attempt_commit = AttemptCommit(job, "a1", raw, store, pool, {}, deferred=True)
-        attempt_commit.convert_all(pool)
-        attempt_commit.commit()
+    _commit(raw, store, header["episode_id"])
     assert not (tmp_path / "out" / "maps").exists()
     assert Dataset(tmp_path / "out").episodes[0].opendrive() is None
 
@@ -134,11 +135,7 @@ def _committed(tmp_path: Path, opendrive: str, **labels: Any) -> Episode:
     write_episode_file(str(raw), header)
     store = LocalStore(tmp_path / "out")
     store.initialise("test")
-    job: Any = Job(SimpleNamespace(saved_frames=6), header["episode_id"])
-    with ThreadPoolExecutor(1) as pool:
-        attempt_commit = AttemptCommit(job, "a1", raw, store, pool, {}, deferred=True)
-        attempt_commit.convert_all(pool)
-        attempt_commit.commit()
+    _commit(raw, store, header["episode_id"])
     (episode,) = Dataset(tmp_path / "out").episodes
     return episode
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import pytest
@@ -72,20 +72,27 @@ def test_far_too_much_work_makes_who_hands_it_over_wait(drawing: DrawingThread) 
     assert len(handed) == 1000
 
 
+def put_off_behind_a_gate(drawing: DrawingThread, work: Callable[[], None]) -> threading.Event:
+    """Put work off and wait until it is begun; it is done when the gate is set."""
+    gate, began = threading.Event(), threading.Event()
+
+    def gated() -> None:
+        began.set()
+        gate.wait()
+        work()
+
+    drawing.put_off(gated)
+    assert began.wait(10.0)
+    return gate
+
+
 def test_what_is_put_off_comes_after_all_else_that_waits_one_piece_at_a_time(
     drawing: DrawingThread,
 ) -> None:
-    gate, began, done = threading.Event(), threading.Event(), []
-
-    def first() -> None:
-        began.set()
-        gate.wait()
-        done.append("put off 0")
-
-    drawing.put_off(first)
+    done: list[str] = []
+    gate = put_off_behind_a_gate(drawing, partial(done.append, "put off 0"))
     for number in (1, 2):
         drawing.put_off(partial(done.append, f"put off {number}"))
-    assert began.wait(10.0)
     for number in range(3):
         drawing.submit(done.append, f"submitted {number}")
     assert drawing.busy
@@ -105,16 +112,9 @@ def test_what_is_put_off_may_fail_and_the_rest_is_done(drawing: DrawingThread) -
 
 
 def test_at_the_end_what_is_put_off_and_not_begun_is_left_out(drawing: DrawingThread) -> None:
-    gate, began, done = threading.Event(), threading.Event(), []
-
-    def first() -> None:
-        began.set()
-        gate.wait()
-        done.append(0)
-
-    drawing.put_off(first)
+    done: list[int] = []
+    gate = put_off_behind_a_gate(drawing, partial(done.append, 0))
     drawing.put_off(partial(done.append, 1))
-    assert began.wait(10.0)
     ending = threading.Thread(target=drawing.finish_without_what_is_put_off)
     ending.start()
     gate.set()
@@ -128,16 +128,9 @@ def test_at_the_end_what_is_put_off_and_not_begun_is_left_out(drawing: DrawingTh
 def test_while_held_nothing_that_is_put_off_is_begun_though_it_was_queued(
     drawing: DrawingThread,
 ) -> None:
-    gate, began, done = threading.Event(), threading.Event(), []
-
-    def first() -> None:
-        began.set()
-        gate.wait()
-        done.append("put off 0")
-
-    drawing.put_off(first)
+    done: list[str] = []
+    gate = put_off_behind_a_gate(drawing, partial(done.append, "put off 0"))
     drawing.put_off(partial(done.append, "put off 1"))
-    assert began.wait(10.0)
     drawing.submit(partial(drawing.hold, held=True))  # after the second was queued
     gate.set()
     drawing.submit(done.append, "submitted").result(10.0)

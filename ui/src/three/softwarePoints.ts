@@ -1,6 +1,7 @@
 import {
   BufferAttribute,
   BufferGeometry,
+  Color,
   DataTexture,
   FloatType,
   GLSL3,
@@ -64,11 +65,8 @@ export function splat(film: Film, clip: readonly number[], positions: Float32Arr
 }
 
 const STEPS = 1024;
-/** sRGB codes of linear values, IEC 61966-2-1: as three.js writes the colours of its materials. */
-const CODES = Uint8Array.from({ length: STEPS }, (_, i) => {
-  const linear = i / (STEPS - 1);
-  return Math.round(255 * (linear <= 0.0031308 ? linear * 12.92 : 1.055 * linear ** (1 / 2.4) - 0.055));
-});
+/** sRGB codes of linear values, as three.js writes the colours of its materials. */
+const CODES = Uint8Array.from({ length: STEPS }, (_, i) => new Color(0, 0, i / (STEPS - 1)).getHex());
 
 function encoded(r: number, g: number, b: number): number {
   const code = (value: number) => CODES[Math.round(value * (STEPS - 1))] as number;

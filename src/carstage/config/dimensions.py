@@ -163,14 +163,21 @@ def crossed(config: Config) -> tuple[Dimension, ...]:
 
 def maps_of(config: Config) -> tuple[str, ...]:
     """The names of all maps that a configuration's episodes may play in, ``all`` among them."""
-    names = [config.map.choice, *(config.map.random_from or ())]
+    return tuple(dict.fromkeys(name for _, name in located_maps(config)))
+
+
+def located_maps(config: Config) -> list[tuple[Path, str]]:
+    """All maps that a configuration's episodes may play in, as written, each behind its path."""
+    found: list[tuple[Path, str]] = [
+        (("map", *place), name) for place, name in config.map.located_names()
+    ]
     for dimension in dimensions(config):
         if dimension.path[0] == "map":
             variants = Variants(config, [dimension.path])
             for _, value in dimension.sampled.ends:
                 varied = variants.with_values({dimension.path: value}).map
-                names += [varied.choice, *(varied.random_from or ())]
-    return tuple(dict.fromkeys(name for name in names if name is not None))
+                found += [(dimension.path, name) for _, name in varied.located_names()]
+    return found
 
 
 def path_of(text: str) -> Path:

@@ -14,7 +14,14 @@ from carstage.config.fields import Section, path_text, problem, setting, unknown
 from carstage.config.labels import GroundTruth, Labels
 from carstage.config.output import Output
 from carstage.config.rig import Rig, default_rig
-from carstage.config.scene import DEFAULT_MAP, AutopilotScenario, Ego, MapConfig, Scenario
+from carstage.config.scene import (
+    DEFAULT_MAP,
+    MAP_SUFFIX,
+    AutopilotScenario,
+    Ego,
+    MapConfig,
+    Scenario,
+)
 from carstage.config.sensors import Sensor
 from carstage.config.servers import EmbeddedServerConfig, ServerConfig
 from carstage.config.supervision import Supervision
@@ -226,6 +233,7 @@ class Config(Section):
         """
         check_substepping(self.timing, self.fps)
         check_events(self.scenario, self.timing)
+        self._check_maps()
         self.check_steps()
         for path, sensor in self.located_sensors():
             self._check_sensor(path, sensor)
@@ -240,6 +248,19 @@ class Config(Section):
                 raise problem(message, hint, "conversion", "codecs", name)
         for position, quota in enumerate(() if self.campaign is None else self.campaign.quotas):
             self._check_condition(quota.where, "campaign", "quotas", position, "where")
+
+    def _check_maps(self) -> None:
+        """Only the embedded simulator makes a town of a file."""
+        if isinstance(self.server, EmbeddedServerConfig):
+            return
+        for place, name in self.map.located_names():
+            if name.endswith(MAP_SUFFIX):
+                raise problem(
+                    f"a {self.server.kind} server has maps of its own, it loads no file.",
+                    "Give the name of one, or use `server: {kind: embedded}`.",
+                    "map",
+                    *place,
+                )
 
     def check_steps(self) -> None:
         """Refuse an episode without a step.

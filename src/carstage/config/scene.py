@@ -11,6 +11,8 @@ from carstage.config.events import Events, no_events
 from carstage.config.fields import Names, Section, problem, setting, shortened, unknown
 
 DEFAULT_MAP = "Stage01"
+MAP_SUFFIX = ".xodr"
+"""A map with this ending is a file of the user's, which the embedded simulator makes a town of."""
 _MAP_NAME = re.compile(r"/?([\w-][\w .-]*/)*[\w-][\w .-]*")
 """A name or a path of the server's, no part of which is ``..``."""
 #: Layers of CARLA's `_Opt` maps: ``carla.MapLayer`` of the 0.9.16 client.
@@ -27,6 +29,11 @@ MAP_LAYERS = (
 )
 
 
+def map_name(text: str) -> str:
+    """A map's name, of its path on the server or of an OpenDRIVE file's path."""
+    return text.rsplit("/", 1)[-1].removesuffix(MAP_SUFFIX)
+
+
 class MapConfig(Section):
     """The town of each episode."""
 
@@ -34,7 +41,8 @@ class MapConfig(Section):
         None,
         title="Map",
         basic=True,
-        description="The map of all episodes.",
+        description="The map of all episodes: a name, or an OpenDRIVE file (`towns/My.xodr`) for "
+        "the embedded simulator.",
         group="scene",
         min_length=1,
     )
@@ -65,20 +73,24 @@ class MapConfig(Section):
     def _check_one(self) -> MapConfig:
         if (self.choice is None) == (self.random_from is None):
             raise problem("exactly one of choice and random_from is needed.", "Keep one.", "choice")
-        for place, name in [
-            (("choice",), self.choice),
-            *((("random_from", i), name) for i, name in enumerate(self.random_from or ())),
-        ]:
-            if name is not None and not _MAP_NAME.fullmatch(name):
+        for place, name in self.located_names():
+            is_file = name.endswith(MAP_SUFFIX)
+            if not _MAP_NAME.fullmatch(map_name(name) if is_file else name):
                 raise problem(
                     f"{shortened(repr(name))} cannot be a map's name.",
-                    "Write its name, such as Town01, or its path on the server.",
+                    "Write its name, such as Town01, its path on the server, or an OpenDRIVE file.",
                     *place,
                 )
         for position, name in enumerate(() if self.layers == "all" else self.layers):
             if name not in MAP_LAYERS:
                 raise problem(*unknown("map layer", name, MAP_LAYERS), "layers", position)
         return self
+
+    def located_names(self) -> list[tuple[tuple[str | int, ...], str]]:
+        """Each map as it was written, ``all`` among them, behind its path in this section."""
+        if self.choice is not None:
+            return [(("choice",), self.choice)]
+        return [(("random_from", i), name) for i, name in enumerate(self.random_from or ())]
 
 
 def _coordinate(title: str) -> Any:

@@ -67,6 +67,13 @@ class EmbeddedServerConfig(Section):
         description="Threads that draw; `auto`: all cores.",
         group="server",
     )
+    maps: Names = setting(
+        (),
+        title="Maps",
+        description="OpenDRIVE files (`My.xodr`), and folders of them, to offer beside the "
+        "built-in towns; a file's name is its map's.",
+        group="server",
+    )
     carla_version: Literal["0.9.13", "0.9.14", "0.9.15", "0.9.16"] = setting(
         "0.9.16",
         title="CARLA version",

@@ -276,6 +276,12 @@ class EpisodeConversion:
         self._write_events(log, actors)
         opendrive = log.opendrive()
         named = None if opendrive is None else hash_of(opendrive)
+        if log.spec.opendrive not in (None, named):
+            raise ConversionError(
+                f"Episode {log.header['episode_id']}: the server's map {log.spec.map} is not the "
+                "configuration's file.",
+                "Did the file change during the run, or does another machine have another one?",
+            )
         town = self._town(log, named)
         drawn = _vector_map_entries(town)
         documents = {

@@ -8,9 +8,9 @@ from dataclasses import fields
 from typing import Any
 
 from carstage.spec import EpisodeSpec
-from carstage.spec.plain import plain
+from carstage.spec.plain import is_left_out, plain
 
-_NAMES = tuple(sorted(field.name for field in fields(EpisodeSpec)))
+_FIELDS = sorted(fields(EpisodeSpec), key=lambda field: field.name)
 _ID_DIGITS = 16
 _encode = json.JSONEncoder(
     sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False
@@ -28,15 +28,19 @@ class CanonicalTexts:
 
     def canonical_json(self, spec: EpisodeSpec) -> bytes:
         """The canonical JSON of a specification."""
-        return ("{" + ",".join([self._entry(spec, name) for name in _NAMES]) + "}").encode()
+        entries = [
+            self._entry(field.name, spec, value)
+            for field in _FIELDS
+            if not is_left_out(field, value := getattr(spec, field.name))
+        ]
+        return ("{" + ",".join(entries) + "}").encode()
 
     def episode_id(self, spec: EpisodeSpec) -> str:
         """The id of a specification."""
         return hashlib.sha256(self.canonical_json(spec)).hexdigest()[:_ID_DIGITS]
 
-    def _entry(self, spec: EpisodeSpec, name: str) -> str:
+    def _entry(self, name: str, spec: EpisodeSpec, value: Any) -> str:
         """The text of a section with its key."""
-        value = getattr(spec, name)
         last = self._last.get(name)
         if last is not None and last[0] is value:  # kept, so no other can have its identity
             return last[1]

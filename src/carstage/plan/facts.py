@@ -17,6 +17,7 @@ class ServerFacts:
         blueprints: attributes by blueprint id, each with its default as text.
         dialect: version of the wire protocol.
         spawn_points: how many there are, for the maps of which that is known; None: ``maps`` says.
+        opendrive: named hash of the text, by the name of each map that is a file of the user's.
         limits: largest values of sensors' attributes by CARLA's name, and of ``pixels``.
     """
 
@@ -25,6 +26,7 @@ class ServerFacts:
     dialect: str = DIALECT
     spawn_points: Mapping[str, int] | None = None
     limits: Mapping[str, float] = field(default_factory=dict)
+    opendrive: Mapping[str, str] = field(default_factory=dict)
 
     def count(self, map_name: str) -> int | None:
         """How many spawn points a map has; None where that is unknown."""

@@ -13,6 +13,7 @@ from carstage.config.dimensions import Variants, dimensions
 from carstage.config.fields import unknown
 from carstage.config.labels import Labels
 from carstage.config.scene import Stand as ConfiguredStand
+from carstage.config.scene import map_name
 from carstage.config.timing import Timing
 from carstage.config.traffic import Vehicles
 from carstage.config.weather import WeatherConfig
@@ -124,12 +125,12 @@ class _Planner:
         # Each choice is drawn whether it is free or not, so that fixing one moves no other.
         map_draw, weather_draw, spawn_draw = self._draws.uniform(index, _CHOICES_STREAM, 3)
         maps = self._once("maps", (config.map,), lambda: _maps(config, facts, self._recording))
-        map_name = _pick(maps, map_draw)
+        name = _pick(maps, map_draw)
         preset = _pick(config.weather.presets, weather_draw) if config.weather.presets else None
         scenario = self._once(
             "scenario",
-            (config.scenario, map_name, config.duration_s, config.fps),
-            lambda: plan_scenario(config, facts.count(map_name), self._recording),
+            (config.scenario, name, config.duration_s, config.fps),
+            lambda: plan_scenario(config, facts.count(name), self._recording),
         )
         weather = self._once(
             "weather", (config.weather, preset), lambda: _weather(config.weather, preset)
@@ -137,12 +138,13 @@ class _Planner:
         return EpisodeSpec(
             **self.settings(config),
             index=index,
-            map=map_name,
+            map=name,
+            opendrive=facts.opendrive.get(name),
             weather=weather,
             ego=EgoSpec(
                 blueprint=config.ego.blueprint,
                 color=None if config.ego.color == "random" else config.ego.color,
-                **_start(config, facts, map_name, spawn_draw),
+                **_start(config, facts, name, spawn_draw),
             ),
             scenario=scenario,
             seeds=self.seeds(index),
@@ -284,7 +286,7 @@ def _maps(config: Config, facts: ServerFacts, recording: Recording | None) -> tu
         wanted = tuple((f"map.random_from[{i}]", name) for i, name in enumerate(names))
     found = []
     for path, name in wanted:
-        short = name.rsplit("/", 1)[-1]
+        short = map_name(name)
         if short not in facts.maps:
             message, hint = unknown("map", name, facts.maps)
             raise ConfigError(f"{path}: {message}", hint)
@@ -292,17 +294,17 @@ def _maps(config: Config, facts: ServerFacts, recording: Recording | None) -> tu
     return tuple(found)
 
 
-def _start(config: Config, facts: ServerFacts, map_name: str, draw: float) -> dict[str, Any]:
+def _start(config: Config, facts: ServerFacts, town: str, draw: float) -> dict[str, Any]:
     """Where the ego begins: a spawn point, or a place of its own."""
-    count, spawn = facts.count(map_name), config.ego.spawn
+    count, spawn = facts.count(town), config.ego.spawn
     if isinstance(spawn, ConfiguredStand):
         place = Stand(x_m=spawn.x, y_m=spawn.y, z_m=spawn.z, yaw_deg=spawn.yaw_deg)
         return {"spawn_index": None, "spawn_place": place}
     if spawn == "random":
-        return {"spawn_index": int(draw * facts.maps[map_name]), "spawn_place": None}
+        return {"spawn_index": int(draw * facts.maps[town]), "spawn_place": None}
     if count is not None and spawn >= count:
         raise ConfigError(
-            f"ego.spawn: {map_name} has no spawn point {spawn}.",
+            f"ego.spawn: {town} has no spawn point {spawn}.",
             f"It has {count}, counted from 0; or use `random`.",
         )
     return {"spawn_index": spawn, "spawn_place": None}

@@ -15,7 +15,8 @@ from carstage.cache import cache_folder
 from carstage.config import Config
 from carstage.config.dimensions import maps_of
 from carstage.config.fields import unknown
-from carstage.config.scene import ReplayScenario
+from carstage.config.own_maps import own_maps
+from carstage.config.scene import ReplayScenario, map_name
 from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError, ConfigError
 from carstage.files.hashing import hash_of
@@ -63,6 +64,7 @@ def check_before_server(config: Config, *, offline: bool = False) -> None:
         check_server(config)
     if config.server.client_python != AUTO:
         check_interpreter(without_tilde(config.server.client_python))
+    own_maps(config)
     recording_of(config)
 
 
@@ -80,7 +82,7 @@ def judge(config: Config, *, offline: bool = False) -> EpisodePlan:
     recording = recording_of(config)
     if offline and not isinstance(config.server, EmbeddedServerConfig):
         names = [*maps_of(config), *([] if recording is None else [recording.map])]
-        maps = {name.rsplit("/", 1)[-1] for name in names}
+        maps = {map_name(name) for name in names}
         facts = ServerFacts(maps=dict.fromkeys({*maps, "any"}, _ANY_SPAWN_POINT))
         return plan_episodes(config, facts, recording)
     with server_lock(config), ServerSetup(config).facts() as facts:

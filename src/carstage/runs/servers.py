@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 from carstage.config import Config
+from carstage.config.explain import error_of
 from carstage.config.output import Output
+from carstage.config.own_maps import OwnMap, map_sources, own_maps
 from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.config.supervision import Supervision
-from carstage.errors import BadInputError
+from carstage.errors import BadInputError, ServerError
 from carstage.files.home import without_tilde
 from carstage.plan import ServerFacts
 from carstage.releases import refusal
@@ -24,6 +26,7 @@ from carstage.server import (
     PortRange,
     RemoteServer,
     Server,
+    ask_embedded,
     describe_embedded,
     find_client,
 )
@@ -43,11 +46,12 @@ def make_server(config: Config, log_path: Path | None, ports: PortRange = ANY_PO
     """
     server = config.server
     if isinstance(server, EmbeddedServerConfig):
+        maps = (word for _, path in map_sources(config) for word in ("--maps", str(path)))
         return EmbeddedServer(
             port=None if server.port == "auto" else server.port,
             threads=None if server.threads == "auto" else server.threads,
             log_path=log_path,
-            arguments=("--protocol", server.carla_version),
+            arguments=("--protocol", server.carla_version, *maps),
             traffic_manager_ports=ports,
         )
     if isinstance(server, CarlaServerConfig):
@@ -61,18 +65,46 @@ def make_server(config: Config, log_path: Path | None, ports: PortRange = ANY_PO
     return RemoteServer(server.host, server.port)
 
 
-def embedded_facts(carla_version: str) -> ServerFacts:
+def spawn_points_of(name: str, own: OwnMap) -> int:
+    """How many spawn points the town has that the embedded simulator makes of a user's map.
+
+    The town is made where the cache does not hold it, which takes a minute for a large one.
+
+    Raises:
+        ConfigError: no town can be made of it.
+    """
+    try:
+        answer = ask_embedded("--lanes", name, own_map=own.path)
+    except (OSError, ServerError) as error:
+        message = f"no town can be made of {own.path}. {error}"
+        hint = f"Correct the file; `carstage sim bake --maps {own.path}` tells more."
+        raise error_of([(own.field, message, hint)]) from error
+    return len(answer["spawn_points"])
+
+
+def embedded_facts(
+    carla_version: str,
+    own: Mapping[str, OwnMap] | None = None,
+    count: Callable[[str, OwnMap], int] = spawn_points_of,
+) -> ServerFacts:
     """What the embedded simulator offers, without starting it.
 
     Args:
         carla_version: the version of CARLA that it is to speak.
+        own: the user's maps that it is to offer, by name.
+        count: gives the number of spawn points of such a map.
 
     Raises:
+        ConfigError: a file has the name of a built-in town, or no town can be made of it.
         ServerError: it could not describe itself.
     """
-    described = describe_embedded(carla_version=carla_version)
+    described, own = describe_embedded(carla_version=carla_version), own or {}
+    for name in described.maps.keys() & own.keys():
+        message = f"{name} is a built-in town."
+        raise error_of([(own[name].field, message, "Give the file another name.")])
     return ServerFacts(
-        maps=described.maps,
+        maps={**described.maps, **{name: count(name, one) for name, one in own.items()}},
+        opendrive={name: one.opendrive for name, one in own.items()},
         blueprints={name: blueprint.attributes for name, blueprint in described.blueprints.items()},
         dialect=described.protocol,
         limits=described.limits,
@@ -169,7 +201,7 @@ class ServerSetup:
         try:
             if isinstance(server, EmbeddedServerConfig):
                 self._client = self._find_client(server.carla_version)
-                facts = embedded_facts(server.carla_version)
+                facts = embedded_facts(server.carla_version, own_maps(self._config))
             else:
                 endpoint = self.warm_up(None)
                 self._client = self._find_client(endpoint.version)

@@ -20,7 +20,7 @@ from carstage.cache import cache_folder
 from carstage.errors import ServerError
 from carstage.releases import NEWEST
 from carstage.sensor_kinds import simulator_plugins
-from carstage.server.embedded import MODULE, plugin_options
+from carstage.server.embedded import MODULE, START_S, plugin_options
 
 DESCRIBE_S = 120.0
 
@@ -89,25 +89,35 @@ def describe_embedded(
     return description
 
 
-def ask_embedded(option: str, name: str, folder: Path | None = None) -> dict[str, Any]:
+def ask_embedded(
+    option: str, name: str, folder: Path | None = None, *, own_map: Path | None = None
+) -> dict[str, Any]:
     """What the embedded simulator prints for a question; kept on disk like its description.
 
     Args:
         option: ``--vehicle`` or ``--lanes``.
         name: of a vehicle's blueprint or a map, as the description has it.
         folder: where it is kept; None uses :func:`cache_folder`.
+        own_map: the OpenDRIVE file of the map; the simulator makes the town, which takes a while.
 
     Raises:
         ServerError: the simulator did not answer.
+        OSError: the file cannot be read.
     """
-    path = (folder or cache_folder()) / f"simulator-{_fingerprint()}{option[1:]}-{name}.json"
+    question = [option, name]
+    key, limit_s = name, DESCRIBE_S
+    if own_map is not None:
+        question += ["--maps", str(own_map)]
+        key = f"{name}-{hashlib.sha256(own_map.read_bytes()).hexdigest()[:16]}"
+        limit_s = START_S
+    path = (folder or cache_folder()) / f"simulator-{_fingerprint()}{option[1:]}-{key}.json"
     try:
         kept: dict[str, Any] = json.loads(path.read_text("utf-8"))
     except (OSError, ValueError):
         pass  # not there yet, or not whole
     else:
         return kept
-    text = _ask(option, name)
+    text = _ask(*question, limit_s=limit_s)
     try:
         answer: dict[str, Any] = json.loads(text)
     except ValueError as error:
@@ -116,19 +126,17 @@ def ask_embedded(option: str, name: str, folder: Path | None = None) -> dict[str
     return answer
 
 
-def _ask(*question: str) -> str:
+def _ask(*question: str, limit_s: float = DESCRIBE_S) -> str:
     command = [sys.executable, "-m", MODULE, *plugin_options(), *(question or ("--describe",))]
     try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=DESCRIBE_S, check=False
-        )
+        done = subprocess.run(command, capture_output=True, text=True, timeout=limit_s, check=False)
     except subprocess.TimeoutExpired as error:
-        raise ServerError(f"The embedded simulator said nothing for {DESCRIBE_S:g} s.") from error
+        raise ServerError(f"The embedded simulator said nothing for {limit_s:g} s.") from error
     except OSError as error:  # no process or memory left; the environment changed meanwhile
         raise ServerError(f"The embedded simulator cannot be started: {error}.") from error
     if done.returncode != 0:
         raise ServerError(
-            f"The embedded simulator cannot describe itself (exit status {done.returncode}):\n"
+            f"The embedded simulator does not answer (exit status {done.returncode}):\n"
             f"{done.stderr[-2000:]}",
             f"Run `{' '.join(['python', *command[1:]])}`.",
         )

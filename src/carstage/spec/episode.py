@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any, Collection, Dict, Optional, Tuple
 
 from carstage.spec.defaults import MAX_DISTANCE_M
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.labels import GroundTruthSpec, LabelsSpec
-from carstage.spec.plain import plain
+from carstage.spec.plain import LEFT_OUT, plain
 from carstage.spec.road_users import PedestriansSpec, TrafficSpec, VehiclesSpec
 from carstage.spec.scenario import ScenarioSpec, read_scenario
 from carstage.spec.scene import EgoSpec, WeatherSpec
@@ -59,6 +59,8 @@ class EpisodeSpec:
         sensors: at least one; ids are unique.
         max_distance_m: objects farther away get no camera record.
         min_lidar_points: points below which an object is not visible, where the rig has a LiDAR.
+        opendrive: named hash of the map's text, where it is a file of the user's; None: the
+            server's own map.
     """
 
     dialect: str
@@ -83,6 +85,7 @@ class EpisodeSpec:
     min_lidar_points: int
     seeds: Seeds
     spec_version: int = SPEC_VERSION
+    opendrive: Optional[str] = field(default=None, metadata=LEFT_OUT)
 
     @classmethod
     def from_json(
@@ -136,6 +139,7 @@ class EpisodeSpec:
             min_lidar_points=given.integer("min_lidar_points", 0)
             if "min_lidar_points" in given
             else 0,
+            opendrive=given.text("opendrive") if "opendrive" in given else None,
         )
 
     def to_json(self) -> Dict[str, Any]:

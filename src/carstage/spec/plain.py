@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
+from dataclasses import Field, fields, is_dataclass
 from typing import Any, Mapping
 
 _LEFT_OUT_AT_DEFAULT = "left_out_at_default"
 LEFT_OUT = {_LEFT_OUT_AT_DEFAULT: True}
 """Metadata of a field that has no key in the JSON form while it is its default, None or a flag."""
+
+
+def is_left_out(field: Field[Any], value: Any) -> bool:
+    """Whether a field with that value has no key in the JSON form."""
+    return value is field.default and _LEFT_OUT_AT_DEFAULT in field.metadata
 
 
 def plain(value: Any) -> Any:
@@ -18,8 +23,7 @@ def plain(value: Any) -> Any:
         return {
             field.name: plain(below)
             for field in fields(value)
-            if (below := getattr(value, field.name)) is not field.default
-            or _LEFT_OUT_AT_DEFAULT not in field.metadata
+            if not is_left_out(field, below := getattr(value, field.name))
         }
     if isinstance(value, Mapping):
         return {key: plain(below) for key, below in value.items()}

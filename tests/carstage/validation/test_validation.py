@@ -140,6 +140,16 @@ def test_what_is_named_as_the_map_has_to_be_one(
     assert failed_checks(dataset) == {"map"}
 
 
+def test_a_map_that_is_not_the_one_that_was_asked_for_is_found(dataset: Path) -> None:
+    path = attempt_of(dataset) / "episode.json"
+    document = json.loads(path.read_text())
+    for wanted, found in ((document["opendrive"], set()), (f"blake3:{0:064x}", {"map"})):
+        spec = {**document["spec"], "opendrive": wanted}
+        path.write_text(json.dumps({**document, "spec": spec}))
+        recommit(dataset)
+        assert failed_checks(dataset) - {"episode_id"} == found
+
+
 def test_comments_and_a_declaration_may_stand_before_the_map(dataset: Path) -> None:
     (kept,) = (dataset / "maps").iterdir()
     _, _, root = kept.read_text().partition("<OpenDRIVE")

@@ -74,6 +74,21 @@ def test_recordings_outside_the_roots_are_not_replayed(site: Site, demo: dict[st
         assert "outside" in check["errors"][0]["message"]
 
 
+@pytest.mark.parametrize(
+    ("section", "path"),
+    [
+        ({"map": "/etc/My.xodr"}, ["map", "choice"]),
+        ({"server": {"kind": "embedded", "maps": ["../towns"]}}, ["server", "maps", 0]),
+    ],
+)
+def test_maps_outside_the_roots_are_not_looked_at(
+    site: Site, demo: dict[str, Any], section: dict[str, Any], path: list[str | int]
+) -> None:
+    check = site.client.post("/api/config/check", json={"config": {**demo, **section}}).json()
+    assert [error["path"] for error in check["errors"]] == [path]
+    assert "outside" in check["errors"][0]["message"]
+
+
 def test_programs_that_a_request_names_are_not_run(site: Site, demo: dict[str, Any]) -> None:
     for python in ("/bin/sh", "./python", sys.executable + "x"):
         config = {**demo, "server": {"kind": "embedded", "client_python": python}}

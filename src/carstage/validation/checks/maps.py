@@ -21,11 +21,13 @@ class MapChecks:
         self._verdicts: dict[str, str | None] = {}
 
     def check(self, episode: Episode, findings: Findings) -> None:
-        """The text is there, is the one that was committed, is OpenDRIVE."""
+        """The text is there, is the one that was committed and asked for, is OpenDRIVE."""
         try:
-            named = episode.document.get("opendrive")
+            named, wanted = episode.document.get("opendrive"), episode.spec.opendrive
         except DatasetError:
             return  # the checks of the episode say so
+        if wanted not in (None, named):
+            findings.add("map", "the map is not the file that the specification names")
         if named is None:
             return
         key = repr(named)  # a dataset from elsewhere may name it by anything

@@ -97,27 +97,41 @@ class ConfigChecker:
 
     def _facts(self, config: Config, names: list[str]) -> ServerFacts:
         """What the embedded simulator offers; of other servers nothing is known before the run."""
+        from carstage.config.own_maps import own_maps
+        from carstage.config.scene import map_name
         from carstage.config.servers import EmbeddedServerConfig
         from carstage.plan import ServerFacts
         from carstage.runs.servers import embedded_facts
 
-        if isinstance(config.server, EmbeddedServerConfig):
-            return embedded_facts(config.server.carla_version)
         any_spawn_point = 1 << 30
+        if isinstance(config.server, EmbeddedServerConfig):
+            # A town may take a minute to make, only to count its spawn points: a form cannot wait.
+            return embedded_facts(
+                config.server.carla_version,
+                own_maps(config, self._roots.home),
+                lambda *_: any_spawn_point,
+            )
         return ServerFacts(
-            maps={name.rsplit("/", 1)[-1]: any_spawn_point for name in names}
-            | {"any": any_spawn_point}
+            maps={map_name(name): any_spawn_point for name in names} | {"any": any_spawn_point}
         )
 
     def _confine(self, config: Config) -> None:
-        """Refuse to replay an episode from outside the roots, and to run any program that is named.
+        """Refuse episodes and maps from outside the roots, and to run any program that is named.
 
         Raises:
-            ConfigError: the episode lies elsewhere, or the interpreter is none that was found here.
+            ConfigError: the episode or a map lies elsewhere, or the interpreter is none that was
+                found here.
         """
+        from carstage.config.explain import error_of
+        from carstage.config.own_maps import map_sources
         from carstage.config.scene import ReplayScenario
 
         _check_interpreter(config.server.client_python)
+        for field, source in map_sources(config, self._roots.home):
+            try:
+                self._roots.confine(str(source))
+            except BadInputError as error:
+                raise error_of([(field, error.message, error.hint)]) from error
         if isinstance(config.scenario, ReplayScenario):
             try:
                 self._roots.confine(config.scenario.episode)

@@ -70,6 +70,8 @@ class OpticalFlowCamera(CameraSensor):
     infinitely far away.
     """
 
+    may_be_late = True
+
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)
         self._camera: _Seen | None = None

@@ -14,7 +14,8 @@ import pytest
 
 from carstage_sim.sensors.cameras import HitCamera, RgbCamera
 from carstage_sim.sensors.dvs import DvsCamera
-from carstage_sim.sensors.measurements import DVS_EVENT, DvsFrame
+from carstage_sim.sensors.flow import OpticalFlowCamera
+from carstage_sim.sensors.measurements import DVS_EVENT, DvsFrame, FlowFrame
 from carstage_sim.server import Server
 from carstage_sim.simulation import Simulation
 from carstage_sim.wire import streaming
@@ -69,7 +70,7 @@ def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
 
 @pytest.fixture
 def light_gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
-    """A gate for cameras of light: colour pictures are black, event cameras see one event."""
+    """A gate for cameras that take long: their pictures are black, without motion, of one event."""
     gate = Gate()
 
     def colours(camera: RgbCamera, *_: Any) -> Any:
@@ -80,8 +81,14 @@ def light_gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
         gate.pass_through()
         return DvsFrame(camera.width, camera.height, camera.fov_deg, np.zeros(1, DVS_EVENT))
 
+    def motion(camera: OpticalFlowCamera, *_: Any) -> Any:
+        gate.pass_through()
+        still = np.zeros((camera.height, camera.width, 2), np.float32)
+        return FlowFrame(camera.fov_deg, still)
+
     monkeypatch.setattr(RgbCamera, "measure", colours)
     monkeypatch.setattr(DvsCamera, "measure", events)
+    monkeypatch.setattr(OpticalFlowCamera, "measure", motion)
     yield gate
     gate.open.set()
 
@@ -117,6 +124,7 @@ class Rig:
         self.camera = world.spawn("sensor.camera.depth", SIZE, Pose((0.0, 0.0, 3.0)))
         self.colour = world.spawn("sensor.camera.rgb", LARGE, Pose((0.0, 0.0, 3.0)))
         self.events = world.spawn("sensor.camera.dvs", SIZE, Pose((0.0, 0.0, 3.0)))
+        self.flow = world.spawn("sensor.camera.optical_flow", SIZE, Pose((0.0, 0.0, 3.0)))
         self.imu = world.spawn("sensor.other.imu", {}, Pose((0.0, 0.0, 3.0)))
         server = resources.enter_context(serving(simulation))
         self.client, self.other = (
@@ -251,8 +259,8 @@ def test_an_asynchronous_world_goes_on_and_a_camera_that_is_not_ready_skips_fram
     assert first < moving[-1] < second
 
 
-@pytest.mark.parametrize("kind", ["colour", "events"])
-def test_the_world_does_not_wait_for_a_camera_of_light_until_somebody_reads_its_pictures(
+@pytest.mark.parametrize("kind", ["colour", "events", "flow"])
+def test_the_world_does_not_wait_for_a_camera_that_takes_long_until_somebody_reads_its_pictures(
     rig: Rig, light_gate: Gate, kind: str
 ) -> None:
     pictures, depths = rig.subscribed(getattr(rig, kind)), rig.subscribed(rig.camera)

@@ -46,6 +46,22 @@ class Pose:
     toe: tuple[Array, Array]
 
 
+def stacked(poses: Sequence[Pose]) -> Pose:
+    """Several poses as one, whose joints are ``(P, 3)``."""
+
+    def pair(name: str) -> tuple[Array, Array]:
+        left, right = zip(*(getattr(pose, name) for pose in poses), strict=True)
+        return np.stack(left), np.stack(right)
+
+    return Pose(
+        pelvis=np.stack([pose.pelvis for pose in poses]),
+        neck=np.stack([pose.neck for pose in poses]),
+        head=np.stack([pose.head for pose in poses]),
+        shoulder=pair("shoulder"), elbow=pair("elbow"), hand=pair("hand"),
+        hip=pair("hip"), knee=pair("knee"), ankle=pair("ankle"), toe=pair("toe"),
+    )  # fmt: skip
+
+
 class Chain(IntEnum):
     """What frames sit on: ``LEGS`` is between both legs, ``CARRIED`` hangs from the left wrist."""
 
@@ -88,10 +104,10 @@ class Figure:
     material: NDArray[np.uint8]
 
     def vertices(self, pose: Pose) -> Array:
-        """``(V, 3)`` where the vertices are in a pose."""
+        """``(..., V, 3)`` where the vertices are in a pose, or in each of several."""
         origins, axes = _frames(pose, self.anchors)
-        turned = np.einsum("vij,vj->vi", axes[self.frame], self.offset)
-        placed: Array = origins[self.frame] + turned
+        turned = np.einsum("...vij,vj->...vi", axes[..., self.frame, :, :], self.offset)
+        placed: Array = origins[..., self.frame, :] + turned
         return placed
 
     def normals(self, vertices: Array) -> Array:
@@ -218,18 +234,31 @@ def _cross(a: ArrayLike, b: ArrayLike) -> Array:
     return product
 
 
+def _dot(a: Array, b: Array) -> Array:
+    """The scalar product along the last axis, which stays."""
+    product: Array = (a * b).sum(axis=-1, keepdims=True)
+    return product
+
+
 def _frames(pose: Pose, anchors: tuple[Anchor, ...]) -> tuple[Array, Array]:
-    """Origins ``(F, 3)`` and axes ``(F, 3, 3)`` (columns front, right, along) of frames."""
+    """Origins ``(..., F, 3)`` and axes ``(..., F, 3, 3)`` (front, right, along) of frames."""
     chains = np.array([int(chain) for chain, _ in anchors])
     places = np.array([place for _, place in anchors])
-    origins, axes = np.empty((len(anchors), 3)), np.empty((len(anchors), 3, 3))
+    shape = (*pose.pelvis.shape[:-1], len(anchors))
+    origins, axes = np.empty((*shape, 3)), np.empty((*shape, 3, 3))
     hips = _unit_vectors(pose.hip[1] - pose.hip[0])
     shoulders = _unit_vectors(pose.shoulder[1] - pose.shoulder[0])
 
     def put(chain: Chain, points: list[Array], right: Array, right_end: Array) -> None:
         (rows,) = np.nonzero(chains == chain)
         if len(rows):
-            origins[rows], axes[rows] = _on_chain(np.stack(points), places[rows], right, right_end)
+            joints = np.stack(points, axis=-2)
+            found = _on_chain(joints, places[rows], right, right_end)
+            origins[..., rows, :], axes[..., rows, :, :] = found
+
+    def set_at(rows: NDArray[np.intp], origin: Array, columns: list[Array]) -> None:
+        origins[..., rows, :] = origin[..., None, :]
+        axes[..., rows, :, :] = np.stack(columns, axis=-1)[..., None, :, :]
 
     put(Chain.TRUNK, [pose.pelvis, pose.neck], hips, shoulders)
     for side in (0, 1):
@@ -238,54 +267,62 @@ def _frames(pose: Pose, anchors: tuple[Anchor, ...]) -> tuple[Array, Array]:
         leg = [pose.hip[side], pose.knee[side], pose.ankle[side]]
         put(LEGS[side], leg, hips, hips)
         (rows,) = np.nonzero(chains == FEET[side])
-        origins[rows] = pose.ankle[side]
-        axes[rows] = _foot_axes(pose.toe[side] - pose.ankle[side], hips)
+        set_at(rows, pose.ankle[side], _foot_axes(pose.toe[side] - pose.ankle[side], hips))
     between = [(a + b) / 2 for a, b in (pose.hip, pose.knee, pose.ankle)]
     put(Chain.LEGS, between, hips, hips)
     (rows,) = np.nonzero(chains == Chain.CARRIED)
     level = _unit_vectors(hips * np.array([1.0, 1.0, 0.0]))
-    origins[rows] = pose.hand[0]
-    axes[rows] = np.stack([_cross(level, (0.0, 0.0, 1.0)), level, (0.0, 0.0, 1.0)], axis=1)
+    upright = np.broadcast_to((0.0, 0.0, 1.0), level.shape)
+    set_at(rows, pose.hand[0], [_cross(level, upright), level, upright])
     (rows,) = np.nonzero(chains == Chain.HEAD)
     up = _unit_vectors(pose.head - pose.neck)
     right = _unit_vectors(hips + shoulders)
-    origins[rows] = pose.head
-    right = _unit_vectors(right - (right @ up) * up)
-    axes[rows] = np.stack([_cross(right, up), right, up], axis=1)
+    right = _unit_vectors(right - _dot(right, up) * up)
+    set_at(rows, pose.head, [_cross(right, up), right, up])
     return origins, axes
 
 
 def _on_chain(points: Array, places: Array, right: Array, right_end: Array) -> tuple[Array, Array]:
-    """Frames at places of a chain of joints; their right side turns from one way to another."""
-    bones = np.diff(points, axis=0)
+    """Frames at places of a chain of joints; their right side turns from one way to another.
+
+    Args:
+        points: ``(..., J, 3)``.
+        places: ``(R,)``, from 0 to J - 1.
+        right, right_end: ``(..., 3)``.
+
+    Returns:
+        Origins ``(..., R, 3)`` and axes ``(..., R, 3, 3)``.
+    """
+    bones = np.diff(points, axis=-2)
+    count = bones.shape[-2]
     ways = _unit_vectors(bones)
-    bone = np.clip(np.floor(places).astype(int), 0, len(bones) - 1)
-    origins = points[bone] + (places - bone)[:, None] * bones[bone]
-    along = ways[bone]
-    for joint in range(1, len(bones)):
+    bone = np.clip(np.floor(places).astype(int), 0, count - 1)
+    origins = points[..., bone, :] + (places - bone)[:, None] * bones[..., bone, :]
+    along = ways[..., bone, :]
+    for joint in range(1, count):
         share = np.clip((places - joint + _BEND_SHARE) / (2 * _BEND_SHARE), 0.0, 1.0)[:, None]
         near = np.abs(places - joint) < _BEND_SHARE
-        along = np.where(
-            near[:, None], _unit_vectors(ways[joint - 1] * (1 - share) + ways[joint] * share), along
-        )
-    turn = np.clip(places / len(bones), 0.0, 1.0)[:, None]
-    aside = right * (1 - turn) + right_end * turn
+        before, after = ways[..., joint - 1 : joint, :], ways[..., joint : joint + 1, :]
+        bent = _unit_vectors(before * (1 - share) + after * share)
+        along = np.where(near[:, None], bent, along)
+    turn = np.clip(places / count, 0.0, 1.0)[:, None]
+    aside = right[..., None, :] * (1 - turn) + right_end[..., None, :] * turn
     # Trunks rise, limbs hang: in both, what is in front of a standing figure is its front.
-    front = _cross(aside, along) if len(bones) == 1 else _cross(along, aside)
-    ahead = np.array([1.0, 0.0, 0.0]) - along * along[:, :1]
-    sideways = (front**2).sum(axis=1, keepdims=True) < 0.1
+    front = _cross(aside, along) if count == 1 else _cross(along, aside)
+    ahead = np.array([1.0, 0.0, 0.0]) - along * along[..., :1]
+    sideways = (front**2).sum(axis=-1, keepdims=True) < 0.1
     front = _unit_vectors(np.where(sideways, ahead, front))
-    side = _cross(along, front) if len(bones) == 1 else _cross(front, along)
+    side = _cross(along, front) if count == 1 else _cross(front, along)
     return origins, np.stack([front, side, along], axis=-1)
 
 
-def _foot_axes(toe: Array, right: Array) -> Array:
-    """Axes of a foot from the way of its toes."""
+def _foot_axes(toe: Array, right: Array) -> list[Array]:
+    """Front, right and upper side of a foot from the way of its toes, each ``(..., 3)``."""
     line = _unit_vectors(toe)
-    side = _unit_vectors(right - (right @ line) * line)
+    side = _unit_vectors(right - _dot(right, line) * line)
     above = _cross(line, side)
     flat = np.array(REST_TOE) / np.hypot(*REST_TOE)
     # In a flat foot the toes are lower than the ankle.
     front = flat[0] * line - flat[1] * above
     up = flat[1] * line + flat[0] * above
-    return np.stack([front, side, up], axis=1)
+    return [front, side, up]

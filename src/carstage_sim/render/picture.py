@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.render.bvh import build_tree
+from carstage_sim.render.bvh import build_tree, refitted_tree
 from carstage_sim.render.caster import Hits, Packets, RayCaster, picture_packets
 from carstage_sim.render.edges import rough_pixels, sampled_again
 from carstage_sim.render.film import Film, develop, develop_means, film_codes
@@ -68,7 +68,8 @@ class PictureMaker:
 
     def warm_up(self, store: SceneStore) -> None:
         """Compile, or load, the kernels of building, casting and shading."""
-        build_tree(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), 1)
+        boxes = np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32)
+        refitted_tree(build_tree(*boxes, 1), *boxes)
         frame = store.frame([])
         rays = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], np.float32)
         hits = self._caster.cast(frame.scene, np.zeros(3), rays, low=0.1, high=1000.0)

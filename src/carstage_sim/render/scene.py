@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from carstage_sim.cache import mark_used, written_atomically
 from carstage_sim.maps.street_lamps import street_lamps
 from carstage_sim.mesh import Material, TriangleMesh
-from carstage_sim.render.bvh import WideTree, build_tree, triangle_blocks
+from carstage_sim.render.bvh import WideTree, build_tree, refitted_tree, triangle_blocks
 from carstage_sim.render.cast import Geometry, Scene, empty_geometry
 from carstage_sim.render.lamps import Lamps, headlight_beams, lamps_of
 from carstage_sim.render.materials import Paint, linear_colour
@@ -167,6 +167,16 @@ def _corners(mesh: TriangleMesh) -> NDArray[np.float32]:
     return corners
 
 
+def _boxes(corners: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """``(T, 3)`` lowest and highest of ``(T, 3, 3)`` corners; numpy's own minima take longer."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+
+
+def _tree(corners: NDArray[np.float32]) -> WideTree:
+    return build_tree(*_boxes(corners), LANES)
+
+
 def _flat_normals(corners: NDArray[np.float32]) -> NDArray[np.float32]:
     wide = corners.astype(np.float64).transpose(1, 2, 0)  # by axis: twice as fast as np.cross
     (ax, ay, az), (bx, by, bz) = wide[1] - wide[0], wide[2] - wide[0]
@@ -204,7 +214,7 @@ def _surfaces(mesh: TriangleMesh, corners: NDArray[np.float32]) -> Surfaces:
 def _model(mesh: TriangleMesh, tree: WideTree | None = None) -> _Model:
     corners = _corners(mesh)
     if tree is None:
-        tree = build_tree(corners.min(axis=1), corners.max(axis=1), LANES)
+        tree = _tree(corners)
     blocks, numbers = triangle_blocks(tree, corners)
     return _Model(
         Geometry(tree.planes, tree.children, blocks, numbers),
@@ -233,7 +243,7 @@ def cached_tree(mesh: TriangleMesh, folder: Path) -> WideTree:
         pass
     except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
         _log.warning("acceleration structure %s is unreadable, building it again: %s", path, error)
-    tree = build_tree(corners.min(axis=1), corners.max(axis=1), LANES)
+    tree = _tree(corners)
     arrays = {name: getattr(tree, name) for name in WideTree.__dataclass_fields__}
     try:
         with written_atomically(path) as draft:
@@ -336,16 +346,26 @@ class SceneStore:
 
     def prepare(self, keys: Sequence[str]) -> None:
         """Build models now, so that the first frame that shows them need not."""
-        new = [key for key in dict.fromkeys(keys) if key not in self._index]
-        for key in dict.fromkeys(one for first in new for one in (first, *self._beside(first))):
-            if key in self._index:
-                continue
-            mesh = self._mesh_of(key)
-            kept_in = None if PASSING in key or QUICK in key else self._cache
-            tree = cached_tree(mesh, kept_in) if kept_in is not None else None
+        for first in dict.fromkeys(keys):
+            if first not in self._index:
+                group = dict.fromkeys((first, *self._beside(first)))
+                self._build([key for key in group if key not in self._index])
+
+    def _build(self, keys: list[str]) -> None:
+        """Build models that are needed together."""
+        meshes = {key: self._mesh_of(key) for key in keys}
+        # Poses of one figure: a hierarchy that suits the one in the middle suits them all.
+        posed = [mesh for key, mesh in meshes.items() if QUICK in key]
+        middle = _tree(_corners(posed[len(posed) // 2])) if posed else None
+        for key, mesh in meshes.items():
+            tree = None
+            if QUICK in key and middle is not None and len(mesh.triangles) == len(middle.order):
+                tree = refitted_tree(middle, *_boxes(_corners(mesh)))
+            elif PASSING not in key and QUICK not in key and self._cache is not None:
+                tree = cached_tree(mesh, self._cache)
             self._index[key] = len(self._models)
             self._models.append(_model(mesh, tree))
-            self._stale = True
+        self._stale = True
 
     def _forget_passing(self, wanted: Container[str]) -> None:
         """Give up the models of one moment that are not wanted any more."""

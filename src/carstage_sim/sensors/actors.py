@@ -11,7 +11,7 @@ import numpy as np
 
 from carstage_sim.content.doors import open_doors_mesh
 from carstage_sim.content.figures import Dress
-from carstage_sim.content.pedestrians import pedestrian_mesh, walking_joints
+from carstage_sim.content.pedestrians import pedestrian_mesh, walking_meshes
 from carstage_sim.content.people import colours_of, dress_of, stoop_m
 from carstage_sim.content.posing import Pose as Joints
 from carstage_sim.content.props import prop_mesh
@@ -78,6 +78,7 @@ class ActorModels:
         self._light_keys = [f"traffic_light#{heads.index(head)}" for head in heads]
         self._figures: dict[str, str] = {}
         self._posed: dict[str, Joints] = {}
+        self._walking: dict[str, TriangleMesh] = {}
         self._stand_ins: dict[tuple[Dress, float, tuple[float, float, float]], str] = {}
         stored = MeshStore(self._built_in, self._identity, cache)
         self.mesh: Callable[[str], TriangleMesh] = meshes if meshes is not None else stored
@@ -181,9 +182,7 @@ class ActorModels:
             name = key.partition(PASSING)[0]
             return pedestrian_mesh(name, self._catalogue[name].box_extent, self._posed[key])
         if QUICK in key:
-            name, _, phase = key.partition(QUICK)
-            extent = self._catalogue[name].box_extent
-            return pedestrian_mesh(name, extent, walking_joints(name, extent, int(phase)))
+            return self._walking_mesh(key)
         name, _, number = key.partition("#")
         if name == "traffic_light":
             return traffic_light_mesh(self._town.traffic_lights[int(number)].head)
@@ -191,6 +190,16 @@ class ActorModels:
         if has_shape(name):
             return prop_mesh(name, blueprint.box_extent)
         return _vehicle_mesh(name, blueprint, int(number or 0))
+
+    def _walking_mesh(self, key: str) -> TriangleMesh:
+        """The mesh of a phase; those beside it are made with it, as they are asked for next."""
+        if key not in self._walking:
+            name, _, _ = key.partition(QUICK)
+            keys = self.beside(key)
+            phases = [int(one.partition(QUICK)[2]) for one in keys]
+            meshes = walking_meshes(name, self._catalogue[name].box_extent, phases)
+            self._walking = dict(zip(keys, meshes, strict=True))
+        return self._walking.pop(key)
 
 
 def _chassis(blueprint: Blueprint) -> tuple[tuple[float, float], float] | None:

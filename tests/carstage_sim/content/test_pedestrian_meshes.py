@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from carstage_sim.content.pedestrians import pedestrian_mesh, walking_joints
+from carstage_sim.content.pedestrians import pedestrian_mesh, walking_joints, walking_meshes
 from carstage_sim.content.people import CHILDREN, ELDERLY, colours_of, dress_of
 from carstage_sim.content.walking import (
     PHASES,
@@ -184,3 +184,11 @@ def test_bytes_repeat():
 def test_a_phase_out_of_range_is_refused():
     with pytest.raises(ValueError, match="phase"):
         walking_joints(ONE, ADULT, PHASES + 1)
+
+
+def test_phases_that_are_made_together_are_those_that_are_made_alone():
+    phases = (0, 7, WALK_PHASES, PHASES)
+    for phase, mesh in zip(phases, walking_meshes(ONE, ADULT, phases), strict=True):
+        alone = walking(ONE, ADULT, phase)
+        assert np.array_equal(mesh.vertices, alone.vertices)
+        assert np.array_equal(mesh.normals, alone.normals)

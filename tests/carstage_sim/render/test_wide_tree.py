@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from carstage_sim.render.bvh import build_tree, triangle_blocks
+from carstage_sim.render.bvh import build_tree, refitted_tree, triangle_blocks
 
 pytestmark = pytest.mark.xdist_group("kernels")
 
@@ -18,13 +18,18 @@ pytestmark = pytest.mark.xdist_group("kernels")
     count=st.integers(1, 300),
     leaf=st.sampled_from([1, 8]),
     same=st.booleans(),
+    moved=st.booleans(),
 )
-def test_every_box_is_in_exactly_one_leaf_inside_its_parents(seed, count, leaf, same):
+def test_every_box_is_in_exactly_one_leaf_inside_its_parents(seed, count, leaf, same, moved):
     rng = np.random.default_rng(seed)
     low = rng.uniform(-100, 100, (1 if same else count, 3)).astype(np.float32)
     low = np.broadcast_to(low, (count, 3)).copy()
     high = low + rng.uniform(0, 5, (count, 3)).astype(np.float32)
     tree = build_tree(low, high, leaf)
+    if moved:
+        low += rng.uniform(-20, 20, (count, 3)).astype(np.float32)
+        high = low + rng.uniform(0, 5, (count, 3)).astype(np.float32)
+        tree = refitted_tree(tree, low, high)
     assert sorted(tree.order.tolist()) == list(range(count))
     assert tree.leaf_count.max() <= leaf
     assert tree.leaf_count.sum() == count
@@ -59,6 +64,12 @@ def test_blocks_hold_each_triangle_with_its_corners():
     lanes = blocks.transpose(0, 2, 1).reshape(-1, 3, 3)
     assert np.array_equal(lanes[used.reshape(-1)], corners[numbers[used]])
     assert np.all(blocks.transpose(0, 2, 1)[~used] == 0)
+
+
+def test_a_hierarchy_is_not_fitted_to_another_number_of_boxes():
+    tree = build_tree(np.zeros((3, 3), np.float32), np.ones((3, 3), np.float32), 8)
+    with pytest.raises(ValueError, match="over 3 boxes cannot hold 4"):
+        refitted_tree(tree, np.zeros((4, 3), np.float32), np.ones((4, 3), np.float32))
 
 
 def test_nothing_to_build_over_is_refused():

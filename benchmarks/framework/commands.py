@@ -63,6 +63,24 @@ def converters(
     return report(measure_converters(rounds=rounds), json)
 
 
+@benchmark("cores", takes="3 minutes")
+def cores(
+    counts: Annotated[
+        list[int] | None,
+        typer.Option("--cores", min=1, help="Hold the simulator to so many. Repeatable."),
+    ] = None,
+    rounds: Annotated[int, typer.Option(min=1, help="Recordings with each number.")] = 3,
+    json: Json = False,
+) -> int:
+    """How much faster more cores make a tick of the demonstration."""
+    from benchmarks.framework.cores import measure_cores
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Recordings", "recordings") as progress:
+        verdict = measure_cores(counts, rounds=rounds, progress=progress)
+    return report(verdict, json)
+
+
 @benchmark("conversion", takes="1 minute")
 def conversion(
     frames: Annotated[int, typer.Option(min=4, help="Pictures per round.")] = 24,

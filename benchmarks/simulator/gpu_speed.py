@@ -90,13 +90,13 @@ def _measure(gpu: Gpu, scene: ReferenceScene, frame: Frame) -> tuple[Figure, ...
 
     colours, everything = [Product.COLOURS], list(Product)
     return (
-        *_wall_ms("one camera, all outputs, ms", pictures(everything), 3.0),
+        *_wall_ms("one camera, all outputs, ms", pictures(everything), 2.0),
         *_wall_ms("one camera, colours, ms", pictures(colours)),
         *_wall_ms("one camera, depth, ms", pictures([Product.DEPTH])),
         *_wall_ms("five cameras, all outputs, ms", pictures(everything, 5), 13.0),
         *_wall_ms("five cameras, colours, ms", pictures(colours, 5)),
         *_wall_ms("100,000 rays, ms", rays(100_000), 1.0),
-        *_wall_ms("1,000,000 rays, ms", rays(1_000_000), 2.8),
+        *_wall_ms("1,000,000 rays, ms", rays(1_000_000), 1.8),
     )
 
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from carstage.config import check_config
+from carstage.config import Config, check_config
 from carstage.errors import CollectorError
 from carstage.execution import CollectorProcess
 from carstage.plan import plan_episodes
@@ -55,7 +55,11 @@ def looping_server(loop: int, arguments: Sequence[str] = ()) -> Iterator[Endpoin
 
 def planned_episode(document: Mapping[str, Any]) -> EpisodeSpec:
     """The only episode of a configuration for the embedded simulator, without labels."""
-    config = check_config({"labels": {"cameras": []}, **document})
+    return planned_episode_of(check_config({"labels": {"cameras": []}, **document}))
+
+
+def planned_episode_of(config: Config) -> EpisodeSpec:
+    """The only episode of a checked configuration for the embedded simulator."""
     with ServerSetup(config).facts() as facts:
         (spec,) = plan_episodes(config, facts)
     return spec

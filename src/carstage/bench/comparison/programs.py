@@ -14,7 +14,7 @@ from carstage.execution.collector_process import interpreter_command
 
 _CLIENTS = "carstage.bench.clients"
 CARSTAGE, FPNG, DISCARD = "carstage", "carstage-fpng", "discard"
-NATIVE = "native-png"
+NATIVE, NUMPY = "native-png", "native-npy"
 _LOOK_FOR = """
 import importlib.util, sys
 print(*[name for name in sys.argv[1:] if importlib.util.find_spec(name) is None])
@@ -160,7 +160,7 @@ PROGRAMS: Final[dict[str, Program]] = {
             lossless=False,
         ),
         Program(
-            "native-npy",
+            NUMPY,
             "numpy.save of point clouds in the callback",
             "native_npy",
             needs=("numpy",),

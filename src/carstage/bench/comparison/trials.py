@@ -7,7 +7,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from carstage.bench.comparison.presets import Experiment, Preset
-from carstage.bench.comparison.programs import CARSTAGE, DISCARD, FPNG, NATIVE, PROGRAMS, Program
+from carstage.bench.comparison.programs import (
+    CARSTAGE,
+    DISCARD,
+    FPNG,
+    NATIVE,
+    NUMPY,
+    PROGRAMS,
+    Program,
+)
 from carstage.bench.episodes import camera, roof_sensor
 
 POINTS = 100_000
@@ -129,7 +137,7 @@ def programs_of(experiment: Experiment, value: int, preset: Preset) -> Sequence[
     names = {
         "frames": (DISCARD, NATIVE, CARSTAGE),
         "cameras": (DISCARD, NATIVE, CARSTAGE, "native-threads", FPNG, "paper"),
-        "lidars": (DISCARD, "native-ply", CARSTAGE, "native-npy"),
+        "lidars": (DISCARD, "native-ply", CARSTAGE, NUMPY),
         "objects": (DISCARD, NATIVE, CARSTAGE),
         "totals": (DISCARD, CARSTAGE),
     }[experiment]

@@ -54,6 +54,8 @@ REASONS = {
     "carstage_sim/render/packets.py cast_packets": _KERNEL,
     "carstage_sim/render/shading.py _hit_radiance": _KERNEL,
     "carstage_sim/render/shading.py shade_packets": _KERNEL,
+    "carstage_sim/render/shared_kernels.py share_cast_packets": _KERNEL,
+    "carstage_sim/render/shared_kernels.py share_cast_rays": _KERNEL,
     "carstage_sim/render/simd.py box_hits": _KERNEL,
     "carstage_sim/render/simd.py parallel_rays_hit": _KERNEL,
     "carstage_sim/render/simd.py rays_hit": _KERNEL,

@@ -22,7 +22,7 @@ logger = logging.getLogger(__name__)
 
 COMPILING_LOG = "carstage_sim.compiling"
 _RENDER = Path(__file__).parent / "render"
-_LAST_KERNEL = "shade_packets"
+_LAST_KERNEL = "share_shade_packets"
 _LIMIT_S = 600.0
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.kernels import device, kernel
+from carstage_sim.kernels import device
 from carstage_sim.render.simd import LANES, box_hits, lowest_bit, triangle_hits
 
 STATIC = -1
@@ -267,7 +267,7 @@ def trace(scene, scratch, o, d, low, high, skip, any_hit):  # type: ignore[no-un
     return trace_actors(scene, scratch, o, d, low, high, skip, any_hit, row, triangle, u, v)
 
 
-@kernel
+@device
 def cast_rays(  # type: ignore[no-untyped-def]
     scene, scratch, origins, directions, low, high, skip, first, last, t, row, triangle, weights
 ):

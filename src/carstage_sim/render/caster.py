@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.render.cast import Scene, cast_rays, new_scratch
-from carstage_sim.render.packets import cast_packets, new_packet_scratch
+from carstage_sim.render.cast import Scene, new_scratch
+from carstage_sim.render.packets import new_packet_scratch
+from carstage_sim.render.shared_kernels import share_cast_packets, share_cast_rays
+from carstage_sim.render.sharing import OfEachThread, Team, parts_of
 
-_BAND = 4096
-"""Rays per piece of work: small enough to balance, large enough to hide the call."""
-_PACKETS = 64
-"""Groups of rays per piece of work."""
+_BAND = 8192
+"""Pixels of a band: small enough to balance, large enough to hide the call."""
+_RAYS, _PACKETS = 256, 4
+"""Rays, and groups of them, that a kernel takes at a time."""
 _SQUARE = 8
 
 
@@ -72,6 +74,8 @@ def picture_packets(width: int, height: int) -> Packets:
 class RayCaster:
     """Casts rays with a fixed number of threads; results do not depend on that number.
 
+    Several threads may call it at once, which then share those that compute.
+
     Args:
         threads: threads that compute; default: the CPUs that this process may use.
     """
@@ -82,26 +86,41 @@ class RayCaster:
         self.threads = threads or len(os.sched_getaffinity(0))
         self.ray_count = 0
         """Rays cast so far; those that shading sends to the sun and the sky are not counted."""
-        self._pool = (
-            ThreadPoolExecutor(self.threads, thread_name_prefix="rays")
-            if self.threads > 1
-            else None
-        )
+        self._lock = threading.Lock()
+        self._team = Team(self.threads, "rays")
+        self._scratch = OfEachThread(new_scratch)
+        self._packet_scratch = OfEachThread(new_packet_scratch)
 
     def close(self) -> None:
         """End the threads."""
-        if self._pool is not None:
-            self._pool.shutdown()
+        self._team.close()
+
+    def _count(self, rays: int) -> None:
+        with self._lock:
+            self.ray_count += rays
 
     def in_bands(self, count: int, work: Callable[[int, int], None], band: int = _BAND) -> None:
         """Call ``work(first, last)`` on bands that cover ``range(count)``; returns when all ran."""
-        bands = [(start, min(start + band, count)) for start in range(0, count, band)]
-        if self._pool is None or len(bands) < 2:
-            if count:
-                work(0, count)
-            return
-        for _ in self._pool.map(lambda band: work(*band), bands):
-            pass
+        begins = iter(range(0, count, band))
+
+        def share() -> None:
+            for first in begins:  # which the threads share: each takes the next
+                work(first, min(first + band, count))
+
+        self._team.do(share, -(-count // band))
+
+    def in_packets(self, packets: Packets, work: Callable[[NDArray[np.int64]], None]) -> None:
+        """Let threads call ``work(parts)``, which takes groups of rays until none is left.
+
+        Args:
+            packets: the groups.
+            work: see :func:`carstage_sim.render.sharing.take`.
+        """
+        self._share(len(packets.starts) - 1, _PACKETS, work)
+
+    def _share(self, count: int, size: int, work: Callable[[NDArray[np.int64]], None]) -> None:
+        parts = parts_of(count, size)
+        self._team.do(lambda: work(parts), -(-count // size))
 
     def cast(
         self,
@@ -124,17 +143,17 @@ class RayCaster:
             skip_row: instance row that rays pass through, -1 for none.
         """
         count = len(directions)
-        self.ray_count += count
+        self._count(count)
         hits = _no_hits(origin, directions)
         origins = hits.origin.reshape(-1, 3)
 
-        def work(first: int, last: int) -> None:
-            cast_rays(
-                scene, new_scratch(), origins, hits.directions, np.float32(low), np.float32(high),
-                skip_row, first, last, hits.t, hits.row, hits.triangle, hits.weights,
+        def work(parts: NDArray[np.int64]) -> None:
+            share_cast_rays(
+                scene, self._scratch(), origins, hits.directions, np.float32(low),
+                np.float32(high), skip_row, parts, hits.t, hits.row, hits.triangle, hits.weights,
             )  # fmt: skip
 
-        self.in_bands(count, work)
+        self._share(count, _RAYS, work)
         return hits
 
     def cast_together(
@@ -156,21 +175,17 @@ class RayCaster:
             packets: which rays do.
         """
         hits = _no_hits(origin, directions)
-        self.ray_count += len(directions)
+        self._count(len(directions))
 
-        def work(first: int, last: int) -> None:
-            cast_packets(
-                scene, new_packet_scratch(), hits.origin, hits.directions, packets.order,
-                packets.starts, np.float32(low), np.float32(high), skip_row, first, last,
+        def work(parts: NDArray[np.int64]) -> None:
+            share_cast_packets(
+                scene, self._packet_scratch(), hits.origin, hits.directions, packets.order,
+                packets.starts, np.float32(low), np.float32(high), skip_row, parts,
                 hits.t, hits.row, hits.triangle, hits.weights,
             )  # fmt: skip
 
         self.in_packets(packets, work)
         return hits
-
-    def in_packets(self, packets: Packets, work: Callable[[int, int], None]) -> None:
-        """As :meth:`in_bands`, of packets."""
-        self.in_bands(len(packets.starts) - 1, work, _PACKETS)
 
 
 def _no_hits(origin: NDArray[np.floating], directions: NDArray[np.float32]) -> Hits:

@@ -10,7 +10,7 @@ from carstage_sim.render.caster import Hits, Packets, RayCaster, picture_packets
 from carstage_sim.render.scene import Frame
 from carstage_sim.render.simd import PACKET
 
-_ROWS = 32
+_ROWS = 16
 """Rows of pixels per piece of work."""
 _BENT = np.float32(0.9)
 """Cosine between the normals of two neighbours below which they show different sides."""

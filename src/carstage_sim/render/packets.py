@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.kernels import device, kernel
+from carstage_sim.kernels import device
 from carstage_sim.render.cast import NOTHING, STATIC, Scratch, new_scratch, trace, trace_actors
 from carstage_sim.render.simd import (
     LANES,
@@ -272,7 +272,7 @@ def _meets_instances(scene, memory, farthest, skip):  # type: ignore[no-untyped-
     return False
 
 
-@kernel
+@device
 def cast_packets(  # type: ignore[no-untyped-def]
     scene, memory, origin, directions, order, starts, low, high, skip, first, last,
     t, row, triangle, weights,

@@ -18,7 +18,9 @@ from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.overlay import draw_shapes
 from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame, SceneStore
-from carstage_sim.render.shading import RayHits, ShadedFrame, new_shade_scratch, shade_packets
+from carstage_sim.render.shading import RayHits, ShadedFrame, new_shade_scratch
+from carstage_sim.render.shared_kernels import share_shade_packets
+from carstage_sim.render.sharing import OfEachThread
 from carstage_sim.render.sky import Lighting, SkyModel
 from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.state import Weather
@@ -64,6 +66,7 @@ class PictureMaker:
         self._epic = quality is Quality.EPIC
         self._sampling = SAMPLING[quality]
         self._materials = material_table()
+        self._scratch = OfEachThread(new_shade_scratch)
         self.sky = SkyModel()
 
     def warm_up(self, store: SceneStore) -> None:
@@ -115,10 +118,10 @@ class PictureMaker:
             skip_row, np.float32(pixel_angle),
         )  # fmt: skip
 
-        def work(first: int, last: int) -> None:
-            shade_packets(
-                shaded, rays, new_shade_scratch(), self._epic, packets.order, packets.starts,
-                first, last, colours,
+        def work(parts: NDArray[np.int64]) -> None:
+            share_shade_packets(
+                shaded, rays, self._scratch(), self._epic, packets.order, packets.starts,
+                parts, colours,
             )  # fmt: skip
 
         self._caster.in_packets(packets, work)

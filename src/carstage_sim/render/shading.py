@@ -650,7 +650,7 @@ def _find_light(frame, rays, memory, order, begin, count, epic):  # type: ignore
             memory.free[which[k]] = overhang_share(packet.met[k])
 
 
-@kernel
+@device
 def shade_packets(frame, rays, memory, epic, order, starts, first, last, out):  # type: ignore[no-untyped-def]
     """As :func:`shade_rays`, of rays that run side by side.
 

@@ -1,0 +1,151 @@
+"""Threads that share a piece of work: each takes the next part of it until nothing is left.
+
+Where parts are small, a kernel takes them itself (:func:`take`), without the interpreter: a thread
+then calls it once, however many parts there are.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
+from numpy.typing import NDArray
+
+from carstage_sim.kernels import Decorator, device
+
+_intrinsic: Decorator = intrinsic
+_array_struct: Any = make_array
+_NEXT, _COUNT, _SIZE = 0, 1, 2
+
+_Made = TypeVar("_Made")
+
+
+def parts_of(count: int, size: int) -> NDArray[np.int64]:
+    """``range(count)`` in parts of a size, for threads that :func:`take` them."""
+    return np.array([0, count, size], np.int64)
+
+
+@_intrinsic
+def _add_at_once(typing_context, numbers, amount):  # type: ignore[no-untyped-def]
+    """Add to the first of some int64 as one step for all threads; its value before."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        data = _array_struct(signature.args[0])(context, builder, args[0]).data
+        by = context.cast(builder, args[1], signature.args[1], types.int64)
+        pointer = builder.bitcast(data, ir.IntType(64).as_pointer())
+        return builder.atomic_rmw("add", pointer, by, "monotonic")
+
+    return types.int64(numbers, amount), codegen
+
+
+@device
+def take(parts):  # type: ignore[no-untyped-def]
+    """The next part, ``first`` to ``last``, of :func:`parts_of`; an empty one at the end."""
+    first = _add_at_once(parts, parts[_SIZE])
+    return min(first, parts[_COUNT]), min(first + parts[_SIZE], parts[_COUNT])
+
+
+class OfEachThread(Generic[_Made]):
+    """Something that each thread has for itself, made when it first asks.
+
+    Args:
+        make: makes it.
+    """
+
+    def __init__(self, make: Callable[[], _Made]) -> None:
+        self._make = make
+        self._known = threading.local()
+
+    def __call__(self) -> _Made:
+        """That of the calling thread."""
+        made: _Made | None = getattr(self._known, "made", None)
+        if made is None:
+            made = self._known.made = self._make()
+        return made
+
+
+class _Job:
+    """Work that some threads do at the same time; it has a gate that opens when all are done."""
+
+    def __init__(self, work: Callable[[], None], hands: int) -> None:
+        self._work = work
+        self._lock = threading.Lock()
+        self._undone = hands
+        self._error: BaseException | None = None
+        self._gate = threading.Lock()
+        self._gate.acquire()
+
+    def do(self) -> None:
+        """Do one thread's share."""
+        error = None
+        try:
+            self._work()
+        except BaseException as raised:  # noqa: BLE001 - raised by who waits for it
+            error = raised
+        with self._lock:
+            self._error = self._error or error
+            self._undone -= 1
+            done = not self._undone
+        if done:
+            self._gate.release()
+
+    def wait(self) -> None:
+        """Wait until all threads have done theirs; raises what the first of them raised."""
+        self._gate.acquire()
+        if self._error is not None:
+            raise self._error
+
+
+class Team:
+    """A number of threads; whoever hands them work waits for it.
+
+    Args:
+        threads: how many; one stands for none, the caller does all.
+        name: what the threads are called.
+    """
+
+    def __init__(self, threads: int, name: str) -> None:
+        self.threads = threads
+        # No bound is needed: whoever puts a job in waits until it is done.
+        self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
+        self._members = [
+            threading.Thread(target=self._run, name=f"{name}_{number}", daemon=True)
+            for number in range(threads if threads > 1 else 0)
+        ]
+        for member in self._members:
+            member.start()
+
+    def close(self) -> None:
+        """End the threads when their work is done."""
+        for _ in self._members:
+            self._jobs.put(None)
+        for member in self._members:
+            member.join()
+        self._members.clear()
+
+    def do(self, work: Callable[[], None], parts: int) -> None:
+        """Let as many threads as there are parts, at most all, call ``work``; returns afterwards.
+
+        Args:
+            work: takes one part after the other until none is left.
+            parts: how many there are.
+        """
+        hands = min(parts, len(self._members))
+        if hands < 2:
+            work()
+            return
+        job = _Job(work, hands)
+        for _ in range(hands):
+            self._jobs.put(job)
+        job.wait()
+
+    def _run(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            job.do()

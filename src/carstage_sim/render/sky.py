@@ -8,6 +8,7 @@ all read it. Radiance is in units in which sunlight above the air has irradiance
 
 from __future__ import annotations
 
+import threading
 from functools import cache
 from typing import NamedTuple
 
@@ -218,12 +219,14 @@ class SkyModel:
     def __init__(self) -> None:
         self._noise = _cloud_noise()
         self._last: tuple[Weather, Lighting] | None = None
+        self._lock = threading.Lock()
 
     def lighting(self, weather: Weather, time_s: float) -> Lighting:
         """Light of a weather; ``time_s`` lets blinkers blink."""
-        if self._last is None or self._last[0] != weather:
-            self._last = (weather, _lighting(weather, self._noise))
-        kept = self._last[1]
+        with self._lock:
+            if self._last is None or self._last[0] != weather:
+                self._last = (weather, _lighting(weather, self._noise))
+            kept = self._last[1]
         return kept._replace(time_s=np.float32(time_s % 3600.0))
 
 

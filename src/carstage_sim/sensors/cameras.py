@@ -99,6 +99,11 @@ class CameraSensor(MeasuringSensor):
         require(0.0 < self.fov_deg < 180.0, f"fov is {self.fov_deg}, not between 0 and 180 degrees")
         self.lens = Lens.of(request.attributes)
 
+    @property
+    def pixels(self) -> int:
+        """Width times height."""
+        return self.width * self.height
+
     def camera(self, request: SensorRequest) -> Camera:
         """The camera of this tick."""
         return Camera(
@@ -149,6 +154,7 @@ class RgbCamera(CameraSensor):
     """A colour picture."""
 
     may_be_late = True
+    beside_others = True
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)
@@ -166,6 +172,7 @@ class RgbCamera(CameraSensor):
 class HitCamera(CameraSensor):
     """What the cameras share that show what pixels met, whatever the light."""
 
+    beside_others = True
     product: ClassVar[Product]
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:

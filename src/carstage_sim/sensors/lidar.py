@@ -124,6 +124,8 @@ class RotatingLidar(MeasuringSensor):
     points or range there are frames without points.
     """
 
+    beside_others = True
+
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)
         a = request.attributes

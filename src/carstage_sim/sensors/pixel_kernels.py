@@ -28,6 +28,16 @@ def in_one(count: int, work: Callable[[int, int], None]) -> None:
 
 
 @kernel
+def ray_directions(rotation, right, up, first, last, rays):  # type: ignore[no-untyped-def]
+    """World directions of rays by their slopes; see ``view.pixel_rays``."""
+    for k in range(first, last):
+        for axis in range(3):
+            rays[k, axis] = np.float32(
+                rotation[axis, 0] + rotation[axis, 1] * right[k] + rotation[axis, 2] * up[k]
+            )
+
+
+@kernel
 def hit_tags(row, triangle, static, static_tag, actor_tag, sky, first, last, tags):  # type: ignore[no-untyped-def]
     """The semantic tag of what each ray met; see ``View.tags``.
 

@@ -29,16 +29,24 @@ class Sensor(ABC):
         may_be_late: whether its reports may be made after later ticks. That needs reports that
             depend on their own tick and on reports before alone, some of which may be left out,
             and pays for those that take long.
+        beside_others: whether its reports may be made in another thread than those of other
+            sensors, at the same time. It then shares nothing with them but the view.
     """
 
     looks: ClassVar[bool] = True
     may_be_late: ClassVar[bool] = False
+    beside_others: ClassVar[bool] = False
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
         self.request = request
         self.town = town
         self._interval_s = number(request.attributes, "sensor_tick", 0.0)
         self._due_s: float | None = None
+
+    @property
+    def pixels(self) -> int:
+        """Pixels of a picture that it makes, 0 where that is none."""
+        return 0
 
     @abstractmethod
     def report(

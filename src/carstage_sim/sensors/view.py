@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,15 @@ from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.picture import Picture, PictureMaker
 from carstage_sim.render.scene import Frame
 from carstage_sim.sensors.lens import PINHOLE, Lens, pixel_places
-from carstage_sim.sensors.pixel_kernels import FAR_M, hit_ids, hit_tags
+from carstage_sim.sensors.pixel_kernels import (
+    FAR_M,
+    InBands,
+    hit_ids,
+    hit_tags,
+    in_one,
+    ray_directions,
+)
+from carstage_sim.sensors.side_by_side import Once
 from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.state import Weather
 
@@ -76,18 +85,19 @@ def _slope_pairs(width: int, height: int, fov_deg: float, lens: Lens) -> NDArray
     return np.stack(_pixel_slopes(width, height, fov_deg, lens), axis=1)
 
 
-def pixel_rays(camera: Camera) -> NDArray[np.float32]:
+def pixel_rays(camera: Camera, in_bands: InBands = in_one) -> NDArray[np.float32]:
     """``(H * W, 3)`` float32 world directions through the pixel centres, row by row.
 
     Their component along the optical axis is 1, so a ray's parameter is the depth.
+
+    Args:
+        camera: who looks.
+        in_bands: does the work, perhaps in several threads.
     """
     right, up = _pixel_slopes(camera.width, camera.height, camera.fov_deg, camera.lens)
-    rotation = rotation_matrix(camera.rotation_deg)
+    rotation = np.ascontiguousarray(rotation_matrix(camera.rotation_deg))
     rays = np.empty((len(right), 3), np.float32)
-    for axis in range(3):
-        rays[:, axis] = (
-            rotation[axis, 0] + rotation[axis, 1] * right + rotation[axis, 2] * up
-        ).astype(np.float32)
+    in_bands(len(rays), lambda first, last: ray_directions(rotation, right, up, first, last, rays))
     return rays
 
 
@@ -110,6 +120,8 @@ def turned(
 class View:
     """What can be seen in one tick.
 
+    Several threads may ask at once, unless a card makes the pictures.
+
     Args:
         make_frame: gives the scene; called when the first sensor looks at it.
         caster: runs the rays.
@@ -130,14 +142,15 @@ class View:
         shapes: DebugShapes | None = None,
         cameras: GpuCameras | None = None,
     ) -> None:
-        self._make_frame = make_frame
+        self._frame = Once(make_frame)
         self._caster = caster
         self._pictures = pictures
         self._weather = weather
         self._time_s = time_s
         self._shapes = shapes
-        self._casts: dict[Camera, Hits] = {}
-        self._colours: dict[tuple[Camera, Film], NDArray[np.uint8]] = {}
+        self._lock = threading.Lock()
+        self._casts: dict[Camera, Once[Hits]] = {}
+        self._colours: dict[tuple[Camera, Film], Once[NDArray[np.uint8]]] = {}
         self._cameras = cameras
         self._expected: dict[tuple[Camera, Film], set[Product]] = {}
         self._pending: dict[tuple[Camera, Film], Pending] = {}
@@ -148,10 +161,14 @@ class View:
         """Call ``work(first, last)`` on bands of pixels, in several threads."""
         self._caster.in_bands(count, work, _PIXELS)
 
-    @cached_property
+    @property
     def frame(self) -> Frame:
         """The scene of this tick."""
-        return self._make_frame()
+        return self._frame()
+
+    def _count_cast(self, casts: int = 1) -> None:
+        with self._lock:
+            self.cast_count += casts
 
     def skipped_row(self, owner_id: int, location: tuple[float, float, float]) -> int:
         """Instance row of the carrier when the sensor is inside its box, else -1."""
@@ -168,7 +185,7 @@ class View:
         owner_id: int,
     ) -> Hits:
         """Nearest hits of rays from a point, up to ``high`` times a direction's length."""
-        self.cast_count += 1
+        self._count_cast()
         return self._caster.cast(
             self.frame.scene,
             np.asarray(location),
@@ -196,7 +213,7 @@ class View:
             skip_row: instance row that they pass through, -1 for none.
             rows: the only instance rows that they can meet, and nothing of the town; None for all.
         """
-        self.cast_count += 1
+        self._count_cast()
         return self._caster.cast(
             self.frame.scene if rows is None else self.frame.only(rows),
             origins,
@@ -208,20 +225,21 @@ class View:
 
     def camera(self, camera: Camera) -> Hits:
         """Hits of a camera's pixels, row by row; cast once per tick and camera."""
-        hits = self._casts.get(camera)
-        if hits is None:
-            self.cast_count += 1
-            hits = self._caster.cast_together(
-                self.frame.scene,
-                np.asarray(camera.location),
-                pixel_rays(camera),
-                picture_packets(camera.width, camera.height),
-                low=NEAR_M,
-                high=FAR_M,
-                skip_row=self.skipped_row(camera.owner_id, camera.location),
-            )
-            self._casts[camera] = hits
-        return hits
+        with self._lock:
+            hits = self._casts.setdefault(camera, Once(partial(self._cast, camera)))
+        return hits()
+
+    def _cast(self, camera: Camera) -> Hits:
+        self._count_cast()
+        return self._caster.cast_together(
+            self.frame.scene,
+            np.asarray(camera.location),
+            pixel_rays(camera, self.in_bands),
+            picture_packets(camera.width, camera.height),
+            low=NEAR_M,
+            high=FAR_M,
+            skip_row=self.skipped_row(camera.owner_id, camera.location),
+        )
 
     def announce(self, camera: Camera, product: Product, film: Film = _USUAL_FILM) -> None:
         """Say that a picture will be asked for, so that a card makes it together with others."""
@@ -265,7 +283,7 @@ class View:
 
     def _take_expected(self, cameras: GpuCameras, motions: Motions | None) -> None:
         light = self._pictures.sky.lighting(self._weather, self._time_s)
-        self.cast_count += len(self._expected)
+        self._count_cast(len(self._expected))
         for key, products in self._expected.items():
             self._pending[key] = cameras.take(
                 self.frame,
@@ -299,24 +317,27 @@ class View:
         made = self.on_card(camera, Product.COLOURS, film)
         if made is not None:
             return made
-        pixels = self._colours.get((camera, film))
-        if pixels is None:
-            picture = Picture(
-                width=camera.width,
-                height=camera.height,
-                fov_deg=camera.fov_deg,
-                rotation=rotation_matrix(camera.rotation_deg),
-                hits=self.camera(camera),
-                skip_row=self.skipped_row(camera.owner_id, camera.location),
-                low=NEAR_M,
-                high=FAR_M,
-                shapes=self._shapes,
-                film=film,
+        with self._lock:
+            pixels = self._colours.setdefault(
+                (camera, film), Once(partial(self._paint, camera, film))
             )
-            light = self._pictures.sky.lighting(self._weather, self._time_s)
-            pixels = self._pictures.pixels(self.frame, picture, light)
-            self._colours[camera, film] = pixels
-        return pixels
+        return pixels()
+
+    def _paint(self, camera: Camera, film: Film) -> NDArray[np.uint8]:
+        picture = Picture(
+            width=camera.width,
+            height=camera.height,
+            fov_deg=camera.fov_deg,
+            rotation=rotation_matrix(camera.rotation_deg),
+            hits=self.camera(camera),
+            skip_row=self.skipped_row(camera.owner_id, camera.location),
+            low=NEAR_M,
+            high=FAR_M,
+            shapes=self._shapes,
+            film=film,
+        )
+        light = self._pictures.sky.lighting(self._weather, self._time_s)
+        return self._pictures.pixels(self.frame, picture, light)
 
     def tags(self, hits: Hits) -> NDArray[np.uint8]:
         """``(N,)`` uint8 semantic tag of each ray; the sky's for rays that met nothing."""

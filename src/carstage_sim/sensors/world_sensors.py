@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,8 @@ from carstage_sim.sensors.known_sensors import KnownSensors
 from carstage_sim.sensors.looping import Looping
 from carstage_sim.sensors.measurements import SensorFrame, SensorRequest
 from carstage_sim.sensors.sensor import Sensor
-from carstage_sim.sensors.view import View
+from carstage_sim.sensors.side_by_side import Piece, SideBySide
+from carstage_sim.sensors.view import Camera, View
 from carstage_sim.world.pose import Vector3
 from carstage_sim.world.state import Weather, WorldState
 
@@ -77,6 +79,7 @@ class WorldSensors:
             town.static_mesh, self._models.mesh, cache=folder / "trees", beside=self._models.beside
         )
         self._pictures = PictureMaker(self._caster, quality)
+        self._side_by_side = SideBySide(self._caster.threads)
         self._known = KnownSensors(town, loop)
         self.instant = InstantSensors(KnownSensors(town, loop), self._view)
         """Those that another thread may ask."""
@@ -93,6 +96,7 @@ class WorldSensors:
 
     def close(self) -> None:
         """End the threads."""
+        self._side_by_side.close()
         self._caster.close()
 
     def warm_up(self) -> None:
@@ -101,6 +105,7 @@ class WorldSensors:
         frame = self._store.frame([])
         view = View(lambda: frame, self._caster, self._pictures, Weather(), 0.0)
         ahead = np.array([[1.0, 0.0, 0.0]], np.float32)
+        view.camera(Camera(2, 1, 90.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0))
         hits = view.rays((0.0, 0.0, 0.0), ahead, high=1.0, owner_id=0)
         cameras.encode_depth(hits.t, view.in_bands)
         cameras.encode_instances(view.tags(hits), view.instance_ids(hits), view.in_bands)
@@ -133,7 +138,7 @@ class WorldSensors:
     def frames(
         self, state: WorldState, requests: Sequence[SensorRequest]
     ) -> Iterator[tuple[int, SensorFrame]]:
-        """As :meth:`capture`, one after the other: a card makes the next while one is sent."""
+        """As :meth:`capture`, one after the other: the next are made while one is sent."""
         return self.frames_of(state, self.due(state, requests))
 
     def due(
@@ -157,8 +162,16 @@ class WorldSensors:
             if request.ignored not in views:
                 views[request.ignored] = self._view(state, view, request.ignored)
             sensor.announce(request, views[request.ignored])
-        for request, sensor in due:
-            reported = sensor.report(state, request, views[request.ignored])
+        pieces = [
+            Piece(
+                partial(sensor.report, state, request, views[request.ignored]),
+                sensor.pixels,
+                beside=sensor.beside_others and self._cameras is None,
+            )
+            for request, sensor in due
+        ]
+        reports = self._side_by_side.results(pieces)
+        for (request, _), reported in zip(due, reports, strict=True):
             for frame in reported:
                 yield request.sensor_id, frame
         self.last_cast_count = sum(one.cast_count for one in views.values())

@@ -1,0 +1,91 @@
+"""Sensors of a tick are measured side by side, and reported in their order."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from carstage_sim.sensors.side_by_side import Once, Piece, SideBySide
+
+WAIT_S = 10.0
+
+
+@pytest.fixture
+def side_by_side() -> Iterator[SideBySide]:
+    one = SideBySide(4)
+    yield one
+    one.close()
+
+
+def piece(work: Callable[[], int], pixels: int = 0, beside: bool = True) -> Piece[int]:
+    return Piece(work, pixels, beside)
+
+
+def test_results_come_in_order_while_later_pieces_are_done(side_by_side: SideBySide) -> None:
+    later = threading.Event()
+
+    def first() -> int:
+        assert later.wait(WAIT_S)
+        return 1
+
+    def second() -> int:
+        later.set()
+        return 2
+
+    assert list(side_by_side.results([piece(first), piece(second)])) == [1, 2]
+
+
+def test_what_shares_more_is_done_by_the_caller_in_its_turn(side_by_side: SideBySide) -> None:
+    pieces = [piece(threading.get_ident, beside=number != 1) for number in range(3)]
+    threads = list(side_by_side.results(pieces))
+    assert threads[1] == threading.get_ident()
+    assert threading.get_ident() not in (threads[0], threads[2])
+
+
+def test_pictures_that_are_made_at_once_have_bounded_pixels(side_by_side: SideBySide) -> None:
+    begun: list[int] = []
+
+    def make(number: int) -> Callable[[], int]:
+        def work() -> int:
+            begun.append(number)
+            return number
+
+        return work
+
+    results = side_by_side.results([piece(make(n), pixels=1_500_000) for n in range(3)])
+    for number in range(3):
+        assert next(results) == number
+        assert begun == list(range(number + 1))
+
+
+def test_an_error_comes_in_its_turn_and_nothing_goes_on_after_it(side_by_side: SideBySide) -> None:
+    ended = threading.Event()
+
+    def fail() -> int:
+        raise ValueError("the second")
+
+    def last() -> int:
+        ended.set()
+        return 3
+
+    results = side_by_side.results([piece(lambda: 1), piece(fail), piece(last)])
+    assert next(results) == 1
+    with pytest.raises(ValueError, match="the second"):
+        next(results)
+
+
+def test_what_is_made_once_is_made_once_and_again_after_an_error() -> None:
+    made: list[int] = []
+
+    def make() -> int:
+        made.append(1)
+        if len(made) == 1:
+            raise KeyError("the first")
+        return len(made)
+
+    once = Once(make)
+    with pytest.raises(KeyError, match="the first"):
+        once()
+    assert (once(), once()) == (2, 2)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import astuple
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -41,9 +42,13 @@ Colour = tuple[int, int, int]
 def _colours(state: WorldState, row: int) -> tuple[Colour, ...]:
     """Paint, clothes, skin and hair of an actor; what no attribute says follows from its id."""
     red, green, blue = state.colour[row].tolist()
-    own = (red, green, blue)
-    body = colours_of(state.type_id[row], int(state.actor_id[row]))
-    walker = state.kind[row] == ActorKind.WALKER
+    walker = bool(state.kind[row] == ActorKind.WALKER)
+    return _colours_of(state.type_id[row], int(state.actor_id[row]), walker, (red, green, blue))
+
+
+@lru_cache(maxsize=4096)
+def _colours_of(type_id: str, actor_id: int, walker: bool, own: Colour) -> tuple[Colour, ...]:
+    body = colours_of(type_id, actor_id)
     return (
         own if any(own) else _BARE_STEEL,
         own if walker and any(own) else body["upper"],

@@ -7,7 +7,7 @@ standard library only and runs on Python 3.8, as the collector needs it there.
 from carstage.spec.episode import SPEC_VERSION, EpisodeSpec, Seeds
 from carstage.spec.events import EVENT_SPECS, EventSpec
 from carstage.spec.fields import Fields, SpecError
-from carstage.spec.labels import GroundTruthSpec, LabelsSpec
+from carstage.spec.labels import BirdsEyeSpec, GroundTruthSpec, LabelsSpec
 from carstage.spec.road_users import GroupSpec, PedestriansSpec, TrafficSpec, VehiclesSpec
 from carstage.spec.scenario import (
     AutopilotSpec,
@@ -40,6 +40,7 @@ __all__ = [
     "RIGID",
     "SPEC_VERSION",
     "AutopilotSpec",
+    "BirdsEyeSpec",
     "Control",
     "EgoSpec",
     "EpisodeSpec",

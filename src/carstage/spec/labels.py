@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Tuple
+from typing import List, Optional, Tuple
 
-from carstage.spec.fields import Fields
+from carstage.spec.fields import Fields, SpecError
 from carstage.spec.plain import LEFT_OUT
 
 METHODS = ("stage_vo", "pixels", "both")
@@ -35,6 +35,8 @@ Up to 0.9.13 there is one label for all vehicles.
 """
 LEVEL_OBJECTS = tuple(sorted(LEVEL_LABELS))
 """Kinds of level objects that may be labelled."""
+MOST_CELLS = 2000
+"""Of a bird's-eye grid, along each side."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,43 @@ class GroundTruthSpec:
 
 
 @dataclass(frozen=True)
+class BirdsEyeSpec:
+    """Bird's-eye grids around the ego.
+
+    Attributes:
+        length_m: along the ego's heading; half of it lies ahead.
+        width_m: across it.
+        resolution_m: side of a cell, a whole number of centimetres.
+    """
+
+    length_m: float = 100.0
+    width_m: float = 100.0
+    resolution_m: float = 0.2
+
+    @classmethod
+    def read(cls, fields: Fields) -> BirdsEyeSpec:
+        """Check and read the section."""
+        names = ("length_m", "width_m", "resolution_m")
+        found = cls(**{name: fields.number(name, above=0.0) for name in names if name in fields})
+        for name, why in found.faults():
+            raise SpecError("%s: %s" % (fields.path(name), why))
+        return found
+
+    def faults(self) -> List[Tuple[str, str]]:
+        """Fields that no grid can have, each with a sentence."""
+        cm = 100.0 * self.resolution_m
+        if abs(cm - round(cm)) > 1e-6 or cm < 1:
+            return [("resolution_m", "%g m are no whole centimetres." % self.resolution_m)]
+        found = []
+        for name in ("length_m", "width_m"):
+            cells = getattr(self, name) / self.resolution_m
+            if abs(cells - round(cells)) > 1e-6 or not 1 <= cells <= MOST_CELLS:
+                text = "%g m are not 1 to %d whole cells of %g m."
+                found.append((name, text % (getattr(self, name), MOST_CELLS, self.resolution_m)))
+        return found
+
+
+@dataclass(frozen=True)
 class LabelsSpec:
     """Label settings.
 
@@ -66,6 +105,7 @@ class LabelsSpec:
         stage_vo_strict: level 2 instead of 3 when no vertex lies in the image.
         stage_vo_vote: compare with the diagonal neighbours instead of the vertex's own pixel.
         vector_map: whether the dataset gets the town's vector map.
+        birds_eye: bird's-eye grids; None: there are none.
     """
 
     method: str = "both"
@@ -77,6 +117,7 @@ class LabelsSpec:
     stage_vo_strict: bool = False
     stage_vo_vote: bool = False
     vector_map: bool = field(default=True, metadata=LEFT_OUT)
+    birds_eye: Optional[BirdsEyeSpec] = field(default=None, metadata=LEFT_OUT)
 
     @classmethod
     def read(cls, fields: Fields) -> LabelsSpec:
@@ -98,6 +139,9 @@ class LabelsSpec:
             stage_vo_strict="stage_vo_strict" in fields and fields.flag("stage_vo_strict"),
             stage_vo_vote="stage_vo_vote" in fields and fields.flag("stage_vo_vote"),
             vector_map="vector_map" not in fields or fields.flag("vector_map"),
+            birds_eye=BirdsEyeSpec.read(fields.object("birds_eye"))
+            if "birds_eye" in fields
+            else None,
         )
 
     @property

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Strict
+from pydantic import Strict, model_validator
 
-from carstage.config.fields import Names, Section, setting
-from carstage.spec import GroundTruthSpec, LabelsSpec
+from carstage.config.fields import Names, Section, problem, setting
+from carstage.spec import BirdsEyeSpec, GroundTruthSpec, LabelsSpec
 
 
 class GroundTruth(Section):
@@ -41,6 +41,44 @@ DEFAULT_LEVEL_OBJECTS: tuple[LevelObjectKind, ...] = (
     "traffic_lights",
     "traffic_signs",
 )
+
+
+class BirdsEye(Section):
+    """Bird's-eye grids of semantics, objects, height and visibility around the ego."""
+
+    length_m: float = setting(
+        BirdsEyeSpec.length_m,
+        title="Length",
+        description="Along the ego's heading; half of it lies ahead.",
+        unit="m",
+        group="labels",
+        gt=0,
+        le=2000,
+    )
+    width_m: float = setting(
+        BirdsEyeSpec.width_m,
+        title="Width",
+        description="Across the ego's heading.",
+        unit="m",
+        group="labels",
+        gt=0,
+        le=2000,
+    )
+    resolution_m: float = setting(
+        BirdsEyeSpec.resolution_m,
+        title="Resolution",
+        description="Side of a cell, in whole centimetres.",
+        unit="m",
+        group="labels",
+        ge=0.01,
+        le=10,
+    )
+
+    @model_validator(mode="after")
+    def _check_cells(self) -> BirdsEye:
+        for name, sentence in BirdsEyeSpec(**self.model_dump()).faults():
+            raise problem(sentence, "Such as 100 m by 100 m at 0.2 m.", name)
+        return self
 
 
 class Labels(Section):
@@ -122,3 +160,16 @@ class Labels(Section):
         "town.",
         group="labels",
     )
+    birds_eye: BirdsEye | None = setting(
+        None,
+        title="Bird's-eye grids",
+        description="Add a grid around the ego to each frame: map, objects, velocity, height, "
+        "visibility. `{}` takes the defaults.",
+        group="labels",
+    )
+
+    @model_validator(mode="after")
+    def _check_birds_eye(self) -> Labels:
+        if self.birds_eye is not None and "3d" not in self.boxes:
+            raise problem("is drawn from 3D boxes.", "Add `3d` to labels.boxes.", "birds_eye")
+        return self

@@ -171,9 +171,7 @@ class EpisodeConversion:
         done = []
         for (segment, name), task in tasks:
             if _is_well_done(task):
-                encoded = task.result()
-                parts = {} if encoded is None else asdict(encoded)
-                done.append({"segment": segment, "task": name, **parts})
+                done.append({"segment": segment, "task": name, **asdict(task.result())})
         return done
 
     def go_on(self, converted: Sequence[Mapping[str, Any]]) -> None:
@@ -193,12 +191,10 @@ class EpisodeConversion:
             for entry in converted:
                 task: Future[Any] = Future()
                 try:
-                    encoded = None
-                    if entry["task"] != _LABELS:
-                        files = tuple(FileEntry(**file) for file in entry["files"])
-                        for file in files:
-                            self._require_as_written(file)
-                        encoded = EncodedSegment(tuple(entry["rows"]), files)
+                    files = tuple(FileEntry(**file) for file in entry["files"])
+                    for file in files:
+                        self._require_as_written(file)
+                    encoded = EncodedSegment(tuple(entry["rows"]), files)
                     key = (int(entry["segment"]), str(entry["task"]))
                 except (KeyError, TypeError, ValueError) as error:
                     raise ConversionError(
@@ -296,9 +292,9 @@ class EpisodeConversion:
         segments = self._segments(log)
         files = tuple(
             file
-            for sensor in self._plan.written
+            for task in (*(sensor.id for sensor in self._plan.written), _LABELS)
             for segment in segments
-            for file in self._tasks[segment, sensor.id].result().files
+            for file in self._tasks[segment, task].result().files
         )
         return Converted(frames, files, opendrive, town.content)
 
@@ -344,7 +340,9 @@ class EpisodeConversion:
                     encode_segment, self.raw_folder, self.attempt_files, sensor, segment
                 )
         if self._is_ready(segment, _LABELS, self._plan.label_streams):
-            self._tasks[segment, _LABELS] = self._submit(label_segment, self.raw_folder, segment)
+            self._tasks[segment, _LABELS] = self._submit(
+                label_segment, self.raw_folder, self.attempt_files, segment
+            )
 
     def _submit(self, work: Callable[..., Any], *arguments: object) -> Future[Any]:
         try:

@@ -16,6 +16,7 @@ from carstage.annotation.point_sensors import radar_points
 from carstage.annotation.schema import TABLES, Column
 from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
+from carstage.conversion.birds_eye import BirdsEyeMaker
 from carstage.conversion.sensors import RecordedSensor
 from carstage.conversion.tag_numbers import dataset_payload
 from carstage.dataset.tables import RowSensor, arrow_type, row_sensor
@@ -90,8 +91,10 @@ def encode_segment(
     return EncodedSegment(files=tuple(entries))
 
 
-def label_segment(raw_folder: Path, segment: int) -> None:
+def label_segment(raw_folder: Path, attempt_files: AttemptFiles, segment: int) -> EncodedSegment:
     """Label the saved ticks of one segment into part files below the raw log.
+
+    Bird's-eye grids are files of the attempt.
 
     Raises:
         ConversionError: a label row does not fit the schema.
@@ -104,6 +107,9 @@ def label_segment(raw_folder: Path, segment: int) -> None:
         log.actors(up_to_segment=segment),
         level_objects=log.level_objects(up_to_segment=segment),
     )
+    asked = log.spec.labels.birds_eye
+    grids = None if asked is None else BirdsEyeMaker(log, asked)
+    swept = () if grids is None else grids.swept
     streams = {camera: labeller.inputs(camera) for camera in labeller.labelled_cameras}
     image_streams = {s.depth for s in streams.values()} | {
         s.instance for s in streams.values() if s.instance is not None
@@ -112,8 +118,9 @@ def label_segment(raw_folder: Path, segment: int) -> None:
     radars = [sensor.id for sensor in log.spec.sensors_of(DETECTIONS)]
     by_tick = {
         stream: {record.tick: record for record in _data(log, stream, segment)}
-        for stream in [*sorted(image_streams), *lidars, *radars]
+        for stream in dict.fromkeys([*sorted(image_streams), *lidars, *radars, *swept])
     }
+    files: list[tuple[str, bytes]] = []
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in TABLES}
     for world in log.world_frames(segment):
         if world.tick not in ticks:
@@ -143,10 +150,16 @@ def label_segment(raw_folder: Path, segment: int) -> None:
         rows["camera_objects.parquet"] += labels.camera_objects
         rows["ego.parquet"] += [labels.ego] if labels.ego else []
         rows["sensor_poses.parquet"] += labels.sensor_poses
+        if grids is not None:
+            sweeps = {name: by_tick[name].get(world.tick) for name in swept}
+            files.append(grids.file(world, ticks[world.tick], labels, images, sweeps))
     folder = raw_folder / LABEL_PARTS
     folder.mkdir(exist_ok=True)
     for name, columns in TABLES.items():
         _write_part(rows_to_table(rows[name], columns, name), _part(raw_folder, name, segment))
+    with attempt_files.stream() as written:
+        entries = tuple(written.write(name, content) for name, content in files)
+    return EncodedSegment(files=entries)
 
 
 def read_label_part(raw_folder: Path, table: str, segment: int) -> pa.Table:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from carstage.codecs import codec_for
 from carstage.errors import BadInputError
 from carstage.rawlog.format import LEDGER, WORLD
-from carstage.sensor_kinds.model import DETECTIONS, POINTS, ROWS
+from carstage.sensor_kinds.model import CLOUDS, DETECTIONS, POINTS, ROWS
 from carstage.spec import EpisodeSpec, SensorSpec
 
 ROWS_CODEC = "parquet"
@@ -63,7 +63,8 @@ def plan_sensors(spec: EpisodeSpec, codecs: Mapping[str, str]) -> SensorPlan:
     for sensor in spec.sensors:
         if sensor.labelled:
             label_streams |= {name for name in (sensor.depth, sensor.instance) if name}
-        if sensor.content in (POINTS, DETECTIONS):
+        swept = spec.labels.birds_eye is not None and not sensor.hidden
+        if sensor.content in (POINTS, DETECTIONS) or (swept and sensor.content in CLOUDS):
             label_streams.add(sensor.id)
     return SensorPlan(
         tuple(_recorded(sensor, codecs.get(sensor.id)) for sensor in shown),

@@ -1,5 +1,6 @@
 """Reading a dataset; needs nothing but its files."""
 
+from carstage.birds_eye import BirdsEye
 from carstage.dataset.masks import decode_mask
 from carstage.dataset.reading import (
     Calibration,
@@ -14,6 +15,7 @@ from carstage.dataset.splits import SplitRule, StoredSplits
 from carstage.dataset.splitting import split_dataset
 
 __all__ = [
+    "BirdsEye",
     "Calibration",
     "Dataset",
     "Episode",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,14 +11,17 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from carstage.birds_eye import BirdsEye
 from carstage.codecs import codec_for
+from carstage.dataset.birds_eye import read_birds_eye
+from carstage.dataset.documents import read_document
 from carstage.dataset.maps import map_path, read_map, read_vector_map, vector_map_table
 from carstage.dataset.querying import EpisodeTables, query_episodes
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.dataset.splits import Split, StoredSplits, read_splits
 from carstage.dataset.tables import read_table, require_columns, row_sensor
 from carstage.errors import BadInputError, DatasetError
-from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
+from carstage.files.bounded import read_bounded
 from carstage.geometry import GeoFrame, is_pinhole, pose_matrix
 from carstage.sensor_kinds import content_of
 from carstage.spec import EpisodeSpec, SpecError
@@ -255,7 +257,7 @@ class Episode:
     @cached_property
     def document(self) -> Mapping[str, Any]:
         """The content of ``episode.json``."""
-        return _read_document(self.folder / "episode.json", EPISODE_FORMAT)
+        return read_document(self.folder / "episode.json", EPISODE_FORMAT)
 
     @cached_property
     def spec(self) -> EpisodeSpec:
@@ -321,6 +323,14 @@ class Episode:
         """
         return read_vector_map(self.folder, self.document)
 
+    def birds_eye(self, k: int) -> BirdsEye | None:
+        """The bird's-eye grids of frame ``k``; ``None`` where none were asked for.
+
+        Raises:
+            DatasetError: the file is missing or damaged.
+        """
+        return None if self.spec.labels.birds_eye is None else read_birds_eye(self.folder, k)
+
     @cached_property
     def calibration(self) -> Calibration:
         """The rig: poses, intrinsics, attributes.
@@ -329,7 +339,7 @@ class Episode:
             DatasetError: ``calibration.json`` is missing or damaged.
         """
         path = self.folder / "calibration.json"
-        document = _read_document(path, CALIBRATION_FORMAT)
+        document = read_document(path, CALIBRATION_FORMAT)
         try:
             return Calibration(
                 {key: tuple(value) for key, value in document["ego_box"].items()},
@@ -555,20 +565,6 @@ class Dataset:
             DatasetError: a table is missing or damaged.
         """
         return query_episodes([episode.tables for episode in self.episodes], query).table
-
-
-def _read_document(path: DatasetPath, version: int) -> dict[str, Any]:
-    try:
-        document = json.loads(read_bounded(path, LARGEST_DOCUMENT_BYTES))
-        found = document["format_version"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise DatasetError(f"{path} cannot be read: {error!r}.") from error
-    if found != version:
-        raise DatasetError(
-            f"{path} has format version {found!r}; this Car-STAGE knows {version}.",
-            "Install the version of Car-STAGE that wrote it.",
-        )
-    return dict(document)
 
 
 def _calibration(name: str, entry: Mapping[str, Any]) -> SensorCalibration:

@@ -116,10 +116,10 @@ class EpisodeFrames:
             for k in frames:
                 if (sensor_id, k) not in damage:
                     self._recorded[k].add(sensor_id)
-        self._objects = _ByFrame(episode.objects())
-        self._camera_objects = _ByFrame(episode.camera_objects())
-        self._ego = _ByFrame(episode.ego())
-        self._poses = _ByFrame(episode.sensor_poses())
+        self._objects = RowsByFrame(episode.objects())
+        self._camera_objects = RowsByFrame(episode.camera_objects())
+        self._ego = RowsByFrame(episode.ego())
+        self._poses = RowsByFrame(episode.sensor_poses())
 
     def frame(self, k: int) -> Frame:
         """Frame ``k``.
@@ -146,7 +146,7 @@ class EpisodeFrames:
         )
 
 
-class _ByFrame:
+class RowsByFrame:
     """A table whose rows of one frame are a slice."""
 
     def __init__(self, table: pa.Table) -> None:
@@ -157,5 +157,6 @@ class _ByFrame:
         self._table, self._ks = table, ks
 
     def rows(self, k: int) -> list[dict[str, Any]]:
+        """The rows of frame ``k``."""
         first, last = np.searchsorted(self._ks, [k, k + 1])
         return self._table.slice(int(first), int(last - first)).to_pylist()

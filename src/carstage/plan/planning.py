@@ -28,6 +28,7 @@ from carstage.plan.rig import plan_sensors
 from carstage.plan.sampling import Sampling
 from carstage.plan.scenario import Recording, plan_scenario
 from carstage.spec import (
+    BirdsEyeSpec,
     EgoSpec,
     EpisodeSpec,
     GroundTruthSpec,
@@ -245,10 +246,12 @@ def _vehicles(vehicles: Vehicles) -> VehiclesSpec:
 
 
 def _labels(labels: Labels) -> LabelsSpec:
+    birds_eye = labels.birds_eye
     return LabelsSpec(
-        **labels.model_dump(exclude={"cameras", "lidars", "boxes", "level_objects"}),
+        **labels.model_dump(exclude={"cameras", "lidars", "boxes", "level_objects", "birds_eye"}),
         boxes=tuple(sorted(set(labels.boxes))),
         level_objects=tuple(sorted(set(labels.level_objects))),
+        birds_eye=None if birds_eye is None else BirdsEyeSpec(**birds_eye.model_dump()),
     )
 
 

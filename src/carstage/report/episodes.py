@@ -19,6 +19,7 @@ from carstage.dataset.reading import Episode, Sensor
 from carstage.errors import DatasetError
 from carstage.geometry import transform_points
 from carstage.report import html
+from carstage.report.birds_eye import birds_eye_section
 from carstage.report.drawing import (
     RgbColour,
     birds_eye_view,
@@ -77,7 +78,7 @@ def episode_section(pictures: EpisodePictures, *, films: bool = False) -> str:
             '<p class="soft">Forward is up; points are coloured by height; boxes are all labelled '
             f'objects.</p><div class="grid wide">{birds_eye}</div>'
         )
-    parts += [_events(episode), _rig(episode), _ledger(episode)]
+    parts += [birds_eye_section(episode, middle), _events(episode), _rig(episode), _ledger(episode)]
     return "\n".join(parts)
 
 

@@ -20,6 +20,7 @@ from carstage.geometry import invert_pose
 from carstage.sensor_kinds.columns import Instance
 from carstage.sensor_kinds.model import CLOUDS, COLOUR, DEPTH, FLOW, INSTANCES, POINTS, ROWS, TAGS
 from carstage.tags import TAGS_0_9_14
+from carstage.validation.checks.birds_eye import BirdsEyeChecks
 from carstage.validation.checks.colours import (
     ColourFigures,
     Paint,
@@ -214,6 +215,7 @@ class EpisodeChecks:
         boxes = labelled_boxes(tables, findings)
         rows = camera_rows(tables.camera_objects)
         available = {sensor: set(frames) for sensor, frames in recorded.items()}
+        birds_eye = BirdsEyeChecks(episode, tables, self._files, findings)
         with_files = [
             [s for s in episode.sensors if s.content not in ROWS and k in available[s.id]]
             for k in range(episode.frames)
@@ -226,6 +228,7 @@ class EpisodeChecks:
                     if (array := self._accepted(one, k)) is not None
                 }
                 self._check_frame(k, rows, boxes.get(k, []), data)
+                birds_eye.check(k, frozenset(one.sensor.id for one in decoded), data)
                 self._figures.frames += 1
                 advance()
         self._conclude()

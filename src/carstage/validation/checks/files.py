@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import TypedDict
 
+from carstage.birds_eye import birds_eye_name
 from carstage.dataset.reading import Episode
 from carstage.dataset.tables import row_sensor
 from carstage.files.bounded import read_bounded
@@ -169,6 +170,8 @@ def check_file_list(
     """
     listed = {entry.path for entry in episode.marker.files}
     promised = {*tables_of(episode), *DOCUMENTS}
+    if episode.spec.labels.birds_eye is not None:
+        promised.update(birds_eye_name(k) for k in range(episode.frames))
     for sensor in episode.sensors:
         if row_sensor(sensor.kind):
             promised.add(f"sensors/{sensor.id}.parquet")

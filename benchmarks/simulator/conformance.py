@@ -99,14 +99,16 @@ def decoded_depth(pixels: NDArray[np.uint8]) -> NDArray[np.float64]:
 
 
 def random_frame(seed: int, triangles: int = 2000, instances: int = 40) -> Frame:
-    """A heap of triangles with moved and turned heaps in it."""
+    """A heap of triangles, a third of them cards of leaves, with turned heaps in it."""
     rng = np.random.default_rng(seed)
 
     def heap(count: int, reach: float, size: float) -> TriangleMesh:
         middles = rng.uniform(-reach, reach, (count, 1, 3))
         points = (middles + rng.normal(0.0, size, (count, 3, 3))).reshape(-1, 3)
         index = np.arange(len(points)).reshape(-1, 3)
-        return build_mesh(points, index, Material.DEFAULT, CityObjectLabel.STATIC)
+        kinds = np.array([Material.DEFAULT, Material.DEFAULT, Material.LEAVES])
+        material = kinds[np.arange(count) % 3]
+        return build_mesh(points, index, material, CityObjectLabel.STATIC)
 
     models = {"small": heap(60, 1.0, 0.4), "large": heap(300, 3.0, 0.8)}
     placements = [

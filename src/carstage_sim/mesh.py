@@ -81,6 +81,32 @@ class Material(IntEnum):
     """Bags and hats."""
     LIPS = 57
     SOLE = 58
+    LEAVES = 59
+    """Cards of leaves with gaps between them, this one and those below; see ``LEAF_CELLS``."""
+    LEAVES_LIGHT = 60
+    LEAVES_DARK = 61
+    LEAVES_SMALL = 62
+    LEAVES_YELLOW = 63
+    LEAVES_RED = 64
+    NEEDLES = 65
+    BLADES = 66
+    """Of grass."""
+    BARK_PALE = 67
+    WOODS = 68
+    """Hills with trees, from afar."""
+
+
+LEAF_CELLS: dict[Material, tuple[int, int]] = {
+    Material.LEAVES: (7, 7),
+    Material.LEAVES_LIGHT: (7, 7),
+    Material.LEAVES_DARK: (6, 6),
+    Material.LEAVES_SMALL: (9, 9),
+    Material.LEAVES_YELLOW: (7, 7),
+    Material.LEAVES_RED: (7, 7),
+    Material.NEEDLES: (4, 15),
+    Material.BLADES: (3, 15),
+}
+"""Leaves along the first and the second side of a triangle, 15 at most; the rest of it is gaps."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,11 +13,13 @@ from carstage_sim.render.scene import Frame, Placement, SceneStore
 Array = NDArray[np.float64]
 
 
-def soup(corners: Array) -> TriangleMesh:
-    """A mesh of separate triangles ``(T, 3, 3)``."""
+def soup(corners: Array, *, leafy: bool = False) -> TriangleMesh:
+    """A mesh of separate triangles ``(T, 3, 3)``; ``leafy``: two of three are cards of leaves."""
     points = np.asarray(corners, np.float64).reshape(-1, 3)
     index = np.arange(len(points)).reshape(-1, 3)
-    return build_mesh(points, index, Material.DEFAULT, CityObjectLabel.STATIC)
+    kinds = np.array([Material.DEFAULT, Material.LEAVES, Material.NEEDLES])
+    material = kinds[np.arange(len(index)) % 3 if leafy else np.zeros(len(index), int)]
+    return build_mesh(points, index, material, CityObjectLabel.STATIC)
 
 
 def sphere(subdivisions: int) -> TriangleMesh:

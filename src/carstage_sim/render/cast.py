@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device
+from carstage_sim.render.leaves import is_gap
 from carstage_sim.render.simd import LANES, box_hits, lowest_bit, triangle_hits
 
 STATIC = -1
@@ -26,12 +27,15 @@ class Geometry(NamedTuple):
         children: ``(N, 8)`` int32: node, or ``-1 - block``.
         corners: ``(B, 9, 8)`` float32 triangle corners of each leaf block.
         numbers: ``(B, 8)`` int32 triangle numbers.
+        cells: ``(B, 8)`` uint8 of cards of leaves; see
+            :func:`carstage_sim.render.materials.cells_of_materials`.
     """
 
     planes: NDArray[np.float32]
     children: NDArray[np.int32]
     corners: NDArray[np.float32]
     numbers: NDArray[np.int32]
+    cells: NDArray[np.uint8]
 
 
 class Scratch(NamedTuple):
@@ -133,6 +137,9 @@ def _walk(geometry, node, o, d, low, high, ties, u, v, any_hit, stack, depth, en
                 if t < high or (
                     t == high and (index < number if number >= 0 else ties or t < owned)
                 ):
+                    cells = geometry.cells[block, lane]
+                    if cells and is_gap(cells, index, tests[LANES + lane], tests[2 * LANES + lane]):
+                        continue
                     high, number = t, index
                     u, v = tests[LANES + lane], tests[2 * LANES + lane]
                     if any_hit:
@@ -303,4 +310,5 @@ def empty_geometry() -> Geometry:
         np.empty((0, LANES), np.int32),
         np.empty((0, 9, LANES), np.float32),
         np.empty((0, LANES), np.int32),
+        np.empty((0, LANES), np.uint8),
     )

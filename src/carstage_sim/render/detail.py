@@ -23,6 +23,9 @@ BARK, GLAZING = int(Detail.BARK), int(Detail.GLAZING)
 
 _ONE: Any = np.float32(1)
 _HALF: Any = np.float32(0.5)
+_PER_PATCH: Any = np.float32(1 / 9.5)
+_PER_COVER: Any = np.float32(1 / 13.0)
+"""Squares for each metre in which a repaired patch, or the cover of a manhole, may lie."""
 
 
 @device
@@ -109,6 +112,87 @@ def asphalt(x, y, pixel):  # type: ignore[no-untyped-def]
 
 
 @device
+def repairs(x, y, pixel):  # type: ignore[no-untyped-def]
+    """Patches of newer asphalt with tar along their edges, cracks, and covers of manholes."""
+    value = _ONE
+    soft = pixel * _HALF + np.float32(0.006)
+    # A patch may lie in each square of the plan.
+    fx, fy = np.floor(x * _PER_PATCH), np.floor(y * _PER_PATCH)
+    i, j = int(fx), int(fy)
+    chance = hash_unit(i, j, 61)
+    if chance < np.float32(0.3):
+        wide = np.float32(0.6) + np.float32(4.0) * chance
+        deep = np.float32(0.5) + np.float32(2.2) * hash_unit(i, j, 62)
+        dx = abs(x - (fx + _HALF) / _PER_PATCH) - wide
+        dy = abs(y - (fy + _HALF) / _PER_PATCH) - deep
+        edge = max(dx, dy)
+        if edge < np.float32(0.03):
+            value *= np.float32(0.74) + np.float32(0.5) * hash_unit(i, j, 63)
+            tar = max(_ONE - (abs(edge) - np.float32(0.015)) / soft, np.float32(0))
+            value *= _ONE - np.float32(0.34) * min(tar, _ONE) * min(np.float32(0.03) / soft, _ONE)
+    fx, fy = np.floor(x * _PER_COVER), np.floor(y * _PER_COVER)
+    i, j = int(fx), int(fy)
+    chance = hash_unit(i, j, 64)
+    if chance < np.float32(0.24):
+        dx = x - (fx + np.float32(0.3) + chance) / _PER_COVER
+        dy = y - (fy + np.float32(0.2) + np.float32(0.6) * hash_unit(i, j, 65)) / _PER_COVER
+        away = dx * dx + dy * dy
+        if away < np.float32(0.16):
+            ring = away > np.float32(0.1)
+            value = np.float32(0.62) if ring else np.float32(0.84)
+            if not ring and pixel < np.float32(0.04):
+                bump = (int(np.floor(dx * np.float32(22))) + int(np.floor(dy * np.float32(22)))) & 1
+                value += np.float32(0.2) * np.float32(bump)
+    return value
+
+
+@device
+def cracks(x, y, pixel):  # type: ignore[no-untyped-def]
+    """Thin dark lines where the asphalt is old."""
+    if pixel > np.float32(0.06):
+        return _ONE
+    bend = noise(x * np.float32(1.1), y * np.float32(1.1), 66)
+    if bend < np.float32(0.1):
+        return _ONE
+    line = abs(noise(x * np.float32(0.9) + bend, y * np.float32(0.9), 67))
+    width = np.float32(0.012) + pixel * np.float32(0.9)
+    if line > width:
+        return _ONE
+    deep = (_ONE - line / width) * min(np.float32(0.018) / (pixel + np.float32(0.006)), _ONE)
+    return _ONE - np.float32(0.42) * deep * min((bend - np.float32(0.1)) * np.float32(5), _ONE)
+
+
+@device
+def grass(x, y, pixel):  # type: ignore[no-untyped-def]
+    """Colour factors of grass: blades, tufts, and places where it is dry or thin."""
+    fine, tuft, clump, slow, field = five_noises(
+        x, y, np.float32(0.03), np.float32(0.13), np.float32(0.55), np.float32(3.1),
+        np.float32(19.0), 71,
+    )  # fmt: skip
+    tuft *= _layer(np.float32(0.13), pixel)
+    clump *= _layer(np.float32(0.55), pixel)
+    slow *= _layer(np.float32(3.1), pixel)
+    field *= _layer(np.float32(19.0), pixel)
+    value = _ONE + np.float32(0.3) * fine * _layer(np.float32(0.03), pixel)
+    value += np.float32(0.26) * tuft + np.float32(0.2) * clump + np.float32(0.08) * slow
+    if pixel < np.float32(0.016):
+        # Blades lie one way in one tuft and another way in the next.
+        lean = np.float32(0.8) if clump + tuft > 0 else np.float32(-0.6)
+        blade = noise((x + lean * y) * np.float32(90), (y - lean * x) * np.float32(11), 76)
+        value += np.float32(0.34) * blade * (_ONE - pixel * np.float32(60))
+    dry = np.float32(0.14) * slow + np.float32(0.2) * field + np.float32(0.1) * clump
+    if pixel < np.float32(0.03) and tuft > np.float32(0.1):
+        fx, fy = np.floor(x * np.float32(3)), np.floor(y * np.float32(3))
+        chance = hash_unit(int(fx), int(fy), 77)
+        dx = x * np.float32(3) - fx - np.float32(0.3) - np.float32(8) * chance
+        dy = y * np.float32(3) - fy - _HALF
+        if chance < np.float32(0.05) and dx * dx + dy * dy < np.float32(0.0036):
+            bright = np.float32(6)
+            return bright, bright, bright * (_ONE if chance < np.float32(0.03) else _HALF)
+    return value * (_ONE + dry + dry), value * (_ONE + dry * np.float32(0.5)), value
+
+
+@device
 def tiles(x, y, wide, high, joint, shift, pixel, seed):  # type: ignore[no-untyped-def]
     """Courses of tiles: (brightness of the tile, share of joint in the pixel)."""
     row = np.floor(y / high)
@@ -184,7 +268,7 @@ def pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[no
         flat = max(math.sqrt(nx * nx + ny * ny), np.float32(1e-4))
         s, t = (x * -ny + y * nx) / flat, z
     if kind == ASPHALT:
-        value = asphalt(x, y, pixel)
+        value = asphalt(x, y, pixel) * repairs(x, y, pixel) * cracks(x, y, pixel)
         return value, value, value
     if kind == PAVING:
         tint, seam = tiles(
@@ -207,13 +291,7 @@ def pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[no
             (value * b + seam * np.float32(2.4)),
         )
     if kind == GRASS:
-        value = (
-            _ONE
-            + np.float32(0.35) * faded(x, y, np.float32(0.06), pixel, 1)
-            + np.float32(0.20) * faded(x, y, np.float32(0.5), pixel, 2)
-        )
-        dry = np.float32(0.16) * faded(x, y, np.float32(5.0), pixel, 3)
-        return value * (_ONE + dry + dry), value * (_ONE + dry * np.float32(0.4)), value
+        return grass(x, y, pixel)
     if kind == LEAVES:
         tree = hash_unit(owner, 3, 5)
         leaf = hash_unit(number >> 1, 7, 9)
@@ -240,6 +318,7 @@ def pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[no
             _ONE
             + np.float32(0.05) * faded(s, t, np.float32(0.12), pixel, 1)
             + np.float32(0.06) * faded(s * np.float32(2.0), t, np.float32(2.6), pixel, 2)
+            + np.float32(0.07) * faded(s * np.float32(9.0), t, np.float32(3.4), pixel, 4)
         )
         return value * r, value * g, value * b
     if kind == BARK:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.mesh import Material
+from carstage_sim.mesh import LEAF_CELLS, Material
 
 
 def linear_colour(srgb: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -108,7 +108,7 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.METAL: MaterialAppearance((112, 116, 118), 0.45, 0.35),
     Material.WOOD: MaterialAppearance((124, 88, 56), 0.8, 0.03, Detail.BARK),
     Material.BARK: MaterialAppearance((88, 70, 54), 1.0, 0.02, Detail.BARK),
-    Material.FOLIAGE: MaterialAppearance((68, 96, 46), 0.9, 0.03, Detail.LEAVES),
+    Material.FOLIAGE: MaterialAppearance((52, 76, 36), 0.9, 0.03, Detail.LEAVES),
     Material.PAINT: MaterialAppearance((160, 24, 28), 0.17, 0.05, paint=Paint.BODY),
     Material.GLASS: MaterialAppearance((14, 17, 20), 0.03, 0.08, Detail.GLAZING),
     Material.RUBBER: MaterialAppearance((26, 26, 27), 0.9, 0.02),
@@ -157,6 +157,16 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.BAG: MaterialAppearance((58, 44, 36), 0.7, 0.03, paint=Paint.BAG),
     Material.LIPS: MaterialAppearance((142, 78, 70), 0.6, 0.04),
     Material.SOLE: MaterialAppearance((58, 54, 50), 0.9, 0.02),
+    Material.LEAVES: MaterialAppearance((76, 104, 46), 0.9, 0.03, Detail.LEAVES),
+    Material.LEAVES_LIGHT: MaterialAppearance((104, 126, 52), 0.9, 0.03, Detail.LEAVES),
+    Material.LEAVES_DARK: MaterialAppearance((56, 82, 42), 0.9, 0.03, Detail.LEAVES),
+    Material.LEAVES_SMALL: MaterialAppearance((88, 112, 54), 0.9, 0.03, Detail.LEAVES),
+    Material.LEAVES_YELLOW: MaterialAppearance((186, 150, 46), 0.9, 0.03, Detail.LEAVES),
+    Material.LEAVES_RED: MaterialAppearance((150, 82, 40), 0.9, 0.03, Detail.LEAVES),
+    Material.NEEDLES: MaterialAppearance((48, 74, 50), 0.9, 0.03, Detail.LEAVES),
+    Material.BLADES: MaterialAppearance((94, 118, 54), 0.9, 0.02, Detail.LEAVES),
+    Material.BARK_PALE: MaterialAppearance((176, 172, 162), 1.0, 0.02, Detail.BARK),
+    Material.WOODS: MaterialAppearance((86, 104, 82), 1.0, 0.02, Detail.GRASS),
 }
 
 
@@ -170,6 +180,8 @@ class MaterialTable(NamedTuple):
         detail: ``(M,)`` uint8.
         glow: ``(M,)`` uint8.
         paint: ``(M,)`` int8 values of :class:`Paint`, -1 for none.
+        cells: ``(M,)`` uint8 of cards of leaves; see
+            :func:`carstage_sim.render.materials.cells_of_materials`.
     """
 
     colour: NDArray[np.float32]
@@ -178,6 +190,17 @@ class MaterialTable(NamedTuple):
     detail: NDArray[np.uint8]
     glow: NDArray[np.uint8]
     paint: NDArray[np.int8]
+    cells: NDArray[np.uint8]
+
+
+def cells_of_materials() -> NDArray[np.uint8]:
+    """``(M,)`` uint8 of each material: 16 times the leaves along a card's second side, and those
+    along its first; 0 is a material without gaps.
+    """
+    packed = np.zeros(len(Material), np.uint8)
+    for material, (first, second) in LEAF_CELLS.items():
+        packed[material] = second * 16 + first
+    return packed
 
 
 def material_table() -> MaterialTable:
@@ -190,4 +213,5 @@ def material_table() -> MaterialTable:
         np.array([one.detail for one in appearances], np.uint8),
         np.array([one.glow for one in appearances], np.uint8),
         np.array([-1 if one.paint is None else one.paint for one in appearances], np.int8),
+        cells_of_materials(),
     )

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.kernels import device
 from carstage_sim.render.cast import NOTHING, STATIC, Scratch, new_scratch, trace, trace_actors
+from carstage_sim.render.leaves import is_gap
 from carstage_sim.render.simd import (
     LANES,
     PACKET,
@@ -189,6 +190,7 @@ def _leaf(geometry, memory, block, main, low, count, farthest):  # type: ignore[
         index = geometry.numbers[block, lane]
         if index < 0:
             break
+        cells = geometry.cells[block, lane]
         least, most = places[lane], places[LANES + lane]
         for g in range(groups):
             if most < slopes[0, g] or least > slopes[1, g]:
@@ -204,6 +206,8 @@ def _leaf(geometry, memory, block, main, low, count, farthest):  # type: ignore[
                 known = memory.triangle[i]
                 # At the very end of the interval nothing counts that came after it.
                 if t < rays[_FARTHEST, i] or (0 <= index < known):
+                    if cells and is_gap(cells, index, tests[LANES + k], tests[2 * LANES + k]):
+                        continue
                     rays[_FARTHEST, i] = t
                     memory.triangle[i] = index
                     memory.weights[0, i] = tests[LANES + k]

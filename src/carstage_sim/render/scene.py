@@ -19,7 +19,7 @@ from carstage_sim.mesh import Material, TriangleMesh
 from carstage_sim.render.bvh import WideTree, build_tree, refitted_tree, triangle_blocks
 from carstage_sim.render.cast import Geometry, Scene, empty_geometry
 from carstage_sim.render.lamps import Lamps, headlight_beams, lamps_of
-from carstage_sim.render.materials import Paint, linear_colour
+from carstage_sim.render.materials import Paint, cells_of_materials, linear_colour
 from carstage_sim.render.object_appearance import (
     HiddenTriangles,
     ObjectAppearance,
@@ -211,13 +211,19 @@ def _surfaces(mesh: TriangleMesh, corners: NDArray[np.float32]) -> Surfaces:
     )
 
 
+def _cells(mesh: TriangleMesh, numbers: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """Cells of leaves of the triangles of each leaf block, 0 where there are no gaps."""
+    cells = cells_of_materials()[mesh.material]
+    return np.where(numbers >= 0, cells[numbers], np.uint8(0))
+
+
 def _model(mesh: TriangleMesh, tree: WideTree | None = None) -> _Model:
     corners = _corners(mesh)
     if tree is None:
         tree = _tree(corners)
     blocks, numbers = triangle_blocks(tree, corners)
     return _Model(
-        Geometry(tree.planes, tree.children, blocks, numbers),
+        Geometry(tree.planes, tree.children, blocks, numbers, _cells(mesh, numbers)),
         _surfaces(mesh, corners),
         mesh.bounds,
         corners,
@@ -255,7 +261,7 @@ def cached_tree(mesh: TriangleMesh, folder: Path) -> WideTree:
 
 def _joined(models: Sequence[_Model]) -> tuple[Geometry, Surfaces, list[int], list[Shape]]:
     """Models one behind the other in shared arrays; the root node and triangles of each."""
-    planes, children, corners, numbers, roots = [], [], [], [], []
+    planes, children, corners, numbers, cells, roots = [], [], [], [], [], []
     shapes: list[Shape] = []
     nodes = blocks = triangles = 0
     for model in models:
@@ -267,6 +273,7 @@ def _joined(models: Sequence[_Model]) -> tuple[Geometry, Surfaces, list[int], li
         children.append(np.where(inner, g.children + nodes, g.children - blocks).astype(np.int32))
         corners.append(g.corners)
         numbers.append(np.where(g.numbers >= 0, g.numbers + triangles, -1).astype(np.int32))
+        cells.append(g.cells)
         nodes += len(g.planes)
         blocks += len(g.corners)
         triangles += len(model.surfaces.material)
@@ -275,6 +282,7 @@ def _joined(models: Sequence[_Model]) -> tuple[Geometry, Surfaces, list[int], li
         np.concatenate(children),
         np.concatenate(corners),
         np.concatenate(numbers),
+        np.concatenate(cells),
     )
     fields = zip(*(model.surfaces for model in models), strict=True)
     return geometry, Surfaces(*(np.concatenate(parts) for parts in fields)), roots, shapes

@@ -12,6 +12,7 @@ import numpy as np
 
 from carstage_sim.kernels import device
 from carstage_sim.render.cast import NOTHING, trace_actors
+from carstage_sim.render.leaves import is_gap
 from carstage_sim.render.simd import (
     LANES,
     boxes_in_shaft,
@@ -44,6 +45,7 @@ def _leaf(geometry, memory, block, way, low, groups, any_hit):  # type: ignore[n
         index = geometry.numbers[block, lane]
         if index < 0:
             break
+        cells = geometry.cells[block, lane]
         for g in range(groups):
             if (
                 places[LANES + lane] < slopes[0, g]
@@ -59,6 +61,8 @@ def _leaf(geometry, memory, block, way, low, groups, any_hit):  # type: ignore[n
             while bits:
                 k = lowest_bit(bits)
                 bits &= bits - 1
+                if cells and is_gap(cells, index, tests[LANES + k], tests[2 * LANES + k]):
+                    continue
                 i = g * LANES + k
                 memory.triangle[i] = index
                 if any_hit:

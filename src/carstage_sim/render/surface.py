@@ -9,6 +9,7 @@ import numpy as np
 
 from carstage_sim.kernels import device, inlined
 from carstage_sim.render.detail import ASPHALT, LEAVES, WINDOW, faded, pattern, window
+from carstage_sim.render.leaves import leaf_colour
 
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
@@ -109,6 +110,9 @@ def surface_material(frame, surfaces, hit, p, n, pixel):  # type: ignore[no-unty
         part, cr, cg, cb, emitted = window(s, up_share, pane, pixel, frame.light.night)
         if part == 1:
             rough, f0 = np.float32(0.8), np.float32(0.03)
+    elif materials.cells[m]:
+        fr, fg, fb = leaf_colour(materials.cells[m], owner, number, u, v, pixel)
+        cr, cg, cb = cr * fr, cg * fg, cb * fb
     elif kind and hit_actor < 0:
         fr, fg, fb = pattern(kind, p[0], p[1], p[2], n[0], n[1], n[2], owner, number, pixel)
         cr, cg, cb = cr * fr, cg * fg, cb * fb

@@ -34,7 +34,7 @@ def crowd(seed, *, triangles=600, instances=12):
         for k in range(instances)
     ]
     models = {"ball": sphere(2), "box": turned_box((3.0, 1.0, 2.0))}
-    return frame_of(soup(corners), placements, models), rng
+    return frame_of(soup(corners, leafy=bool(seed % 2)), placements, models), rng
 
 
 def both(frame, camera, *, low=0.1, high=1000.0, skip_row=-1, threads=1):

@@ -37,7 +37,7 @@ def test_the_same_is_met(seed, any_hit):
     size = rng.choice([0.1, 1.0, 8.0], (900, 1, 1))
     corners = rng.uniform(-25, 25, (900, 1, 3)) + rng.normal(size=(900, 3, 3)) * size
     placements = [Placement(k + 1, "ball", rng.uniform(-15, 15, 3), np.eye(3)) for k in range(10)]
-    frame = frame_of(soup(corners), placements, {"ball": sphere(2)})
+    frame = frame_of(soup(corners, leafy=seed % 2 == 1), placements, {"ball": sphere(2)})
     ways = [[0, 0, 1.0], [1.0, 0, 0], [0, -1.0, 0], rng.normal(size=3), rng.normal(size=3)]
     # Places of a row of pixels lie near each other; now and then one lies elsewhere.
     places = np.cumsum(rng.normal(size=(700, 3)) * 0.05, axis=0) + rng.uniform(-8, 8, 3)

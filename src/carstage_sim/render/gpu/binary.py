@@ -256,8 +256,8 @@ def leaf_triangles(
     """Triangles leaf after leaf, and where each leaf begins.
 
     Returns:
-        ``(T, 3, 4)`` float32 corners, the first with the triangle's number as bits behind it, and
-        ``(B,)`` int32 references of the leaves: ``first << 4 | count``.
+        ``(T, 3, 4)`` float32 corners, as bits behind the first the triangle's number and behind
+        the second its cells, and ``(B,)`` int32 references of the leaves: ``first << 4 | count``.
     """
     used = geometry.numbers >= 0
     count = used.sum(axis=1)
@@ -266,4 +266,5 @@ def leaf_triangles(
     triangles = np.zeros((len(corners), 3, 4), np.float32)
     triangles[:, :, :3] = corners
     triangles.view(np.int32)[:, 0, 3] = geometry.numbers[used]
+    triangles.view(np.int32)[:, 1, 3] = geometry.cells[used]
     return triangles, (begin << _COUNT_BITS | count).astype(np.int32)

@@ -15,7 +15,7 @@ from carstage_sim.kernels import device, kernel
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.cell_index import cell_grid
 from carstage_sim.maps.ground import Ground
-from carstage_sim.mesh import Material, TriangleMesh
+from carstage_sim.mesh import LEAF_CELLS, Material, TriangleMesh
 from carstage_sim.world.columns import Touch
 from carstage_sim.world.contacts.boxes import TOWN, Contact
 from carstage_sim.world.contacts.cell_walk import cells_along
@@ -26,6 +26,7 @@ BoolArray = NDArray[np.bool_]
 
 _NORMAL_X, _NORMAL_Y, _DEPTH, _POINT_X, _POINT_Y = map(int, Touch)
 _CUTS_M = (0.3, 0.7, 1.2)
+_SOFT_MATERIALS = (Material.FOLIAGE, *LEAF_CELLS)
 _SOFT_LABELS = (
     CityObjectLabel.NONE,
     CityObjectLabel.ROADS,
@@ -248,7 +249,7 @@ class _Outlines:
 
 def _cuts(mesh: TriangleMesh, ground: Ground) -> _Outlines:
     """Where the planes above the ground cut the hard triangles, piece by piece."""
-    hard = ~np.isin(mesh.tag, _SOFT_LABELS) & (mesh.material != Material.FOLIAGE)
+    hard = ~np.isin(mesh.tag, _SOFT_LABELS) & ~np.isin(mesh.material, _SOFT_MATERIALS)
     hard = np.flatnonzero(hard)
     corners = mesh.vertices[mesh.triangles[hard]].astype(np.float64)
     foot = corners.mean(axis=1)

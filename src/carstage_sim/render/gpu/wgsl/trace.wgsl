@@ -6,7 +6,7 @@
 const STATIC: i32 = -1;
 const NOTHING: i32 = -2;
 const NODE_WORDS: u32 = 4u;      // vec4: x and y of the first box, of the second, z of both, children
-const TRIANGLE_WORDS: u32 = 3u;  // vec4: a corner each; behind the first the triangle's number
+const TRIANGLE_WORDS: u32 = 3u;  // vec4: a corner each; behind them the triangle's number, its cells, 0
 const PLACE_WORDS: u32 = 4u;     // vec4: columns of the rotation with the position, then root, row
 const ABSENT: i32 = 0;
 
@@ -93,6 +93,35 @@ fn sum_of_products(a: vec3f, b: vec3f) -> f32 {
   return rounded(a.x * b.x) + rounded(a.y * b.y) + rounded(a.z * b.z);
 }
 
+fn leaf_hash(i: u32, j: u32, seed: u32) -> f32 {
+  var h = i * 374761393u + j * 668265263u + seed * 2246822519u;
+  h = (h ^ (h >> 13u)) * 1274126177u;
+  h = (h ^ (h >> 16u)) * 2654435761u;
+  return f32(h >> 8u) * (1.0 / 16777216.0);
+}
+
+// Whether a ray passes between the leaves of a card; see carstage_sim.render.leaves.leaf_at.
+fn is_gap(cells: u32, number: i32, u: f32, v: f32) -> bool {
+  let counts = vec2f(f32(cells & 15u), f32(cells >> 4u));
+  let place = vec2f(rounded(u * counts.x), rounded(v * counts.y));
+  let whole = max(floor(place), vec2f(0.0));
+  let cut = (whole.x + 1.0) * counts.y + (whole.y + 1.0) * counts.x > counts.x * counts.y + 0.01;
+  let cell = u32(whole.x) + 16u * u32(whole.y);
+  let chance = leaf_hash(cell, u32(number), 101u);
+  if (cut || chance < 0.08) {
+    return true;
+  }
+  let turn = leaf_hash(cell, u32(number), 102u) * 2.0 - 1.0;
+  let scale = 1.0 / (1.0 + turn * turn);
+  let cosine = (1.0 - turn * turn) * scale;
+  let sine = (turn + turn) * scale;
+  let off = place - whole - 0.5 - 0.17 * vec2f(turn, chance + chance - 1.0);
+  let size = 1.0 / (1.0 + 0.36 * chance);
+  let along = (cosine * off.x + sine * off.y) * size * (1.0 / 0.48);
+  let across = (cosine * off.y - sine * off.x) * size * (1.0 / 0.34);
+  return abs(across) > 1.0 - along * along;
+}
+
 const IN_TOWN: u32 = 0u;
 const OVER_INSTANCES: u32 = 1u;
 const IN_INSTANCE: u32 = 2u;
@@ -160,7 +189,8 @@ fn trace(o: vec3f, d: vec3f, low: f32, high: f32, skip: i32, any_hit: bool) -> H
         let corner = triangles[word];
         let index = i32(corner.w);
         let a = sheared(bitcast<vec3f>(corner.xyz), ray);
-        let b = sheared(bitcast<vec3f>(triangles[word + 1u].xyz), ray);
+        let second = triangles[word + 1u];
+        let b = sheared(bitcast<vec3f>(second.xyz), ray);
         let c = sheared(bitcast<vec3f>(triangles[word + 2u].xyz), ray);
         let u = rounded(c.x * b.y) - rounded(c.y * b.x);
         let v = rounded(a.x * c.y) - rounded(a.y * c.x);
@@ -175,8 +205,12 @@ fn trace(o: vec3f, d: vec3f, low: f32, high: f32, skip: i32, any_hit: bool) -> H
         let fresh = number < 0;
         let wins_tie = (fresh && (ties || (t < owned))) || (!fresh && (index < number));
         if ((t >= low) && ((t < hit.t) || ((t == hit.t) && wins_tie))) {
+          let weight = vec2f(rounded(u * inverse), rounded(v * inverse));
+          if (second.w != 0u && is_gap(second.w, index, weight.x, weight.y)) {
+            continue;
+          }
           number = index;
-          hit = Hit(t, row, index, u * inverse, v * inverse);
+          hit = Hit(t, row, index, weight.x, weight.y);
           if (any_hit) {
             return hit;
           }

@@ -1,4 +1,4 @@
-"""The pictures of the documentation: presets, qualities, sensors, people and vehicles."""
+"""The pictures of the documentation: presets, qualities, sensors, people, trees, vehicles."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from PIL import Image, ImageDraw
 
 from benchmarks.simulator.render.people_sheet import people_pictures
 from benchmarks.simulator.render.scene import ReferenceScene, named_presets, populate, rgb, town_of
+from benchmarks.simulator.render.tree_sheet import tree_pictures
 from benchmarks.simulator.render.vehicle_sheet import vehicle_pictures
 from carstage_sim.render.quality import Quality
 from carstage_sim.sensors import WorldSensors
@@ -45,6 +46,7 @@ def paint_gallery(folder: Path, *, town: str, seed: int) -> list[str]:
             ),
             "sensors": _sheet(_sensors(scene), 3),
             "people": _sheet(people_pictures(200, 270), 6),
+            "trees": _sheet(tree_pictures(200, 250), 6),
             "vehicles": _sheet(vehicle_pictures(200, 126), 6),
         }
     for name, sheet in sheets.items():

@@ -12,9 +12,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.content.lettering import text_rectangles
 from carstage_sim.content.solids import quad_mesh
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, TriangleMesh
+
+_SHOPS = (
+    "ORLANE", "CAFE MIRO", "TAVENA", "BOOKS", "MODA VELA", "FLORA", "BISTRO 21", "OPTIK", "PIZZA",
+    "BAKERY", "KIOSK", "SHOES", "NORDEN", "HAIR", "PHARMACY", "TEA HOUSE", "FRUIT", "RADIO",
+)  # fmt: skip
+"""Invented names and plain words."""
 
 UVN = tuple[float, float, float]
 
@@ -149,7 +156,7 @@ class FacadeStyle:
 def draw_front(
     drawing: WallDrawing, style: FacadeStyle, floors: int, rng: np.random.Generator
 ) -> None:
-    """The facade to the street, from the ground to the top of the last storey."""
+    """The facade to the street with a downpipe, from the ground to the top of the last storey."""
     length = drawing.wall.length_m
     if style.shops:
         _shops(drawing, style, rng)
@@ -160,6 +167,7 @@ def draw_front(
     if style.balcony_every:
         _balconies(drawing, style, floors)
     top = style.ground_floor_m + (floors - 1) * style.floor_m
+    drawing.slab(Material.METAL, (0.1, 0.2), (0.0, top - 0.2), (0.02, 0.13))
     if style.roof == "flat":
         drawing.slab(style.trim, (0.0, length), (top - 0.2, top + 0.25), (0.0, 0.3))
 
@@ -247,6 +255,7 @@ def _shops(drawing: WallDrawing, style: FacadeStyle, rng: np.random.Generator) -
     edges = np.linspace(0.0, length, count + 1)
     drawing.panel(style.wall, 0.0, length, 3.1, top)
     left = 0.0
+    (names,) = rng.spawn(1)
     for number, (a, b) in enumerate(pairwise(edges)):
         u0, u1 = float(a) + 0.35, float(b) - 0.35
         door = u0 + 1.1
@@ -263,6 +272,7 @@ def _shops(drawing: WallDrawing, style: FacadeStyle, rng: np.random.Generator) -
         band = (Material.SIGN_RED, Material.PLASTIC_DARK, Material.WOOD, Material.SIGN_WHITE)
         sign = band[int(rng.integers(len(band)))]
         drawing.slab(sign, (u0, u1), (3.15, 3.75), (0.0, 0.12))
+        _shop_name(drawing, (u0 + u1) / 2, sign, names)
         if rng.random() < 0.4:
             awning = (Material.SIGN_RED, Material.SIGN_WHITE, Material.CLOTH_LOWER)
             cloth = awning[int(rng.integers(len(awning)))]
@@ -270,6 +280,18 @@ def _shops(drawing: WallDrawing, style: FacadeStyle, rng: np.random.Generator) -
             drawing.panel(cloth, door - 0.1, u1, 2.3, 2.5, 1.15)
         left = u1
     drawing.panel(style.trim, left, length, 0.0, 3.1)
+
+
+def _shop_name(
+    drawing: WallDrawing, middle: float, sign: Material, rng: np.random.Generator
+) -> None:
+    """What a shop is called, on its sign; from the street u runs to the left."""
+    name = _SHOPS[int(rng.integers(len(_SHOPS)))]
+    bright = sign == Material.SIGN_WHITE
+    letters = Material.PLASTIC_DARK if bright else Material.SIGN_WHITE
+    at = (3.15 + 3.75) / 2
+    for a0, a1, b0, b1 in text_rectangles(name, 0.32):
+        drawing.panel(letters, middle - a1, middle - a0, at + b0, at + b1, 0.125)
 
 
 def _entrance_floor(drawing: WallDrawing, style: FacadeStyle) -> None:

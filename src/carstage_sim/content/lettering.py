@@ -78,6 +78,23 @@ def text_width(text: str, height: float) -> float:
     return (len(text) * _PITCH - (_PITCH - COLUMNS)) * height / ROWS
 
 
+def text_rectangles(text: str, height: float) -> list[tuple[float, float, float, float]]:
+    """Rectangles that make up a line of text, in metres from its middle.
+
+    Returns:
+        Least and largest place along the line, least and largest place upwards of each.
+    """
+    unit = height / ROWS
+    left = -text_width(text, height) / 2
+    found = []
+    for number, letter in enumerate(text):
+        first = left + number * _PITCH * unit
+        for c0, c1, r0, r1 in _rectangles(letter):
+            low, high = height / 2 - r1 * unit, height / 2 - r0 * unit
+            found.append((first + c0 * unit, first + c1 * unit, low, high))
+    return found
+
+
 def add_text(
     builder: ShapeBuilder,
     text: str,
@@ -94,18 +111,12 @@ def add_text(
         place: points ``(N, 3)`` of places ``along, up`` (metres) from the middle of the line.
         material: of the letters.
     """
-    unit = height / ROWS
-    left = -text_width(text, height) / 2
     corners: list[tuple[float, float]] = []
     triangles: list[tuple[int, int, int]] = []
-    for number, letter in enumerate(text):
-        first = left + number * _PITCH * unit
-        for c0, c1, r0, r1 in _rectangles(letter):
-            k = len(corners)
-            a0, a1 = first + c0 * unit, first + c1 * unit
-            b0, b1 = height / 2 - r1 * unit, height / 2 - r0 * unit
-            corners += [(a0, b0), (a1, b0), (a1, b1), (a0, b1)]
-            triangles += [(k, k + 1, k + 2), (k, k + 2, k + 3)]
+    for a0, a1, b0, b1 in text_rectangles(text, height):
+        k = len(corners)
+        corners += [(a0, b0), (a1, b0), (a1, b1), (a0, b1)]
+        triangles += [(k, k + 1, k + 2), (k, k + 2, k + 3)]
     if corners:
         along, up = np.array(corners).T
         builder.add(place(along, up), triangles, material)

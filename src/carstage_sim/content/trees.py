@@ -1,12 +1,14 @@
-"""Trees: a trunk with branches, a dense core, and many leaf clusters around it.
+"""Trees: a trunk that forks into limbs, and sprays of leaves around the ends of the limbs.
 
-Crowns are made of small leaf plates whose normals point away from the crown's middle: the
-silhouette is ragged like a tree's, and the shading is soft like a tree's.
+A spray is one triangle of a leaf material, on which only the leaves are there (see
+``carstage_sim.render.leaves``): the sky shows between them. Normals of a spray point away from its
+clump and from the crown's middle, so that each clump has a light and a dark side.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,17 @@ from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, TriangleMesh, build_mesh, merge_meshes
 
 _TAG = CityObjectLabel.VEGETATION
+GOLDEN_RAD = 2.399963
+"""Turn from one clump to the next, so that no two are above each other."""
+
+
+class Form(Enum):
+    """How a species grows."""
+
+    ROUND = "round"
+    COLUMN = "column"
+    FIR = "fir"
+    PINE = "pine"
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,198 +39,259 @@ class TreeKind:
         height_m: fewest and most.
         trunk_m: height of the clear trunk.
         crown: half width and half height of the crown per metre of tree above the trunk.
-        lobes: balls that the crown is made of.
-        leaves: leaf plates per tree, one triangle each.
-        leaf_m: length of a plate.
-        cone: conifers: the crown narrows to the top.
+        clumps: groups of sprays, each at the end of a limb; whorls of boughs of a fir.
+        sprays: triangles with leaves.
+        spray_m: length of a spray.
+        leaves: what the sprays are made of; inside the crown are ``shaded`` ones.
+        form: how it grows.
+        hang: how far the sprays' tips hang down, 0-1.
+        bark: of trunk and limbs.
+        thick: thickness of the trunk; 1 is usual for the height.
     """
 
     name: str
     height_m: tuple[float, float]
     trunk_m: float
     crown: tuple[float, float]
-    lobes: int
-    leaves: int
-    leaf_m: float
-    cone: bool = False
+    clumps: int
+    sprays: int
+    spray_m: float
+    leaves: Material = Material.LEAVES
+    shaded: Material = Material.LEAVES_DARK
+    form: Form = Form.ROUND
+    hang: float = 0.3
+    bark: Material = Material.BARK
+    thick: float = 1.0
 
 
 TREE_KINDS: tuple[TreeKind, ...] = (
-    TreeKind("Linden", (7.5, 10.5), 2.6, (0.40, 0.5), 5, 300, 0.64),
-    TreeKind("Plane", (8.0, 11.0), 3.0, (0.48, 0.46), 6, 310, 0.68),
-    TreeKind("Columnar", (7.0, 10.0), 1.8, (0.2, 0.5), 4, 240, 0.52),
-    TreeKind("Cherry", (4.5, 6.0), 2.0, (0.55, 0.48), 5, 250, 0.48),
-    TreeKind("Spruce", (9.0, 14.0), 1.4, (0.24, 0.5), 1, 420, 0.9, cone=True),
-)
+    TreeKind("Linden", (7.5, 10.5), 2.6, (0.40, 0.5), 13, 430, 1.0),
+    TreeKind("Plane", (8.0, 11.0), 3.0, (0.48, 0.46), 13, 430, 1.15, Material.LEAVES_DARK),
+    TreeKind(
+        "Columnar", (7.0, 10.0), 1.8, (0.17, 0.5), 11, 400, 0.8, Material.LEAVES_SMALL,
+        form=Form.COLUMN, hang=-0.9,
+    ),
+    TreeKind("Cherry", (4.5, 6.0), 2.0, (0.55, 0.48), 11, 400, 0.8, Material.LEAVES_LIGHT),
+    TreeKind(
+        "Spruce", (9.0, 14.0), 1.4, (0.22, 0.5), 15, 600, 1.0, Material.NEEDLES, Material.NEEDLES,
+        form=Form.FIR, thick=0.75,
+    ),
+    TreeKind(
+        "Birch", (7.0, 10.0), 2.4, (0.30, 0.5), 13, 400, 0.85, Material.LEAVES_SMALL,
+        Material.LEAVES_SMALL, hang=1.0, bark=Material.BARK_PALE, thick=0.75,
+    ),
+    TreeKind("Hornbeam", (4.2, 5.2), 1.9, (0.32, 0.5), 8, 300, 0.62, thick=0.8),
+    TreeKind(
+        "Pine", (9.0, 12.0), 4.2, (0.42, 0.4), 10, 420, 0.95, Material.NEEDLES, Material.NEEDLES,
+        form=Form.PINE, hang=-0.4,
+    ),
+)  # fmt: skip
+
+AUTUMN: dict[Material, Material] = {
+    Material.LEAVES: Material.LEAVES_YELLOW,
+    Material.LEAVES_LIGHT: Material.LEAVES_RED,
+    Material.LEAVES_SMALL: Material.LEAVES_YELLOW,
+    Material.LEAVES_DARK: Material.LEAVES_RED,
+}
+"""What the leaves of summer become."""
 
 
-def tree_mesh(kind: TreeKind, height_m: float, rng: np.random.Generator) -> TriangleMesh:
-    """A tree that stands on the origin; about 550 triangles, all tagged as vegetation."""
+@dataclass(frozen=True, slots=True)
+class _Sprays:
+    """Places of sprays with where they face, where their tips point, and how deep they are.
+
+    Attributes:
+        places, facing, along: ``(N, 3)``.
+        deep: ``(N,)`` bool, inside the crown.
+    """
+
+    places: NDArray[np.float64]
+    facing: NDArray[np.float64]
+    along: NDArray[np.float64]
+    deep: NDArray[np.bool_]
+
+
+def tree_mesh(
+    kind: TreeKind, height_m: float, rng: np.random.Generator, *, autumn: bool = False
+) -> TriangleMesh:
+    """A tree that stands on the origin; less than 700 triangles, all tagged as vegetation.
+
+    Args:
+        kind: the species.
+        height_m: of its top.
+        rng: draws the limbs and the leaves.
+        autumn: its leaves have turned.
+    """
     crown_m = height_m - kind.trunk_m
     middle = np.array([0.0, 0.0, kind.trunk_m + crown_m / 2])
     half = np.array([kind.crown[0], kind.crown[0], kind.crown[1]]) * crown_m
     parts = [_trunk(kind, height_m, rng)]
-    if kind.cone:
-        places, outward = _cone_places(kind, height_m, rng)
-        parts.append(_cone_core(kind, height_m))
+    if kind.form is Form.FIR:
+        sprays = _boughs(kind, height_m, rng)
     else:
-        lobes = _lobes(kind, middle, half, rng)
-        parts += [_ball(center, radius * 0.78, rng) for center, radius in lobes]
-        parts += _branches(kind, lobes)
-        places, outward = _ball_places(kind, lobes, rng)
-    parts.append(_leaves(places, outward, middle, kind.leaf_m, rng, droop=kind.cone))
+        clumps = _clumps(kind, middle, half, rng)
+        parts += _limbs(kind, height_m, clumps, rng)
+        sprays = _clump_sprays(kind, middle, half, clumps, rng)
+    parts.append(_spray_mesh(kind, sprays, rng, autumn=autumn))
     return merge_meshes(parts)
 
 
+def unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``(N, 3)`` vectors of length 1."""
+    length = np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True))
+    scaled: NDArray[np.float64] = vectors / np.maximum(length, 1e-9)
+    return scaled
+
+
 def _trunk(kind: TreeKind, height_m: float, rng: np.random.Generator) -> TriangleMesh:
-    top = height_m * 0.92 if kind.cone else kind.trunk_m + 0.25 * (height_m - kind.trunk_m)
+    crown_m = height_m - kind.trunk_m
+    share = {Form.FIR: 0.94, Form.COLUMN: 0.8, Form.PINE: 0.75, Form.ROUND: 0.45}[kind.form]
+    top = kind.trunk_m + share * crown_m
     lean = rng.uniform(-0.12, 0.12, 2)
-    thick = 0.018 * height_m + 0.03
+    thick = (0.018 * height_m + 0.03) * kind.thick
     path = [(0, 0, 0), (0, 0, 0.25), (*(0.5 * lean), 0.5 * top), (*lean, top)]
-    radii = np.array([1.5, 1.05, 0.85, 0.5]) * thick
-    return tube(path, radii, Material.BARK, _TAG, sides=8, capped=False)
+    radii = np.array([1.5, 1.05, 0.8, 0.3]) * thick
+    return tube(path, radii, kind.bark, _TAG, sides=8, capped=False)
 
 
-def _lobes(
+def _clumps(
     kind: TreeKind,
     middle: NDArray[np.float64],
     half: NDArray[np.float64],
     rng: np.random.Generator,
-) -> list[tuple[NDArray[np.float64], float]]:
-    """Balls spread evenly around the crown's middle, one of them in it."""
-    result = [(middle, float(half.min()) * 0.78)]
+) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Middles and half sizes ``(3,)`` of the clumps, spread over the crown."""
     start = rng.uniform(0.0, 2 * np.pi)
-    for i in range(1, kind.lobes):
-        angle = start + i * 2.4  # golden angle: no two lobes above each other
-        level = -0.55 + 1.15 * (i - 0.5) / (kind.lobes - 1)
-        ring = np.sqrt(max(0.0, 1.0 - level * level)) * 0.55
-        center = middle + half * np.array([np.cos(angle) * ring, np.sin(angle) * ring, level])
-        result.append((center, float(half.min()) * float(rng.uniform(0.46, 0.62))))
+    # A pine's clumps are flat and near the top; a column's follow its axis.
+    lowest, inward, flat = {
+        Form.ROUND: (-0.72, 0.62, 0.85),
+        Form.COLUMN: (-0.8, 0.4, 1.5),
+        Form.PINE: (-0.35, 0.62, 0.5),
+        Form.FIR: (0.0, 0.0, 1.0),
+    }[kind.form]
+    size = float(half[0]) * (0.85 if kind.form is Form.COLUMN else 0.47)
+    result = []
+    for i in range(kind.clumps):
+        level = lowest + (0.8 - lowest) * (i + 0.5 * float(rng.random())) / (kind.clumps - 0.5)
+        ring = np.sqrt(max(0.0, 1.0 - level * level)) * inward * float(rng.uniform(0.8, 1.15))
+        angle = start + i * GOLDEN_RAD + float(rng.uniform(-0.3, 0.3))
+        place = middle + half * np.array([np.cos(angle) * ring, np.sin(angle) * ring, level * 0.86])
+        reach = size * float(rng.uniform(0.82, 1.18)) * (1.0 - 0.25 * max(level, 0.0))
+        result.append((place, reach * np.array([1.0, 1.0, flat])))
     return result
 
 
-def _ball(center: NDArray[np.float64], radius_m: float, rng: np.random.Generator) -> TriangleMesh:
-    """A dented ball of 36 triangles, each lit as if it were leaves: the inside of a crown."""
-    rings, sides = 3, 6
-    polar = np.linspace(0.0, np.pi, rings + 2)[1:-1]
-    around = np.linspace(0.0, 2 * np.pi, sides, endpoint=False)
-    body = np.stack(
-        [
-            np.sin(polar)[:, None] * np.cos(around)[None],
-            np.sin(polar)[:, None] * np.sin(around)[None],
-            np.broadcast_to(np.cos(polar)[:, None], (rings, sides)),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
-    unit = np.concatenate([[(0.0, 0.0, 1.0)], body, [(0.0, 0.0, -1.0)]])
-    triangles = []
-    last = len(unit) - 1
-    for k in range(sides):
-        n = (k + 1) % sides
-        triangles.append((0, 1 + k, 1 + n))
-        triangles.append((last, last - sides + n, last - sides + k))
-        for ring in range(rings - 1):
-            a, b = 1 + ring * sides, 1 + (ring + 1) * sides
-            triangles += [(a + k, b + k, b + n), (a + k, b + n, a + n)]
-    index = np.array(triangles)
-    dents = rng.uniform(0.8, 1.15, (len(unit), 1))
-    normals = unit[index].mean(axis=1) + rng.normal(scale=0.45, size=(len(index), 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return build_mesh(
-        center + unit * dents * radius_m,
-        index,
-        Material.FOLIAGE,
-        _TAG,
-        normals=np.repeat(normals[:, None, :], 3, axis=1),
-    )
-
-
-def _branches(kind: TreeKind, lobes: list[tuple[NDArray[np.float64], float]]) -> list[TriangleMesh]:
-    fork = np.array([0.0, 0.0, kind.trunk_m * 0.9])
+def _limbs(
+    kind: TreeKind,
+    height_m: float,
+    clumps: list[tuple[NDArray[np.float64], NDArray[np.float64]]],
+    rng: np.random.Generator,
+) -> list[TriangleMesh]:
+    """A limb from the trunk to each clump; the higher ones leave it higher."""
+    crown_m = height_m - kind.trunk_m
+    thick = (0.018 * height_m + 0.03) * kind.thick
     parts = []
-    for center, _ in lobes[1:]:
-        knee = fork + (center - fork) * 0.5 + np.array([0.0, 0.0, 0.15])
-        parts.append(
-            tube(
-                [fork, knee, center], [0.09, 0.06, 0.03], Material.BARK, _TAG, sides=4, capped=False
-            )
-        )
+    for place, _ in clumps:
+        rise = float(place[2]) - kind.trunk_m
+        leaves_at = kind.trunk_m * 0.92 + min(0.45 * rise, 0.36 * crown_m)
+        if kind.form is not Form.ROUND:
+            leaves_at = max(leaves_at, float(place[2]) - (0.9 if kind.form is Form.PINE else 1.4))
+        fork = np.array([0.0, 0.0, leaves_at])
+        bend = np.array([*rng.uniform(-0.15, 0.15, 2), 0.1 if rise > 0.5 * crown_m else 0.3])
+        knee = fork + (place - fork) * 0.5 + bend
+        radii = np.array([0.42, 0.26, 0.1]) * thick
+        parts.append(tube([fork, knee, place], radii, kind.bark, _TAG, sides=4, capped=False))
     return parts
 
 
-def _ball_places(
-    kind: TreeKind, lobes: list[tuple[NDArray[np.float64], float]], rng: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Places on the lobes' skins, more on larger ones, none deep inside another lobe."""
-    centers = np.array([center for center, _ in lobes])
-    radii = np.array([radius for _, radius in lobes])
-    share = radii**2 / (radii**2).sum()
-    owner = rng.choice(len(lobes), size=2 * kind.leaves, p=share)
-    outward = rng.normal(size=(len(owner), 3))
-    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    places = (
-        centers[owner] + outward * (radii[owner] * rng.uniform(0.78, 1.06, len(owner)))[:, None]
-    )
-    gaps = np.linalg.norm(places[:, None] - centers[None], axis=2) / radii[None]
-    gaps[np.arange(len(owner)), owner] = 1.0
-    shown = (gaps > 0.75).all(axis=1)
-    return places[shown][: kind.leaves], outward[shown][: kind.leaves]
-
-
-def _cone_places(
-    kind: TreeKind, height_m: float, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    crown_m = height_m - kind.trunk_m
-    # Tiers of branches, denser below, where the cone is wide.
-    level = 1.0 - np.sqrt(rng.uniform(0.0, 1.0, kind.leaves))
-    level = np.round(level * 14) / 14 + rng.uniform(-0.015, 0.015, kind.leaves)
-    angle = rng.uniform(0.0, 2 * np.pi, kind.leaves)
-    reach = kind.crown[0] * crown_m * (1.0 - level) * rng.uniform(0.55, 1.05, kind.leaves)
-    outward = np.stack([np.cos(angle), np.sin(angle), np.full(kind.leaves, 0.35)], axis=1)
-    places = outward * reach[:, None]
-    places[:, 2] = kind.trunk_m + np.clip(level, 0.0, 1.0) * crown_m
-    return places, outward / np.linalg.norm(outward, axis=1, keepdims=True)
-
-
-def _cone_core(kind: TreeKind, height_m: float) -> TriangleMesh:
-    crown_m = height_m - kind.trunk_m
-    path = [(0, 0, kind.trunk_m), (0, 0, kind.trunk_m + 0.5 * crown_m), (0, 0, height_m)]
-    wide = kind.crown[0] * crown_m
-    return tube(path, [0.6 * wide, 0.3 * wide, 0.02], Material.FOLIAGE, _TAG, sides=7)
-
-
-def _leaves(
-    places: NDArray[np.float64],
-    outward: NDArray[np.float64],
+def _clump_sprays(
+    kind: TreeKind,
     middle: NDArray[np.float64],
-    leaf_m: float,
+    half: NDArray[np.float64],
+    clumps: list[tuple[NDArray[np.float64], NDArray[np.float64]]],
     rng: np.random.Generator,
-    *,
-    droop: bool,
+) -> _Sprays:
+    """Sprays around the middles of the clumps, most of them near the clumps' skins."""
+    centers = np.array([center for center, _ in clumps])
+    reach = np.array([size for _, size in clumps])
+    share = np.cumsum(reach[:, 0] ** 2)
+    owner = np.searchsorted(share / share[-1], rng.random(kind.sprays)).clip(0, len(clumps) - 1)
+    outward = unit(rng.normal(size=(kind.sprays, 3)))
+    depth = 0.35 + 0.72 * np.sqrt(rng.random(kind.sprays))
+    places = centers[owner] + outward * reach[owner] * depth[:, None]
+    from_middle = (places - middle) / half
+    facing = 0.8 * outward + 0.9 * from_middle + np.array([0.0, 0.0, 0.35])
+    facing = unit(facing + rng.normal(scale=0.22, size=facing.shape))
+    along = rng.normal(size=facing.shape) + 0.7 * outward - np.array([0.0, 0.0, 1.1 * kind.hang])
+    deep = (from_middle**2).sum(axis=1) < 0.34
+    return _Sprays(places, facing, unit(along), deep)
+
+
+def _boughs(kind: TreeKind, height_m: float, rng: np.random.Generator) -> _Sprays:
+    """Whorls of drooping boughs, each of some sprays behind each other, longer below."""
+    crown_m = height_m - kind.trunk_m
+    count = kind.sprays
+    # The lower part of a cone has most of its skin.
+    level = 1.0 - np.sqrt(rng.random(count))
+    whorl = np.minimum(np.floor(level * kind.clumps), kind.clumps - 1)
+    boughs = 9 - np.floor(4 * whorl / kind.clumps)
+    turn = np.floor(rng.random(count) * boughs) / boughs + whorl * 0.37
+    angle = turn * 2 * np.pi + rng.normal(scale=0.09, size=count)
+    level = (whorl + rng.normal(scale=0.12, size=count)).clip(0.0) / kind.clumps
+    longest = kind.crown[0] * crown_m * (1.0 - level) + 0.12
+    part = 0.12 + 0.88 * np.sqrt(rng.random(count))
+    away = np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
+    places = away * (longest * part)[:, None]
+    # Boughs sink towards their ends and rise again at the tips.
+    sag = 0.26 * longest * part
+    places[:, 2] = kind.trunk_m + 0.75 + level * (crown_m - 0.9) - sag
+    aside = rng.normal(scale=0.5, size=(count, 3)) * np.array([1.0, 1.0, 0.35])
+    along = unit(0.8 * away + aside - np.array([0.0, 0.0, 0.8]))
+    facing = unit(away * 0.8 + np.array([0.0, 0.0, 0.75]) + rng.normal(scale=0.2, size=(count, 3)))
+    return _Sprays(places, facing, along, part < 0.45)
+
+
+def spray_triangles(
+    places: NDArray[np.float64],
+    along: NDArray[np.float64],
+    facing: NDArray[np.float64],
+    size_m: NDArray[np.float64],
+    rng: np.random.Generator,
+) -> NDArray[np.float64]:
+    """``(N, 3, 3)`` corners of pointed triangles, their tips first.
+
+    Args:
+        places: ``(N, 3)`` about the middles, metres.
+        along, facing: ``(N, 3)`` unit vectors: towards the tip, and about across the triangle.
+        size_m: ``(N,)`` lengths.
+        rng: turns them about ``along``.
+    """
+    across = unit(np.cross(along, facing + rng.normal(scale=0.55, size=places.shape)))
+    size = size_m[:, None]
+    foot = places - along * size * 0.4
+    aside = across * size * 0.5
+    return np.stack([places + along * size * 0.6, foot + aside, foot - aside], axis=1)
+
+
+def _spray_mesh(
+    kind: TreeKind, sprays: _Sprays, rng: np.random.Generator, *, autumn: bool
 ) -> TriangleMesh:
-    """Pointed plates of one triangle each, wherever they may face."""
-    count = len(places)
-    along = rng.normal(size=(count, 3))
-    if droop:
-        along = outward * 2.0 + rng.normal(scale=0.35, size=(count, 3)) - np.array([0, 0, 0.9])
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    across = np.cross(along, outward + rng.normal(scale=0.6, size=(count, 3)))
-    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
-    size = leaf_m * rng.uniform(0.7, 1.3, count)[:, None]
-    wide = 0.3 if droop else 0.45
-    corners = np.stack(
-        [
-            places + along * size * 0.6,
-            places - along * size * 0.4 + across * size * wide,
-            places - along * size * 0.4 - across * size * wide,
-        ],
-        axis=1,
+    """A pointed triangle for each spray, its tip first."""
+    count = len(sprays.places)
+    size = kind.spray_m * rng.uniform(0.75, 1.25, count)
+    if kind.form is Form.FIR:
+        away = np.sqrt((sprays.places[:, :2] ** 2).sum(axis=1))
+        size = np.minimum(size * (0.55 + 0.45 * away), 1.3 * kind.spray_m)
+    corners = spray_triangles(sprays.places, sprays.along, sprays.facing, size, rng)
+    leaves, shaded = kind.leaves, kind.shaded
+    if autumn:
+        leaves = AUTUMN.get(leaves, leaves)
+        shaded = AUTUMN.get(shaded, shaded)
+    material = np.where(sprays.deep, int(shaded), int(leaves))
+    return build_mesh(
+        corners.reshape(-1, 3),
+        np.arange(3 * count).reshape(-1, 3),
+        material,
+        _TAG,
+        normals=np.repeat(sprays.facing[:, None, :], 3, axis=1),
     )
-    triangles = np.arange(3 * count).reshape(-1, 3)
-    soft = places - middle
-    soft[:, 2] += 0.4 * np.abs(soft[:, 2]).max()
-    soft /= np.linalg.norm(soft, axis=1, keepdims=True)
-    soft = soft + 0.8 * outward + rng.normal(scale=0.25, size=(count, 3))
-    soft /= np.linalg.norm(soft, axis=1, keepdims=True)
-    normals = np.repeat(soft[:, None, :], 3, axis=1)
-    return build_mesh(corners.reshape(-1, 3), triangles, Material.FOLIAGE, _TAG, normals=normals)

@@ -22,7 +22,9 @@ from carstage_sim.maps.bridges import bridge_mesh, wall_mesh
 from carstage_sim.maps.cache import digest_of
 from carstage_sim.maps.checking import MapSamplingError, check_opendrive, check_samples
 from carstage_sim.maps.drape import Drape, profile_cuts
+from carstage_sim.maps.greenery import grass_tufts
 from carstage_sim.maps.ground_mesh import LevelSurface
+from carstage_sim.maps.horizon import hills_mesh
 from carstage_sim.maps.levels import station_levels
 from carstage_sim.maps.lights import light_sites
 from carstage_sim.maps.navmesh import fits_in_a_tile, navigation_file
@@ -112,7 +114,7 @@ def bake(name: str, opendrive: str, options: BakeOptions = EVERYTHING) -> Town:
             "its roads have lane sections with a width"
         )
     seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
-    spawn_rng, scenery_rng = np.random.default_rng(seed).spawn(2)
+    spawn_rng, scenery_rng, land_rng = np.random.default_rng(seed).spawn(3)
     levels = _levels(lanes, crosswalks(samples), plan)
     base = levels[0]
     logger.info("baking %s: %d lanes on %d levels; scenery", name, len(lanes), len(levels))
@@ -140,6 +142,9 @@ def bake(name: str, opendrive: str, options: BakeOptions = EVERYTHING) -> Town:
         ]
         meshes.append(bridge_mesh(surface[index], others))
     stage.set_down(surface[0])
+    if options.scenery:
+        meshes.append(hills_mesh(base.ground.terrain, surface[0].height, land_rng))
+        meshes += grass_tufts(base.ground, surface[0], land_rng)
     if options.wall_height_m > 0.0:
         meshes += [wall_mesh(part, options.wall_height_m) for part in surface]
     logger.info("baking %s: %d objects; navigation", name, len(stage.objects))

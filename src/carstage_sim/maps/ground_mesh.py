@@ -76,10 +76,7 @@ class LevelSurface:
 
     def height(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """``(P,)`` height (m) at ``(P, 2)`` places; the nearest edge's outside the surface."""
-        if self._tree is None:
-            rings = np.concatenate([self._xyz, self._xyz[:, :1]], axis=1)[..., :2]
-            self._tree = shapely.STRtree(np.asarray(shapely.polygons(rings)))
-        found = self._tree.nearest(shapely.points(points))
+        found = self._triangle_at(points)
         a, b, c = (self._xyz[found, k] for k in range(3))
         ab, ac, ap = b - a, c - a, points - a[:, :2]
         area = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
@@ -88,6 +85,18 @@ class LevelSurface:
         v, w = np.clip(v, 0.0, 1.0), np.clip(w, 0.0, 1.0)
         z: NDArray[np.float64] = a[:, 2] + v * ab[:, 2] + w * ac[:, 2]
         return z
+
+    def material(self, points: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """``(P,)`` material of the ground at ``(P, 2)`` places."""
+        material: NDArray[np.uint8] = self.mesh.material[self._triangle_at(points)]
+        return material
+
+    def _triangle_at(self, points: NDArray[np.float64]) -> NDArray[np.intp]:
+        if self._tree is None:
+            rings = np.concatenate([self._xyz, self._xyz[:, :1]], axis=1)[..., :2]
+            self._tree = shapely.STRtree(np.asarray(shapely.polygons(rings)))
+        found: NDArray[np.intp] = self._tree.nearest(shapely.points(points))
+        return found
 
 
 def _corner_heights(

@@ -1,4 +1,4 @@
-"""Buildings, trees and street furniture: sizes, names, materials, determinism."""
+"""Buildings, trees, shrubs and street furniture: sizes, names, materials, determinism."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from carstage_sim.content.buildings import BUILDING_KINDS, building_mesh
+from carstage_sim.content.shrubs import bush_mesh, far_tree_mesh, hedge_mesh
 from carstage_sim.content.solids import box, placed, tube
 from carstage_sim.content.street_furniture import (
     bench_mesh,
@@ -18,7 +19,7 @@ from carstage_sim.content.street_furniture import (
 )
 from carstage_sim.content.trees import TREE_KINDS, tree_mesh
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.mesh import Material
+from carstage_sim.mesh import LEAF_CELLS, Material
 
 LENSES = (Material.LIGHT_RED, Material.LIGHT_YELLOW, Material.LIGHT_GREEN)
 
@@ -77,11 +78,32 @@ def test_a_tree_has_its_height_and_a_clear_trunk(kind):
     assert low[2] == pytest.approx(0.0, abs=1e-6)
     assert high[2] == pytest.approx(9.0, abs=1.3)
     assert set(mesh.tag) == {CityObjectLabel.VEGETATION}
-    assert set(mesh.material) == {Material.BARK, Material.FOLIAGE}
-    leaves = mesh.vertices[mesh.triangles[mesh.material == Material.FOLIAGE]]
+    leafy = np.isin(mesh.material, list(LEAF_CELLS))
+    assert set(mesh.material[~leafy]) <= {Material.BARK, Material.BARK_PALE}
+    leaves = mesh.vertices[mesh.triangles[leafy]]
     assert leaves[..., 2].min() > 0.6
     assert len(mesh.triangles) < 700
     assert np.abs(np.linalg.norm(mesh.normals, axis=2) - 1.0).max() < 1e-3
+
+
+def test_autumn_changes_nothing_but_what_the_leaves_are():
+    summer, autumn = (tree_mesh(TREE_KINDS[0], 9.0, rng(), autumn=turned) for turned in (0, 1))
+    assert np.array_equal(summer.vertices, autumn.vertices)
+    changed = summer.material != autumn.material
+    assert np.array_equal(changed, np.isin(summer.material, list(LEAF_CELLS)))
+
+
+def test_shrubs_and_far_trees_stand_on_the_ground_and_are_light():
+    for mesh, most in (
+        (bush_mesh(0.8, rng()), 150),
+        (hedge_mesh(3.0, 1.0, 0.7, rng()), 500),
+        (far_tree_mesh(9.0, rng()), 60),
+        (far_tree_mesh(9.0, rng(), pointed=True), 60),
+    ):
+        assert set(mesh.tag) == {CityObjectLabel.VEGETATION}
+        assert mesh.bounds[0][2] == pytest.approx(0.0, abs=0.21)
+        assert len(mesh.triangles) < most
+        assert np.abs(np.linalg.norm(mesh.normals, axis=2) - 1.0).max() < 1e-3
 
 
 def test_equal_seeds_give_equal_shapes():

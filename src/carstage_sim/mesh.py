@@ -97,12 +97,12 @@ class Material(IntEnum):
 
 
 LEAF_CELLS: dict[Material, tuple[int, int]] = {
-    Material.LEAVES: (7, 7),
-    Material.LEAVES_LIGHT: (7, 7),
-    Material.LEAVES_DARK: (6, 6),
-    Material.LEAVES_SMALL: (9, 9),
-    Material.LEAVES_YELLOW: (7, 7),
-    Material.LEAVES_RED: (7, 7),
+    Material.LEAVES: (8, 8),
+    Material.LEAVES_LIGHT: (8, 8),
+    Material.LEAVES_DARK: (8, 8),
+    Material.LEAVES_SMALL: (10, 10),
+    Material.LEAVES_YELLOW: (8, 8),
+    Material.LEAVES_RED: (8, 8),
     Material.NEEDLES: (4, 15),
     Material.BLADES: (3, 15),
 }

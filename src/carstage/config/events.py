@@ -284,7 +284,7 @@ def _check_trigger(trigger_m: float, distance_m: float) -> None:
         )
 
 
-def _section(spec: type[EventSpec]) -> type[Section]:
+def section_of(spec: type[EventSpec]) -> type[Section]:
     """The section of a kind of another package, from its specification."""
     kind = spec().kind
     summary = (spec.__doc__ or kind).strip().splitlines()[0]
@@ -295,7 +295,9 @@ def _section(spec: type[EventSpec]) -> type[Section]:
         if each.name == "at_s":
             given[each.name] = (float, _at_s(kind))
             continue
-        title = each.name.replace("_", " ").capitalize()
+        unit = each.metadata.get("unit")
+        suffix = "_" + unit.replace("/", "_").replace("²", "2") if unit else ""
+        title = each.name.removesuffix(suffix).replace("_", " ").capitalize()
         sentence = each.metadata["sentence"] or f"{title}."
         if "known" in each.metadata:
             words = setting(each.default, title=title, description=sentence, group="ego")
@@ -304,7 +306,6 @@ def _section(spec: type[EventSpec]) -> type[Section]:
             flag = setting(each.default, title=title, description=sentence, group="ego")
             given[each.name] = (bool, flag)
         else:
-            unit = each.metadata["unit"]
             given[each.name] = (float, _number(kind, each.name, title, sentence, unit))
     return create_model(
         spec.__name__, __base__=Section, __doc__=summary, __module__=__name__, **given
@@ -326,7 +327,7 @@ BUILT_IN = (
 if TYPE_CHECKING:
     Event = Section
 else:
-    _added = (_section(spec) for spec in known_events().values() if spec.collector)
+    _added = (section_of(spec) for spec in known_events().values() if spec.collector)
     Event = Annotated[reduce(or_, (*BUILT_IN, *_added)), Discriminator("kind")]
 Events = Annotated[tuple[Event, ...], Strict(strict=False)]
 

@@ -73,11 +73,8 @@ def test_a_server_that_dies_leaves_what_it_showed_until_then(tmp_path: Path) -> 
     (episode,) = carstage.Dataset(out).episodes
     assert episode.spec.steps > 20
     assert episode.id in str(ended.value)
-    # Of its last frame it may have sent one sensor's data and not the other's.
-    problems = carstage.validate(out).problems
-    assert {(one.check, one.frame) for one in problems} <= {
-        ("ledger_state", episode.spec.steps - 1)
-    }
+    # A last frame of which it sent one sensor's data and not the other's is left out.
+    assert carstage.validate(out).problems == ()
 
 
 def test_a_disk_that_fills_ends_the_recording_and_what_is_committed_stays(

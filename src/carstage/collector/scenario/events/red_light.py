@@ -219,5 +219,5 @@ def _meeting(way: List[Any], other: List[Any]) -> Optional[Tuple[float, float]]:
 
 
 def _angle(one: Any, other: Any) -> float:
-    turn = one.transform.rotation.yaw - other.transform.rotation.yaw
+    turn = float(one.transform.rotation.yaw - other.transform.rotation.yaw)
     return abs((turn + 180.0) % 360.0 - 180.0)

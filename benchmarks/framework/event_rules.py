@@ -38,6 +38,9 @@ class View:
         ego_id: the ego.
         row: of the table of events.
         fps: ticks in a second.
+
+    Attributes:
+        came_deg: the ego's yaw when the event was placed; later it may have turned.
     """
 
     def __init__(
@@ -46,9 +49,10 @@ class View:
         end = len(frames) if row["end_tick"] is None else row["end_tick"] + 1
         self.frames = frames[row["begin_tick"] : end]
         self.fps = fps
-        self.ego_id = ego_id
         self.actor_id = row["actors"][0]
         self.places = places_of(self.frames, self.actor_id)
+        placed = frames[row["placed_tick"]]
+        self.came_deg = float(placed.rotation_deg[placed.row(ego_id)][1])
         moved = np.diff(self.places[:, :2], axis=0)
         self.speeds: FloatArray = np.hypot(moved[:, 0], moved[:, 1]) * fps
         self._way = places_of(frames[row["begin_tick"] :], ego_id)[:, :2]
@@ -227,9 +231,7 @@ def _running_red(view: View, asked: Mapping[str, Any], row: Mapping[str, Any]) -
     if away_m > asked["trigger_m"] + JUNCTION_M:
         yield f"it entered the junction {away_m:.1f} m away"
     moved = view.places[-1, :2] - view.places[0, :2]
-    first = view.frames[0]
-    ego_yaw_deg = first.rotation_deg[first.row(view.ego_id)][1]
-    turned_deg = np.degrees(np.arctan2(moved[1], moved[0])) - ego_yaw_deg
+    turned_deg = np.degrees(np.arctan2(moved[1], moved[0])) - view.came_deg
     turned_deg = abs((turned_deg + 180.0) % 360.0 - 180.0)
     if row["end_tick"] is not None and not CROSS_DEG[0] < turned_deg < CROSS_DEG[1]:
         yield f"it crossed at {turned_deg:.0f} degrees"

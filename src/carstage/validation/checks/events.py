@@ -109,7 +109,7 @@ def _outcome(
     ego = _boxes(objects.filter(objects["is_ego"]), frames)
     least_m, soonest_s, touched, complete = np.inf, np.inf, False, every_tick
     for actor_id in actors:
-        actor = _boxes(objects.filter(pc.equal(objects["track_id"], actor_id)), frames)
+        actor = _boxes(objects.filter(pc.equal(objects["track_id"], pa.scalar(actor_id))), frames)
         shared = sorted(ego.keys() & actor.keys())
         if not shared:
             return []  # labels of other road users, or of that box, were not asked for

@@ -18,6 +18,14 @@ OTHER_LANE_M = 2.2
 """That far from it, it is in another one."""
 FLASHING = 0x600
 """Both special lamps of ``carla.VehicleLightState``."""
+CROSS_DEG = (40.0, 140.0)
+"""Between the ways of two that cross."""
+JUNCTION_M = 45.0
+"""So far from each other lights of one junction stand at most."""
+CLOSED_M = 1.6
+"""At least that far to the side of a barrier that closes a lane is the next lane."""
+FASTER_M_S = 1.0
+"""Than it is asked to, the Traffic Manager lets a vehicle drive."""
 WAY_M = 120.0
 """So much of the ego's way counts: it may come back on the other side of the road."""
 
@@ -30,6 +38,9 @@ class View:
         ego_id: the ego.
         row: of the table of events.
         fps: ticks in a second.
+
+    Attributes:
+        came_deg: the ego's yaw when the event was placed; later it may have turned.
     """
 
     def __init__(
@@ -40,6 +51,8 @@ class View:
         self.fps = fps
         self.actor_id = row["actors"][0]
         self.places = places_of(self.frames, self.actor_id)
+        placed = frames[row["placed_tick"]]
+        self.came_deg = float(placed.rotation_deg[placed.row(ego_id)][1])
         moved = np.diff(self.places[:, :2], axis=0)
         self.speeds: FloatArray = np.hypot(moved[:, 0], moved[:, 1]) * fps
         self._way = places_of(frames[row["begin_tick"] :], ego_id)[:, :2]
@@ -61,6 +74,14 @@ class View:
     def lights(self, frame: WorldFrame) -> int:
         """``carla.VehicleLightState`` of the actor."""
         return int(frame.meta["vehicle_lights"].get(str(self.actor_id), 0))
+
+    def signals_near(self, tick: int, within_m: float) -> list[str]:
+        """States of the traffic lights near the actor."""
+        frame = self.frames[tick]
+        states: Mapping[str, str] = frame.meta["traffic_lights"]
+        places = [frame.location[frame.row(int(light))] for light in states]
+        away_m = [float(np.hypot(*(place - self.places[tick])[:2])) for place in places]
+        return [state for state, m in zip(states.values(), away_m, strict=True) if m < within_m]
 
     def beside_way_m(self) -> FloatArray:
         """How far the actor was from where the ego drove then and next, in each tick."""
@@ -204,6 +225,47 @@ def _riding_towards(view: View, asked: Mapping[str, Any], row: Mapping[str, Any]
         yield "it did not get past the ego"
 
 
+def _running_red(view: View, asked: Mapping[str, Any], row: Mapping[str, Any]) -> Iterator[str]:
+    # It begins as the car enters the junction; what is asked for is where the ego was before.
+    away_m = float(np.hypot(*view.seen_m(0)[:2]))
+    if away_m > asked["trigger_m"] + JUNCTION_M:
+        yield f"it entered the junction {away_m:.1f} m away"
+    moved = view.places[-1, :2] - view.places[0, :2]
+    turned_deg = np.degrees(np.arctan2(moved[1], moved[0])) - view.came_deg
+    turned_deg = abs((turned_deg + 180.0) % 360.0 - 180.0)
+    if row["end_tick"] is not None and not CROSS_DEG[0] < turned_deg < CROSS_DEG[1]:
+        yield f"it crossed at {turned_deg:.0f} degrees"
+    speed_m_s = float(np.median(view.speeds)) if len(view.speeds) else asked["speed_m_s"]
+    if abs(speed_m_s - asked["speed_m_s"]) > 0.1 * asked["speed_m_s"]:
+        yield f"it drove at {speed_m_s:.1f} m/s"
+    if any(one.meta["ego"]["traffic_light_state"] == "Red" for one in view.frames):
+        yield "the ego had red"
+    shown = set(view.signals_near(0, JUNCTION_M))
+    if not {"Red", "Green"} <= shown:
+        yield f"the lights of the junction showed {', '.join(sorted(shown)) or 'nothing'}"
+
+
+def _passing_works(view: View, asked: Mapping[str, Any], row: Mapping[str, Any]) -> Iterator[str]:
+    away_m = float(np.hypot(*view.seen_m(0)[:2]))
+    if not asked["trigger_m"] - 3.0 < away_m <= asked["trigger_m"] + 1.0:
+        yield f"it began {away_m:.1f} m from the barrier"
+    if view.speeds.max(initial=0.0) > 0.05:
+        yield "the barrier moved"
+    if row["collision"]:
+        yield "the ego touched the works"
+    if row["end_tick"] is None:
+        return
+    seen = np.array([view.seen_m(tick) for tick in range(len(view.places))])
+    beside = int(np.abs(seen[:, 0]).argmin())
+    if asked["extent"] == "close" and abs(seen[beside, 1]) < CLOSED_M:
+        yield f"it passed {seen[beside, 1]:.1f} m beside a closed lane's barrier"
+    passed_m_s = float(view.ego_speeds[min(beside, len(view.ego_speeds) - 1)])
+    if passed_m_s > asked["speed_m_s"] + FASTER_M_S:
+        yield f"the ego passed at {passed_m_s:.1f} m/s"
+    if seen[-1, 0] > -asked["length_m"]:
+        yield "it ended before the ego was past"
+
+
 _Rule = Callable[[View, Mapping[str, Any], Mapping[str, Any]], Iterator[str]]
 RULES: dict[str, _Rule] = {
     "pedestrian_crosses": _crossing,
@@ -213,4 +275,6 @@ RULES: dict[str, _Rule] = {
     "oncoming_overtaker": _overtaking,
     "emergency_vehicle": _coming_from_behind,
     "wrong_way_cyclist": _riding_towards,
+    "red_light_runner": _running_red,
+    "works_zone": _passing_works,
 }

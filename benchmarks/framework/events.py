@@ -35,6 +35,8 @@ TOWNS = {
     "oncoming_overtaker": ("Stage01", "Stage02"),
     "emergency_vehicle": ("Stage01", "Stage03"),
     "wrong_way_cyclist": ("Stage01", "Stage02"),
+    "red_light_runner": ("Stage01", "Stage02"),
+    "works_zone": ("Stage01", "Stage02"),
 }
 """Two towns for each kind; a car cuts in where there are two lanes in one direction."""
 PARAMETERS: dict[str, dict[str, Any]] = {
@@ -77,6 +79,19 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "trigger_m": {"range": [15.0, 30.0]},
         "speed_m_s": {"range": [3.0, 6.0]},
         "kerb_m": {"range": [0.0, 0.2]},
+    },
+    "red_light_runner": {
+        "trigger_m": {"range": [20.0, 30.0]},
+        "speed_m_s": {"range": [9.0, 14.0]},
+        "before_s": {"range": [0.0, 2.0]},
+    },
+    "works_zone": {
+        "distance_m": {"range": [30.0, 45.0]},
+        "trigger_m": {"range": [15.0, 25.0]},
+        "length_m": {"range": [4.0, 12.0]},
+        "extent": {"choice": ["narrow", "close"]},
+        "width_m": {"range": [0.4, 0.9]},
+        "speed_m_s": {"range": [4.0, 7.0]},
     },
 }
 """What is sampled for each kind."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from carstage.sensor_kinds import table
+from carstage.sensor_kinds import installed, table
 
 LIMIT_S = 60.0
 
@@ -26,8 +26,9 @@ def test_a_thread_waits_for_the_kinds_that_another_looks_up(
         table.register(late)
 
     monkeypatch.setattr(table, "_kinds", dict(table._kinds))
-    monkeypatch.setattr(table, "_scanned", [])
-    monkeypatch.setattr(table, "import_plugins", slowly_imported)
+    not_yet = installed.InstalledModules(table.ENTRY_POINT_GROUP)
+    monkeypatch.setattr(table, "_installed", not_yet)
+    monkeypatch.setattr(installed, "import_plugins", slowly_imported)
     with ThreadPoolExecutor(2) as threads:
         first = threads.submit(table.known_kind, "late")
         assert began.wait(LIMIT_S)

@@ -96,7 +96,7 @@ def event_rows(
                 "end_s": _seconds(story.end_tick, spec.fps),
                 "actors": list(story.actors) if began else [],
                 "parameters": json.dumps(event.parameters(), sort_keys=True, separators=(",", ":")),
-                **_outcome(story, actors, ego_id),
+                **_outcome(story, actors, ego_id, event.nearest_counts),
             }
         )
     return rows
@@ -107,9 +107,9 @@ def _seconds(tick: int | None, fps: float) -> float | None:
 
 
 def _outcome(
-    story: _Story, actors: Mapping[int, ActorInfo], ego_id: int
+    story: _Story, actors: Mapping[int, ActorInfo], ego_id: int, nearest_counts: bool
 ) -> dict[str, float | int | bool | None]:
-    """How near ego and the event's first actor came while it went on."""
+    """How near ego and the event's first actor came while it went on, or the nearest of all."""
     outcome: dict[str, float | int | bool | None] = dict.fromkeys(
         ("min_distance", "min_distance_tick", "min_ttc", "min_ttc_tick", "collision",
          "ego_speed_begin", "ego_deceleration")
@@ -123,26 +123,49 @@ def _outcome(
     turned = rotation_matrix(np.array([world.rotation_deg[row] for world, row in pairs]))
     along = rotate(np.swapaxes(turned, 1, 2), acceleration)[:, 0]
     outcome["ego_deceleration"] = float(max(-along.min(), 0.0))
-    there = [world for world in story.running if _is_there(world, story.actors[0])]
-    boxes = [
-        label_box(actors[one], object_class(actors[one]) or "") for one in (ego_id, story.actors[0])
-    ]
-    if not there or not all(box.valid for box in boxes):
+    counted = story.actors if nearest_counts else story.actors[:1]
+    nearness = [_nearness(story.running, actors[ego_id], actors[one]) for one in counted]
+    known = [one for one in nearness if one is not None]
+    if not known:
         return outcome
-    ego, other = (
-        rectangles(there, one, box)
-        for one, box in zip((ego_id, story.actors[0]), boxes, strict=True)
-    )
-    distance, ttc = distance_m(ego, other), time_to_collision_s(ego, other)
-    nearest = int(np.argmin(distance))
-    outcome["min_distance"] = float(distance[nearest])
-    outcome["min_distance_tick"] = there[nearest].tick
-    outcome["collision"] = bool(overlap(ego, other).any())
-    soonest = int(np.argmin(ttc))
-    if np.isfinite(ttc[soonest]):
-        outcome["min_ttc"] = float(ttc[soonest])
-        outcome["min_ttc_tick"] = there[soonest].tick
+    outcome["collision"] = any(one.touched for one in known)
+    nearest = min(known, key=lambda one: one.distance_m)
+    outcome["min_distance"], outcome["min_distance_tick"] = nearest.distance_m, nearest.tick
+    soonest = min(known, key=lambda one: one.ttc_s)
+    if np.isfinite(soonest.ttc_s):
+        outcome["min_ttc"], outcome["min_ttc_tick"] = soonest.ttc_s, soonest.ttc_tick
     return outcome
+
+
+@dataclass(frozen=True, slots=True)
+class _Nearness:
+    """How near the ego and another one came: the first ticks in which they were nearest."""
+
+    distance_m: float
+    tick: int
+    touched: bool
+    ttc_s: float
+    ttc_tick: int
+
+
+def _nearness(running: Sequence[WorldFrame], ego: ActorInfo, other: ActorInfo) -> _Nearness | None:
+    """None where the other one was never there, or a box is not known."""
+    there = [world for world in running if _is_there(world, other.id)]
+    boxes = [label_box(one, object_class(one) or "") for one in (ego, other)]
+    if not there or not all(box.valid for box in boxes):
+        return None
+    one, two = (
+        rectangles(there, actor.id, box) for actor, box in zip((ego, other), boxes, strict=True)
+    )
+    distance, ttc = distance_m(one, two), time_to_collision_s(one, two)
+    nearest, soonest = int(np.argmin(distance)), int(np.argmin(ttc))
+    return _Nearness(
+        float(distance[nearest]),
+        there[nearest].tick,
+        bool(overlap(one, two).any()),
+        float(ttc[soonest]),
+        there[soonest].tick,
+    )
 
 
 def rectangles(frames: Sequence[WorldFrame], actor_id: int, box: LabelBox) -> Rectangles:

@@ -114,6 +114,16 @@ class _End(NamedTuple):
     ticks: int
 
 
+class _Hold(NamedTuple):
+    """In the inbox: whether frames stay open that lack data."""
+
+    holds: bool
+
+
+_END_WITH_WHOLE = object()
+"""In the inbox: nothing more comes; the recording ends with the last whole frame."""
+
+
 class Pipeline:
     """Takes sensor data and ticks, writes the log; a context manager.
 
@@ -155,6 +165,7 @@ class Pipeline:
         self._written_ticks = 0
         self._booked_ticks = 0
         self._began_after: Optional[int] = None
+        self._whole_ticks: Optional[int] = None
         self._incomplete_ticks = 0
         self._waited_s = 0.0
         self._failures = [] if failures is None else failures
@@ -246,6 +257,27 @@ class Pipeline:
         """Tell how many ticks there are, where that was not known before; seals what is open."""
         self._inbox.put(_End(ticks))
 
+    def hold(self, holds: bool) -> None:
+        """Keep frames open that lack data, while nobody knows whether any will come."""
+        self._inbox.put(_Hold(holds))
+
+    def end_with_whole(self) -> int:
+        """End with the last frame that is whole, as nothing more comes; seals what is open.
+
+        Returns:
+            How many ticks there are; those announced after them are given up.
+        """
+        self._inbox.put(_END_WITH_WHOLE)
+        ticks = None
+        while ticks is None:
+            with self._state:
+                self._state.wait_for(
+                    lambda: self._whole_ticks is not None or bool(self._failures), POLL_S
+                )
+                ticks = self._whole_ticks
+            self.check()
+        return ticks
+
     def begin(self, after_frame: int) -> None:
         """Begin to record: data up to and including ``after_frame`` belong to the warm-up."""
         self._inbox.put(after_frame)
@@ -332,6 +364,14 @@ class Pipeline:
             matcher.begin(item)
         elif isinstance(item, _End):
             self._end(item.ticks)
+        elif isinstance(item, _Hold):
+            matcher.hold(item.holds)
+        elif item is _END_WITH_WHOLE:
+            matcher.drop_open()
+            self._end(self._written_ticks)
+            with self._state:
+                self._whole_ticks = self._written_ticks
+                self._state.notify_all()
         elif item is _BEGIN_WITH_ALL:
             with self._state:
                 self._began_after = matcher.begin_with_all()

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Annotated, Any, Literal
+from functools import reduce
+from operator import or_
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Discriminator, Strict, model_validator
+from pydantic import Discriminator, Strict, create_model, model_validator
 
 from carstage.config.fields import Section, problem, setting
 from carstage.config.timing import Timing
-from carstage.spec import EVENT_SPECS
+from carstage.spec import EVENT_SPECS, EventSpec, known_events
 
 MOST_EVENTS = 100
 SLOWEST_PASSED_M_S = 1.0
 """A car that an oncoming one passes drives at least that fast."""
 
 
-def _number(kind: str, name: str, title: str, description: str, unit: str) -> Any:
+def _number(kind: str, name: str, title: str, description: str, unit: str | None) -> Any:
     """A number of an event; default and limits are the specification's."""
     field = next(each for each in fields(EVENT_SPECS[kind]) if each.name == name)
     return setting(
@@ -220,6 +222,59 @@ class WrongWayCyclist(Section):
         return self
 
 
+class RedLightRunner(Section):
+    """A car crosses the junction ahead against red, while the ego has green."""
+
+    kind: Literal["red_light_runner"] = _kind("Event", "A car crosses against red.")
+    at_s: float = _at_s("red_light_runner")
+    trigger_m: float = _number(
+        "red_light_runner", "trigger_m", "Trigger", "From the ego to the junction.", "m"
+    )
+    speed_m_s: float = _number(
+        "red_light_runner", "speed_m_s", "Speed", "How fast the car drives.", "m/s"
+    )
+    before_s: float = _number(
+        "red_light_runner",
+        "before_s",
+        "Before",
+        "So much earlier than the ego it is where their ways cross; negative: later.",
+        "s",
+    )
+
+
+class WorksZone(Section):
+    """Cones, a barrier and a sign narrow or close the ego's lane ahead."""
+
+    kind: Literal["works_zone"] = _kind("Event", "Works narrow or close the ego's lane.")
+    at_s: float = _at_s("works_zone")
+    distance_m: float = _number(
+        "works_zone", "distance_m", "Distance", "From the ego to the first cone.", "m"
+    )
+    trigger_m: float = _number(
+        "works_zone", "trigger_m", "Trigger", "The event begins this far from the barrier.", "m"
+    )
+    length_m: float = _number(
+        "works_zone", "length_m", "Length", "Of the works behind the barrier.", "m"
+    )
+    extent: Literal["narrow", "close"] = setting(
+        "narrow",
+        title="Extent",
+        description="They narrow the lane, or they close it.",
+        group="ego",
+    )
+    width_m: float = _number(
+        "works_zone", "width_m", "Width", "What they take of a lane that they narrow.", "m"
+    )
+    speed_m_s: float = _number(
+        "works_zone", "speed_m_s", "Speed", "How fast the ego passes at most.", "m/s"
+    )
+
+    @model_validator(mode="after")
+    def _check_trigger(self) -> WorksZone:
+        _check_trigger(self.trigger_m, self.distance_m)
+        return self
+
+
 def _check_trigger(trigger_m: float, distance_m: float) -> None:
     if trigger_m > distance_m:
         raise problem(
@@ -229,16 +284,51 @@ def _check_trigger(trigger_m: float, distance_m: float) -> None:
         )
 
 
-Event = Annotated[
-    PedestrianCrosses
-    | HardBrakingLeader
-    | CutIn
-    | StoppedVehicle
-    | OncomingOvertaker
-    | EmergencyVehicle
-    | WrongWayCyclist,
-    Discriminator("kind"),
-]
+def section_of(spec: type[EventSpec]) -> type[Section]:
+    """The section of a kind of another package, from its specification."""
+    kind = spec().kind
+    summary = (spec.__doc__ or kind).strip().splitlines()[0]
+    given: dict[str, Any] = {"kind": (Literal[kind], _kind("Event", summary))}
+    for each in fields(spec):
+        if not each.init:
+            continue
+        if each.name == "at_s":
+            given[each.name] = (float, _at_s(kind))
+            continue
+        unit = each.metadata.get("unit")
+        suffix = "_" + unit.replace("/", "_").replace("²", "2") if unit else ""
+        title = each.name.removesuffix(suffix).replace("_", " ").capitalize()
+        sentence = each.metadata["sentence"] or f"{title}."
+        if "known" in each.metadata:
+            words = setting(each.default, title=title, description=sentence, group="ego")
+            given[each.name] = (Literal[each.metadata["known"]], words)
+        elif isinstance(each.default, bool):
+            flag = setting(each.default, title=title, description=sentence, group="ego")
+            given[each.name] = (bool, flag)
+        else:
+            given[each.name] = (float, _number(kind, each.name, title, sentence, unit))
+    return create_model(
+        spec.__name__, __base__=Section, __doc__=summary, __module__=__name__, **given
+    )
+
+
+BUILT_IN = (
+    PedestrianCrosses,
+    HardBrakingLeader,
+    CutIn,
+    StoppedVehicle,
+    OncomingOvertaker,
+    EmergencyVehicle,
+    WrongWayCyclist,
+    RedLightRunner,
+    WorksZone,
+)
+
+if TYPE_CHECKING:
+    Event = Section
+else:
+    _added = (section_of(spec) for spec in known_events().values() if spec.collector)
+    Event = Annotated[reduce(or_, (*BUILT_IN, *_added)), Discriminator("kind")]
 Events = Annotated[tuple[Event, ...], Strict(strict=False)]
 
 

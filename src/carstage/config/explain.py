@@ -12,7 +12,7 @@ from carstage.config.fields import path_text, shortened, unknown
 from carstage.config.scene import SCENARIO_KINDS
 from carstage.config.sensors import SENSOR_KINDS
 from carstage.errors import ConfigError
-from carstage.spec import EVENT_SPECS
+from carstage.spec import known_events
 
 _MOST_SHOWN = 8
 #: Errors that say that a value has another shape than one alternative of several.
@@ -21,7 +21,7 @@ _SHAPES = ("model_type", "model_attributes_type", "tuple_type")
 _TAGS = {
     "server": ("embedded", "carla", "remote"),
     "scenario": SCENARIO_KINDS,
-    "events": tuple(EVENT_SPECS),
+    "events": tuple(known_events()),
     "sensors": tuple(SENSOR_KINDS),
 }
 #: Names that pydantic gives to the alternatives of a union such as `auto` or a number.

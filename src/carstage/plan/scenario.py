@@ -119,8 +119,8 @@ def plan_scenario(
 
 def _events(events: Sequence[Event]) -> tuple[EventSpec, ...] | None:
     """None for no event, so that episodes without any keep their ids."""
-    planned = (EVENT_SPECS[event.kind](**event.model_dump(exclude={"kind"})) for event in events)
-    return tuple(planned) or None
+    asked = (event.model_dump() for event in events)
+    return tuple(EVENT_SPECS[event.pop("kind")](**event) for event in asked) or None
 
 
 def _place(place: int | ConfiguredPlace, position: int, spawn_points: int | None) -> int | Place:

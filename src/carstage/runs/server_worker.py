@@ -40,7 +40,7 @@ from carstage.runs.servers import ServerSetup
 from carstage.runs.watching import AttemptWatch, Limits
 from carstage.sensor_kinds import plugins_of
 from carstage.server import Endpoint, Server
-from carstage.spec import EpisodeSpec
+from carstage.spec import EpisodeSpec, event_plugins
 from carstage.storage.disk import disk_error
 
 POLL_S = 0.2
@@ -274,7 +274,10 @@ class ServerWorker:
         gnss = attempt_commit.gnss
         return {
             "plan_version": 1,
-            "plugins": plugins_of(sensor.kind for sensor in spec.sensors),
+            "plugins": [
+                *plugins_of(sensor.kind for sensor in spec.sensors),
+                *event_plugins(spec.scenario.events),
+            ],
             "server": {
                 "host": endpoint.host,
                 "port": endpoint.port,

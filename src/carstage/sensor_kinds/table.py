@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import sys
-import threading
-from importlib import import_module
 from typing import Dict, Iterable, List, Optional, Tuple
 
 from carstage.sensor_kinds.built_in import BUILT_IN
+from carstage.sensor_kinds.installed import InstalledModules
 from carstage.sensor_kinds.model import CAMERAS, CLOUDS, ROWS, SensorKind
 
 ENTRY_POINT_GROUP = "carstage.sensors"
 """Group of entry points; each names a module that registers kinds."""
 
 _kinds: Dict[str, SensorKind] = {}
-_scanned: List[bool] = []
-_scanning = threading.RLock()
+_installed = InstalledModules(ENTRY_POINT_GROUP)
 
 
 def register(kind: SensorKind) -> None:
@@ -49,7 +46,7 @@ def register(kind: SensorKind) -> None:
 
 def kinds() -> Tuple[SensorKind, ...]:
     """All kinds, those of Car-STAGE first, then those of installed packages."""
-    _load_installed()
+    _installed.load()
     return tuple(_kinds.values())
 
 
@@ -61,7 +58,7 @@ def registered_kinds() -> Tuple[str, ...]:
 def known_kind(name: str) -> Optional[SensorKind]:
     """The kind of that name, None where there is none."""
     if name not in _kinds:
-        _load_installed()
+        _installed.load()
     return _kinds.get(name)
 
 
@@ -91,35 +88,6 @@ def plugins_of(names: Iterable[str]) -> List[str]:
 def simulator_plugins() -> List[str]:
     """Modules that the embedded simulator imports so that it has the sensors of all kinds."""
     return sorted({kind.simulator for kind in kinds()} - {""})
-
-
-def import_plugins(modules: Iterable[str]) -> None:
-    """Import modules that register kinds.
-
-    Raises:
-        ImportError: one cannot be imported.
-    """
-    for module in modules:
-        import_module(module)
-
-
-def _load_installed() -> None:
-    """Import the modules that installed packages name as entry points; the first call only.
-
-    Other threads wait until the kinds are there.
-
-    Under a Python that is older than 3.10 nothing is looked up: only collectors run there, and
-    their plan names the modules.
-    """
-    if sys.version_info < (3, 10):
-        return
-    with _scanning:  # reentrant: a module may ask while it is imported
-        if _scanned:
-            return
-        _scanned.append(True)
-        from importlib.metadata import entry_points
-
-        import_plugins(entry.module for entry in entry_points(group=ENTRY_POINT_GROUP))
 
 
 for _kind in BUILT_IN:

@@ -5,7 +5,7 @@ standard library only and runs on Python 3.8, as the collector needs it there.
 """
 
 from carstage.spec.episode import SPEC_VERSION, EpisodeSpec, Seeds
-from carstage.spec.events import EVENT_SPECS, EventSpec
+from carstage.spec.events import EVENT_SPECS, EventSpec, event_plugins, known_events
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.labels import BirdsEyeSpec, GroundTruthSpec, LabelsSpec
 from carstage.spec.road_users import GroupSpec, PedestriansSpec, TrafficSpec, VehiclesSpec
@@ -68,4 +68,6 @@ __all__ = [
     "VehiclesSpec",
     "WeatherChange",
     "WeatherSpec",
+    "event_plugins",
+    "known_events",
 ]

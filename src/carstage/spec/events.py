@@ -3,23 +3,48 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import Any, Dict, List, Optional, Tuple, Type, TypeVar
+from typing import Any, ClassVar, Dict, Iterable, List, Optional, Tuple, Type, TypeVar
 
+from carstage.sensor_kinds import InstalledModules
 from carstage.spec.fields import Fields
 
+ENTRY_POINT_GROUP = "carstage.events"
+"""Group of entry points; each names a module that registers kinds of events."""
 LONGEST_S = 86_400.0
 SIDES = ("right", "left")
 MANNERS = ("pass", "follow")
+EXTENTS = ("narrow", "close")
 
 
-def quantity(default: float, low: float, high: float) -> Any:
-    """A number of an event, with the values that it may have."""
-    return field(default=default, metadata={"low": low, "high": high})
+def quantity(
+    default: float, low: float, high: float, *, unit: Optional[str] = None, sentence: str = ""
+) -> Any:
+    """A number of an event, with the values that it may have.
+
+    Args:
+        default: its value where none is given.
+        low, high: its limits; both may be given.
+        unit: of the number, such as ``m/s``; for kinds of other packages, as is ``sentence``.
+        sentence: what it means; the configuration's form shows it.
+    """
+    words = {"low": low, "high": high, "unit": unit, "sentence": sentence}
+    return field(default=default, metadata=words)
 
 
-def word(default: str, known: Tuple[str, ...]) -> Any:
-    """A word of an event, one of those that are known."""
-    return field(default=default, metadata={"known": known})
+def word(default: str, known: Tuple[str, ...], *, sentence: str = "") -> Any:
+    """A word of an event, one of those that are known.
+
+    Args:
+        default: its value where none is given.
+        known: all values that it may have.
+        sentence: what it means; for kinds of other packages.
+    """
+    return field(default=default, metadata={"known": known, "sentence": sentence})
+
+
+def flag(default: bool, *, sentence: str = "") -> Any:
+    """A yes or no of an event; ``sentence`` as for the others."""
+    return field(default=default, metadata={"sentence": sentence})
 
 
 def named(kind: str) -> Any:
@@ -37,7 +62,12 @@ class EventSpec:
     Attributes:
         kind: its name.
         at_s: seconds after the first recorded step; a place is looked for from then on.
+        nearest_counts: distances are those to the nearest of who takes part, else to the first.
+        collector: class that makes it happen, as ``module:Class``; for kinds of other packages.
     """
+
+    nearest_counts: ClassVar[bool] = False
+    collector: ClassVar[str] = ""
 
     kind: str = named("")
     at_s: float = quantity(0.0, 0.0, LONGEST_S)
@@ -189,6 +219,46 @@ class WrongWayCyclist(EventSpec):
     kerb_m: float = quantity(0.1, 0.0, 1.5)
 
 
+@dataclass(frozen=True)
+class RedLightRunner(EventSpec):
+    """A car crosses the ego's junction against red, while the ego has green.
+
+    Attributes:
+        trigger_m: from the ego to the junction, when the car appears.
+        speed_m_s: how fast it drives.
+        before_s: so much earlier than the ego it comes to where their ways cross; negative: later.
+    """
+
+    kind: str = named("red_light_runner")
+    trigger_m: float = quantity(25.0, 10.0, 80.0)
+    speed_m_s: float = quantity(11.0, 4.0, 25.0)
+    before_s: float = quantity(1.0, -3.0, 5.0)
+
+
+@dataclass(frozen=True)
+class WorksZone(EventSpec):
+    """Cones, a barrier and a sign narrow or close the ego's lane.
+
+    Attributes:
+        distance_m: from the ego to the first cone, when they are placed.
+        trigger_m: the event begins when the ego is that near to the barrier.
+        length_m: of the part behind the barrier.
+        extent: they narrow the lane, or they close it.
+        width_m: how much of the lane they take from its right edge; of no use where they close it.
+        speed_m_s: how fast the ego passes them at most.
+    """
+
+    nearest_counts = True
+
+    kind: str = named("works_zone")
+    distance_m: float = quantity(35.0, 15.0, 150.0)
+    trigger_m: float = quantity(25.0, 10.0, 200.0)
+    length_m: float = quantity(10.0, 2.0, 60.0)
+    extent: str = word("narrow", EXTENTS)
+    width_m: float = quantity(0.8, 0.2, 1.2)
+    speed_m_s: float = quantity(6.0, 2.0, 15.0)
+
+
 EVENT_SPECS: Dict[str, Type[EventSpec]] = {
     cls().kind: cls
     for cls in (
@@ -199,9 +269,46 @@ EVENT_SPECS: Dict[str, Type[EventSpec]] = {
         OncomingOvertaker,
         EmergencyVehicle,
         WrongWayCyclist,
+        RedLightRunner,
+        WorksZone,
     )
 }
-"""The classes by kind."""
+"""The classes by kind: those of Car-STAGE, then those that other packages register."""
+
+_installed = InstalledModules(ENTRY_POINT_GROUP)
+
+
+def register_event(cls: Type[EventClass]) -> Type[EventClass]:
+    """Class decorator that adds a kind of event of another package.
+
+    It must be registered before ``carstage.config`` is imported: by an entry point of the group
+    ``carstage.events`` it always is. The class is a frozen dataclass with a docstring; its module
+    needs the standard library only, and Python 3.8, as the collector imports it.
+
+    Raises:
+        ValueError: the kind is taken, its name is none, or no ``collector`` is named.
+    """
+    kind = cls().kind
+    taken = EVENT_SPECS.get(kind)
+    if taken is not None and taken.__module__ != cls.__module__:
+        raise ValueError("event %r is registered already" % kind)
+    if not kind.isidentifier() or kind != kind.lower():
+        raise ValueError("event %r: use small letters, digits and '_'" % kind)
+    if ":" not in cls.collector:
+        raise ValueError("event %r: name its collector as module:Class" % kind)
+    EVENT_SPECS[kind] = cls
+    return cls
+
+
+def known_events() -> Dict[str, Type[EventSpec]]:
+    """The classes by kind, those of installed packages too."""
+    _installed.load()
+    return EVENT_SPECS
+
+
+def event_plugins(events: Optional[Iterable[EventSpec]]) -> List[str]:
+    """Modules that a collector imports so that it knows these events."""
+    return sorted({type(event).__module__ for event in events or () if event.collector})
 
 
 def read_events(section: Fields) -> Optional[Tuple[EventSpec, ...]]:
@@ -210,5 +317,6 @@ def read_events(section: Fields) -> Optional[Tuple[EventSpec, ...]]:
         return None
     found: List[EventSpec] = []
     for event in section.objects("events"):
-        found.append(EVENT_SPECS[event.text("kind", tuple(EVENT_SPECS))].read(event))
+        known = EVENT_SPECS if event.text("kind") in EVENT_SPECS else known_events()
+        found.append(known[event.text("kind", tuple(known))].read(event))
     return tuple(found) or None

@@ -50,6 +50,14 @@ def endpoint() -> Iterator[Endpoint]:
             "wrong_way_cyclist", 17, 8.0,
             {"trigger_m": (5.0, "m away"), "speed_m_s": (1.0, "rode at")},
         ),
+        (
+            "red_light_runner", 86, 9.0,
+            {"speed_m_s": (4.0, "drove at"), "trigger_m": (-40.0, "entered the junction")},
+        ),
+        (
+            "works_zone", 25, 16.0,
+            {"trigger_m": (60.0, "from the barrier"), "speed_m_s": (1.0, "the ego passed at")},
+        ),
     ],
 )  # fmt: skip
 def test_events_happen_as_asked_and_other_wishes_are_contradicted(

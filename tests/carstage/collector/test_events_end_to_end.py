@@ -119,8 +119,14 @@ OVERTAKER = {
     "slower_m_s": 8.0, "change_s": 1.0,
 }  # fmt: skip
 
+RED_LIGHT = {
+    "kind": "red_light_runner", "at_s": 0.0, "trigger_m": 25.0, "speed_m_s": 10.0, "before_s": 1.0,
+}  # fmt: skip
 
-@pytest.mark.parametrize("event", [CUT_IN, OVERTAKER], ids=lambda event: str(event["kind"]))
+
+@pytest.mark.parametrize(
+    "event", [CUT_IN, OVERTAKER, RED_LIGHT], ids=lambda event: str(event["kind"])
+)
 def test_a_map_without_a_place_for_an_event_is_refused_before_recording(
     make_plan: PlanMaker, event: dict[str, Any]
 ) -> None:

@@ -119,6 +119,26 @@ def test_a_silent_sensor_is_recorded_as_missing_with_the_reason() -> None:
     assert frames.misses == {"a": 0, "b": 1}
 
 
+def test_a_frame_that_is_held_stays_open_until_it_is_given_up_or_goes_on() -> None:
+    frames = matcher()
+    frames.hold(True)
+    for number in range(2):
+        frames.expect(tick(number), 0.0)
+    frames.offer("a", 100, "a0", 0.0)
+    assert frames.next_deadline_s() is None
+    frames.advance(3 * PATIENCE_S)
+    assert frames.take_joined() == []
+    frames.hold(False)
+    frames.advance(3 * PATIENCE_S)
+    assert [joined.data for joined in frames.take_joined()] == [{"a": "a0"}, {}]
+    frames.expect(tick(2), 0.0)
+    frames.offer("b", 102, "b2", 0.0)
+    frames.drop_open()
+    assert frames.take_dropped() == ["b2"]
+    frames.advance(9 * PATIENCE_S)
+    assert frames.take_joined() == []
+
+
 def test_data_after_the_deadline_are_recorded_as_late_and_not_kept() -> None:
     frames = matcher()
     frames.expect(tick(0), 0.0)

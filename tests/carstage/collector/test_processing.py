@@ -192,6 +192,24 @@ def test_a_missing_frame_is_recorded_and_the_others_are_kept(tmp_path: Path) -> 
     assert [record.tick for record in log.read_segment("GNSS", 0)] == [0, 1]
 
 
+@pytest.mark.parametrize("whole", [3, 4])
+def test_a_recording_whose_server_is_gone_ends_with_the_last_whole_frame(
+    tmp_path: Path, whole: int
+) -> None:
+    with recording(tmp_path, steps=9, strict=False) as running:
+        for number in range(whole + 1):
+            running.tick(number)
+            running.gnss(position(FIRST_FRAME + number))
+            if number < whole:
+                running.camera(picture(FIRST_FRAME + number))
+        running.pipeline.hold(True)
+        running.steps = running.pipeline.end_with_whole()
+        assert running.steps == whole
+        running.finish()
+        assert running.pipeline.incomplete_ticks == 0
+    assert len(list(EpisodeLog(tmp_path).ledger())) == whole
+
+
 def test_a_dead_sensor_ends_the_recording(tmp_path: Path) -> None:
     with recording(tmp_path, steps=20, patience_s=0.05) as running:
         for number in range(MAX_CONSECUTIVE_MISSES):

@@ -59,6 +59,21 @@ EVENTS = "scenario: {kind: autopilot, events: [%s]}"
             "at most 50",
         ),
         (
+            "{kind: works_zone, trigger_m: 60}",
+            "scenario.events[0].trigger_m: ",
+            "at most 35",
+        ),
+        (
+            "{kind: works_zone, extent: half}",
+            "scenario.events[0].extent: ",
+            "Known: close, narrow",
+        ),
+        (
+            "{kind: red_light_runner, before_s: -4}",
+            "scenario.events[0].before_s: ",
+            "at least -3",
+        ),
+        (
             "{kind: cut_in, gap_m: {range: [8, 80]}}",
             "scenario.events[0].gap_m.range[1]: ",
             "at most 60",

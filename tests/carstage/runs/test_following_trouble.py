@@ -73,11 +73,11 @@ def test_a_server_that_dies_leaves_what_it_showed_until_then(tmp_path: Path) -> 
     (episode,) = carstage.Dataset(out).episodes
     assert episode.spec.steps > 20
     assert episode.id in str(ended.value)
-    # Of its last frame it may have sent one sensor's data and not the other's.
-    problems = carstage.validate(out).problems
-    assert {(one.check, one.frame) for one in problems} <= {
-        ("ledger_state", episode.spec.steps - 1)
-    }
+    # A last frame of which it sent one sensor's data and not the other's is left out.
+    report = carstage.validate(out)
+    assert report.ok, report.problems
+    # Few pixels of a slow car may look the same twice, which is no more than a warning.
+    assert {one.check for one in report.problems} <= {"repeated"}
 
 
 def test_a_disk_that_fills_ends_the_recording_and_what_is_committed_stays(

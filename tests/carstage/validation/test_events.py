@@ -20,7 +20,7 @@ from carstage.validation.checks.events import check_events
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelTables
 
-EGO, CAR, STEPS = 5, 7, 30
+EGO, CAR, FAR_CAR, STEPS = 5, 7, 9, 30
 HALF = (2.2, 0.9, 0.7)
 EVENT = {
     "kind": "stopped_vehicle", "at_s": 0.0, "distance_m": 40.0, "trigger_m": 25.0, "stand_s": 2.0,
@@ -34,13 +34,13 @@ def actor(actor_id: int) -> ActorInfo:
     )  # fmt: skip
 
 
-def frame(tick: int, state: str) -> WorldFrame:
-    """The ego drives 1 m in a tick towards a car that stands 40 m ahead."""
-    rows = np.zeros((2, 3))
+def frame(tick: int, state: str, actors: tuple[int, ...] = (CAR,)) -> WorldFrame:
+    """The ego drives 1 m in a tick towards cars that stand 40 m and 90 m ahead."""
+    rows = np.zeros((3, 3))
     location, velocity = rows.copy(), rows.copy()
-    location[:, 0], velocity[0, 0] = (tick, 40.0), 10.0
-    meta = {"events": [{"state": state, "actors": [CAR], "reason": ""}]}
-    ids = np.array([EGO, CAR], np.uint32)
+    location[:, 0], velocity[0, 0] = (tick, 40.0, 90.0), 10.0
+    meta = {"events": [{"state": state, "actors": list(actors), "reason": ""}]}
+    ids = np.array([EGO, CAR, FAR_CAR], np.uint32)
     return WorldFrame(tick, tick, tick / 10, ids, location, rows, velocity, rows, rows, meta)
 
 
@@ -76,7 +76,11 @@ def problems(spec: EpisodeSpec, row: dict[str, Any]) -> list[str]:
                 "velocity": [speed, 0.0, 0.0],
             }
             for k in range(STEPS)
-            for track, x, speed in ((EGO, float(k), 10.0), (CAR, 40.0, 0.0))
+            for track, x, speed in (
+                (EGO, float(k), 10.0),
+                (CAR, 40.0, 0.0),
+                (FAR_CAR, 90.0, 0.0),
+            )
         ]
     )
     findings = Findings("x")
@@ -93,6 +97,24 @@ def test_the_table_says_what_the_record_shows(spec: EpisodeSpec, row: dict[str, 
     assert row["min_distance_tick"] == row["min_ttc_tick"] == 24
     assert row["collision"] is False
     assert problems(spec, row) == []
+
+
+def test_works_are_as_near_as_the_nearest_of_what_stands_there() -> None:
+    works = {
+        "kind": "works_zone", "at_s": 0.0, "distance_m": 40.0, "trigger_m": 25.0,
+        "length_m": 4.0, "extent": "close", "width_m": 0.5, "speed_m_s": 5.0,
+    }  # fmt: skip
+    scenario = {"kind": "autopilot", "events": [works]}
+    spec = EpisodeSpec.from_json({**analytic_scene.spec(steps=STEPS), "scenario": scenario})
+    frames = [frame(tick, "running", (FAR_CAR, CAR)) for tick in range(10)]
+    known = {one: actor(one) for one in (EGO, CAR, FAR_CAR)}
+    (row,) = event_rows(spec, frames, known, EGO)
+    assert row["actors"] == [FAR_CAR, CAR]
+    assert row["min_distance"] == pytest.approx(40.0 - 9.0 - 4.4)
+    row = {**row, "end_tick": 9, "end_s": 0.9}
+    assert problems(spec, row) == []
+    (found,) = problems(spec, {**row, "min_distance": 90.0 - 9.0 - 4.4})
+    assert "smallest distance" in found
 
 
 @pytest.mark.parametrize(

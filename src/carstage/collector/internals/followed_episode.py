@@ -201,9 +201,10 @@ class FollowedEpisode:
             map_crc32 = write_map_file(folder, town.to_opendrive())
             first: List[Tick] = []
             ticks = self._follow(pipeline, frames, observer, first, events, stop)
+            if ticks:
+                ticks = self._finish(pipeline, writers, ticks)
             if not ticks:
                 return Followed(0, 0, self._server_gone)
-            self._finish(pipeline, writers, ticks)
             header = self._header(versions, rig, segment_ticks, first[0], ticks, town)
             write_episode_file(folder, {**header, "map_crc32": map_crc32})
             return Followed(ticks, pipeline.incomplete_ticks, self._server_gone)
@@ -329,8 +330,10 @@ class FollowedEpisode:
                     return
                 if now_s - silent_since_s > LOOK_S:
                     silent_since_s = now_s
+                    pipeline.hold(True)  # a server that is gone sent a part of its last frame
                     if not self._is_there():
                         return
+                    pipeline.hold(False)
                 continue
             silent_since_s = now_s
             if seen.states is None:
@@ -356,13 +359,22 @@ class FollowedEpisode:
     def _level(self) -> Sequence[Mapping[str, Any]]:
         return level_objects(self._world, self._spec.labels.level_objects)
 
-    def _finish(self, pipeline: Pipeline, writers: LogWriters, ticks: int) -> None:
-        """Wait until every tick is booked and every segment sealed."""
-        pipeline.end(ticks)
+    def _finish(self, pipeline: Pipeline, writers: LogWriters, ticks: int) -> int:
+        """Wait until every tick is booked and every segment sealed; return how many ticks.
+
+        A server that is gone may have sent a part of its last frames: those are left out.
+        """
+        if self._server_gone:
+            ticks = pipeline.end_with_whole()
+        else:
+            pipeline.end(ticks)
+        if not ticks:
+            return 0
         while not pipeline.wait_booked(ticks, POLL_S):
             pass
         while not writers.wait_sealed(ticks - 1, POLL_S):
             pipeline.check()
+        return ticks
 
     def _header(
         self,

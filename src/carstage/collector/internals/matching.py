@@ -104,6 +104,7 @@ class FrameMatcher:
         self._own_timelines = own_timelines
         self._gather = gather
         self._whole_from: Dict[str, int] = {}
+        self._holds = False
         self._after_frame: Optional[int] = None
         self._early: Dict[int, Dict[str, Any]] = {}
         self._waiting: Deque[_PendingFrame] = deque()
@@ -169,6 +170,16 @@ class FrameMatcher:
         if self._early.setdefault(frame, {}).setdefault(sensor, data) is not data:
             self._dropped.append(data)
 
+    def hold(self, holds: bool) -> None:
+        """Keep frames open however long they lack data, or again no longer than patience lasts."""
+        self._holds = holds
+
+    def drop_open(self) -> None:
+        """Give up the frames that are open: the first of them is not whole."""
+        for pending in self._waiting:
+            self._dropped.extend(pending.data.values())
+        self._waiting.clear()
+
     def forget_early(self) -> None:
         """Give up what came for frames that no tick was announced for so far."""
         for data in self._early.values():
@@ -190,7 +201,7 @@ class FrameMatcher:
     def next_deadline_s(self) -> Optional[float]:
         """When :meth:`advance` has something to do even if nothing is offered; else ``None``."""
         deadlines = []
-        if self._waiting:
+        if self._waiting and not self._holds:
             deadlines.append(self._waiting[0].since_s + self._patience_s)
         if self._closed:
             deadlines.append(self._closed[0].since_s + 2 * self._patience_s)
@@ -241,7 +252,9 @@ class FrameMatcher:
         lacking = pending.lacking(self._sensors)
         if not pending.expected.seen:
             return True
-        if not lacking or now_s >= pending.since_s + self._patience_s:
+        if not lacking:
+            return True
+        if not self._holds and now_s >= pending.since_s + self._patience_s:
             return True
         frame = pending.expected.frame
         return self._skip and all(self.newest[sensor] > frame for sensor in lacking)

@@ -28,6 +28,18 @@ def personality(traffic: TrafficSpec, rng: random.Random) -> Dict[str, float]:
     return dict(LAW_ABIDING, **drawn)
 
 
+def personalities(spec: EpisodeSpec, vehicles: List[Any], ego: Any) -> List[Dict[str, float]]:
+    """The values of each vehicle by name; the ego's are those of a law-abiding one unless asked."""
+    rng = random.Random(spec.seeds.driving)
+    found = []
+    for vehicle in vehicles:
+        values = personality(spec.traffic, rng)
+        if vehicle.id == ego.id and not spec.traffic.include_ego:
+            values = dict(LAW_ABIDING)
+        found.append(values)
+    return found
+
+
 class TrafficDriver:
     """Drives vehicles by a Traffic Manager in this process.
 
@@ -43,7 +55,6 @@ class TrafficDriver:
         self._session = session
         self._spec = spec
         self._port = port
-        self._rng = random.Random(spec.seeds.driving)
 
     def prepare(self) -> None:
         """Start a seeded Traffic Manager that steps with the world.
@@ -69,11 +80,8 @@ class TrafficDriver:
         """Take over vehicles, the ego among them or not."""
         manager = self.manager()
         lights = self._spec.weather.lights
-        for vehicle in vehicles:
+        for vehicle, values in zip(vehicles, personalities(self._spec, vehicles, ego)):
             vehicle.set_autopilot(True, self._port)
-            values = personality(self._spec.traffic, self._rng)
-            if vehicle.id == ego.id and not self._spec.traffic.include_ego:
-                values = dict(LAW_ABIDING)
             self._apply(manager, vehicle, values)
             manager.update_vehicle_lights(vehicle, lights == "auto")
             if lights == "on":

@@ -19,6 +19,7 @@ from carstage.geometry.ground_rectangles import (
     overlap,
     time_to_collision_s,
 )
+from carstage.spec import EventSpec
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelTables
 from carstage.validation.checks.recomputing import entries, numbers, rows_at
@@ -66,8 +67,14 @@ def check_events(
             last = episode.spec.steps - 1 if row["end_tick"] is None else row["end_tick"]
             frames = [saved[tick] for tick in range(row["begin_tick"], last + 1) if tick in saved]
             every_tick = len(frames) == last + 1 - row["begin_tick"]
-            for problem in _outcome(row, frames, every_tick, tables):
+            for problem in _outcome(row, _counted(row, planned), frames, every_tick, tables):
                 findings.add("events", f"event {row['event']}: {problem}")
+
+
+def _counted(row: Mapping[str, Any], planned: Sequence[EventSpec]) -> list[int]:
+    """Actors of a row of which the nearest tells how near the ego came."""
+    actors: list[int] = row["actors"]
+    return actors if planned[row["event"]].nearest_counts else actors[:1]
 
 
 def _times(row: Mapping[str, Any], episode: Episode) -> list[str]:
@@ -89,20 +96,28 @@ def _times(row: Mapping[str, Any], episode: Episode) -> list[str]:
 
 
 def _outcome(
-    row: Mapping[str, Any], frames: Sequence[int], every_tick: bool, tables: LabelTables
+    row: Mapping[str, Any],
+    actors: Sequence[int],
+    frames: Sequence[int],
+    every_tick: bool,
+    tables: LabelTables,
 ) -> list[str]:
     """What is wrong with how near they came, by the boxes of the saved frames."""
     objects = tables.objects.filter(pc.is_valid(tables.objects["box_center"]))
-    if not row["actors"]:
+    if not actors:
         return ["nobody took part"]
     ego = _boxes(objects.filter(objects["is_ego"]), frames)
-    actor = _boxes(objects.filter(pc.equal(objects["track_id"], row["actors"][0])), frames)
-    shared = sorted(ego.keys() & actor.keys())
-    if not shared:
-        return []  # labels of other road users, or of that box, were not asked for
-    one, other = (_stacked([boxes[k] for k in shared]) for boxes in (ego, actor))
-    least_m = float(distance_m(one, other).min())
-    complete = every_tick and len(shared) == len(frames)
+    least_m, soonest_s, touched, complete = np.inf, np.inf, False, every_tick
+    for actor_id in actors:
+        actor = _boxes(objects.filter(pc.equal(objects["track_id"], pa.scalar(actor_id))), frames)
+        shared = sorted(ego.keys() & actor.keys())
+        if not shared:
+            return []  # labels of other road users, or of that box, were not asked for
+        one, other = (_stacked([boxes[k] for k in shared]) for boxes in (ego, actor))
+        least_m = min(least_m, float(distance_m(one, other).min()))
+        soonest_s = min(soonest_s, float(time_to_collision_s(one, other).min()))
+        touched = touched or bool(overlap(one, other).any())
+        complete = complete and len(shared) == len(frames)
     wrong = []
     if row["min_distance"] is None:
         return [f"no smallest distance; by the labels it is {least_m:.3f} m"]
@@ -110,11 +125,9 @@ def _outcome(
         complete and row["min_distance"] < least_m - _DISTANCE_M
     ):
         wrong.append(f"smallest distance {row['min_distance']:.3f} m; by labels {least_m:.3f} m")
-    touched = bool(overlap(one, other).any())
     clear = abs(least_m) > _DISTANCE_M or touched
     if clear and ((touched and not row["collision"]) or (complete and row["collision"] != touched)):
         wrong.append(f"collision is {row['collision']}; by the boxes of the labels {touched}")
-    soonest_s = float(time_to_collision_s(one, other).min())
     recorded_s = np.inf if row["min_ttc"] is None else row["min_ttc"]
     allowed_s = _TTC_S + _TTC_SHARE * min(soonest_s, 1e6)
     if recorded_s > soonest_s + allowed_s or (complete and recorded_s < soonest_s - allowed_s):

@@ -1,7 +1,8 @@
 """Events on the ego's way: one module per kind; importing this fills the registry.
 
 ``runner`` steps them, ``base`` holds the seam, ``surroundings`` what they see and spawn, ``lanes``
-what is beside a place, ``cars`` how their cars move.
+what is beside a place, ``cars`` how their cars move, ``signals`` what lights show meanwhile,
+``works_traffic`` how traffic gets past works.
 """
 
 from carstage.collector.scenario.events import (
@@ -11,7 +12,9 @@ from carstage.collector.scenario.events import (
     emergency,
     leader,
     overtaker,
+    red_light,
     stopped,
+    works,
 )
 from carstage.collector.scenario.events.runner import EventRunner, check_map
 
@@ -24,5 +27,7 @@ __all__ = [
     "emergency",
     "leader",
     "overtaker",
+    "red_light",
     "stopped",
+    "works",
 ]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any, Callable, Dict, List, Optional, Type, TypeVar
 
+from carstage.collector.internals.errors import SceneError
 from carstage.collector.scenario.events.surroundings import Surroundings
+from carstage.sensor_kinds import load_object
 from carstage.spec import EventSpec
 
 WAITING, PLACED, RUNNING, ENDED = "waiting", "placed", "running", "ended"
@@ -74,6 +77,9 @@ class Event:
     def after(self) -> None:
         """A step after its end, while who took part is near; by default nothing."""
 
+    def removed(self) -> None:
+        """Give back what holds for others, once who took part is gone; by default nothing."""
+
     def begin(self) -> None:
         """For :meth:`wait`: from this step on it happens."""
         self._enter(RUNNING)
@@ -106,8 +112,7 @@ class Event:
                 self.release()
         elif self.actors and not self.adopted:
             if self.world.is_far(self.actors, GONE_M):
-                self.world.remove(self.actors)
-                self.actors = []
+                self._leave()
             else:
                 self.after()
 
@@ -131,6 +136,7 @@ class Event:
         else:
             self.world.remove(self.actors)
         self.actors, self.adopted = [], False
+        self.removed()
 
     def _enter(self, state: str) -> None:
         self.state = state
@@ -153,6 +159,25 @@ def event(kind: str) -> Callable[[EventClass], EventClass]:
     return add
 
 
+def event_class(spec: EventSpec) -> Type[Event]:
+    """The class that makes an event happen; one of another package is named by its specification.
+
+    Raises:
+        SceneError: another package has none.
+    """
+    if not spec.collector:
+        return EVENTS[spec.kind]
+    try:
+        cls: Type[Event] = load_object(spec.collector)
+    except ImportError as error:
+        raise SceneError(
+            "scenario.events: %s of event %s cannot be imported: %s."
+            % (spec.collector, spec.kind, error),
+            "Install its package for the collector's Python, %s." % sys.executable,
+        ) from error
+    return cls
+
+
 def make_event(spec: EventSpec, world: Surroundings) -> Event:
     """The event that is asked for."""
-    return EVENTS[spec.kind](spec, world)
+    return event_class(spec)(spec, world)

@@ -7,7 +7,7 @@ from typing import Any, Dict, List, Optional
 
 from carstage.collector.internals.errors import SceneError
 from carstage.collector.scenario.base import Population
-from carstage.collector.scenario.events.base import EVENTS, Event, make_event
+from carstage.collector.scenario.events.base import Event, event_class, make_event
 from carstage.collector.scenario.events.surroundings import Surroundings
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec
@@ -24,7 +24,7 @@ def check_map(spec: EpisodeSpec, world_map: Any) -> None:
         SceneError: names the event and what the map lacks.
     """
     for index, planned in enumerate(spec.scenario.events or ()):
-        lacking = EVENTS[planned.kind].lacking(world_map)
+        lacking = event_class(planned).lacking(world_map)
         if lacking is not None:
             raise SceneError(
                 "scenario.events[%d]: map %s has no place for %s: %s."

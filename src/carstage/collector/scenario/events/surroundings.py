@@ -11,6 +11,8 @@ import carla
 from carstage.collector.actors import dress
 from carstage.collector.internals.lamps import planned_lights
 from carstage.collector.scenario.base import Population
+from carstage.collector.scenario.events.signals import HeldSignals
+from carstage.collector.scenario.traffic import personalities
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec
 
@@ -21,6 +23,7 @@ LANE_HALF_M = 1.9
 DROPS_M = (0.2, 0.6)
 """Heights above the road to try: a spawn that touches it fails."""
 ROLE = "event"
+KMH_PER_M_S = 3.6
 
 
 class Stretch(NamedTuple):
@@ -35,6 +38,12 @@ class Stretch(NamedTuple):
     def length_m(self) -> float:
         """Its length."""
         return (len(self.places) - 1) * SPACING_M
+
+    @property
+    def ends_at_junction(self) -> bool:
+        """Whether a junction comes right after it."""
+        following = self.places[-1].next(SPACING_M) if self.places else []
+        return any(place.is_junction for place in following)
 
     def at(self, distance_m: float) -> Any:
         """The waypoint at a distance along it."""
@@ -67,6 +76,12 @@ class Surroundings:
         self._port = traffic_manager_port
         self._vehicles = list(population.vehicles)
         self._lights: Dict[int, int] = {}
+        driven = [population.ego, *population.vehicles]
+        values = personalities(spec, driven, population.ego)
+        self._slower = {
+            vehicle.id: each.get("speed_difference_percent", 0.0)
+            for vehicle, each in zip(driven, values)
+        }
         self.ego = population.ego
         self.rng = rng
         self.step_s = spec.step_s
@@ -255,6 +270,28 @@ class Surroundings:
         manager = self._session.client.get_trafficmanager(self._port)
         manager.auto_lane_change(self.ego, not keeps and self._spec.traffic.lane_changes)
 
+    @property
+    def can_shift_vehicles(self) -> bool:
+        """Whether the client's Traffic Manager drives beside a lane's middle: from 0.9.14 on."""
+        return hasattr(carla.TrafficManager, "vehicle_lane_offset")
+
+    def others(self) -> List[Any]:
+        """Vehicles that the Traffic Manager drives from the begin on, the ego left out."""
+        return [one for one in self._vehicles if one.id in self._slower]
+
+    def shift(self, vehicle: Any, right_m: float) -> None:
+        """Have a vehicle drive so far to the right of the middle of its lane."""
+        manager = self._session.client.get_trafficmanager(self._port)
+        manager.vehicle_lane_offset(vehicle, right_m)
+
+    def limit_speed(self, vehicle: Any, speed_m_s: Optional[float]) -> None:
+        """Have a vehicle drive at a speed; None: as it is planned to."""
+        manager = self._session.client.get_trafficmanager(self._port)
+        if speed_m_s is None:
+            manager.vehicle_percentage_speed_difference(vehicle, self._slower.get(vehicle.id, 0.0))
+        else:
+            manager.set_desired_speed(vehicle, KMH_PER_M_S * speed_m_s)
+
     def hand_over(self, actor: Any, velocity: Any) -> None:
         """Let the Traffic Manager drive a vehicle on from here."""
         self.commands += [
@@ -265,6 +302,17 @@ class Surroundings:
         actor.set_autopilot(True, self._port)
         manager = self._session.client.get_trafficmanager(self._port)
         manager.update_vehicle_lights(actor, self._spec.weather.lights == "auto")
+
+    def signals_after(self, place: Any, distance_m: float) -> List[Any]:
+        """Traffic lights that hold for a lane within a distance after a waypoint, by id."""
+        lights = self._session.world.get_traffic_lights_from_waypoint(place, distance_m)
+        return sorted(lights, key=lambda light: int(light.id))
+
+    def hold_signals(self, green: List[Any], group: List[Any]) -> HeldSignals:
+        """Have lights of a junction show green, and its others red, until they are released."""
+        signals = HeldSignals(green, group)
+        self._session.on_exit("traffic lights", signals.release)
+        return signals
 
     def send(self) -> None:
         """Give the server what is to hold in its next step."""

@@ -1,0 +1,46 @@
+"""Modules of other packages that register what is theirs: found by entry points, or named."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from importlib import import_module
+from typing import Iterable
+
+
+class InstalledModules:
+    """The modules that installed packages name in a group of entry points.
+
+    Under a Python that is older than 3.10 nothing is looked up: only collectors run there, and
+    their plan names the modules.
+
+    Args:
+        group: of the entry points.
+    """
+
+    def __init__(self, group: str) -> None:
+        self._group = group
+        self._scanned = False
+        self._scanning = threading.RLock()
+
+    def load(self) -> None:
+        """Import them; the first call only. Other threads wait until they are there."""
+        if sys.version_info < (3, 10):
+            return
+        with self._scanning:  # reentrant: a module may ask while it is imported
+            if self._scanned:
+                return
+            self._scanned = True
+            from importlib.metadata import entry_points
+
+            import_plugins(entry.module for entry in entry_points(group=self._group))
+
+
+def import_plugins(modules: Iterable[str]) -> None:
+    """Import modules that register something.
+
+    Raises:
+        ImportError: one cannot be imported.
+    """
+    for module in modules:
+        import_module(module)

@@ -95,8 +95,7 @@ class LevelSurface:
         if self._tree is None:
             rings = np.concatenate([self._xyz, self._xyz[:, :1]], axis=1)[..., :2]
             self._tree = shapely.STRtree(np.asarray(shapely.polygons(rings)))
-        found: NDArray[np.intp] = self._tree.nearest(shapely.points(points))
-        return found
+        return np.asarray(self._tree.nearest(shapely.points(points)), np.intp)
 
 
 def _corner_heights(

@@ -27,7 +27,7 @@ SIDEWALKS = CityObjectLabel.SIDEWALKS
 @pytest.fixture(scope="module")
 def ground(stage01: Town) -> TriangleMesh:
     mesh = stage01.static_mesh
-    rows = mesh.object_id == 0
+    rows = (mesh.object_id == 0) & (mesh.tag != CityObjectLabel.VEGETATION)  # tufts and hills
     return TriangleMesh(
         mesh.vertices,
         mesh.triangles[rows],

@@ -249,8 +249,8 @@ class _Outlines:
 
 def _cuts(mesh: TriangleMesh, ground: Ground) -> _Outlines:
     """Where the planes above the ground cut the hard triangles, piece by piece."""
-    hard = ~np.isin(mesh.tag, _SOFT_LABELS) & ~np.isin(mesh.material, _SOFT_MATERIALS)
-    hard = np.flatnonzero(hard)
+    is_hard = ~np.isin(mesh.tag, _SOFT_LABELS) & ~np.isin(mesh.material, _SOFT_MATERIALS)
+    hard = np.flatnonzero(is_hard)
     corners = mesh.vertices[mesh.triangles[hard]].astype(np.float64)
     foot = corners.mean(axis=1)
     level = ground.height_below(foot)

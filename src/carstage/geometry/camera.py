@@ -17,6 +17,7 @@ from carstage.errors import BadInputError
 from carstage.geometry.coordinates import (
     OPTICAL_FROM_SENSOR,
     FloatArray,
+    arctan2,
     invert_pose,
     multiply,
     wrap_angle,
@@ -123,7 +124,7 @@ def rotation_y(optical_from_box: ArrayLike) -> FloatArray:
         optical_from_box: ``(..., 3, 3)`` box axes in the optical frame, ``P R_S^T R_B``.
     """
     forward = np.asarray(optical_from_box, dtype=np.float64)[..., :, 0]
-    return wrap_angle(np.arctan2(-forward[..., 2], forward[..., 0]))
+    return wrap_angle(arctan2(-forward[..., 2], forward[..., 0]))
 
 
 def observation_angle(rotation_y_rad: ArrayLike, center_optical: ArrayLike) -> FloatArray:
@@ -134,7 +135,7 @@ def observation_angle(rotation_y_rad: ArrayLike, center_optical: ArrayLike) -> F
         center_optical: ``(..., 3)`` box centre in optical axes.
     """
     center = np.asarray(center_optical, dtype=np.float64)
-    bearing = np.arctan2(center[..., 0], center[..., 2])
+    bearing = arctan2(center[..., 0], center[..., 2])
     return wrap_angle(np.asarray(rotation_y_rad, dtype=np.float64) - bearing)
 
 

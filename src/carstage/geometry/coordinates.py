@@ -6,6 +6,7 @@ above, pitch nose up, roll right side down. Poses are named ``parent_from_local`
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -30,12 +31,23 @@ NUSCENES_LIDAR_FROM_SENSOR: Final = _constant([[0, 1, 0], [1, 0, 0], [0, 0, 1]])
 """``N``: nuScenes LiDAR axes (x right, y forward, z up) from CARLA sensor axes."""
 
 
+_ARCTAN2 = np.vectorize(math.atan2, otypes=[np.float64])
+
+
 def wrap_angle(angle_rad: ArrayLike) -> FloatArray:
     """Angles wrapped to [-pi, pi), radians."""
     angle = np.asarray(angle_rad, dtype=np.float64)
     wrapped = np.mod(angle + np.pi, 2.0 * np.pi) - np.pi
     # The modulo of a tiny negative number rounds up to 2 pi: keep the interval half open.
     return np.asarray(np.where(wrapped >= np.pi, -np.pi, wrapped), dtype=np.float64)
+
+
+def arctan2(y: ArrayLike, x: ArrayLike) -> FloatArray:
+    """Angles of ``(x, y)``, radians, with the same bits on every processor.
+
+    numpy's own differ in the last bit between processors with and without AVX-512.
+    """
+    return np.asarray(_ARCTAN2(y, x), dtype=np.float64)
 
 
 def rotation_matrix(rotation_deg: ArrayLike) -> FloatArray:

@@ -58,19 +58,21 @@ def test_interrupted_run_continues_with_the_same_command(
     small: str, home: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "dataset"
-    arguments = ["run", small, "--out", str(out), "--set", "episodes=2", "--json"]
+    arguments = ["run", small, "--out", str(out), "--set", "episodes=3", "--json"]
     with command(arguments, home) as running:
         wait_for_event(out, "episode_committed")
         running.press_ctrl_c()
         ended = running.end()
     assert ended.code == 130, ended.stderr
-    assert "1 of 2 episodes are in the dataset" in ended.stderr
     first = hashes(out)
-    assert len(first) == 1
+    done = len(first)  # on a slow machine the second was recorded before the first was committed
+    assert done in (1, 2)
+    assert f"{done} of 3 episodes are in the dataset" in ended.stderr
     ended = carstage(arguments, home)
     assert ended.code == 0, ended.stderr
     result = json.loads(ended.stdout.splitlines()[-1])
-    assert result["episodes"] == {"total": 2, "committed": 1, "skipped": 1, "failed": 0}
+    expected = {"total": 3, "committed": 3 - done, "skipped": done, "failed": 0}
+    assert result["episodes"] == expected
     assert first.items() <= hashes(out).items()
 
 

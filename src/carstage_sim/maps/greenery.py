@@ -107,9 +107,8 @@ def plant_gardens(
         turned: share of the trees whose leaves have turned.
         rng: draws what and where.
     """
-    paved = shapely.union_all([ground.road, ground.sidewalk, ground.median, *kept_free])
-    houses = [lot.footprint.buffer(3.5) for lot in lots]
-    taken = shapely.union_all([paved.buffer(4.0), *ground.parks, *houses])
+    paved = _paved(ground, kept_free)
+    taken = _taken(paved, ground, lots, from_paved_m=4.0, from_houses_m=3.5)
     area = ground.road.convex_hull.buffer(_GARDEN_REACH_M)
     count = min(max(_GARDEN_TREES, round(area.area / _M2_PER_TREE)), _MOST_TREES)
     _plant_trees(placement, _scattered(area, taken, count, rng), turned, rng)
@@ -173,9 +172,10 @@ def plant_woods(
 
     Nobody comes near them: their trees have few triangles.
     """
-    paved = shapely.union_all([ground.road, ground.sidewalk, ground.median, *kept_free])
-    houses = [lot.footprint.buffer(_FROM_HOUSES_M) for lot in lots]
-    taken = shapely.union_all([paved.buffer(_FROM_ROADS_M), *ground.parks, *houses])
+    taken = _taken(
+        _paved(ground, kept_free), ground, lots,
+        from_paved_m=_FROM_ROADS_M, from_houses_m=_FROM_HOUSES_M,
+    )  # fmt: skip
     shapely.prepare(taken)
     area = ground.terrain.buffer(-_WOOD_RADIUS_M)
     count = min(max(_WOODS[0], round((area.area - taken.area) / _M2_PER_WOOD)), _WOODS[1])
@@ -218,6 +218,24 @@ def grass_tufts(
     if not len(places):
         return []
     return [tuft_mesh(np.column_stack([places, surface.height(places)]), rng)]
+
+
+def _paved(ground: Surfaces, kept_free: Sequence[BaseGeometry]) -> BaseGeometry:
+    """Roads, sidewalks and medians, and what else has no room for green."""
+    return shapely.union_all([ground.road, ground.sidewalk, ground.median, *kept_free])
+
+
+def _taken(
+    paved: BaseGeometry,
+    ground: Surfaces,
+    lots: list[Lot],
+    *,
+    from_paved_m: float,
+    from_houses_m: float,
+) -> BaseGeometry:
+    """Where nothing is planted: parks, and what is near to paved ground and houses."""
+    houses = [lot.footprint.buffer(from_houses_m) for lot in lots]
+    return shapely.union_all([paved.buffer(from_paved_m), *ground.parks, *houses])
 
 
 def _plant_trees(

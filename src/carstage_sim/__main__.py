@@ -76,7 +76,13 @@ def _bake(arguments: Sequence[str]) -> int:
     logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     try:
         maps = MapCatalogue(task.maps, task.aliases)
-        whole = prebake(maps, task.names, lambda line: print(line, flush=True))
+        with PicturesCompiled() as compiled:
+            whole = prebake(
+                maps,
+                task.names,
+                lambda line: print(line, flush=True),
+                await_pictures=compiled.wait,
+            )
     except (MapFileError, UnknownTownError) as error:
         print(f"carstage_sim: {error}", file=sys.stderr)
         return _BAD_INPUT

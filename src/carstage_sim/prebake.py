@@ -21,6 +21,7 @@ def prebake(
     names: Sequence[str],
     report: Callable[[str], None],
     clock: Callable[[], float] = time.monotonic,
+    await_pictures: Callable[[], None] = lambda: None,
 ) -> bool:
     """Bake maps, and what every map needs.
 
@@ -29,6 +30,7 @@ def prebake(
         names: which to bake; none means all that are offered.
         report: called with each line of progress.
         clock: seconds, for the forecast of the remaining time.
+        await_pictures: called before the first picture, to wait for who compiles what draws it.
 
     Returns:
         Whether all succeeded; one that fails is reported and the others go on.
@@ -69,19 +71,25 @@ def prebake(
             )
         if not warm:
             report("machine code and the shapes of vehicles and walkers, once for all maps")
-        _finish(town, with_shapes=not warm)
+        _finish(town, None if warm else await_pictures)
         warm = True
     return whole
 
 
-def _finish(town: Town, *, with_shapes: bool) -> None:
-    """Store what a server of this town computes apart from the town itself."""
+def _finish(town: Town, await_pictures: Callable[[], None] | None) -> None:
+    """Store what a server of this town computes apart from the town itself.
+
+    Args:
+        town: of the server.
+        await_pictures: as for ``prebake``; None: what all towns have in common is there.
+    """
     with WorldSensors(town) as sensors:
-        if with_shapes:
-            sensors.warm_up()
+        if await_pictures is not None:
             warm_up_mechanics(World(town, 1))
             for type_id in catalogue():
                 sensors.expect(type_id)
+            await_pictures()
+            sensors.warm_up()
 
 
 class _Pace:

@@ -111,6 +111,7 @@ class ServerProcess:
         """End its whole group: SIGTERM, then SIGKILL for what is left."""
         if not self._ended.is_set():
             self._signal(signal.SIGTERM)
+            self._signal(signal.SIGCONT)  # one that is held still would not hear of it
         if not self.wait_end(STOP_S):
             self._signal(signal.SIGKILL)
             self.wait_end(KILL_S)

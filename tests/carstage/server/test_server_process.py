@@ -76,6 +76,18 @@ def test_a_process_that_is_held_still_can_be_ended_at_once(tmp_path: Path) -> No
     process.stop()
 
 
+def test_a_process_that_is_held_still_hears_that_it_is_to_end(tmp_path: Path) -> None:
+    process = ServerProcess(
+        [sys.executable, "-c", "import time; print('ready', flush=True); time.sleep(600)"],
+        log_path=tmp_path / "log",
+        marker="ready",
+    )
+    assert process.wait_line(WAIT_S) == "ready"
+    os.kill(process.pid, signal.SIGSTOP)
+    process.stop()
+    assert process.exit_code == -signal.SIGTERM
+
+
 def test_a_full_disk_does_not_stop_who_writes_the_log() -> None:
     code = "print('x' * 200_000, flush=True); print('ready now', flush=True)"
     process = ServerProcess(

@@ -10,7 +10,13 @@ import pytest
 from carstage.errors import BadInputError, ServerError
 from carstage.releases import Release
 from carstage.server import interpreters
-from carstage.server.interpreters import client_folder, create_client, find_client, imports_wheel
+from carstage.server.interpreters import (
+    client_folder,
+    clients_here,
+    create_client,
+    find_client,
+    imports_wheel,
+)
 
 OLD = Release(0, 9, 13)
 
@@ -77,6 +83,20 @@ def test_python_of_uv_is_found(machine: Path) -> None:
     python = interpreter(machine / "uv/python", "3.8", "0.9.13")
     uv(machine, f"echo {python}")
     assert find_client("0.9.13").path == python
+
+
+def test_all_with_a_wheel_are_listed_once_and_uv_is_asked_once_for_each_version(
+    machine: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(interpreters, "_found_by_uv", lambda version: asked.append(version))
+    made = interpreter(client_folder(OLD) / "bin" / "python", "3.8", "0.9.13")
+    old = interpreter(machine / "bin" / "python3.8", "3.8", "0.9.14")
+    new = interpreter(machine / "pyenv/versions/3.12.1/bin/python", "3.12", "0.9.16")
+    interpreter(machine / "pyenv/versions/3.10.1/bin/python", "3.10", None)
+    found = [(python.path, python.client) for python in clients_here()]
+    assert found == [(made, "0.9.13"), (old, "0.9.14"), (new, "0.9.16")]
+    assert sorted(asked) == ["3.10", "3.11", "3.12", "3.8"]
 
 
 def test_python_whose_wheel_cannot_be_imported_is_passed_over(machine: Path) -> None:

@@ -174,8 +174,8 @@ def _check_interpreter(wanted: str) -> None:
     """
     from carstage.server.interpreters import AUTO, clients_here
 
-    if wanted == AUTO:
-        return
+    if wanted in (AUTO, sys.executable):
+        return  # without a look for others, which takes seconds
     known = sorted({sys.executable, *(str(python.path) for python in clients_here())})
     if wanted not in known:
         message = f"{wanted!r} is none of the interpreters with a client wheel here."

@@ -30,6 +30,7 @@ _CONFIG = {
     "pedestrians": {"count": 100},
     "image_size": [640, 360],
     "conversion": {"workers": 1},
+    "server": {"kind": "embedded", "self_test": "off"},
     "rig": {
         "sensors": [
             {"id": kind.upper(), "kind": kind, "pose": {"x": 1.5, "z": 1.6}}

@@ -28,6 +28,7 @@ TINY = {
     "pedestrians": {"count": 0},
     "image_size": [96, 54],
     "conversion": {"workers": 1},
+    "server": {"kind": "embedded", "self_test": "off"},
 }
 _PROGRAM = f"""
 import carstage

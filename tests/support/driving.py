@@ -28,8 +28,13 @@ vehicles: {count: 6}
 pedestrians: {count: 3}
 conversion: {workers: 1}
 image_size: [96, 54]
+server: {self_test: "off"}
 rig: {preset: demo}
 """
+"""Without the self-test, which takes as long as the rest of such a run; see ``TESTED``."""
+
+TESTED = ["--set", "server.self_test=auto"]
+"""For the runs that are to be as users have them."""
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,7 @@ class EventTests:
             "pedestrians": {"count": 0},
             "rig": {"sensors": [{"id": "GNSS", "kind": "gnss"}]},
             "labels": {"cameras": []},
+            "server": {"kind": "embedded", "self_test": "off"},
             **self.configuration,
             "scenario": {"kind": "autopilot", "events": [event, {**event, "at_s": NEVER_S}]},
         }

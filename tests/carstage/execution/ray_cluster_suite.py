@@ -70,9 +70,7 @@ def test_no_cluster_is_refused() -> None:
 
 def test_episodes_of_a_lost_node_are_recorded_by_another(cluster: Cluster, tmp_path: Path) -> None:
     config = tmp_path / "three.yaml"
-    config.write_text(
-        SMALL.replace("duration_s: 2", "duration_s: 1\nepisodes: 3\nserver: {self_test: off}")
-    )
+    config.write_text(SMALL.replace("duration_s: 2", "duration_s: 1\nepisodes: 3"))
     third = cluster.add_node(num_cpus=1, resources={"simulator": 1})
     lost: list[Any] = []
     on_third = str(third.node_id)

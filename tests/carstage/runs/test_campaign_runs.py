@@ -25,6 +25,7 @@ vehicles: {count: {range: [3, 6]}}
 pedestrians: {count: 3}
 weather: {choice: [ClearNight, ClearNoon]}
 conversion: {workers: 1}
+server: {self_test: "off"}
 campaign:
   method: stratified
   strata: [weather.choice]

@@ -15,6 +15,7 @@ import pytest
 
 from carstage.server import EmbeddedServer
 from driving import (
+    TESTED,
     attempts,
     carstage,
     children_that_live,
@@ -33,7 +34,7 @@ pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("runs")]
 def undisturbed(tmp_path_factory: pytest.TempPathFactory, small: str, home: Path) -> Path:
     """A dataset recorded without any trouble."""
     out = tmp_path_factory.mktemp("undisturbed") / "dataset"
-    ended = carstage(["run", small, "--out", str(out), "--json"], home)
+    ended = carstage(["run", small, "--out", str(out), "--json", *TESTED], home)
     assert ended.code == 0, ended.stderr
     result = json.loads(ended.stdout.splitlines()[-1])
     assert result["state"] == "done"
@@ -58,6 +59,7 @@ def test_events_tell_the_run_in_order(undisturbed: Path) -> None:
     names = [event["event"] for event in events(undisturbed)]
     told = [
         "run_started",
+        "server_tested",
         "server_started",
         "attempt_reserved",
         "collector_started",

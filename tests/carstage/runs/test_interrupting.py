@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from driving import (
+    TESTED,
     Command,
     attempts,
     carstage,
@@ -40,7 +41,7 @@ def test_ctrl_c_gives_everything_back(
     moment: Callable[[Path], object], small: str, home: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "dataset"
-    with command(["run", small, "--out", str(out)], home) as running:
+    with command(["run", small, "--out", str(out), *TESTED], home) as running:
         moment(out)
         running.press_ctrl_c()
         ended = running.end()

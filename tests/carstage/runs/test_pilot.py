@@ -35,6 +35,7 @@ image_size: [96, 54]
 vehicles: {count: {range: [1, 4]}}
 pedestrians: {count: 1}
 conversion: {workers: 1}
+server: {self_test: "off"}
 campaign: {method: stratified, strata: [duration_s], quotas: [{name: all, frames: 1}]}
 """
 

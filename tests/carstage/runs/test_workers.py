@@ -36,7 +36,7 @@ SLACK_S = 3.0
 @pytest.fixture(scope="module")
 def three(tmp_path_factory: pytest.TempPathFactory) -> str:
     path = tmp_path_factory.mktemp("config") / "three.yaml"
-    text = SMALL.replace("duration_s: 2", "duration_s: 1\nepisodes: 3\nserver: {self_test: off}")
+    text = SMALL.replace("duration_s: 2", "duration_s: 1\nepisodes: 3")
     path.write_text(text)
     return str(path)
 

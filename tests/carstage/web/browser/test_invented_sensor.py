@@ -22,6 +22,7 @@ from page_blocks import files_of, write
 ROOT = Path(__file__).parents[4]
 PAGE = ROOT / "docs" / "how-to" / "add-a-sensor-kind.md"
 CONFIG = "thermal.yaml"
+FASTER = ("--set", "server.self_test=off", "--set", "conversion.workers=1")
 PACKAGE = {
     "thermal_kind.py",
     "thermal_collector.py",
@@ -47,7 +48,7 @@ def record(
 ) -> subprocess.CompletedProcess[str]:
     """``carstage run`` where the package of a folder is installed, or none."""
     return subprocess.run(
-        [sys.executable, "-m", "carstage.cli", "run", str(config), "--out", str(out)],
+        [sys.executable, "-m", "carstage.cli", "run", str(config), "--out", str(out), *FASTER],
         cwd=out.parent.parent, env={**os.environ, "PYTHONPATH": str(installed or "")},
         capture_output=True, text=True, timeout=200, check=False,
     )  # fmt: skip

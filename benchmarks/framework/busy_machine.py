@@ -56,6 +56,8 @@ def measure_busy_machine(
     per_core: int = PER_CORE,
     seconds: float = 5.0,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    *,
+    size: tuple[int, int] | None = None,
 ) -> Verdict:
     """Record one demo calmly and the others under load, and compare every file.
 
@@ -64,17 +66,18 @@ def measure_busy_machine(
         per_core: busy processes for each core that this process may use.
         seconds: simulated ones of each demo.
         progress: called with the demos done and their total number.
+        size: width and height of their pictures (px); None: those of the demonstration.
     """
     count = per_core * len(os.sched_getaffinity(0))
     notes: list[str] = []
     differing = compared = repeated = 0
     with tempfile.TemporaryDirectory(prefix="carstage-busy-") as scratch:
-        calm = hashes(record_demo(Path(scratch) / "calm", seconds))
+        calm = hashes(record_demo(Path(scratch) / "calm", seconds, size=size))
         progress(1, demos + 1)
         with busy_processes(count):
             for number in range(demos):
                 out = Path(scratch) / str(number)
-                files, reasons = hashes(record_demo(out, seconds)), _repeats(out)
+                files, reasons = hashes(record_demo(out, seconds, size=size)), _repeats(out)
                 others = sorted(n for n in {*calm, *files} if calm.get(n) != files.get(n))
                 compared += len(calm)
                 differing += len(others)

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.framework.recorded import record
-from carstage import Dataset, export
+from carstage import Dataset
 from carstage.bench.verdict import Figure, Verdict
+from carstage.exporters import export_dataset
 from carstage.releases import KNOWN
 
 TOWNS = ("Stage01", "Stage02", "Stage03")
@@ -131,7 +132,7 @@ def measure_globe(
             server = {"kind": "embedded", "carla_version": version}
             dataset = record({**_CONFIG, "map": town, "server": server}, folder)
             for name in ("kitti-tracking", "mcap"):
-                export(name, dataset, folder / "exports" / name)
+                export_dataset(name, dataset, folder / "exports" / name, workers=0)
             for source, off_m in _differences_m(dataset, folder / "exports"):
                 worst[source] = max(worst.get(source, 0.0), off_m)
                 compared += 1

@@ -32,6 +32,8 @@ _COMPLETE_S = 900.0
 _COLD_EVERY = 4
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
+SIZE = (640, 360)
+
 CONFIG = f"""\
 name: interrupting
 seed: 5
@@ -39,7 +41,6 @@ episodes: {EPISODES}
 duration_s: {_STEPS / 10}
 vehicles: {{count: 4}}
 pedestrians: {{count: 4}}
-image_size: [640, 360]
 rig: {{preset: demo}}
 """
 
@@ -63,6 +64,8 @@ def measure_interrupting(
     per_core: int = PER_CORE,
     seed: int = 1,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    *,
+    size: tuple[int, int] = SIZE,
 ) -> Verdict:
     """Interrupt runs under load, and let each complete on a calm machine.
 
@@ -71,6 +74,7 @@ def measure_interrupting(
         per_core: busy processes for each core that this process may use.
         seed: of the moments.
         progress: called with the trials done and their total number.
+        size: width and height of their pictures (px).
     """
     random_source = random.Random(seed)
     count = per_core * len(os.sched_getaffinity(0))
@@ -80,7 +84,7 @@ def measure_interrupting(
     with tempfile.TemporaryDirectory(prefix="carstage-interrupting-") as name:
         scratch = Path(name)
         config = scratch / "config.yaml"
-        config.write_text(CONFIG)
+        config.write_text(f"{CONFIG}image_size: {list(size)}\n")
         calm = scratch / "calm"
         _complete(config, calm, scratch / "calm.log")
         expected = hashes_of(calm)

@@ -14,18 +14,24 @@ import yaml
 from carstage.dataset import Dataset, Episode
 
 
-def record_demo(out: Path, seconds: float, python: str = sys.executable) -> Episode:
+def record_demo(
+    out: Path, seconds: float, python: str = sys.executable, *, size: tuple[int, int] | None = None
+) -> Episode:
     """The episode of the demonstration.
 
     Args:
         out: the dataset's folder.
         seconds: simulated ones.
         python: in whose environment Car-STAGE is installed.
+        size: width and height of its pictures (px); None: its own.
 
     Raises:
         RuntimeError: the command failed; with the end of what it said.
     """
-    run_carstage("demo", "--out", str(out), "--set", f"duration_s={seconds}", python=python)
+    settings = ["--set", f"duration_s={seconds}"]
+    if size is not None:
+        settings += ["--set", f"image_size={list(size)}"]
+    run_carstage("demo", "--out", str(out), *settings, python=python)
     (episode,) = Dataset(out).episodes
     return episode
 

@@ -25,6 +25,9 @@ from client_wheels import wheel_python
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("bench")]
 
+SMALL_PICTURE = (96, 54)
+"""Of what is compared byte by byte and not looked at."""
+
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Endpoint]:
@@ -80,7 +83,7 @@ def test_overhead_is_measured_against_a_client_that_drops_everything(
 
 
 def test_a_demo_on_a_busy_machine_has_the_files_of_a_calm_one() -> None:
-    verdict = measure_busy_machine(demos=1, per_core=1, seconds=0.3)
+    verdict = measure_busy_machine(demos=1, per_core=1, seconds=0.3, size=SMALL_PICTURE)
     assert verdict.ok, verdict.text()
     assert figures(verdict)["files_compared"] > 20
 
@@ -100,7 +103,7 @@ def test_positions_in_degrees_lead_back_to_the_same_metres() -> None:
 
 
 def test_a_busy_machine_ends_an_interrupted_run_and_loses_nothing() -> None:
-    verdict = measure_interrupting(trials=2, per_core=1, seed=3)
+    verdict = measure_interrupting(trials=2, per_core=1, seed=3, size=SMALL_PICTURE)
     found = figures(verdict)
     assert found["interrupted_runs"] >= 1, verdict.text()
     assert found["recorded_episodes_recorded_again"] == 0, verdict.text()

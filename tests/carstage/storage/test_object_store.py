@@ -25,6 +25,8 @@ from object_stores import (
     nanio,
 )
 
+pytestmark = pytest.mark.xdist_group("object stores")  # one server of each kind
+
 Server = Callable[[Path], AbstractContextManager[ObjectServer]]
 
 

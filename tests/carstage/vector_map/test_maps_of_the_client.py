@@ -20,6 +20,8 @@ import pytest
 from carstage.vector_map import Lane, VectorMap, vector_map
 from carstage_sim.maps.writer import PLANS, opendrive_of
 
+pytestmark = pytest.mark.xdist_group("vector maps")  # each town is read once
+
 TOWNS = (*PLANS, "Town07", "Town10HD")
 STEP_M = 8.0
 MARKS = {

@@ -25,6 +25,8 @@ from object_stores import ObjectServer, moto
 from sites import HERE
 from waiting import await_that
 
+pytestmark = pytest.mark.xdist_group("stores of the page")  # one store
+
 SECRET = "secret-of-the-bucket"
 
 

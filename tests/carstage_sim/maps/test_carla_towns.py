@@ -10,6 +10,8 @@ from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.ground import Ground
 from carstage_sim.maps.town import MapLayer
 
+pytestmark = pytest.mark.xdist_group("town10")  # loaded once
+
 
 def test_every_light_stands_governs_a_lane_and_has_its_turn(town10):
     assert len(town10.traffic_lights) == 17

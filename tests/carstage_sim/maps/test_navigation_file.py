@@ -16,6 +16,8 @@ from carstage_sim.maps.navmesh import navigation_file
 from carstage_sim.maps.surfaces import KERB_HEIGHT_M
 from carstage_sim.maps.walkways import Walkways
 
+pytestmark = pytest.mark.xdist_group("town10")  # loaded once
+
 
 @dataclass(frozen=True)
 class ReadTile:

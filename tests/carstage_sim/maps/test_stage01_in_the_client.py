@@ -12,6 +12,8 @@ import pytest
 from carstage_sim.maps import Town
 from carstage_sim.maps.town import OrientedBox
 
+pytestmark = pytest.mark.xdist_group("stage01 in the client")  # read once
+
 
 @pytest.fixture(scope="module")
 def client_map(stage01: Town) -> carla.Map:

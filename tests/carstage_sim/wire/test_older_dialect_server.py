@@ -10,6 +10,8 @@ import pytest
 from raw_client import RawClient, await_first_message, read_message, subscribe
 from running_simulator import RunningSimulator, start_simulator, stop_simulator
 
+pytestmark = pytest.mark.xdist_group("older dialect")  # one server
+
 SETTINGS = [True, False, [True, 0.05], True, 0.01, 10, 0.0, True, 3000.0, 2000.0]
 SPAWN_ACTOR = 0
 

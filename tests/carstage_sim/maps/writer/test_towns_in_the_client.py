@@ -13,6 +13,8 @@ from carstage_sim.maps.writer import PLANS, opendrive_of
 from carstage_sim.maps.writer.layout import build_network
 from carstage_sim.maps.writer.network import LaneKind, RoadNetwork
 
+pytestmark = pytest.mark.xdist_group("towns in the client")  # each is read once
+
 STEP_M = 1.0
 HIGHEST_STEP_M = 0.15
 SHARPEST_ON_ROADS_DEG = 5.0

@@ -34,6 +34,8 @@ CLEAR_M = 10.0
 """So far beyond the junction nobody may stand in its way."""
 LEAST_S, LEAST_M = 0.5, 5.0
 """It appears that long before both ways cross, and that far from the junction, at least."""
+NEARLY = 0.95
+"""It enters the junction with that share of its speed, at least."""
 PATIENCE_S = 10.0
 """It has as much longer than it takes by itself."""
 
@@ -100,6 +102,8 @@ class RedLightRunner(Event):
         if self.elapsed_s > self._longest_s:
             return "the car was held up before the junction"
         if self._car.along_m + self._car.half_m >= self._enters_m:
+            if self._car.is_held_up or self._car.speed_m_s < NEARLY * self.spec.speed_m_s:
+                return "another vehicle was in the car's way"
             self.begin()
         return None
 

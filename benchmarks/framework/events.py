@@ -122,7 +122,7 @@ def measure_events(
     *,
     towns: Sequence[str] = (),
     seeds: int = 20,
-    seconds: float = 90.0,
+    seconds: float = 120.0,
     progress: Progress = lambda *_: None,
 ) -> Campaign:
     """A verdict for each kind and town.

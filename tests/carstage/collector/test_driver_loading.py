@@ -103,7 +103,7 @@ def test_a_server_that_does_not_answer_is_not_the_drivers_fault() -> None:
 def test_a_command_is_the_control_to_the_bit() -> None:
     control = carla.VehicleControl(0.1, -0.3, 0.7, True, False, True, 3)
     command = command_of(control)
-    assert command == Command(control.throttle, control.steer, 0.7 and control.brake, 1, 0, 1, 3)
+    assert command == Command(control.throttle, control.steer, control.brake, 1, 0, 1, 3)
     assert command_of(control_of(command)) == command
     assert command.throttle != 0.1, "a float of the wire has 24 bits"
 

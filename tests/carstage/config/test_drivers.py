@@ -81,7 +81,7 @@ def test_a_device_shows_the_first_colour_camera() -> None:
     [
         ("ego: {driver: slalom}", "ego.driver: 'slalom' is neither", "module:Class"),
         ("ego: {driver: 'my driver:Slalom'}", "ego.driver: 'my driver:Slalom' is", "module:Class"),
-        ("ego: {driver: {kind: pilot}}", "ego.driver.kind: unknown kind 'pilot'", "Known"),
+        ("ego: {driver: {kind: pilot}}", "ego.driver.kind: unknown kind 'pilot'", "autopilot"),
         ("ego: {driver: {kind: class}}", "ego.driver.name: this is missing", "Add"),
         (
             "ego: {driver: {kind: class, name: 'a:b:c'}}",

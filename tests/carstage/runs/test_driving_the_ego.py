@@ -68,6 +68,30 @@ class Failing(Driver):
 """
 
 
+AT_THE_KEYS = '''
+import pygame
+from carstage.collector.drivers import Driver
+from carstage.collector.drivers.devices import device_driver
+from carstage.spec import DeviceDriverSpec
+
+class AtTheKeys(Driver):
+    """Somebody at the keyboard: full throttle from step 2 on, to the right from step 10 on."""
+
+    KEYS = {2: pygame.K_w, 10: pygame.K_d}
+
+    def __init__(self):
+        self.window = device_driver(DeviceDriverSpec("keyboard", "CAM"), 0.05)
+        self.sensors = self.window.sensors
+        self.start, self.stop = self.window.start, self.window.stop
+
+    def drive(self, observation):
+        if observation.tick in self.KEYS:
+            key = self.KEYS[observation.tick]
+            pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key))
+        return self.window.drive(observation)
+'''
+
+
 def record(
     simulator: RunningSimulator, folder: Path, driver: Any, seed: int = 11, **changes: Any
 ) -> RunResult:
@@ -166,6 +190,26 @@ def test_a_driver_that_raises_ends_the_episode_and_says_where(
     events = (result.folder / "events.jsonl").read_text()
     assert events.count('"episode_started"') == 1, "another try would end alike"
     assert not carstage.Dataset(tmp_path / "out").episodes
+
+
+def test_keys_drive_and_are_recorded(
+    simulator: RunningSimulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pygame", reason="the extra drive is not installed")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    (tmp_path / "at_the_keys.py").write_text(AT_THE_KEYS)
+    driver = {"kind": "class", "name": "at_the_keys:AtTheKeys", "folders": [str(tmp_path)]}
+    result = record(simulator, tmp_path / "out", driver)
+    assert result.state == "done", result.failures
+    controls = only(tmp_path / "out").controls()
+    assert controls is not None
+    throttle, steer = (controls[name].to_pylist() for name in ("throttle", "steer"))
+    assert throttle[:2] == [0.0, 0.0]
+    assert throttle[2] == pytest.approx(0.1)
+    assert throttle[11:] == [1.0] * (STEPS - 11)
+    assert not any(steer[:10])
+    assert steer[-1] == pytest.approx(0.7)
+    assert only(tmp_path / "out").ego()["speed"].to_pylist()[-1] > 3.0
 
 
 def test_the_route_controller_keeps_to_its_lane(

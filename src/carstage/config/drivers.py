@@ -128,7 +128,7 @@ def _number_of(what: str, default: int, part: str) -> Any:
     return setting(
         default,
         title=f"{what} {part}",
-        description=f"Number of the {part}, from 0; devices differ.",
+        description=f"{what}: number of the {part}, from 0; devices differ.",
         group="ego",
         ge=0,
         le=63,

@@ -54,9 +54,9 @@ def plan_driver(config: Config) -> DriverSpec | None:
     if isinstance(driver, AutopilotDriver):
         return None
     if isinstance(driver, RouteDriver):
-        return RouteDriverSpec(driver.speed_m_s, driver.turns)
+        return RouteDriverSpec(speed_m_s=driver.speed_m_s, turns=driver.turns)
     if isinstance(driver, ClassDriver):
-        return ClassDriverSpec(driver.name, dict(driver.parameters))
+        return ClassDriverSpec(name=driver.name, parameters=dict(driver.parameters))
     if isinstance(driver, DeviceDriver):
         camera = driver.camera or config.colour_cameras[0]
         inputs = {name: getattr(driver, name) for name in driver.inputs}
@@ -99,7 +99,7 @@ def driven_again(
         weather: the new episode's.
     """
     commands = drive.commands[: settings["steps"]]
-    driver = ReplayDriverSpec(drive.spec.episode_id, commands)
+    driver = ReplayDriverSpec(episode_id=drive.spec.episode_id, commands=commands)
     return replace(
         drive.spec,
         **{name: settings[name] for name in _OWN},

@@ -63,8 +63,8 @@ class RouteDriverSpec(DriverSpec):
     def read(cls, section: Fields) -> RouteDriverSpec:
         """Check and read the section."""
         return cls(
-            section.number("speed_m_s", 0.0) if "speed_m_s" in section else None,
-            section.words("turns", TURNS),
+            speed_m_s=section.number("speed_m_s", 0.0) if "speed_m_s" in section else None,
+            turns=section.words("turns", TURNS),
         )
 
 
@@ -87,7 +87,7 @@ class ClassDriverSpec(DriverSpec):
         name = section.text("name")
         if not is_class_name(name):
             raise SpecError("%s: %r is not module:Class." % (section.path("name"), name))
-        return cls(name, _parameters(section))
+        return cls(name=name, parameters=_parameters(section))
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class ReplayDriverSpec(DriverSpec):
             _command(value, "%s[%d]" % (path, index))
             for index, value in enumerate(section.list("commands"))
         )
-        return cls(section.text("episode_id"), commands)
+        return cls(episode_id=section.text("episode_id"), commands=commands)
 
 
 def is_class_name(text: str) -> bool:

@@ -21,7 +21,7 @@ _WANTED_DEG = {LEFT: -90.0, STRAIGHT: 0.0, RIGHT: 90.0}
 class Nearby(NamedTuple):
     """Where somebody is on the path: the number of the nearest place, and how far from it (m)."""
 
-    index: int
+    place: int
     distance_m: float
 
 
@@ -57,7 +57,7 @@ class PathAhead:
     def follow(self, x: float, y: float) -> int:
         """Note that the ego is here; the number of the place that it is at."""
         first = max(0, self._at - LOOK_BACK)
-        self._at = self.nearest(x, y, first, self._at + LOOK_AHEAD).index
+        self._at = self.nearest(x, y, first, self._at + LOOK_AHEAD).place
         return self._at
 
     def nearest(self, x: float, y: float, first: int, last: int) -> Nearby:

@@ -132,9 +132,9 @@ class RouteDriver(Driver):
             if other.id == ego.id or place.distance(here) > AROUND_M:
                 continue
             near = self._path.nearest(place.x, place.y, at, last)
-            if near.index > at and near.distance_m < LANE_HALF_M:
+            if near.place > at and near.distance_m < LANE_HALF_M:
                 half_m = float(other.bounding_box.extent.x)
-                free_m = min(free_m, (near.index - at) * SPACING_M - front_m - half_m)
+                free_m = min(free_m, (near.place - at) * SPACING_M - front_m - half_m)
         return free_m
 
 

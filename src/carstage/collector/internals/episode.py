@@ -103,8 +103,8 @@ class EpisodeRecorder:
                 session,
                 spec=episode.spec,
                 server=server,
-                driver=driver,
                 check=self._stop.check,
+                driver=driver,
             )
             self._events.emit(
                 "actors_spawned",

@@ -82,8 +82,8 @@ def build_scene(
     session: WorldSession,
     spec: EpisodeSpec,
     server: ServerPlan,
-    driver: Optional[Driver],
     check: Callable[[], None],
+    driver: Optional[Driver] = None,
 ) -> Scene:
     """Spawn everybody and everything, in an order that depends on the plan alone.
 
@@ -92,8 +92,8 @@ def build_scene(
         session: the episode's world.
         spec: the episode.
         server: for its timeout and the Traffic Manager's port.
-        driver: of the ego; None: the Traffic Manager drives, or nobody.
         check: called between long stretches; raises when somebody asks to end.
+        driver: of the ego; None: the Traffic Manager drives, or nobody.
 
     Raises:
         SceneError: the server cannot make the planned scene.

@@ -38,8 +38,10 @@ def check_controls(
             return
     applied = {row["k"]: row for row in tables.ego.select(["k", *_APPLIED]).to_pylist()}
     for row in table.to_pylist():
-        told = applied.get(row["k"])
-        for name in () if told is None else _APPLIED:
+        if row["k"] not in applied:
+            continue
+        told = applied[row["k"]]
+        for name in _APPLIED:
             if told[name] is not None and abs(told[name] - row[name]) > _SMALL:
                 message = f"{name} was commanded as {row[name]:g}, {told[name]:g} was applied"
                 findings.add("controls", message, frame=row["k"])

@@ -133,7 +133,8 @@ class ConfigChecker:
                 self._roots.confine(str(source))
             except BadInputError as error:
                 raise error_of([(field, error.message, error.hint)]) from error
-        driver, places = config.ego.driver, []
+        driver = config.ego.driver
+        places: list[tuple[tuple[str, ...], str]] = []
         if isinstance(driver, ClassDriver):
             message = "a class of yours runs its code, which the page does not."
             hint = "Start this run with `carstage run`."

@@ -18,7 +18,7 @@ from carstage.errors import ConfigError
 from carstage.runs import RunResult
 from running_simulator import RunningSimulator
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("driving")]
+pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("following")]
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 STEPS, EVERY = 20, 2

@@ -77,9 +77,9 @@ from carstage.collector.drivers.devices import device_driver
 from carstage.spec import DeviceDriverSpec
 
 class AtTheKeys(Driver):
-    """Somebody at the keyboard: full throttle from step 2 on, to the right from step 10 on."""
+    """Somebody at the keyboard: full throttle from step 2 on, to the right from step 8 on."""
 
-    KEYS = {2: pygame.K_w, 10: pygame.K_d}
+    KEYS = {2: pygame.K_w, 8: pygame.K_d}
 
     def __init__(self):
         self.window = device_driver(DeviceDriverSpec("keyboard", "CAM"), 0.1)
@@ -201,17 +201,17 @@ def test_keys_drive_and_are_recorded(
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     (tmp_path / "at_the_keys.py").write_text(AT_THE_KEYS)
     driver = {"kind": "class", "name": "at_the_keys:AtTheKeys", "folders": [str(tmp_path)]}
-    result = record(simulator, tmp_path / "out", driver)
+    result = record(simulator, tmp_path / "out", driver, duration_s=1.2)
     assert result.state == "done", result.failures
     controls = only(tmp_path / "out").controls()
     assert controls is not None
     throttle, steer = (controls[name].to_pylist() for name in ("throttle", "steer"))
     assert throttle[:2] == [0.0, 0.0]
     assert throttle[2] == pytest.approx(0.1)
-    assert throttle[11:] == [1.0] * (STEPS - 11)
-    assert not any(steer[:10])
-    assert steer[-1] == pytest.approx(0.5)
-    assert only(tmp_path / "out").ego()["speed"].to_pylist()[-1] > 1.0
+    assert throttle[11] == 1.0
+    assert not any(steer[:8])
+    assert steer[-1] == pytest.approx(0.2)
+    assert only(tmp_path / "out").ego()["speed"].to_pylist()[-1] > 0.5
 
 
 def test_the_route_controller_keeps_to_its_lane(
@@ -221,7 +221,7 @@ def test_the_route_controller_keeps_to_its_lane(
         simulator,
         tmp_path,
         {"kind": "route", "speed_m_s": 7.0},
-        duration_s=6.0,
+        duration_s=4.0,
         scenario={"kind": "route", "through": [12]},
         rig={"sensors": [{"id": "IMU", "kind": "imu"}]},
     )
@@ -233,6 +233,6 @@ def test_the_route_controller_keeps_to_its_lane(
     world_map = client.get_world().get_map()
     places = [carla.Location(*xyz) for xyz in ego["location"].to_pylist()]
     lanes = [world_map.get_waypoint(place).transform.location for place in places]
-    assert places[0].distance(places[-1]) > 15.0
+    assert places[0].distance(places[-1]) > 8.0
     aside_m = [math.hypot(a.x - b.x, a.y - b.y) for a, b in zip(places, lanes, strict=True)]
     assert max(aside_m) < 0.8

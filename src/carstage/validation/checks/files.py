@@ -29,11 +29,14 @@ TABLES = (
 
 
 EVENTS = "events.parquet"
+LANE_LINES = "lane_lines.parquet"
 
 
 def tables_of(episode: Episode) -> tuple[str, ...]:
     """The tables that an episode has."""
-    return TABLES if episode.spec.scenario.events is None else (*TABLES, EVENTS)
+    events = () if episode.spec.scenario.events is None else (EVENTS,)
+    lane_lines = (LANE_LINES,) if episode.spec.labels.lane_lines else ()
+    return (*TABLES, *events, *lane_lines)
 
 
 class _Place(TypedDict, total=False):

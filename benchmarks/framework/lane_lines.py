@@ -1,6 +1,6 @@
 """Does the vector map have what is painted on the road?
 
-A drive is recorded in each town with lines in pictures, tags and depth. Each pixel that the
+Drives are recorded in each town with lines in pictures, tags and depth. Each pixel that the
 semantic picture calls a road line, up to 40 m away, is looked for near the outlines of markings,
 stop lines and crosswalks: polygons of Shapely, of the lines' own places in metres of the camera.
 """
@@ -53,14 +53,16 @@ _CONFIG = {
 
 def measure_lane_lines(
     towns: Sequence[str] = TOWNS,
-    seconds: float = 20.0,
+    seconds: float = 8.0,
+    drives: int = 4,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Verdict:
     """Record and compare.
 
     Args:
         towns: built-in ones, or CARLA's of which py123d carries the OpenDRIVE text.
-        seconds: simulated ones in each.
+        seconds: simulated ones of each drive.
+        drives: from places drawn in each town.
         progress: called with the recordings done and their total number.
     """
     figures: list[Figure] = []
@@ -69,12 +71,14 @@ def measure_lane_lines(
         for number, town in enumerate(towns, start=1):
             folder = Path(scratch) / town
             folder.mkdir()
-            asked = {**_CONFIG, "map": _map(town, folder), "duration_s": seconds}
-            (episode,) = Dataset(record(asked, folder)).episodes
+            asked = {
+                **_CONFIG, "map": _map(town, folder), "duration_s": seconds, "episodes": drives
+            }  # fmt: skip
             painted = explained = 0
-            for found in explained_pixels(episode):
-                painted, explained = painted + found.size, explained + int(found.sum())
-                pictures += 1
+            for episode in Dataset(record(asked, folder)).episodes:
+                for found in explained_pixels(episode):
+                    painted, explained = painted + found.size, explained + int(found.sum())
+                    pictures += 1
             share = explained / painted if painted else 0.0
             figures += [
                 Figure(f"road_line_pixels_{town}", painted, ">=", 1000),

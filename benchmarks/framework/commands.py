@@ -470,7 +470,7 @@ def birds_eye(
     return report(verdict, json)
 
 
-@benchmark("lane-lines", takes="5 minutes")
+@benchmark("lane-lines", takes="8 minutes")
 def lane_lines(
     town: Annotated[
         list[str] | None,

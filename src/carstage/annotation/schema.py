@@ -5,8 +5,8 @@
 
 Types: ``bool str i32 i64 u8 u32 u64 f64`` scalars; ``f64[n]`` a list of n, of fixed size where
 the column is never null; ``f64[8][2]`` a list of eight such lists, where an inner one may be null;
-``u8[]``, ``i64[]`` a list of any length; ``map[str,u32]`` a list of ``(key, value)`` pairs;
-``json`` a string that holds a JSON object with sorted keys.
+``u8[]``, ``i64[]``, ``f64[]`` a list of any length; ``map[str,u32]`` a list of
+``(key, value)`` pairs; ``json`` a string that holds a JSON object with sorted keys.
 """
 
 from __future__ import annotations
@@ -273,10 +273,66 @@ EVENT_COLUMNS: tuple[Column, ...] = (
         f"hardest braking of the ego while it went on; {_BEGAN}", nullable=True),
 )
 
+CONTROL_COLUMNS: tuple[Column, ...] = (
+    Column("tick", "i32", "", "tick that it acted in, from 0, saved or not"),
+    Column("k", "i32", "", "saved frame of it; null: the tick was not saved", nullable=True),
+    Column("server_frame", "i64", "", "frame of the server that it acted in, as in the ledger"),
+    Column("episode_id", "str", "", "the episode's id"),
+    Column("throttle", "f64", "0..1", "as the driver commanded it"),
+    Column("steer", "f64", "-1..1", "as the driver commanded it, positive to the right"),
+    Column("brake", "f64", "0..1", "as the driver commanded it"),
+    Column("hand_brake", "bool", "", "as the driver commanded it"),
+    Column("reverse", "bool", "", "as the driver commanded it"),
+    Column("manual_gear_shift", "bool", "", "`gear` was commanded; else the gear box chose"),
+    Column("gear", "i32", "", "as the driver commanded it; `ego.parquet` has the gear that was in"),
+)
+
 # fmt: on
+
+CONTROLS = "controls.parquet"
+"""The table of a driver's commands: only where the ego has a driver of its own."""
 
 EVENTS = "events.parquet"
 """The table of events: of the episode as a whole, and only where events are planned."""
+
+LANE_LINE_COLUMNS: tuple[Column, ...] = (
+    _K,
+    Column("sensor_id", "str", "", "the labelled camera"),
+    Column(
+        "kind",
+        "str",
+        "marking, boundary, crosswalk, stop_line",
+        "a `boundary` is that of a driven lane where nothing is painted",
+    ),
+    Column(
+        "map_id",
+        "str",
+        "",
+        "id in the vector map; of a boundary the id of its lane, and `left` or `right`",
+    ),
+    Column("part", "i32", "", "from 0: a line may leave the picture and come back"),
+    Column("type", "str", "", "of a marking, as in the vector map; else empty"),
+    Column("colour", "str", "", "of a marking, as in the vector map; else empty"),
+    Column(
+        "width",
+        "f64",
+        "m",
+        "of a marking's paint, of double lines over both; of a stop line; 0: not known",
+    ),
+    Column("u", "f64[]", "px", "to the right, of each place of a line or corner of an area"),
+    Column("v", "f64[]", "px", "down"),
+    Column("x", "f64[]", "m", "the same place in the camera's optical axes: to the right"),
+    Column("y", "f64[]", "m", "down"),
+    Column("z", "f64[]", "m", "ahead"),
+    Column("visible", "u8[]", "0 or 1", "whether nothing stands before the place"),
+    Column(
+        "visible_share",
+        "f64",
+        "",
+        "of the places of a line, and of places all over an area, that are visible",
+    ),
+)
+LANE_LINES = "lane_lines.parquet"
 
 TABLES: dict[str, tuple[Column, ...]] = {
     "objects.parquet": OBJECT_COLUMNS,
@@ -286,10 +342,20 @@ TABLES: dict[str, tuple[Column, ...]] = {
 }
 
 
+def frame_tables(*, lane_lines: bool) -> dict[str, tuple[Column, ...]]:
+    """The tables with rows of frames, by their files.
+
+    Args:
+        lane_lines: whether lines in pictures are asked for.
+    """
+    return {**TABLES, LANE_LINES: LANE_LINE_COLUMNS} if lane_lines else TABLES
+
+
 def markdown() -> str:
     """The tables as Markdown, as they stand in ``docs/formats/dataset.md``."""
     lines: list[str] = []
-    for file, columns in {**TABLES, EVENTS: EVENT_COLUMNS}.items():
+    optional = {EVENTS: EVENT_COLUMNS, CONTROLS: CONTROL_COLUMNS, LANE_LINES: LANE_LINE_COLUMNS}
+    for file, columns in {**TABLES, **optional}.items():
         lines += [
             f"### {file}",
             "",

@@ -6,7 +6,7 @@ import json
 import math
 import shutil
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -16,8 +16,15 @@ from typing import Any
 
 import pyarrow as pa
 
+from carstage.annotation.controls import control_rows
 from carstage.annotation.events import event_rows
-from carstage.annotation.schema import EVENT_COLUMNS, EVENTS, TABLES
+from carstage.annotation.schema import (
+    CONTROL_COLUMNS,
+    CONTROLS,
+    EVENT_COLUMNS,
+    EVENTS,
+    frame_tables,
+)
 from carstage.codecs import codec_for
 from carstage.conversion.documents import (
     calibration_document,
@@ -40,7 +47,7 @@ from carstage.dataset.tables import row_sensor, write_table
 from carstage.errors import ConversionError, ConverterDiedError
 from carstage.files.hashing import hash_of
 from carstage.rawlog.format import LEDGER, WORLD
-from carstage.rawlog.reader import ActorInfo, EpisodeLog
+from carstage.rawlog.reader import ActorInfo, EpisodeLog, WorldFrame
 from carstage.storage.attempt_files import AttemptFiles, write_document
 from carstage.storage.marker import FileEntry
 
@@ -261,7 +268,7 @@ class EpisodeConversion:
             raise
         frames = sum(entry["k"] is not None for entry in ledger)
         self._write_row_sensors(self._segments(log))
-        self._merge_labels(self._segments(log))
+        self._merge_labels(log)
         actors = log.actors()
         ego = actors.get(int(log.header["ego_id"]))
         if ego is None:
@@ -270,6 +277,7 @@ class EpisodeConversion:
                 "Record the episode again.",
             )
         self._write_events(log, actors)
+        self._write_controls(log)
         opendrive = log.opendrive()
         named = None if opendrive is None else hash_of(opendrive)
         if log.spec.opendrive not in (None, named):
@@ -400,8 +408,9 @@ class EpisodeConversion:
                 table = pa.Table.from_pylist(rows, schema=row_kind.schema)
                 self._write_table(table, f"sensors/{sensor.id}.parquet")
 
-    def _merge_labels(self, segments: range) -> None:
-        for name, columns in TABLES.items():
+    def _merge_labels(self, log: EpisodeLog) -> None:
+        segments = self._segments(log)
+        for name, columns in frame_tables(lane_lines=log.spec.labels.lane_lines).items():
             schema = label_schema(columns)
             parts = [read_label_part(self.raw_folder, name, segment) for segment in segments]
             if not all(part.schema.equals(schema) for part in parts):
@@ -414,9 +423,18 @@ class EpisodeConversion:
         """Write the table of events, where any are planned."""
         if log.spec.scenario.events is None:
             return
-        frames = (world for index in self._segments(log) for world in log.world_frames(index))
-        rows = event_rows(log.spec, frames, actors, int(log.header["ego_id"]))
+        rows = event_rows(log.spec, self._ticks(log), actors, int(log.header["ego_id"]))
         self._write_table(rows_to_table(rows, EVENT_COLUMNS, EVENTS), EVENTS)
+
+    def _write_controls(self, log: EpisodeLog) -> None:
+        """Write the table of the driver's commands, where the ego has a driver of its own."""
+        if log.spec.ego.driver is not None:
+            rows = control_rows(log.spec, self._ticks(log))
+            self._write_table(rows_to_table(rows, CONTROL_COLUMNS, CONTROLS), CONTROLS)
+
+    def _ticks(self, log: EpisodeLog) -> Iterator[WorldFrame]:
+        """The world in every tick, saved or not."""
+        return (world for index in self._segments(log) for world in log.world_frames(index))
 
     def _town(self, log: EpisodeLog, opendrive: str | None) -> Town:
         """The town's vector map, made anew only where the episodes before were of another town."""

@@ -13,10 +13,11 @@ import pyarrow as pa
 from carstage.annotation import CameraImages, EpisodeLabeller
 from carstage.annotation.decoding import decode_depth_bgra
 from carstage.annotation.point_sensors import radar_points
-from carstage.annotation.schema import TABLES, Column
+from carstage.annotation.schema import LANE_LINES, Column, frame_tables
 from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
 from carstage.conversion.birds_eye import BirdsEyeMaker
+from carstage.conversion.lane_lines import LaneLineMaker
 from carstage.conversion.sensors import RecordedSensor
 from carstage.conversion.tag_numbers import dataset_payload
 from carstage.dataset.tables import RowSensor, arrow_type, row_sensor
@@ -110,6 +111,8 @@ def label_segment(raw_folder: Path, attempt_files: AttemptFiles, segment: int) -
     asked = log.spec.labels.birds_eye
     grids = None if asked is None else BirdsEyeMaker(log, asked)
     swept = () if grids is None else grids.swept
+    lines = LaneLineMaker(log) if log.spec.labels.lane_lines else None
+    tables = frame_tables(lane_lines=log.spec.labels.lane_lines)
     streams = {camera: labeller.inputs(camera) for camera in labeller.labelled_cameras}
     image_streams = {s.depth for s in streams.values()} | {
         s.instance for s in streams.values() if s.instance is not None
@@ -121,7 +124,7 @@ def label_segment(raw_folder: Path, attempt_files: AttemptFiles, segment: int) -
         for stream in dict.fromkeys([*sorted(image_streams), *lidars, *radars, *swept])
     }
     files: list[tuple[str, bytes]] = []
-    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in TABLES}
+    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in tables}
     for world in log.world_frames(segment):
         if world.tick not in ticks:
             continue
@@ -150,12 +153,14 @@ def label_segment(raw_folder: Path, attempt_files: AttemptFiles, segment: int) -
         rows["camera_objects.parquet"] += labels.camera_objects
         rows["ego.parquet"] += [labels.ego] if labels.ego else []
         rows["sensor_poses.parquet"] += labels.sensor_poses
+        if lines is not None:
+            rows[LANE_LINES] += lines.rows(ticks[world.tick], labels, images)
         if grids is not None:
             sweeps = {name: by_tick[name].get(world.tick) for name in swept}
             files.append(grids.file(world, ticks[world.tick], labels, images, sweeps))
     folder = raw_folder / LABEL_PARTS
     folder.mkdir(exist_ok=True)
-    for name, columns in TABLES.items():
+    for name, columns in tables.items():
         _write_part(rows_to_table(rows[name], columns, name), _part(raw_folder, name, segment))
     with attempt_files.stream() as written:
         entries = tuple(written.write(name, content) for name, content in files)

@@ -106,6 +106,7 @@ class LabelsSpec:
         stage_vo_vote: compare with the diagonal neighbours instead of the vertex's own pixel.
         vector_map: whether the dataset gets the town's vector map.
         birds_eye: bird's-eye grids; None: there are none.
+        lane_lines: whether lines of the vector map are labelled in pictures.
     """
 
     method: str = "both"
@@ -118,6 +119,7 @@ class LabelsSpec:
     stage_vo_vote: bool = False
     vector_map: bool = field(default=True, metadata=LEFT_OUT)
     birds_eye: Optional[BirdsEyeSpec] = field(default=None, metadata=LEFT_OUT)
+    lane_lines: bool = field(default=False, metadata=LEFT_OUT)
 
     @classmethod
     def read(cls, fields: Fields) -> LabelsSpec:
@@ -142,6 +144,7 @@ class LabelsSpec:
             birds_eye=BirdsEyeSpec.read(fields.object("birds_eye"))
             if "birds_eye" in fields
             else None,
+            lane_lines="lane_lines" in fields and fields.flag("lane_lines"),
         )
 
     @property

@@ -46,6 +46,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "lights": "heads of a traffic light agree, and turn in its order",
         "sensor_poses": "sensors are where ego, calibration and spec put them",
         "events": "events are those that were planned, as near as the labels say",
+        "controls": "the driver's commands are one for each tick, and were applied",
         "readings": "IMU and GNSS read what the motion of their sensor makes them",
     },
     "Labels against the data": {
@@ -54,6 +55,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "level_boxes": "the boxes of parked vehicles, lights and signs show them",
         "mask": "masks have the pixels, bounds and ids that they should have",
         "birds_eye": "bird's-eye grids are what map, boxes, depth images and points make them",
+        "lane_lines": "lines in pictures are what vector map, poses and depth images make them",
         "lidar_counts": "boxes hold as many LiDAR points as their labels say",
         "lidar_depth": "LiDAR and depth images see the same surfaces",
         "tags": "semantic and instance images of one pose show the same tags",

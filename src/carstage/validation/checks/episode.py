@@ -34,6 +34,7 @@ from carstage.validation.checks.columns import (
     check_object_columns,
 )
 from carstage.validation.checks.completeness import check_gaps, check_missing_rows
+from carstage.validation.checks.controls import check_controls
 from carstage.validation.checks.decoding import DecodedFrame, decoded_frames
 from carstage.validation.checks.edges import (
     EdgeFigures,
@@ -63,6 +64,7 @@ from carstage.validation.checks.labels import (
     check_labels,
     labelled_boxes,
 )
+from carstage.validation.checks.lane_lines import LaneLineChecks
 from carstage.validation.checks.ledger import (
     check_ledger,
     check_row_sensors,
@@ -209,6 +211,7 @@ class EpisodeChecks:
         check_sensor_poses(episode, tables, findings)
         check_readings(episode, tables, findings)
         check_events(episode, ledger, tables, findings)
+        check_controls(episode, ledger, tables, findings)
         self._poses = episode.world_from_sensor()
         self._carriers = episode.carriers()
         self._check_tables(tables)
@@ -216,6 +219,7 @@ class EpisodeChecks:
         rows = camera_rows(tables.camera_objects)
         available = {sensor: set(frames) for sensor, frames in recorded.items()}
         birds_eye = BirdsEyeChecks(episode, tables, self._files, findings)
+        lane_lines = LaneLineChecks(episode, findings)
         with_files = [
             [s for s in episode.sensors if s.content not in ROWS and k in available[s.id]]
             for k in range(episode.frames)
@@ -229,6 +233,7 @@ class EpisodeChecks:
                 }
                 self._check_frame(k, rows, boxes.get(k, []), data)
                 birds_eye.check(k, frozenset(one.sensor.id for one in decoded), data)
+                lane_lines.check(k, data)
                 self._figures.frames += 1
                 advance()
         self._conclude()

@@ -29,11 +29,19 @@ TABLES = (
 
 
 EVENTS = "events.parquet"
+CONTROLS = "controls.parquet"
+LANE_LINES = "lane_lines.parquet"
 
 
 def tables_of(episode: Episode) -> tuple[str, ...]:
     """The tables that an episode has."""
-    return TABLES if episode.spec.scenario.events is None else (*TABLES, EVENTS)
+    spec = episode.spec
+    optional = {
+        EVENTS: spec.scenario.events is not None,
+        CONTROLS: spec.ego.driver is not None,
+        LANE_LINES: spec.labels.lane_lines,
+    }
+    return (*TABLES, *(table for table, is_there in optional.items() if is_there))
 
 
 class _Place(TypedDict, total=False):

@@ -165,8 +165,8 @@ def _seen(frame: Frame) -> Iterator[Picture | Sweep]:
         if camera.labelled and camera.depth is not None and camera.instance is not None:
             size = camera.width, camera.height
             pose = frame.world_from_sensor(sensor.id)
-            tags = frame.read(camera.instance)[..., Instance.TAG].astype(np.uint8)
-            yield Picture(CameraView(camera.k, pose, frame.read(camera.depth), *size), tags)
+            shown = frame.read(camera.instance)[..., Instance.TAG].astype(np.uint8)
+            yield Picture(CameraView(camera.k, pose, frame.read(camera.depth), *size), shown)
     for sensor in frame.episode.sensors:
         if sensor.content in CLOUDS:
             points = frame.read(sensor.id)

@@ -71,7 +71,7 @@ class TownVoxels:
             votes[:, tag] += np.bincount(flat, minlength=grid.count).astype(np.int32)
         tags = votes.argmax(axis=1).astype(np.uint8)
         tags[votes.max(axis=1) == 0] = FREE
-        return tags.reshape(grid.shape)
+        return np.asarray(tags.reshape(grid.shape))
 
     def _points(self, content: Occupancy) -> Iterator[tuple[int, NDArray[Any]]]:
         """Middles of trimesh's voxels, tag by tag and tile by tile."""
@@ -80,7 +80,8 @@ class TownVoxels:
         near = ((low[:, :2] < middle[:2] + reach) & (high[:, :2] > middle[:2] - reach)).all(axis=1)
         for tag in np.unique(self._tags[near]).tolist():
             corners = self._corners[near & (self._tags == tag)]
-            vertices, faces = trimesh.remesh.subdivide_to_size(
+            subdivide: Any = trimesh.remesh.subdivide_to_size
+            vertices, faces = subdivide(
                 corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), _EDGE_M
             )
             triangles = vertices[faces]

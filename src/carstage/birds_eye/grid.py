@@ -125,7 +125,7 @@ class Grid:
         top, middle, bottom = corners[:, 0], corners[:, 1], corners[:, 2]
         first = np.maximum(-(-top[:, 1] // side), 0)
         counts = np.maximum(np.minimum(-(-bottom[:, 1] // side), rows) - first, 0)
-        owner, step = runs(counts)
+        owner, step = _runs(counts)
         row = first[owner] + step
         y = row * side
         top, middle, bottom = top[owner], middle[owner], bottom[owner]
@@ -136,7 +136,7 @@ class Grid:
         )
         left = np.clip(np.minimum(one, other), 0, columns)
         right = np.clip(np.maximum(one, other), 0, columns)
-        span, step = runs(right - left)
+        span, step = _runs(right - left)
         return owner[span], row[span] * columns + left[span] + step
 
 
@@ -147,7 +147,7 @@ def _first_column(a: Integers, b: Integers, y: Integers, side: int) -> Integers:
     return np.asarray(-(-along // (side * height)))
 
 
-def runs(counts: Integers) -> tuple[Integers, Integers]:
+def _runs(counts: Integers) -> tuple[Integers, Integers]:
     """Each index as often as its count says, and the number of the repetition, from 0."""
     owner = np.repeat(np.arange(len(counts)), counts)
     ends = np.cumsum(counts)

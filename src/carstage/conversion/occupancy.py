@@ -82,7 +82,7 @@ class PartMaker:
         gathered = self._gathering.end()
         moving = gathered.moving
         parts = {-1: gathered.still, **moving}
-        arrays = {
+        arrays: dict[str, Any] = {
             "ks": np.array(self._ks, np.int64),
             "poses": np.array(self._poses).reshape(-1, 4, 4),
             "seen": np.array(self._seen, np.uint8).reshape(-1, *self._grid.shape),

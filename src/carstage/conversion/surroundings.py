@@ -77,7 +77,8 @@ class Surroundings:
             one["sensor_id"]: pose_matrix(one["location"], one["rotation_deg"])
             for one in labels.sensor_poses
         }
-        seen = [*self._pictures(poses, images), *self._sweeps(poses, sweeps)]
+        seen: list[Picture | Sweep] = [*self._pictures(poses, images)]
+        seen += self._sweeps(poses, sweeps)
         if self._voxels is not None:
             self._voxels.add(world, k, labels, poses, seen)
         return [] if self._grids is None else [self._grids.file(world, k, labels, seen)]

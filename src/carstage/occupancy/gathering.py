@@ -154,7 +154,7 @@ class Gathering:
         self,
         world_from_frame: FloatArray,
         objects: Iterable[Mapping[str, Any]],
-        seen: Iterable[Picture | Sweep],
+        seen: Sequence[Picture | Sweep],
     ) -> NDArray[np.uint8]:
         """Take a frame; gives ``(X, Y, Z)`` bits of the sensors that see each voxel.
 
@@ -166,10 +166,8 @@ class Gathering:
         matrix = grid_from_world(world_from_frame)
         world_from_grid = invert_pose(matrix)
         users = road_users(objects)
-        mask: NDArray[np.uint8] = np.zeros(self._grid.shape, np.uint8)
-        for one in seen:
-            found = surface(self._grid, matrix, one)
-            mask[seen_voxels(self._grid, found)] |= np.uint8(one.bit)
+        surfaces = [surface(self._grid, matrix, one) for one in seen]
+        for found in surfaces:
             if found.tags is None:
                 continue
             points = placed(world_from_grid, grid_points(self._grid, found))
@@ -183,7 +181,7 @@ class Gathering:
                 own = owner == number
                 local = placed(invert_pose(users[number].world_from_box), points[own])
                 self._moving[users[number].track_id].append((local, tags[own]))
-        return mask
+        return seen_voxels(self._grid, matrix, seen, surfaces)
 
     def end(self) -> Gathered:
         """What the frames have shown."""
@@ -202,4 +200,4 @@ class Gathering:
 
 def grid_points(grid: VoxelGrid, found: Surface) -> FloatArray:
     """``(N, 3)`` metres forward, left and up of a surface's points."""
-    return found.points * grid.side_m + np.array(grid.low_m)
+    return np.asarray(found.points * grid.side_m + np.array(grid.low_m))

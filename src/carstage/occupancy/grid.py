@@ -63,9 +63,16 @@ class VoxelGrid:
         Returns:
             ``(M,)`` numbers of those within, ``(N,)`` which these are.
         """
-        inside = ((units >= 0.0) & (units < np.array(self.shape))).all(axis=1)
-        x, y, z = units[inside].astype(np.int64).T
+        inside = self.holds(units)
+        x, y, z = (column[inside].astype(np.int64) for column in units.T)
         return self.flat(x, y, z), inside
+
+    def holds(self, units: FloatArray) -> NDArray[np.bool_]:
+        """``(N,)`` which places ``(N, 3)`` are in a voxel."""
+        inside: NDArray[np.bool_] = np.ones(len(units), np.bool_)
+        for column, most in zip(units.T, self.shape, strict=True):
+            inside &= (column >= 0.0) & (column < most)
+        return inside
 
     def flat(
         self, x: NDArray[np.int64], y: NDArray[np.int64], z: NDArray[np.int64]
@@ -90,4 +97,5 @@ def grid_from_world(world_from_frame: FloatArray) -> FloatArray:
 def placed(matrix: FloatArray, points: FloatArray) -> FloatArray:
     """``(N, 3)`` points ``(N, 3)`` through a ``(3 or 4, 4)`` matrix, see ``multiply``."""
     x, y, z = points.T
-    return np.stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix[:3]], axis=-1)
+    columns = [row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix[:3]]
+    return np.stack(columns).T  # column by column in memory, as it is read

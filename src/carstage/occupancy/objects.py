@@ -66,15 +66,24 @@ class RoadUser:
 
 def road_users(objects: Iterable[Mapping[str, Any]]) -> list[RoadUser]:
     """The vehicles and pedestrians with a box of a frame's rows, ascending track; the ego too."""
-    found = []
-    for row in objects:
-        tag = object_tag(row["class"])
-        if tag is None or row["box_center"] is None:
-            continue
-        pose = pose_matrix(row["box_center"], row["box_rotation_deg"])
-        reach_m = PEDESTRIAN_REACH_M if tag == _PEDESTRIAN else VEHICLE_REACH_M
-        found.append(RoadUser(row, tag, pose, np.array(row["box_extent"]), reach_m))
-    return sorted(found, key=lambda user: user.track_id)
+    rows = [row for row in objects if row["box_center"] is not None]
+    tagged = [(row, tag) for row in rows if (tag := object_tag(row["class"])) is not None]
+    tagged.sort(key=lambda pair: pair[0]["track_id"])
+    if not tagged:
+        return []
+    poses = pose_matrix(
+        [row["box_center"] for row, _ in tagged], [row["box_rotation_deg"] for row, _ in tagged]
+    )
+    return [
+        RoadUser(
+            row,
+            tag,
+            pose,
+            np.array(row["box_extent"]),
+            PEDESTRIAN_REACH_M if tag == _PEDESTRIAN else VEHICLE_REACH_M,
+        )
+        for (row, tag), pose in zip(tagged, poses, strict=True)
+    ]
 
 
 def owners(points: FloatArray, users: Sequence[RoadUser]) -> NDArray[np.int64]:
@@ -83,16 +92,22 @@ def owners(points: FloatArray, users: Sequence[RoadUser]) -> NDArray[np.int64]:
     Of several boxes, the one that it is deepest in or nearest to.
     """
     owner = np.full(len(points), -1, np.int64)
-    if not len(points):
+    if not len(points) or not users:
         return owner
     outside = np.full(len(points), np.inf)
-    low, high = points.min(axis=0), points.max(axis=0)
-    for number, user in enumerate(users):
-        middle = user.world_from_box[:3, 3]
-        far = np.sqrt((user.extent_m**2).sum()) + 2.0 * user.reach_m
-        if (middle + far < low).any() or (middle - far > high).any():
+    columns = [np.ascontiguousarray(column) for column in points.T]
+    low, high = (np.array([end(column) for column in columns]) for end in (np.min, np.max))
+    middle = np.array([user.world_from_box[:3, 3] for user in users])
+    half = np.array([user.extent_m for user in users])
+    far = np.sqrt((half * half).sum(axis=1)) + np.array([2.0 * user.reach_m for user in users])
+    among = (middle + far[:, None] >= low).all(axis=1) & (middle - far[:, None] <= high).all(axis=1)
+    for number in np.flatnonzero(among).tolist():
+        user = users[number]
+        close = np.abs(columns[0] - middle[number, 0]) <= far[number]
+        close &= np.abs(columns[1] - middle[number, 1]) <= far[number]
+        near = np.flatnonzero(close)
+        if not len(near):
             continue
-        near = np.flatnonzero((np.abs(points - middle) <= far).all(axis=1))
         local = placed(invert_pose(user.world_from_box), points[near])
         depth = (np.abs(local) - user.extent_m).max(axis=1)
         taken = (depth <= user.reach_m) & (depth < outside[near])

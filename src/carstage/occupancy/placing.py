@@ -88,23 +88,25 @@ class Placer:
     ) -> tuple[NDArray[np.uint16], list[RoadUser]]:
         """Put road users into the voxels; gives ``(cells,)`` instances, and who has any."""
         grid = self._grid
-        owner = np.full(grid.count, -1, np.int32)
-        surface = np.zeros(grid.count, np.int32)
+        instance: NDArray[np.uint16] = np.zeros(grid.count, np.uint16)
+        pairs, rides = [np.zeros(0, np.int64)], [np.zeros(0, np.bool_)]
         for number, user in enumerate(users):
-            if user.track_id not in self._moving:
-                continue
-            points, rides = self._moving[user.track_id]
-            cells, inside = grid.cells(placed(multiply(units, user.world_from_box), points))
-            found, at, amount = np.unique(cells, return_inverse=True, return_counts=True)
-            riding = np.bincount(at[rides[inside]], minlength=len(found))
-            taken = amount > surface[found]
-            found, amount, riding = found[taken], amount[taken], riding[taken]
-            owner[found], surface[found] = number, amount
-            semantic[found] = np.where(2 * riding > amount, RIDER_TAG, user.tag)
-        kept = np.unique(owner[owner >= 0])
-        places = np.zeros(len(users) + 1, np.uint16)  # the last is for voxels of nobody: -1
-        places[kept] = np.arange(1, len(kept) + 1)
-        return places[owner], [users[number] for number in kept.tolist()]
+            if user.track_id in self._moving:
+                points, riding = self._moving[user.track_id]
+                cells, inside = grid.cells(placed(multiply(units, user.world_from_box), points))
+                pairs.append(cells * len(users) + number)
+                rides.append(riding[inside])
+        both, at, amount = np.unique(np.concatenate(pairs), return_inverse=True, return_counts=True)
+        riders = np.bincount(at[np.concatenate(rides)], minlength=len(both))
+        cells, owner = np.divmod(both, max(len(users), 1))
+        order = np.lexsort((owner, -amount, cells))
+        best = order[np.append(True, np.diff(cells[order]) > 0)[: len(order)]]
+        cells, owner = cells[best], owner[best]
+        tags = np.array([user.tag for user in users], np.uint8)
+        semantic[cells] = np.where(2 * riders[best] > amount[best], RIDER_TAG, tags[owner])
+        kept, places = np.unique(owner, return_inverse=True)
+        instance[cells] = places + 1
+        return instance, [users[index] for index in kept.tolist()]
 
 
 def ground_bounds(grid: VoxelGrid, world_from_frame: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.birds_eye.grid import runs
 from carstage.birds_eye.visibility import CAMERA, LIDAR, CameraView, Cloud
-from carstage.geometry import OPTICAL_FROM_SENSOR, Z_NEAR_M, FloatArray, multiply
+from carstage.geometry import OPTICAL_FROM_SENSOR, Z_NEAR_M, FloatArray, multiply, rotate
 from carstage.occupancy.grid import VoxelGrid, placed
 
 FINE: Final = 2
 """Cells to a voxel's side in which surfaces are gathered; a frame adds one point to each."""
-
 Indices = NDArray[np.int64]
 
 
@@ -32,11 +30,6 @@ class Picture:
     view: CameraView
     tags: NDArray[np.uint8] | None
 
-    @property
-    def bit(self) -> int:
-        """Of cameras, in masks."""
-        return CAMERA
-
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
@@ -50,11 +43,6 @@ class Sweep:
     cloud: Cloud
     tags: NDArray[np.uint8] | None
 
-    @property
-    def bit(self) -> int:
-        """Of LiDARs, in masks."""
-        return LIDAR
-
 
 @dataclass(frozen=True, slots=True)
 class Surface:
@@ -64,7 +52,7 @@ class Surface:
         origin: ``(3,)`` of the rays.
         points: ``(N, 3)`` in the grid, one of each cell of a half side.
         tags: ``(N,)`` uint8, or None.
-        beyond: ``(M, 3)`` ends of rays outside of the grid.
+        beyond: ``(M, 3)`` ends of a LiDAR's rays outside of the grid.
     """
 
     origin: FloatArray
@@ -90,9 +78,9 @@ def surface(grid: VoxelGrid, matrix: FloatArray, seen: Picture | Sweep) -> Surfa
 
 def _of_sweep(grid: VoxelGrid, units: FloatArray, seen: Sweep) -> Surface:
     points = placed(units, seen.cloud.points)
-    inside = ((points >= 0.0) & (points < np.array(grid.shape))).all(axis=1)
+    inside = grid.holds(points)
     chosen = np.flatnonzero(inside)
-    chosen = chosen[_one_per_cell(grid, points[chosen].T)]
+    chosen = chosen[_one_per_cell(grid, [column[chosen] for column in points.T])]
     tags = None if seen.tags is None else seen.tags[chosen]
     return Surface(units[:, 3], points[chosen], tags, points[~inside])
 
@@ -118,20 +106,15 @@ def _of_picture(grid: VoxelGrid, units: FloatArray, seen: Picture) -> Surface:
     chosen = np.flatnonzero(inside)
     near = [part.ravel()[chosen] for part in parts]
     kept = _one_per_cell(grid, near)
-    # Rays that leave the grid are as many as it takes not to miss a voxel of its far side.
-    far = np.maximum(np.abs(origin), np.abs(np.array(grid.shape) - origin))
-    step = max(1, int(view.k[0, 0] / float(np.sqrt((far * far).sum()))))
-    left = ~inside[::step, ::step]
-    beyond = np.stack([part[::step, ::step][left] for part in parts], axis=-1)
     return Surface(
         origin,
         np.stack([part[kept] for part in near], axis=-1).astype(np.float64),
         None if seen.tags is None else seen.tags.ravel()[chosen[kept]],
-        beyond.astype(np.float64),
+        np.zeros((0, 3)),
     )
 
 
-def _one_per_cell(grid: VoxelGrid, units: FloatArray | list[NDArray[np.float32]]) -> Indices:
+def _one_per_cell(grid: VoxelGrid, units: Sequence[NDArray[np.floating]]) -> Indices:
     """Which of ``N`` places to keep, one in each cell of a half side, in their order.
 
     Args:
@@ -148,68 +131,71 @@ def _one_per_cell(grid: VoxelGrid, units: FloatArray | list[NDArray[np.float32]]
     return np.flatnonzero(last[cells] == numbers)
 
 
-def seen_voxels(grid: VoxelGrid, found: Surface) -> NDArray[np.bool_]:
-    """``(X, Y, Z)`` the voxels that rays pass or end in.
+def seen_voxels(
+    grid: VoxelGrid, matrix: FloatArray, seen: Sequence[Picture | Sweep], found: Sequence[Surface]
+) -> NDArray[np.uint8]:
+    """``(X, Y, Z)`` bits of the sensors that see each voxel.
 
-    To each voxel in which rays end, one of them is followed; rays that leave the grid are followed
-    to where they do.
+    All see the voxels in which their rays end. A camera sees a voxel if the ray through its centre
+    goes on behind it, a LiDAR if a ray passes it. Of the rays from one place, those that leave the
+    grid are followed first, then those to voxels that none has passed yet.
+
+    Args:
+        grid: the voxels.
+        matrix: ``(4, 4)`` of the grid's frame from the world.
+        seen: what the sensors measured.
+        found: by :func:`surface`, of the same.
     """
-    starts, ends = _within(grid, found.origin, np.concatenate([found.points, found.beyond]))
-    last = np.minimum(ends.astype(np.int64), np.array(grid.shape) - 1)
-    flat = grid.flat(*last.T)
-    number: NDArray[np.int32] = np.empty(grid.count, np.int32)
-    order = np.arange(len(flat), dtype=np.int32)
-    number[flat] = order
-    chosen = np.flatnonzero(number[flat] == order)
-    seen: NDArray[np.bool_] = np.zeros(grid.count, np.bool_)
-    seen[flat[chosen]] = True
-    for cells in _passed(grid, starts[chosen], ends[chosen], last[chosen]):
-        seen[cells] = True
-    return seen.reshape(grid.shape)
+    mask: NDArray[np.uint8] = np.zeros(grid.count, np.uint8)
+    rays: dict[bytes, list[Surface]] = {}
+    for one, ends in zip(seen, found, strict=True):
+        if isinstance(one, Picture):
+            mask[_before_surface(grid, matrix, one.view)] |= np.uint8(CAMERA)
+            mask[grid.flat(*ends.points.astype(np.int64).T)] |= np.uint8(CAMERA)
+        else:
+            rays.setdefault(ends.origin.tobytes(), []).append(ends)
+    for sweeps in rays.values():
+        ends_there = [one.beyond for one in sweeps] + [one.points for one in sweeps]
+        passed = passed_voxels(grid, sweeps[0].origin, np.concatenate(ends_there))
+        mask |= passed.ravel() * np.uint8(LIDAR)
+    return mask.reshape(grid.shape)
 
 
-def _within(grid: VoxelGrid, origin: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """``(N, 3)`` first and last points in the grid of rays; those that miss it are left out."""
-    shape = np.array(grid.shape, np.float64)
-    way = ends - origin
-    with np.errstate(divide="ignore", invalid="ignore"):
-        one, other = -origin / way, (shape - origin) / way
-    level = way == 0.0
-    inside = (origin >= 0.0) & (origin <= shape)
-    one[level], other[level] = np.where(inside, -np.inf, np.inf)[np.nonzero(level)[1]], np.inf
-    enters = np.maximum(np.minimum(one, other).max(axis=1), 0.0)
-    leaves = np.minimum(np.maximum(one, other).min(axis=1), 1.0)
-    hits = enters < leaves
-    way, enters, leaves = way[hits], enters[hits, None], leaves[hits, None]
-    return (
-        np.clip(origin + way * enters, 0.0, shape),
-        np.clip(origin + way * leaves, 0.0, shape),
-    )
+def passed_voxels(grid: VoxelGrid, origin: FloatArray, ends: FloatArray) -> NDArray[np.bool_]:
+    """``(X, Y, Z)`` the voxels that rays from one place ``(3,)`` to ``(N, 3)`` pass or end in.
 
-
-def _passed(
-    grid: VoxelGrid, starts: FloatArray, ends: FloatArray, last: Indices
-) -> Iterator[Indices]:
-    """Flat numbers of the voxels that lie on ways, those in which they end left out.
-
-    A way enters a voxel through one of its faces. So along each axis, the planes between voxels
-    that it crosses name all voxels that it enters that way.
+    No ray is followed to a voxel that an earlier one has passed: it goes nearly the same way.
     """
-    most = np.array(grid.shape) - 1
-    first = np.minimum(starts.astype(np.int64), most)
-    yield grid.flat(*first.T)
-    way = ends - starts
-    for axis in range(3):
-        count = np.abs(last[:, axis] - first[:, axis])
-        owner, step = runs(count)
-        rises = (last[:, axis] > first[:, axis])[owner]
-        plane = first[owner, axis] + np.where(rises, step + 1, -step)
-        share = (plane - starts[owner, axis]) / way[owner, axis]
-        place = [np.zeros(0, np.int64)] * 3
-        for other in range(3):
-            if other == axis:
-                place[other] = plane - ~rises
-            else:
-                at = starts[owner, other] + share * way[owner, other]
-                place[other] = np.clip(at.astype(np.int64), 0, most[other])
-        yield grid.flat(*place)
+    # Half a second to import, which only processes that make voxels shall need.
+    from carstage.occupancy.ray_kernel import mark_passed
+
+    seen: NDArray[np.bool_] = np.zeros(grid.shape, np.bool_)
+    mark_passed(origin, np.ascontiguousarray(ends), seen)
+    return seen
+
+
+def _before_surface(grid: VoxelGrid, matrix: FloatArray, view: CameraView) -> Indices:
+    """Flat numbers of the voxels whose centres are before what their pixel shows."""
+    units = grid.units_from(multiply(matrix, view.world_from_sensor))
+    optical = multiply(OPTICAL_FROM_SENSOR, units[:, :3].T) * (grid.side_m * grid.side_m)
+    start = -rotate(optical, units[:, 3])
+    parts = []
+    for row, first in zip(optical, start, strict=True):
+        x, y, z = (
+            ((np.arange(count) + 0.5) * share).astype(np.float32)
+            for count, share in zip(grid.shape, row, strict=True)
+        )
+        parts.append((x[:, None] + (y + np.float32(first)))[:, :, None] + z)
+    right, down, along = (part.ravel() for part in parts)
+    (fx, _, cx), (_, fy, cy), _ = view.k.astype(np.float32)
+    right *= fx
+    down *= fy
+    inside = along > Z_NEAR_M
+    for part, middle, size in ((right, cx, view.width), (down, cy, view.height)):
+        inside &= (part >= -middle * along) & (part < (np.float32(size) - middle) * along)
+    chosen = np.flatnonzero(inside)
+    depth = along[chosen]
+    column = np.minimum((right[chosen] / depth + cx).astype(np.int64), view.width - 1)
+    row = np.minimum((down[chosen] / depth + cy).astype(np.int64), view.height - 1)
+    assert view.depth_m is not None
+    return np.asarray(chosen[depth <= view.depth_m.ravel()[row * view.width + column]])

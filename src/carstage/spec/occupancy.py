@@ -35,7 +35,7 @@ class OccupancySpec:
     @classmethod
     def read(cls, fields: Fields) -> OccupancySpec:
         """Check and read the section."""
-        frame = {"frame": fields.text("frame")} if "frame" in fields else {}
+        frame = fields.text("frame") if "frame" in fields else cls.frame
         reach = {
             name: fields.number(name, least=0.0)
             for pair in _SIDES
@@ -44,7 +44,7 @@ class OccupancySpec:
         }
         if "resolution_m" in fields:
             reach["resolution_m"] = fields.number("resolution_m", above=0.0)
-        found = cls(**frame, **reach)
+        found = cls(frame=frame, **reach)
         for name, why in found.faults():
             raise SpecError("%s: %s" % (fields.path(name), why))
         return found

@@ -19,7 +19,6 @@ from carstage.occupancy import (
     Occupancy,
     Picture,
     Placer,
-    Surface,
     Sweep,
     VoxelGrid,
     Voxels,
@@ -30,6 +29,7 @@ from carstage.occupancy import (
     unpack_occupancy,
 )
 from carstage.occupancy.gathering import Cells, Gathering
+from carstage.occupancy.seeing import passed_voxels
 from carstage.spec import OccupancySpec
 
 GRID = VoxelGrid((-8.0, -8.0, -1.0), (40, 40, 10), 0.4)
@@ -105,9 +105,7 @@ def test_a_ray_sees_the_voxels_that_it_passes_and_no_others() -> None:
     for _ in range(40):
         start = rng.uniform(-20.0, 60.0, 3) * [1.0, 1.0, 0.2]
         end = rng.uniform(-20.0, 60.0, 3) * [1.0, 1.0, 0.2]
-        inside = ((end >= 0.0) & (end < GRID.shape)).all()
-        ends = (end[None], np.zeros((0, 3))) if inside else (np.zeros((0, 3)), end[None])
-        seen = seen_voxels(GRID, Surface(start, ends[0], None, ends[1]))
+        seen = passed_voxels(GRID, start, end[None])
         found = set(map(tuple, np.argwhere(seen).tolist()))
         sampled = along(start, end)
         assert sampled <= found
@@ -117,7 +115,7 @@ def test_a_ray_sees_the_voxels_that_it_passes_and_no_others() -> None:
 def test_rays_along_an_axis_and_of_no_length_are_seen() -> None:
     start = np.array([5.5, 6.5, 7.5])
     ends = np.array([[9.5, 6.5, 7.5], [5.5, 6.5, 7.5]])
-    seen = seen_voxels(GRID, Surface(start, ends, None, np.zeros((0, 3))))
+    seen = passed_voxels(GRID, start, ends)
     assert np.argwhere(seen).tolist() == [[x, 6, 7] for x in range(5, 10)]
 
 
@@ -126,8 +124,9 @@ def test_what_is_behind_a_wall_is_not_seen_and_the_sky_is() -> None:
     depth = np.full((200, 400), 4.1, np.float32)
     depth[:40] = 1000.0
     view = CameraView(k, HERE, depth, 400, 200)
-    seen = seen_voxels(GRID, surface(GRID, grid_from_world(HERE), Picture(view, None)))
-    assert seen[21:31, 20, 3].all()
+    matrix, picture = grid_from_world(HERE), Picture(view, None)
+    seen = seen_voxels(GRID, matrix, [picture], [surface(GRID, matrix, picture)]) > 0
+    assert seen[22:31, 20, 3].all()
     assert not seen[31:, 20, 3].any()
     assert seen[38:, 20, 9].all()
     assert not seen[:20].any()
@@ -246,7 +245,7 @@ def test_masks_tell_cameras_from_lidars() -> None:
     seen = Gathering(GRID).add(HERE, [], [picture, behind])
     assert seen[25, 20, 2] == CAMERA
     assert seen[10, 19, 2] == LIDAR
-    assert seen[20, 19, 2] & LIDAR
+    assert seen[20, 20, 2] & LIDAR
 
 
 def test_equal_voxels_are_equal_bytes_and_damage_is_named() -> None:

@@ -554,7 +554,7 @@ def events(
         list[str] | None, typer.Option("--town", help="May be given again; two for each kind.")
     ] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Episodes of each kind in each town.")] = 20,
-    seconds: Annotated[float, typer.Option(min=5.0, help="Simulated, of each episode.")] = 60.0,
+    seconds: Annotated[float, typer.Option(min=5.0, help="Simulated, of each episode.")] = 120.0,
     json: Json = False,
 ) -> int:
     """Whether built-in events happen as they were asked for, by the world's record."""

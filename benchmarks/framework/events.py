@@ -109,10 +109,12 @@ class Outcome:
     Attributes:
         row: of the events' table.
         wrong: what the world's record says against it; empty: it is as asked for.
+        asked: its parameters.
     """
 
     row: Mapping[str, Any]
     wrong: tuple[str, ...]
+    asked: Mapping[str, Any]
 
 
 def measure_events(
@@ -120,7 +122,7 @@ def measure_events(
     *,
     towns: Sequence[str] = (),
     seeds: int = 20,
-    seconds: float = 60.0,
+    seconds: float = 120.0,
     progress: Progress = lambda *_: None,
 ) -> Campaign:
     """A verdict for each kind and town.
@@ -253,11 +255,11 @@ def judged(log: EpisodeLog, asked: Mapping[str, Any] | None = None) -> Outcome:
     ego_id = int(log.header["ego_id"])
     (row,) = event_rows(log.spec, frames, log.actors(), ego_id)
     (event,) = log.spec.scenario.events or ()
-    if row["state"] != HAPPENED:
-        return Outcome(row, ())
-    view = View(frames, ego_id, row, log.spec.fps)
     asked = event.parameters() if asked is None else asked
-    return Outcome(row, tuple(RULES[row["kind"]](view, asked, row)))
+    if row["state"] != HAPPENED:
+        return Outcome(row, (), asked)
+    view = View(frames, ego_id, row, log.spec.fps)
+    return Outcome(row, tuple(RULES[row["kind"]](view, asked, row)), asked)
 
 
 def verdict_on(kind: str, town: str, outcomes: Sequence[Outcome]) -> Verdict:
@@ -274,7 +276,7 @@ def verdict_on(kind: str, town: str, outcomes: Sequence[Outcome]) -> Verdict:
     begins = [one.row["begin_s"] for one in happened]
     notes = [
         *(f"{one.row['state']}: {one.row['reason']}" for one in outcomes if one not in happened),
-        *("; ".join(one.wrong) for one in happened if one.wrong),
+        *(f"{'; '.join(one.wrong)}, of {_told(one.asked)}" for one in happened if one.wrong),
     ]
     return Verdict(
         f"{kind} in {town}",
@@ -290,6 +292,13 @@ def verdict_on(kind: str, town: str, outcomes: Sequence[Outcome]) -> Verdict:
         ),
         notes,
     )  # fmt: skip
+
+
+def _told(asked: Mapping[str, Any]) -> str:
+    parts = {
+        name: f"{value:.2f}" if isinstance(value, float) else value for name, value in asked.items()
+    }
+    return ", ".join(f"{name} {value}" for name, value in parts.items())
 
 
 def _median(values: Sequence[float]) -> float:

@@ -24,6 +24,8 @@ from carstage_sim.maps.baking import BakeOptions
 from carstage_sim.maps.checking import MapSamplingError
 from carstage_sim.maps.loading import TownSource, town_of
 
+_NICENESS = 10
+"""Clients that tick the world go first where cores are few."""
 _BACKSTOP = 2
 """How many times what a bake may hold it can ask for: the server looks now and then, and what asks
 for far too much at once fails loudly. Nearer, libraries go on with what they did not get."""
@@ -32,6 +34,7 @@ for far too much at once fails loudly. Nearer, libraries go on with what they di
 def main(arguments: Sequence[str]) -> int:
     """Bake what the job file says; the exit status of the process."""
     job, answer = (Path(argument) for argument in arguments)
+    os.nice(_NICENESS)
     abandoned = threading.Event()
     try:
         signal.signal(signal.SIGTERM, _exit)  # so that files are cleared away on the way out

@@ -33,7 +33,7 @@ _QUEUED_REQUESTS = 128
 _QUEUED_BYTES = 64 << 20
 _MOST_UNFINISHED_BYTES = 256 << 20
 _UNREAD_REPLY_BYTES = 1 << 20
-_TURN_S = 0.05
+_TURN_S = 0.02
 """How long the calls of one client may take while others wait."""
 
 _shortener = reprlib.Repr()
@@ -72,8 +72,8 @@ class Connection:
         waiting: its messages that are queued.
         waiting_bytes: their bytes.
         deferred: those that were due while the client did not read its replies.
-        used_s: how long its calls took since others were last let go first. Only the thread that
-            serves them touches it.
+        used_s: how long its calls took since others were last let go first, or none of its own
+            waited. Only the thread that serves them touches it.
     """
 
     def __init__(self, channel: Channel, warnings: ThrottledWarnings) -> None:
@@ -219,6 +219,8 @@ class RpcServer:
                 return Disconnected(connection)
             connection.waiting -= 1
             connection.waiting_bytes -= len(message)
+            if not connection.waiting:
+                connection.used_s = 0.0  # it asks for no more than it is answered
             low = connection.waiting == _QUEUED_REQUESTS // 2 or not connection.waiting
         if low and not channel.reading:
             self._loop.call(lambda: self._refill(connection, channel))

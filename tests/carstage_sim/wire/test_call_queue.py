@@ -58,6 +58,21 @@ def test_calls_are_served_as_they_came_and_after_a_long_one_the_others_go_first(
         assert [next_request(server).name for _ in range(2)] == ["f", "g"]
 
 
+def test_client_that_asks_one_call_at_a_time_is_not_put_behind_for_all_it_ever_asked(
+    server: RpcServer,
+) -> None:
+    with ExitStack() as opened:
+        one, other = (
+            opened.enter_context(socket.create_connection(("127.0.0.1", server.port)))
+            for _ in range(2)
+        )
+        for _ in range(8):
+            asked(server, (one, "a"), (other, "b"))
+            first = next_request(server)
+            first.connection.used_s += 0.01
+            assert [first.name, next_request(server).name] == ["a", "b"]
+
+
 def test_client_that_is_alone_is_served_whatever_its_calls_take(server: RpcServer) -> None:
     with socket.create_connection(("127.0.0.1", server.port)) as alone:
         ask(alone, "a", "b", "c")

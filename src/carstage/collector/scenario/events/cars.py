@@ -24,6 +24,8 @@ HARD_M_S2 = 8.0
 """How hard it brakes for it at most."""
 ALIGN_M = 15.0
 """On such a way it comes from beside the line to a third of that."""
+LONGEST = 2.0
+"""So many times as far as the way beside it a step leads along the line, at most."""
 
 Pose = Tuple[float, float, float, float, float]
 """x, y, z (m), pitch, yaw (deg)."""
@@ -140,7 +142,7 @@ class DrivenCar:
         mean_m_s = 0.5 * (self.speed_m_s + speed_m_s)
         if right_m is None:
             right_m = self._right_m * math.exp(-mean_m_s * step_s / ALIGN_M)
-        self.along_m += mean_m_s * step_s
+        self.along_m += self._along_m(mean_m_s * step_s, right_m)
         sideways_m_s = (right_m - self._right_m) / step_s
         turned_deg = math.degrees(math.atan2(sideways_m_s, max(mean_m_s, 1.0)))
         self.speed_m_s, self._right_m = speed_m_s, right_m
@@ -167,9 +169,21 @@ class DrivenCar:
         brakes = speed_m_s < self.speed_m_s - 1e-3
         self.move(speed_m_s, right_m, lights | (BRAKE if brakes else 0))
 
+    @property
+    def is_held_up(self) -> bool:
+        """Whether a car is before it."""
+        return self._room_m() is not None
+
     def is_before_junction(self, within_m: float) -> bool:
         """Whether its way comes to a junction soon."""
         return self._line.reaches_junction(self.along_m + within_m)
+
+    def _along_m(self, way_m: float, right_m: float) -> float:
+        """How far along the line a way beside it leads: at the inner side of a bend, farther."""
+        here = self._line.pose(self.along_m, right_m)
+        there = self._line.pose(self.along_m + way_m, right_m)
+        led_m = math.hypot(there[0] - here[0], there[1] - here[1])
+        return way_m * min(way_m / max(led_m, 1e-6), LONGEST) if way_m > 0.0 else 0.0
 
     def _room_m(self) -> Optional[float]:
         """How much nearer it may come to the car before it; None: there is none."""

@@ -25,7 +25,7 @@ LEAST_M_S = 2.0
 MOST_LANES = 12
 STUCK_S = 1.5
 STUCK_M = 0.3
-"""Who has not come that far after that time stands before something."""
+"""Who has not come that far in that time stands before something."""
 
 
 @event("pedestrian_crosses")
@@ -37,6 +37,8 @@ class PedestrianCrosses(Event):
     _towards: Any
     _width_m = 0.0
     _crossing: Any
+    _came_m = 0.0
+    _came_s = 0.0
 
     def place(self) -> Optional[str]:
         """At the kerb beside the road ahead; behind a parked car where that is asked for."""
@@ -68,19 +70,25 @@ class PedestrianCrosses(Event):
             return "the ego stopped short of it, or took another way"
         if ahead_m <= self.spec.trigger_m and self.world.ego_speed_m_s >= LEAST_M_S:
             self.begin()
+            self._came_m = self._came_s = 0.0
             self._walk(self.spec.speed_m_s)
         return None
 
     def run(self) -> bool:
-        """Walk on until the other side, or until something is in the way for long."""
+        """Walk on until the other side, or until something near it is in the way."""
         at = self._walker.get_location()
         walked_m = (at.x - self._start.x) * self._towards.x
         walked_m += (at.y - self._start.y) * self._towards.y
         if self.elapsed_s > STUCK_S and walked_m < STUCK_M:
             self.give_up("something stood in the pedestrian's way")
             return True
+        if walked_m > self._came_m + STUCK_M:
+            self._came_m, self._came_s = walked_m, self.elapsed_s
+        stands = self.elapsed_s > self._came_s + STUCK_S + STUCK_M / self.spec.speed_m_s
+        arrives = walked_m > self._width_m - 2.0 * KERB_M
         longest_s = 3.0 * self._width_m / self.spec.speed_m_s
-        if walked_m < self._width_m and self.elapsed_s < longest_s:
+        goes_on = self.elapsed_s < longest_s and not (stands and arrives)
+        if walked_m < self._width_m and goes_on:
             self._walk(self.spec.speed_m_s)
             return True
         self._walk(0.0)

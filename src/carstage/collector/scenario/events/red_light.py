@@ -34,6 +34,10 @@ CLEAR_M = 10.0
 """So far beyond the junction nobody may stand in its way."""
 LEAST_S, LEAST_M = 0.5, 5.0
 """It appears that long before both ways cross, and that far from the junction, at least."""
+NEARLY = 0.95
+"""It enters the junction with that share of its speed, at least."""
+NEAR_WAY_M = 12.0
+"""Nobody else drives so near to its way through the junction, as it enters."""
 PATIENCE_S = 10.0
 """It has as much longer than it takes by itself."""
 
@@ -57,6 +61,7 @@ class RedLightRunner(Event):
 
     _car: DrivenCar
     _signals: Optional[HeldSignals] = None
+    _way: List[Any]
     _enters_m = 0.0
     _leaves_m = 0.0
     _longest_s = 0.0
@@ -100,6 +105,8 @@ class RedLightRunner(Event):
         if self.elapsed_s > self._longest_s:
             return "the car was held up before the junction"
         if self._car.along_m + self._car.half_m >= self._enters_m:
+            if not self._can_cross():
+                return "another vehicle was in the car's way"
             self.begin()
         return None
 
@@ -120,6 +127,12 @@ class RedLightRunner(Event):
             self._signals.release()
             self._signals = None
 
+    def _can_cross(self) -> bool:
+        """Whether it drives as fast as it is to, and will have to brake for nobody."""
+        if self._car.is_held_up or self._car.speed_m_s < NEARLY * self.spec.speed_m_s:
+            return False
+        return not self.world.is_crossed(self._way, NEAR_WAY_M, self._car.actor)
+
     def _enter_by(self, crossing: Crossing, blueprint: Any, own: List[Any]) -> str:
         """Have the car come by a way; else tell why not."""
         world, spec = self.world, self.spec
@@ -139,6 +152,7 @@ class RedLightRunner(Event):
         greens = {light.id for light in own}
         if not others or any(light.id in greens for light in others):
             return "the road that crosses had no traffic lights of its own"
+        self._way = crossing.way
         line = LaneLine(approach[-1], [*approach[-2::-1], *crossing.way])
         self._enters_m = back * SPACING_M
         self._leaves_m = self._enters_m + len(crossing.way) * SPACING_M

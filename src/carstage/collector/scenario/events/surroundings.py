@@ -20,6 +20,8 @@ SPACING_M = 1.0
 """Between the places of a stretch of road."""
 LANE_HALF_M = 1.9
 """A vehicle whose middle is that near to the middle of a lane is in it."""
+STANDS_M_S = 0.5
+"""A vehicle that is slower stands."""
 DROPS_M = (0.2, 0.6)
 """Heights above the road to try: a spawn that touches it fails."""
 ROLE = "event"
@@ -164,6 +166,16 @@ class Surroundings:
             if any(math.hypot(at.x - x, at.y - y) < half_m for at in places):
                 return index
         return None
+
+    def is_crossed(self, places: Sequence[Any], within_m: float, but: Any) -> bool:
+        """Whether a vehicle drives near a row of waypoints; neither the ego counts nor ``but``."""
+        spots = [place.transform.location for place in places]
+        for vehicle in self._vehicles:
+            at, velocity = vehicle.get_location(), vehicle.get_velocity()
+            drives = vehicle.id != but.id and math.hypot(velocity.x, velocity.y) > STANDS_M_S
+            if drives and any(math.hypot(at.x - s.x, at.y - s.y) < within_m for s in spots):
+                return True
+        return False
 
     def car_ahead(self, stretch: Stretch) -> Optional[Tuple[Any, float, float]]:
         """The first vehicle ahead, if the Traffic Manager drives it and it has four wheels.

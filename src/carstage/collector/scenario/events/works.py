@@ -35,8 +35,8 @@ BACK_M = 14.0
 """On such a way the ego is in the middle of its lane again."""
 BEYOND_M = 70
 """So far beyond the works nobody may come, as the ego passes them in the oncoming lane."""
-CLEAR_M = 0.4
-"""Between the ego and what narrows its lane, at least."""
+CLEAR_M = 0.6
+"""Between the ego and the middles of the cones that narrow its lane, at least."""
 PAST_M = 2.0
 """So far behind the ego's rear the last cone is, as it is over."""
 

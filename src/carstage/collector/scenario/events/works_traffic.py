@@ -11,7 +11,7 @@ from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from carstage.collector.scenario.events.surroundings import SPACING_M, Stretch, Surroundings
 
-BEFORE_M = 14.0
+BEFORE_M = 20.0
 """So far before the first cone vehicles begin to move over, and stop where they have to wait."""
 OVER_M_S = 1.6
 """How fast they move over at most."""

@@ -38,7 +38,7 @@ def occupancy(
         list[Path],
         typer.Option("--dataset", help="One with voxels, depth, instances, semantic LiDARs."),
     ],
-    near_m: Annotated[float, typer.Option(min=2, help="How far meshes are compared.")] = 16.0,
+    near_m: Annotated[float, typer.Option(min=2, help="How far meshes are compared.")] = 8.0,
     json: Json = False,
 ) -> int:
     """What of depth images voxels explain, whether they are those of meshes, and their cost."""

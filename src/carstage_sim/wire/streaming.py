@@ -42,8 +42,8 @@ _PATIENCE_S = 4.0
 """Less than the 5 s that clients wait for an answer unless told otherwise."""
 
 
-LONGEST_WAIT_S = 0.4
-"""In one frame, for all subscribers together."""
+LONGEST_WAIT_S = 0.25
+"""In one frame, for all subscribers together; a tick may come after a whole frame of another's."""
 _MISTRUST_S = 2.0
 """After a wait for who did not come: others may announce without end that they will."""
 _MOST_UNREAD_BYTES = 64 << 20

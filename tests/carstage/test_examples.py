@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +19,7 @@ import carstage
 from carstage.config import load_config
 from carstage.dataset import Dataset
 from carstage.runs.preflight import judge
-from carstage.spec import EVENT_SPECS
+from carstage.spec import EVENT_SPECS, ClassDriverSpec
 from recorded_dataset import FRAMES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -97,7 +100,7 @@ def test_a_script_of_ones_own_is_recorded(tmp_path: Path) -> None:
 def test_the_readme_lists_every_example() -> None:
     readme = (EXAMPLES / "README.md").read_text("utf-8")
     programs = sorted(path.name for path in EXAMPLES.glob("*.py"))
-    assert len(programs) == 6
+    assert len(programs) == 8
     assert re.findall(r"examples/(\w+\.py)", readme) == sorted(
         programs, key=lambda name: readme.index(name)
     )
@@ -122,6 +125,57 @@ def test_example_events_have_parameters_of_their_own_in_each_episode() -> None:
     assert "events.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
 
 
+def test_an_example_names_a_driver_of_ones_own() -> None:
+    # Its class drives in tests/carstage/runs/test_driving_the_ego.py.
+    (spec,) = judge(load_config(EXAMPLES / "own_driver.yaml"))
+    assert isinstance(spec.ego.driver, ClassDriverSpec)
+    assert spec.ego.driver.name == "own_driver:Waves"
+    assert "own_driver.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
+
+
+AGENTS = """
+class Planner:
+    def trace_route(self, start, end):
+        return [(start, end)]
+
+class {name}:
+    def __init__(self, vehicle, first, opt_dict):
+        self.made = [vehicle, first, opt_dict]
+
+    def get_global_planner(self):
+        return Planner()
+
+    def set_global_plan(self, plan):
+        self.made.append(plan)
+
+    def run_step(self):
+        return self.made
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "agent", "first"),
+    [("Basic", "basic_agent", 30.0), ("Behavior", "behavior_agent", "normal")],
+)
+def test_carlas_agents_are_given_the_ego_and_its_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, agent: str, first: Any
+) -> None:
+    # CARLA's own are not installed here; these have the same constructor and the same methods.
+    folder = tmp_path / "agents" / "navigation"
+    folder.mkdir(parents=True)
+    (folder / f"{agent}.py").write_text(AGENTS.format(name=f"{name}Agent"))
+    for path in (tmp_path, EXAMPLES):
+        monkeypatch.syspath_prepend(path)
+    driver = getattr(importlib.import_module("carla_agents"), name)()
+    here = SimpleNamespace(location="here")
+    observation = SimpleNamespace(ego="ego", step_s=0.1, transform=here, goals=("there", "home"))
+    driver.start(observation)
+    way = [("here", "there"), ("there", "home")]
+    assert driver.drive(observation) == ["ego", first, {"dt": 0.1}, way]
+    for module in [one for one in sys.modules if one.split(".")[0] in ("agents", "carla_agents")]:
+        del sys.modules[module]
+
+
 def test_every_example_configuration_is_tested() -> None:
     names = sorted(path.name for path in EXAMPLES.glob("*.yaml"))
-    assert names == ["events.yaml", "night_crowds.yaml", "sweep_lidar.yaml"]
+    assert names == ["events.yaml", "night_crowds.yaml", "own_driver.yaml", "sweep_lidar.yaml"]

@@ -273,7 +273,24 @@ EVENT_COLUMNS: tuple[Column, ...] = (
         f"hardest braking of the ego while it went on; {_BEGAN}", nullable=True),
 )
 
+CONTROL_COLUMNS: tuple[Column, ...] = (
+    Column("tick", "i32", "", "tick that it acted in, from 0, saved or not"),
+    Column("k", "i32", "", "saved frame of it; null: the tick was not saved", nullable=True),
+    Column("server_frame", "i64", "", "frame of the server that it acted in, as in the ledger"),
+    Column("episode_id", "str", "", "the episode's id"),
+    Column("throttle", "f64", "0..1", "as the driver commanded it"),
+    Column("steer", "f64", "-1..1", "as the driver commanded it, positive to the right"),
+    Column("brake", "f64", "0..1", "as the driver commanded it"),
+    Column("hand_brake", "bool", "", "as the driver commanded it"),
+    Column("reverse", "bool", "", "as the driver commanded it"),
+    Column("manual_gear_shift", "bool", "", "`gear` was commanded; else the gear box chose"),
+    Column("gear", "i32", "", "as the driver commanded it; `ego.parquet` has the gear that was in"),
+)
+
 # fmt: on
+
+CONTROLS = "controls.parquet"
+"""The table of a driver's commands: only where the ego has a driver of its own."""
 
 EVENTS = "events.parquet"
 """The table of events: of the episode as a whole, and only where events are planned."""
@@ -289,7 +306,8 @@ TABLES: dict[str, tuple[Column, ...]] = {
 def markdown() -> str:
     """The tables as Markdown, as they stand in ``docs/formats/dataset.md``."""
     lines: list[str] = []
-    for file, columns in {**TABLES, EVENTS: EVENT_COLUMNS}.items():
+    optional = {EVENTS: EVENT_COLUMNS, CONTROLS: CONTROL_COLUMNS}
+    for file, columns in {**TABLES, **optional}.items():
         lines += [
             f"### {file}",
             "",

@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+from carstage.config.drivers import DRIVER_KINDS
 from carstage.config.fields import path_text, shortened, unknown
 from carstage.config.scene import SCENARIO_KINDS
 from carstage.config.sensors import SENSOR_KINDS
@@ -21,6 +22,7 @@ _SHAPES = ("model_type", "model_attributes_type", "tuple_type")
 _TAGS = {
     "server": ("embedded", "carla", "remote"),
     "scenario": SCENARIO_KINDS,
+    "driver": DRIVER_KINDS,
     "events": tuple(known_events()),
     "sensors": tuple(SENSOR_KINDS),
 }

@@ -9,6 +9,7 @@ from pydantic import model_validator
 from carstage.config.attributes import ImageSize, SweepAttributes
 from carstage.config.campaign import Campaign, Condition
 from carstage.config.conversion import Conversion
+from carstage.config.drivers import check_driver
 from carstage.config.events import check_events
 from carstage.config.fields import Section, path_text, problem, setting, unknown
 from carstage.config.labels import GroundTruth, Labels
@@ -233,6 +234,7 @@ class Config(Section):
         """
         check_substepping(self.timing, self.fps)
         check_events(self.scenario, self.timing)
+        check_driver(self.ego.driver, self.scenario, self.timing, self.colour_cameras)
         self._check_maps()
         self.check_steps()
         for path, sensor in self.located_sensors():
@@ -395,6 +397,11 @@ class Config(Section):
     def labelled_cameras(self) -> tuple[str, ...]:
         """Ids of the cameras that get labels, in the rig's order."""
         return tuple(sensor.id for sensor in self.sensors if self._is_labelled(sensor))
+
+    @property
+    def colour_cameras(self) -> list[str]:
+        """Ids of the ``rgb`` cameras, in the rig's order."""
+        return [sensor.id for sensor in self.sensors if sensor.kind == "rgb"]
 
     @property
     def labelled_lidars(self) -> tuple[str, ...]:

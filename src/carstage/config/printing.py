@@ -239,13 +239,14 @@ def _template(section: BaseModel, root: Schema, depth: int) -> Iterator[str]:
 
 def _commented(key: str, value: Any, node: Schema, root: Schema, indent: str) -> Iterator[str]:
     """A key that few users set: taking away the first `#` of its line makes it count."""
-    if isinstance(value, BaseModel) and value.model_dump(exclude_none=True):
+    given = value.model_dump(exclude_none=True) if isinstance(value, BaseModel) else {}
+    if given.keys() - {"kind"}:
         yield f"{indent}#{key}:  # {_text(node, root)}"
         properties = root["$defs"][type(value).__name__]["properties"]
         for name, below in value:
             yield from _commented(name, below, properties[name], root, indent + "#  ")
     else:
-        shown = {} if isinstance(value, BaseModel) else _plain(value)
+        shown = given if isinstance(value, BaseModel) else _plain(value)
         line = f"{indent}{'' if indent.endswith('#  ') else '#'}{key}: {_flow(shown)}"
         yield f"{line:<40}  # {_comment(node, root)}"
 

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Strict, model_validator
 
+from carstage.config.drivers import AutopilotDriver, Driver
 from carstage.config.events import Events, no_events
 from carstage.config.fields import Names, Section, problem, setting, shortened, unknown
 
@@ -158,6 +159,12 @@ class Ego(Section):
             "recommends.",
             group="ego",
         )
+    )
+    driver: Driver = setting(
+        AutopilotDriver,
+        title="Driver",
+        description="Who drives it; see docs/how-to/drive-the-ego.md.",
+        group="ego",
     )
 
 

@@ -17,8 +17,9 @@ from typing import Any
 
 import pyarrow as pa
 
+from carstage.annotation.controls import control_rows
 from carstage.annotation.events import event_rows
-from carstage.annotation.schema import EVENT_COLUMNS, EVENTS, TABLES
+from carstage.annotation.schema import CONTROL_COLUMNS, CONTROLS, EVENT_COLUMNS, EVENTS, TABLES
 from carstage.codecs import codec_for
 from carstage.conversion.documents import (
     calibration_document,
@@ -42,7 +43,7 @@ from carstage.dataset.tables import row_sensor, write_table
 from carstage.errors import ConversionError, ConverterDiedError
 from carstage.files.hashing import hash_of
 from carstage.rawlog.format import LEDGER, WORLD
-from carstage.rawlog.reader import ActorInfo, EpisodeLog
+from carstage.rawlog.reader import ActorInfo, EpisodeLog, WorldFrame
 from carstage.storage.attempt_files import AttemptFiles, write_document
 from carstage.storage.marker import FileEntry
 
@@ -274,6 +275,7 @@ class EpisodeConversion:
                 "Record the episode again.",
             )
         self._write_events(log, actors)
+        self._write_controls(log)
         opendrive = log.opendrive()
         named = None if opendrive is None else hash_of(opendrive)
         if log.spec.opendrive not in (None, named):
@@ -434,9 +436,18 @@ class EpisodeConversion:
         """Write the table of events, where any are planned."""
         if log.spec.scenario.events is None:
             return
-        frames = (world for index in self._segments(log) for world in log.world_frames(index))
-        rows = event_rows(log.spec, frames, actors, int(log.header["ego_id"]))
+        rows = event_rows(log.spec, self._ticks(log), actors, int(log.header["ego_id"]))
         self._write_table(rows_to_table(rows, EVENT_COLUMNS, EVENTS), EVENTS)
+
+    def _write_controls(self, log: EpisodeLog) -> None:
+        """Write the table of the driver's commands, where the ego has a driver of its own."""
+        if log.spec.ego.driver is not None:
+            rows = control_rows(log.spec, self._ticks(log))
+            self._write_table(rows_to_table(rows, CONTROL_COLUMNS, CONTROLS), CONTROLS)
+
+    def _ticks(self, log: EpisodeLog) -> Iterator[WorldFrame]:
+        """The world in every tick, saved or not."""
+        return (world for index in self._segments(log) for world in log.world_frames(index))
 
     def _town(self, log: EpisodeLog, opendrive: str | None) -> Town:
         """The town's vector map, made anew only where the episodes before were of another town."""

@@ -431,6 +431,12 @@ class Episode:
             return None
         return read_table(self.folder / "events.parquet")
 
+    def controls(self) -> pa.Table | None:
+        """``controls.parquet``: one row per tick; ``None`` where no driver of its own drove."""
+        if self.spec.ego.driver is None:
+            return None
+        return read_table(self.folder / "controls.parquet")
+
     def ledger(self) -> pa.Table:
         """``frames.parquet``: one row per tick."""
         return read_table(self.folder / "frames.parquet")

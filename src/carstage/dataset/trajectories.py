@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,6 +20,7 @@ _COLUMNS = [
     *("k", "timestamp_s", "track_id", "blueprint", "actor_location", "actor_rotation_deg"),
     *("velocity", "acceleration", "angular_velocity"),
 ]
+Read = TypeVar("Read")
 _LOOKS = ("color", "driver_id", "role_name")
 
 
@@ -33,21 +35,35 @@ def read_recording(path: str | Path) -> Recording:
         ConfigError: there is no such episode, or it lacks what a replay needs; the message begins
             with ``scenario.episode``.
     """
+    return read_episode(path, "scenario.episode", _recording)
+
+
+def read_episode(path: str | Path, field: str, read: Callable[[Episode], Read]) -> Read:
+    """What is read of the episode that a setting names.
+
+    Args:
+        path: the episode's folder or its parent, or the dataset's if it has only one episode.
+        field: path of the setting; messages begin with it.
+        read: reads the episode.
+
+    Raises:
+        ConfigError: there is no such episode, or it cannot be read.
+    """
     try:
-        return _recording(_find(without_tilde(path)))
+        return read(_find(without_tilde(path), field))
     except DatasetError as error:
         raise ConfigError(
-            f"scenario.episode: {error.message}", "Give the folder of a recorded episode."
+            f"{field}: {error.message}", "Give the folder of a recorded episode."
         ) from error
 
 
-def _find(path: Path) -> Episode:
+def _find(path: Path, field: str) -> Episode:
     for folder in (path, *path.parents):
         if (folder / "dataset.json").is_file():
             break
     else:
         raise ConfigError(
-            f"scenario.episode: {path} lies in no dataset.",
+            f"{field}: {path} lies in no dataset.",
             "Give DATASET/episodes/<id>/<attempt>, or DATASET if it has only one episode.",
         )
     episodes = Dataset(folder).episodes
@@ -58,7 +74,7 @@ def _find(path: Path) -> Episode:
     if len(found) != 1:
         known = ", ".join(episode.folder.as_posix() for episode in episodes[:3])
         raise ConfigError(
-            f"scenario.episode: {path} is not the folder of one committed episode.",
+            f"{field}: {path} is not the folder of one committed episode.",
             f"Committed: {known or 'none'}{', …' if len(episodes) > 3 else ''}.",
         )
     return found[0]

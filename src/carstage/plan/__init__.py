@@ -4,6 +4,7 @@
 ``Shard`` is a share of them.
 """
 
+from carstage.plan.drivers import Drive
 from carstage.plan.episodes import EpisodePlan
 from carstage.plan.estimate import RunEstimate, estimate_run, estimate_tick_s
 from carstage.plan.facts import ServerFacts
@@ -13,6 +14,7 @@ from carstage.plan.scenario import Recording, Start, Track
 from carstage.plan.sharding import Shard
 
 __all__ = [
+    "Drive",
     "EpisodePlan",
     "PlanMatcher",
     "Recording",

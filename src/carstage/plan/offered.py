@@ -12,19 +12,20 @@ from carstage.config.attributes import CameraAttributes
 from carstage.config.fields import path_text, unknown
 from carstage.config.traffic import Pedestrians, VehicleGroup, Vehicles
 from carstage.errors import ConfigError
+from carstage.plan.drivers import Drive
 from carstage.plan.facts import ServerFacts
 from carstage.plan.scenario import Recording
 
 _SIDES = ("image_size_x", "image_size_y")
 
 
-def check_offered(config: Config, facts: ServerFacts, recording: Recording | None) -> None:
+def check_offered(config: Config, facts: ServerFacts, recording: Recording | Drive | None) -> None:
     """Refuse blueprints, attributes and values of them that the server does not have.
 
     Args:
         config: what the user asks for.
         facts: what the server offers; where its blueprints are unknown, none are checked.
-        recording: what scenario ``replay`` moves the road users by.
+        recording: what scenario ``replay`` moves the road users by, or driver ``replay`` drives by.
 
     Raises:
         ConfigError: with the field's path.
@@ -33,7 +34,9 @@ def check_offered(config: Config, facts: ServerFacts, recording: Recording | Non
     _check_limits(config, facts)
 
 
-def _check_blueprints(config: Config, facts: ServerFacts, recording: Recording | None) -> None:
+def _check_blueprints(
+    config: Config, facts: ServerFacts, recording: Recording | Drive | None
+) -> None:
     """Refuse blueprints and attributes that the server does not have."""
     known = facts.blueprints
     if not known:
@@ -42,7 +45,7 @@ def _check_blueprints(config: Config, facts: ServerFacts, recording: Recording |
     if config.ego.blueprint not in vehicles:
         message, hint = unknown("blueprint", config.ego.blueprint, vehicles)
         raise ConfigError(f"ego.blueprint: {message}", hint)
-    for track in () if recording is None else recording.tracks:
+    for track in recording.tracks if isinstance(recording, Recording) else ():
         if track.blueprint not in known:
             raise ConfigError(
                 f"scenario.episode: this server has no {track.blueprint}, which was recorded.",

@@ -10,6 +10,7 @@ import numpy as np
 
 from carstage.config import Config
 from carstage.config.dimensions import Variants, dimensions
+from carstage.config.drivers import ReplayDriver
 from carstage.config.fields import unknown
 from carstage.config.labels import Labels
 from carstage.config.scene import Stand as ConfiguredStand
@@ -20,6 +21,7 @@ from carstage.config.weather import WeatherConfig
 from carstage.errors import ConfigError
 from carstage.plan.canonical import CanonicalTexts
 from carstage.plan.draws import Draws
+from carstage.plan.drivers import Drive, check_drive, driven_again, plan_driver
 from carstage.plan.episodes import EpisodePlan
 from carstage.plan.estimate import COST, EpisodeCosts
 from carstage.plan.facts import ServerFacts
@@ -55,7 +57,7 @@ Made = TypeVar("Made")
 
 
 def plan_episodes(
-    config: Config, facts: ServerFacts, recording: Recording | None = None
+    config: Config, facts: ServerFacts, recording: Recording | Drive | None = None
 ) -> EpisodePlan:
     """The episodes of a configuration.
 
@@ -65,12 +67,15 @@ def plan_episodes(
     Args:
         config: what the user asks for.
         facts: what the server offers.
-        recording: what scenario ``replay`` moves the road users by.
+        recording: what scenario ``replay`` moves the road users by, or what driver ``replay``
+            drives by.
 
     Raises:
         ConfigError: the server lacks a map, a blueprint, an attribute or a spawn point, a sensor is
             beyond its limits, or the recording is shorter than the episode.
     """
+    if isinstance(recording, Drive):
+        check_drive(config, recording)
     check_offered(config, facts, recording)
     _check_samples_offered(config, facts, recording)
     make = _Planner(config, facts, recording).episode
@@ -83,7 +88,9 @@ def plan_episodes(
     return EpisodePlan(make, np.arange(config.episodes), tuple(ids), needs)
 
 
-def _check_samples_offered(config: Config, facts: ServerFacts, recording: Recording | None) -> None:
+def _check_samples_offered(
+    config: Config, facts: ServerFacts, recording: Recording | Drive | None
+) -> None:
     """Refuse sampled values that the server does not have, before any of them is drawn.
 
     Raises:
@@ -109,10 +116,13 @@ class _Planner:
     Args:
         config: what the user asks for.
         facts: what the server offers.
-        recording: what scenario ``replay`` moves the road users by.
+        recording: what scenario ``replay`` moves the road users by, or what driver ``replay``
+            drives by.
     """
 
-    def __init__(self, config: Config, facts: ServerFacts, recording: Recording | None) -> None:
+    def __init__(
+        self, config: Config, facts: ServerFacts, recording: Recording | Drive | None
+    ) -> None:
         self.sampling = Sampling(config)
         self._facts = facts
         self._recording = recording
@@ -131,13 +141,16 @@ class _Planner:
         maps = self._once("maps", (config.map,), lambda: _maps(config, facts, self._recording))
         name = _pick(maps, map_draw)
         preset = _pick(config.weather.presets, weather_draw) if config.weather.presets else None
+        weather = self._once(
+            "weather", (config.weather, preset), lambda: _weather(config.weather, preset)
+        )
+        recording = self._recording
+        if isinstance(recording, Drive):
+            return driven_again(recording, index, self.settings(config), weather)
         scenario = self._once(
             "scenario",
             (config.scenario, name, config.duration_s, config.fps),
-            lambda: plan_scenario(config, facts.count(name), self._recording),
-        )
-        weather = self._once(
-            "weather", (config.weather, preset), lambda: _weather(config.weather, preset)
+            lambda: plan_scenario(config, facts.count(name), recording),
         )
         return EpisodeSpec(
             **self.settings(config),
@@ -149,6 +162,7 @@ class _Planner:
                 blueprint=config.ego.blueprint,
                 color=None if config.ego.color == "random" else config.ego.color,
                 **_start(config, facts, name, spawn_draw),
+                driver=plan_driver(config),
             ),
             scenario=scenario,
             seeds=self.seeds(index),
@@ -225,7 +239,10 @@ class PlanMatcher:
         """
         if spec.index >= self._config.episodes or spec.seeds != self._planner.seeds(spec.index):
             return None
-        wanted = self._planner.settings(self.sampling.config(spec.index))
+        config = self.sampling.config(spec.index)
+        if isinstance(config.ego.driver, ReplayDriver) or plan_driver(config) != spec.ego.driver:
+            return None
+        wanted = self._planner.settings(config)
         del wanted["dialect"]
         if all(getattr(spec, name) == value for name, value in wanted.items()):
             return spec.index
@@ -276,14 +293,17 @@ def _pick(names: Iterable[str], draw: float) -> str:
     return options[int(draw * len(options))]
 
 
-def _maps(config: Config, facts: ServerFacts, recording: Recording | None) -> tuple[str, ...]:
+def _maps(
+    config: Config, facts: ServerFacts, recording: Recording | Drive | None
+) -> tuple[str, ...]:
     """The maps that an episode may get.
 
     Raises:
         ConfigError: the server does not have one of them.
     """
     if recording is not None:
-        wanted: tuple[tuple[str, str], ...] = (("scenario.episode", recording.map),)
+        field = "ego.driver" if isinstance(recording, Drive) else "scenario"
+        wanted: tuple[tuple[str, str], ...] = ((f"{field}.episode", recording.map),)
     elif config.map.choice is not None:
         wanted = (("map.choice", config.map.choice),)
     elif "all" in (config.map.random_from or ()):

@@ -27,6 +27,7 @@ class LostServerError(ServerError):
 _KINDS: dict[str, type[CarStageError]] = {
     "plan": FinalCollectorError,
     "scene": FinalCollectorError,
+    "driver": FinalCollectorError,
     "version": FinalCollectorError,
     "disk": DiskFullError,
 }

@@ -14,6 +14,7 @@ from typing import Literal
 from carstage.cache import cache_folder
 from carstage.config import Config
 from carstage.config.dimensions import maps_of
+from carstage.config.drivers import ReplayDriver
 from carstage.config.fields import unknown
 from carstage.config.own_maps import own_maps
 from carstage.config.scene import ReplayScenario, map_name
@@ -21,7 +22,14 @@ from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, Rem
 from carstage.errors import BadInputError, ConfigError
 from carstage.files.hashing import hash_of
 from carstage.files.home import without_tilde
-from carstage.plan import EpisodePlan, Recording, RunEstimate, ServerFacts, plan_episodes
+from carstage.plan import (
+    Drive,
+    EpisodePlan,
+    Recording,
+    RunEstimate,
+    ServerFacts,
+    plan_episodes,
+)
 from carstage.runs.server_lock import server_lock
 from carstage.runs.servers import ServerSetup
 from carstage.server import check_ports_free
@@ -228,12 +236,16 @@ def check_codecs(config: Config) -> None:
             raise ConfigError(f"conversion.codecs.{sensor_id}: {message}", hint)
 
 
-def recording_of(config: Config) -> Recording | None:
-    """The recorded episode that scenario ``replay`` plays again; None for other scenarios.
+def recording_of(config: Config) -> Recording | Drive | None:
+    """The recorded episode that scenario or driver ``replay`` plays again; None for others.
 
     Raises:
         ConfigError: there is no such episode.
     """
+    if isinstance(config.ego.driver, ReplayDriver):
+        from carstage.dataset.drives import read_drive
+
+        return read_drive(config.ego.driver.episode)
     if not isinstance(config.scenario, ReplayScenario):
         return None
     from carstage.dataset.trajectories import read_recording

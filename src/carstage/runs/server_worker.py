@@ -278,6 +278,7 @@ class ServerWorker:
                 *plugins_of(sensor.kind for sensor in spec.sensors),
                 *event_plugins(spec.scenario.events),
             ],
+            "driver_folders": self._setup.driver_folders,
             "server": {
                 "host": endpoint.host,
                 "port": endpoint.port,

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from carstage.config import Config
+from carstage.config.drivers import ClassDriver
 from carstage.config.explain import error_of
 from carstage.config.output import Output
 from carstage.config.own_maps import OwnMap, map_sources, own_maps
@@ -141,6 +142,13 @@ class ServerSetup:
     def output(self) -> Output:
         """How raw recordings are written."""
         return self._config.output
+
+    @property
+    def driver_folders(self) -> list[str]:
+        """Where the collector looks for a class that drives, absolute; none for other drivers."""
+        driver = self._config.ego.driver
+        folders = driver.folders if isinstance(driver, ClassDriver) else ()
+        return [str(without_tilde(folder).absolute()) for folder in folders]
 
     @property
     def raw_must_last(self) -> bool:

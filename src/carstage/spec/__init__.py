@@ -4,6 +4,14 @@ Planner, collector, labels, conversion and reader share this one tree of frozen 
 standard library only and runs on Python 3.8, as the collector needs it there.
 """
 
+from carstage.spec.drivers import (
+    ClassDriverSpec,
+    Command,
+    DeviceDriverSpec,
+    DriverSpec,
+    ReplayDriverSpec,
+    RouteDriverSpec,
+)
 from carstage.spec.episode import SPEC_VERSION, EpisodeSpec, Seeds
 from carstage.spec.events import EVENT_SPECS, EventSpec, event_plugins, known_events
 from carstage.spec.fields import Fields, SpecError
@@ -42,7 +50,11 @@ __all__ = [
     "SPEC_VERSION",
     "AutopilotSpec",
     "BirdsEyeSpec",
+    "ClassDriverSpec",
+    "Command",
     "Control",
+    "DeviceDriverSpec",
+    "DriverSpec",
     "EgoSpec",
     "EpisodeSpec",
     "EventSpec",
@@ -55,8 +67,10 @@ __all__ = [
     "Place",
     "PoseSpec",
     "RecordedSpec",
+    "ReplayDriverSpec",
     "ReplaySpec",
     "ReplayedActor",
+    "RouteDriverSpec",
     "RouteSpec",
     "SavedSteps",
     "ScenarioSpec",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import List, Mapping, Optional, Tuple
 
+from carstage.spec.drivers import DriverSpec, read_driver
 from carstage.spec.fields import Fields, SpecError
+from carstage.spec.plain import LEFT_OUT
 
 _COLOUR_MAX = 255
 _SLACK_S = 1e-6
@@ -99,12 +101,14 @@ class EgoSpec:
         color: red, green, blue from 0 to 255; None: one that the blueprint recommends.
         spawn_index: the spawn point it begins at; None with ``spawn_place``.
         spawn_place: or where else it begins.
+        driver: who drives it; None: the Traffic Manager, or what the scenario says.
     """
 
     blueprint: str
     color: Optional[Tuple[int, int, int]]
     spawn_index: Optional[int]
     spawn_place: Optional[Stand]
+    driver: Optional[DriverSpec] = field(default=None, metadata=LEFT_OUT)
 
     @classmethod
     def read(cls, fields: Fields) -> EgoSpec:
@@ -123,4 +127,5 @@ class EgoSpec:
             spawn_place=None
             if place is None
             else Stand(*(place.number(name) for name in ("x_m", "y_m", "z_m", "yaw_deg"))),
+            driver=read_driver(fields.object("driver")) if "driver" in fields else None,
         )

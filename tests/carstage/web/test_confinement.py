@@ -100,6 +100,20 @@ def test_programs_that_a_request_names_are_not_run(site: Site, demo: dict[str, A
     assert site.client.post("/api/config/check", json={"config": own}).json()["ok"]
 
 
+def test_classes_that_a_request_names_do_not_drive(site: Site, demo: dict[str, Any]) -> None:
+    config = {**demo, "ego": {"driver": "os:_exit"}}
+    check = site.client.post("/api/config/check", json={"config": config}).json()
+    assert [error["path"] for error in check["errors"]] == [["ego", "driver", "name"]]
+    answer = site.client.post("/api/runs", json={"config": config, "dataset": "new"})
+    assert answer.status_code == 422
+
+
+def test_drives_outside_the_roots_are_not_driven_again(site: Site, demo: dict[str, Any]) -> None:
+    config = {**demo, "ego": {"driver": {"kind": "replay", "episode": "/etc"}}}
+    check = site.client.post("/api/config/check", json={"config": config}).json()
+    assert [error["path"] for error in check["errors"]] == [["ego", "driver", "episode"]]
+
+
 def test_files_of_an_episode_that_are_links_out_of_the_roots_are_not_served(
     tmp_path: Path,
 ) -> None:

@@ -6,6 +6,8 @@ import time
 from contextlib import ExitStack
 from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Optional, Tuple
 
+from carstage.collector.drivers.base import Driver
+from carstage.collector.drivers.driving import make_driver
 from carstage.collector.internals.errors import InterruptedByRequestError
 from carstage.collector.internals.events import EventStream
 from carstage.collector.internals.level_objects import level_objects
@@ -83,6 +85,7 @@ class EpisodeRecorder:
             RuntimeError: the server stopped answering.
         """
         self._stop.check()
+        driver = self._driver(episode.spec)  # before the server does anything
         folder = prepare_folder(episode.folder)
         self._events.emit(
             "episode_started",
@@ -101,6 +104,7 @@ class EpisodeRecorder:
                 spec=episode.spec,
                 server=server,
                 check=self._stop.check,
+                driver=driver,
             )
             self._events.emit(
                 "actors_spawned",
@@ -109,6 +113,12 @@ class EpisodeRecorder:
                 spawned=scene.spawned,
             )
             return self._record_scene(stack, session, scene, episode, folder)
+
+    def _driver(self, spec: EpisodeSpec) -> Optional[Driver]:
+        """The ego's driver; None: the Traffic Manager drives, or nobody."""
+        if spec.ego.driver is None:
+            return None
+        return make_driver(spec.ego.driver, self._plan.driver_folders, spec.step_s)
 
     def _record_scene(
         self,
@@ -172,7 +182,7 @@ class EpisodeRecorder:
             moment: Optional[WorldMoment] = None
             if seen:
                 moment = observer.observe(
-                    step.snapshot, session.weather.values, scene.event_states()
+                    step.snapshot, session.weather.values, scene.event_states(), scene.command()
                 )
             pipeline.expect(
                 ExpectedFrame(tick, step.frame, step.timestamp_s, k, step.tick_s, moment, seen)

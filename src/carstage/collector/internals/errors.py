@@ -50,6 +50,12 @@ class SceneError(CollectorError):
     kind = "scene"
 
 
+class DriverError(CollectorError):
+    """The ego's driver is not found, raised, or answers what is no control."""
+
+    kind = "driver"
+
+
 class RecordingError(CollectorError):
     """The recording itself broke: a sensor died, a frame was lost, the disk refused."""
 
@@ -82,9 +88,14 @@ _RAN_OUT_OF_TIME = ("time-out of", "failed to connect to newly created map")
 """How the client words it."""
 
 
+def ran_out_of_time(error: BaseException) -> bool:
+    """Whether this is the client's word that the server did not answer in time."""
+    return isinstance(error, RuntimeError) and any(w in str(error) for w in _RAN_OUT_OF_TIME)
+
+
 def client_hint(error: RuntimeError) -> str:
     """What to do about an error of the client."""
     hint = "See the server's log."
-    if any(words in str(error) for words in _RAN_OUT_OF_TIME):
+    if ran_out_of_time(error):
         hint += " A server that is only slow needs a longer supervision.hang_s."
     return hint

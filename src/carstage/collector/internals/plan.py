@@ -62,6 +62,7 @@ class Plan:
         raw_store: how payloads of cameras are stored, see ``carstage.rawlog.writing``.
         durable: sealed segments outlive a crash of the machine; those that are converted at once
             and then removed need not, and large ones are written over each other.
+        driver_folders: where the ego's driver is looked for before the installed packages.
     """
 
     server: ServerPlan
@@ -70,6 +71,7 @@ class Plan:
     durable: bool
     sensor_warmup_ticks: Optional[int]
     episodes: Tuple[EpisodePlan, ...]
+    driver_folders: Tuple[str, ...] = ()
 
 
 def read_plan(path: str) -> Plan:
@@ -138,6 +140,7 @@ def _plan(plan: Fields) -> Plan:
         if "sensor_warmup_ticks" in plan
         else None,
         episodes=tuple(_episode(episode) for episode in episodes),
+        driver_folders=plan.words("driver_folders"),
     )
 
 

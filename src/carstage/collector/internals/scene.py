@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Callable, Dict, List, Optional
 
+from carstage.collector.drivers.base import Driver
+from carstage.collector.drivers.driving import EgoDriving
 from carstage.collector.internals.plan import ServerPlan
 from carstage.collector.internals.traffic_manager_wakeup import TickWatch, started_threads
 from carstage.collector.scenario import Population, Scenario, make_scenario
@@ -25,6 +27,7 @@ class Scene:
         population: who was spawned.
         step_s: simulated time of a step.
         event_runner: what happens to the ego beside the scenario.
+        driving: the ego's driver at work; None: the Traffic Manager drives, or nobody.
     """
 
     def __init__(
@@ -36,12 +39,14 @@ class Scene:
         population: Population,
         step_s: float,
         event_runner: EventRunner,
+        driving: Optional[EgoDriving],
     ) -> None:
         self._session = session
         self._clock = clock
         self._scenario = scenario
         self._step_s = step_s
         self._event_runner = event_runner
+        self._driving = driving
         self.rig = rig
         self.ego: Any = population.ego
         self.requested: Dict[str, int] = population.requested
@@ -52,17 +57,24 @@ class Scene:
 
         Raises:
             RecordingError: the server's state is not the one of that step.
+            DriverError: the ego's driver failed.
             RuntimeError: the server did not answer in time.
         """
         self._session.weather.advance((tick or 0) * self._step_s)
         self._scenario.before_step(tick)
         self._event_runner.before_step(tick)
+        if self._driving is not None:
+            self._driving.before_step(tick)
         self.rig.move_followers()
         return self._clock.step()
 
     def event_states(self) -> Optional[List[Dict[str, Any]]]:
         """How the planned events stood in the last step; None: none are planned."""
         return self._event_runner.states()
+
+    def command(self) -> Optional[List[Any]]:
+        """What the ego's driver commanded for the last step; None: it has none of its own."""
+        return None if self._driving is None else self._driving.command
 
 
 def build_scene(
@@ -71,6 +83,7 @@ def build_scene(
     spec: EpisodeSpec,
     server: ServerPlan,
     check: Callable[[], None],
+    driver: Optional[Driver] = None,
 ) -> Scene:
     """Spawn everybody and everything, in an order that depends on the plan alone.
 
@@ -80,6 +93,7 @@ def build_scene(
         spec: the episode.
         server: for its timeout and the Traffic Manager's port.
         check: called between long stretches; raises when somebody asks to end.
+        driver: of the ego; None: the Traffic Manager drives, or nobody.
 
     Raises:
         SceneError: the server cannot make the planned scene.
@@ -97,5 +111,8 @@ def build_scene(
     clock.step()  # so that the client knows what was spawned
     scenario.start(population)
     rig = Rig(session, spec, population.ego)
+    driving = None
+    if driver is not None:
+        driving = EgoDriving(session, spec, driver, population.ego, rig, server.timeout_s)
     event_runner = EventRunner(session, spec, population, server.traffic_manager_port)
-    return Scene(session, clock, scenario, rig, population, spec.step_s, event_runner)
+    return Scene(session, clock, scenario, rig, population, spec.step_s, event_runner, driving)

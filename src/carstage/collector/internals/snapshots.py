@@ -118,6 +118,7 @@ class WorldObserver:
         snapshot: Any,
         weather: Mapping[str, float],
         events: Optional[Sequence[Mapping[str, Any]]] = None,
+        command: Optional[Sequence[Any]] = None,
     ) -> WorldMoment:
         """Take the truth of the tick that ``snapshot`` belongs to, before the next one.
 
@@ -125,11 +126,14 @@ class WorldObserver:
             snapshot: ``carla.WorldSnapshot``.
             weather: the values that the tick was made with.
             events: how the planned events stood; None: none are planned.
+            command: what the ego's driver commanded, as ``Command``; None: it has none of its own.
         """
         new_actors = self._new_actors(snapshot)
         states = self.states()
         if events is not None:
             states["events"] = list(events)
+        if command is not None:
+            states["driver"] = list(command)
         return self._moment(snapshot, weather, new_actors, states, self.vehicle_lights())
 
     def watch_lights(self, lights: Iterable[Any]) -> None:
@@ -208,8 +212,7 @@ class WorldObserver:
             "vehicle_lights": vehicle_lights,
             "traffic_lights": states["traffic_lights"],
         }
-        if "events" in states:
-            meta["events"] = states["events"]
+        meta.update({name: states[name] for name in ("events", "driver") if name in states})
         level_objects, self._level_objects = self._level_objects, ()
         return WorldMoment(snapshot, meta, new_actors, level_objects)
 

@@ -10,9 +10,35 @@ from carstage.collector.internals.errors import SceneError
 from carstage.collector.maps import spawn_points
 from carstage.collector.scenario.base import Population, Scenario, scenario
 from carstage.collector.scenario.routing import RoadGraph
-from carstage.collector.scenario.traffic import TrafficDriver
+from carstage.collector.scenario.traffic import TrafficDriver, driven_by_traffic
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec, Place, RouteSpec
+
+
+def places_of(session: WorldSession, spec: EpisodeSpec) -> List[Any]:
+    """``carla.Location`` of each place that the ego is to drive through; none but on a route.
+
+    Raises:
+        SceneError: the map has no such spawn point.
+    """
+    scenario = spec.scenario
+    if not isinstance(scenario, RouteSpec):
+        return []
+    return [_location(session, spec, place, i) for i, place in enumerate(scenario.through)]
+
+
+def _location(
+    session: WorldSession, spec: EpisodeSpec, place: Union[int, Place], index: int
+) -> Any:
+    if not isinstance(place, int):
+        return carla.Location(place.x_m, place.y_m, 0.0)
+    points = spawn_points(session.map)
+    if place >= len(points):
+        raise SceneError(
+            "scenario.through[%d]: map %s has no spawn point %d." % (index, spec.map, place),
+            "Use 0 to %d." % (len(points) - 1),
+        )
+    return points[place].location
 
 
 @scenario("autopilot")
@@ -32,7 +58,13 @@ class Autopilot(Scenario):
     def start(self, population: Population) -> None:
         """Walkers walk, vehicles drive."""
         super().start(population)
-        self._driver.drive([population.ego, *population.vehicles], population.ego)
+        self._ego = population.ego
+        self._driver.drive(driven_by_traffic(self._spec, population), population.ego)
+
+    def before_step(self, tick: Optional[int]) -> None:
+        """Keep the lights of an ego that has a driver of its own fit for the weather."""
+        if self._spec.ego.driver is not None:
+            self._lamps.light([self._ego], self._session.weather.values)
 
 
 @scenario("route")
@@ -40,17 +72,18 @@ class Route(Autopilot):
     """The ego drives through the planned places; then as it likes."""
 
     def start(self, population: Population) -> None:
-        """Find the way by road and hand it to the Traffic Manager.
+        """Find the way by road and hand it to the Traffic Manager, if that drives the ego.
 
         Raises:
             SceneError: no road leads from one place to the next.
         """
-        assert isinstance(self._spec.scenario, RouteSpec)
+        if self._spec.ego.driver is not None:
+            super().start(population)
+            return
         graph = RoadGraph(self._session.map)
         here = population.ego.get_transform().location
         path: List[Any] = []
-        for index, place in enumerate(self._spec.scenario.through):
-            there = self._location(place, index)
+        for index, there in enumerate(places_of(self._session, self._spec)):
             way = graph.way(here, there)
             if way is None:
                 raise SceneError(
@@ -61,18 +94,6 @@ class Route(Autopilot):
             here = there
         super().start(population)
         self._driver.manager().set_path(population.ego, path)
-
-    def _location(self, place: Union[int, Place], index: int) -> Any:
-        if not isinstance(place, int):
-            return carla.Location(place.x_m, place.y_m, 0.0)
-        points = spawn_points(self._session.map)
-        if place >= len(points):
-            raise SceneError(
-                "scenario.through[%d]: map %s has no spawn point %d."
-                % (index, self._spec.map, place),
-                "Use 0 to %d." % (len(points) - 1),
-            )
-        return points[place].location
 
 
 @scenario("stationary")

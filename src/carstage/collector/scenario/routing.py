@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 SPACING_M = 4.0
 """Distance between the places of a lane that are looked at."""
 
 Lane = Tuple[int, int, int]
+
+
+class _Lanes(NamedTuple):
+    """Lanes that follow each other, from a place of the first to one of the last."""
+
+    lanes: List[Lane]
+    at: int
+    to: int
 
 
 class RoadGraph:
@@ -45,17 +53,34 @@ class RoadGraph:
         Args:
             start, goal: ``carla.Location``; the nearest lanes count.
         """
+        route = self._route(start, goal)
+        if route is None:
+            return None
+        marked = [lane for lane in route.lanes[1:] if not self._in_junction[lane]]
+        return [self._places[lane][:2][-1] for lane in marked] + [goal]
+
+    def places_to(self, start: Any, goal: Any) -> Optional[List[Any]]:
+        """Places by road from ``start`` to ``goal``, four metres apart; None: no road leads.
+
+        Args:
+            start, goal: ``carla.Location``; the nearest places of the nearest lanes count.
+        """
+        route = self._route(start, goal)
+        if route is None:
+            return None
+        places = [place for lane in route.lanes[:-1] for place in self._places[lane]]
+        places += self._places[route.lanes[-1]][: route.to + 1]
+        return places[route.at :]
+
+    def _route(self, start: Any, goal: Any) -> Optional[_Lanes]:
         first, last = (_lane(self._map.get_waypoint(place)) for place in (start, goal))
         if first not in self._places or last not in self._places:
             return None
         at, to = _nearest(self._places[first], start), _nearest(self._places[last], goal)
         if first == last and at < to:
-            return [goal]
+            return _Lanes([first], at, to)
         lanes = self._shortest(first, last)
-        if lanes is None:
-            return None
-        marked = [lane for lane in lanes if not self._in_junction[lane]]
-        return [self._places[lane][:2][-1] for lane in marked] + [goal]
+        return None if lanes is None else _Lanes([first, *lanes], at, to)
 
     def _shortest(self, first: Lane, last: Lane) -> Optional[List[Lane]]:
         """The lanes between two, by Dijkstra's algorithm; ties go to the older entry."""

@@ -8,6 +8,7 @@ from typing import Any, Dict, List, Mapping
 import carla
 
 from carstage.collector.internals.lamps import DRIVING_LIGHTS
+from carstage.collector.scenario.base import Population
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec, TrafficSpec
 
@@ -38,6 +39,12 @@ def personalities(spec: EpisodeSpec, vehicles: List[Any], ego: Any) -> List[Dict
             values = dict(LAW_ABIDING)
         found.append(values)
     return found
+
+
+def driven_by_traffic(spec: EpisodeSpec, population: Population) -> List[Any]:
+    """The vehicles that the Traffic Manager drives: the ego first, unless it has its own driver."""
+    vehicles: List[Any] = population.vehicles
+    return vehicles if spec.ego.driver is not None else [population.ego, *vehicles]
 
 
 class TrafficDriver:

@@ -41,6 +41,7 @@ class Rig:
         self.carrier_ids: Dict[str, int] = {}
         self.expected_bytes: Dict[str, int] = {}
         self._followers: List[Tuple[Any, Any, SensorSpec]] = []
+        self._watchers: Mapping[str, Callable[[Any], None]] = {}
         for index, sensor in enumerate(spec.sensors):
             path = "sensors[%d]" % index
             blueprint = find_blueprint(library, sensor.blueprint, path + ".blueprint")
@@ -81,16 +82,30 @@ class Rig:
                 ]
             )
 
+    def watch(self, watchers: Mapping[str, Callable[[Any], None]]) -> None:
+        """Have the data of some sensors given to somebody else too, once they are listened to."""
+        self._watchers = watchers
+
     def listen(self, callbacks: Mapping[str, Callable[[Any], None]]) -> None:
         """Listen to every sensor, in the plan's order; stopped before anything is destroyed."""
         for sensor_id, actor in self.actors.items():
-            actor.listen(callbacks[sensor_id])
+            watcher = self._watchers.get(sensor_id)
+            record = callbacks[sensor_id]
+            actor.listen(record if watcher is None else _both(record, watcher))
 
     def stop(self) -> None:
         """Stop listening; stopping what never listened does nothing."""
         for actor in self.actors.values():
             if is_listening(actor):
                 actor.stop()
+
+
+def _both(first: Callable[[Any], None], second: Callable[[Any], None]) -> Callable[[Any], None]:
+    def give(data: Any) -> None:
+        first(data)
+        second(data)
+
+    return give
 
 
 def _attributes(

@@ -46,6 +46,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "lights": "heads of a traffic light agree, and turn in its order",
         "sensor_poses": "sensors are where ego, calibration and spec put them",
         "events": "events are those that were planned, as near as the labels say",
+        "controls": "the driver's commands are one for each tick, and were applied",
         "readings": "IMU and GNSS read what the motion of their sensor makes them",
     },
     "Labels against the data": {

@@ -34,6 +34,7 @@ from carstage.validation.checks.columns import (
     check_object_columns,
 )
 from carstage.validation.checks.completeness import check_gaps, check_missing_rows
+from carstage.validation.checks.controls import check_controls
 from carstage.validation.checks.decoding import DecodedFrame, decoded_frames
 from carstage.validation.checks.edges import (
     EdgeFigures,
@@ -210,6 +211,7 @@ class EpisodeChecks:
         check_sensor_poses(episode, tables, findings)
         check_readings(episode, tables, findings)
         check_events(episode, ledger, tables, findings)
+        check_controls(episode, ledger, tables, findings)
         self._poses = episode.world_from_sensor()
         self._carriers = episode.carriers()
         self._check_tables(tables)

@@ -30,11 +30,14 @@ TABLES = (
 
 
 EVENTS = "events.parquet"
+CONTROLS = "controls.parquet"
 
 
 def tables_of(episode: Episode) -> tuple[str, ...]:
     """The tables that an episode has."""
-    return TABLES if episode.spec.scenario.events is None else (*TABLES, EVENTS)
+    spec = episode.spec
+    events = () if spec.scenario.events is None else (EVENTS,)
+    return (*TABLES, *events, *(() if spec.ego.driver is None else (CONTROLS,)))
 
 
 class _Place(TypedDict, total=False):

@@ -122,6 +122,7 @@ class ConfigChecker:
             ConfigError: the episode or a map lies elsewhere, or the interpreter is none that was
                 found here.
         """
+        from carstage.config.drivers import ClassDriver, ReplayDriver
         from carstage.config.explain import error_of
         from carstage.config.own_maps import map_sources
         from carstage.config.scene import ReplayScenario
@@ -132,11 +133,21 @@ class ConfigChecker:
                 self._roots.confine(str(source))
             except BadInputError as error:
                 raise error_of([(field, error.message, error.hint)]) from error
+        driver = config.ego.driver
+        places: list[tuple[tuple[str, ...], str]] = []
+        if isinstance(driver, ClassDriver):
+            message = "a class of yours runs its code, which the page does not."
+            hint = "Start this run with `carstage run`."
+            raise error_of([(("ego", "driver", "name"), message, hint)])
         if isinstance(config.scenario, ReplayScenario):
+            places.append((("scenario", "episode"), config.scenario.episode))
+        if isinstance(driver, ReplayDriver):
+            places.append((("ego", "driver", "episode"), driver.episode))
+        for place, episode in places:
             try:
-                self._roots.confine(config.scenario.episode)
+                self._roots.confine(episode)
             except BadInputError as error:
-                raise _refusal("scenario", "episode", error.message, error.hint) from error
+                raise error_of([(place, error.message, error.hint)]) from error
 
 
 def _scaled(config: Config, estimate: RunEstimate, scale: float) -> RunEstimate:

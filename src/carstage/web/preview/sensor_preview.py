@@ -173,6 +173,9 @@ class SensorPreviewService:
             "rig": {"sensors": [_sized(dict(request.sensor), given, request.width)]},
             **{key: given[key] for key in _SHOWN if key in given},
         }
+        ego = document.get("ego")
+        if isinstance(ego, dict):  # nobody drives here
+            document["ego"] = {key: value for key, value in ego.items() if key != "driver"}
         try:
             config = self._checker.parse(document)
         except ConfigError as error:

@@ -12,7 +12,7 @@ from carstage.collector.actors import dress
 from carstage.collector.internals.lamps import planned_lights
 from carstage.collector.scenario.base import Population
 from carstage.collector.scenario.events.signals import HeldSignals
-from carstage.collector.scenario.traffic import personalities
+from carstage.collector.scenario.traffic import driven_by_traffic, personalities
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec
 
@@ -78,7 +78,7 @@ class Surroundings:
         self._port = traffic_manager_port
         self._vehicles = list(population.vehicles)
         self._lights: Dict[int, int] = {}
-        driven = [population.ego, *population.vehicles]
+        driven = driven_by_traffic(spec, population)
         values = personalities(spec, driven, population.ego)
         self._slower = {
             vehicle.id: each.get("speed_difference_percent", 0.0)

@@ -1,0 +1,245 @@
+"""Who drives the ego: the Traffic Manager, our controller, a class, a person, or an old drive."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import BeforeValidator, Discriminator, Strict, field_validator
+
+from carstage.config.fields import Names, Section, problem, setting, shortened, unknown
+from carstage.config.timing import Timing
+from carstage.spec.drivers import MOST_PARAMETERS, is_class_name
+
+DRIVER_KINDS = ("autopilot", "route", "class", "keyboard", "gamepad", "wheel", "replay")
+DRIVEN_SCENARIOS = ("autopilot", "route")
+_PLACE = ("ego", "driver")
+
+
+def _kind(description: str, default: Any = ...) -> Any:
+    return setting(default, title="Driver", description=description, group="ego")
+
+
+class AutopilotDriver(Section):
+    """The Traffic Manager drives, as the scenario says."""
+
+    kind: Literal["autopilot"] = _kind("The Traffic Manager drives.", "autopilot")
+
+
+class RouteDriver(Section):
+    """A small controller of Car-STAGE's own follows the scenario's route, or the road."""
+
+    kind: Literal["route"] = _kind("A small controller follows the route.")
+    speed_m_s: float | None = setting(
+        None,
+        title="Speed",
+        description="At most so fast; left out: as fast as the speed limit allows.",
+        unit="m/s",
+        group="ego",
+        gt=0,
+        le=60,
+    )
+    turns: Annotated[tuple[Literal["left", "straight", "right"], ...], Strict(strict=False)] = (
+        setting(
+            (),
+            title="Turns",
+            description="Which way to take at the forks after the route, in this order; then "
+            "straight on.",
+            group="ego",
+            max_length=1000,
+        )
+    )
+
+
+class ClassDriver(Section):
+    """A class of yours drives; see docs/how-to/drive-the-ego.md."""
+
+    kind: Literal["class"] = _kind("A class of yours drives.")
+    name: str = setting(
+        title="Class",
+        description="`module:Class`. `driver: module:Class` is short for this section.",
+        group="ego",
+        min_length=1,
+    )
+    folders: Names = setting(
+        (".",),
+        title="Folders",
+        description="Where its module, and what that imports, is looked for before the installed "
+        "packages; relative to the working directory.",
+        group="ego",
+    )
+    parameters: dict[str, bool | int | float | str] = setting(
+        dict,
+        title="Parameters",
+        description="Keyword arguments of the class: words, numbers, `true` or `false`.",
+        group="ego",
+        max_length=MOST_PARAMETERS,
+    )
+
+    @field_validator("name")
+    @classmethod
+    def _check_name(cls, name: str) -> str:
+        if not is_class_name(name):
+            raise problem(
+                f"{shortened(repr(name))} is not module:Class.",
+                "Write, for example, `my_driver:Slalom` for class Slalom of my_driver.py.",
+            )
+        return name
+
+    @field_validator("parameters")
+    @classmethod
+    def _check_parameters(cls, parameters: dict[str, Any]) -> dict[str, Any]:
+        for name in parameters:
+            if not name.isidentifier():
+                hint = "Use letters, digits and '_'."
+                raise problem("this cannot be an argument's name.", hint, name)
+        return parameters
+
+
+class _Device(Section):
+    """A person drives in a window (extra `drive`)."""
+
+    #: What an axis or a button of it does: names of keys.
+    inputs: ClassVar[tuple[str, ...]] = ()
+
+    camera: str | None = setting(
+        None,
+        title="Camera",
+        description="Sensor whose pictures the window shows; left out: the first `rgb` camera.",
+        group="ego",
+        min_length=1,
+    )
+    take: int = setting(
+        1,
+        title="Take",
+        description="Another number drives the same scene once more, as another episode.",
+        group="ego",
+        ge=1,
+        le=1_000_000,
+    )
+
+
+class KeyboardDriver(_Device):
+    """You drive by keyboard, with the keys of CARLA's manual_control.py."""
+
+    kind: Literal["keyboard"] = _kind("You drive by keyboard.")
+
+
+def _number_of(what: str, default: int, part: str) -> Any:
+    return setting(
+        default,
+        title=f"{what} {part}",
+        description=f"{what}: number of the {part}, from 0; devices differ.",
+        group="ego",
+        ge=0,
+        le=63,
+    )
+
+
+class GamepadDriver(_Device):
+    """You drive by gamepad: left stick and triggers."""
+
+    inputs = ("steer_axis", "throttle_axis", "brake_axis", "reverse_button", "hand_brake_button")
+
+    kind: Literal["gamepad"] = _kind("You drive by gamepad.")
+    steer_axis: int = _number_of("Steering", 0, "axis")
+    throttle_axis: int = _number_of("Throttle", 5, "axis")
+    brake_axis: int = _number_of("Brake", 2, "axis")
+    reverse_button: int = _number_of("Reverse", 1, "button")
+    hand_brake_button: int = _number_of("Hand brake", 0, "button")
+
+
+class WheelDriver(_Device):
+    """You drive by steering wheel and pedals, as with CARLA's manual_control_steeringwheel.py."""
+
+    inputs = GamepadDriver.inputs
+
+    kind: Literal["wheel"] = _kind("You drive by steering wheel and pedals.")
+    steer_axis: int = _number_of("Steering", 0, "axis")
+    throttle_axis: int = _number_of("Throttle", 2, "axis")
+    brake_axis: int = _number_of("Brake", 3, "axis")
+    reverse_button: int = _number_of("Reverse", 5, "button")
+    hand_brake_button: int = _number_of("Hand brake", 4, "button")
+
+
+class ReplayDriver(Section):
+    """The recorded commands of an episode drive once more.
+
+    Map, traffic, scenario, timing and seeds are taken from there; sensors, weather, labels and
+    conversion are this configuration's own.
+    """
+
+    kind: Literal["replay"] = _kind("The commands of a recorded episode drive.")
+    episode: str = setting(
+        title="Episode",
+        description="Folder of an episode that a driver drove: "
+        "`DATASET/episodes/<id>/<attempt>`, or `DATASET` if it has only one.",
+        group="ego",
+        min_length=1,
+    )
+
+
+def _long_form(data: Any) -> Any:
+    """``driver: route`` and ``driver: module:Class`` are short for a section."""
+    if not isinstance(data, str):
+        return data
+    if data in DRIVER_KINDS:
+        return {"kind": data}
+    if is_class_name(data):
+        return {"kind": "class", "name": data}
+    raise problem(
+        f"{shortened(repr(data))} is neither a kind of driver nor a class of yours.",
+        f"Known: {', '.join(DRIVER_KINDS)}; a class is module:Class, such as my_driver:Slalom.",
+    )
+
+
+DeviceDriver = KeyboardDriver | GamepadDriver | WheelDriver
+Driver = Annotated[
+    AutopilotDriver
+    | RouteDriver
+    | ClassDriver
+    | KeyboardDriver
+    | GamepadDriver
+    | WheelDriver
+    | ReplayDriver,
+    Discriminator("kind"),
+    BeforeValidator(_long_form),
+]
+
+
+def check_driver(driver: Section, scenario: Section, timing: Timing, cameras: list[str]) -> None:
+    """Refuse a driver that does not go with the rest.
+
+    Args:
+        driver: the ego's.
+        scenario: what the ego does.
+        timing: how time runs.
+        cameras: ids of the rig's ``rgb`` cameras.
+
+    Raises:
+        PydanticCustomError: the scenario moves the ego by itself, the world runs by the clock, or
+            the rig has no camera to look through.
+    """
+    if isinstance(driver, AutopilotDriver):
+        return
+    kind = getattr(scenario, "kind", "")
+    if kind not in DRIVEN_SCENARIOS:
+        raise problem(
+            f"in scenario {kind} nobody drives the ego.",
+            f"Use scenario {' or '.join(DRIVEN_SCENARIOS)}, or leave the driver out.",
+            *_PLACE,
+        )
+    if timing.mode != "sync":
+        raise problem(
+            "a driver needs a world that waits for each step.",
+            "Set timing.mode to sync, or leave the driver out.",
+            *_PLACE,
+        )
+    if isinstance(driver, DeviceDriver):
+        if not cameras:
+            raise problem(
+                "the window shows an rgb camera, and the rig has none.",
+                "Add a sensor of kind rgb to the rig.",
+                *_PLACE,
+            )
+        if driver.camera is not None and driver.camera not in cameras:
+            raise problem(*unknown("rgb camera", driver.camera, cameras), *_PLACE, "camera")

@@ -1,0 +1,109 @@
+"""Who drives the ego of an episode: as its specification says it, or an old drive once more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from carstage.config import Config
+from carstage.config.drivers import AutopilotDriver, ClassDriver, DeviceDriver, RouteDriver
+from carstage.errors import ConfigError
+from carstage.spec import (
+    ClassDriverSpec,
+    Command,
+    DeviceDriverSpec,
+    DriverSpec,
+    EpisodeSpec,
+    ReplayDriverSpec,
+    RouteDriverSpec,
+    WeatherSpec,
+)
+
+_OWN = (
+    "dialect", "steps", "save_every", "sensors", "labels", "ground_truth", "max_distance_m",
+    "min_lidar_points",
+)  # fmt: skip
+"""What a replay takes from its own configuration, beside the weather."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """A recorded episode whose ego was driven, as far as it can be driven once more.
+
+    Attributes:
+        spec: the episode's.
+        commands: of its first steps, one for each.
+    """
+
+    spec: EpisodeSpec
+    commands: tuple[Command, ...]
+
+    @property
+    def map(self) -> str:
+        """Its map, without folders."""
+        return self.spec.map
+
+
+def plan_driver(config: Config) -> DriverSpec | None:
+    """The ego's driver in the specification; None: the Traffic Manager.
+
+    A replay's comes with the rest of the drive, see :func:`driven_again`.
+    """
+    driver = config.ego.driver
+    if isinstance(driver, AutopilotDriver):
+        return None
+    if isinstance(driver, RouteDriver):
+        return RouteDriverSpec(speed_m_s=driver.speed_m_s, turns=driver.turns)
+    if isinstance(driver, ClassDriver):
+        return ClassDriverSpec(name=driver.name, parameters=dict(driver.parameters))
+    if isinstance(driver, DeviceDriver):
+        camera = driver.camera or config.colour_cameras[0]
+        inputs = {name: getattr(driver, name) for name in driver.inputs}
+        return DeviceDriverSpec(driver.kind, camera, driver.take, inputs)
+    raise ConfigError(
+        f"ego.driver.episode: {driver.episode} was not read.",
+        "Give the folder of a recorded episode.",
+    )
+
+
+def check_drive(config: Config, drive: Drive) -> None:
+    """Refuse a drive that does not fit the configuration's time.
+
+    Raises:
+        ConfigError: it has another frame rate, or ends before the episode does.
+    """
+    if config.fps != drive.spec.fps:
+        raise ConfigError(
+            f"fps: the episode in ego.driver was driven at {drive.spec.fps:g} Hz, one command for "
+            "each step.",
+            f"Give {drive.spec.fps:g}.",
+        )
+    if config.steps > len(drive.commands):
+        possible_s = len(drive.commands) / drive.spec.fps
+        raise ConfigError(
+            f"duration_s: the episode in ego.driver was driven for {possible_s:g} s.",
+            f"Give at most {possible_s:g} s.",
+        )
+
+
+def driven_again(
+    drive: Drive, index: int, settings: Mapping[str, Any], weather: WeatherSpec
+) -> EpisodeSpec:
+    """The specification of an episode in which the recorded commands drive.
+
+    Args:
+        drive: the recorded episode.
+        index: of the new episode in its configuration.
+        settings: keys of the specification that follow from the configuration.
+        weather: the new episode's.
+    """
+    commands = drive.commands[: settings["steps"]]
+    driver = ReplayDriverSpec(episode_id=drive.spec.episode_id, commands=commands)
+    return replace(
+        drive.spec,
+        **{name: settings[name] for name in _OWN},
+        index=index,
+        weather=weather,
+        ego=replace(drive.spec.ego, driver=driver),
+    )

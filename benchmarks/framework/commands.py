@@ -449,6 +449,25 @@ def globe(
     return report(verdict, json)
 
 
+@benchmark("lane-lines", takes="8 minutes")
+def lane_lines(
+    town: Annotated[
+        list[str] | None,
+        typer.Option("--town", help="A built-in town, or one of CARLA's; default: five."),
+    ] = None,
+    seconds: Annotated[float, typer.Option(min=0.5, help="Simulated, of each drive.")] = 8.0,
+    drives: Annotated[int, typer.Option(min=1, help="In each town.")] = 4,
+    json: Json = False,
+) -> int:
+    """Whether the vector map has what is painted on the road, pixel by pixel."""
+    from benchmarks.framework.lane_lines import TOWNS, measure_lane_lines
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Lane lines", "towns") as progress:
+        verdict = measure_lane_lines(town or TOWNS, seconds, drives, progress)
+    return report(verdict, json)
+
+
 @benchmark("warping", takes="4 minutes")
 def warping(
     town: Annotated[

@@ -15,7 +15,10 @@ import analytic_scene
 from carstage.conversion import EpisodeConversion
 from carstage.dataset.tables import read_table, write_table
 from carstage.files.hashing import hash_of
+from carstage.geometry import GeoFrame
 from carstage.storage import FolderFiles, LocalStore
+from carstage.vector_map import to_table, vector_map
+from carstage.vector_map.table import GEO_KEY
 
 SIZE = (192, 128)
 VERSIONS = {"client": "0.9.16", "server": "0.9.16"}
@@ -99,4 +102,17 @@ def edit_rows(
     path = attempt_of(dataset) / name
     table = read_table(path)
     write_table(pa.Table.from_pylist(edit(table.to_pylist()), schema=table.schema), path)
+    recommit(dataset)
+
+
+def add_vector_map(dataset: Path, opendrive: str) -> None:
+    """Give the only episode the vector map of a text, as a run does."""
+    path = attempt_of(dataset) / "episode.json"
+    document = json.loads(path.read_text())
+    table = to_table(vector_map(opendrive), GeoFrame.from_json(document["geo_reference"]))
+    file = path.with_name("map.parquet")
+    write_table(table, file, keep=(GEO_KEY,))
+    named = LocalStore(dataset).keep_map(file.read_bytes(), "parquet")
+    file.unlink()
+    path.write_text(json.dumps({**document, "vector_map": named, "vector_map_problem": None}))
     recommit(dataset)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections import Counter
 from collections.abc import Callable
 from operator import itemgetter
@@ -41,6 +42,21 @@ def nuscenes_devkit() -> SimpleNamespace:
         points_in_box=geometry_utils.points_in_box,
         view_points=geometry_utils.view_points,
     )
+
+
+def nuscenes_map_api() -> Any:
+    """nuscenes-devkit's module of maps.
+
+    It draws by descartes, which reads the arrays of Shapely 1 alone. Shapely 2 has a function of
+    the same arguments, which stands in for it.
+    """
+    nuscenes_devkit()
+    from shapely.plotting import patch_from_polygon
+
+    sys.modules["descartes"] = SimpleNamespace(PolygonPatch=patch_from_polygon)  # type: ignore[assignment]
+    from nuscenes.map_expansion import map_api
+
+    return map_api
 
 
 def nuscenes_marks(

@@ -5,8 +5,8 @@
 
 Types: ``bool str i32 i64 u8 u32 u64 f64`` scalars; ``f64[n]`` a list of n, of fixed size where
 the column is never null; ``f64[8][2]`` a list of eight such lists, where an inner one may be null;
-``u8[]``, ``i64[]`` a list of any length; ``map[str,u32]`` a list of ``(key, value)`` pairs;
-``json`` a string that holds a JSON object with sorted keys.
+``u8[]``, ``i64[]``, ``f64[]`` a list of any length; ``map[str,u32]`` a list of
+``(key, value)`` pairs; ``json`` a string that holds a JSON object with sorted keys.
 """
 
 from __future__ import annotations
@@ -295,6 +295,45 @@ CONTROLS = "controls.parquet"
 EVENTS = "events.parquet"
 """The table of events: of the episode as a whole, and only where events are planned."""
 
+LANE_LINE_COLUMNS: tuple[Column, ...] = (
+    _K,
+    Column("sensor_id", "str", "", "the labelled camera"),
+    Column(
+        "kind",
+        "str",
+        "marking, boundary, crosswalk, stop_line",
+        "a `boundary` is that of a driven lane where nothing is painted",
+    ),
+    Column(
+        "map_id",
+        "str",
+        "",
+        "id in the vector map; of a boundary the id of its lane, and `left` or `right`",
+    ),
+    Column("part", "i32", "", "from 0: a line may leave the picture and come back"),
+    Column("type", "str", "", "of a marking, as in the vector map; else empty"),
+    Column("colour", "str", "", "of a marking, as in the vector map; else empty"),
+    Column(
+        "width",
+        "f64",
+        "m",
+        "of a marking's paint, of double lines over both; of a stop line; 0: not known",
+    ),
+    Column("u", "f64[]", "px", "to the right, of each place of a line or corner of an area"),
+    Column("v", "f64[]", "px", "down"),
+    Column("x", "f64[]", "m", "the same place in the camera's optical axes: to the right"),
+    Column("y", "f64[]", "m", "down"),
+    Column("z", "f64[]", "m", "ahead"),
+    Column("visible", "u8[]", "0 or 1", "whether nothing stands before the place"),
+    Column(
+        "visible_share",
+        "f64",
+        "",
+        "of the places of a line, and of places all over an area, that are visible",
+    ),
+)
+LANE_LINES = "lane_lines.parquet"
+
 TABLES: dict[str, tuple[Column, ...]] = {
     "objects.parquet": OBJECT_COLUMNS,
     "camera_objects.parquet": CAMERA_OBJECT_COLUMNS,
@@ -303,10 +342,19 @@ TABLES: dict[str, tuple[Column, ...]] = {
 }
 
 
+def frame_tables(*, lane_lines: bool) -> dict[str, tuple[Column, ...]]:
+    """The tables with rows of frames, by their files.
+
+    Args:
+        lane_lines: whether lines in pictures are asked for.
+    """
+    return {**TABLES, LANE_LINES: LANE_LINE_COLUMNS} if lane_lines else TABLES
+
+
 def markdown() -> str:
     """The tables as Markdown, as they stand in ``docs/formats/dataset.md``."""
     lines: list[str] = []
-    optional = {EVENTS: EVENT_COLUMNS, CONTROLS: CONTROL_COLUMNS}
+    optional = {EVENTS: EVENT_COLUMNS, CONTROLS: CONTROL_COLUMNS, LANE_LINES: LANE_LINE_COLUMNS}
     for file, columns in {**TABLES, **optional}.items():
         lines += [
             f"### {file}",

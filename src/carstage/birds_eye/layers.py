@@ -5,6 +5,8 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import Final
 
+from carstage.vector_map.model import DRIVEN_TYPES
+
 STATIC_LAYERS: Final = (
     "drivable_area", "lane", "junction", "parking", "shoulder", "bike_lane", "sidewalk",
     "solid_marking", "broken_marking", "curb", "crosswalk", "stop_line",
@@ -19,9 +21,6 @@ LAYERS: Final = (*STATIC_LAYERS, *OBJECT_LAYERS)
 
 _BITS: Final = MappingProxyType({name: 1 << number for number, name in enumerate(LAYERS)})
 
-_DRIVEN: Final = (
-    "driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp",
-)  # fmt: skip
 _OTHER_LANES: Final = MappingProxyType(
     {
         "parking": ("drivable_area", "parking"),
@@ -45,7 +44,7 @@ def layer_bit(name: str) -> int:
 
 def lane_bits(lane_type: str, *, in_junction: bool) -> int:
     """The layers of a lane by OpenDRIVE's type; 0: it has none, such as a median."""
-    if lane_type in _DRIVEN:
+    if lane_type in DRIVEN_TYPES:
         return layer_bit("drivable_area") | layer_bit("junction" if in_junction else "lane")
     return sum(layer_bit(name) for name in _OTHER_LANES.get(lane_type, ()))
 

@@ -7,9 +7,21 @@ from typing import Annotated
 
 import typer
 
-from carstage.cli.output import Debug, command, confirmed, dataset_address, note
+from carstage.cli.output import (
+    Debug,
+    Json,
+    command,
+    confirmed,
+    dataset_address,
+    folder,
+    note,
+    result,
+    result_json,
+)
 
-dataset_app = typer.Typer(help="Rename and delete datasets and exports.", no_args_is_help=True)
+dataset_app = typer.Typer(
+    help="Rename and delete datasets and exports; write their maps.", no_args_is_help=True
+)
 
 
 @dataset_app.command("rename")
@@ -70,3 +82,40 @@ def delete(
     left = remove_dataset(place)
     kept = f"; what was not ours stays: {', '.join(left)}" if left else ""
     note(f"Removed {place}{kept}.")
+
+
+@dataset_app.command("maps")
+@command
+def maps(
+    dataset: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DIR|URL",
+            help="Folder of the dataset, or its address.",
+            callback=dataset_address,
+        ),
+    ],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder to make.", callback=folder)],
+    format_name: Annotated[
+        str, typer.Option("--format", metavar="geojson|lanelet2", help="What to write.")
+    ] = "geojson",
+    map_names: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="NAME", help="A town; default: all. Repeatable."),
+    ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an export that stands at OUT.")
+    ] = False,
+    json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Write the towns' vector maps in degrees of longitude and latitude, a file each."""
+    del debug
+    from carstage.exporters import export_maps
+
+    files = export_maps(format_name, dataset, out, maps=map_names or (), overwrite=overwrite)
+    if json:
+        result_json({"format": format_name, "files": [str(path) for path in files]})
+    else:
+        for path in files:
+            result(str(path))

@@ -176,6 +176,22 @@ class Labels(Section):
         group="labels",
     )
 
+    lane_lines: bool = setting(
+        LabelsSpec.lane_lines,
+        title="Lane lines in pictures",
+        description="Add the vector map's markings, crosswalks and stop lines as each labelled "
+        "camera sees them.",
+        group="labels",
+    )
+
+    @model_validator(mode="after")
+    def _check_lane_lines(self) -> Labels:
+        if self.lane_lines and not self.vector_map:
+            raise problem(
+                "is made from the vector map.", "Set labels.vector_map to true.", "lane_lines"
+            )
+        return self
+
     @model_validator(mode="after")
     def _check_boxes(self) -> Labels:
         for name in ("birds_eye", "occupancy"):

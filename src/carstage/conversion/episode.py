@@ -19,7 +19,13 @@ import pyarrow as pa
 
 from carstage.annotation.controls import control_rows
 from carstage.annotation.events import event_rows
-from carstage.annotation.schema import CONTROL_COLUMNS, CONTROLS, EVENT_COLUMNS, EVENTS, TABLES
+from carstage.annotation.schema import (
+    CONTROL_COLUMNS,
+    CONTROLS,
+    EVENT_COLUMNS,
+    EVENTS,
+    frame_tables,
+)
 from carstage.codecs import codec_for
 from carstage.conversion.documents import (
     calibration_document,
@@ -266,7 +272,7 @@ class EpisodeConversion:
             raise
         frames = sum(entry["k"] is not None for entry in ledger)
         self._write_row_sensors(self._segments(log))
-        self._merge_labels(self._segments(log))
+        self._merge_labels(log)
         actors = log.actors()
         ego = actors.get(int(log.header["ego_id"]))
         if ego is None:
@@ -422,8 +428,9 @@ class EpisodeConversion:
                 table = pa.Table.from_pylist(rows, schema=row_kind.schema)
                 self._write_table(table, f"sensors/{sensor.id}.parquet")
 
-    def _merge_labels(self, segments: range) -> None:
-        for name, columns in TABLES.items():
+    def _merge_labels(self, log: EpisodeLog) -> None:
+        segments = self._segments(log)
+        for name, columns in frame_tables(lane_lines=log.spec.labels.lane_lines).items():
             schema = label_schema(columns)
             parts = [read_label_part(self.raw_folder, name, segment) for segment in segments]
             if not all(part.schema.equals(schema) for part in parts):

@@ -15,9 +15,10 @@ import pyarrow as pa
 from carstage.annotation import CameraImages, EpisodeLabeller
 from carstage.annotation.decoding import decode_depth_bgra
 from carstage.annotation.point_sensors import radar_points
-from carstage.annotation.schema import TABLES, Column
+from carstage.annotation.schema import LANE_LINES, Column, frame_tables
 from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
+from carstage.conversion.lane_lines import LaneLineMaker
 from carstage.conversion.occupancy import occupancy_files, part_path
 from carstage.conversion.sensors import RecordedSensor
 from carstage.conversion.surroundings import Surroundings
@@ -111,6 +112,8 @@ def label_segment(raw_folder: Path, attempt_files: AttemptFiles, segment: int) -
         level_objects=log.level_objects(up_to_segment=segment),
     )
     around = Surroundings(log)
+    lines = LaneLineMaker(log) if log.spec.labels.lane_lines else None
+    tables = frame_tables(lane_lines=log.spec.labels.lane_lines)
     streams = {camera: labeller.inputs(camera) for camera in labeller.labelled_cameras}
     image_streams = {s.depth for s in streams.values()} | {
         s.instance for s in streams.values() if s.instance is not None
@@ -122,7 +125,7 @@ def label_segment(raw_folder: Path, attempt_files: AttemptFiles, segment: int) -
         for stream in dict.fromkeys([*sorted(image_streams), *lidars, *radars, *around.swept])
     }
     files: list[tuple[str, bytes]] = []
-    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in TABLES}
+    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in tables}
     for world in log.world_frames(segment):
         if world.tick not in ticks:
             continue
@@ -151,12 +154,14 @@ def label_segment(raw_folder: Path, attempt_files: AttemptFiles, segment: int) -
         rows["camera_objects.parquet"] += labels.camera_objects
         rows["ego.parquet"] += [labels.ego] if labels.ego else []
         rows["sensor_poses.parquet"] += labels.sensor_poses
+        if lines is not None:
+            rows[LANE_LINES] += lines.rows(ticks[world.tick], labels, images)
         sweeps = {name: by_tick[name].get(world.tick) for name in around.swept}
         files += around.files(world, ticks[world.tick], labels, images, sweeps)
     folder = raw_folder / LABEL_PARTS
     folder.mkdir(exist_ok=True)
     around.end(part_path(folder, segment))
-    for name, columns in TABLES.items():
+    for name, columns in tables.items():
         _write_part(rows_to_table(rows[name], columns, name), _part(raw_folder, name, segment))
     with attempt_files.stream() as written:
         entries = tuple(written.write(name, content) for name, content in files)

@@ -437,6 +437,15 @@ class Episode:
             return None
         return read_table(self.folder / "controls.parquet")
 
+    def lane_lines(self) -> pa.Table | None:
+        """``lane_lines.parquet``: one row per frame, labelled camera and line or area in view.
+
+        ``None`` where none were asked for.
+        """
+        if not self.spec.labels.lane_lines:
+            return None
+        return read_table(self.folder / "lane_lines.parquet")
+
     def ledger(self) -> pa.Table:
         """``frames.parquet``: one row per tick."""
         return read_table(self.folder / "frames.parquet")

@@ -149,10 +149,8 @@ def arrow_type(name: str, *, nullable: bool) -> pa.DataType:
         return pa.list_(pa.field("element", vector(2, nullable=True), nullable=True))
     if name.startswith("f64[") and name.endswith("]") and name[4:-1].isdigit():
         return vector(int(name[4:-1]), nullable=nullable)
-    if name == "u8[]":
-        return pa.list_(pa.field("element", pa.uint8(), nullable=False))
-    if name == "i64[]":
-        return pa.list_(pa.field("element", pa.int64(), nullable=False))
+    if name.endswith("[]") and name[:-2] in _SCALARS:
+        return pa.list_(pa.field("element", _SCALARS[name[:-2]](), nullable=False))
     if name == "map[str,u32]":
         return pa.map_(pa.string(), pa.uint32())
     raise ValueError(f"no Arrow type for {name!r}")

@@ -1,8 +1,9 @@
-"""Datasets in other formats: KITTI, nuScenes, COCO, YOLO, MCAP, 123D, WebDataset.
+"""Datasets in other formats: KITTI, nuScenes, COCO, YOLO, MCAP, 123D, WebDataset; maps in two.
 
 ``export_dataset`` runs an ``Exporter`` over a dataset; how to add one stands in
-docs/formats/exports.md. What is listed here is imported when it is first used: the command line
-knows ``ExportOptions`` before it knows that something is to be exported.
+docs/formats/exports.md. ``export_maps`` writes the towns alone. What is listed here is imported
+when it is first used: the command line knows ``ExportOptions`` before it knows that something is to
+be exported.
 """
 
 from __future__ import annotations
@@ -24,8 +25,10 @@ if TYPE_CHECKING:
     )
     from carstage.exporters.exporting import ExportSummary, export_dataset
     from carstage.exporters.options import ExportOptions
+    from carstage.exporters.town_maps import MAP_FORMATS, export_maps
 
 __all__ = [
+    "MAP_FORMATS",
     "ClassMap",
     "Completeness",
     "EpisodeFrames",
@@ -36,6 +39,7 @@ __all__ = [
     "FrameWriter",
     "examine",
     "export_dataset",
+    "export_maps",
     "exporter_for",
     "exporters",
     "read_class_map",
@@ -50,5 +54,6 @@ __getattr__ = lazy_names(
         "exporter": "Exporter Frame FrameWriter exporter_for exporters register",
         "exporting": "EpisodeFrames ExportSummary export_dataset",
         "options": "ExportOptions",
+        "town_maps": "MAP_FORMATS export_maps",
     },
 )

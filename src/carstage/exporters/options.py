@@ -50,6 +50,8 @@ class ExportOptions:
         episodes: ids of the episodes to export; none: all.
         categories: Car-STAGE's classes, or COCO's 80.
         class_map: targets of the classes, see ``read_class_map``.
+        nuscenes_locations: whether towns get the names of the four locations that nuScenes's
+            devkit knows.
     """
 
     cameras: tuple[str, ...] = field(
@@ -113,6 +115,10 @@ class ExportOptions:
     class_map: ClassMap | None = field(
         default=None,
         metadata=_shown("YAML: what each class is called, others are left out.", "FILE"),
+    )
+    nuscenes_locations: bool = field(
+        default=False,
+        metadata=_shown("Call towns by the four locations that nuScenes's devkit knows."),
     )
 
     def __post_init__(self) -> None:

@@ -30,6 +30,7 @@ from carstage.report.drawing import (
     draw_boxes_3d,
 )
 from carstage.report.film import MOST_FRAMES, film
+from carstage.report.lane_lines import lane_lines_section
 from carstage.report.occupancy import occupancy_section
 from carstage.sensor_kinds.columns import Detection
 from carstage.sensor_kinds.model import CAMERAS, CLOUDS, COLOUR, DETECTIONS, ROWS
@@ -79,7 +80,8 @@ def episode_section(pictures: EpisodePictures, *, films: bool = False) -> str:
             '<p class="soft">Forward is up; points are coloured by height; boxes are all labelled '
             f'objects.</p><div class="grid wide">{birds_eye}</div>'
         )
-    parts += [birds_eye_section(episode, middle), occupancy_section(episode, middle)]
+    parts += [lane_lines_section(episode, middle), birds_eye_section(episode, middle)]
+    parts += [occupancy_section(episode, middle)]
     parts += [_events(episode), _rig(episode), _ledger(episode)]
     return "\n".join(parts)
 

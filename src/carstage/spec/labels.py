@@ -108,6 +108,7 @@ class LabelsSpec:
         vector_map: whether the dataset gets the town's vector map.
         birds_eye: bird's-eye grids; None: there are none.
         occupancy: voxels; None: there are none.
+        lane_lines: whether lines of the vector map are labelled in pictures.
     """
 
     method: str = "both"
@@ -121,6 +122,7 @@ class LabelsSpec:
     vector_map: bool = field(default=True, metadata=LEFT_OUT)
     birds_eye: Optional[BirdsEyeSpec] = field(default=None, metadata=LEFT_OUT)
     occupancy: Optional[OccupancySpec] = field(default=None, metadata=LEFT_OUT)
+    lane_lines: bool = field(default=False, metadata=LEFT_OUT)
 
     @classmethod
     def read(cls, fields: Fields) -> LabelsSpec:
@@ -148,6 +150,7 @@ class LabelsSpec:
             occupancy=OccupancySpec.read(fields.object("occupancy"))
             if "occupancy" in fields
             else None,
+            lane_lines="lane_lines" in fields and fields.flag("lane_lines"),
         )
 
     @property

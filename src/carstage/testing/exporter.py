@@ -36,6 +36,7 @@ _NOT_DEFAULT: dict[str, Any] = {
     "categories": "coco80",
     "class_map": ClassMap.of({"car": "Car"}),
     "keyframes_hz": 1.0,
+    "nuscenes_locations": True,
 }
 
 

@@ -7,8 +7,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 from carstage.geometry import FloatArray
+
+DRIVEN_TYPES: Final = (
+    "driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp",
+)  # fmt: skip
+"""Types of lanes that traffic drives on."""
+WALKED_TYPES: Final = ("sidewalk", "walking")
+LIGHT_TYPE: Final = "1000001"
+"""A signal's type: CARLA's traffic lights, whatever the country."""
+STOP_SIGN_TYPE: Final = "206"
 
 
 @dataclass(frozen=True, slots=True)

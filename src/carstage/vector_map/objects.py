@@ -26,10 +26,17 @@ from carstage.vector_map.document import (
 )
 from carstage.vector_map.lanes import carla_places, is_forward, lane_id
 from carstage.vector_map.links import Links
-from carstage.vector_map.model import Crosswalk, Lane, Signal, StopLine
+from carstage.vector_map.model import (
+    LIGHT_TYPE,
+    STOP_SIGN_TYPE,
+    Crosswalk,
+    Lane,
+    Signal,
+    StopLine,
+)
 
-LIGHT, STOP_SIGN, SPEED_LIMIT = "1000001", "206", "274"
-_STOPPING = (LIGHT, STOP_SIGN)
+SPEED_LIMIT = "274"
+_STOPPING = (LIGHT_TYPE, STOP_SIGN_TYPE)
 _NOBODY_DRIVES = {"none", "sidewalk", "walking", "border", "curb", "median", "shoulder"}
 _THIN_M = 0.01
 _SPEED_SIGN = re.compile(r"speed_([0-9]{1,3})", re.IGNORECASE)

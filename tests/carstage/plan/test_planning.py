@@ -279,11 +279,14 @@ def test_every_label_setting_can_be_asked_for() -> None:
         """
     )
     (default,) = plan()
+    not_asked = []
     for section in ("labels", "ground_truth"):
         chosen, usual = getattr(spec, section), getattr(default, section)
-        same = [f.name for f in fields(chosen)
-                if getattr(chosen, f.name) == getattr(usual, f.name)]  # fmt: skip
-        assert same == []
+        not_asked += [f.name for f in fields(chosen)
+                      if getattr(chosen, f.name) == getattr(usual, f.name)]  # fmt: skip
+    assert not_asked == ["lane_lines"]  # which need the vector map
+    (with_lines,) = plan("labels: {lane_lines: true}")
+    assert with_lines.labels.lane_lines
     assert spec.labels.boxes_3d
     assert not spec.labels.boxes_2d
     assert (spec.max_distance_m, spec.min_lidar_points) == (55.0, 2)

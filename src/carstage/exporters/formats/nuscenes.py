@@ -3,33 +3,27 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
-
-import numpy as np
 
 from carstage.dataset import Episode
 from carstage.errors import BadInputError
 from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.formats.nuscenes_can_bus import CanBus
 from carstage.exporters.formats.nuscenes_categories import check_categories
-from carstage.exporters.formats.nuscenes_files import METRES_PER_PX, write_mask
 from carstage.exporters.formats.nuscenes_frame import OCC3D, VERSION, FramePart, SceneWriter
+from carstage.exporters.formats.nuscenes_grounds import EXPANSION, grounds_of
 from carstage.exporters.formats.nuscenes_rows import SceneTables
 from carstage.exporters.formats.nuscenes_scenes import CarScene, key_frame_step, scenes_of
 from carstage.exporters.formats.nuscenes_segmentation import instance_numbers
 from carstage.exporters.formats.nuscenes_tables import LABELS, Tables, token
 from carstage.exporters.labels import require_labels
-from carstage.exporters.road_cells import SurfaceMap, surface_sensors
+from carstage.exporters.road_cells import surface_sensors
 from carstage.spec.sensors import EGO
 
 _EPOCH_S = 1_500_000_000
 _EPISODE_APART_S = 100_000
-_MARGIN_M, _STEP_M = 150.0, 100.0
-_MOST_MASK_M = 4000.0
 # The devkit's CAN-bus reader wants four digits, and knows of gaps in scenes below 1200.
 _FIRST_SCENE = 2001
 _MOST_SCENES = 10_000 - _FIRST_SCENE
@@ -40,11 +34,11 @@ class NuScenes(Exporter):
     """See docs/formats/exports.md."""
 
     name: ClassVar = "nuscenes"
-    summary: ClassVar = "nuScenes: key frames and sweeps, lidarseg, panoptic and CAN-bus messages."
+    summary: ClassVar = "nuScenes: key frames, sweeps, lidarseg, panoptic, CAN bus, map expansion."
     uses: ClassVar = frozenset(
         {
             "cameras", "lidar", "min_lidar_points", "max_distance_m", "val_share", "test_share",
-            "keyframes_hz", "class_map",
+            "keyframes_hz", "class_map", "nuscenes_locations",
         }
     )  # fmt: skip
 
@@ -68,10 +62,9 @@ class NuScenes(Exporter):
         self._make_folders(every, folder)
         self._folder = folder
         self._episodes = tuple(episodes)
-        self._grounds = {
-            name: _ground([e for e in episodes if e.document["map"] == name])
-            for name in sorted({episode.document["map"] for episode in episodes})
-        }
+        self._grounds = grounds_of(episodes, nuscenes_locations=self.options.nuscenes_locations)
+        if any(ground.town is not None for ground in self._grounds.values()):
+            (folder / EXPANSION).mkdir()
         self._number = 0
         self._tables = Tables(folder / VERSION, labelled=self._labelled)
         self.files.callback(self._tables.close)
@@ -95,7 +88,13 @@ class NuScenes(Exporter):
         can_bus = self._folder / "can_bus"
         self._open = tuple(
             SceneTables(
-                self._tables, episode, scene, CanBus(can_bus, self._names[scene.key]), start_s, step
+                self._tables,
+                episode,
+                scene,
+                CanBus(can_bus, self._names[scene.key]),
+                start_s,
+                step,
+                self._ground.location,
             )
             for scene in scenes
         )
@@ -139,14 +138,13 @@ class NuScenes(Exporter):
     def finish(self) -> None:
         """Write maps and splits."""
         for name, ground in self._grounds.items():
-            mask = f"maps/{token('map', name)}.png"
-            write_mask(self._folder / mask, *ground.size_px, ground.surfaces.closed())
+            mask = ground.write(self._folder)
             on_map = [e for e in self._episodes if e.document["map"] == name]
             logs = [token(scene.key, "log") for e in on_map for scene in self._scenes[e.id]]
             self._tables.add(
                 "map",
                 {
-                    "token": token("map", name),
+                    "token": ground.mask_token,
                     "log_tokens": logs,
                     "category": "semantic_prior",
                     "filename": mask,
@@ -166,37 +164,3 @@ class NuScenes(Exporter):
         }
         path = self._folder / VERSION / "splits.json"
         path.write_text(json.dumps(splits, indent=1) + "\n")
-
-
-@dataclass(frozen=True, slots=True)
-class _Ground:
-    """Where a map's frame begins, how large its mask is, and where roads were seen."""
-
-    shift_m: tuple[float, float]
-    size_px: tuple[int, int]
-    surfaces: SurfaceMap
-
-
-def _ground(episodes: Sequence[Episode]) -> _Ground:
-    """The area around all that drove on a map; nuScenes's maps begin at (0, 0)."""
-    places = [
-        np.array(episode.sensor_poses()["location"].to_pylist()).reshape(-1, 3)
-        for episode in episodes
-    ]
-    x, y, _ = np.concatenate(places).T
-    east, north = x, -y
-    shift = tuple(
-        float(math.ceil((_MARGIN_M - values.min()) / _STEP_M) * _STEP_M) for values in (east, north)
-    )
-    sizes = [
-        values.max() + offset + _MARGIN_M
-        for values, offset in zip((east, north), shift, strict=True)
-    ]
-    if max(sizes) > _MOST_MASK_M:
-        raise BadInputError(
-            f"The episodes on {episodes[0].document['map']} spread over {max(sizes):.0f} m; the "
-            f"devkit draws maps of at most {_MOST_MASK_M:.0f} m.",
-            "Export fewer episodes of that map at once.",
-        )
-    width, height = (math.ceil(size / METRES_PER_PX) for size in sizes)
-    return _Ground((shift[0], shift[1]), (width, height), SurfaceMap(*sizes))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import datetime, timezone
-from pathlib import Path
 from typing import Any
 
 from carstage.dataset import Episode
@@ -26,6 +25,7 @@ class SceneTables:
         can_bus: its messages.
         start_s: time of the episode's first frame since 1970; invented.
         step: every how many frames one is a key frame.
+        location: what the devkit calls the map.
     """
 
     def __init__(
@@ -36,11 +36,13 @@ class SceneTables:
         can_bus: CanBus,
         start_s: int,
         step: int,
+        location: str,
     ) -> None:
         self.scene = scene
         self.can_bus = can_bus
         self._tables, self._episode = tables, episode
         self._start_s, self._step = start_s, step
+        self._location = location
         self._last_key = (episode.frames - 1) // step * step
         self._samples = Chain(tables, "sample")
         self._data = {name: Chain(tables, "sample_data") for name in scene.channels}
@@ -102,7 +104,7 @@ class SceneTables:
                 "logfile": key,
                 "vehicle": self.scene.car.blueprint,
                 "date_captured": captured.date().isoformat(),
-                "location": Path(self._episode.document["map"]).name,
+                "location": self._location,
             },
         )
         tables.add(

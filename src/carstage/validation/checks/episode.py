@@ -64,6 +64,7 @@ from carstage.validation.checks.labels import (
     check_labels,
     labelled_boxes,
 )
+from carstage.validation.checks.lane_lines import LaneLineChecks
 from carstage.validation.checks.ledger import (
     check_ledger,
     check_row_sensors,
@@ -220,6 +221,7 @@ class EpisodeChecks:
         available = {sensor: set(frames) for sensor, frames in recorded.items()}
         birds_eye = BirdsEyeChecks(episode, tables, self._files, findings)
         occupancy = OccupancyChecks(episode, tables, self._files, findings)
+        lane_lines = LaneLineChecks(episode, findings)
         with_files = [
             [s for s in episode.sensors if s.content not in ROWS and k in available[s.id]]
             for k in range(episode.frames)
@@ -235,6 +237,7 @@ class EpisodeChecks:
                 recorded_now = frozenset(one.sensor.id for one in decoded)
                 birds_eye.check(k, recorded_now, data)
                 occupancy.check(k, recorded_now, data)
+                lane_lines.check(k, data)
                 self._figures.frames += 1
                 advance()
         self._conclude()

@@ -31,13 +31,18 @@ TABLES = (
 
 EVENTS = "events.parquet"
 CONTROLS = "controls.parquet"
+LANE_LINES = "lane_lines.parquet"
 
 
 def tables_of(episode: Episode) -> tuple[str, ...]:
     """The tables that an episode has."""
     spec = episode.spec
-    events = () if spec.scenario.events is None else (EVENTS,)
-    return (*TABLES, *events, *(() if spec.ego.driver is None else (CONTROLS,)))
+    optional = {
+        EVENTS: spec.scenario.events is not None,
+        CONTROLS: spec.ego.driver is not None,
+        LANE_LINES: spec.labels.lane_lines,
+    }
+    return (*TABLES, *(table for table, is_there in optional.items() if is_there))
 
 
 class _Place(TypedDict, total=False):

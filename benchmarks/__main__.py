@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 
 import benchmarks.framework.commands
-import benchmarks.simulator.commands  # noqa: F401 - both register their commands
+import benchmarks.framework.surroundings_commands
+import benchmarks.simulator.commands  # noqa: F401 - all register their commands
 from benchmarks.registry import BENCHMARKS, app
 from carstage.cli.output import enable_debug
 

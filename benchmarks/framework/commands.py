@@ -449,27 +449,6 @@ def globe(
     return report(verdict, json)
 
 
-@benchmark("birds-eye", takes="3 minutes")
-def birds_eye(
-    town: Annotated[
-        list[str] | None, typer.Option("--town", help="A built-in town; default: all.")
-    ] = None,
-    places: Annotated[int, typer.Option(min=0, help="In each town.")] = 6,
-    dataset: Annotated[
-        list[Path] | None,
-        typer.Option("--dataset", help="One with grids, for objects and cost."),
-    ] = None,
-    json: Json = False,
-) -> int:
-    """Whether bird's-eye grids are those of other sources and another library; their cost."""
-    from benchmarks.framework.birds_eye import TOWNS, measure_birds_eye
-    from carstage.cli.progress import watch_steps
-
-    with watch_steps("Bird's eye", "grids") as progress:
-        verdict = measure_birds_eye(town or TOWNS, places, dataset or (), progress)
-    return report(verdict, json)
-
-
 @benchmark("lane-lines", takes="8 minutes")
 def lane_lines(
     town: Annotated[

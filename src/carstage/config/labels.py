@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Strict, model_validator
 
 from carstage.config.fields import Names, Section, problem, setting
+from carstage.config.occupancy import Occupancy
 from carstage.spec import BirdsEyeSpec, GroundTruthSpec, LabelsSpec
 
 
@@ -167,6 +168,13 @@ class Labels(Section):
         "visibility. `{}` takes the defaults.",
         group="labels",
     )
+    occupancy: Occupancy | None = setting(
+        None,
+        title="Occupancy",
+        description="Add voxels to each frame: classes, objects, motion, what sensors see. `{}` "
+        "takes the defaults.",
+        group="labels",
+    )
 
     lane_lines: bool = setting(
         LabelsSpec.lane_lines,
@@ -185,7 +193,8 @@ class Labels(Section):
         return self
 
     @model_validator(mode="after")
-    def _check_birds_eye(self) -> Labels:
-        if self.birds_eye is not None and "3d" not in self.boxes:
-            raise problem("is drawn from 3D boxes.", "Add `3d` to labels.boxes.", "birds_eye")
+    def _check_boxes(self) -> Labels:
+        for name in ("birds_eye", "occupancy"):
+            if getattr(self, name) is not None and "3d" not in self.boxes:
+                raise problem("is made from 3D boxes.", "Add `3d` to labels.boxes.", name)
         return self

@@ -30,10 +30,10 @@ from carstage.config.timing import Timing, check_substepping
 from carstage.config.traffic import Pedestrians, Traffic, Vehicles
 from carstage.config.weather import DEFAULT_PRESET, WeatherConfig
 from carstage.releases import refusal
-from carstage.sensor_kinds.model import COLOUR, POINTS
+from carstage.sensor_kinds.model import COLOUR, POINTS, TAGGED_POINTS
 from carstage.spec import SavedSteps
 from carstage.spec.defaults import MAX_DISTANCE_M, MIN_LIDAR_POINTS
-from carstage.spec.sensors import SPRING_ARMS
+from carstage.spec.sensors import EGO, SPRING_ARMS
 
 _SLACK = 1e-9
 
@@ -244,12 +244,30 @@ class Config(Section):
         lidars = {sensor.id for sensor in self.sensors if sensor.row.content == POINTS}
         _check_names("cameras", self.labels.cameras, cameras)
         _check_names("lidars", self.labels.lidars, lidars)
+        if self.labels.occupancy is not None:
+            self._check_occupancy(self.labels.occupancy.frame)
         for name in self.conversion.codecs:
             if name not in ids:
                 message, hint = unknown("sensor", name, ids)
                 raise problem(message, hint, "conversion", "codecs", name)
         for position, quota in enumerate(() if self.campaign is None else self.campaign.quotas):
             self._check_condition(quota.where, "campaign", "quotas", position, "where")
+
+    def _check_occupancy(self, frame: str) -> None:
+        """Voxels are where something is, and get their classes from sensors that tell them."""
+        ids = {sensor.id for sensor in self.sensors}
+        if frame != EGO and frame not in ids:
+            message, hint = unknown("sensor", frame, ids)
+            raise problem(message, f"{hint} Or use `ego`.", "labels", "occupancy", "frame")
+        cameras = self.labels.method != "stage_vo" and any(map(self._is_labelled, self.sensors))
+        lidars = any(sensor.row.content == TAGGED_POINTS for sensor in self.sensors)
+        if not (cameras or lidars or self.labels.lidars):
+            raise problem(
+                "no sensor tells the classes of surfaces.",
+                "Label a camera with pixels in labels.method, or a LiDAR by labels.lidars.",
+                "labels",
+                "occupancy",
+            )
 
     def _check_maps(self) -> None:
         """Only the embedded simulator makes a town of a file."""

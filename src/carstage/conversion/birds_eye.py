@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from functools import lru_cache
 
-from carstage.annotation import CameraImages
 from carstage.annotation.labeller import FrameLabels
-from carstage.annotation.rig import LabelledCamera
 from carstage.birds_eye import (
     BirdsEye,
-    CameraView,
-    Cloud,
     Grid,
     GridPose,
     TownShapes,
@@ -19,12 +15,9 @@ from carstage.birds_eye import (
     draw_birds_eye,
     pack_birds_eye,
 )
-from carstage.codecs import codec_for
-from carstage.codecs.semantic_points import points_xyz
 from carstage.errors import VectorMapError
-from carstage.geometry import pose_matrix
-from carstage.rawlog.reader import EpisodeLog, Record, WorldFrame
-from carstage.sensor_kinds.model import CLOUDS
+from carstage.occupancy import Picture, Sweep
+from carstage.rawlog.reader import EpisodeLog, WorldFrame
 from carstage.spec import BirdsEyeSpec
 
 
@@ -41,26 +34,9 @@ class BirdsEyeMaker:
         self._ego_id = int(log.header["ego_id"])
         opendrive = log.opendrive() if log.spec.labels.vector_map else None
         self._town = None if opendrive is None else _town(opendrive, asked.resolution_m)
-        cameras = (LabelledCamera.from_spec(s, {}) for s in log.spec.sensors if s.labelled)
-        self._codecs = {
-            sensor.id: codec_for(sensor.kind)[1]
-            for sensor in log.spec.written_sensors
-            if sensor.content in CLOUDS
-        }
-        self._cameras = {camera.mount.sensor_id: camera for camera in cameras if camera.pinhole}
-
-    @property
-    def swept(self) -> tuple[str, ...]:
-        """Streams whose points say what LiDARs see."""
-        return tuple(self._codecs)
 
     def file(
-        self,
-        world: WorldFrame,
-        k: int,
-        labels: FrameLabels,
-        images: Mapping[str, CameraImages],
-        sweeps: Mapping[str, Record | None],
+        self, world: WorldFrame, k: int, labels: FrameLabels, seen: Sequence[Picture | Sweep]
     ) -> tuple[str, bytes]:
         """Name and content of a frame's file.
 
@@ -68,28 +44,21 @@ class BirdsEyeMaker:
             world: the snapshot of its tick.
             k: index of the saved frame.
             labels: its rows.
-            images: by labelled camera.
-            sweeps: by stream of :attr:`swept`; None where the tick has none.
+            seen: what its sensors saw.
         """
         row = world.row(self._ego_id)
         x, y, z = world.location[row].tolist()
         pose = GridPose(x, y, z, float(world.rotation_deg[row][1]))
-        poses = {
-            one["sensor_id"]: pose_matrix(one["location"], one["rotation_deg"])
-            for one in labels.sensor_poses
-        }
-        views = [
-            CameraView(camera.k, poses[name], images[name].depth_m, camera.width, camera.height)
-            for name, camera in self._cameras.items()
-            if name in images
-        ]
-        seen = {one["track_id"] for one in labels.camera_objects if one["visible"]}
-        clouds = [
-            Cloud(poses[name], points_xyz(codec.raw_array(record.meta, record.payload)))
-            for name, codec in self._codecs.items()
-            if (record := sweeps[name]) is not None
-        ]
-        drawn = draw_birds_eye(self._grid, pose, self._town, labels.objects, seen, views, clouds)
+        tracks = {one["track_id"] for one in labels.camera_objects if one["visible"]}
+        drawn = draw_birds_eye(
+            self._grid,
+            pose,
+            self._town,
+            labels.objects,
+            tracks,
+            [one.view for one in seen if isinstance(one, Picture)],
+            [one.cloud for one in seen if isinstance(one, Sweep)],
+        )
         return birds_eye_name(k), pack_birds_eye(BirdsEye(self._grid, pose, drawn))
 
 

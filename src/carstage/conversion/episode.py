@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -38,6 +39,7 @@ from carstage.conversion.segment import (
     encode_segment,
     label_schema,
     label_segment,
+    place_voxels,
     read_label_part,
     rows_to_table,
 )
@@ -58,6 +60,8 @@ _towns: dict[tuple[str, str], Town] = {}
 _towns_lock = threading.Lock()
 _LABELS = ""
 """Key of the label task among a segment's tasks; no stream has an empty name."""
+_VOXELS = "/"
+"""Key of the task that places voxels; no stream has such a name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +140,8 @@ class EpisodeConversion:
             per_segment = int(self._log.header["ticks_per_segment"])
             ticks = int(self._log.header["ticks"])
             done: dict[int, int] = {}
-            for (segment, _), task in self._tasks.items():
-                done[segment] = done.get(segment, 0) + task.done()
+            for (segment, name), task in self._tasks.items():
+                done[segment] = done.get(segment, 0) + (name != _VOXELS and task.done())
             return sum(
                 self._frames_in(segment * per_segment, min((segment + 1) * per_segment, ticks))
                 * count
@@ -261,7 +265,7 @@ class EpisodeConversion:
             )
         self._require_all_segments(log)
         try:
-            for task in tasks:
+            for task in chain(tasks, self._place_voxels(log)):
                 _raise_error_of(task)
         except BaseException:
             self._drop_tasks()
@@ -300,8 +304,9 @@ class EpisodeConversion:
         segments = self._segments(log)
         files = tuple(
             file
-            for task in (*(sensor.id for sensor in self._plan.written), _LABELS)
+            for task in (*(sensor.id for sensor in self._plan.written), _LABELS, _VOXELS)
             for segment in segments
+            if (segment, task) in self._tasks
             for file in self._tasks[segment, task].result().files
         )
         return Converted(frames, files, opendrive, town.content)
@@ -388,6 +393,21 @@ class EpisodeConversion:
                         f"in every stream that {task or 'the labels'} needs.",
                         "Record the episode again.",
                     )
+
+    def _place_voxels(self, log: EpisodeLog) -> Iterator[Future[Any]]:
+        """Hand out what needs the labels of all segments, which are done once this is asked."""
+        if log.spec.labels.occupancy is None:
+            return
+        segments = self._segments(log)
+        arguments = self.raw_folder, self.attempt_files
+        for segment in segments:
+            with self._lock:
+                if (segment, _VOXELS) not in self._tasks:
+                    self._tasks[segment, _VOXELS] = self._submit(
+                        place_voxels, *arguments, segment, len(segments)
+                    )
+        for segment in segments:
+            yield self._tasks[segment, _VOXELS]
 
     def _drop_tasks(self) -> None:
         with self._lock:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import zipfile
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,9 +18,10 @@ from carstage.annotation.point_sensors import radar_points
 from carstage.annotation.schema import LANE_LINES, Column, frame_tables
 from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
-from carstage.conversion.birds_eye import BirdsEyeMaker
 from carstage.conversion.lane_lines import LaneLineMaker
+from carstage.conversion.occupancy import occupancy_files, part_path
 from carstage.conversion.sensors import RecordedSensor
+from carstage.conversion.surroundings import Surroundings
 from carstage.conversion.tag_numbers import dataset_payload
 from carstage.dataset.tables import RowSensor, arrow_type, row_sensor
 from carstage.errors import ConversionError
@@ -108,9 +111,7 @@ def label_segment(raw_folder: Path, attempt_files: AttemptFiles, segment: int) -
         log.actors(up_to_segment=segment),
         level_objects=log.level_objects(up_to_segment=segment),
     )
-    asked = log.spec.labels.birds_eye
-    grids = None if asked is None else BirdsEyeMaker(log, asked)
-    swept = () if grids is None else grids.swept
+    around = Surroundings(log)
     lines = LaneLineMaker(log) if log.spec.labels.lane_lines else None
     tables = frame_tables(lane_lines=log.spec.labels.lane_lines)
     streams = {camera: labeller.inputs(camera) for camera in labeller.labelled_cameras}
@@ -121,7 +122,7 @@ def label_segment(raw_folder: Path, attempt_files: AttemptFiles, segment: int) -
     radars = [sensor.id for sensor in log.spec.sensors_of(DETECTIONS)]
     by_tick = {
         stream: {record.tick: record for record in _data(log, stream, segment)}
-        for stream in dict.fromkeys([*sorted(image_streams), *lidars, *radars, *swept])
+        for stream in dict.fromkeys([*sorted(image_streams), *lidars, *radars, *around.swept])
     }
     files: list[tuple[str, bytes]] = []
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in tables}
@@ -155,16 +156,37 @@ def label_segment(raw_folder: Path, attempt_files: AttemptFiles, segment: int) -
         rows["sensor_poses.parquet"] += labels.sensor_poses
         if lines is not None:
             rows[LANE_LINES] += lines.rows(ticks[world.tick], labels, images)
-        if grids is not None:
-            sweeps = {name: by_tick[name].get(world.tick) for name in swept}
-            files.append(grids.file(world, ticks[world.tick], labels, images, sweeps))
+        sweeps = {name: by_tick[name].get(world.tick) for name in around.swept}
+        files += around.files(world, ticks[world.tick], labels, images, sweeps)
     folder = raw_folder / LABEL_PARTS
     folder.mkdir(exist_ok=True)
+    around.end(part_path(folder, segment))
     for name, columns in tables.items():
         _write_part(rows_to_table(rows[name], columns, name), _part(raw_folder, name, segment))
     with attempt_files.stream() as written:
         entries = tuple(written.write(name, content) for name, content in files)
     return EncodedSegment(files=entries)
+
+
+def place_voxels(
+    raw_folder: Path, attempt_files: AttemptFiles, segment: int, segments: int
+) -> EncodedSegment:
+    """Write the voxels of one segment's frames, once all segments are labelled.
+
+    Raises:
+        ConversionError: what a segment left is gone or damaged.
+    """
+    asked = EpisodeLog(raw_folder).spec.labels.occupancy
+    assert asked is not None
+    objects: dict[int, list[dict[str, Any]]] = defaultdict(list)
+    for row in read_label_part(raw_folder, "objects.parquet", segment).to_pylist():
+        objects[row["k"]].append(row)
+    try:
+        files = occupancy_files(asked, raw_folder / LABEL_PARTS, segment, segments, objects)
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise ConversionError(f"A label part is gone or damaged: {error}", "Try again.") from error
+    with attempt_files.stream() as written:
+        return EncodedSegment(files=tuple(written.write(*file) for file in files))
 
 
 def read_label_part(raw_folder: Path, table: str, segment: int) -> pa.Table:

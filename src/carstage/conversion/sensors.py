@@ -63,7 +63,8 @@ def plan_sensors(spec: EpisodeSpec, codecs: Mapping[str, str]) -> SensorPlan:
     for sensor in spec.sensors:
         if sensor.labelled:
             label_streams |= {name for name in (sensor.depth, sensor.instance) if name}
-        swept = spec.labels.birds_eye is not None and not sensor.hidden
+        around = spec.labels.birds_eye is not None or spec.labels.occupancy is not None
+        swept = around and not sensor.hidden
         if sensor.content in (POINTS, DETECTIONS) or (swept and sensor.content in CLOUDS):
             label_streams.add(sensor.id)
     return SensorPlan(

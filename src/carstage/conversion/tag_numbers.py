@@ -25,6 +25,11 @@ def _table() -> NDArray[np.uint8]:
 _NEW_FROM_OLD: Final = _table()
 
 
+def dataset_tag_image(server_version: str, tags: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Tags of a server in the dataset's numbers; the same array where it has them."""
+    return tags if numbers_tags_anew(server_version) else _NEW_FROM_OLD[tags]
+
+
 def dataset_payload(kind: str, server_version: str, payload: memoryview) -> memoryview:
     """The payload of a sensor's record with the dataset's tags; the same one where it has them.
 
@@ -41,7 +46,7 @@ def dataset_payload(kind: str, server_version: str, payload: memoryview) -> memo
     content = content_of(kind)
     if content in (TAGS, INSTANCES):
         pixels = np.frombuffer(payload, np.uint8).reshape(-1, 4).copy()
-        pixels[:, _RED] = _NEW_FROM_OLD[pixels[:, _RED]]
+        pixels[:, _RED] = dataset_tag_image(server_version, pixels[:, _RED])
         return pixels.reshape(-1).data
     if content == TAGGED_POINTS:
         points = np.frombuffer(payload, record_dtype(kind)).copy()

@@ -61,7 +61,7 @@ def fork_workers(descriptor: int) -> NoReturn:
         descriptor: of one end of a pair of connected sockets; the pool has the other.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _keep_memory()
+    keep_memory()
     os.nice(_NICENESS)
     with socket.socket(fileno=descriptor) as control:
         (size,) = LENGTH.unpack(_received(control, LENGTH.size))
@@ -155,7 +155,7 @@ def _pickled_error(error: BaseException, trace: str) -> bytes:
     return data
 
 
-def _keep_memory() -> None:
+def keep_memory() -> None:
     """Let the allocator keep what pictures need: the next one needs as much again.
 
     Else it goes back to the system after each, and every page of the next one's is cleared anew.

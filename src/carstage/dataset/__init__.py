@@ -13,6 +13,7 @@ from carstage.dataset.samples import FrameSamples
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.dataset.splits import SplitRule, StoredSplits
 from carstage.dataset.splitting import split_dataset
+from carstage.occupancy import Occupancy
 
 __all__ = [
     "BirdsEye",
@@ -22,6 +23,7 @@ __all__ = [
     "EpisodeFrames",
     "Frame",
     "FrameSamples",
+    "Occupancy",
     "Sensor",
     "SensorCalibration",
     "SplitRule",

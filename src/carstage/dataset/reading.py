@@ -13,16 +13,17 @@ from numpy.typing import NDArray
 
 from carstage.birds_eye import BirdsEye
 from carstage.codecs import codec_for
-from carstage.dataset.birds_eye import read_birds_eye
 from carstage.dataset.documents import read_document
 from carstage.dataset.maps import map_path, read_map, read_vector_map, vector_map_table
 from carstage.dataset.querying import EpisodeTables, query_episodes
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.dataset.splits import Split, StoredSplits, read_splits
+from carstage.dataset.surroundings import read_birds_eye, read_occupancy
 from carstage.dataset.tables import read_table, require_columns, row_sensor
 from carstage.errors import BadInputError, DatasetError
 from carstage.files.bounded import read_bounded
 from carstage.geometry import GeoFrame, is_pinhole, pose_matrix
+from carstage.occupancy import Occupancy
 from carstage.sensor_kinds import content_of
 from carstage.spec import EpisodeSpec, SpecError
 from carstage.storage.address import dataset_root
@@ -330,6 +331,10 @@ class Episode:
             DatasetError: the file is missing or damaged.
         """
         return None if self.spec.labels.birds_eye is None else read_birds_eye(self.folder, k)
+
+    def occupancy(self, k: int) -> Occupancy | None:
+        """The voxels of frame ``k``; as :meth:`birds_eye`."""
+        return None if self.spec.labels.occupancy is None else read_occupancy(self.folder, k)
 
     @cached_property
     def calibration(self) -> Calibration:

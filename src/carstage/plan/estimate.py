@@ -5,6 +5,7 @@ Sizes are meant to be on the safe side; the table of sensor kinds has those of p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -35,6 +36,7 @@ _LABEL_BYTES = 400  # one row of the label tables after compression, generously
 _SMALL_SENSOR_BYTES = 64
 _GRID_BYTES = 2048  # of a bird's-eye grid, beside its cells
 _CELL_BYTES = 0.35
+_VOXEL_BYTES = 0.1
 
 # Seconds on a machine with 2 cores of 2.5 GHz: the embedded simulator with all kernels cached.
 _START_S = 12.0
@@ -169,6 +171,8 @@ def _dataset_bytes(spec: EpisodeSpec) -> int:
         asked = spec.labels.birds_eye
         cells = asked.length_m * asked.width_m / asked.resolution_m**2
         per_frame += _GRID_BYTES + _CELL_BYTES * cells
+    if spec.labels.occupancy is not None:
+        per_frame += _GRID_BYTES + _VOXEL_BYTES * math.prod(spec.labels.occupancy.cells)
     return round(spec.saved_frames * (per_frame + _LABEL_BYTES * objects))
 
 

@@ -36,6 +36,7 @@ from carstage.spec import (
     GroundTruthSpec,
     GroupSpec,
     LabelsSpec,
+    OccupancySpec,
     PedestriansSpec,
     Seeds,
     Stand,
@@ -48,6 +49,8 @@ from carstage.spec import (
 
 _CHOICES_STREAM = 1000
 _LARGEST_SEED = 0x7FFF_FFFF  # CARLA keeps noise seeds in signed 32-bit integers
+_READ_OTHERWISE = {"cameras", "lidars", "boxes", "level_objects", "birds_eye", "occupancy"}
+"""Of the label settings."""
 
 
 Made = TypeVar("Made")
@@ -263,12 +266,13 @@ def _vehicles(vehicles: Vehicles) -> VehiclesSpec:
 
 
 def _labels(labels: Labels) -> LabelsSpec:
-    birds_eye = labels.birds_eye
+    birds_eye, occupancy = labels.birds_eye, labels.occupancy
     return LabelsSpec(
-        **labels.model_dump(exclude={"cameras", "lidars", "boxes", "level_objects", "birds_eye"}),
+        **labels.model_dump(exclude=_READ_OTHERWISE),
         boxes=tuple(sorted(set(labels.boxes))),
         level_objects=tuple(sorted(set(labels.level_objects))),
         birds_eye=None if birds_eye is None else BirdsEyeSpec(**birds_eye.model_dump()),
+        occupancy=None if occupancy is None else OccupancySpec(**occupancy.model_dump()),
     )
 
 

@@ -31,6 +31,7 @@ from carstage.report.drawing import (
 )
 from carstage.report.film import MOST_FRAMES, film
 from carstage.report.lane_lines import lane_lines_section
+from carstage.report.occupancy import occupancy_section
 from carstage.sensor_kinds.columns import Detection
 from carstage.sensor_kinds.model import CAMERAS, CLOUDS, COLOUR, DETECTIONS, ROWS
 from carstage.validation.checks.findings import Findings
@@ -80,6 +81,7 @@ def episode_section(pictures: EpisodePictures, *, films: bool = False) -> str:
             f'objects.</p><div class="grid wide">{birds_eye}</div>'
         )
     parts += [lane_lines_section(episode, middle), birds_eye_section(episode, middle)]
+    parts += [occupancy_section(episode, middle)]
     parts += [_events(episode), _rig(episode), _ledger(episode)]
     return "\n".join(parts)
 

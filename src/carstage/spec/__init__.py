@@ -16,6 +16,7 @@ from carstage.spec.episode import SPEC_VERSION, EpisodeSpec, Seeds
 from carstage.spec.events import EVENT_SPECS, EventSpec, event_plugins, known_events
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.labels import BirdsEyeSpec, GroundTruthSpec, LabelsSpec
+from carstage.spec.occupancy import OccupancySpec
 from carstage.spec.road_users import GroupSpec, PedestriansSpec, TrafficSpec, VehiclesSpec
 from carstage.spec.scenario import (
     AutopilotSpec,
@@ -61,6 +62,7 @@ __all__ = [
     "GroundTruthSpec",
     "GroupSpec",
     "LabelsSpec",
+    "OccupancySpec",
     "PedestriansSpec",
     "Place",
     "PoseSpec",

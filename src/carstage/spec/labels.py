@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import List, Optional, Tuple
 
 from carstage.spec.fields import Fields, SpecError
+from carstage.spec.occupancy import OccupancySpec
 from carstage.spec.plain import LEFT_OUT
 
 METHODS = ("stage_vo", "pixels", "both")
@@ -106,6 +107,7 @@ class LabelsSpec:
         stage_vo_vote: compare with the diagonal neighbours instead of the vertex's own pixel.
         vector_map: whether the dataset gets the town's vector map.
         birds_eye: bird's-eye grids; None: there are none.
+        occupancy: voxels; None: there are none.
         lane_lines: whether lines of the vector map are labelled in pictures.
     """
 
@@ -119,6 +121,7 @@ class LabelsSpec:
     stage_vo_vote: bool = False
     vector_map: bool = field(default=True, metadata=LEFT_OUT)
     birds_eye: Optional[BirdsEyeSpec] = field(default=None, metadata=LEFT_OUT)
+    occupancy: Optional[OccupancySpec] = field(default=None, metadata=LEFT_OUT)
     lane_lines: bool = field(default=False, metadata=LEFT_OUT)
 
     @classmethod
@@ -143,6 +146,9 @@ class LabelsSpec:
             vector_map="vector_map" not in fields or fields.flag("vector_map"),
             birds_eye=BirdsEyeSpec.read(fields.object("birds_eye"))
             if "birds_eye" in fields
+            else None,
+            occupancy=OccupancySpec.read(fields.object("occupancy"))
+            if "occupancy" in fields
             else None,
             lane_lines="lane_lines" in fields and fields.flag("lane_lines"),
         )

@@ -242,6 +242,26 @@ REFUSED = {
     "colour": ("ego: {color: [1, 2]}", "ego.color[2]: ", "Add it"),
     "start without a place": ("ego: {spawn: {x: 1}}", "ego.spawn.y: ", "Add it"),
     "camera to label": ("labels: {cameras: [CAM_FRNT]}", "labels.cameras[0]: ", "'CAM_FRONT'"),
+    "voxels around nobody": (
+        "labels: {occupancy: {frame: CAM_FRNT}}",
+        "labels.occupancy.frame: ",
+        "'CAM_FRONT'",
+    ),
+    "voxels without classes": (
+        "labels: {occupancy: {}, method: stage_vo}",
+        "labels.occupancy: ",
+        "labels.lidars",
+    ),
+    "half a voxel": (
+        "labels: {occupancy: {ahead_m: 40.1}}",
+        "labels.occupancy.ahead_m: ",
+        "whole number of voxels",
+    ),
+    "too many voxels": (
+        "labels: {occupancy: {resolution_m: 0.1}}",
+        "labels.occupancy.resolution_m: ",
+        "more than 4194304",
+    ),
     "codec of nobody": (
         "conversion: {codecs: {CAM_FRNT: png}}",
         "conversion.codecs.CAM_FRNT: ",

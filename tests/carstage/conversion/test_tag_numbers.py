@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from carstage.annotation.point_sensors import record_dtype
-from carstage.conversion.tag_numbers import dataset_payload
+from carstage.conversion.tag_numbers import dataset_payload, dataset_tag_image
 from carstage.tags import TAGS_0_9_13, TAGS_0_9_14, dataset_tags
 
 OLD, NEW = "0.9.13", "0.9.14"
@@ -44,3 +44,13 @@ def test_tags_of_actors_are_in_the_datasets_numbering() -> None:
     assert dataset_tags([10], NEW) == (10,)
     names = {TAGS_0_9_14[tag].name for tag in dataset_tags(TAGS_0_9_13, OLD)}
     assert {"Roads", "Car", "Pedestrian", "TrafficLight"} <= names
+
+
+def test_tags_of_old_pictures_by_themselves_are_renumbered() -> None:
+    tags = np.array([[10, 7], [8, 13]], np.uint8)
+    found = dataset_tag_image(OLD, tags)
+    assert [[TAGS_0_9_14[tag].name for tag in row] for row in found.tolist()] == [
+        ["Car", "Roads"],
+        ["SideWalks", "Sky"],
+    ]
+    assert dataset_tag_image(NEW, tags) is tags

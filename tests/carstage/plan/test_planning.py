@@ -272,7 +272,8 @@ def test_every_label_setting_can_be_asked_for() -> None:
         """
         {labels: {method: stage_vo, boxes: [3d], min_visible_px: 3, distance_origin: ego,
                   level_objects: [walls], stage_vo_tolerance_m: 0.1, stage_vo_strict: true,
-                  stage_vo_vote: true, vector_map: false, birds_eye: {}},
+                  stage_vo_vote: true, vector_map: false, birds_eye: {}, occupancy: {}},
+         rig: {sensors: [{id: S, kind: semantic_lidar}]},
          ground_truth: {vehicles: false, pedestrians: false, ego_motion: false},
          max_distance_m: 55, min_lidar_points: 2}
         """

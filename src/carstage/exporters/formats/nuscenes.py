@@ -12,7 +12,7 @@ from carstage.errors import BadInputError
 from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.formats.nuscenes_can_bus import CanBus
 from carstage.exporters.formats.nuscenes_categories import check_categories
-from carstage.exporters.formats.nuscenes_frame import VERSION, FramePart, SceneWriter
+from carstage.exporters.formats.nuscenes_frame import OCC3D, VERSION, FramePart, SceneWriter
 from carstage.exporters.formats.nuscenes_grounds import EXPANSION, grounds_of
 from carstage.exporters.formats.nuscenes_rows import SceneTables
 from carstage.exporters.formats.nuscenes_scenes import CarScene, key_frame_step, scenes_of
@@ -20,6 +20,7 @@ from carstage.exporters.formats.nuscenes_segmentation import instance_numbers
 from carstage.exporters.formats.nuscenes_tables import LABELS, Tables, token
 from carstage.exporters.labels import require_labels
 from carstage.exporters.road_cells import surface_sensors
+from carstage.spec.sensors import EGO
 
 _EPOCH_S = 1_500_000_000
 _EPISODE_APART_S = 100_000
@@ -109,7 +110,18 @@ class NuScenes(Exporter):
             labelled=self._labelled,
             surfaces=surface_sensors(episode),
             class_map=self.options.class_map,
+            occupancy=self._occupancy_scene(episode),
         )
+
+    def _occupancy_scene(self, episode: Episode) -> str | None:
+        """The ego's scene, with its folder made, if the episode has voxels around the ego."""
+        asked = episode.spec.labels.occupancy
+        egos = [scene for scene in self._scenes[episode.id] if scene.car.is_ego]
+        if asked is None or asked.frame != EGO or not egos:
+            return None
+        name = self._names[egos[0].key]
+        (self._folder / OCC3D / name).mkdir(parents=True)
+        return name
 
     def add(self, part: FramePart) -> None:
         """Write the frame's rows, linked to those before."""

@@ -36,12 +36,15 @@ from carstage.exporters.formats.nuscenes_files import lidar_file, radar_file
 from carstage.exporters.formats.nuscenes_scenes import CarScene
 from carstage.exporters.formats.nuscenes_segmentation import panoptic_file, point_categories
 from carstage.exporters.formats.nuscenes_tables import token
+from carstage.exporters.formats.occ3d import occ3d_file
 from carstage.exporters.formats.pictures import copy_picture
 from carstage.exporters.road_cells import SurfaceSensors, surface_cells
 from carstage.geometry import FloatArray, pose_matrix
 from carstage.sensor_kinds.model import CLOUDS
 
 VERSION: Final = "v1.0-carstage"
+OCC3D: Final = "gts"
+"""Folder of Occ3D's voxels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +88,7 @@ class SceneWriter:
         labelled: whether points get labels.
         surfaces: sensors that tell where roads are.
         class_map: the options'.
+        occupancy: name of the ego's scene, if its key frames have voxels; else ``None``.
     """
 
     scenes: tuple[CarScene, ...]
@@ -96,6 +100,7 @@ class SceneWriter:
     labelled: bool
     surfaces: SurfaceSensors
     class_map: ClassMap | None
+    occupancy: str | None = None
 
     def __call__(self, frame: Frame, folder: Path) -> FramePart:
         """Write the frame; sensors without data are left out of it."""
@@ -119,6 +124,8 @@ class SceneWriter:
             messages = can_messages(frame.ego, frame.ego_object, pose)
         if frame.k % self.step:
             return ScenePart(_pose_row(pose), data, {}, {}, {}, messages)
+        if scene.car.is_ego and self.occupancy is not None:
+            self._write_voxels(scene, frame, folder)
         seen = scene.car.frame(frame)
         tracks, labels = None, {}
         if scene.lidar is not None and frame.has(scene.lidar):
@@ -157,6 +164,14 @@ class SceneWriter:
             "width": sensor.width,
             "height": sensor.height,
         }
+
+    def _write_voxels(self, scene: CarScene, frame: Frame, folder: Path) -> None:
+        content = frame.episode.occupancy(frame.k)
+        assert content is not None
+        sample = token(scene.key, "sample", frame.k)
+        place = folder / OCC3D / (self.occupancy or "") / sample
+        place.mkdir()
+        (place / "labels.npz").write_bytes(occ3d_file(content, frame))
 
     def _write_labels(
         self,

@@ -24,6 +24,7 @@ from carstage.exporters.clouds import (
 )
 from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.formats.kitti_files import numbers
+from carstage.exporters.formats.semantic_kitti_voxels import voxel_files
 from carstage.geometry import FloatArray, invert_pose
 from carstage.tags import TAGS_0_9_14
 
@@ -87,6 +88,7 @@ class SweepWriter:
 
     lidar: LabelledLidar
     sequence: str
+    voxels: bool = False
 
     def __call__(self, frame: Frame, folder: Path) -> SweepPart | None:
         """Write the frame; ``None`` without points or labels."""
@@ -96,7 +98,18 @@ class SweepWriter:
         place, name = folder / "sequences" / self.sequence, f"{frame.k:06d}"
         (place / "velodyne" / f"{name}.bin").write_bytes(flu_points(cloud.points).tobytes())
         (place / "labels" / f"{name}.label").write_bytes(point_labels(cloud, frame).tobytes())
+        if self.voxels:
+            self._write_voxels(frame, cloud, place / "voxels")
         return SweepPart(frame.timestamp_s, flu_pose(frame.world_from_sensor(self.lidar.points)))
+
+    def _write_voxels(self, frame: Frame, cloud: LabelledCloud, folder: Path) -> None:
+        content = frame.episode.occupancy(frame.k)
+        assert content is not None
+        there = content.occupied
+        tags, tracks = content.semantic[there], content.tracks[there].astype(np.uint32)
+        labels = point_labels(LabelledCloud(cloud.points[:0], tags, tracks), frame)
+        for ending, file in voxel_files(content, cloud.points, labels).items():
+            (folder / f"{frame.k:06d}{ending}").write_bytes(file)
 
 
 @register
@@ -119,12 +132,14 @@ class SemanticKitti(Exporter):
         sequence = f"{len(self._sequences):02d}"
         self._sequences.append((sequence, episode))
         self._place = self._folder / "sequences" / sequence
-        for name in ("velodyne", "labels"):
+        lidar, asked = labelled_lidar(episode, self.options), episode.spec.labels.occupancy
+        voxels = asked is not None and asked.frame == lidar.points
+        for name in ("velodyne", "labels", *(["voxels"] if voxels else [])):
             (self._place / name).mkdir(parents=True)
         self._poses = self.files.enter_context((self._place / "poses.txt").open("w"))
         self._times = self.files.enter_context((self._place / "times.txt").open("w"))
         self._first: FloatArray | None = None
-        return SweepWriter(labelled_lidar(episode, self.options), sequence)
+        return SweepWriter(lidar, sequence, voxels)
 
     def add(self, part: SweepPart) -> None:
         """Append pose and time; poses count from the first sweep."""

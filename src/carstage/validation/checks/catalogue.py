@@ -55,6 +55,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "level_boxes": "the boxes of parked vehicles, lights and signs show them",
         "mask": "masks have the pixels, bounds and ids that they should have",
         "birds_eye": "bird's-eye grids are what map, boxes, depth images and points make them",
+        "occupancy": "voxels agree with boxes, and explain depth images and points",
         "lane_lines": "lines in pictures are what vector map, poses and depth images make them",
         "lidar_counts": "boxes hold as many LiDAR points as their labels say",
         "lidar_depth": "LiDAR and depth images see the same surfaces",

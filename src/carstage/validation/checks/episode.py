@@ -71,6 +71,7 @@ from carstage.validation.checks.ledger import (
 )
 from carstage.validation.checks.level import check_level_boxes
 from carstage.validation.checks.motion import MotionFigures, check_motion, compare_motion
+from carstage.validation.checks.occupancy import OccupancyChecks
 from carstage.validation.checks.pictures import PictureFigures, check_exposure, check_repeats
 from carstage.validation.checks.population import Population, check_episode_population
 from carstage.validation.checks.ranging import (
@@ -219,6 +220,7 @@ class EpisodeChecks:
         rows = camera_rows(tables.camera_objects)
         available = {sensor: set(frames) for sensor, frames in recorded.items()}
         birds_eye = BirdsEyeChecks(episode, tables, self._files, findings)
+        occupancy = OccupancyChecks(episode, tables, self._files, findings)
         lane_lines = LaneLineChecks(episode, findings)
         with_files = [
             [s for s in episode.sensors if s.content not in ROWS and k in available[s.id]]
@@ -232,7 +234,9 @@ class EpisodeChecks:
                     if (array := self._accepted(one, k)) is not None
                 }
                 self._check_frame(k, rows, boxes.get(k, []), data)
-                birds_eye.check(k, frozenset(one.sensor.id for one in decoded), data)
+                recorded_now = frozenset(one.sensor.id for one in decoded)
+                birds_eye.check(k, recorded_now, data)
+                occupancy.check(k, recorded_now, data)
                 lane_lines.check(k, data)
                 self._figures.frames += 1
                 advance()

@@ -13,6 +13,7 @@ from carstage.dataset.reading import Episode
 from carstage.dataset.tables import row_sensor
 from carstage.files.bounded import read_bounded
 from carstage.files.hashing import hash_of
+from carstage.occupancy import occupancy_name
 from carstage.storage import DatasetPath, RemotePath
 from carstage.storage.fetching import fetched_ahead
 from carstage.storage.remote_files import remote_files
@@ -180,6 +181,8 @@ def check_file_list(
     promised = {*tables_of(episode), *DOCUMENTS}
     if episode.spec.labels.birds_eye is not None:
         promised.update(birds_eye_name(k) for k in range(episode.frames))
+    if episode.spec.labels.occupancy is not None:
+        promised.update(occupancy_name(k) for k in range(episode.frames))
     for sensor in episode.sensors:
         if row_sensor(sensor.kind):
             promised.add(f"sensors/{sensor.id}.parquet")

@@ -1,0 +1,50 @@
+"""The commands that measure labels of the surroundings: bird's-eye grids and voxels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchmarks.registry import benchmark, report
+from carstage.cli.output import Json
+
+
+@benchmark("birds-eye", takes="3 minutes")
+def birds_eye(
+    town: Annotated[
+        list[str] | None, typer.Option("--town", help="A built-in town; default: all.")
+    ] = None,
+    places: Annotated[int, typer.Option(min=0, help="In each town.")] = 6,
+    dataset: Annotated[
+        list[Path] | None,
+        typer.Option("--dataset", help="One with grids, for objects and cost."),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Whether bird's-eye grids are those of other sources and another library; their cost."""
+    from benchmarks.framework.birds_eye import TOWNS, measure_birds_eye
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Bird's eye", "grids") as progress:
+        verdict = measure_birds_eye(town or TOWNS, places, dataset or (), progress)
+    return report(verdict, json)
+
+
+@benchmark("occupancy", takes="3 minutes")
+def occupancy(
+    dataset: Annotated[
+        list[Path],
+        typer.Option("--dataset", help="One with voxels, depth, instances, semantic LiDARs."),
+    ],
+    near_m: Annotated[float, typer.Option(min=2, help="How far meshes are compared.")] = 8.0,
+    json: Json = False,
+) -> int:
+    """What of depth images voxels explain, whether they are those of meshes, and their cost."""
+    from benchmarks.framework.occupancy import measure_occupancy
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Occupancy", "frames") as progress:
+        verdict = measure_occupancy(dataset, near_m, progress)
+    return report(verdict, json)

@@ -1,0 +1,119 @@
+"""What labels say of the surroundings: bird's-eye grids, and the parts that voxels come of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.annotation import CameraImages
+from carstage.annotation.decoding import decode_instance_bgra
+from carstage.annotation.labeller import FrameLabels
+from carstage.annotation.rig import LabelledCamera
+from carstage.birds_eye import CameraView, Cloud
+from carstage.codecs import codec_for
+from carstage.codecs.semantic_points import points_xyz
+from carstage.conversion.birds_eye import BirdsEyeMaker
+from carstage.conversion.occupancy import PartMaker
+from carstage.conversion.tag_numbers import dataset_payload, dataset_tag_image
+from carstage.geometry import FloatArray, pose_matrix
+from carstage.occupancy import Picture, Sweep
+from carstage.rawlog.reader import EpisodeLog, Record, WorldFrame
+from carstage.sensor_kinds.model import CLOUDS
+
+
+class Surroundings:
+    """Takes the frames of one segment.
+
+    Args:
+        log: the recording.
+    """
+
+    def __init__(self, log: EpisodeLog) -> None:
+        asked = log.spec.labels
+        self._grids = None if asked.birds_eye is None else BirdsEyeMaker(log, asked.birds_eye)
+        self._voxels = None if asked.occupancy is None else PartMaker(log, asked.occupancy)
+        self._server = str(log.header["server_version"])
+        cameras = (LabelledCamera.from_spec(s, {}) for s in log.spec.sensors if s.labelled)
+        self._cameras = {camera.mount.sensor_id: camera for camera in cameras if camera.pinhole}
+        self._lidars = {
+            sensor.id: sensor.kind
+            for sensor in log.spec.written_sensors
+            if sensor.content in CLOUDS and self._asked
+        }
+
+    @property
+    def _asked(self) -> bool:
+        return self._grids is not None or self._voxels is not None
+
+    @property
+    def swept(self) -> tuple[str, ...]:
+        """Streams whose points say what LiDARs see."""
+        return tuple(self._lidars)
+
+    def files(
+        self,
+        world: WorldFrame,
+        k: int,
+        labels: FrameLabels,
+        images: Mapping[str, CameraImages],
+        sweeps: Mapping[str, Record | None],
+    ) -> list[tuple[str, bytes]]:
+        """Names and contents of a frame's files; voxels come when all segments are there.
+
+        Args:
+            world: the snapshot of its tick.
+            k: index of the saved frame.
+            labels: its rows.
+            images: by labelled camera.
+            sweeps: by stream of :attr:`swept`; None where the tick has none.
+        """
+        if not self._asked:
+            return []
+        poses = {
+            one["sensor_id"]: pose_matrix(one["location"], one["rotation_deg"])
+            for one in labels.sensor_poses
+        }
+        seen: list[Picture | Sweep] = [*self._pictures(poses, images)]
+        seen += self._sweeps(poses, sweeps)
+        if self._voxels is not None:
+            self._voxels.add(world, k, labels, poses, seen)
+        return [] if self._grids is None else [self._grids.file(world, k, labels, seen)]
+
+    def end(self, path: Path) -> None:
+        """Write what voxels come of to a part file, where they are asked for."""
+        if self._voxels is not None:
+            self._voxels.write(path)
+
+    def _pictures(
+        self, poses: Mapping[str, FloatArray], images: Mapping[str, CameraImages]
+    ) -> Iterator[Picture]:
+        for name, camera in self._cameras.items():
+            if name in images:
+                image = images[name]
+                size = camera.width, camera.height
+                view = CameraView(camera.k, poses[name], image.depth_m, *size)
+                yield Picture(view, self._tags(image) if self._voxels is not None else None)
+
+    def _tags(self, image: CameraImages) -> NDArray[np.uint8] | None:
+        if image.instance_bgra is None:
+            return None
+        return dataset_tag_image(self._server, decode_instance_bgra(image.instance_bgra)[1])
+
+    def _sweeps(
+        self, poses: Mapping[str, FloatArray], sweeps: Mapping[str, Record | None]
+    ) -> Iterator[Sweep]:
+        for name, kind in self._lidars.items():
+            record = sweeps[name]
+            if record is not None:
+                payload = dataset_payload(kind, self._server, record.payload)
+                points = codec_for(kind)[1].raw_array(record.meta, payload)
+                yield Sweep(Cloud(poses[name], points_xyz(points)), point_tags(points))
+
+
+def point_tags(points: NDArray[Any]) -> NDArray[np.uint8] | None:
+    """``(N,)`` tags of a semantic LiDAR's points; None: it is an ordinary one."""
+    return None if points.dtype.names is None else points["object_tag"].astype(np.uint8)

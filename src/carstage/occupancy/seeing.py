@@ -1,0 +1,201 @@
+"""What a sensor saw of the voxels: where its rays end, and what they pass on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.birds_eye.visibility import CAMERA, LIDAR, CameraView, Cloud
+from carstage.geometry import OPTICAL_FROM_SENSOR, Z_NEAR_M, FloatArray, multiply, rotate
+from carstage.occupancy.grid import VoxelGrid, placed
+
+FINE: Final = 2
+"""Cells to a voxel's side in which surfaces are gathered; a frame adds one point to each."""
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """What a pinhole camera shows.
+
+    Attributes:
+        view: with its depth image.
+        tags: ``(H, W)`` uint8 semantic tags; None: not known, the picture adds no surface.
+    """
+
+    view: CameraView
+    tags: NDArray[np.uint8] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """What a LiDAR measures.
+
+    Attributes:
+        cloud: its points.
+        tags: ``(N,)`` uint8 semantic tags; None: not known, the sweep adds no surface.
+    """
+
+    cloud: Cloud
+    tags: NDArray[np.uint8] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """Where the rays of a sensor end, in voxels from the grid's lower corner.
+
+    Attributes:
+        origin: ``(3,)`` of the rays.
+        points: ``(N, 3)`` in the grid, one of each cell of a half side.
+        tags: ``(N,)`` uint8, or None.
+        beyond: ``(M, 3)`` ends of a LiDAR's rays outside of the grid.
+    """
+
+    origin: FloatArray
+    points: FloatArray
+    tags: NDArray[np.uint8] | None
+    beyond: FloatArray
+
+
+def surface(grid: VoxelGrid, matrix: FloatArray, seen: Picture | Sweep) -> Surface:
+    """Where the rays of a sensor end.
+
+    Args:
+        grid: the voxels.
+        matrix: ``(4, 4)`` of the grid's frame from the world.
+        seen: what the sensor measured.
+    """
+    if isinstance(seen, Sweep):
+        return _of_sweep(
+            grid, grid.units_from(multiply(matrix, seen.cloud.world_from_sensor)), seen
+        )
+    return _of_picture(grid, grid.units_from(multiply(matrix, seen.view.world_from_sensor)), seen)
+
+
+def _of_sweep(grid: VoxelGrid, units: FloatArray, seen: Sweep) -> Surface:
+    points = placed(units, seen.cloud.points)
+    inside = grid.holds(points)
+    chosen = np.flatnonzero(inside)
+    chosen = chosen[_one_per_cell(grid, [column[chosen] for column in points.T])]
+    tags = None if seen.tags is None else seen.tags[chosen]
+    return Surface(units[:, 3], points[chosen], tags, points[~inside])
+
+
+def _of_picture(grid: VoxelGrid, units: FloatArray, seen: Picture) -> Surface:
+    """A pixel's surface is where the ray through its centre ends."""
+    view = seen.view
+    assert view.depth_m is not None
+    optical = multiply(units[:, :3], OPTICAL_FROM_SENSOR.T).astype(np.float32)
+    origin = units[:, 3]
+    depth = view.depth_m.astype(np.float32)
+    u = ((np.arange(view.width) + 0.5 - view.k[0, 2]) / view.k[0, 0]).astype(np.float32)
+    v = ((np.arange(view.height) + 0.5 - view.k[1, 2]) / view.k[1, 1]).astype(np.float32)
+    inside = depth > Z_NEAR_M
+    parts = []
+    for axis, most in enumerate(grid.shape):
+        across, down, along = optical[axis]
+        part = (across * u)[None, :] + (down * v + along)[:, None]
+        part *= depth
+        part += np.float32(origin[axis])
+        inside &= (part >= 0) & (part < most)
+        parts.append(part)
+    chosen = np.flatnonzero(inside)
+    near = [part.ravel()[chosen] for part in parts]
+    kept = _one_per_cell(grid, near)
+    return Surface(
+        origin,
+        np.stack([part[kept] for part in near], axis=-1).astype(np.float64),
+        None if seen.tags is None else seen.tags.ravel()[chosen[kept]],
+        np.zeros((0, 3)),
+    )
+
+
+def _one_per_cell(grid: VoxelGrid, units: Sequence[NDArray[np.floating]]) -> Indices:
+    """Which of ``N`` places to keep, one in each cell of a half side, in their order.
+
+    Args:
+        grid: the voxels.
+        units: three arrays ``(N,)``, all within the grid.
+    """
+    x, y, z = ((part * FINE).astype(np.int64) for part in units)
+    _, rows, layers = grid.shape
+    cells = (x * (rows * FINE) + y) * (layers * FINE) + z
+    # Only what is written is read: the rest of it costs no memory.
+    last: NDArray[np.int32] = np.empty(grid.count * FINE**3, np.int32)
+    numbers = np.arange(len(cells), dtype=np.int32)
+    last[cells] = numbers
+    return np.flatnonzero(last[cells] == numbers)
+
+
+def seen_voxels(
+    grid: VoxelGrid, matrix: FloatArray, seen: Sequence[Picture | Sweep], found: Sequence[Surface]
+) -> NDArray[np.uint8]:
+    """``(X, Y, Z)`` bits of the sensors that see each voxel.
+
+    All see the voxels in which their rays end. A camera sees a voxel if the ray through its centre
+    goes on behind it, a LiDAR if a ray passes it. Of the rays from one place, those that leave the
+    grid are followed first, then those to voxels that none has passed yet.
+
+    Args:
+        grid: the voxels.
+        matrix: ``(4, 4)`` of the grid's frame from the world.
+        seen: what the sensors measured.
+        found: by :func:`surface`, of the same.
+    """
+    mask: NDArray[np.uint8] = np.zeros(grid.count, np.uint8)
+    rays: dict[bytes, list[Surface]] = {}
+    for one, ends in zip(seen, found, strict=True):
+        if isinstance(one, Picture):
+            mask[_before_surface(grid, matrix, one.view)] |= np.uint8(CAMERA)
+            mask[grid.flat(*ends.points.astype(np.int64).T)] |= np.uint8(CAMERA)
+        else:
+            rays.setdefault(ends.origin.tobytes(), []).append(ends)
+    for sweeps in rays.values():
+        ends_there = [one.beyond for one in sweeps] + [one.points for one in sweeps]
+        passed = passed_voxels(grid, sweeps[0].origin, np.concatenate(ends_there))
+        mask |= passed.ravel() * np.uint8(LIDAR)
+    return mask.reshape(grid.shape)
+
+
+def passed_voxels(grid: VoxelGrid, origin: FloatArray, ends: FloatArray) -> NDArray[np.bool_]:
+    """``(X, Y, Z)`` the voxels that rays from one place ``(3,)`` to ``(N, 3)`` pass or end in.
+
+    No ray is followed to a voxel that an earlier one has passed: it goes nearly the same way.
+    """
+    # Half a second to import, which only processes that make voxels shall need.
+    from carstage.occupancy.ray_kernel import mark_passed
+
+    seen: NDArray[np.bool_] = np.zeros(grid.shape, np.bool_)
+    mark_passed(origin, np.ascontiguousarray(ends), seen)
+    return seen
+
+
+def _before_surface(grid: VoxelGrid, matrix: FloatArray, view: CameraView) -> Indices:
+    """Flat numbers of the voxels whose centres are before what their pixel shows."""
+    units = grid.units_from(multiply(matrix, view.world_from_sensor))
+    optical = multiply(OPTICAL_FROM_SENSOR, units[:, :3].T) * (grid.side_m * grid.side_m)
+    start = -rotate(optical, units[:, 3])
+    parts = []
+    for row, first in zip(optical, start, strict=True):
+        x, y, z = (
+            ((np.arange(count) + 0.5) * share).astype(np.float32)
+            for count, share in zip(grid.shape, row, strict=True)
+        )
+        parts.append((x[:, None] + (y + np.float32(first)))[:, :, None] + z)
+    right, down, along = (part.ravel() for part in parts)
+    (fx, _, cx), (_, fy, cy), _ = view.k.astype(np.float32)
+    right *= fx
+    down *= fy
+    inside = along > Z_NEAR_M
+    for part, middle, size in ((right, cx, view.width), (down, cy, view.height)):
+        inside &= (part >= -middle * along) & (part < (np.float32(size) - middle) * along)
+    chosen = np.flatnonzero(inside)
+    depth = along[chosen]
+    column = np.minimum((right[chosen] / depth + cx).astype(np.int64), view.width - 1)
+    row = np.minimum((down[chosen] / depth + cy).astype(np.int64), view.height - 1)
+    assert view.depth_m is not None
+    return np.asarray(chosen[depth <= view.depth_m.ravel()[row * view.width + column]])

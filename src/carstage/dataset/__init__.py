@@ -1,14 +1,9 @@
 """Reading a dataset; needs nothing but its files."""
 
 from carstage.birds_eye import BirdsEye
+from carstage.dataset.calibration import Calibration, SensorCalibration
 from carstage.dataset.masks import decode_mask
-from carstage.dataset.reading import (
-    Calibration,
-    Dataset,
-    Episode,
-    Sensor,
-    SensorCalibration,
-)
+from carstage.dataset.reading import Dataset, Episode, Sensor
 from carstage.dataset.samples import FrameSamples
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.dataset.splits import SplitRule, StoredSplits

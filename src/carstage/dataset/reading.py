@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from carstage.birds_eye import BirdsEye
 from carstage.codecs import codec_for
+from carstage.dataset.calibration import Calibration, SensorCalibration, calibration_of
 from carstage.dataset.documents import read_document
 from carstage.dataset.maps import map_path, read_map, read_vector_map, vector_map_table
 from carstage.dataset.querying import EpisodeTables, query_episodes
@@ -22,9 +23,8 @@ from carstage.dataset.surroundings import read_birds_eye, read_occupancy
 from carstage.dataset.tables import read_table, require_columns, row_sensor
 from carstage.errors import BadInputError, DatasetError
 from carstage.files.bounded import read_bounded
-from carstage.geometry import GeoFrame, is_pinhole, pose_matrix
+from carstage.geometry import GeoFrame, pose_matrix
 from carstage.occupancy import Occupancy
-from carstage.sensor_kinds import content_of
 from carstage.spec import EpisodeSpec, SpecError
 from carstage.storage.address import dataset_root
 from carstage.storage.description import read_description
@@ -36,91 +36,6 @@ from carstage.vector_map import VectorMap
 EPISODE_FORMAT = 1
 CALIBRATION_FORMAT = 1
 _POSES = "sensor_poses.parquet"
-
-
-@dataclass(frozen=True, slots=True)
-class SensorCalibration:
-    """One sensor of a rig.
-
-    Attributes:
-        id: the user's name of it.
-        kind: short name of the kind, such as ``rgb``.
-        blueprint: CARLA's blueprint id.
-        attributes: the blueprint's attributes as they were set.
-        attach_to: ``ego``, ``world`` or a pattern of actor types.
-        attachment: ``rigid``, ``follow`` or a spring arm.
-        carrier_from_sensor: ``(4, 4)`` pose on what carries it, on the map for ``world``.
-        ego_from_sensor: ``(4, 4)`` pose on the ego vehicle, CARLA's left-handed axes (m); NaN
-            where it changes from frame to frame, see ``Sensor.calibration_at``.
-        codec: name of the codec of its files.
-        labelled: whether ``camera_objects.parquet`` has rows of it.
-        depth: the depth sensor of the dataset with the same pose and intrinsics, if there is one.
-        instance: the instance sensor likewise.
-        width, height: size of the image (px); 0 for what is no camera.
-        fov_deg: horizontal field of view; 0 for what is no camera.
-        k: ``(3, 3)`` intrinsics; zeros for what is no camera.
-    """
-
-    id: str
-    kind: str
-    blueprint: str
-    attributes: Mapping[str, str]
-    attach_to: str
-    attachment: str
-    carrier_from_sensor: NDArray[np.float64]
-    ego_from_sensor: NDArray[np.float64]
-    codec: str
-    labelled: bool
-    depth: str | None
-    instance: str | None
-    width: int
-    height: int
-    fov_deg: float
-    k: NDArray[np.float64]
-
-    @property
-    def content(self) -> str:
-        """What a frame is, as the table of sensor kinds has it; empty for an unknown kind."""
-        return content_of(self.kind)
-
-    @property
-    def is_camera(self) -> bool:
-        """Whether it takes images."""
-        return self.width > 0
-
-    @property
-    def on_ego(self) -> bool:
-        """Whether it sits rigidly on the ego vehicle."""
-        return self.attach_to == "ego" and self.attachment == "rigid"
-
-    @property
-    def is_pinhole(self) -> bool:
-        """Whether it is a camera without lens distortion."""
-        return self.is_camera and is_pinhole(self.attributes)
-
-    def shares_view(self, other: SensorCalibration) -> bool:
-        """Whether both are cameras whose pixels look along the same rays in every frame."""
-        return (
-            self.is_camera
-            and (self.width, self.height) == (other.width, other.height)
-            and (self.attach_to, self.attachment) == (other.attach_to, other.attachment)
-            and np.array_equal(self.carrier_from_sensor, other.carrier_from_sensor)
-            and np.array_equal(self.k, other.k)
-            and (self.is_pinhole, other.is_pinhole) == (True, True)
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Calibration:
-    """The rig of an episode.
-
-    Attributes:
-        ego_box: ``location``, ``extent`` (half sizes, m), ``rotation_deg`` of the ego's box.
-        sensors: by id, in the order of the spec.
-    """
-
-    ego_box: Mapping[str, tuple[float, float, float]]
-    sensors: Mapping[str, SensorCalibration]
 
 
 class Sensor:
@@ -348,7 +263,7 @@ class Episode:
         try:
             return Calibration(
                 {key: tuple(value) for key, value in document["ego_box"].items()},
-                {name: _calibration(name, entry) for name, entry in document["sensors"].items()},
+                {name: calibration_of(name, entry) for name, entry in document["sensors"].items()},
             )
         except (KeyError, TypeError, ValueError) as error:
             raise DatasetError(f"{path} is damaged: {error!r}.") from error
@@ -585,28 +500,3 @@ class Dataset:
             DatasetError: a table is missing or damaged.
         """
         return query_episodes([episode.tables for episode in self.episodes], query).table
-
-
-def _calibration(name: str, entry: Mapping[str, Any]) -> SensorCalibration:
-    given = entry["ego_from_sensor"]
-    pose = np.full((4, 4), np.nan) if given is None else np.array(given, np.float64)
-    if pose.shape != (4, 4):
-        raise ValueError(f"ego_from_sensor of {name} has shape {pose.shape}")
-    return SensorCalibration(
-        id=name,
-        kind=entry["kind"],
-        blueprint=entry["blueprint"],
-        attributes=entry["attributes"],
-        attach_to=entry["attach_to"],
-        attachment=entry["attachment"],
-        carrier_from_sensor=np.array(entry["carrier_from_sensor"], np.float64),
-        ego_from_sensor=pose,
-        codec=entry["files"],
-        labelled=entry["labelled"],
-        depth=entry["depth"],
-        instance=entry["instance"],
-        width=entry.get("width", 0),
-        height=entry.get("height", 0),
-        fov_deg=entry.get("fov_deg", 0.0),
-        k=np.array(entry.get("K", np.zeros((3, 3))), np.float64),
-    )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from carstage.dataset.reading import SensorCalibration
+from carstage.dataset.calibration import SensorCalibration
 from carstage.geometry import (
     EDGES,
     OPTICAL_FROM_SENSOR,

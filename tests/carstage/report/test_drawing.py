@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carstage.dataset.reading import SensorCalibration
+from carstage.dataset.calibration import SensorCalibration
 from carstage.geometry import intrinsics, pose_matrix
 from carstage.report.drawing import draw_boxes_3d
 from carstage.validation.checks.labels import LabelledBox

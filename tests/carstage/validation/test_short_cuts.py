@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from carstage.annotation.rle import encode_mask
+from carstage.dataset.calibration import SensorCalibration
 from carstage.dataset.masks import decode_mask, mask_pixels
-from carstage.dataset.reading import SensorCalibration
 from carstage.geometry import (
     OPTICAL_FROM_SENSOR,
     Z_NEAR_M,

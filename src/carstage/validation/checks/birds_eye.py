@@ -21,7 +21,6 @@ from carstage.birds_eye import (
     unpack_birds_eye,
 )
 from carstage.birds_eye.visibility import CAMERA, LIDAR
-from carstage.codecs import codec_for
 from carstage.codecs.semantic_points import points_xyz
 from carstage.dataset.reading import Episode, Sensor
 from carstage.dataset.saved_frames import RowsByFrame
@@ -132,7 +131,7 @@ class BirdsEyeChecks:
             expected,
             all_depths=all(view.depth_m is not None for view in views),
             all_points=all(
-                s.id in data and _is_lossless(s) for s in self._swept if s.id in recorded
+                s.id in data and s.calibration.is_lossless for s in self._swept if s.id in recorded
             ),
         )
 
@@ -154,7 +153,7 @@ class BirdsEyeChecks:
         self, sensor: Sensor, poses: Mapping[str, FloatArray], data: Mapping[str, NDArray[Any]]
     ) -> CameraView:
         camera, depth = sensor.calibration, self._depth.get(sensor.id)
-        image = data.get(depth.id) if depth is not None and _is_lossless(depth) else None
+        image = data.get(depth.id) if depth is not None and depth.calibration.is_lossless else None
         return CameraView(camera.k, poses[sensor.id], image, camera.width, camera.height)
 
     def _compare(self, k: int, stored: Drawn, expected: Drawn) -> None:
@@ -194,7 +193,3 @@ class BirdsEyeChecks:
 
     def _report(self, k: int, message: str) -> None:
         self._findings.add("birds_eye", f"{birds_eye_name(k)}: {message}", frame=k)
-
-
-def _is_lossless(sensor: Sensor) -> bool:
-    return codec_for(sensor.kind, sensor.calibration.codec)[1].lossless

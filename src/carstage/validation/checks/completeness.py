@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from carstage.dataset.reading import SensorCalibration
+from carstage.dataset.calibration import SensorCalibration
 from carstage.dataset.tracks import may_come_back
 from carstage.geometry import (
     OPTICAL_FROM_SENSOR,

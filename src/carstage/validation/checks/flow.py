@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.dataset.reading import SensorCalibration
+from carstage.dataset.calibration import SensorCalibration
 from carstage.geometry import (
     OPTICAL_FROM_SENSOR,
     back_project,

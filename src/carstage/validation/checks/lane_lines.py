@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.codecs import codec_for
 from carstage.dataset.reading import Episode, Sensor
 from carstage.dataset.saved_frames import RowsByFrame
 from carstage.dataset.tables import require_columns
@@ -62,7 +61,7 @@ class LaneLineChecks:
         self._depth: dict[str, Sensor] = {}
         for name, sensor in self._cameras.items():
             depth = sensors.get(sensor.calibration.depth or "")
-            if depth is not None and codec_for(depth.kind, depth.calibration.codec)[1].lossless:
+            if depth is not None and depth.calibration.is_lossless:
                 self._depth[name] = depth
 
     def check(self, k: int, data: Mapping[str, NDArray[Any]]) -> None:

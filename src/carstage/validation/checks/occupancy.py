@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from carstage.birds_eye import CameraView, Cloud
 from carstage.birds_eye.visibility import CAMERA, LIDAR
-from carstage.codecs import codec_for
 from carstage.codecs.semantic_points import points_xyz
-from carstage.dataset.reading import Episode, Sensor
+from carstage.dataset.reading import Episode
 from carstage.dataset.saved_frames import RowsByFrame
 from carstage.geometry import FloatArray, invert_pose, pose_matrix
 from carstage.occupancy import (
@@ -185,7 +184,12 @@ class OccupancyChecks:
         """Id and bit of each sensor, whether it tells classes, and what it saw, if known."""
         for sensor, depth in self._cameras:
             seen: Picture | Sweep | None = None
-            if depth is not None and depth.id in data and sensor.id in poses and _lossless(depth):
+            if (
+                depth is not None
+                and depth.id in data
+                and sensor.id in poses
+                and depth.calibration.is_lossless
+            ):
                 camera = sensor.calibration
                 size = camera.width, camera.height
                 view = CameraView(camera.k, poses[sensor.id], data[depth.id], *size)
@@ -193,7 +197,7 @@ class OccupancyChecks:
             yield sensor.id, CAMERA, self._tagged_pictures, seen
         for sensor in self._swept:
             seen = None
-            if sensor.id in data and sensor.id in poses and _lossless(sensor):
+            if sensor.id in data and sensor.id in poses and sensor.calibration.is_lossless:
                 seen = Sweep(Cloud(poses[sensor.id], points_xyz(data[sensor.id])), None)
             if seen is not None or sensor.id in recorded:
                 yield sensor.id, LIDAR, sensor.content == TAGGED_POINTS, seen
@@ -280,7 +284,3 @@ def _all_have_boxes(spec: EpisodeSpec, grid: VoxelGrid) -> bool:
         and "parked_vehicles" in spec.labels.level_objects
         and float(np.sqrt((far * far).sum())) <= spec.max_distance_m
     )
-
-
-def _lossless(sensor: Sensor) -> bool:
-    return codec_for(sensor.kind, sensor.calibration.codec)[1].lossless

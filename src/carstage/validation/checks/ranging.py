@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.dataset.reading import SensorCalibration
+from carstage.dataset.calibration import SensorCalibration
 from carstage.geometry import (
     OPTICAL_FROM_SENSOR,
     Z_NEAR_M,

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 import pyarrow as pa
 
-from carstage.dataset.reading import Episode, Sensor, SensorCalibration
+from carstage.dataset.calibration import SensorCalibration
+from carstage.dataset.reading import Episode, Sensor
 from carstage.geometry import (
     compass_rad,
     pose_matrix,

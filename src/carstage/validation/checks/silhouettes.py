@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage.dataset.calibration import SensorCalibration
 from carstage.dataset.masks import mask_pixels
-from carstage.dataset.reading import SensorCalibration
 from carstage.errors import DatasetError
 from carstage.geometry import (
     OPTICAL_FROM_SENSOR,

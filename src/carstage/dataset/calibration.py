@@ -1,0 +1,134 @@
+"""The rig of an episode as its calibration document has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.codecs import codec_for
+from carstage.geometry import is_pinhole
+from carstage.sensor_kinds import content_of
+
+
+@dataclass(frozen=True, slots=True)
+class SensorCalibration:
+    """One sensor of a rig.
+
+    Attributes:
+        id: the user's name of it.
+        kind: short name of the kind, such as ``rgb``.
+        blueprint: CARLA's blueprint id.
+        attributes: the blueprint's attributes as they were set.
+        attach_to: ``ego``, ``world`` or a pattern of actor types.
+        attachment: ``rigid``, ``follow`` or a spring arm.
+        carrier_from_sensor: ``(4, 4)`` pose on what carries it, on the map for ``world``.
+        ego_from_sensor: ``(4, 4)`` pose on the ego vehicle, CARLA's left-handed axes (m); NaN
+            where it changes from frame to frame, see ``Sensor.calibration_at``.
+        codec: name of the codec of its files.
+        labelled: whether ``camera_objects.parquet`` has rows of it.
+        depth: the depth sensor of the dataset with the same pose and intrinsics, if there is one.
+        instance: the instance sensor likewise.
+        width, height: size of the image (px); 0 for what is no camera.
+        fov_deg: horizontal field of view; 0 for what is no camera.
+        k: ``(3, 3)`` intrinsics; zeros for what is no camera.
+    """
+
+    id: str
+    kind: str
+    blueprint: str
+    attributes: Mapping[str, str]
+    attach_to: str
+    attachment: str
+    carrier_from_sensor: NDArray[np.float64]
+    ego_from_sensor: NDArray[np.float64]
+    codec: str
+    labelled: bool
+    depth: str | None
+    instance: str | None
+    width: int
+    height: int
+    fov_deg: float
+    k: NDArray[np.float64]
+
+    @property
+    def content(self) -> str:
+        """What a frame is, as the table of sensor kinds has it; empty for an unknown kind."""
+        return content_of(self.kind)
+
+    @property
+    def is_camera(self) -> bool:
+        """Whether it takes images."""
+        return self.width > 0
+
+    @property
+    def on_ego(self) -> bool:
+        """Whether it sits rigidly on the ego vehicle."""
+        return self.attach_to == "ego" and self.attachment == "rigid"
+
+    @property
+    def is_pinhole(self) -> bool:
+        """Whether it is a camera without lens distortion."""
+        return self.is_camera and is_pinhole(self.attributes)
+
+    @property
+    def is_lossless(self) -> bool:
+        """Whether its files hold exactly what was measured."""
+        return codec_for(self.kind, self.codec)[1].lossless
+
+    def shares_view(self, other: SensorCalibration) -> bool:
+        """Whether both are cameras whose pixels look along the same rays in every frame."""
+        return (
+            self.is_camera
+            and (self.width, self.height) == (other.width, other.height)
+            and (self.attach_to, self.attachment) == (other.attach_to, other.attachment)
+            and np.array_equal(self.carrier_from_sensor, other.carrier_from_sensor)
+            and np.array_equal(self.k, other.k)
+            and (self.is_pinhole, other.is_pinhole) == (True, True)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """The rig of an episode.
+
+    Attributes:
+        ego_box: ``location``, ``extent`` (half sizes, m), ``rotation_deg`` of the ego's box.
+        sensors: by id, in the order of the spec.
+    """
+
+    ego_box: Mapping[str, tuple[float, float, float]]
+    sensors: Mapping[str, SensorCalibration]
+
+
+def calibration_of(name: str, entry: Mapping[str, Any]) -> SensorCalibration:
+    """A sensor's entry in the document.
+
+    Raises:
+        KeyError, ValueError: it is damaged.
+    """
+    given = entry["ego_from_sensor"]
+    pose = np.full((4, 4), np.nan) if given is None else np.array(given, np.float64)
+    if pose.shape != (4, 4):
+        raise ValueError(f"ego_from_sensor of {name} has shape {pose.shape}")
+    return SensorCalibration(
+        id=name,
+        kind=entry["kind"],
+        blueprint=entry["blueprint"],
+        attributes=entry["attributes"],
+        attach_to=entry["attach_to"],
+        attachment=entry["attachment"],
+        carrier_from_sensor=np.array(entry["carrier_from_sensor"], np.float64),
+        ego_from_sensor=pose,
+        codec=entry["files"],
+        labelled=entry["labelled"],
+        depth=entry["depth"],
+        instance=entry["instance"],
+        width=entry.get("width", 0),
+        height=entry.get("height", 0),
+        fov_deg=entry.get("fov_deg", 0.0),
+        k=np.array(entry.get("K", np.zeros((3, 3))), np.float64),
+    )

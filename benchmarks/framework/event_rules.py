@@ -109,8 +109,8 @@ def _crossing(view: View, asked: Mapping[str, Any], row: Mapping[str, Any]) -> I
         yield f"it stepped out {ahead_m:.1f} m ahead"
     if (right_m > 0.0) != (asked["side"] == "right"):
         yield "it came from the other side"
-    if row["end_tick"] is None or row["collision"]:
-        return  # whom the ego has run into walks no farther
+    if row["end_tick"] is None:
+        return
     if view.seen_m(-1, by=0)[1] * right_m > 0.0:
         yield "it did not come to the other side"
     speed_m_s = float(np.median(view.speeds))

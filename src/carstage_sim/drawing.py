@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable, Hashable
+from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import partial
 from typing import ParamSpec, TypeVar
 
 logger = logging.getLogger(__name__)
 
 _MOST_WAITING = 64
+_LOOKS_AGAIN_S = 0.02
+"""How often it is asked whether what is held has become urgent."""
 
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
@@ -19,10 +23,11 @@ _Result = TypeVar("_Result")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _PutOff:
-    """A piece of work that comes after all other."""
+    """A piece of work that comes after all other; pieces of one line stay in their order."""
 
     work: Callable[[], None]
-    is_urgent: Callable[[], bool]
+    line: Hashable
+    urgency: Callable[[], int]
     leave_out: Callable[[], None]
 
 
@@ -34,14 +39,17 @@ class DrawingThread:
     """
 
     def __init__(self) -> None:
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="drawing")
         self._room = threading.BoundedSemaphore(_MOST_WAITING)
         self._changed = threading.Condition()
         self._undone = 0
+        self._submitted: deque[Callable[[], None]] = deque()
         self._put_off: list[_PutOff] = []
-        self._begun_put_off = False
+        self._begun: list[_PutOff] = []
         self._leaves_out = False
         self._held = False
+        self._closed = False
+        self._thread = threading.Thread(target=self._run, name="drawing", daemon=True)
+        self._thread.start()
 
     @property
     def busy(self) -> bool:
@@ -57,43 +65,61 @@ class DrawingThread:
     ) -> Future[_Result]:
         """Hand work over; waits only if far too much is waiting already."""
 
-        def counted() -> _Result:
+        future: Future[_Result] = Future()
+
+        def done() -> None:
             try:
-                return work(*args, **kwargs)
-            finally:
-                self._count(-1)
+                result = work(*args, **kwargs)
+            except BaseException as error:  # noqa: BLE001 - raised where the result is asked for
+                self._done_submitted()
+                future.set_exception(error)
+            else:
+                self._done_submitted()
+                future.set_result(result)
 
         self._room.acquire()
-        self._count(+1)
-        future = self._pool.submit(counted)
-        future.add_done_callback(lambda _: self._room.release())
+        with self._changed:
+            self._undone += 1
+            self._submitted.append(done)
+            self._changed.notify_all()
         return future
 
     def put_off(
         self,
         work: Callable[[], None],
-        is_urgent: Callable[[], bool] = lambda: False,
+        line: Hashable = None,
+        urgency: Callable[[], int] = lambda: 0,
         leave_out: Callable[[], None] = lambda: None,
     ) -> None:
         """Hand work over that comes after all other work, also after what is submitted later.
 
-        Other work waits for one piece of it at most: for the one that is being done.
+        Other work waits until a piece that is being done calls :meth:`give_way`, or is done.
 
         Args:
             work: what is done.
-            is_urgent: whether it comes before the rest of what is put off.
+            line: pieces of one line are done in their order.
+            urgency: a line with more comes before others; one with none waits while held.
             leave_out: called instead if it is left out in the end.
         """
         with self._changed:
             self._undone += 1
-            self._put_off.append(_PutOff(work, is_urgent, leave_out))
-            self._begin_one_put_off()
+            self._put_off.append(_PutOff(work, line, urgency, leave_out))
+            self._changed.notify_all()
+
+    def give_way(self) -> None:
+        """To be called now and then by a piece that was put off: what comes first is done here.
+
+        While what is put off is held, a piece that is not urgent waits here.
+        """
+        while (work := self._what_comes_first()) is not None:
+            work()
 
     def hold(self, *, held: bool) -> None:
         """Whether nothing more of what is put off is begun for now but what is urgent."""
         with self._changed:
-            self._held = held
-            self._begin_one_put_off()
+            if held != self._held:
+                self._held = held
+                self._changed.notify_all()
 
     def at_once_or_later(
         self,
@@ -116,51 +142,91 @@ class DrawingThread:
         """Wait until everything is done."""
         with self._changed:
             self._held = False
-            self._begin_one_put_off()
+            self._changed.notify_all()
             self._changed.wait_for(lambda: not self._undone)
 
     def finish_without_what_is_put_off(self) -> None:
         """Wait until everything is done; what is put off and not begun is left out."""
         with self._changed:
             self._leaves_out, self._held = True, False
-            self._begin_one_put_off()
+            self._changed.notify_all()
             self._changed.wait_for(lambda: not self._undone)
             self._leaves_out = False
 
     def close(self) -> None:
         """End the thread when everything is done; what is put off and not begun is left out."""
         self.finish_without_what_is_put_off()
-        self._pool.shutdown()
-
-    def _begin_one_put_off(self) -> None:
-        """Queue one piece of what is put off, behind what was submitted. The lock is held."""
-        if not self._begun_put_off and self._next_put_off() is not None:
-            self._begun_put_off = True
-            self._pool.submit(self._do_one_put_off)
-
-    def _next_put_off(self) -> _PutOff | None:
-        """What comes next of what is put off, if it may be begun. The lock is held."""
-        urgent = (one for one in self._put_off if one.is_urgent())
-        return next(urgent, None if self._held else next(iter(self._put_off), None))
-
-    def _do_one_put_off(self) -> None:
         with self._changed:
-            one = self._next_put_off()
-            if one is None:  # it was queued before it was held
-                self._begun_put_off = False
-                return
-            self._put_off.remove(one)
+            self._closed = True
+            self._changed.notify_all()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while (work := self._next()) is not None:
+            work()
+
+    def _next(self) -> Callable[[], None] | None:
+        """What is done next; None at the end."""
+        with self._changed:
+            while not self._closed:
+                if self._submitted:
+                    return self._submitted.popleft()
+                if (one := self._next_put_off(-1 if not self._held else 0)) is not None:
+                    return partial(self._do_put_off, one)
+                # What is urgent may change while nobody tells.
+                self._changed.wait(_LOOKS_AGAIN_S if self._put_off else None)
+        return None
+
+    def _what_comes_first(self) -> Callable[[], None] | None:
+        """What is done before the piece that is being done goes on, None when that may."""
+        with self._changed:
+            while self._begun:
+                if self._submitted:
+                    return partial(self._aside, self._submitted.popleft())
+                urgency = self._begun[-1].urgency()
+                if (one := self._next_put_off(urgency)) is not None:
+                    return partial(self._do_put_off, one)
+                if not self._held or self._leaves_out or urgency > 0:
+                    break
+                self._changed.wait(_LOOKS_AGAIN_S)
+        return None
+
+    def _next_put_off(self, above: int) -> _PutOff | None:
+        """The most urgent of what is put off, if it is more so. The lock is held."""
+        first: dict[Hashable, _PutOff] = {}
+        for one in self._put_off:
+            first.setdefault(one.line, one)
+        for one in self._begun:
+            first.pop(one.line, None)
+        urgency = {one: one.urgency() for one in first.values()}
+        chosen = max(urgency, key=urgency.__getitem__, default=None)
+        if chosen is None or urgency[chosen] <= above:
+            return None
+        self._put_off.remove(chosen)
+        return chosen
+
+    def _aside(self, work: Callable[[], None]) -> None:
+        """Do other work as if no piece that was put off were being done."""
+        begun, self._begun = self._begun, []
+        try:
+            work()
+        finally:
+            self._begun = begun
+
+    def _do_put_off(self, one: _PutOff) -> None:
+        self._begun.append(one)
         try:
             (one.leave_out if self._leaves_out else one.work)()
         except Exception:
             logger.exception("what was put off failed")
+        self._begun.pop()
+        self._count_done()
+
+    def _done_submitted(self) -> None:
+        self._room.release()
+        self._count_done()
+
+    def _count_done(self) -> None:
         with self._changed:
             self._undone -= 1
-            self._begun_put_off = False
-            self._begin_one_put_off()
-            self._changed.notify_all()
-
-    def _count(self, change: int) -> None:
-        with self._changed:
-            self._undone += change
             self._changed.notify_all()

@@ -169,7 +169,8 @@ class Server:
 
     def _draw_late_unless_a_tick_is_due(self) -> None:
         """What is drawn late must not come before the next tick, unless that waits for it."""
-        self._simulation.hold_late_drawing(held=bool(self._due_requests()))
+        held = bool(self._due_requests()) and not self._late.hold_up_the_world
+        self._simulation.hold_late_drawing(held=held)
 
     @property
     def _is_drawing(self) -> bool:
@@ -292,7 +293,7 @@ class Server:
         for captured in self._simulation.measure(scene):
             publish(captured)
         drawn = self._simulation.draw(scene, publish, self._late.turn if wait else None)
-        self._late.owe()
+        self._late.begin_frame()
         if drawn is not None:
             self._drawn = drawn
             drawn.add_done_callback(lambda _: self._rpc.wake())

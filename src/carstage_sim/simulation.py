@@ -82,8 +82,8 @@ class LateTurn(Protocol):
     def worth_making(self) -> bool:
         """Whether anybody may still take them."""
 
-    def is_urgent(self) -> bool:
-        """Whether the next tick waits for them, or for those of their sensor that come before."""
+    def urgency(self) -> int:
+        """Data of sensors with more come first; those of sensors with none wait for a tick."""
 
     def end(self) -> None:
         """They are published, or left out."""
@@ -321,14 +321,18 @@ class Simulation:
         sensors = self._sensors
         waiting = {} if late_turn is None else _late_turns(scene, late_turn)
 
-        def publish_all(due: Sequence[tuple[SensorRequest, Sensor]]) -> None:
-            for sensor_id, frame in sensors.frames_of(scene.state, due):
-                publish(CapturedFrame(*scene.watched[sensor_id], frame))
+        def publish_all(
+            due: Sequence[tuple[SensorRequest, Sensor]],
+            give_way: Callable[[], None] | None = None,
+        ) -> None:
+            with sensors.giving_way(scene.state, give_way):
+                for sensor_id, frame in sensors.frames_of(scene.state, due):
+                    publish(CapturedFrame(*scene.watched[sensor_id], frame))
 
         def draw_late(one: tuple[SensorRequest, Sensor], turn: LateTurn) -> None:
             try:
                 if turn.worth_making:
-                    publish_all([one])
+                    publish_all([one], self._drawing.give_way)
             finally:
                 turn.end()
 
@@ -342,9 +346,8 @@ class Simulation:
                     if turn is None:
                         prompt.append(due)
                     else:
-                        self._drawing.put_off(
-                            partial(draw_late, due, turn), turn.is_urgent, turn.end
-                        )
+                        late = partial(draw_late, due, turn)
+                        self._drawing.put_off(late, due[0].sensor_id, turn.urgency, turn.end)
                 publish_all(prompt)
             except Exception:
                 logger.exception("sensors of frame %d failed", scene.state.frame)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ _BAND = 8192
 _RAYS, _PACKETS = 256, 4
 """Rays, and groups of them, that a kernel takes at a time."""
 _SQUARE = 8
+_PIECES = 16
+"""Of a pass that gives way to others in between."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +90,7 @@ class RayCaster:
         self.ray_count = 0
         """Rays cast so far; those that shading sends to the sun and the sky are not counted."""
         self._lock = threading.Lock()
+        self._between: Callable[[], None] | None = None
         self._team = Team(self.threads, "rays")
         self._scratch = OfEachThread(new_scratch)
         self._packet_scratch = OfEachThread(new_packet_scratch)
@@ -94,6 +98,18 @@ class RayCaster:
     def close(self) -> None:
         """End the threads."""
         self._team.close()
+
+    @contextmanager
+    def in_pieces(self, between: Callable[[], None] | None) -> Iterator[None]:
+        """In the block, call ``between`` after each small piece of work; None asks for no pieces.
+
+        It may use this caster itself, in a block of its own.
+        """
+        before, self._between = self._between, between
+        try:
+            yield
+        finally:
+            self._between = before
 
     def _count(self, rays: int) -> None:
         with self._lock:
@@ -119,8 +135,13 @@ class RayCaster:
         self._share(len(packets.starts) - 1, _PACKETS, work)
 
     def _share(self, count: int, size: int, work: Callable[[NDArray[np.int64]], None]) -> None:
-        parts = parts_of(count, size)
-        self._team.do(lambda: work(parts), -(-count // size))
+        between = self._between
+        piece = count if between is None else max(-(-count // _PIECES), size * self.threads)
+        for first in range(0, count, piece or 1):
+            parts = parts_of(min(first + piece, count), size, first)
+            self._team.do(partial(work, parts), -(-piece // size))
+            if between is not None:
+                between()
 
     def cast(
         self,

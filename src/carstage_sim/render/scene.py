@@ -337,10 +337,10 @@ class SceneStore:
         self._hidden_triangles = HiddenTriangles(self._static, owners)
         self._object_count = int(owners.max(initial=0))
         self._town_changes: TownChanges | None = None
-        self._show_changes(TownChanges())
+        self.show(TownChanges())
 
-    def _show_changes(self, changes: TownChanges) -> None:
-        """Show the town as clients changed it."""
+    def show(self, changes: TownChanges) -> None:
+        """Show the town as clients changed it, also in frames that were made before."""
         if changes is self._town_changes:
             return
         self._town_changes = changes
@@ -398,7 +398,7 @@ class SceneStore:
             changes: what clients changed about the town; None leaves it as it was.
         """
         if changes is not None:
-            self._show_changes(changes)
+            self.show(changes)
         wanted = dict.fromkeys(p.model for p in placements)
         self._forget_passing(wanted)
         self.prepare(list(wanted))

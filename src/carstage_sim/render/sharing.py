@@ -27,9 +27,9 @@ _NEXT, _COUNT, _SIZE = 0, 1, 2
 _Made = TypeVar("_Made")
 
 
-def parts_of(count: int, size: int) -> NDArray[np.int64]:
-    """``range(count)`` in parts of a size, for threads that :func:`take` them."""
-    return np.array([0, count, size], np.int64)
+def parts_of(count: int, size: int, first: int = 0) -> NDArray[np.int64]:
+    """``range(first, count)`` in parts of a size, for threads that :func:`take` them."""
+    return np.array([first, count, size], np.int64)
 
 
 @_intrinsic

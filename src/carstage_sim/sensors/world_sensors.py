@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -150,6 +151,26 @@ class WorldSensors:
             KeyError, SensorAttributeError: as :meth:`capture`.
         """
         return self._known.due(state, requests)
+
+    @contextmanager
+    def giving_way(self, state: WorldState, give_way: Callable[[], None] | None) -> Iterator[None]:
+        """In the block, frames of a tick are made in small pieces, with others in between.
+
+        Args:
+            state: the tick.
+            give_way: called between the pieces; it may ask for frames of other ticks, in a block of
+                its own. None makes each frame in one go, as a card does in any case.
+        """
+
+        def between() -> None:
+            if give_way is not None:
+                give_way()
+                if state.town_changes is not None:
+                    self._store.show(state.town_changes)
+
+        in_pieces = give_way is not None and self._cameras is None
+        with self._caster.in_pieces(between if in_pieces else None):
+            yield
 
     def frames_of(
         self, state: WorldState, due: Sequence[tuple[SensorRequest, Sensor]]

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from carstage_sim.wire.streaming import Taking
 
-_MOST_WAITING = 16
+_MANY_WAITING, _MOST_WAITING = 16, 64
+_PATIENCE_S = 0.2
+"""In one tick, for all that is late."""
 
 
 class LatePictures:
@@ -18,8 +22,9 @@ class LatePictures:
     In synchronous mode the next tick waits for the pictures of the last one. Those of light take
     long, and whoever subscribes to cameras without reading would slow down the one who ticks. So a
     stream's pictures may be late until a subscriber has taken what it was sent. Then each tick
-    waits for one of them, and for a second of the stream with the most, until none is late: not for
-    all at once. None is lost, unless who subscribed takes nothing for seconds.
+    leaves a moment for them until none is late: not for each, but for all together. It also does
+    where many wait of streams that nobody has read. None is lost, unless who subscribed takes
+    nothing for seconds; where very many wait of a stream that is read, the next tick waits for one.
 
     Args:
         taking: tells by stream number what the subscribers take.
@@ -31,7 +36,7 @@ class LatePictures:
         self._changed = changed
         self._lock = threading.Lock()
         self._waiting: Counter[int] = Counter()
-        self._owed: Counter[int] = Counter()
+        self._patient_until_s = math.inf
 
     def turn(self, stream_id: int) -> LatePicture | None:
         """The turn of a stream's next picture if it may be late; it must, if an earlier one is."""
@@ -41,28 +46,29 @@ class LatePictures:
             self._waiting[stream_id] += 1
         return LatePicture(self, stream_id)
 
-    def owe(self) -> None:
-        """A frame is under way: of the streams that are read, the next tick waits for some."""
+    def begin_frame(self) -> None:
+        """A frame is under way; from now on, the next tick leaves a moment for what is late."""
         with self._lock:
-            read = [one for one in self._waiting if self._taking(one) is Taking.ALL]
-            self._owed = Counter(read)
-            if read:
-                self._owed[max(read, key=self._waiting.__getitem__)] += 1
+            self._patient_until_s = time.monotonic() + _PATIENCE_S
 
     @property
     def hold_up_the_world(self) -> bool:
-        """Whether the next tick waits for late pictures: for a reader, or as too many wait."""
+        """Whether the next tick waits for late pictures."""
         with self._lock:
-            waiting = list(self._waiting)
-        return any(map(self.is_urgent, waiting))
+            waiting = dict(self._waiting)
+            is_patient = time.monotonic() < self._patient_until_s
+        if is_patient:
+            return any(self.urgency(stream_id) > 0 for stream_id in waiting)
+        most = [stream_id for stream_id, count in waiting.items() if count >= _MOST_WAITING]
+        return any(self._taking(stream_id) is Taking.ALL for stream_id in most)
 
-    def is_urgent(self, stream_id: int) -> bool:
-        """Whether the next tick waits for a late picture of a stream."""
+    def urgency(self, stream_id: int) -> int:
+        """Pictures of a stream with more come first: 2 if it is read, 1 if many wait, else 0."""
         with self._lock:
-            waiting, owed = self._waiting[stream_id], self._owed[stream_id]
-        if waiting >= _MOST_WAITING:
-            return True
-        return min(waiting, owed) > 0 and self._taking(stream_id) is Taking.ALL
+            waiting = self._waiting[stream_id]
+        if waiting and self._taking(stream_id) is Taking.ALL:
+            return 2
+        return int(waiting >= _MANY_WAITING)
 
     def may_be_taken(self, stream_id: int) -> bool:
         """Whether anybody may still take a picture of a stream."""
@@ -72,7 +78,6 @@ class LatePictures:
         """One of the pictures that waited is drawn, or left out."""
         with self._lock:
             self._waiting[stream_id] -= 1
-            self._owed[stream_id] -= 1
             if not self._waiting[stream_id]:
                 del self._waiting[stream_id]
         self._changed()
@@ -90,9 +95,9 @@ class LatePicture:
         """Whether anybody may still take it."""
         return self.pictures.may_be_taken(self.stream_id)
 
-    def is_urgent(self) -> bool:
-        """Whether the next tick waits for a picture of its stream."""
-        return self.pictures.is_urgent(self.stream_id)
+    def urgency(self) -> int:
+        """Pictures of streams with more come first; see :meth:`LatePictures.urgency`."""
+        return self.pictures.urgency(self.stream_id)
 
     def end(self) -> None:
         """It is drawn, or left out."""

@@ -47,6 +47,8 @@ LONGEST_WAIT_S = 0.25
 _MISTRUST_S = 2.0
 """After a wait for who did not come: others may announce without end that they will."""
 _MOST_UNREAD_BYTES = 64 << 20
+_LOOKED_AT_FOR_S = 0.02
+"""Who reads is asked often, and each of hundreds of sockets has to be looked at."""
 _GIVEN_UP_AFTER_S = 2.0
 """Who takes nothing for so long is sent no more pictures that take long to draw."""
 
@@ -125,6 +127,7 @@ class StreamingServer:
         self._warnings = ThrottledWarnings(logger)
         self._lock = threading.Condition()
         self._subscribers: dict[int, dict[Channel, _Progress]] = {}
+        self._taking: dict[int, tuple[float, Taking]] = {}
         self._awaited: dict[int, dict[object, float]] = {}
         self._waits_until_s = math.inf
         self._trusts_again_s = 0.0
@@ -190,11 +193,18 @@ class StreamingServer:
             return len(self._subscribers.get(stream_id, ()))
 
     def taking(self, stream_id: int) -> Taking:
-        """What the subscribers of a stream take: what the one takes who takes most."""
+        """What the subscribers of a stream took a moment ago: what the one takes who takes most."""
         with self._lock:
+            now_s = time.monotonic()
+            looked_at_s, taking = self._taking.get(stream_id, (-math.inf, Taking.NOTHING))
+            if now_s - looked_at_s < _LOOKED_AT_FOR_S:
+                return taking
             subscribers = self._subscribers.get(stream_id, {})
             found = {progress.taking(channel) for channel, progress in subscribers.items()}
-        return next((taking for taking in Taking if taking in found), Taking.NOTHING)
+            taking = next((taking for taking in Taking if taking in found), Taking.NOTHING)
+            if subscribers:
+                self._taking[stream_id] = (now_s, taking)
+            return taking
 
     def publish(self, stream_id: int, parts: Sequence[Buffer], *, wait: bool) -> None:
         """Send one message to every subscriber of a stream.
@@ -266,6 +276,7 @@ class StreamingServer:
         channel.on_close = lambda: self._unsubscribe(stream_id, channel)
         with self._lock:
             self._subscribers.setdefault(stream_id, {})[channel] = _Progress()
+            self._taking.pop(stream_id, None)
             # Nobody says who subscribes: it is taken for the one that is expected longest.
             expected = self._awaited.get(stream_id, {})
             expected.pop(next(iter(expected), None), None)
@@ -280,6 +291,7 @@ class StreamingServer:
             del channels[channel]
             if not channels:
                 del self._subscribers[stream_id]
+                self._taking.pop(stream_id, None)
 
 
 def _framed(parts: Sequence[Buffer]) -> list[Buffer]:

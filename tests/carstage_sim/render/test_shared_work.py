@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from carstage_sim.kernels import kernel
-from carstage_sim.render.caster import RayCaster
+from carstage_sim.render.caster import Packets, RayCaster
 from carstage_sim.render.sharing import OfEachThread, Team, parts_of, take
 
 
@@ -46,6 +46,32 @@ def test_bands_cover_a_range_once(caster: RayCaster, count: int) -> None:
 
     caster.in_bands(count, work, 5)
     assert (taken == 1).all()
+
+
+@pytest.mark.parametrize("count", [0, 1, 17, 5000])
+def test_in_pieces_every_part_is_taken_once_and_others_come_in_between(
+    caster: RayCaster, count: int
+) -> None:
+    order = np.arange(count, dtype=np.int32)
+    packets = Packets(order, np.arange(count + 1, dtype=np.int32))
+    taken, seen, others = np.zeros(count, np.int64), [], np.zeros(count, np.int64)
+
+    def between() -> None:
+        seen.append(int(taken.sum()))
+        with caster.in_pieces(None):
+            caster.in_packets(packets, lambda parts: _count_taken(parts, others))
+
+    with caster.in_pieces(between):
+        caster.in_packets(packets, lambda parts: _count_taken(parts, taken))
+    assert (taken == 1).all()
+    assert (others == len(seen)).all()
+    assert seen == sorted(seen)
+    assert len(seen) <= 16
+    assert len(seen) == 16 or count < 5000
+    calls = len(seen)
+    caster.in_packets(packets, lambda parts: _count_taken(parts, taken))
+    assert len(seen) == calls
+    assert (taken == 2).all()
 
 
 def test_several_callers_share_the_threads(caster: RayCaster) -> None:

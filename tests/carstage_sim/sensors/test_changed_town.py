@@ -64,6 +64,34 @@ def test_a_hidden_object_is_gone_for_every_sensor_and_comes_back(look, sensors):
     assert through == []
 
 
+@pytest.mark.parametrize("kind", ["camera.rgb", "camera.optical_flow"])
+def test_a_picture_in_pieces_is_the_same_whatever_is_looked_at_in_between(sensors, kind):
+    hidden = replace(
+        state(vehicles=[(7, (7.0, 2.0, 0.0), 10.0)]),
+        town_changes=TownChanges(hidden=frozenset({_WALL_ID})),
+    )
+    vehicles = [(3, (6.0, 0.0, 0.0), 30.0)]
+    world = replace(state(vehicles=vehicles), town_changes=TownChanges())
+    asked, others = [request(kind, 1)], [request("camera.rgb", 2)]
+    between = []
+
+    def look_elsewhere():
+        with sensors.giving_way(hidden, None):
+            between.extend(sensors.capture(hidden, others))
+
+    def bytes_of(give_way):
+        sensors.reset()
+        with sensors.giving_way(world, give_way):
+            ((_, frame),) = sensors.capture(world, asked)
+        return (frame.pixels if kind == "camera.rgb" else frame.flow).tobytes()
+
+    alone = bytes_of(None)
+    assert not between
+    assert bytes_of(look_elsewhere) == alone
+    assert len(between) > 10
+    assert len({frame.pixels.tobytes() for _, frame in between}) == 1
+
+
 def test_a_segment_meets_all_surfaces_in_order(sensors):
     hits = sensors.segment_hits(
         replace(state(), town_changes=TownChanges()), (0.0, 0.0, 2.0), (60.0, 0.0, 2.0)

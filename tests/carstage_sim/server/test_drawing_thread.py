@@ -156,12 +156,29 @@ def test_who_waits_for_the_end_does_not_wait_for_what_is_held(
 
 def test_what_is_urgent_comes_first_of_what_is_put_off_held_or_not(drawing: DrawingThread) -> None:
     done: list[str] = []
+    gate = threading.Event()
     drawing.hold(held=True)
-    for name in ("first", "urgent 1", "second", "urgent 2"):
-        drawing.put_off(partial(done.append, name), partial(str.startswith, name, "urgent"))
-    await_that(lambda: len(done) == 2)
+    drawing.submit(gate.wait)
+    for name, urgency in {"first": 0, "many 1": 1, "read 1": 2, "many 2": 1, "read 2": 2}.items():
+        line = name.split(maxsplit=1)[0]
+        drawing.put_off(partial(done.append, name), line, lambda urgency=urgency: urgency)
+    gate.set()
+    await_that(lambda: len(done) == 4)
     drawing.finish()
-    assert done == ["urgent 1", "urgent 2", "first", "second"]
+    assert done == ["read 1", "read 2", "many 1", "many 2", "first"]
+
+
+def test_pieces_of_a_line_keep_their_order_while_one_of_them_becomes_urgent(
+    drawing: DrawingThread,
+) -> None:
+    done: list[str] = []
+    asked = iter(range(10))
+    gate = put_off_in_pieces(drawing, done, lambda: next(asked))
+    drawing.put_off(partial(done.append, "same line"), "line", lambda: 99)
+    drawing.put_off(partial(done.append, "other line"), "other", lambda: 100)
+    gate.set()
+    drawing.finish()
+    assert done == ["other line", "put off", "same line"]
 
 
 def test_who_put_off_what_is_left_out_hears_of_it(drawing: DrawingThread) -> None:
@@ -170,3 +187,71 @@ def test_who_put_off_what_is_left_out_hears_of_it(drawing: DrawingThread) -> Non
     drawing.put_off(partial(done.append, "done"), leave_out=partial(done.append, "left out"))
     drawing.finish_without_what_is_put_off()
     assert done == ["left out"]
+
+
+def put_off_in_pieces(
+    drawing: DrawingThread, done: list[str], urgency: Callable[[], int] = lambda: 0
+) -> threading.Event:
+    """Put work off that gives way when the gate is set, and wait until it is begun."""
+    gate, began = threading.Event(), threading.Event()
+
+    def in_pieces() -> None:
+        began.set()
+        gate.wait()
+        drawing.give_way()
+        done.append("put off")
+
+    drawing.put_off(in_pieces, "line", urgency)
+    assert began.wait(10.0)
+    return gate
+
+
+def test_other_work_is_done_while_a_piece_that_is_put_off_gives_way(
+    drawing: DrawingThread,
+) -> None:
+    done: list[str] = []
+    gate = put_off_in_pieces(drawing, done)
+
+    def submitted() -> None:
+        drawing.give_way()  # which does nothing in other work
+        done.append("submitted")
+
+    for _ in range(2):
+        drawing.submit(submitted)
+    gate.set()
+    drawing.finish()
+    assert done == ["submitted", "submitted", "put off"]
+    assert not drawing.busy
+
+
+@pytest.mark.parametrize("goes_on", ["it is urgent", "it is not held any more", "all ends"])
+def test_a_piece_that_gives_way_while_held_goes_on_when(
+    drawing: DrawingThread, goes_on: str
+) -> None:
+    done: list[str] = []
+    urgent: list[bool] = []
+    gate = put_off_in_pieces(drawing, done, lambda: len(urgent))
+    drawing.hold(held=True)
+    gate.set()
+    drawing.submit(done.append, "submitted").result(10.0)
+    assert done == ["submitted"]
+    if goes_on == "it is urgent":
+        urgent.append(True)
+    elif goes_on == "all ends":
+        drawing.finish_without_what_is_put_off()
+    else:
+        drawing.hold(held=False)
+    await_that(lambda: done == ["submitted", "put off"])
+
+
+def test_a_failure_of_other_work_does_not_reach_the_piece_that_gave_way(
+    drawing: DrawingThread,
+) -> None:
+    done: list[str] = []
+    gate = put_off_in_pieces(drawing, done)
+    failing = drawing.submit(divmod, 1, 0)
+    gate.set()
+    with pytest.raises(ZeroDivisionError):
+        failing.result(10.0)
+    drawing.finish()
+    assert done == ["put off"]

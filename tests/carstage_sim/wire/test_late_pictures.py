@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from carstage_sim.wire import late_pictures
 from carstage_sim.wire.late_pictures import LatePicture, LatePictures
 from carstage_sim.wire.streaming import Taking
 
@@ -36,62 +37,88 @@ def test_who_takes_everything_gets_pictures_that_the_world_waits_for(late: LateP
     assert not late.hold_up_the_world
 
 
-def end_urgent(turns: list[LatePicture]) -> int:
-    """End turns as long as the world waits for them; how many."""
-    count = 0
-    while urgent := next(filter(LatePicture.is_urgent, turns), None):
-        assert urgent.worth_making
-        urgent.end()
-        turns.remove(urgent)
-        count += 1
-    return count
-
-
 def turns_of(late: LatePictures, *streams: int) -> list[LatePicture]:
     turns = [late.turn(stream) for stream in streams]
     return [turn for turn in turns if turn is not None]
 
 
-def test_each_tick_waits_for_a_few_late_pictures_of_who_turns_out_to_read(
-    late: LatePictures, subscribers: Subscribers
+class Clock:
+    """The monotonic clock, which stands still until it is moved."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(late_pictures.time, "monotonic", clock)
+    return clock
+
+
+def test_each_tick_leaves_a_moment_for_late_pictures_of_who_turns_out_to_read(
+    late: LatePictures, subscribers: Subscribers, clock: Clock
 ) -> None:
-    turns = turns_of(late, STREAM, STREAM, STREAM)
-    late.owe()
+    turns = turns_of(late, STREAM, STREAM)
+    late.begin_frame()
     assert not late.hold_up_the_world
     subscribers.taking[STREAM] = Taking.ALL
-    late_ones = []
-    for _ in range(4):
-        # Later ones must not overtake those that wait.
-        turns += turns_of(late, STREAM)
-        late.owe()
-        assert late.hold_up_the_world == bool(turns)
-        end_urgent(turns)
+    # Later ones must not overtake those that wait.
+    turns += turns_of(late, STREAM)
+    assert len(turns) == 3
+    for _ in range(3):
+        late.begin_frame()
+        assert late.hold_up_the_world
+        clock.now_s += 0.3
         assert not late.hold_up_the_world
-        late_ones.append(len(turns))
-    assert late_ones == [2, 1, 0, 0]
+        late.begin_frame()
+        turns.pop().end()
+        assert late.hold_up_the_world == bool(turns)
     assert late.turn(STREAM) is None
-    assert subscribers.changes == 6
+    assert subscribers.changes == 3
 
 
-def test_a_tick_waits_for_one_picture_more_than_streams_are_read(
+def test_a_tick_leaves_a_moment_for_streams_of_which_many_wait(
+    late: LatePictures, clock: Clock
+) -> None:
+    turns = turns_of(late, *[STREAM] * 15)
+    late.begin_frame()
+    assert not late.hold_up_the_world
+    turns += turns_of(late, STREAM)
+    assert late.hold_up_the_world
+    clock.now_s += 0.3
+    assert not late.hold_up_the_world
+    late.begin_frame()
+    turns[0].end()
+    assert not late.hold_up_the_world
+
+
+def test_the_world_waits_for_as_long_as_it_takes_where_very_many_wait_and_are_read(
+    late: LatePictures, subscribers: Subscribers, clock: Clock
+) -> None:
+    turns = turns_of(late, *[STREAM] * 64)
+    late.begin_frame()
+    clock.now_s += 10.0
+    assert not late.hold_up_the_world
+    subscribers.taking[STREAM] = Taking.ALL
+    assert late.hold_up_the_world
+    turns[0].end()
+    assert not late.hold_up_the_world
+
+
+def test_who_reads_comes_before_who_has_many_waiting_and_that_before_others(
     late: LatePictures, subscribers: Subscribers
 ) -> None:
     subscribers.taking[OTHER] = Taking.UNKNOWN
-    turns = turns_of(late, STREAM, OTHER, STREAM, OTHER, OTHER)
-    subscribers.taking.update({STREAM: Taking.ALL, OTHER: Taking.ALL})
-    late.owe()
-    assert end_urgent(turns) == 3
-    assert [turn.stream_id for turn in turns] == [STREAM, OTHER]
-
-
-def test_the_world_waits_when_too_many_pictures_of_a_stream_are_late(late: LatePictures) -> None:
-    turns = [late.turn(STREAM) for _ in range(15)]
-    assert not late.hold_up_the_world
-    turns.append(late.turn(STREAM))
-    assert late.hold_up_the_world
-    assert turns[0] is not None
-    turns[0].end()
-    assert not late.hold_up_the_world
+    (turn,) = turns_of(late, STREAM)
+    assert turn.urgency() == 0
+    turns = turns_of(late, *[OTHER] * 16)
+    assert {one.urgency() for one in turns} == {1}
+    subscribers.taking[STREAM] = Taking.ALL
+    assert turn.urgency() == 2
 
 
 def test_pictures_that_nobody_takes_are_not_worth_making(

@@ -11,6 +11,7 @@ from contextlib import ExitStack
 import pytest
 
 from carstage_sim.wire import socket_loop, streaming
+from carstage_sim.wire.channel import Channel
 from carstage_sim.wire.errors import PortInUseError
 from carstage_sim.wire.socket_loop import SocketLoop, bind
 from carstage_sim.wire.streaming import LONGEST_WAIT_S, StreamingServer, Taking
@@ -328,11 +329,33 @@ def test_port_that_something_began_to_listen_on_meanwhile_is_refused() -> None:
             StreamingServer(loop, reserved)
 
 
+def test_who_reads_is_looked_at_once_in_a_moment_and_again_for_a_new_subscriber(
+    server: StreamingServer,
+    subscribers: Callable[[], socket.socket],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    looked: list[Channel] = []
+    monkeypatch.setattr(Channel, "taken_bytes", property(lambda one: looked.append(one) or 0))
+    now_s = time.monotonic()
+    monkeypatch.setattr(streaming.time, "monotonic", lambda: now_s)
+    subscribers()
+    for _ in range(3):
+        server.taking(STREAM)
+    assert len(looked) == 1
+    subscribers()
+    server.taking(STREAM)
+    assert len(looked) == 3
+    now_s += 0.1
+    server.taking(STREAM)
+    assert len(looked) == 5
+
+
 def test_it_is_known_whether_a_subscriber_reads_what_it_was_sent(
     server: StreamingServer,
     subscribers: Callable[[], socket.socket],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(streaming, "_LOOKED_AT_FOR_S", 0.0)
     assert server.taking(STREAM) is Taking.NOTHING
     idle = subscribers()
     assert server.taking(STREAM) is Taking.UNKNOWN
@@ -340,9 +363,9 @@ def test_it_is_known_whether_a_subscriber_reads_what_it_was_sent(
     server.publish(STREAM, [bytes(2 << 20)], wait=False)
     assert server.taking(STREAM) is Taking.UNKNOWN
     now_s = time.monotonic()
-    monkeypatch.setattr(streaming.time, "monotonic", lambda: now_s + 3.0)
-    assert server.taking(STREAM) is Taking.NOTHING
-    monkeypatch.undo()
+    with monkeypatch.context() as later:
+        later.setattr(streaming.time, "monotonic", lambda: now_s + 3.0)
+        assert server.taking(STREAM) is Taking.NOTHING
 
     reader = subscribers()
     assert server.taking(STREAM) is Taking.UNKNOWN

@@ -202,6 +202,8 @@ def lacking(raised: str) -> str:
         return f"needs the package {found[1].partition('.')[0]}"
     if found := _NEWER.search(raised):
         return f"needs a newer client, with carla.{found[1]}"
+    if raised.startswith("Boost.Python.ArgumentError"):
+        return "needs a newer client, whose calls take other arguments"
     return ""
 
 

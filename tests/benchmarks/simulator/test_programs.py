@@ -69,6 +69,8 @@ def test_what_is_missing_is_told_from_what_fails() -> None:
     assert lacking(missing) == "needs the package open3d"
     newer = "AttributeError: module 'carla' has no attribute 'GeoEllipsoid'"
     assert lacking(newer) == "needs a newer client, with carla.GeoEllipsoid"
+    arguments = "Boost.Python.ArgumentError: Python argument types in"
+    assert lacking(arguments).startswith("needs a newer client")
     assert lacking("AttributeError: 'Vehicle' object has no attribute 'fly'") == ""
 
 

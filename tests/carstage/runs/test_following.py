@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import carstage
-from carstage.errors import BadInputError, ConfigError, ConversionError
+from carstage.errors import BadInputError, ConfigError, ConversionError, ServerError
 from carstage.runs import RunResult, record_beside
 from carstage.runs.attempt_commit import AttemptCommit
 from carstage.runs.events import RunEvent
@@ -100,6 +100,21 @@ def test_a_program_at_full_speed_loses_no_frame(
 def test_a_missing_server_is_bad_input(tmp_path: Path) -> None:
     with pytest.raises(BadInputError, match="No CARLA server answers"):
         record_beside(f"127.0.0.1:{free_port()}", "hero", RIG, tmp_path / "out")
+
+
+def test_a_server_that_loads_a_map_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waited: list[float] = []
+
+    def probe(_host: str, _port: int, timeout_s: float) -> str:
+        waited.append(timeout_s)
+        raise ServerError("timed out")
+
+    monkeypatch.setattr("carstage.runs.following.probe_version", probe)
+    with pytest.raises(BadInputError, match="No CARLA server answers"):
+        record_beside("127.0.0.1:1", "hero", RIG, tmp_path / "data", wait_s=77.0)
+    assert waited == [77.0]
 
 
 def test_an_ego_that_never_comes_is_bad_input(simulator: RunningSimulator, tmp_path: Path) -> None:

@@ -21,7 +21,8 @@ class Program:
         path: below the folder.
         arguments: what it is called with.
         interrupt: it goes on until it is interrupted, rather than to an end of its own.
-        seconds: how long it may take to its end; None takes :data:`MOST_SECONDS`.
+        seconds: how long it may take to its end; None takes :data:`MOST_SECONDS`. Of one that is
+            interrupted: how long it runs; None takes the runner's.
         lacks: why it is not run at all; empty where it is.
         with_server_of: path of a program whose server, and folder, it goes on with.
         towns: maps of CARLA's that it drives in.
@@ -144,10 +145,17 @@ EXAMPLES = (
 
 UTILITIES = (
     Program("util/apply_texture.py", ("--list",)),
-    Program("util/check_collisions_substepping.py", towns=("Town03",), seconds=600.0),
-    Program("util/check_lidar_bb.py", towns=("Town03",), seconds=600.0),
+    Program(
+        "util/check_collisions_substepping.py", interrupt=True, seconds=60.0, towns=("Town03",)
+    ),
+    Program("util/check_lidar_bb.py", interrupt=True, seconds=60.0, towns=("Town03",)),
     Program("util/check_map.py"),
-    Program("util/check_raycast_sensors_determinism.py", towns=("Town03",), seconds=600.0),
+    Program(
+        "util/check_raycast_sensors_determinism.py",
+        interrupt=True,
+        seconds=60.0,
+        towns=("Town03",),
+    ),
     Program("util/config.py", ("--list",)),
     Program("util/config.py", ("--inspect",)),
     Program("util/config.py", ("--map", "Stage02", "--weather", "ClearNoon", "--fps", "20")),
@@ -167,7 +175,13 @@ UTILITIES = (
     ),
     Program("util/test_connection.py"),
     Program("util/tools/generate_video_from_frames.py", lacks="pictures of its user, and FFmpeg"),
-    Program("util/vehicle_physics_tester.py", ("--all",), towns=("Town05",), interrupt=True),
+    Program(
+        "util/vehicle_physics_tester.py",
+        ("--all",),
+        interrupt=True,
+        seconds=60.0,
+        towns=("Town05",),
+    ),
 )
 
 PROGRAMS = (*EXAMPLES, *UTILITIES)

@@ -120,16 +120,18 @@ class Runner:
             return Outcome(program.name, "not run", missing, seconds)
         if reason:
             return Outcome(program.name, "failed", reason, seconds)
-        ended = "until interrupted" if program.interrupt else "to its end"
-        return Outcome(program.name, "passed", ended, seconds)
+        ran_on = program.interrupt and seconds >= (program.seconds or self.seconds)
+        return Outcome(
+            program.name, "passed", "until interrupted" if ran_on else "to its end", seconds
+        )
 
     def _follow(self, program: Program, process: subprocess.Popen[bytes], scratch: Path) -> str:
         """Wait for its end, or interrupt it; says what is wrong, if anything."""
         if not program.interrupt:
             limit_s = program.seconds or MOST_SECONDS
             return "" if _waited(process, limit_s) else f"did not end within {limit_s:.0f} s"
-        if _waited(process, self.seconds):
-            return "ended by itself" if process.returncode == 0 else ""
+        if _waited(process, program.seconds or self.seconds):
+            return ""
         absent = self._absent(program, scratch)
         process.send_signal(signal.SIGINT)
         if not _waited(process, _END_S):

@@ -131,7 +131,7 @@ class Runner:
             limit_s = program.seconds or MOST_SECONDS
             return "" if _waited(process, limit_s) else f"did not end within {limit_s:.0f} s"
         if _waited(process, program.seconds or self.seconds):
-            return ""
+            return "ended by itself" if program.actors and process.returncode == 0 else ""
         absent = self._absent(program, scratch)
         process.send_signal(signal.SIGINT)
         if not _waited(process, _END_S):

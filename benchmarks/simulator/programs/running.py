@@ -23,7 +23,7 @@ Result = Literal["passed", "failed", "not run"]
 PORT = 2000
 """Where CARLA's examples look for a server; many have it in their text."""
 
-_END_S = 40.0
+_END_S = 120.0
 _LOOK_S = 90.0
 _LAST_LINES = 400
 _RAISED = re.compile(r"^([A-Za-z_][\w.]*(?:Error|Exception|Interrupt|Empty|Exit))\b:?\s*(.*)$")

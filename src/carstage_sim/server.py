@@ -3,7 +3,7 @@
 :meth:`Server.run` is the simulation thread. It alone touches the world; the socket threads move
 bytes, and one more draws pictures of frames that are frozen. In synchronous mode it serves calls
 until one of them is a tick. For that it waits until the last frame is drawn, but a second at most
-while few frames wait, and not for pictures that nobody has shown to read. Otherwise it ticks by the
+while no other one waits, and not for pictures that nobody has shown to read. Otherwise it ticks by the
 wall clock, whatever the pictures take, and serves calls in between.
 """
 
@@ -51,7 +51,7 @@ _RELEASE_AFTER_S = 1.0
 """A program may close one client and go on with another."""
 _PATIENCE_S = 1.0
 """How long a tick waits for pictures: many programs give their calls two seconds."""
-_MOST_UNDRAWN = 4
+_MOST_UNDRAWN = 2
 """Frames that may wait to be drawn when a tick has lost its patience."""
 
 

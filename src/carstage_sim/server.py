@@ -3,8 +3,8 @@
 :meth:`Server.run` is the simulation thread. It alone touches the world; the socket threads move
 bytes, and one more draws pictures of frames that are frozen. In synchronous mode it serves calls
 until one of them is a tick. For that it waits until the last frame is drawn, but a second at most
-while no other one waits, and not for pictures that nobody has shown to read. Otherwise it ticks by the
-wall clock, whatever the pictures take, and serves calls in between.
+while no other one waits, and not for pictures that nobody has shown to read. Otherwise it ticks by
+the wall clock, whatever the pictures take, and serves calls in between.
 """
 
 from __future__ import annotations

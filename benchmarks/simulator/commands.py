@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -358,3 +360,36 @@ def conformance(
         ),
         json,
     )
+
+
+@benchmark("programs", takes="60 minutes")
+def programs(
+    folder: Annotated[Path, typer.Option(help="PythonAPI of CARLA's sources or of a release.")],
+    only: Annotated[
+        list[str] | None,
+        typer.Option(help="Pattern of paths below it, such as 'test/smoke/*'. Repeatable."),
+    ] = None,
+    maps: Maps = None,
+    python: Annotated[
+        str, typer.Option(help="Interpreter with the client wheel; default: this one.")
+    ] = sys.executable,
+    protocol: Annotated[str, typer.Option(help="Version of that wheel.")] = "0.9.16",
+    seconds: Annotated[
+        float, typer.Option(help="Until a program is interrupted that has no end of its own.")
+    ] = 20.0,
+    json: Json = False,
+) -> int:
+    """Whether CARLA's examples, utilities and smoke tests run unmodified; fetches nothing."""
+    from benchmarks.simulator.programs import check_programs
+    from carstage.cli.output import note
+
+    tried = check_programs(
+        folder,
+        only=only or (),
+        maps=maps,
+        python=python,
+        protocol=protocol,
+        seconds=seconds,
+        progress=lambda outcome: note(f"{outcome.result}  {outcome.name}  {outcome.reason}"),
+    )
+    return report(tried.verdict, json, programs=[asdict(outcome) for outcome in tried.outcomes])

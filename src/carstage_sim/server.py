@@ -2,9 +2,9 @@
 
 :meth:`Server.run` is the simulation thread. It alone touches the world; the socket threads move
 bytes, and one more draws pictures of frames that are frozen. In synchronous mode it serves calls
-until one of them is a tick, for which it waits until the last frame is drawn, but not for pictures
-that nobody has shown to read; otherwise it ticks by the wall clock, whatever the pictures take, and
-serves calls in between.
+until one of them is a tick. For that it waits until the last frame is drawn, but a second at most
+while no other one waits, and not for pictures that nobody has shown to read. Otherwise it ticks by
+the wall clock, whatever the pictures take, and serves calls in between.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import logging
+import math
 import os
 import socket
 import threading
@@ -48,6 +49,10 @@ _LATE_S = 1.0
 """How far fixed steps may lag behind the clock and still make up for it."""
 _RELEASE_AFTER_S = 1.0
 """A program may close one client and go on with another."""
+_PATIENCE_S = 1.0
+"""How long a tick waits for pictures: many programs give their calls two seconds."""
+_MOST_UNDRAWN = 2
+"""Frames that may wait to be drawn when a tick has lost its patience."""
 
 
 class Server:
@@ -91,7 +96,7 @@ class Server:
         self._tick_requests: list[TickRequest] = []
         self._later: list[tuple[float, int, Callable[[], None]]] = []
         self._finished: deque[Callable[[], None]] = deque()
-        self._drawn: Future[None] | None = None
+        self._undrawn: list[Future[None]] = []
         self._order = itertools.count()
         with ExitStack() as resources:
             rpc_loop = resources.enter_context(SocketLoop("rpc sockets"))
@@ -152,7 +157,7 @@ class Server:
                 return
 
     def _run_when_told(self) -> None:
-        if self._is_drawing:
+        if self._waits_for_pictures():
             wait_s = _POLL_S
         elif self._due_requests():
             wait_s = self._paced_until_s - time.monotonic()
@@ -162,7 +167,7 @@ class Server:
             self._serve_one(min(wait_s, _POLL_S))
         self._draw_late_unless_a_tick_is_due()
         now_s = time.monotonic()
-        if not self._is_drawing and self._due_requests() and now_s >= self._paced_until_s:
+        if not self._waits_for_pictures() and self._due_requests() and now_s >= self._paced_until_s:
             self._paced_until_s = now_s + self._shortest_tick_s
             self._tick()
             self._draw_late_unless_a_tick_is_due()
@@ -172,10 +177,14 @@ class Server:
         held = bool(self._due_requests()) and not self._late.hold_up_the_world
         self._simulation.hold_late_drawing(held=held)
 
-    @property
-    def _is_drawing(self) -> bool:
-        drawn = self._drawn is None or self._drawn.done()
-        return not drawn or self._late.hold_up_the_world
+    def _waits_for_pictures(self) -> bool:
+        """Whether the next tick waits for pictures of earlier ones."""
+        self._undrawn = [drawn for drawn in self._undrawn if not drawn.done()]
+        if not self._undrawn or self._late.hold_up_the_world:
+            return self._late.hold_up_the_world
+        asked_s = min((one.asked_s for one in self._due_requests()), default=math.inf)
+        is_patient = time.monotonic() - asked_s < _PATIENCE_S
+        return is_patient or len(self._undrawn) >= _MOST_UNDRAWN
 
     def _due_requests(self) -> list[TickRequest]:
         """Who wants a tick; not those that would miss it, because they subscribe still."""
@@ -295,7 +304,7 @@ class Server:
         drawn = self._simulation.draw(scene, publish, self._late.turn if wait else None)
         self._late.begin_frame()
         if drawn is not None:
-            self._drawn = drawn
+            self._undrawn.append(drawn)
             drawn.add_done_callback(lambda _: self._rpc.wake())
 
     def _publish_captured(self, scene: Scene, captured: CapturedFrame, *, wait: bool) -> None:

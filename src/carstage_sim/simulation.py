@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from types import TracebackType
 from typing import Protocol
@@ -23,6 +23,8 @@ from carstage_sim.recording import RecorderController, RecordingsFolder
 from carstage_sim.render.gpu.device import Choice, chosen_gpu
 from carstage_sim.render.quality import Quality
 from carstage_sim.sensors import SensorAttributeError, WorldSensors
+from carstage_sim.sensors.gbuffers import GBUFFERS
+from carstage_sim.sensors.gbuffers import SENT_AS as GBUFFER_MESSAGE
 from carstage_sim.sensors.looping import Looping
 from carstage_sim.sensors.measurements import SensorFrame, SensorRequest
 from carstage_sim.sensors.projection import GeoProjection
@@ -275,15 +277,16 @@ class Simulation:
         instant: list[SensorRequest] = []
         looking: list[SensorRequest] = []
         watched: dict[int, tuple[Actor, Pose]] = {}
-        for sensor in self.world.actors.of_kind(ActorKind.SENSOR):
-            if not is_watched(sensor.stream_id):
+        for carrier in self.world.actors.of_kind(ActorKind.SENSOR):
+            if without_cameras and carrier.type_id.startswith("sensor.camera."):
                 continue
-            if without_cameras and sensor.type_id.startswith("sensor.camera."):
-                continue
-            pose = self.world.actors.pose(sensor.actor_id)
-            watched[sensor.actor_id] = (sensor, pose)
-            request = _request(sensor, pose, self.imu_gravity, self._projection)
-            (looking if SensorRegistry.looks(sensor.type_id) else instant).append(request)
+            for sensor, measured_as in (carrier, carrier.type_id), *_gbuffers(carrier):
+                if not is_watched(sensor.stream_id):
+                    continue
+                pose = self.world.actors.pose(carrier.actor_id)
+                watched[sensor.actor_id] = (sensor, pose)
+                request = _request(sensor, measured_as, pose, self.imu_gravity, self._projection)
+                (looking if SensorRegistry.looks(measured_as) else instant).append(request)
         if not watched and not self._watched_before:
             return None
         self._watched_before = bool(watched)  # one capture of nothing lets the sensors forget
@@ -403,10 +406,22 @@ def _late_turns(scene: Scene, turn_of: Callable[[int], LateTurn | None]) -> dict
     return turns
 
 
-def _request(sensor: Actor, pose: Pose, gravity: float, projection: GeoProjection) -> SensorRequest:
+def _gbuffers(camera: Actor) -> Iterator[tuple[Actor, str]]:
+    """Sensors for a camera's buffers that clients asked for, with what measures each.
+
+    Their ids are below those of actors, which begin with 1.
+    """
+    for buffer, stream_id in camera.gbuffers.items():
+        sensor = replace(camera, actor_id=-stream_id, type_id=GBUFFER_MESSAGE, stream_id=stream_id)
+        yield sensor, GBUFFERS[buffer]
+
+
+def _request(
+    sensor: Actor, measured_as: str, pose: Pose, gravity: float, projection: GeoProjection
+) -> SensorRequest:
     return SensorRequest(
         sensor_id=sensor.actor_id,
-        type_id=sensor.type_id,
+        type_id=measured_as,
         attributes=sensor.attributes,
         location=pose.location,
         rotation_deg=pose.rotation_deg,

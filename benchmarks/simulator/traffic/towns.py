@@ -15,17 +15,18 @@ _TEST_DATA = "py123d"
 
 
 @contextmanager
-def carla_maps(folder: Path | None) -> Iterator[Path | None]:
+def carla_maps(folder: Path | None, towns: Sequence[str] = CARLA_TOWNS) -> Iterator[Path | None]:
     """A folder with CARLA's towns as OpenDRIVE files, or None where there are none.
 
     Args:
         folder: the user's; without one the towns are unpacked from the package that brings them as
             test data, where it is installed.
+        towns: which of them are unpacked.
     """
     if folder is not None:
         yield folder
         return
-    packed = _packed_maps()
+    packed = _packed_maps(towns)
     if not packed:
         yield None
         return
@@ -35,10 +36,10 @@ def carla_maps(folder: Path | None) -> Iterator[Path | None]:
         yield Path(scratch)
 
 
-def _packed_maps() -> Sequence[Path]:
-    """The compressed OpenDRIVE files of :data:`CARLA_TOWNS`."""
+def _packed_maps(towns: Sequence[str]) -> Sequence[Path]:
+    """The compressed OpenDRIVE files of these towns."""
     spec = find_spec(_TEST_DATA)
     if spec is None or not spec.submodule_search_locations:
         return ()
     maps = Path(spec.submodule_search_locations[0]) / "parser" / "opendrive" / "carla_maps"
-    return [path for town in CARLA_TOWNS if (path := maps / f"{town}.xodr.gz").is_file()]
+    return [path for town in towns if (path := maps / f"{town}.xodr.gz").is_file()]

@@ -117,7 +117,8 @@ def record_beside(
     asked, left_out = settings_of(rig, settings)
     asked["server"] = {**asked["server"], "kind": "remote", "host": host, "port": port}
     config = config_of(asked)
-    version = _version_of(host, port, config)
+    patience_s = max(wait_s, CALL_S)
+    version = _version_of(host, port, config, patience_s)
     store = open_store(out)
     place = work_folder(store.root, work)
 
@@ -135,7 +136,7 @@ def record_beside(
         check_output(place)
         check_open_files()
         store.check()
-        _check_room(asked, ask_server(host, port, version), place, store)
+        _check_room(asked, ask_server(host, port, version, patience_s), place, store)
         server_python = config.server.client_python, config.server.create_client_env
         client = find_client(version, server_python[0], create=server_python[1])
         follow = stack.enter_context(run_catalog(catalog, store.root, notice))
@@ -435,9 +436,10 @@ def _check_room(asked: Mapping[str, Any], facts: ServerFacts, place: Path, store
     )
 
 
-def _version_of(host: str, port: int, config: Config) -> str:
+def _version_of(host: str, port: int, config: Config, patience_s: float) -> str:
+    """What the server reports; while a program has it load a map, it answers nobody."""
     try:
-        version = probe_version(host, port)
+        version = probe_version(host, port, patience_s)
     except ServerError as error:
         raise BadInputError(
             f"No CARLA server answers at {host}:{port}: {error.message}",

@@ -48,7 +48,8 @@ def find_client(server_version: str, wanted: str = AUTO, *, create: bool = False
     """The interpreter to run the collector with.
 
     This Python is taken when its wheel fits, else one that was made for it before, then those on
-    PATH, below pyenv's versions and of uv.
+    PATH, below pyenv's versions and of uv. With a server that is newer than all known ones, the
+    wheel of the newest of these fits, and the server's own one where it is wanted.
 
     Args:
         server_version: what the server reports.
@@ -178,10 +179,12 @@ def import_problem(python: Path) -> str | None:
 def _wanted(python: Path, release: Release, server_version: str) -> ClientPython:
     check_interpreter(python)
     wheel = _wheel_in(python)
-    if wheel is None or release_of(wheel) != release:
+    own = release_of(server_version)  # newer than the newest known one: both are worth a try
+    if wheel is None or release_of(wheel) not in (release, own):
+        needed = f"{release}" if own in (release, None) else f"{own} or {release}"
         raise BadInputError(
             f"server.client_python: {python} has the carla wheel {wheel or 'of no version'}; "
-            f"CARLA {server_version} needs {release}.",
+            f"CARLA {server_version} needs {needed}.",
             f"Install carla=={release} into it, or use `auto`.",
         )
     if not imports_wheel(python):

@@ -26,6 +26,7 @@ from carstage_sim.sensors import (  # noqa: F401 - they register themselves
     dvs,
     events,
     flow,
+    gbuffers,
     lidar,
     navigation,
     obstacle,

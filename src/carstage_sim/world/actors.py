@@ -70,6 +70,8 @@ class Actor:
         arm: the spring arm that carries it.
         stream_id: stream of its data, 0 for what is no sensor.
         ignored: of a sensor, the ids of actors that it looks through.
+        gbuffers: of a camera, the streams of the renderer's buffers that clients asked for, by
+            CARLA's number.
         simulate_physics: whether the dynamics move it.
         collides: whether spawning onto it is refused.
         bones: the pose that a client gave a walker's bones, None for its walk.
@@ -89,6 +91,7 @@ class Actor:
     arm: SpringArm | None = None
     stream_id: int = 0
     ignored: frozenset[int] = frozenset()
+    gbuffers: dict[int, int] = field(default_factory=dict)
     simulate_physics: bool = True
     gravity: bool = True
     collides: bool = True

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carstage_sim.maps.ground import Ground
 from carstage_sim.maps.town import Town
@@ -119,13 +121,23 @@ class Mechanics:
         self._hidden_version = self._objects.version
         self._obstacles.hide(self._objects.hidden())
 
+    def zone_friction(self, actor_id: int) -> float | None:
+        """Tyre friction that a trigger imposes on a vehicle where it is; None outside of all."""
+        friction = self._zone_friction()
+        if friction is None:
+            return None
+        imposed = float(friction[self.fleet.row(actor_id)])
+        return None if math.isnan(imposed) else imposed
+
     def _set_grip(self, puddles_percent: float) -> None:
+        self.fleet.set_grip(puddles_percent, self._zone_friction())
+
+    def _zone_friction(self) -> NDArray[np.float64] | None:
         triggers = [
             actor
             for actor in self._table.of_kind(ActorKind.OTHER)
             if actor.type_id == FRICTION_TRIGGER
         ]
-        friction = None
-        if triggers:
-            friction = zone_friction(triggers, self._table, *self.fleet.footprints())
-        self.fleet.set_grip(puddles_percent, friction)
+        if not triggers:
+            return None
+        return zone_friction(triggers, self._table, *self.fleet.footprints())

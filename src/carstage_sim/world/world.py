@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -459,6 +460,21 @@ class World:
         if actor.blueprint is None or actor.blueprint.vehicle is None:
             raise WorldError(f"actor {actor.actor_id} is not a vehicle")
         return actor.blueprint.vehicle
+
+    def parameters_in_effect(self, actor: Actor) -> VehicleParameters:
+        """As :meth:`parameters`, with the tyre friction of a trigger that the vehicle is in.
+
+        Raises:
+            WorldError: it is no vehicle.
+        """
+        own = self.parameters(actor)
+        if actor.actor_id not in self.actors:
+            return own
+        imposed = self._mechanics.zone_friction(actor.actor_id)
+        if imposed is None:
+            return own
+        wheels = tuple(replace(wheel, tire_friction=imposed) for wheel in own.wheels)
+        return replace(own, wheels=wheels)
 
     def last_pose(self, actor: Actor) -> Pose:
         """Pose in the world; the origin for an actor that is gone."""

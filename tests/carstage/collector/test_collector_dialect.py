@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+
 import carla
 import pytest
 
@@ -12,6 +15,8 @@ from carstage.collector.internals.dialect import (
     weather_values,
 )
 from carstage.collector.internals.errors import VersionMismatchError
+from carstage.collector.internals.needed_names import NEEDED
+from client_wheels import wheel_python
 
 
 class SensorWithProperty:
@@ -79,3 +84,33 @@ def test_newest_known_client_goes_on_with_a_newer_server(
 ) -> None:
     check_versions("0.9.16", "0.10.0", ["0.10.0"])
     assert "0.10.0" in caplog.text
+
+
+def test_a_newer_client_of_the_servers_own_release_goes_on_where_it_has_all_names() -> None:
+    check_versions("0.9.17", "0.9.17", ["0.9.17"])
+
+
+def test_a_newer_client_that_lacks_names_is_refused_in_a_sentence_that_lists_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delattr(carla.World, "spawn_actor")
+    monkeypatch.delattr(carla, "WalkerControl")
+    with pytest.raises(VersionMismatchError) as refused:
+        check_versions("0.9.17", "0.9.17", [])
+    lacks = "lacks carla.WalkerControl, carla.World.spawn_actor, which recording needs."
+    assert refused.value.message == f"The carla wheel 0.9.17 {lacks}"
+    assert "0.9.16" in refused.value.hint
+
+
+_LACKING = """
+import carla, json, sys
+print([f"{owner}.{name}" for owner, names in json.loads(sys.argv[1]).items() for name in names
+       if not hasattr(getattr(carla, owner, None), name)])
+"""
+
+
+@pytest.mark.parametrize("version", ["0.9.13", "0.9.14", "0.9.15", "0.9.16"])
+def test_every_known_client_has_the_names_that_recording_needs(version: str) -> None:
+    command = [wheel_python(version), "-c", _LACKING, json.dumps(NEEDED)]
+    shown = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert shown.stdout.strip() == "[]"

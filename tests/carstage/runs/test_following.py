@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import carstage
-from carstage.errors import BadInputError, ConfigError, ConversionError
+from carstage.errors import BadInputError, ConfigError, ConversionError, ServerError
 from carstage.runs import RunResult, record_beside
 from carstage.runs.attempt_commit import AttemptCommit
 from carstage.runs.events import RunEvent
@@ -97,9 +97,67 @@ def test_a_program_at_full_speed_loses_no_frame(
     assert carstage.validate(out).ok
 
 
+RUNS_FREELY_AT_ITS_END = """
+import sys, carla
+client = carla.Client(sys.argv[1], int(sys.argv[2]))
+client.set_timeout(60.0)
+world = client.load_world("Stage01")
+settings = world.get_settings()
+settings.synchronous_mode, settings.fixed_delta_seconds = True, 0.1
+world.apply_settings(settings)
+blueprint = world.get_blueprint_library().find("vehicle.tesla.model3")
+blueprint.set_attribute("role_name", "hero")
+ego = world.spawn_actor(blueprint, world.get_map().get_spawn_points()[0])
+while not len(world.get_actors().filter("sensor.*")):
+    world.tick()
+for _ in range(60):
+    frame = world.tick()
+settings.synchronous_mode, settings.fixed_delta_seconds = False, None
+world.apply_settings(settings)
+for _ in range(20):
+    world.wait_for_tick()
+ego.destroy()
+print(frame)
+"""
+
+
+def test_a_program_that_lets_the_world_run_freely_ends_its_episode_there(
+    simulator: RunningSimulator, tmp_path: Path
+) -> None:
+    """As most of CARLA's programs do before they destroy their ego."""
+    out = tmp_path / "out"
+    command = [sys.executable, "-c", RUNS_FREELY_AT_ITS_END, simulator.host, str(simulator.port)]
+    program = subprocess.Popen(command, stdout=subprocess.PIPE)
+    try:
+        ended = record_beside(address(simulator), "hero", FAST_RIG, out, episodes=1)
+        told, _ = program.communicate(timeout=120.0)
+    finally:
+        program.kill()
+        program.communicate()
+    assert (ended.state, ended.committed) == ("done", 1)
+    (episode,) = carstage.Dataset(out).episodes
+    assert episode.ledger()["server_frame"].to_pylist()[-1] == int(told)
+    assert carstage.validate(out).ok
+
+
 def test_a_missing_server_is_bad_input(tmp_path: Path) -> None:
     with pytest.raises(BadInputError, match="No CARLA server answers"):
         record_beside(f"127.0.0.1:{free_port()}", "hero", RIG, tmp_path / "out")
+
+
+def test_a_server_that_loads_a_map_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waited: list[float] = []
+
+    def probe(_host: str, _port: int, timeout_s: float) -> str:
+        waited.append(timeout_s)
+        raise ServerError("timed out")
+
+    monkeypatch.setattr("carstage.runs.following.probe_version", probe)
+    with pytest.raises(BadInputError, match="No CARLA server answers"):
+        record_beside("127.0.0.1:1", "hero", RIG, tmp_path / "data", wait_s=77.0)
+    assert waited == [77.0]
 
 
 def test_an_ego_that_never_comes_is_bad_input(simulator: RunningSimulator, tmp_path: Path) -> None:

@@ -139,6 +139,18 @@ def test_wanted_python_is_taken_if_its_wheel_fits(machine: Path) -> None:
         find_client("0.9.14", str(python))
 
 
+def test_wheel_of_a_newer_servers_own_release_is_taken_where_the_user_names_it(
+    machine: Path,
+) -> None:
+    python = interpreter(machine / "mine", "3.12", "0.9.17")
+    found = find_client("0.9.17-dirty", str(python))
+    assert (found.path, found.client) == (python, "0.9.17")
+    with pytest.raises(BadInputError, match=r"0\.9\.17; CARLA 0\.9\.18 needs 0\.9\.18 or 0\.9\.16"):
+        find_client("0.9.18", str(python))
+    with pytest.raises(BadInputError, match=r"0\.9\.17; CARLA 0\.9\.16 needs 0\.9\.16\."):
+        find_client("0.9.16", str(python))
+
+
 def test_wanted_python_that_does_not_run_is_refused(machine: Path) -> None:
     with pytest.raises(BadInputError, match=r"server\.client_python.*no Python that runs"):
         find_client("0.9.15", str(machine / "nothing"))

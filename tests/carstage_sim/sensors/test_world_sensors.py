@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -75,6 +77,7 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(sensors):
     frames = sensors.capture(state(1, **WORLD), rig())
     assert [sensor_id for sensor_id, _ in frames] == [r.sensor_id for r in rig()]
     assert SensorRegistry.known() == (
+        "gbuffer.black",
         "sensor.camera.cosmos_visualization",
         "sensor.camera.depth",
         "sensor.camera.dvs",
@@ -155,17 +158,20 @@ def test_a_lidar_turns_on_over_frames_that_are_left_out(sensors):
 def test_sensors_that_look_at_nothing_measure_without_a_scene(trees):
     looking = {kind: SensorRegistry.looks(kind) for kind in SensorRegistry.known()}
     assert {kind for kind, looks in looking.items() if not looks} == {
+        "gbuffer.black",
         "sensor.other.imu",
         "sensor.other.gnss",
         "sensor.other.collision",
         "sensor.other.lane_invasion",
     }
-    kinds = [kind.removeprefix("sensor.") for kind in looking if not looking[kind]]
-    requests = [request(kind, 9 + place) for place, kind in enumerate(kinds)]
+    kinds = [kind for kind in looking if not looking[kind]]
+    requests = [
+        replace(request("other.imu", 9 + place), type_id=kind) for place, kind in enumerate(kinds)
+    ]
     with WorldSensors(town(GROUND), threads=1, cache=trees) as sensors:
         sensors.frame_of = None  # none may ask for it
         frames = list(sensors.instant.frames(state(1), requests))
-    assert {type(frame).__name__ for _, frame in frames} == {"ImuFrame", "GnssFrame"}
+    assert {type(frame).__name__ for _, frame in frames} == {"ImageFrame", "ImuFrame", "GnssFrame"}
 
 
 def test_a_new_episode_starts_with_new_sensors(sensors):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace
@@ -115,7 +116,7 @@ def test_a_pace_keeps_ticks_apart_and_calls_are_served_meanwhile(
         monkeypatch.setattr(server, "_serve_one", serve_one)
         monkeypatch.setattr(server, "_tick", tick)
         asks_again = cast(Any, SimpleNamespace(connection=object()))  # at once
-        server._tick_requests.append(TickRequest(asks_again))
+        server._tick_requests.append(TickRequest(asks_again, time.monotonic()))
         while len(ticks) < 3:
             server._run_when_told()
     assert ticks == pytest.approx(ticked_at_s)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import struct
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
@@ -193,6 +194,24 @@ def test_calls_are_answered_while_a_picture_is_drawn_and_the_next_tick_waits_for
     await_that(lambda: second() == first + 1)
     assert [frame_of(read_message(stream)) for _ in range(2)] == [first, first + 1]
     assert {name.partition("_")[0] for name in gate.threads} == {"drawing"}
+
+
+def test_a_tick_waits_a_second_at_most_while_one_frame_waits_to_be_drawn(
+    rig: Rig, gate: Gate
+) -> None:
+    """Programs give a call two seconds; a picture may take longer. None is lost."""
+    stream = rig.subscribed(rig.camera)
+    gate.open.clear()
+    first = rig.client.value("tick_cue")
+    await_that(lambda: gate.came == 1)
+    begin_s = time.monotonic()
+    assert rig.ticks(1) == [first + 1]
+    assert time.monotonic() - begin_s >= 1.0
+    more = rig.asking("tick_cue")
+    assert holds_for(2.0, lambda: more() is None)
+    gate.open.set()
+    await_that(lambda: more() == first + 2)
+    assert frames_of(stream, 3) == list(range(first, first + 3))
 
 
 def test_what_a_call_changes_while_a_frame_is_drawn_is_not_in_that_frame(

@@ -73,6 +73,7 @@ def find_all(port: int, tm_port: int) -> dict[str, Any]:
     world = WatchedWorld(client.get_world(), tm_port)
     found["map"] = (world.get_map().name, len(world.get_map().get_spawn_points()))
     found["scenery"] = scenery(world)
+    found["gbuffers"] = gbuffers(world)
     found["drive"] = drive(client, world, tm_port)
     found["batch"] = batch(client, world, tm_port)
     return found
@@ -237,6 +238,27 @@ def listening(world: Any, car: Any, type_id: str, callback: Any) -> Any:
     sensor = world.spawn_actor(blueprint, pose, attach_to=car)
     sensor.listen(callback)
     return sensor
+
+
+def gbuffers(world: Any) -> dict[str, Any]:
+    """Size and brightest byte of two of a camera's buffers; empty where the client knows none."""
+    if not hasattr(carla, "GBufferTextureID"):
+        return {}
+    blueprint = world.get_blueprint_library().find("sensor.camera.rgb")
+    blueprint.set_attribute("image_size_x", "96")
+    blueprint.set_attribute("image_size_y", "64")
+    place = world.get_map().get_spawn_points()[0]
+    camera = world.spawn_actor(blueprint, carla.Transform(place.location + carla.Location(z=2.0)))
+    found = {}
+    for name in ("SceneDepth", "SSAO"):
+        images: Queue[Any] = Queue()
+        camera.listen_to_gbuffer(getattr(carla.GBufferTextureID, name), images.put)
+        world.tick()
+        image = images.get(timeout=WAIT_S)
+        colours = [byte for place, byte in enumerate(bytes(image.raw_data)) if place % 4 < 3]
+        found[name] = [image.width, image.height, max(colours)]
+    camera.destroy()
+    return found
 
 
 def await_first_data(world: Any, queues: Any) -> None:

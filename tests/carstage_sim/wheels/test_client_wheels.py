@@ -92,6 +92,8 @@ def check(version: str, found: dict[str, Any]) -> None:
     scenery = found["scenery"]
     assert scenery["building_boxes"] == scenery["buildings"] > 0
     assert (scenery["kinds_of_poles"], scenery["road"][0]) == (["Poles"], "Roads")
+    buffers = {"SceneDepth": [96, 64, 255], "SSAO": [96, 64, 0]}
+    assert found["gbuffers"] == ({} if version == "0.9.13" else buffers)
     check_drive(found["drive"], set(found["library"]["sensors"]))
     check_batch(found["batch"])
 

@@ -197,6 +197,22 @@ def test_friction_triggers_and_water_lengthen_the_way_to_stop(
     assert dry < way(None, puddles=100.0) < 1.6 * dry
 
 
+def test_tyres_in_a_friction_trigger_read_its_friction(world: World, stage01: Town) -> None:
+    start = place(stage01)
+    car = world.spawn(CAR, {}, start)
+
+    def read() -> set[float]:
+        return {wheel.tire_friction for wheel in world.parameters_in_effect(car).wheels}
+
+    own = read()
+    extent = {f"extent_{axis}": "3000.0" for axis in "xyz"}
+    trigger = world.spawn("static.trigger.friction", {"friction": "5.0", **extent}, start)
+    tick(world, 0.05)
+    assert read() == {5.0}
+    world.destroy(trigger.actor_id)
+    assert read() == own
+
+
 def test_what_falls_out_of_the_world_is_destroyed(world: World) -> None:
     car = world.spawn(CAR, {}, Pose((5000.0, 0.0, KILL_HEIGHT_M + 2.0)))
     walker = world.spawn(WALKER, {}, Pose((5010.0, 0.0, KILL_HEIGHT_M + 2.0)))

@@ -209,17 +209,29 @@ def _events_as_array(_stage: TrialScene) -> None:
     expect(hasattr(carla.DVSEventArray, "to_array"), "to_array")
 
 
-@limited("Listening works and stays silent: there are no G-buffers.",
+@limited("Colours, depths, normals and tags come as from their cameras. No other buffer exists "
+         "where rays are traced: those are black, as CARLA sends what a scene lacks.",
          "ServerSideSensor.enable_gbuffers", "ServerSideSensor.listen_to_gbuffer",
          "ServerSideSensor.is_listening_gbuffer", "ServerSideSensor.stop_gbuffer")  # fmt: skip
 def _gbuffers(scene: TrialScene) -> None:
     camera = _camera(scene)
     camera.enable_gbuffers(True)
-    buffer = carla.GBufferTextureID.SceneDepth
-    camera.listen_to_gbuffer(buffer, lambda _data: None)
-    expect(camera.is_listening_gbuffer(buffer), "it does not listen")
-    scene.ticks(2)
-    camera.stop_gbuffer(buffer)
+    buffers = carla.GBufferTextureID
+    queues: dict[Any, Queue[Any]] = {}
+    for buffer in (buffers.SceneColor, buffers.SceneDepth, buffers.GBufferA, buffers.SSAO):
+        queues[buffer] = Queue()
+        camera.listen_to_gbuffer(buffer, queues[buffer].put)
+        expect(camera.is_listening_gbuffer(buffer), f"it does not listen to {buffer}")
+    frame = scene.ticks(2)
+    for buffer, queue in queues.items():
+        image = queue.get(timeout=20.0)
+        while image.frame < frame:
+            image = queue.get(timeout=20.0)
+        colours = np.frombuffer(image.raw_data, np.uint8).reshape(image.height, image.width, 4)
+        expect((image.width, image.height) == (64, 48), "its size is another")
+        expect(bool(colours[..., :3].any()) is (buffer != buffers.SSAO), f"{buffer} is black")
+        camera.stop_gbuffer(buffer)
+    expect(not camera.is_listening_gbuffer(buffers.SceneDepth), "it still listens")
     camera.enable_gbuffers(False)
 
 

@@ -11,7 +11,8 @@ from typing import Any, Dict, Iterable, List, Optional, Sequence
 import carla
 
 from carstage.collector.internals.errors import VersionMismatchError
-from carstage.releases import client_release, is_newer, refusal, release_of
+from carstage.collector.internals.needed_names import NEEDED
+from carstage.releases import NEWEST, client_release, is_newer, refusal, release_of
 from carstage.spec.labels import LEVEL_LABELS
 
 _log = logging.getLogger(__name__)
@@ -21,10 +22,13 @@ def check_versions(client: str, server: str, dialects: Iterable[str]) -> None:
     """Compare client, server and the planned dialects.
 
     A client speaks to servers of its own release. With a server that is newer than every known
-    release, the newest known client is used; the self-test shows what it understands.
+    release, the newest known client is used, or one of the server's own release that the user
+    names. Such a client must have all names that recording needs; the self-test then shows what
+    the server understands.
 
     Raises:
-        VersionMismatchError: they do not go together; names both versions.
+        VersionMismatchError: they do not go together; names both versions. Or names that an
+            unknown client lacks.
     """
     reason = refusal(server)
     if reason:
@@ -37,6 +41,12 @@ def check_versions(client: str, server: str, dialects: Iterable[str]) -> None:
             "The server is CARLA %s, the carla wheel of this Python is %s." % (server, client),
             "Run the collector under a Python that has the wheel of CARLA %s." % (wanted,),
         )
+    missing = lacking(carla) if is_newer(client) else []
+    if missing:
+        raise VersionMismatchError(
+            "The carla wheel %s lacks %s, which recording needs." % (client, ", ".join(missing)),
+            "Leave server.client_python at auto: the wheel %s is then tried." % (NEWEST,),
+        )
     if is_newer(server):
         _log.warning("CARLA %s is not known here: recording with the client %s", server, client)
     for dialect in dialects:
@@ -45,6 +55,18 @@ def check_versions(client: str, server: str, dialects: Iterable[str]) -> None:
                 "The episode is planned for CARLA %s, the server is %s." % (dialect, server),
                 "Plan the run anew for this server.",
             )
+
+
+def lacking(client: Any) -> List[str]:
+    """Names that recording needs and the module of a client does not have."""
+    missing = []
+    for owner, names in NEEDED.items():
+        found = getattr(client, owner, None)
+        if found is None:
+            missing.append("carla." + owner)
+        else:
+            missing += ["carla.%s.%s" % (owner, n) for n in names if not hasattr(found, n)]
+    return missing
 
 
 def is_listening(sensor: Any) -> bool:

@@ -42,6 +42,7 @@ PATIENCE_S = 10.0
 LOOK_S = 1.0
 """How often a silent world is asked whether it is still the same."""
 EXPECTED_ACTORS = 200
+STEP_TOLERANCE_S = 1e-6
 
 _log = logging.getLogger(__name__)
 
@@ -339,7 +340,20 @@ class FollowedEpisode:
             if seen.states is None:
                 return
             if seen.snapshot.frame > begun_after:
+                if not self._keeps_step(seen.snapshot):
+                    return
                 yield seen
+
+    def _keeps_step(self, snapshot: Any) -> bool:
+        """Whether a frame is as long as the world's step was when the ego was found.
+
+        Programs let the world run freely again before they destroy their ego.
+        """
+        step_s = snapshot.timestamp.delta_seconds
+        if abs(step_s - self._spec.step_s) <= STEP_TOLERANCE_S:
+            return True
+        _log.info("frame %d lasts %.6f s: the program has left its step", snapshot.frame, step_s)
+        return False
 
     def _is_there(self) -> bool:
         """Whether the server has the ego still."""

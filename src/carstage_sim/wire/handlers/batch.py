@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -48,7 +49,7 @@ def _command(name: str, call: str) -> Callable[[_Command], _Command]:
 def _apply_batch(call: Call, commands: list[Any], do_tick: bool = False) -> list[Any]:
     results = [_respond(call, command) for command in commands]
     if do_tick:
-        call.session.request_tick(TickRequest(call, is_answered=True))
+        call.session.request_tick(TickRequest(call, time.monotonic(), is_answered=True))
     return results
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import time
 from typing import Any
 
 from carstage_sim.maps import Bake, MapFileError, MapSamplingError, Town, generated_source
@@ -198,7 +199,7 @@ def _unparsed(error: MapSamplingError) -> CallError:
 @handles("tick_cue")
 def _tick_cue(call: Call) -> Any:
     """Answered after the frame's snapshot is out, so that the client need not spin for it."""
-    call.session.request_tick(TickRequest(call))
+    call.session.request_tick(TickRequest(call, time.monotonic()))
     return LATER
 
 

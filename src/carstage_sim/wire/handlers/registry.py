@@ -171,10 +171,12 @@ class TickRequest(NamedTuple):
 
     Attributes:
         call: which asks for it.
+        asked_s: when, by the monotonic clock.
         is_answered: whether it has its answer; otherwise that is the frame's number.
     """
 
     call: Call
+    asked_s: float
     is_answered: bool = False
 
 

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from carstage_sim.sensors.gbuffers import GBUFFERS
+from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
+from carstage_sim.wire.streaming import SENSORS_SUBSCRIBED_WITHIN_S
 from carstage_sim.wire.token import stream_token
+from carstage_sim.world.actors import Actor
 
 _LARGEST_ID = 2**32 - 1
 
@@ -27,21 +31,34 @@ def _set_ignored_vehicles(call: Call, actor_id: int, ignored: list[int]) -> None
 
 
 @handles("get_gbuffer_token")
-def _get_gbuffer_token(call: Call, actor_id: int, _buffer: int) -> bytes:
-    """A stream that stays silent: there are no G-buffers."""
-    call.world.live_or_dead(actor_id)
-    return stream_token(call.world.take_stream_id(), call.session.streaming_port)
+def _get_gbuffer_token(call: Call, actor_id: int, buffer: int) -> bytes:
+    """The stream of one of a camera's buffers; the same for all who ask."""
+    camera = _camera(call, actor_id)
+    if buffer not in GBUFFERS:
+        raise CallError(f"{buffer} is no G-buffer: 0 to {max(GBUFFERS)}")
+    if buffer not in camera.gbuffers:
+        camera.gbuffers[buffer] = call.world.take_stream_id()
+    stream_id = camera.gbuffers[buffer]
+    call.session.expect_subscriber(stream_id, SENSORS_SUBSCRIBED_WITHIN_S, call.connection)
+    return stream_token(stream_id, call.session.streaming_port)
+
+
+def _camera(call: Call, actor_id: int) -> Actor:
+    actor = call.world.live_or_dead(actor_id)
+    if not actor.type_id.startswith("sensor.camera."):
+        raise CallError(f"actor {actor_id} is no camera: it has no G-buffers")
+    return actor
 
 
 @handles_void("enable_gbuffers")
 def _enable_gbuffers(call: Call, actor_id: int, _enabled: bool) -> None:
-    call.world.live_or_dead(actor_id)
+    """Those that somebody listens to are sent, enabled or not."""
+    _camera(call, actor_id)
 
 
 @handles("are_gbuffers_enabled")
 def _are_gbuffers_enabled(call: Call, actor_id: int) -> bool:
-    call.world.live_or_dead(actor_id)
-    return False
+    return bool(_camera(call, actor_id).gbuffers)
 
 
 @handles_void("send")

@@ -76,7 +76,7 @@ def _apply_ackermann_controller_settings(call: Call, actor_id: int, gains: list[
 @handles("get_physics_control")
 def _get_physics_control(call: Call, actor_id: int) -> list[Any]:
     vehicle = _vehicle(call, actor_id)
-    return encode_physics(call.world.parameters(vehicle), call.world.last_pose(vehicle))
+    return encode_physics(call.world.parameters_in_effect(vehicle), call.world.last_pose(vehicle))
 
 
 def apply_physics(call: Call, actor_id: int, control: list[Any]) -> None:

@@ -20,6 +20,8 @@ POINTS = "points"
 TAGGED_POINTS = "tagged points"
 DETECTIONS = "detections"
 READING = "reading"
+VOXELS = "voxels"
+"""Of a kind that labels alone use: occupied voxels, each as a tagged point."""
 
 CAMERAS = (COLOUR, DEPTH, TAGS, INSTANCES, FLOW, NORMALS)
 """Contents that are pictures."""

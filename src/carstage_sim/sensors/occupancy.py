@@ -29,6 +29,9 @@ DEFAULTS: Final[Mapping[str, float]] = MappingProxyType(
 )  # fmt: skip
 _WHOLE: Final = 1e-6
 _FLU_FROM_CARLA: Final = np.array([1.0, -1.0, 1.0])
+_CORNERS: Final = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+_ALL: Final = (np.full(3, -1e30), np.full(3, 1e30))
+"""A box that holds all there is, but no child that is not there, whose box is infinite."""
 _FEW: Final = 1 << 12
 
 
@@ -81,9 +84,11 @@ class VoxelScan:
         self._first: NDArray[np.int32] = np.empty(size, np.int32)
         self._triangles: NDArray[np.float32] = np.empty((_FEW, 9), np.float32)
         self._parts: NDArray[np.int32] = np.empty(_FEW, np.int32)
+        self._visits: NDArray[np.int32] = np.empty((_FEW, 2), np.int32)
         self._links: NDArray[np.int32] = np.empty((_FEW, 2), np.int32)
         self._areas: NDArray[np.float64] = np.empty(_FEW, np.float64)
         self._stack: NDArray[np.int32] = np.empty(512, np.int32)
+        self._brought: NDArray[np.float64] = np.empty((9, 8), np.float64)
         self._scratch: NDArray[np.float64] = np.empty((5, 30), np.float64)
 
     def points(
@@ -97,14 +102,9 @@ class VoxelScan:
             rotation: ``(3, 3)`` world_from_sensor.
         """
         count = self._gather(frame, np.asarray(location, np.float64), rotation)
-        self._first.fill(EMPTY)
-        none = self._links[:0, 0].copy()
-        shared = mark(
-            self._triangles, self._parts, count, self._first,
-            none, self._links, self._areas, self._scratch,
-        )  # fmt: skip
+        shared, visits = self._mark(count)
         heads = np.full(shared, -1, np.int32)
-        entries = self._measure(count, heads)
+        entries = self._measure(visits, heads)
         most = int(np.count_nonzero(self._first >= 0)) + entries
         voxels = np.empty(most, np.int64)
         owners, tags = np.empty(most, np.int32), np.empty(most, np.int32)
@@ -127,17 +127,20 @@ class VoxelScan:
         grid_from_world = np.empty((3, 4))
         grid_from_world[:, :3] = _FLU_FROM_CARLA[:, None] * rotation.T / self._side_m
         grid_from_world[:, 3] = -grid_from_world[:, :3] @ location - self._low_m / self._side_m
-        count = self._of(scene.static, 0, grid_from_world, frame.static.tag, 0, 0)
+        corners = self._low_m + _CORNERS * self._size * self._side_m
+        world = (corners * _FLU_FROM_CARLA) @ rotation.T + location
+        box = world.min(axis=0), world.max(axis=0)
+        count = self._of(scene.static, 0, grid_from_world, box, frame.static.tag, 0, 0)
         turned = np.einsum("ij,njk->nik", grid_from_world[:, :3], scene.rotation)
         moved = scene.position @ grid_from_world[:, :3].T + grid_from_world[:, 3]
+        matrices = np.concatenate([turned, moved[:, :, None]], axis=2)
         middle, half = frame.bounds.mean(axis=1), np.ptp(frame.bounds, axis=1) / 2
         middle = np.einsum("nij,nj->ni", turned, middle) + moved
         reach = np.einsum("nij,nj->ni", np.abs(turned), half)
         near = ((middle + reach >= 0.0) & (middle - reach < self._size)).all(axis=1)
         for row in np.sort(scene.top_row[near[scene.top_row]]).tolist():
-            matrix = np.c_[turned[row], moved[row]]
             root, tags = int(scene.root[row]), frame.actors.tag
-            count = self._of(scene.actors, root, matrix, tags, row + 1, count)
+            count = self._of(scene.actors, root, matrices[row], _ALL, tags, row + 1, count)
         return count
 
     def _of(
@@ -145,6 +148,7 @@ class VoxelScan:
         geometry: Geometry,
         root: int,
         matrix: NDArray[np.float64],
+        box: tuple[NDArray[np.float64], NDArray[np.float64]],
         tags: NDArray[np.uint8],
         owner: int,
         before: int,
@@ -152,28 +156,35 @@ class VoxelScan:
         """Bring the triangles of one hierarchy into the grid, behind ``before`` others."""
         if not len(geometry.planes):
             return before
-        corners = np.stack(np.meshgrid(*([0.0, size] for size in self._size)), axis=-1)
-        there = (corners.reshape(-1, 3) - matrix[:, 3]) @ np.linalg.inv(matrix[:, :3]).T
         while True:
             count: int = gather(
                 geometry.planes, geometry.children, geometry.corners, geometry.numbers, root,
-                np.ascontiguousarray(matrix), there.min(axis=0), there.max(axis=0), self._size,
-                tags, owner, self._stack, before, self._triangles, self._parts,
+                matrix, *box, self._size, tags, owner, self._stack, self._brought, before,
+                self._triangles, self._parts,
             )  # fmt: skip
             if count < len(self._parts):
                 return count
-            kept, self._triangles, self._parts = (
-                (self._triangles, self._parts),
-                np.empty((2 * count, 9), np.float32),
-                np.empty(2 * count, np.int32),
-            )
-            self._triangles[:before], self._parts[:before] = kept[0][:before], kept[1][:before]
+            triangles, parts = self._triangles[:before], self._parts[:before]
+            self._triangles = np.empty((2 * count, 9), np.float32)
+            self._parts = np.empty(2 * count, np.int32)
+            self._triangles[:before], self._parts[:before] = triangles, parts
 
-    def _measure(self, count: int, heads: NDArray[np.int32]) -> int:
+    def _mark(self, count: int) -> tuple[int, int]:
+        """Find all voxels of the triangles; how many have several parts, and all visits."""
+        while True:
+            self._first.fill(EMPTY)
+            shared, visits = mark(
+                self._triangles, self._parts, count, self._first, self._visits, self._scratch
+            )
+            if visits <= len(self._visits):
+                return shared, visits
+            self._visits = np.empty((2 * visits, 2), np.int32)
+
+    def _measure(self, visits: int, heads: NDArray[np.int32]) -> int:
         """Add up surfaces in voxels that several parts share; how many entries there are."""
         while True:
             entries: int = measure(
-                self._triangles, self._parts, count, self._first,
+                self._triangles, self._parts, self._visits, visits, self._first,
                 heads, self._links, self._areas, self._scratch,
             )  # fmt: skip
             if entries <= len(self._areas):

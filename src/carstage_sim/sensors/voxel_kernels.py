@@ -25,8 +25,8 @@ _SHARED = -2
 
 @kernel
 def gather(  # type: ignore[no-untyped-def]
-    planes, children, corners, numbers, root, matrix, low, high, size, tags, owner, stack, used,
-    triangles, parts,
+    planes, children, corners, numbers, root, matrix, low, high, size, tags, owner, stack,
+    brought, used, triangles, parts,
 ):  # fmt: skip
     """Bring the triangles of a hierarchy that may be in the grid there, behind those before.
 
@@ -39,6 +39,7 @@ def gather(  # type: ignore[no-untyped-def]
         tags: ``(T,)`` of triangles by their numbers.
         owner: whose they are.
         stack: ``(512,)`` int32.
+        brought: ``(9, 8)`` float64.
         used: how many are there.
         triangles: ``(N, 9)`` float32, filled up to its end.
         parts: ``(N,)`` int32, likewise.
@@ -64,62 +65,82 @@ def gather(  # type: ignore[no-untyped-def]
                 depth += 1
                 continue
             block = -1 - child
+            _bring(corners[block], matrix, brought)
             for place in range(LANES):
                 number = numbers[block, place]
-                if number < 0:
-                    continue
-                row = min(used, len(parts) - 1)
-                if _bring(corners[block], place, matrix, size, triangles[row]):
+                if number >= 0 and _is_near(brought, place, size):
+                    row = min(used, len(parts) - 1)
+                    for k in range(9):
+                        triangles[row, k] = brought[k, place]
                     parts[row] = owner * TAGS + tags[number]
                     used += 1
     return used
 
 
 @device
-def _bring(corners, place, matrix, size, triangle):  # type: ignore[no-untyped-def]
-    """Bring a triangle's corners into the grid's frame; whether its box meets the grid."""
+def _bring(corners, matrix, brought):  # type: ignore[no-untyped-def]
+    """Bring the corners of a block's triangles into the grid's frame, all lanes at once."""
     for axis in range(3):
-        least, most = np.inf, -np.inf
-        for corner in range(3):
-            value = matrix[axis, 3]
-            for k in range(3):
-                value += matrix[axis, k] * corners[3 * corner + k, place]
-            triangle[3 * corner + axis] = value
-            least, most = min(least, value), max(most, value)
-        if most < 0.0 or least >= size[axis]:
+        a, b, c, d = matrix[axis, 0], matrix[axis, 1], matrix[axis, 2], matrix[axis, 3]
+        for corner in range(0, 9, 3):
+            for lane in range(LANES):
+                brought[corner + axis, lane] = (
+                    a * corners[corner, lane]
+                    + b * corners[corner + 1, lane]
+                    + c * corners[corner + 2, lane]
+                    + d
+                )
+
+
+@device
+def _is_near(brought, lane, size):  # type: ignore[no-untyped-def]
+    """Whether a triangle's box meets the grid."""
+    for axis in range(3):
+        one, two, three = brought[axis, lane], brought[3 + axis, lane], brought[6 + axis, lane]
+        if max(one, two, three) < 0.0 or min(one, two, three) >= size[axis]:
             return False
     return True
 
 
 @kernel
-def mark(triangles, parts, count, first, heads, links, areas, scratch):  # type: ignore[no-untyped-def]
-    """Note which part is in each voxel.
+def mark(triangles, parts, count, first, visits, scratch):  # type: ignore[no-untyped-def]
+    """Note which part is in each voxel, and which triangles are.
 
     Args:
         triangles, parts: of :func:`gather`.
         count: how many there are.
         first: ``(X, Y, Z)`` int32, ``EMPTY`` before; the part of each voxel that has one, and for
             the n-th of those that have several ``-2 - n``.
-        heads, links, areas: as for :func:`measure`, not used.
+        visits: ``(V, 2)`` int32, set: a voxel's flat number, and a triangle that is in it.
         scratch: ``(5, 30)`` float64.
 
     Returns:
-        How many voxels have several parts.
+        How many voxels have several parts, and how many visits there are; more than fit if some
+        were not kept.
     """
-    shared = 0
+    used = 0
     for n in range(count):
-        shared, _ = _visit(
-            triangles[n], parts[n], first, shared, True, heads, links, areas, 0, scratch
-        )
-    return shared
+        used = _visit(triangles[n], n, first, visits, used, scratch)
+    shared = 0
+    flat = first.reshape(-1)
+    for n in range(min(used, len(visits))):
+        voxel, part = visits[n, 0], parts[visits[n, 1]]
+        found = flat[voxel]
+        if found == EMPTY:
+            flat[voxel] = part
+        elif found >= 0 and found != part:
+            flat[voxel] = _SHARED - shared
+            shared += 1
+    return shared, used
 
 
 @kernel
-def measure(triangles, parts, count, first, heads, links, areas, scratch):  # type: ignore[no-untyped-def]
+def measure(triangles, parts, visits, used, first, heads, links, areas, scratch):  # type: ignore[no-untyped-def]
     """Add up the surface of each part in the voxels that have several.
 
     Args:
-        triangles, parts, count, first, scratch: of :func:`mark`.
+        triangles, parts, visits, first, scratch: of :func:`mark`.
+        used: how many visits there are.
         heads: ``(S,)`` int32, -1 before; the first entry of each of those voxels.
         links: ``(E, 2)`` int32: an entry's part, and the voxel's next entry.
         areas: ``(E,)`` float64, in squares of a voxel's side.
@@ -128,36 +149,55 @@ def measure(triangles, parts, count, first, heads, links, areas, scratch):  # ty
         How many entries there are; more than fit if some were not kept.
     """
     entries = 0
-    for n in range(count):
-        _, entries = _visit(
-            triangles[n], parts[n], first, 0, False, heads, links, areas, entries, scratch
-        )
+    flat = first.reshape(-1)
+    for n in range(used):
+        voxel, triangle = visits[n, 0], visits[n, 1]
+        if flat[voxel] > _SHARED:
+            continue
+        place, part = _SHARED - flat[voxel], parts[triangle]
+        entry = heads[place]
+        while entry >= 0 and links[entry, 0] != part:
+            entry = links[entry, 1]
+        if entry < 0:
+            entry = entries
+            entries += 1
+            if entry >= len(areas):
+                continue
+            links[entry, 0], links[entry, 1] = part, heads[place]
+            areas[entry] = 0.0
+            heads[place] = entry
+        column = voxel // first.shape[2]
+        x, y, z = column // first.shape[1], column % first.shape[1], voxel % first.shape[2]
+        areas[entry] += _area(triangles[triangle], x, y, z, scratch)
     return entries
 
 
 @device
-def _visit(t, part, first, shared, marks, heads, links, areas, entries, scratch):  # type: ignore[no-untyped-def]
-    """Note a triangle in all voxels that it is in, or add up its surface in them."""
+def _visit(t, number, first, visits, used, scratch):  # type: ignore[no-untyped-def]
+    """Note all voxels that a triangle is in; how many visits there are then."""
     low_x, high_x = _span(t, 0)
     low_y, high_y = _span(t, 1)
     low_z, high_z = _span(t, 2)
     single = (low_x == high_x) + (low_y == high_y) + (low_z == high_z)
-    nx, ny, nz = _normal(t)
-    if nx == 0.0 and ny == 0.0 and nz == 0.0:
-        return shared, entries
+    if single == 3 and t[0] == t[3] and t[0] == t[6] and t[1] == t[4] and t[1] == t[7]:
+        return used  # hidden triangles are points
     if single < 2:
-        return _scan(t, part, first, shared, marks, heads, links, areas, entries, scratch)
+        return _scan(t, number, first, visits, used, scratch)
     # It stays within a row of voxels, so it is in each from its one end to the other.
     for x in range(max(low_x, 0), min(high_x, first.shape[0] - 1) + 1):
         for y in range(max(low_y, 0), min(high_y, first.shape[1] - 1) + 1):
             for z in range(max(low_z, 0), min(high_z, first.shape[2] - 1) + 1):
-                if marks:
-                    shared = _note(first, x, y, z, part, shared)
-                elif first[x, y, z] <= _SHARED:
-                    entries = _add(
-                        t, part, first, x, y, z, heads, links, areas, entries, scratch
-                    )  # fmt: skip
-    return shared, entries
+                used = _keep(first, x, y, z, number, visits, used)
+    return used
+
+
+@device
+def _keep(first, x, y, z, number, visits, used):  # type: ignore[no-untyped-def]
+    """Keep one visit, where there is room."""
+    if used < len(visits):
+        visits[used, 0] = (x * first.shape[1] + y) * first.shape[2] + z
+        visits[used, 1] = number
+    return used + 1
 
 
 @device
@@ -177,12 +217,14 @@ def _normal(t):  # type: ignore[no-untyped-def]
 
 
 @device
-def _scan(t, part, first, shared, marks, heads, links, areas, entries, scratch):  # type: ignore[no-untyped-def]
+def _scan(t, number, first, visits, used, scratch):  # type: ignore[no-untyped-def]
     """As :func:`_visit`, of a triangle that is in more than a row of voxels.
 
     Rows run along the axis ``v`` of its steepest projection, columns along ``w``.
     """
     normal = _normal(t)
+    if normal[0] == 0.0 and normal[1] == 0.0 and normal[2] == 0.0:
+        return used
     u, v, w = _axes(normal)
     edges = scratch[:3]
     for k in range(3):
@@ -200,16 +242,10 @@ def _scan(t, part, first, shared, marks, heads, links, areas, entries, scratch):
             base = height + slope_u * i + slope_v * j
             lowest = max(int(np.floor(base)), first_w)
             for k in range(lowest, min(int(np.floor(base + rise)), last_w) + 1):
-                if not (_inside(edges[1], j, k) and _inside(edges[2], k, i)):
-                    continue
-                x, y, z = (i, j, k) if w == 2 else (k, i, j) if w == 0 else (j, k, i)
-                if marks:
-                    shared = _note(first, x, y, z, part, shared)
-                elif first[x, y, z] <= _SHARED:
-                    entries = _add(
-                        t, part, first, x, y, z, heads, links, areas, entries, scratch
-                    )  # fmt: skip
-    return shared, entries
+                if _inside(edges[1], j, k) and _inside(edges[2], k, i):
+                    x, y, z = (i, j, k) if w == 2 else (k, i, j) if w == 0 else (j, k, i)
+                    used = _keep(first, x, y, z, number, visits, used)
+    return used
 
 
 @device
@@ -268,49 +304,18 @@ def _row(t, v, i, edges, size):  # type: ignore[no-untyped-def]
 
 
 @device
-def _note(first, x, y, z, part, shared):  # type: ignore[no-untyped-def]
-    """Note a part in a voxel; how many have several."""
-    found = first[x, y, z]
-    if found == EMPTY:
-        first[x, y, z] = part
-    elif found >= 0 and found != part:
-        first[x, y, z] = _SHARED - shared
-        return shared + 1
-    return shared
-
-
-@device
-def _add(t, part, first, x, y, z, heads, links, areas, entries, scratch):  # type: ignore[no-untyped-def]
-    """Add the surface of a triangle in a voxel to its part's; how many entries there are."""
-    place = _SHARED - first[x, y, z]
-    entry = heads[place]
-    while entry >= 0 and links[entry, 0] != part:
-        entry = links[entry, 1]
-    if entry < 0:
-        entry = entries
-        entries += 1
-        if entry >= len(areas):
-            return entries
-        links[entry, 0], links[entry, 1] = part, heads[place]
-        areas[entry] = 0.0
-        heads[place] = entry
-    areas[entry] += _area(t, x, y, z, scratch)
-    return entries
-
-
-@device
 def _area(t, x, y, z, scratch):  # type: ignore[no-untyped-def]
     """A triangle's area in a voxel: cut at its six faces, after Sutherland and Hodgman (1974)."""
     near, far = scratch[3], scratch[4]
+    for n in range(0, 9, 3):
+        near[n], near[n + 1], near[n + 2] = t[n] - x, t[n + 1] - y, t[n + 2] - z
     whole = True
-    for axis in range(3):
-        low, high = _span(t, axis)
-        whole &= low == high
+    for n in range(9):
+        whole &= near[n] >= 0.0
+        whole &= near[n] <= 1.0
     if whole:
         nx, ny, nz = _normal(t)
         return 0.5 * np.sqrt(nx * nx + ny * ny + nz * nz)
-    for n in range(0, 9, 3):
-        near[n], near[n + 1], near[n + 2] = t[n] - x, t[n + 1] - y, t[n + 2] - z
     count = 3
     for face in range(6):
         count = _cut(near, count, face % 3, face >= 3, far)

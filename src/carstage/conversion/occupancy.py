@@ -102,7 +102,8 @@ class ExactMaker:
         """
         grid, pose = self._frames.grid, self._frames.pose(world, poses)
         matrix = grid_from_world(pose)
-        mask = seen_voxels(grid, matrix, seen, [surface(grid, matrix, one) for one in seen])
+        swept = [surface(grid, matrix, one) if isinstance(one, Sweep) else None for one in seen]
+        mask = seen_voxels(grid, matrix, seen, swept)
         points = np.zeros(0, record_dtype(self._kind))
         if record is not None:
             payload = dataset_payload(self._kind, self._server, record.payload)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from carstage.geometry import FloatArray, invert_pose
 from carstage.occupancy.grid import FREE, VoxelGrid, grid_from_world, placed
 from carstage.occupancy.objects import MOVABLE_TAGS, RIDER_TAG, RoadUser, owners, road_users
 from carstage.occupancy.placing import Voxels, motion
+
+_AXES: Final = (("x", 1.0), ("y", -1.0), ("z", 1.0))
+_IS_MOVABLE: Final = np.isin(np.arange(256), MOVABLE_TAGS)
 
 
 def exact_voxels(
@@ -36,17 +39,18 @@ def exact_voxels(
         ValueError: a point is not in the grid.
     """
     users = [user for user in road_users(objects) if not user.row["is_ego"]]
-    middles = np.stack([points["x"], -points["y"], points["z"]], axis=-1).astype(np.float64)
-    cells, inside = grid.cells((middles - np.array(grid.low_m)) / grid.side_m)
-    if not inside.all():
-        raise ValueError(f"{np.count_nonzero(~inside)} voxels are outside of the grid")
-    tags = points["object_tag"].astype(np.uint8)
-    owner = _by_id(points["object_idx"], users)
-    loose = np.flatnonzero(np.isin(tags, MOVABLE_TAGS) & (points["object_idx"] == 0))
-    world = placed(invert_pose(grid_from_world(world_from_frame)), middles[loose])
+    cells = _cells(grid, points)
+    tags, ids = points["object_tag"].astype(np.uint8), points["object_idx"]
+    movable = _IS_MOVABLE[tags]
+    owner = np.full(len(points), -1, np.int64)
+    actors = np.flatnonzero(ids)
+    owner[actors] = _by_id(ids[actors], users)
+    loose = np.flatnonzero(movable & (ids == 0))
+    world_from_grid = invert_pose(grid_from_world(world_from_frame))
+    world = placed(world_from_grid, grid.centres(cells[loose]))
     owner[loose] = owners(world, users, grid.side_m * np.sqrt(3.0) / 2.0)
     semantic: NDArray[np.uint8] = np.full(grid.count, FREE, np.uint8)
-    of_town = np.flatnonzero((owner < 0) & ~np.isin(tags, MOVABLE_TAGS))[::-1]
+    of_town = np.flatnonzero((owner < 0) & ~movable)[::-1]
     semantic[cells[of_town]] = tags[of_town]  # of one voxel, what comes first is written last
     of_users = np.flatnonzero(owner >= 0)
     taken, first = np.unique(cells[of_users], return_index=True)
@@ -63,6 +67,20 @@ def exact_voxels(
         np.array([user.track_id for user in shown], np.int64),
         **motion(world_from_frame, shown),
     )
+
+
+def _cells(grid: VoxelGrid, points: NDArray[Any]) -> NDArray[np.int64]:
+    """``(N,)`` flat numbers of the voxels that points are the middles of."""
+    cells: NDArray[np.int64] = np.zeros(len(points), np.int64)
+    outside: NDArray[np.bool_] = np.zeros(len(points), np.bool_)
+    for axis, (name, sign) in enumerate(_AXES):
+        place = (points[name] * np.float32(sign) - grid.low_m[axis]) / grid.side_m
+        cell = np.floor(place).astype(np.int64)
+        outside |= (cell < 0) | (cell >= grid.shape[axis])
+        cells = cells * grid.shape[axis] + cell
+    if outside.any():
+        raise ValueError(f"{np.count_nonzero(outside)} voxels are outside of the grid")
+    return cells
 
 
 def _by_id(ids: NDArray[np.uint32], users: Sequence[RoadUser]) -> NDArray[np.int64]:

@@ -30,7 +30,7 @@ CLOUDS = (POINTS, TAGGED_POINTS)
 ROWS = (DETECTIONS, READING)
 """Contents that are rows of one Parquet file per episode."""
 
-_VIEWERS = {DETECTIONS: "radar", READING: "none"}
+_VIEWERS = {DETECTIONS: "radar", READING: "none", VOXELS: "none"}
 _SIZES = {"|u1": 1, "<f4": 4, "<u4": 4, "<f8": 8}
 
 

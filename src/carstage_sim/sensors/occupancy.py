@@ -102,22 +102,15 @@ class VoxelScan:
             rotation: ``(3, 3)`` world_from_sensor.
         """
         count = self._gather(frame, np.asarray(location, np.float64), rotation)
-        shared, visits = self._mark(count)
+        taken, shared, visits = self._mark(count)
         heads = np.full(shared, -1, np.int32)
         entries = self._measure(visits, heads)
-        most = int(np.count_nonzero(self._first >= 0)) + entries
-        voxels = np.empty(most, np.int64)
-        owners, tags = np.empty(most, np.int32), np.empty(most, np.int32)
-        rows = collect(self._first, heads, self._links, self._areas, voxels, owners, tags)
-        points = np.zeros(rows, SEMANTIC_POINT)
-        places = np.unravel_index(voxels[:rows], self._first.shape)
-        for axis, name in enumerate("xyz"):
-            middle = (places[axis] + 0.5) * self._side_m + self._low_m[axis]
-            points[name] = middle * _FLU_FROM_CARLA[axis]
-        ids = np.append(np.uint32(0), frame.actor_id)
-        points["object_idx"] = ids[owners[:rows]]
-        points["object_tag"] = tags[:rows]
-        return points
+        codes: NDArray[np.uint32] = np.zeros((taken + entries, 6), np.uint32)
+        rows = collect(
+            self._first, heads, self._links, self._areas, self._low_m, self._side_m,
+            np.append(np.uint32(0), frame.actor_id), codes.view(np.float32), codes,
+        )  # fmt: skip
+        return codes[:rows].view(SEMANTIC_POINT).reshape(-1)
 
     def _gather(
         self, frame: Frame, location: NDArray[np.float64], rotation: NDArray[np.float64]
@@ -169,15 +162,15 @@ class VoxelScan:
             self._parts = np.empty(2 * count, np.int32)
             self._triangles[:before], self._parts[:before] = triangles, parts
 
-    def _mark(self, count: int) -> tuple[int, int]:
-        """Find all voxels of the triangles; how many have several parts, and all visits."""
+    def _mark(self, count: int) -> tuple[int, int, int]:
+        """Find all voxels of the triangles; how many, how many have several parts, all visits."""
         while True:
             self._first.fill(EMPTY)
-            shared, visits = mark(
+            taken, shared, visits = mark(
                 self._triangles, self._parts, count, self._first, self._visits, self._scratch
             )
             if visits <= len(self._visits):
-                return shared, visits
+                return taken, shared, visits
             self._visits = np.empty((2 * visits, 2), np.int32)
 
     def _measure(self, visits: int, heads: NDArray[np.int32]) -> int:

@@ -115,23 +115,24 @@ def mark(triangles, parts, count, first, visits, scratch):  # type: ignore[no-un
         scratch: ``(5, 30)`` float64.
 
     Returns:
-        How many voxels have several parts, and how many visits there are; more than fit if some
-        were not kept.
+        How many voxels have a part, how many have several, and how many visits there are; more
+        than fit if some were not kept.
     """
     used = 0
     for n in range(count):
         used = _visit(triangles[n], n, first, visits, used, scratch)
-    shared = 0
+    taken, shared = 0, 0
     flat = first.reshape(-1)
     for n in range(min(used, len(visits))):
         voxel, part = visits[n, 0], parts[visits[n, 1]]
         found = flat[voxel]
         if found == EMPTY:
             flat[voxel] = part
+            taken += 1
         elif found >= 0 and found != part:
             flat[voxel] = _SHARED - shared
             shared += 1
-    return shared, used
+    return taken, shared, used
 
 
 @kernel
@@ -352,7 +353,7 @@ def _cut(polygon, count, axis, upper, kept):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def collect(first, heads, links, areas, voxels, owners, tags):  # type: ignore[no-untyped-def]
+def collect(first, heads, links, areas, low_m, side_m, ids, places, codes):  # type: ignore[no-untyped-def]
     """What is in each voxel: a row for each owner, the one with most surface first.
 
     An owner's tag is that of most of its surface in the voxel. Of equal ones, lower numbers go
@@ -360,30 +361,34 @@ def collect(first, heads, links, areas, voxels, owners, tags):  # type: ignore[n
 
     Args:
         first, heads, links, areas: of :func:`mark` and :func:`measure`; ``areas`` is used up.
-        voxels: ``(N,)`` int64, set: flat numbers of voxels, ascending.
-        owners, tags: ``(N,)`` int32, set.
+        low_m: ``(3,)`` of the grid's lower corner: forward, left, up.
+        side_m: of a voxel.
+        ids: ``(I + 1,)`` uint32 of the owners.
+        places, codes: ``(N, 6)`` float32 and uint32, the same memory, set: rows of
+            ``SEMANTIC_POINT`` in the order of the voxels.
 
     Returns:
         How many rows there are.
     """
     rows = 0
-    flat = 0
     for x in range(first.shape[0]):
         for y in range(first.shape[1]):
             for z in range(first.shape[2]):
                 part = first[x, y, z]
-                if part >= 0:
-                    voxels[rows], owners[rows], tags[rows] = flat, part // TAGS, part % TAGS
-                    rows += 1
-                elif part <= _SHARED:
-                    entry = heads[_SHARED - part]
-                    while True:
+                entry = heads[_SHARED - part] if part <= _SHARED else -1
+                while part != EMPTY:
+                    owner, tag = part // TAGS, part % TAGS
+                    if part <= _SHARED:
                         owner, tag = _take_most(entry, links, areas)
                         if owner < 0:
                             break
-                        voxels[rows], owners[rows], tags[rows] = flat, owner, tag
-                        rows += 1
-                flat += 1
+                    places[rows, 0] = (x + 0.5) * side_m + low_m[0]
+                    places[rows, 1] = -((y + 0.5) * side_m + low_m[1])
+                    places[rows, 2] = (z + 0.5) * side_m + low_m[2]
+                    codes[rows, 4], codes[rows, 5] = ids[owner], tag
+                    rows += 1
+                    if part >= 0:
+                        break
     return rows
 
 

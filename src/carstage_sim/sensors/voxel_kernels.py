@@ -182,8 +182,11 @@ def _visit(t, number, first, visits, used, scratch):  # type: ignore[no-untyped-
     single = (low_x == high_x) + (low_y == high_y) + (low_z == high_z)
     if single == 3 and t[0] == t[3] and t[0] == t[6] and t[1] == t[4] and t[1] == t[7]:
         return used  # hidden triangles are points
-    if single < 2:
+    if single == 0:
         return _scan(t, number, first, visits, used, scratch)
+    if single == 1:
+        w = 0 if low_x == high_x else 1 if low_y == high_y else 2
+        return _fill(t, w, number, first, visits, used, scratch)
     # It stays within a row of voxels, so it is in each from its one end to the other.
     for x in range(max(low_x, 0), min(high_x, first.shape[0] - 1) + 1):
         for y in range(max(low_y, 0), min(high_y, first.shape[1] - 1) + 1):
@@ -250,6 +253,27 @@ def _scan(t, number, first, visits, used, scratch):  # type: ignore[no-untyped-d
 
 
 @device
+def _fill(t, w, number, first, visits, used, scratch):  # type: ignore[no-untyped-def]
+    """As :func:`_visit`, of a triangle that stays within a layer of voxels across axis ``w``.
+
+    It is in those that its projection along that axis is in.
+    """
+    u, v = (w + 1) % 3, (w + 2) % 3
+    normal, edges = _normal(t), scratch[0]
+    k = _span(t, w)[0]
+    if k < 0 or k >= first.shape[w]:
+        return used
+    _edges(t, u, v, normal[w], edges)
+    first_u, last_u = _span(t, u)
+    for i in range(max(first_u, 0), min(last_u, first.shape[u] - 1) + 1):
+        first_v, last_v = _row(t, v, i, edges, first.shape[v])
+        for j in range(first_v, last_v + 1):
+            x, y, z = (i, j, k) if w == 2 else (k, i, j) if w == 0 else (j, k, i)
+            used = _keep(first, x, y, z, number, visits, used)
+    return used
+
+
+@device
 def _axes(normal):  # type: ignore[no-untyped-def]
     """The axes of the projection in which a triangle is largest, and the third one."""
     x, y, z = abs(normal[0]), abs(normal[1]), abs(normal[2])
@@ -310,17 +334,12 @@ def _area(t, x, y, z, scratch):  # type: ignore[no-untyped-def]
     near, far = scratch[3], scratch[4]
     for n in range(0, 9, 3):
         near[n], near[n + 1], near[n + 2] = t[n] - x, t[n + 1] - y, t[n + 2] - z
-    whole = True
-    for n in range(9):
-        whole &= near[n] >= 0.0
-        whole &= near[n] <= 1.0
-    if whole:
-        nx, ny, nz = _normal(t)
-        return 0.5 * np.sqrt(nx * nx + ny * ny + nz * nz)
     count = 3
     for face in range(6):
-        count = _cut(near, count, face % 3, face >= 3, far)
-        near, far = far, near
+        axis, upper = face % 3, face >= 3
+        if _leaves(near, count, axis, upper):
+            count = _cut(near, count, axis, upper, far)
+            near, far = far, near
     sx, sy, sz = 0.0, 0.0, 0.0
     for n in range(3, 3 * count - 3, 3):
         ax, ay, az = near[n] - near[0], near[n + 1] - near[1], near[n + 2] - near[2]
@@ -329,6 +348,15 @@ def _area(t, x, y, z, scratch):  # type: ignore[no-untyped-def]
         sy += az * bx - ax * bz
         sz += ax * by - ay * bx
     return 0.5 * np.sqrt(sx * sx + sy * sy + sz * sz)
+
+
+@device
+def _leaves(polygon, count, axis, upper):  # type: ignore[no-untyped-def]
+    """Whether a polygon goes below 0 along an axis, or above 1."""
+    leaves = False
+    for n in range(axis, 3 * count, 3):
+        leaves |= polygon[n] > 1.0 if upper else polygon[n] < 0.0
+    return leaves
 
 
 @device

@@ -78,7 +78,7 @@ def measure_occupancy(
         if episode.spec.map not in towns:
             towns[episode.spec.map] = TownVoxels(episode.spec.map, near_m)
         town = towns[episode.spec.map]
-        made, cost_ms = _made_again(episode)
+        made, cost_ms = made_again(episode)
         spent_ms += cost_ms
         for frame in episode.iter_frames():
             stored = episode.occupancy(frame.k)
@@ -88,10 +88,10 @@ def measure_occupancy(
             packed = pack_occupancy(stored)
             sizes.append(len(packed))
             otherwise += packed != made[frame.k]
-            for points in _depth_points(frame, rng):
-                found = _explained(frame, stored, points)
+            for points in depth_points(frame, rng):
+                found = explained(frame, stored, points)
                 near, pixels = near + int(found.sum()), pixels + len(found)
-            right, count = _in_boxes(frame, stored)
+            right, count = in_boxes(frame, stored)
             inside, of_boxes, frames = inside + right, of_boxes + count, frames + 1
             progress(frames, total)
         slow.append(slowness())
@@ -134,15 +134,15 @@ def measure_occupancy(
     return Verdict("occupancy", figures, notes)
 
 
-def _made_again(episode: Episode) -> tuple[dict[int, bytes], list[float]]:
+def made_again(episode: Episode) -> tuple[dict[int, bytes], list[float]]:
     """The files of an episode by frame, and CPU milliseconds for each frame."""
     asked = episode.spec.labels.occupancy
     assert asked is not None
     grid = VoxelGrid.of(asked)
     gathering, masks, spent = Gathering(grid), {}, {}
     for frame in episode.iter_frames():
-        seen, rows = list(_seen(frame)), _rows(frame)
-        pose = _frame_pose(frame, asked.frame)
+        seen, rows = list(seen_by(frame)), object_rows(frame)
+        pose = frame_pose(frame, asked.frame)
         started = time.process_time()
         masks[frame.k] = gathering.add(pose, rows, seen)
         spent[frame.k] = time.process_time() - started
@@ -151,7 +151,7 @@ def _made_again(episode: Episode) -> tuple[dict[int, bytes], list[float]]:
     together = (time.process_time() - started) / max(episode.frames, 1)
     made = {}
     for frame in episode.iter_frames():
-        pose, rows = _frame_pose(frame, asked.frame), _rows(frame)
+        pose, rows = frame_pose(frame, asked.frame), object_rows(frame)
         started = time.process_time()
         voxels = placer.place(pose, rows)
         made[frame.k] = pack_occupancy(Occupancy(grid, pose, voxels, masks[frame.k]))
@@ -159,7 +159,8 @@ def _made_again(episode: Episode) -> tuple[dict[int, bytes], list[float]]:
     return made, [1e3 * seconds for seconds in spent.values()]
 
 
-def _seen(frame: Frame) -> Iterator[Picture | Sweep]:
+def seen_by(frame: Frame) -> Iterator[Picture | Sweep]:
+    """What cameras and LiDARs of a frame saw."""
     for sensor in frame.episode.sensors:
         camera = sensor.calibration
         if camera.labelled and camera.depth is not None and camera.instance is not None:
@@ -175,15 +176,17 @@ def _seen(frame: Frame) -> Iterator[Picture | Sweep]:
             yield Sweep(Cloud(frame.world_from_sensor(sensor.id), points_xyz(points)), tags)
 
 
-def _frame_pose(frame: Frame, name: str) -> NDArray[np.float64]:
+def frame_pose(frame: Frame, name: str) -> NDArray[np.float64]:
+    """``(4, 4)`` pose of the ego or a sensor."""
     return frame.world_from_ego if name == EGO else frame.world_from_sensor(name)
 
 
-def _rows(frame: Frame) -> list[Mapping[str, Any]]:
+def object_rows(frame: Frame) -> list[Mapping[str, Any]]:
+    """Rows of ``objects.parquet``, the ego's too."""
     return [*frame.objects.values(), *([frame.ego_object] if frame.ego_object else [])]
 
 
-def _depth_points(frame: Frame, rng: np.random.Generator) -> Iterator[NDArray[np.float64]]:
+def depth_points(frame: Frame, rng: np.random.Generator) -> Iterator[NDArray[np.float64]]:
     """``(N, 3)`` places in the world that pixels of depth images show."""
     for sensor in frame.episode.sensors:
         camera = sensor.calibration
@@ -205,7 +208,7 @@ def _transform(location: Sequence[float], rotation_deg: Sequence[float]) -> carl
     return carla.Transform(carla.Location(*location), carla.Rotation(*rotation_deg))
 
 
-def _explained(frame: Frame, stored: Occupancy, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def explained(frame: Frame, stored: Occupancy, points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Of the points within the voxels and not on the ego, which have an occupied one near."""
     frame_from_world = np.linalg.inv(stored.world_from_frame)
     local = np.c_[points, np.ones(len(points))] @ frame_from_world[:3].T * [1.0, -1.0, 1.0]
@@ -226,7 +229,7 @@ def _within(row: Mapping[str, Any], points: NDArray[Any], reach_m: float) -> NDA
     return np.asarray((np.abs(local) <= np.array(row["box_extent"]) + reach_m).all(axis=1))
 
 
-def _in_boxes(frame: Frame, stored: Occupancy) -> tuple[int, int]:
+def in_boxes(frame: Frame, stored: Occupancy) -> tuple[int, int]:
     """How many voxels of road users touch their box, grown by its reach; and how many there are."""
     right = count = 0
     world = stored.centres().reshape(-1, 3) * [1.0, -1.0, 1.0]

@@ -48,3 +48,21 @@ def occupancy(
     with watch_steps("Occupancy", "frames") as progress:
         verdict = measure_occupancy(dataset, near_m, progress)
     return report(verdict, json)
+
+
+@benchmark("exact-occupancy", takes="3 minutes")
+def exact_occupancy(
+    dataset: Annotated[
+        list[Path],
+        typer.Option("--dataset", help="One with exact voxels, depth, instances, semantic LiDARs."),
+    ],
+    near_m: Annotated[float, typer.Option(min=2, help="How far meshes are compared.")] = 8.0,
+    json: Json = False,
+) -> int:
+    """Whether exact voxels are those of meshes, what others of the same frames lack; their cost."""
+    from benchmarks.framework.exact_occupancy import measure_exact_occupancy
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Exact occupancy", "frames") as progress:
+        verdict = measure_exact_occupancy(dataset, near_m, progress)
+    return report(verdict, json)

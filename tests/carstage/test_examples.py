@@ -135,6 +135,13 @@ def test_an_example_names_a_driver_of_ones_own() -> None:
     assert "own_driver.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
 
 
+def test_an_example_asks_for_exact_voxels() -> None:
+    plan = judge(load_config(EXAMPLES / "exact_voxels.yaml"))
+    assert {spec.labels.occupancy.exact for spec in plan if spec.labels.occupancy} == {True}
+    assert [sensor.id for sensor in plan[0].sensors if sensor.kind == "occupancy"] == ["ego.voxels"]
+    assert "exact_voxels.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
+
+
 AGENTS = """
 class Planner:
     def trace_route(self, start, end):
@@ -180,4 +187,10 @@ def test_carlas_agents_are_given_the_ego_and_its_way(
 
 def test_every_example_configuration_is_tested() -> None:
     names = sorted(path.name for path in EXAMPLES.glob("*.yaml"))
-    assert names == ["events.yaml", "night_crowds.yaml", "own_driver.yaml", "sweep_lidar.yaml"]
+    assert names == [
+        "events.yaml",
+        "exact_voxels.yaml",
+        "night_crowds.yaml",
+        "own_driver.yaml",
+        "sweep_lidar.yaml",
+    ]

@@ -31,9 +31,7 @@ def pack_npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
     offset = 0
     for name, array in arrays.items():
         file_name = f"{name}.npy".encode("ascii")
-        stream = io.BytesIO()
-        npy.write_array(stream, np.ascontiguousarray(array), allow_pickle=False)
-        content = stream.getbuffer()
+        content = _npy(np.ascontiguousarray(array))
         data = deflate.deflate_compress(content, _LEVEL)
         common = (
             *(_VERSION, 0, _DEFLATED, _MIDNIGHT, _FIRST_OF_1980),
@@ -46,6 +44,13 @@ def pack_npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
     count = len(entries)
     end = _END.pack(b"PK\5\6", 0, 0, count, count, len(directory), offset, 0)
     return b"".join((*parts, directory, end))
+
+
+def _npy(array: NDArray[Any]) -> bytes:
+    """What ``numpy.save`` writes, without its copies of copies."""
+    header = io.BytesIO()
+    npy.write_array_header_1_0(header, npy.header_data_from_array_1_0(array))
+    return b"".join((header.getvalue(), array.data))
 
 
 def unpack_npz(content: bytes, name: str) -> NDArray[Any]:

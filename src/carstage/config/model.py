@@ -13,6 +13,7 @@ from carstage.config.drivers import check_driver
 from carstage.config.events import check_events
 from carstage.config.fields import Section, path_text, problem, setting, unknown
 from carstage.config.labels import GroundTruth, Labels
+from carstage.config.occupancy import Occupancy
 from carstage.config.output import Output
 from carstage.config.rig import Rig, default_rig
 from carstage.config.scene import (
@@ -245,7 +246,7 @@ class Config(Section):
         _check_names("cameras", self.labels.cameras, cameras)
         _check_names("lidars", self.labels.lidars, lidars)
         if self.labels.occupancy is not None:
-            self._check_occupancy(self.labels.occupancy.frame)
+            self._check_occupancy(self.labels.occupancy)
         for name in self.conversion.codecs:
             if name not in ids:
                 message, hint = unknown("sensor", name, ids)
@@ -253,15 +254,23 @@ class Config(Section):
         for position, quota in enumerate(() if self.campaign is None else self.campaign.quotas):
             self._check_condition(quota.where, "campaign", "quotas", position, "where")
 
-    def _check_occupancy(self, frame: str) -> None:
+    def _check_occupancy(self, asked: Occupancy) -> None:
         """Voxels are where something is, and get their classes from sensors that tell them."""
-        ids = {sensor.id for sensor in self.sensors}
+        ids, frame = {sensor.id for sensor in self.sensors}, asked.frame
         if frame != EGO and frame not in ids:
             message, hint = unknown("sensor", frame, ids)
             raise problem(message, f"{hint} Or use `ego`.", "labels", "occupancy", "frame")
+        if asked.exact and self.server.kind == "carla":
+            raise problem(
+                "a CARLA server cannot say which voxels its surfaces pass through.",
+                "Leave it out, or use `server: {kind: embedded}`.",
+                "labels",
+                "occupancy",
+                "exact",
+            )
         cameras = self.labels.method != "stage_vo" and any(map(self._is_labelled, self.sensors))
         lidars = any(sensor.row.content == TAGGED_POINTS for sensor in self.sensors)
-        if not (cameras or lidars or self.labels.lidars):
+        if not (asked.exact or cameras or lidars or self.labels.lidars):
             raise problem(
                 "no sensor tells the classes of surfaces.",
                 "Label a camera with pixels in labels.method, or a LiDAR by labels.lidars.",

@@ -46,6 +46,13 @@ class Occupancy(Section):
         ge=0.05,
         le=10,
     )
+    exact: bool = setting(
+        OccupancySpec.exact,
+        title="Exact",
+        description="All surfaces of the world, seen or not. The embedded simulator alone can "
+        "tell them.",
+        group="labels",
+    )
 
     @model_validator(mode="after")
     def _check_voxels(self) -> Occupancy:

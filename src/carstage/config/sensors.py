@@ -22,7 +22,11 @@ LONGEST_STREAM_NAME = 31
 DEPTH_SUFFIX = ".depth"
 INSTANCE_SUFFIX = ".instance"
 SEMANTIC_SUFFIX = ".semantic"
+VOXELS_SUFFIX = ".voxels"
 LONGEST_SENSOR_ID = LONGEST_STREAM_NAME - len(INSTANCE_SUFFIX)
+_DERIVED = (
+    DEPTH_SUFFIX, INSTANCE_SUFFIX, SEMANTIC_SUFFIX, VOXELS_SUFFIX, ".tag", ".parquet",
+)  # fmt: skip
 RESERVED_IDS = frozenset({"world", "ledger"})
 _ID_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 #: Families of actors that can carry a sensor.
@@ -125,7 +129,7 @@ class Sensor(Section):
                 f"Use at most {LONGEST_SENSOR_ID}.",
                 "id",
             )
-        if self.id.endswith((DEPTH_SUFFIX, INSTANCE_SUFFIX, SEMANTIC_SUFFIX, ".tag", ".parquet")):
+        if self.id.endswith(_DERIVED):
             raise problem(
                 f"{shortened(repr(self.id))} ends like the name of a derived sensor or of a file.",
                 "Use '_' instead of the last '.'.",

@@ -396,7 +396,8 @@ class EpisodeConversion:
 
     def _place_voxels(self, log: EpisodeLog) -> Iterator[Future[Any]]:
         """Hand out what needs the labels of all segments, which are done once this is asked."""
-        if log.spec.labels.occupancy is None:
+        asked = log.spec.labels.occupancy
+        if asked is None or asked.exact:
             return
         segments = self._segments(log)
         arguments = self.raw_folder, self.attempt_files

@@ -1,7 +1,8 @@
 """The voxels of an episode while it is converted.
 
 A segment leaves a part: what its frames show, and what each voxel is seen by. When all are there,
-each segment's voxels are made of what all of them have shown.
+each segment's voxels are made of what all of them have shown. Exact voxels wait for nothing: a
+frame's are in its own record.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.annotation.labeller import FrameLabels
+from carstage.annotation.point_sensors import record_dtype
+from carstage.conversion.tag_numbers import dataset_payload
 from carstage.files.whole import whole_file
 from carstage.geometry import FloatArray, pose_matrix
 from carstage.occupancy import (
@@ -24,17 +27,89 @@ from carstage.occupancy import (
     Placer,
     Sweep,
     VoxelGrid,
+    exact_voxels,
+    grid_from_world,
     occupancy_name,
     pack_occupancy,
 )
 from carstage.occupancy.gathering import Cells, Gathering
 from carstage.occupancy.placing import ground_bounds
-from carstage.occupancy.seeing import FINE
-from carstage.rawlog.reader import EpisodeLog, WorldFrame
+from carstage.occupancy.seeing import FINE, seen_voxels, surface
+from carstage.rawlog.reader import EpisodeLog, Record, WorldFrame
+from carstage.sensor_kinds.model import VOXELS
 from carstage.spec import OccupancySpec
 from carstage.spec.sensors import EGO
 
 _CELLS = ("keys", "counts", "steps")
+
+
+class VoxelFrames:
+    """Where the voxels of an episode's frames are.
+
+    Args:
+        log: the recording.
+        asked: what the specification asks for.
+    """
+
+    def __init__(self, log: EpisodeLog, asked: OccupancySpec) -> None:
+        self.grid, self._frame = VoxelGrid.of(asked), asked.frame
+        self._ego_id = int(log.header["ego_id"])
+
+    def pose(self, world: WorldFrame, poses: Mapping[str, FloatArray]) -> FloatArray:
+        """``(4, 4)`` pose of what the voxels are around.
+
+        Args:
+            world: the snapshot of the tick.
+            poses: of sensors, ``(4, 4)`` in the world.
+        """
+        if self._frame != EGO:
+            return poses[self._frame]
+        row = world.row(self._ego_id)
+        return pose_matrix(world.location[row], world.rotation_deg[row])
+
+
+class ExactMaker:
+    """Makes the exact voxels of frames.
+
+    Args:
+        log: the recording.
+        asked: what the specification asks for.
+
+    Attributes:
+        stream: of the hidden sensor that says where surfaces are.
+    """
+
+    def __init__(self, log: EpisodeLog, asked: OccupancySpec) -> None:
+        self._frames = VoxelFrames(log, asked)
+        (sensor,) = log.spec.sensors_of(VOXELS)
+        self.stream, self._kind = sensor.id, sensor.kind
+        self._server = str(log.header["server_version"])
+
+    def file(
+        self,
+        world: WorldFrame,
+        k: int,
+        labels: FrameLabels,
+        poses: Mapping[str, FloatArray],
+        seen: Sequence[Picture | Sweep],
+        record: Record | None,
+    ) -> tuple[str, bytes]:
+        """Name and content of a frame's file; without a record nothing is known to be anywhere.
+
+        Args:
+            world, k, labels, poses, seen: as for :meth:`PartMaker.add`.
+            record: of :attr:`stream`.
+        """
+        grid, pose = self._frames.grid, self._frames.pose(world, poses)
+        matrix = grid_from_world(pose)
+        swept = [surface(grid, matrix, one) if isinstance(one, Sweep) else None for one in seen]
+        mask = seen_voxels(grid, matrix, seen, swept)
+        points = np.zeros(0, record_dtype(self._kind))
+        if record is not None:
+            payload = dataset_payload(self._kind, self._server, record.payload)
+            points = np.frombuffer(payload, points.dtype)
+        voxels = exact_voxels(grid, pose, labels.objects, points)
+        return occupancy_name(k), pack_occupancy(Occupancy(grid, pose, voxels, mask))
 
 
 class PartMaker:
@@ -46,9 +121,9 @@ class PartMaker:
     """
 
     def __init__(self, log: EpisodeLog, asked: OccupancySpec) -> None:
-        self._grid, self._frame = VoxelGrid.of(asked), asked.frame
+        self._frames = VoxelFrames(log, asked)
+        self._grid = self._frames.grid
         self._gathering = Gathering(self._grid)
-        self._ego_id = int(log.header["ego_id"])
         self._ks: list[int] = []
         self._poses: list[FloatArray] = []
         self._seen: list[NDArray[np.uint8]] = []
@@ -70,9 +145,7 @@ class PartMaker:
             poses: of sensors, ``(4, 4)`` in the world.
             seen: what they saw.
         """
-        row = world.row(self._ego_id)
-        ego = pose_matrix(world.location[row], world.rotation_deg[row])
-        pose = ego if self._frame == EGO else poses[self._frame]
+        pose = self._frames.pose(world, poses)
         self._ks.append(k)
         self._poses.append(pose)
         self._seen.append(self._gathering.add(pose, labels.objects, seen))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from carstage.codecs import codec_for
 from carstage.errors import BadInputError
 from carstage.rawlog.format import LEDGER, WORLD
-from carstage.sensor_kinds.model import CLOUDS, DETECTIONS, POINTS, ROWS
+from carstage.sensor_kinds.model import CLOUDS, DETECTIONS, POINTS, ROWS, VOXELS
 from carstage.spec import EpisodeSpec, SensorSpec
 
 ROWS_CODEC = "parquet"
@@ -65,7 +65,7 @@ def plan_sensors(spec: EpisodeSpec, codecs: Mapping[str, str]) -> SensorPlan:
             label_streams |= {name for name in (sensor.depth, sensor.instance) if name}
         around = spec.labels.birds_eye is not None or spec.labels.occupancy is not None
         swept = around and not sensor.hidden
-        if sensor.content in (POINTS, DETECTIONS) or (swept and sensor.content in CLOUDS):
+        if sensor.content in (POINTS, DETECTIONS, VOXELS) or (swept and sensor.content in CLOUDS):
             label_streams.add(sensor.id)
     return SensorPlan(
         tuple(_recorded(sensor, codecs.get(sensor.id)) for sensor in shown),

@@ -17,7 +17,7 @@ from carstage.birds_eye import CameraView, Cloud
 from carstage.codecs import codec_for
 from carstage.codecs.semantic_points import points_xyz
 from carstage.conversion.birds_eye import BirdsEyeMaker
-from carstage.conversion.occupancy import PartMaker
+from carstage.conversion.occupancy import ExactMaker, PartMaker
 from carstage.conversion.tag_numbers import dataset_payload, dataset_tag_image
 from carstage.geometry import FloatArray, pose_matrix
 from carstage.occupancy import Picture, Sweep
@@ -35,7 +35,9 @@ class Surroundings:
     def __init__(self, log: EpisodeLog) -> None:
         asked = log.spec.labels
         self._grids = None if asked.birds_eye is None else BirdsEyeMaker(log, asked.birds_eye)
-        self._voxels = None if asked.occupancy is None else PartMaker(log, asked.occupancy)
+        voxels = asked.occupancy
+        self._voxels = PartMaker(log, voxels) if voxels and not voxels.exact else None
+        self._exact = ExactMaker(log, voxels) if voxels and voxels.exact else None
         self._server = str(log.header["server_version"])
         cameras = (LabelledCamera.from_spec(s, {}) for s in log.spec.sensors if s.labelled)
         self._cameras = {camera.mount.sensor_id: camera for camera in cameras if camera.pinhole}
@@ -47,12 +49,12 @@ class Surroundings:
 
     @property
     def _asked(self) -> bool:
-        return self._grids is not None or self._voxels is not None
+        return any(one is not None for one in (self._grids, self._voxels, self._exact))
 
     @property
     def swept(self) -> tuple[str, ...]:
-        """Streams whose points say what LiDARs see."""
-        return tuple(self._lidars)
+        """Streams whose points say what LiDARs see, or which voxels are occupied."""
+        return (*self._lidars, *(() if self._exact is None else (self._exact.stream,)))
 
     def files(
         self,
@@ -62,7 +64,7 @@ class Surroundings:
         images: Mapping[str, CameraImages],
         sweeps: Mapping[str, Record | None],
     ) -> list[tuple[str, bytes]]:
-        """Names and contents of a frame's files; voxels come when all segments are there.
+        """Names and contents of a frame's files; gathered voxels come when all segments are there.
 
         Args:
             world: the snapshot of its tick.
@@ -81,7 +83,11 @@ class Surroundings:
         seen += self._sweeps(poses, sweeps)
         if self._voxels is not None:
             self._voxels.add(world, k, labels, poses, seen)
-        return [] if self._grids is None else [self._grids.file(world, k, labels, seen)]
+        files = [] if self._grids is None else [self._grids.file(world, k, labels, seen)]
+        if self._exact is not None:
+            record = sweeps[self._exact.stream]
+            files.append(self._exact.file(world, k, labels, poses, seen, record))
+        return files
 
     def end(self, path: Path) -> None:
         """Write what voxels come of to a part file, where they are asked for."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from carstage.annotation.point_sensors import record_dtype
 from carstage.sensor_kinds import content_of
-from carstage.sensor_kinds.model import INSTANCES, TAGGED_POINTS, TAGS
+from carstage.sensor_kinds.model import INSTANCES, TAGGED_POINTS, TAGS, VOXELS
 from carstage.tags import TAGS_0_9_13, new_tag, numbers_tags_anew
 
 _RED: Final = 2
@@ -48,7 +48,7 @@ def dataset_payload(kind: str, server_version: str, payload: memoryview) -> memo
         pixels = np.frombuffer(payload, np.uint8).reshape(-1, 4).copy()
         pixels[:, _RED] = dataset_tag_image(server_version, pixels[:, _RED])
         return pixels.reshape(-1).data
-    if content == TAGGED_POINTS:
+    if content in (TAGGED_POINTS, VOXELS):
         points = np.frombuffer(payload, record_dtype(kind)).copy()
         points["object_tag"] = _NEW_FROM_OLD[points["object_tag"].astype(np.uint8)]
         return points.view(np.uint8).data

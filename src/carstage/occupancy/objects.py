@@ -86,10 +86,17 @@ def road_users(objects: Iterable[Mapping[str, Any]]) -> list[RoadUser]:
     ]
 
 
-def owners(points: FloatArray, users: Sequence[RoadUser]) -> NDArray[np.int64]:
+def owners(
+    points: FloatArray, users: Sequence[RoadUser], slack_m: float = 0.0
+) -> NDArray[np.int64]:
     """``(N,)`` which road user each point ``(N, 3)`` of the world is of; -1: of none.
 
     Of several boxes, the one that it is deepest in or nearest to.
+
+    Args:
+        points: in the world.
+        users: whose they may be.
+        slack_m: how far from a surface the points may be.
     """
     owner = np.full(len(points), -1, np.int64)
     if not len(points) or not users:
@@ -99,7 +106,8 @@ def owners(points: FloatArray, users: Sequence[RoadUser]) -> NDArray[np.int64]:
     low, high = (np.array([end(column) for column in columns]) for end in (np.min, np.max))
     middle = np.array([user.world_from_box[:3, 3] for user in users])
     half = np.array([user.extent_m for user in users])
-    far = np.sqrt((half * half).sum(axis=1)) + np.array([2.0 * user.reach_m for user in users])
+    reach = np.array([user.reach_m + slack_m for user in users])
+    far = np.sqrt((half * half).sum(axis=1)) + 2.0 * reach
     among = (middle + far[:, None] >= low).all(axis=1) & (middle - far[:, None] <= high).all(axis=1)
     for number in np.flatnonzero(among).tolist():
         user = users[number]
@@ -110,6 +118,6 @@ def owners(points: FloatArray, users: Sequence[RoadUser]) -> NDArray[np.int64]:
             continue
         local = placed(invert_pose(user.world_from_box), points[near])
         depth = (np.abs(local) - user.extent_m).max(axis=1)
-        taken = (depth <= user.reach_m) & (depth < outside[near])
+        taken = (depth <= reach[number]) & (depth < outside[near])
         owner[near[taken]], outside[near[taken]] = number, depth[taken]
     return owner

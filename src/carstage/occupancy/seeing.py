@@ -89,25 +89,22 @@ def _of_picture(grid: VoxelGrid, units: FloatArray, seen: Picture) -> Surface:
     """A pixel's surface is where the ray through its centre ends."""
     view = seen.view
     assert view.depth_m is not None
-    optical = multiply(units[:, :3], OPTICAL_FROM_SENSOR.T).astype(np.float32)
-    origin = units[:, 3]
+    optical, place, u, v = _pixel_rays(units, view)
     depth = view.depth_m.astype(np.float32)
-    u = ((np.arange(view.width) + 0.5 - view.k[0, 2]) / view.k[0, 0]).astype(np.float32)
-    v = ((np.arange(view.height) + 0.5 - view.k[1, 2]) / view.k[1, 1]).astype(np.float32)
     inside = depth > Z_NEAR_M
     parts = []
     for axis, most in enumerate(grid.shape):
         across, down, along = optical[axis]
         part = (across * u)[None, :] + (down * v + along)[:, None]
         part *= depth
-        part += np.float32(origin[axis])
+        part += place[axis]
         inside &= (part >= 0) & (part < most)
         parts.append(part)
     chosen = np.flatnonzero(inside)
     near = [part.ravel()[chosen] for part in parts]
     kept = _one_per_cell(grid, near)
     return Surface(
-        origin,
+        units[:, 3],
         np.stack([part[kept] for part in near], axis=-1).astype(np.float64),
         None if seen.tags is None else seen.tags.ravel()[chosen[kept]],
         np.zeros((0, 3)),
@@ -132,7 +129,10 @@ def _one_per_cell(grid: VoxelGrid, units: Sequence[NDArray[np.floating]]) -> Ind
 
 
 def seen_voxels(
-    grid: VoxelGrid, matrix: FloatArray, seen: Sequence[Picture | Sweep], found: Sequence[Surface]
+    grid: VoxelGrid,
+    matrix: FloatArray,
+    seen: Sequence[Picture | Sweep],
+    found: Sequence[Surface | None],
 ) -> NDArray[np.uint8]:
     """``(X, Y, Z)`` bits of the sensors that see each voxel.
 
@@ -144,15 +144,14 @@ def seen_voxels(
         grid: the voxels.
         matrix: ``(4, 4)`` of the grid's frame from the world.
         seen: what the sensors measured.
-        found: by :func:`surface`, of the same.
+        found: by :func:`surface`, of the same; those of pictures are not needed.
     """
     mask: NDArray[np.uint8] = np.zeros(grid.count, np.uint8)
     rays: dict[bytes, list[Surface]] = {}
     for one, ends in zip(seen, found, strict=True):
         if isinstance(one, Picture):
-            mask[_before_surface(grid, matrix, one.view)] |= np.uint8(CAMERA)
-            mask[grid.flat(*ends.points.astype(np.int64).T)] |= np.uint8(CAMERA)
-        else:
+            mask |= _seen_by_camera(grid, matrix, one.view).ravel() * np.uint8(CAMERA)
+        elif ends is not None:
             rays.setdefault(ends.origin.tobytes(), []).append(ends)
     for sweeps in rays.values():
         ends_there = [one.beyond for one in sweeps] + [one.points for one in sweeps]
@@ -174,28 +173,30 @@ def passed_voxels(grid: VoxelGrid, origin: FloatArray, ends: FloatArray) -> NDAr
     return seen
 
 
-def _before_surface(grid: VoxelGrid, matrix: FloatArray, view: CameraView) -> Indices:
-    """Flat numbers of the voxels whose centres are before what their pixel shows."""
+def _seen_by_camera(grid: VoxelGrid, matrix: FloatArray, view: CameraView) -> NDArray[np.bool_]:
+    """``(X, Y, Z)`` the voxels that pixels show, and those whose centres are before that."""
+    from carstage.occupancy.ray_kernel import mark_before, mark_shown
+
     units = grid.units_from(multiply(matrix, view.world_from_sensor))
     optical = multiply(OPTICAL_FROM_SENSOR, units[:, :3].T) * (grid.side_m * grid.side_m)
     start = -rotate(optical, units[:, 3])
-    parts = []
-    for row, first in zip(optical, start, strict=True):
-        x, y, z = (
-            ((np.arange(count) + 0.5) * share).astype(np.float32)
-            for count, share in zip(grid.shape, row, strict=True)
-        )
-        parts.append((x[:, None] + (y + np.float32(first)))[:, :, None] + z)
-    right, down, along = (part.ravel() for part in parts)
-    (fx, _, cx), (_, fy, cy), _ = view.k.astype(np.float32)
-    right *= fx
-    down *= fy
-    inside = along > Z_NEAR_M
-    for part, middle, size in ((right, cx, view.width), (down, cy, view.height)):
-        inside &= (part >= -middle * along) & (part < (np.float32(size) - middle) * along)
-    chosen = np.flatnonzero(inside)
-    depth = along[chosen]
-    column = np.minimum((right[chosen] / depth + cx).astype(np.int64), view.width - 1)
-    row = np.minimum((down[chosen] / depth + cy).astype(np.int64), view.height - 1)
+    steps = []
+    for axis, count in enumerate(grid.shape):
+        centres = np.arange(count) + 0.5
+        steps.append(np.stack([(centres * row[axis]).astype(np.float32) for row in optical]))
+    steps[1] += start.astype(np.float32)[:, None]
     assert view.depth_m is not None
-    return np.asarray(chosen[depth <= view.depth_m.ravel()[row * view.width + column]])
+    depth = np.ascontiguousarray(view.depth_m, np.float32)
+    nearest, seen = np.float32(Z_NEAR_M), np.zeros(grid.shape, np.bool_)
+    mark_before(*steps, view.k.astype(np.float32), depth, nearest, seen)
+    from_camera, origin, u, v = _pixel_rays(units, view)
+    mark_shown(from_camera, origin, u, v, depth, nearest, seen)
+    return seen
+
+
+def _pixel_rays(units: FloatArray, view: CameraView) -> tuple[NDArray[np.float32], ...]:
+    """The camera's axes and place in voxels, slopes of its columns and of its rows."""
+    optical = multiply(units[:, :3], OPTICAL_FROM_SENSOR.T)
+    u = (np.arange(view.width) + 0.5 - view.k[0, 2]) / view.k[0, 0]
+    v = (np.arange(view.height) + 0.5 - view.k[1, 2]) / view.k[1, 1]
+    return tuple(part.astype(np.float32) for part in (optical, units[:, 3], u, v))

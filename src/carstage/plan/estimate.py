@@ -17,6 +17,7 @@ from carstage.config import Config
 from carstage.plan.episodes import EpisodePlan
 from carstage.plan.rig import geometry
 from carstage.sensor_kinds import sensor_kind
+from carstage.sensor_kinds.model import VOXELS
 from carstage.spec import EpisodeSpec, ReplaySpec, SensorSpec
 
 COST = np.dtype(
@@ -37,6 +38,7 @@ _SMALL_SENSOR_BYTES = 64
 _GRID_BYTES = 2048  # of a bird's-eye grid, beside its cells
 _CELL_BYTES = 0.35
 _VOXEL_BYTES = 0.1
+_OCCUPIED = 0.15  # of exact voxels, between houses
 
 # Seconds on a machine with 2 cores of 2.5 GHz: the embedded simulator with all kernels cached.
 _START_S = 12.0
@@ -149,6 +151,9 @@ def _raw_bytes(spec: EpisodeSpec) -> int:
             per_frame += sensor_kind(sensor.kind).raw_bytes * _pixels(sensor)
         elif "points_per_second" in sensor.attributes:
             per_frame += sensor_kind(sensor.kind).raw_bytes * _rays(sensor, spec.fps)
+        elif sensor.content == VOXELS and spec.labels.occupancy is not None:
+            occupied = _OCCUPIED * math.prod(spec.labels.occupancy.cells)
+            per_frame += round(sensor_kind(sensor.kind).raw_bytes * occupied)
     per_tick: int = _BYTES_PER_ACTOR * actors + 4 * _BYTES_PER_RECORD
     return spec.saved_frames * per_frame + spec.steps * per_tick
 

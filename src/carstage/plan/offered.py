@@ -15,6 +15,7 @@ from carstage.errors import ConfigError
 from carstage.plan.drivers import Drive
 from carstage.plan.facts import ServerFacts
 from carstage.plan.scenario import Recording
+from carstage.sensor_kinds import sensor_kind
 
 _SIDES = ("image_size_x", "image_size_y")
 
@@ -52,6 +53,7 @@ def _check_blueprints(
                 "Use a server like the one that it was recorded with.",
             )
     walkers = [name for name in known if name.startswith("walker.")]
+    _check_labels(config, known)
     for position, group in enumerate(config.vehicles.groups):
         _check_group(f"vehicles.groups[{position}]", group, known, vehicles)
     _check_group("vehicles", config.vehicles, known, vehicles)
@@ -69,6 +71,16 @@ def _check_blueprints(
             if name not in known[sensor.row.blueprint]:
                 message, hint = unknown("attribute", name, known[sensor.row.blueprint])
                 raise ConfigError(f"{path_text((*place, 'attributes', name))}: {message}", hint)
+
+
+def _check_labels(config: Config, known: Mapping[str, Mapping[str, str]]) -> None:
+    """Refuse labels that need a sensor which the server does not have."""
+    asked, needed = config.labels.occupancy, sensor_kind("occupancy").blueprint
+    if asked is not None and asked.exact and needed not in known:
+        raise ConfigError(
+            f"labels.occupancy.exact: this server has no {needed}.",
+            "Leave it out, or use `server: {kind: embedded}`.",
+        )
 
 
 def _check_group(

@@ -1,25 +1,29 @@
-"""The sensors of an episode: the requested ones, and the twins of those that are labelled.
+"""The sensors of an episode: the requested ones, and those that labels need.
 
 A label needs the depth (and, for pixels, the instances) that its camera sees. A requested sensor of
 the same pose and intrinsics serves; where there is none, a hidden twin is added. Points of a
 labelled LiDAR take the labels of a semantic LiDAR that scans alike, which is part of the dataset.
+Exact voxels are asked of a hidden sensor at their frame.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from carstage.config import Config, Sensor
 from carstage.config.attributes import carla_text
-from carstage.config.sensors import SEMANTIC_SUFFIX, Pose
+from carstage.config.occupancy import Occupancy
+from carstage.config.sensors import SEMANTIC_SUFFIX, VOXELS_SUFFIX, Pose
 from carstage.sensor_kinds import sensor_kind
 from carstage.sensor_kinds.attributes import SEMANTIC_LIDAR
 from carstage.spec import PoseSpec, SensorSpec
+from carstage.spec.occupancy import LENGTHS
 
 _RATE = "sensor_tick"
 _DEPTH = "depth"
 _SEMANTIC_LIDAR = "semantic_lidar"
+_OCCUPANCY = "occupancy"
 _SCAN = frozenset(row.carla for row in SEMANTIC_LIDAR.rows)
 _GEOMETRY = ("image_size_", "fov", "lens_")
 
@@ -41,7 +45,33 @@ def plan_sensors(config: Config) -> tuple[SensorSpec, ...]:
             )
     for lidar in [sensor for sensor in sensors if sensor.id in config.labelled_lidars]:
         _serving(lidar, _SEMANTIC_LIDAR, sensors, SEMANTIC_SUFFIX, hidden=False)
+    if config.labels.occupancy is not None and config.labels.occupancy.exact:
+        sensors.append(_voxels(config.labels.occupancy, sensors))
     return tuple(sensors)
+
+
+def _voxels(asked: Occupancy, sensors: Sequence[SensorSpec]) -> SensorSpec:
+    """The hidden sensor that says which voxels are occupied, where their frame is."""
+    row = sensor_kind(_OCCUPANCY)
+    found = SensorSpec(
+        id=asked.frame + VOXELS_SUFFIX,
+        kind=row.name,
+        blueprint=row.blueprint,
+        hidden=True,
+        labelled=False,
+        pose=PoseSpec(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        attributes={name.removesuffix("_m"): carla_text(getattr(asked, name)) for name in LENGTHS},
+    )
+    for one in sensors:
+        if one.id == asked.frame:
+            return replace(
+                found,
+                pose=one.pose,
+                attach_to=one.attach_to,
+                attach_index=one.attach_index,
+                attachment=one.attachment,
+            )
+    return found
 
 
 def geometry(attributes: Mapping[str, str]) -> dict[str, str]:

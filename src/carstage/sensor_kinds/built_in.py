@@ -29,6 +29,8 @@ from carstage.sensor_kinds.model import (
     READING,
     TAGGED_POINTS,
     TAGS,
+    VOXELS,
+    AttributeSet,
     Column,
     SensorKind,
 )
@@ -59,6 +61,12 @@ def _camera(name: str, blueprint: str, content: str, **rest: Any) -> SensorKind:
 def _floats(*names: str) -> Any:
     return tuple(Column(name, "<f4") for name in names)
 
+
+_TAGGED_POINT = (
+    *_floats("x", "y", "z", "cos_incidence"),
+    Column("object_idx", "<u4"),
+    Column("object_tag", "<u4"),
+)
 
 BUILT_IN = (
     _camera(
@@ -174,11 +182,7 @@ BUILT_IN = (
         summary="A rotating LiDAR whose points know the object that they hit.",
         attributes=SEMANTIC_LIDAR,
         collector=_RAYS + "Lidar",
-        columns=(
-            *_floats("x", "y", "z", "cos_incidence"),
-            Column("object_idx", "<u4"),
-            Column("object_tag", "<u4"),
-        ),
+        columns=_TAGGED_POINT,
         codecs={
             "bin": _CODECS + "semantic_points:SemanticLidarBin",
             "npz": _CODECS + "semantic_points:SemanticLidarNpz",
@@ -233,3 +237,20 @@ BUILT_IN = (
         ),
     ),
 )
+
+FOR_LABELS = (
+    SensorKind(
+        name="occupancy",
+        blueprint="sensor.other.occupancy",
+        content=VOXELS,
+        title="Occupancy",
+        short="VOXELS",
+        description="Occupied voxels of the embedded simulator.",
+        summary="Voxels that surfaces of the world pass through; the embedded simulator has it.",
+        attributes=AttributeSet("OccupancyAttributes", "Planned from labels.occupancy.", ()),
+        collector=_RAYS + "Occupancy",
+        columns=_TAGGED_POINT,
+        modality="truth",
+    ),
+)
+"""Kinds that no rig has: labels that ask for them get a hidden sensor."""

@@ -20,6 +20,8 @@ POINTS = "points"
 TAGGED_POINTS = "tagged points"
 DETECTIONS = "detections"
 READING = "reading"
+VOXELS = "voxels"
+"""Of a kind that labels alone use: occupied voxels, each as a tagged point."""
 
 CAMERAS = (COLOUR, DEPTH, TAGS, INSTANCES, FLOW, NORMALS)
 """Contents that are pictures."""
@@ -28,7 +30,7 @@ CLOUDS = (POINTS, TAGGED_POINTS)
 ROWS = (DETECTIONS, READING)
 """Contents that are rows of one Parquet file per episode."""
 
-_VIEWERS = {DETECTIONS: "radar", READING: "none"}
+_VIEWERS = {DETECTIONS: "radar", READING: "none", VOXELS: "none"}
 _SIZES = {"|u1": 1, "<f4": 4, "<u4": 4, "<f8": 8}
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Dict, Iterable, List, Optional, Tuple
 
-from carstage.sensor_kinds.built_in import BUILT_IN
+from carstage.sensor_kinds.built_in import BUILT_IN, FOR_LABELS
 from carstage.sensor_kinds.installed import InstalledModules
 from carstage.sensor_kinds.model import CAMERAS, CLOUDS, ROWS, SensorKind
 
@@ -12,6 +12,7 @@ ENTRY_POINT_GROUP = "carstage.sensors"
 """Group of entry points; each names a module that registers kinds."""
 
 _kinds: Dict[str, SensorKind] = {}
+_for_labels: Dict[str, SensorKind] = {kind.name: kind for kind in FOR_LABELS}
 _installed = InstalledModules(ENTRY_POINT_GROUP)
 
 
@@ -24,14 +25,14 @@ def register(kind: SensorKind) -> None:
     Raises:
         ValueError: the name or the blueprint is taken, or the row contradicts itself.
     """
-    taken = _kinds.get(kind.name)
+    taken = _kinds.get(kind.name) or _for_labels.get(kind.name)
     if taken == kind:
         return
     if taken is not None:
         raise ValueError("sensor kind %r is registered already" % kind.name)
     if not kind.name.isidentifier() or kind.name != kind.name.lower():
         raise ValueError("sensor kind %r: use small letters, digits and '_'" % kind.name)
-    for other in _kinds.values():
+    for other in (*_kinds.values(), *_for_labels.values()):
         if other.blueprint == kind.blueprint:
             raise ValueError("sensor kind %r: %s is %r" % (kind.name, kind.blueprint, other.name))
     if kind.content not in CAMERAS + CLOUDS + ROWS:
@@ -45,18 +46,20 @@ def register(kind: SensorKind) -> None:
 
 
 def kinds() -> Tuple[SensorKind, ...]:
-    """All kinds, those of Car-STAGE first, then those of installed packages."""
+    """All kinds that a rig may have, those of Car-STAGE first, then those of installed packages."""
     _installed.load()
     return tuple(_kinds.values())
 
 
 def registered_kinds() -> Tuple[str, ...]:
-    """Names of the kinds so far, without a look at what is installed."""
-    return tuple(_kinds)
+    """Names of the kinds so far, those for labels too, without a look at what is installed."""
+    return (*_kinds, *_for_labels)
 
 
 def known_kind(name: str) -> Optional[SensorKind]:
     """The kind of that name, None where there is none."""
+    if name in _for_labels:
+        return _for_labels[name]
     if name not in _kinds:
         _installed.load()
     return _kinds.get(name)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import List, Tuple
 
 from carstage.spec.fields import Fields, SpecError
+from carstage.spec.plain import LEFT_OUT
 from carstage.spec.sensors import EGO
 
 MOST_VOXELS = 1 << 22
 """Of one frame."""
 _SIDES = (("ahead_m", "behind_m"), ("left_m", "right_m"), ("up_m", "down_m"))
+LENGTHS = (*(name for pair in _SIDES for name in pair), "resolution_m")
+"""The fields that say how far voxels reach, and how large they are."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,8 @@ class OccupancySpec:
         frame: whose place and axes the voxels have: ``ego``, or a sensor's id.
         ahead_m, behind_m, left_m, right_m, up_m, down_m: how far they reach.
         resolution_m: side of a voxel, a whole number of centimetres.
+        exact: whether a sensor of the embedded simulator says what is in them; else it is what
+            sensors have seen over the episode.
     """
 
     frame: str = EGO
@@ -31,6 +36,7 @@ class OccupancySpec:
     up_m: float = 5.4
     down_m: float = 1.0
     resolution_m: float = 0.4
+    exact: bool = field(default=False, metadata=LEFT_OUT)
 
     @classmethod
     def read(cls, fields: Fields) -> OccupancySpec:
@@ -44,7 +50,8 @@ class OccupancySpec:
         }
         if "resolution_m" in fields:
             reach["resolution_m"] = fields.number("resolution_m", above=0.0)
-        found = cls(frame=frame, **reach)
+        exact = "exact" in fields and fields.flag("exact")
+        found = cls(frame=frame, exact=exact, **reach)
         for name, why in found.faults():
             raise SpecError("%s: %s" % (fields.path(name), why))
         return found

@@ -33,6 +33,10 @@ _BOUNDS: Mapping[str, Mapping[str, Bounds]] = {
         "upper_fov": (-90, 90),
         "lower_fov": (-90, 90),
     },
+    "sensor.other.occupancy": {
+        **dict.fromkeys(("ahead", "behind", "left", "right", "up", "down"), (0.0, 500.0)),
+        "resolution": (0.05, 10.0),
+    },
     "sensor.other.radar": {"points_per_second": (0, 20_000_000)},
 }
 

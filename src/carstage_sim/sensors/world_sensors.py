@@ -30,6 +30,7 @@ from carstage_sim.sensors import (  # noqa: F401 - they register themselves
     lidar,
     navigation,
     obstacle,
+    occupancy,
     radar,
 )
 from carstage_sim.sensors.actors import ActorModels
@@ -111,6 +112,7 @@ class WorldSensors:
         hits = view.rays((0.0, 0.0, 0.0), ahead, high=1.0, owner_id=0)
         cameras.encode_depth(hits.t, view.in_bands)
         cameras.encode_instances(view.tags(hits), view.instance_ids(hits), view.in_bands)
+        occupancy.warm_up(frame)
         if self._cameras is not None:
             light = self._pictures.sky.lighting(Weather(), 0.0)
             self._cameras.warm_up(self._store.frame([]), light)

@@ -252,6 +252,11 @@ REFUSED = {
         "labels.occupancy: ",
         "labels.lidars",
     ),
+    "exact voxels of CARLA": (
+        "{labels: {occupancy: {exact: true}}, server: {kind: carla, path: /carla}}",
+        "labels.occupancy.exact: ",
+        "kind: embedded",
+    ),
     "half a voxel": (
         "labels: {occupancy: {ahead_m: 40.1}}",
         "labels.occupancy.ahead_m: ",

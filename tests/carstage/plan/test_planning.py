@@ -378,3 +378,40 @@ def test_a_replay_longer_than_its_recording_is_refused() -> None:
 def test_a_replay_on_a_server_without_its_map_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"scenario\.episode: unknown map 'Atlantis'"):
         replay("fps: 10, duration_s: 1", map="Atlantis")
+
+
+def test_exact_voxels_are_asked_of_a_hidden_sensor_where_their_frame_is() -> None:
+    reach = "ahead_m: 10, behind_m: 6, resolution_m: 0.5, up_m: 5"
+    text = f"labels: {{occupancy: {{exact: true, {reach}}}}}"
+    asked = sensors(text)["ego.voxels"]
+    assert (asked.kind, asked.blueprint) == ("occupancy", "sensor.other.occupancy")
+    assert (asked.hidden, asked.labelled, asked.attach_to) == (True, False, "ego")
+    assert astuple(asked.pose) == (0.0,) * 6
+    assert asked.attributes == {
+        "ahead": "10.0", "behind": "6.0", "left": "40.0", "right": "40.0", "up": "5.0",
+        "down": "1.0", "resolution": "0.5",
+    }  # fmt: skip
+    rig = "rig: {sensors: [{id: L, kind: lidar, pose: {z: 2, yaw_deg: 9}, attach_to: vehicle.*}]}"
+    found = sensors(f"{{labels: {{occupancy: {{exact: true, frame: L}}}}, {rig}}}")
+    of_lidar = found["L.voxels"]
+    assert (of_lidar.pose, of_lidar.attach_to) == (found["L"].pose, "vehicle.*")
+    assert "ego.voxels" not in sensors("labels: {occupancy: {}}")
+
+
+def test_exact_voxels_need_more_disk_while_they_are_recorded() -> None:
+    raw = [
+        int(
+            plan_episodes(parse_config(f"labels: {{occupancy: {asked}}}"), MAPS_ONLY).costs[
+                "raw_bytes"
+            ][0]
+        )
+        for asked in ("{}", "{exact: true}")
+    ]
+    assert 1.5e6 < (raw[1] - raw[0]) / 50 < 4e6
+
+
+def test_exact_voxels_are_refused_where_the_server_has_no_such_sensor() -> None:
+    with pytest.raises(ConfigError, match=r"labels\.occupancy\.exact: this server has no sensor"):
+        plan("labels: {occupancy: {exact: true}}", FACTS)
+    has = replace(FACTS, blueprints={**FACTS.blueprints, "sensor.other.occupancy": {}})
+    assert plan("labels: {occupancy: {exact: true}}", has)

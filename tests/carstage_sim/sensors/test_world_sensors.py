@@ -93,6 +93,7 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(sensors):
         "sensor.other.imu",
         "sensor.other.lane_invasion",
         "sensor.other.obstacle",
+        "sensor.other.occupancy",
         "sensor.other.radar",
     )
 

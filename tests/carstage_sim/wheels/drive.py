@@ -35,6 +35,7 @@ SENSORS = (
     "sensor.other.radar",
     "sensor.other.imu",
     "sensor.other.gnss",
+    "sensor.other.occupancy",  # the simulator's own
 )
 """What delivers data in every frame."""
 

@@ -36,6 +36,7 @@ _KINDS = {
     "sensor.other.radar": "RadarMeasurement",
     "sensor.other.imu": "IMUMeasurement",
     "sensor.other.gnss": "GnssMeasurement",
+    "sensor.other.occupancy": "SemanticLidarMeasurement",
 }
 
 

@@ -29,6 +29,7 @@ SENSORS = {
     "sensor.other.radar": "RadarMeasurement",
     "sensor.other.imu": "IMUMeasurement",
     "sensor.other.gnss": "GnssMeasurement",
+    "sensor.other.occupancy": "SemanticLidarMeasurement",
     "sensor.other.obstacle": "ObstacleDetectionEvent",
 }
 """All that send something in every tick while they move, and the client's class of it."""

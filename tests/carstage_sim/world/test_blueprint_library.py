@@ -34,6 +34,7 @@ def test_library_lists_the_families_that_the_simulator_produces() -> None:
         "sensor.other.collision",
         "sensor.other.lane_invasion",
         "sensor.other.obstacle",
+        "sensor.other.occupancy",
     }
     assert "controller.ai.walker" in catalogue()
     assert {attribute.value for b in VEHICLES for attribute in b.attributes} >= {

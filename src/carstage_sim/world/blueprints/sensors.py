@@ -141,6 +141,14 @@ _GNSS: tuple[_Row, ...] = (
     ),
 )
 
+_OCCUPANCY: tuple[_Row, ...] = (
+    ("sensor_tick", _F, "0.0"),
+    *((side, _F, "40.0") for side in ("ahead", "behind", "left", "right")),
+    ("up", _F, "5.4"),
+    ("down", _F, "1.0"),
+    ("resolution", _F, "0.4"),
+)
+
 _SENSORS: dict[str, tuple[_Row, ...]] = {
     "sensor.camera.rgb": _CAMERA + _POST_PROCESS,
     "sensor.camera.depth": _CAMERA,
@@ -158,10 +166,11 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
     "sensor.other.obstacle": _OBSTACLE,
     "sensor.other.imu": _IMU,
     "sensor.other.gnss": _GNSS,
+    "sensor.other.occupancy": _OCCUPANCY,
 }
 
-_SENT_AS: dict[str, str] = {}
-"""Sensors of plug-ins: whose messages theirs are to a client."""
+_SENT_AS: dict[str, str] = {"sensor.other.occupancy": "sensor.lidar.ray_cast_semantic"}
+"""Sensors that CARLA has not: whose messages theirs are to a client."""
 
 
 def add_sensor(

@@ -161,6 +161,7 @@ class TestWorld(unittest.TestCase):
 
 
 @pytest.mark.end_to_end
+@pytest.mark.timeout(900)  # four servers, one after the other
 @pytest.mark.xdist_group("embedded_server")
 def test_programs_of_a_folder_are_run_as_they_are(tmp_path: Path) -> None:
     folder = tmp_path / "PythonAPI"

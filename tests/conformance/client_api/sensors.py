@@ -209,8 +209,8 @@ def _events_as_array(_stage: TrialScene) -> None:
     expect(hasattr(carla.DVSEventArray, "to_array"), "to_array")
 
 
-@limited("Colours, depths, normals and tags come as from their cameras. No other buffer exists "
-         "where rays are traced: those are black, as CARLA sends what a scene lacks.",
+@limited("Colours, depths, normals and tags. Rays are traced, so all others are black, as what "
+         "CARLA lacks.",
          "ServerSideSensor.enable_gbuffers", "ServerSideSensor.listen_to_gbuffer",
          "ServerSideSensor.is_listening_gbuffer", "ServerSideSensor.stop_gbuffer")  # fmt: skip
 def _gbuffers(scene: TrialScene) -> None:

@@ -16,6 +16,7 @@ from carstage.geometry import (
     BrownConrady,
     FloatArray,
     Lens,
+    back_project,
     is_pinhole,
     lens_mask,
     lens_of,
@@ -111,6 +112,15 @@ class SensorCalibration:
         if self.bent is None:
             return project(points_optical, self.k, z_near_m)
         return self.bent.project(points_optical)
+
+    def back_project(self, uv: ArrayLike, depth_m: ArrayLike) -> FloatArray:
+        """Points ``(..., 3)`` in optical axes of pixel coordinates with the picture's depth (m).
+
+        NaN outside a lens's image circle. Only where :attr:`is_projective`.
+        """
+        if self.bent is None:
+            return back_project(uv, depth_m, self.k)
+        return self.bent.rays(uv) * np.asarray(depth_m, dtype=np.float64)[..., None]
 
     def pixel_rays(self) -> FloatArray:
         """``(H, W, 3)`` rays of all pixels in optical axes; NaN outside a lens's image circle.

@@ -165,7 +165,7 @@ def test_the_source_resolves_as_much_as_the_lens() -> None:
     focal = source.width / (2.0 * math.tan(math.radians(source.fov_deg) / 2.0))
     row = pixel_rays(FISHEYE)[249]
     finest = np.nanmin(np.linalg.norm(np.diff(row, axis=0), axis=1))  # rad per px
-    assert focal == pytest.approx(1.0 / finest, rel=0.03)
+    assert 1.0 / finest <= focal < 1.2 / finest
     assert source.faces == ("front", "right", "left", "up", "down")
     assert source_view(SPHERE, cube=True).faces[-1] == "back"
     assert source_view(SPHERE, cube=True, oversampling=2.0).width > 400

@@ -259,12 +259,22 @@ def _count_pixels(
 def _reaches(
     scene: Scene, chosen: NDArray[np.int64], optical: FloatArray, camera: LabelledCamera
 ) -> dict[int, Reach]:
-    """Of walkers whose box is a capsule's: where their arms and legs may be."""
-    walkers = [i for i in chosen.tolist() if scene.facts[i].box.source == "capsule"]
-    half_m = scene.extent[walkers] + BODY_REACH_M
-    corners = _to_optical(optical, box_corners(scene.world_from_box[walkers], half_m))
+    """Of walkers whose box is a capsule's: where their arms and legs may be.
+
+    A lens's pixel takes its id from the nearest recorded one, which may look past the box's edge by
+    a pixel. So all objects in its pictures reach as far.
+    """
+    is_walker = [scene.facts[i].box.source == "capsule" for i in chosen.tolist()]
+    actors = chosen if camera.lens is not None else chosen[is_walker]
+    half_m = scene.extent[actors] + np.where(
+        np.isin(actors, chosen[is_walker])[:, None], BODY_REACH_M, 0.0
+    )
+    if camera.lens is not None:
+        away_m = length(transform_points(optical, scene.world_from_box[actors, :3, 3]))
+        half_m = half_m + BOX_MARGIN_M + (away_m / camera.lens.fx)[:, None]
+    corners = _to_optical(optical, box_corners(scene.world_from_box[actors], half_m))
     around = wide_regions(camera, corners)
-    return {actor: Reach(*of) for actor, *of in zip(walkers, half_m, around, strict=True)}
+    return {actor: Reach(*of) for actor, *of in zip(actors.tolist(), half_m, around, strict=True)}
 
 
 def _rectangles(

@@ -39,6 +39,8 @@ BODY_REACH_M = np.array([0.5, 0.5, 0.2])
 BOX_MARGIN_M = 0.05
 """By how much a box is larger whose silhouette ``outside_px`` is about."""
 OUTSIDE_TOLERANCE_PX = 2
+CHORD_SHARE = 0.1
+"""Of an object's pixels, those at its edge that an outline of chords may cut off or add."""
 
 
 @dataclass(slots=True)
@@ -276,12 +278,14 @@ def _check_outside(
     findings: Findings,
     where: dict[str, Any],
 ) -> None:
-    """``outside_px`` counts the pixels outside the silhouette; only walkers have such."""
-    outside = 0
-    if box.is_capsule:
+    """``outside_px`` counts the pixels outside the silhouette; walkers and lenses have such."""
+    outside, allowed = 0, OUTSIDE_TOLERANCE_PX * int(box.is_capsule)
+    if camera.bent is not None:  # whose outline is a polygon of chords
+        allowed = OUTSIDE_TOLERANCE_PX + round(CHORD_SHARE * len(centers))
+    if box.is_capsule or camera.bent is not None:
         hull = projected_hull(camera, box, grown_m=BOX_MARGIN_M)
         outside = int((outside_hull(camera, hull, centers) > 0.0).sum())
-    if abs(outside - row["outside_px"]) > OUTSIDE_TOLERANCE_PX * box.is_capsule:
+    if abs(outside - row["outside_px"]) > allowed:
         findings.add(
             "hull",
             f"{name}: {outside} of its pixels lie outside the silhouette of its box, outside_px is "

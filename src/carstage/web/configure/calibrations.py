@@ -281,9 +281,9 @@ def _camera(
     if not bent and _is_plain(matrix, size):
         return camera
     fx, fy, cx, cy = (round(float(matrix[at]), 6) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
-    lens = {"fx": fx, "fy": fy, "cx": cx + 0.5, "cy": cy + 0.5}
+    numbers = {"fx": fx, "fy": fy, "cx": cx + 0.5, "cy": cy + 0.5}
     named = _MODELS[model] if bent else "pinhole"
-    lens = {"model": named, **lens, **(distortion if bent else {})}
+    lens = {"model": named, **numbers, **(distortion if bent else {})}
     return {**camera, "attributes": {"image_size": [width, height]}, "lens": lens}
 
 

@@ -28,8 +28,8 @@ def _center(axis: str) -> Any:
     return setting(
         None,
         title=f"c{axis}",
-        description="Principal point from the picture's corner, the first pixel's centre being at "
-        "0.5 (OpenCV's value plus 0.5); left out: the middle.",
+        description="Principal point from the picture's corner: OpenCV's value plus 0.5; left out: "
+        "the middle.",
         unit="px",
         group="rig",
         ge=-100_000,
